@@ -1,0 +1,34 @@
+"""Near-harmonic symplectic integrators: reproduced, checked and extended (Nielsen 2015, arXiv:1501.04345).
+
+>>> import nearharmonic as nh
+>>> nh.sweep("sho", "babps9o7h", [0.9, 0.45]).max_energy_error  # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Any
+
+# The registries and functions share their names with the modules that define them: bound here, at import, they win.
+from nearharmonic.errors import NearharmonicError
+from nearharmonic.integrate import integrate, sweep
+from nearharmonic.integrators import integrators
+from nearharmonic.systems import systems
+
+if TYPE_CHECKING:
+    from nearharmonic.decomposition import kappa as kappa
+
+__all__ = ["NearharmonicError", "__version__", "integrate", "integrators", "kappa", "sweep", "systems"]
+
+try:
+    __version__ = version("nearharmonic")
+except PackageNotFoundError:  # a source tree that was never installed
+    __version__ = "0+unknown"
+
+
+def __getattr__(name: str) -> Any:
+    if name == "kappa":  # mpmath is loaded by those who ask for multiprecision
+        from nearharmonic.decomposition import kappa
+
+        return kappa
+    raise AttributeError(f"module 'nearharmonic' has no attribute {name!r}")

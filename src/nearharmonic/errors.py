@@ -1,0 +1,43 @@
+"""One family of errors, and the one sentence they all speak: key, given value, what is allowed, nearest match."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class NearharmonicError(ValueError):
+    """Base of every error this package raises on purpose."""
+
+
+class TableauError(NearharmonicError):
+    """Coefficients that contradict what their tableau declares."""
+
+
+class SystemDefinitionError(NearharmonicError):
+    """A Hamiltonian system that contradicts its own declaration."""
+
+
+class UnknownNameError(NearharmonicError):
+    """A name that no registry holds."""
+
+
+class SettingError(NearharmonicError):
+    """A setting (config key or function argument) outside what is allowed."""
+
+
+class ResultFileError(NearharmonicError):
+    """A result file that is missing, truncated, or not one of ours."""
+
+
+def unknown_name(kind: str, name: object, known: Iterable[str]) -> UnknownNameError:
+    """The error for ``name`` which is not among ``known``: says the nearest match and lists what is allowed."""
+    names = sorted(known)
+    nearest = get_close_matches(str(name), names, n=1, cutoff=0.4)
+    hint = f" Did you mean {nearest[0]!r}?" if nearest else ""
+    return UnknownNameError(f"unknown {kind} {name!r}.{hint} Known: {', '.join(names)}")
+
+
+def bad_setting(key: str, value: object, allowed: str) -> SettingError:
+    """The error for a ``value`` of ``key`` outside ``allowed``."""
+    return SettingError(f"{key} = {value!r} is not allowed: {allowed}")

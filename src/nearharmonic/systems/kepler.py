@@ -1,0 +1,57 @@
+"""Planar Sun-Mercury system per unit mass of Mercury, H = p^2/2 - GM/|q| (Nielsen 2015, Eq. 19, right-hand form)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from nearharmonic.core.arithmetic import sqrt
+from nearharmonic.systems.system import Parameter, System, Vector
+
+
+def V(q: Vector, GM: Any) -> Any:
+    """V = -GM / |q|."""
+    x, y = q
+    return -GM / sqrt(x * x + y * y)
+
+
+def grad_V(q: Vector, GM: Any) -> Vector:
+    """dV/dq = GM q / |q|^3."""
+    x, y = q
+    square = x * x + y * y
+    pull = GM / (square * sqrt(square))
+    return pull * x, pull * y
+
+
+def angular_momentum(q: Vector, p: Vector, GM: Any) -> Any:
+    """L = x py - y px, per unit mass."""
+    (x, y), (u, v) = q, p
+    return x * v - y * u
+
+
+def eccentricity_vector(q: Vector, p: Vector, GM: Any) -> Vector:
+    """Laplace-Runge-Lenz vector over GM (Nielsen 2015, Eq. 20 in units with GM = 1); it points to the perihelion."""
+    (x, y), (u, v) = q, p
+    L = x * v - y * u
+    r = sqrt(x * x + y * y)
+    return v * L / GM - x / r, -u * L / GM - y / r
+
+
+SYSTEM = System(
+    name="kepler",
+    label="Sun-Mercury system",
+    V=V,
+    grad_V=grad_V,
+    # Aphelion distance 69.82e6 km and minimum orbital velocity 38.86 km/s = 0.139896e6 km/h.
+    q0=("69.82", "0"),
+    p0=("0", "0.139896"),
+    t_end="87660",
+    units={"q": "1e6 km", "p": "1e6 km h-1", "t": "h", "energy": "1e12 km2 h-2"},
+    parameters={
+        # 1.32712e11 km^3 s^-2 times (3600 s/h)^2, in (1e6 km)^3 h^-2: exact.
+        "GM": Parameter(value="1.71994752", unit="1e18 km3 h-2", meaning="gravitational constant times solar mass"),
+    },
+    invariants={"angular_momentum": angular_momentum, "eccentricity_vector": eccentricity_vector},
+    source="NASA Space Science Data Center, Sun and Mercury fact sheets; ten years of 8766 h (Nielsen 2015, Fig. 5)",
+    surface_limit=1.0,
+    surface_reason="at |dH/H0| = 1 the energy has reached zero or doubled: the orbit is unbound or lost",
+)

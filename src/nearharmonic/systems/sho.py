@@ -1,0 +1,33 @@
+"""Simple harmonic oscillator, H = p^2/2 + q^2/2 (Nielsen 2015, Eq. 11 with k = m = 1)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from nearharmonic.systems.system import System, Vector
+
+
+def V(q: Vector) -> Any:
+    """V = q^2 / 2."""
+    (x,) = q
+    return x * x / 2
+
+
+def grad_V(q: Vector) -> Vector:
+    """dV/dq = q."""
+    return q
+
+
+SYSTEM = System(
+    name="sho",
+    label="simple harmonic oscillator",
+    V=V,
+    grad_V=grad_V,
+    q0=("1",),
+    p0=("0",),
+    t_end="500",
+    units={"q": "1", "p": "1", "t": "1", "energy": "1"},
+    source="Nielsen (2015), arXiv:1501.04345, Eq. 11 and Fig. 1: (p, q) = (0, 1), t in [0, 500]",
+    surface_limit=1e6,
+    surface_reason="every ellipse of the linear map is closed, however eccentric: only exponential growth leaves it",
+)
