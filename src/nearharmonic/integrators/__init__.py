@@ -1,0 +1,24 @@
+"""The integrators, one file per source; ``integrators["aba864"]`` is a :class:`~nearharmonic.tableau.Tableau`."""
+
+from nearharmonic.registry import Registry
+from nearharmonic.tableau import Tableau
+
+__all__ = ["BENCHMARKED", "Tableau", "integrators"]
+
+#: The ten methods of Nielsen's figures in the paper's order, which is the order of every legend.
+BENCHMARKED = (
+    "ruth",
+    "s5odr4",
+    "aba104",
+    "aba864",
+    "aba1064",
+    "yoshida_s7o6a",
+    "abas5o6h",
+    "babs7o7h",
+    "babps8o7h",
+    "babps9o7h",
+)
+
+integrators: Registry[Tableau] = Registry(
+    __name__, "integrator", lambda module: {t.name: t for t in getattr(module, "TABLEAUS", ())}
+)
