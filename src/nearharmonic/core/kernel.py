@@ -1,0 +1,302 @@
+"""The one kernel: every tableau, every system, every precision, one trajectory or many in SIMD lanes.
+
+:func:`build` turns a system's formulas into compiled code for one choice of ``precision``, ``summation`` and lane
+``width``. The tableau is data (coefficient arrays), so one compilation serves all methods.
+
+Layout of a lane's row block, ``width`` doubles a row: d positions, their d carries, d momenta, their d carries; then the
+tally: largest and summed |H - H0| of the block, the sum's carry, the latest H - H0, H0 as a pair, and the largest
+|H - H0| allowed. In extended precision the carries are the low halves of double-doubles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from hashlib import sha256
+from typing import Any
+
+import numpy as np
+from numba import types
+
+from nearharmonic.core import arithmetic
+from nearharmonic.core.cache import compiled, core_digest, named, strict
+from nearharmonic.core.lanes import Record, record_function, record_loader, record_storer, record_test
+from nearharmonic.core.tracing import Double, DoubleDouble, Emitted
+
+#: Entries of the tally behind the state, in this order.
+WORST, TOTAL, TOTAL_CARRY, LATEST, ENERGY, ENERGY_LOW, LIMIT = range(7)
+TALLY = 7
+
+Entries = list[Emitted]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Physics:
+    """A Hamiltonian as the kernel needs it: formulas, exact constants, number of coordinates."""
+
+    V: Callable[..., Any]
+    grad_V: Callable[..., Any]
+    T: Callable[..., Any]
+    grad_T: Callable[..., Any]
+    parameters: tuple[Fraction, ...]
+    dimension: int
+
+
+def _pairs(entries: Entries, dimension: int) -> list[tuple[Emitted, Emitted]]:
+    return list(zip(entries[:dimension], entries[dimension : 2 * dimension], strict=True))
+
+
+@dataclass(frozen=True)
+class _Rules:
+    """How a state advances: what the physics sees of it, and how ``state += coefficient * rate`` is rounded."""
+
+    physics: Physics
+    extended: bool
+    compensated: bool
+
+    @property
+    def parts(self) -> int:
+        """Doubles per coefficient and per rate."""
+        return 2 if self.extended else 1
+
+    def numbers(self, pairs: list[tuple[Emitted, Emitted]]) -> tuple[Any, ...]:
+        return tuple(DoubleDouble(*pair) if self.extended else Double(pair[0]) for pair in pairs)
+
+    def flat(self, numbers: tuple[Any, ...]) -> Entries:
+        if self.extended:
+            return [n.high for n in numbers] + [n.low for n in numbers]
+        return [n.carrier for n in numbers]
+
+    def update(self, pairs: list[tuple[Emitted, Emitted]], coefficient: Entries, rates: Entries) -> Entries:
+        if self.extended:
+            step = (coefficient[0], coefficient[1])
+            rate_pairs = _pairs(rates, len(pairs))
+            new = [
+                arithmetic.dd_add(y, arithmetic.dd_mul(step, rate)) for y, rate in zip(pairs, rate_pairs, strict=True)
+            ]
+        else:
+            rule = arithmetic.compensated_update if self.compensated else arithmetic.plain_update
+            new = [rule(y, coefficient[0], rate) for y, rate in zip(pairs, rates, strict=True)]
+        return [high for high, _ in new] + [low for _, low in new]
+
+    def force(self, state: Entries) -> Entries:
+        """dV/dq at the position."""
+        q = self.numbers(_pairs(state, self.physics.dimension))
+        return self.flat(tuple(self.physics.grad_V(q, *self.physics.parameters)))
+
+    def kick(self, state: Entries, coefficient: Entries, rates: Entries) -> Entries:
+        """p += coefficient * rates; the coefficient carries the minus sign of dp/dt = -dV/dq."""
+        half = 2 * self.physics.dimension
+        return state[:half] + self.update(_pairs(state[half:], self.physics.dimension), coefficient, rates)
+
+    def drift(self, state: Entries, coefficient: Entries) -> Entries:
+        """q += coefficient * dT/dp."""
+        half, d = 2 * self.physics.dimension, self.physics.dimension
+        p = self.numbers(_pairs(state[half:], d))
+        return self.update(_pairs(state, d), coefficient, self.flat(tuple(self.physics.grad_T(p)))) + state[half:]
+
+    def energy(self, state: Entries) -> DoubleDouble:
+        """H of state + carry in double-double, whatever the precision of the run."""
+        half, d = 2 * self.physics.dimension, self.physics.dimension
+        q = tuple(DoubleDouble(*pair) for pair in _pairs(state, d))
+        p = tuple(DoubleDouble(*pair) for pair in _pairs(state[half:], d))
+        H: DoubleDouble = self.physics.T(p) + self.physics.V(q, *self.physics.parameters)
+        return H
+
+    def measure(self, state: Entries, tally: Entries) -> Entries:
+        """The tally with one more step in it."""
+        H = self.energy(state)
+        latest = (H.high - tally[ENERGY]) + (H.low - tally[ENERGY_LOW])
+        size = latest.absolute()
+        carried = tally[TOTAL_CARRY] + size
+        total = tally[TOTAL] + carried
+        carry = carried + (tally[TOTAL] - total)
+        return [size.larger(tally[WORST]), total, carry, latest, *tally[ENERGY:]]
+
+    def begin(self, state: Entries, tally: Entries) -> Entries:
+        """A fresh tally whose H0 is the energy of ``state``; the limit, given relative, becomes absolute."""
+        H = self.energy(state)
+        zero = H.high.constant(0.0)
+        return [zero, zero, zero, zero, H.high, H.low, tally[LIMIT] * H.high.absolute()]
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """Compiled code for one system, precision and width, with the layout its arrays must have.
+
+    ``advance()`` compiles the inner kernel by itself, for benchmarks and ensembles that schedule their own lanes:
+    ``advance()(count, stages, kick_first, drift, kick, rows) -> steps done``: ``drift`` and ``kick`` are float64
+    (stages + 1, parts, width) with the step size multiplied in, ``rows`` float64 (4 d + 7, width), changed in place. It
+    returns before ``count`` when a lane's energy error passes its limit.
+
+    ``run(...)``: see :func:`_lane_scheduler`.
+    """
+
+    width: int
+    dimension: int
+    parts: int
+    advance: Callable[[], Callable[..., int]]
+    run: Callable[..., None]
+
+
+def build(
+    physics: Physics, *, digest: str, extended: bool, compensated: bool, width: int, every_step: bool = True
+) -> Kernel:
+    """Compile (or load) the kernel. ``digest`` must cover the formulas and constants in ``physics``.
+
+    ``every_step`` measures the energy at every step; otherwise once at the end of each block.
+    """
+    rules = _Rules(physics, extended, compensated)
+    key = sha256(f"{core_digest()} {digest} {extended} {compensated} {width} {every_step}".encode()).hexdigest()
+    inner = named(_advance(rules, width, every_step), key)
+    run = named(_lane_scheduler(rules, width, strict(inner)), key)
+    matrix, cube = types.float64[:, ::1], types.float64[:, :, ::1]
+    whole, wholes = types.int64, types.int64[::1]
+    signature = types.void(
+        wholes, types.int64[:, ::1], wholes, matrix, types.float64, types.int64, types.boolean,
+        types.float64[:, :, ::1], types.float64[:, :, ::1], cube, matrix, matrix, matrix, matrix, wholes,
+    )  # fmt: skip
+    call = types.int64(whole, whole, types.boolean, types.float64[::1], types.float64[::1], types.float64[::1])
+    return Kernel(
+        width=width,
+        dimension=physics.dimension,
+        parts=rules.parts,
+        advance=lambda: compiled(inner, call, key),
+        run=compiled(run, signature, key),
+    )
+
+
+def _advance(rules: _Rules, width: int, every_step: bool) -> Callable[..., Any]:
+    d, parts = rules.physics.dimension, rules.parts
+    state_type, tally_type = Record(4 * d, width), Record(TALLY, width)
+    step_type, rate_type = Record(parts, width), Record(parts * d, width)
+    load_state, store_state = record_loader(state_type), record_storer(state_type)
+    load_tally, store_tally = record_loader(tally_type), record_storer(tally_type)
+    load_step = record_loader(step_type)
+    force = record_function(rules.force, rate_type, state_type)
+    kick = record_function(rules.kick, state_type, state_type, step_type, rate_type)
+    drift = record_function(rules.drift, state_type, state_type, step_type)
+    measure = record_function(rules.measure, tally_type, state_type, tally_type)
+    left = record_test(lambda tally: tally[LATEST].absolute().any_not_within(tally[LIMIT]), tally_type)
+    stride, tally_at = parts * width, 4 * d * width
+
+    def advance(count, stages, kick_first, drifts, kicks, rows):  # type: ignore[no-untyped-def]
+        state = load_state(rows, 0)
+        tally = load_tally(rows, tally_at)
+        shift = 1 if kick_first else 0
+        rate = force(state)
+        done = 0
+        while done < count:
+            if kick_first:  # the force is that of the last kick: first same as last
+                state = kick(state, load_step(kicks, 0), rate)
+            for i in range(stages):
+                state = drift(state, load_step(drifts, i * stride))
+                rate = force(state)
+                state = kick(state, load_step(kicks, (i + shift) * stride), rate)
+            if not kick_first:
+                state = drift(state, load_step(drifts, stages * stride))
+            done += 1
+            if every_step:
+                tally = measure(state, tally)
+                if left(tally):
+                    break
+        if not every_step:
+            tally = measure(state, tally)
+        store_state(rows, 0, state)
+        store_tally(rows, tally_at, tally)
+        return done
+
+    return advance
+
+
+def _lane_scheduler(rules: _Rules, width: int, advance: Callable[..., Any]) -> Callable[..., None]:
+    """Python text of ``run``: a queue of runs goes through ``width`` lanes; a lane that finishes takes the next run.
+
+    Arguments, R runs of S samples: ``order`` (R,) queue; ``marks`` (R, S) steps at which to sample, first 0, padded
+    with -1; ``scheme`` (R,) row of the coefficient arrays; ``start`` (R, 4 d); ``limit`` largest relative energy error;
+    ``stages``; ``kick_first``; ``drift`` and ``kick`` (schemes, stages + 1, parts) with the step size multiplied in.
+    Results, filled in place: ``states`` (R, S, 4 d); ``energy_error`` (R, S) signed H - H0; ``worst`` and ``total``
+    (R, S) of |H - H0| over the steps since the last sample; ``energy`` (R, 2) H0 as a pair; ``left_at`` (R,) the step
+    at which a run left its energy surface, 0 if it did not.
+    """
+    d, parts = rules.physics.dimension, rules.parts
+    state_type, tally_type = Record(4 * d, width), Record(TALLY, width)
+    load_state, load_tally = record_loader(state_type), record_loader(tally_type)
+    store_tally = record_storer(tally_type)
+    begin = record_function(rules.begin, tally_type, state_type, tally_type)
+    size, height = 4 * d, 4 * d + TALLY
+    far = np.iinfo(np.int64).max
+
+    def run(  # type: ignore[no-untyped-def]
+        order, marks, scheme, start, limit, stages, kick_first, drift, kick,
+        states, energy_error, worst, total, energy, left_at,
+    ):  # fmt: skip
+        samples = marks.shape[1]
+        rows, fresh = np.zeros((height, width)), np.zeros((height, width))
+        drifts, kicks = np.zeros((stages + 1, parts, width)), np.zeros((stages + 1, parts, width))
+        runs, at, mark = np.full(width, -1), np.zeros(width, np.int64), np.zeros(width, np.int64)
+        queued = 0
+        for lane in range(width):  # an idle lane stands still at a regular point
+            for k in range(size):
+                rows[k, lane] = start[order[0], k]
+            rows[size + LIMIT, lane] = np.inf
+        while True:
+            refilled = False
+            for lane in range(width):
+                if runs[lane] < 0 and queued < order.size:
+                    r = order[queued]
+                    queued += 1
+                    runs[lane], at[lane], mark[lane], refilled = r, 0, 1, True
+                    for k in range(size):
+                        rows[k, lane] = start[r, k]
+                        states[r, 0, k] = start[r, k]
+                    energy_error[r, 0], worst[r, 0], total[r, 0] = 0.0, 0.0, 0.0
+                    for i in range(stages + 1):
+                        for part in range(parts):
+                            drifts[i, part, lane] = drift[scheme[r], i, part]
+                            kicks[i, part, lane] = kick[scheme[r], i, part]
+            if refilled:
+                fresh[:size] = rows[:size]
+                fresh[size + LIMIT] = limit
+                flat = fresh.reshape(-1)
+                store_tally(flat, size * width, begin(load_state(flat, 0), load_tally(flat, size * width)))
+                for lane in range(width):
+                    if runs[lane] >= 0 and at[lane] == 0:
+                        rows[size:, lane] = fresh[size:, lane]
+                        energy[runs[lane], 0] = fresh[size + ENERGY, lane]
+                        energy[runs[lane], 1] = fresh[size + ENERGY_LOW, lane]
+            count = far
+            for lane in range(width):
+                if runs[lane] >= 0:
+                    count = min(count, marks[runs[lane], mark[lane]] - at[lane])
+            if count == far:
+                return
+            done = advance(count, stages, kick_first, drifts.reshape(-1), kicks.reshape(-1), rows.reshape(-1))
+            for lane in range(width):
+                r = runs[lane]
+                if r < 0:
+                    continue
+                at[lane] += done
+                finished = False
+                if not abs(rows[size + LATEST, lane]) <= rows[size + LIMIT, lane]:
+                    left_at[r], finished = at[lane], True
+                elif at[lane] == marks[r, mark[lane]]:
+                    m = mark[lane]
+                    for k in range(size):
+                        states[r, m, k] = rows[k, lane]
+                    energy_error[r, m] = rows[size + LATEST, lane]
+                    worst[r, m] = rows[size + WORST, lane]
+                    total[r, m] = rows[size + TOTAL, lane] + rows[size + TOTAL_CARRY, lane]
+                    rows[size + WORST, lane] = rows[size + TOTAL, lane] = rows[size + TOTAL_CARRY, lane] = 0.0
+                    mark[lane] = m + 1
+                    finished = m + 1 == samples or marks[r, m + 1] < 0
+                if finished:
+                    runs[lane] = -1
+                    drifts[:, :, lane] = 0.0
+                    kicks[:, :, lane] = 0.0
+                    for k in range(size):
+                        rows[k, lane] = start[order[0], k]
+                    rows[size + LIMIT, lane] = np.inf
+
+    return run
