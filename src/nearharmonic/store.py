@@ -153,7 +153,7 @@ def _unusable(path: str | os.PathLike[str], complaint: str) -> ResultFileError:
 
 
 def command_for(path: str | os.PathLike[str]) -> str:
-    """The command that makes the result file ``path`` again; the config is the one its ``results/<name>`` is named by."""
+    """The command that makes the result file ``path`` again, with the config that ``results/<name>`` is named by."""
     parts = Path(path).parts
     name = parts[parts.index("results") + 1] if "results" in parts[:-1] else "paper"
     return f"snakemake -j2{'' if name == 'paper' else f' --configfile config/{name}.yaml'} --force {path}"
