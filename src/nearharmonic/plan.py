@@ -1,103 +1,272 @@
-"""What is integrated, and why the rest is not: every setting is checked here, before any job runs. Pure, no arrays."""
+"""Config -> frozen runs: which step sizes in which precision, and why the rest is left out. Pure, and quick."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from decimal import Decimal, InvalidOperation
-from difflib import get_close_matches
-from fractions import Fraction
-from numbers import Integral, Real
+from bisect import bisect_left
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from math import ceil, floor, log10
+from typing import Any, TypeVar
 
 from nearharmonic.errors import bad_setting
+from nearharmonic.integrators import integrators
+from nearharmonic.settings import (
+    Config,
+    Sweep,
+    checked_first,
+    checked_precision,
+    checked_samples,
+    checked_summation,
+    checked_t_end,
+    checked_tau,
+    steps_of,
+)
+from nearharmonic.systems import System, systems
+from nearharmonic.tableau import QUADRATIC_KINETIC_ENERGY, Tableau
 
-#: Steps of one run: half a minute per stage count of ten at 3 ns a stage. More is a slip of the decimal point.
-MOST_STEPS = 10**9
-#: Kept states of one run: about half a gigabyte for a planar system.
-MOST_SAMPLES = 10**7
+#: Modules that check a step size of their own find the checks here as well.
+__all__ = [
+    "Config",
+    "Omission",
+    "Plan",
+    "Run",
+    "Sweep",
+    "check_fit",
+    "check_sweep",
+    "checked_first",
+    "checked_precision",
+    "checked_samples",
+    "checked_summation",
+    "checked_t_end",
+    "checked_tau",
+    "evaluations_of",
+    "plan",
+    "runs_of",
+    "shard",
+    "shards_of",
+    "steps_of",
+    "tau_grid",
+]
 
-PRECISIONS = ("double", "extended")
-SUMMATIONS = ("compensated", "plain")
-OPERATORS = ("drift", "kick")
+#: Force evaluations of all the runs of one system: some twenty minutes.
+MOST_EVALUATIONS = 10**12
+#: Bytes of trajectories in one job, which needs about twice that.
+MOST_BYTES = 4 * 10**8
+#: Step sizes of one system's grid.
+MOST_POINTS = 10**4
+
+#: Where rounding ends the fall of a compensated double run's max |dH/H0|: 1e-16 to 1e-15, depending on the method.
+DOUBLE_FLOOR = 1e-15
+#: Extended precision is run as far as the double curve stays within two decades of its floor.
+NEAR_FLOOR = 100
 
 
-def _positive(key: str, value: object) -> Decimal:
-    """``value``, a number or a decimal string (YAML 1.1 reads 1e-4 as one), exactly."""
-    allowed = "a finite number above 0"
-    if isinstance(value, bool) or not isinstance(value, Real | Decimal | str):
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """One method on one system over some step sizes: what one call of the integration computes.
+
+    ``steps[i]`` belongs to ``tau_per_stage[i]``. Where step sizes round to the same number of steps, these stand next
+    to each other and are one and the same computation.
+    """
+
+    system: str
+    integrator: str
+    precision: str
+    summation: str
+    first: str | None
+    t_end: str
+    tau_per_stage: tuple[float, ...]
+    steps: tuple[int, ...]
+    samples: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Omission:
+    """What is not computed, why, and how many ``runs`` and force ``evaluations`` that saves."""
+
+    system: str
+    integrator: str
+    precision: str
+    what: str
+    reason: str
+    runs: int
+    evaluations: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """All runs of a config and all that is left out."""
+
+    runs: tuple[Run, ...]
+    omissions: tuple[Omission, ...]
+
+
+def tau_grid(lowest: float, highest: float, points_per_decade: int) -> tuple[float, ...]:
+    """``lowest`` * 10^(i / ``points_per_decade``) up to ``highest``, to six significant digits."""
+    # The slack admits a highest that is itself written with few digits, such as 158.489 for 10^2.2.
+    last = floor(log10(highest / lowest) * points_per_decade + 1e-3)
+    return tuple(float(f"{lowest * 10 ** (i / points_per_decade):.6g}") for i in range(last + 1))
+
+
+Item = TypeVar("Item")
+
+
+def shard(items: Sequence[Item], index: int, count: int) -> Sequence[Item]:
+    """Every ``count``-th of ``items`` from ``index`` on: cheap and dear step sizes alike in each shard."""
+    return items[index::count]
+
+
+def check_fit(system: System, tableau: Tableau) -> None:
+    """Refuse a method of Runge-Kutta-Nystrom type for a system whose kinetic energy is not p.p/2.
+
+    Raises:
+        SettingError: the method does not fit.
+    """
+    if tableau.requires == QUADRATIC_KINETIC_ENERGY and not system.quadratic_kinetic_energy:
+        key, allowed = "integrator", f"it requires a {tableau.requires}, which {system.name} does not have"
+        raise bad_setting(key, tableau.name, allowed)
+
+
+def check_sweep(sweep: Sweep, methods: Sequence[str]) -> None:
+    """Refuse what takes more steps, runs or memory than a machine has; keys are named as in a config.
+
+    Raises:
+        SettingError: too many steps in a run, step sizes in the grid, evaluations in all, or bytes in a job; a method
+            that does not fit the system.
+    """
+    tableaus = [integrators[name] for name in methods]
+    for tableau in tableaus:
+        check_fit(systems[sweep.system], tableau)
+    for key, value, allowed in _excesses(sweep, tableaus):
         raise bad_setting(key, value, allowed)
-    try:
-        number = Decimal(value) if isinstance(value, str | Decimal | int) else Decimal(repr(float(value)))
-        usable = number.is_finite() and 0 < float(number) < float("inf")
-    except (InvalidOperation, OverflowError):
-        usable = False
-    if not usable:
-        raise bad_setting(key, value, allowed)
-    return number
 
 
-def checked_tau(tau: object, key: str = "tau") -> float:
-    """``tau`` as a float, if it is a finite number above 0 (or the decimal string of one).
+def _excesses(sweep: Sweep, tableaus: Sequence[Tableau]) -> Iterator[tuple[str, object, str]]:
+    """Each limit that ``sweep`` breaks, as (key, value, what is allowed): cheap checks guard the dear ones."""
+    here = f"systems.{sweep.system}.tau_per_stage"
+    steps_of(sweep.t_end, sweep.lowest * min(t.stages for t in tableaus), key=f"{here}.lowest", given=sweep.lowest)
+    points = floor(log10(sweep.highest / sweep.lowest) * sweep.points_per_decade) + 1
+    if points > MOST_POINTS:
+        allowed = f"the grid would have {points} step sizes, and may have {MOST_POINTS}"
+        yield f"{here}.points_per_decade", sweep.points_per_decade, allowed
+    evaluations = sum(evaluations_of(t, n) for t in tableaus for _, n in _points(sweep, t)) * len(sweep.precision)
+    if evaluations > MOST_EVALUATIONS:
+        allowed = f"all runs would take {evaluations:.2g} force evaluations, and may take {MOST_EVALUATIONS:.0e}"
+        yield f"{here}.lowest", sweep.lowest, allowed
+    numbers_a_state = 3 + 2 * systems[sweep.system].dimension
+    size = ceil(points / sweep.shards) * sweep.samples * numbers_a_state * 8
+    if size > MOST_BYTES:
+        yield "samples", sweep.samples, f"a job would hold {size:.2g} bytes, and may hold {MOST_BYTES:.0e}: add shards"
 
-    Raises:
-        SettingError: zero, negative, NaN, infinite, a bool or no number at all.
+
+def evaluations_of(tableau: Tableau, steps: int) -> int:
+    """Force evaluations of a run: s a step, and one more to begin with if the kick comes first."""
+    return tableau.stages * steps + tableau.first_same_as_last
+
+
+def shards_of(sweep: Sweep, integrator: str) -> int:
+    """How many files the runs of one method fill: ``sweep.shards``, or fewer if there are fewer different runs."""
+    return min(sweep.shards, len(_distinct(sweep, integrators[integrator])))
+
+
+def runs_of(sweep: Sweep, integrator: str, index: int) -> list[Run]:
+    """What shard ``index`` of a method on a system computes: one run for each precision, empty ones left out."""
+    tableau = integrators[integrator]
+    mine = shard(_distinct(sweep, tableau), index, shards_of(sweep, integrator))
+    runs = []
+    for precision in sweep.precision:
+        limit = _extended_up_to(sweep, tableau) if precision == "extended" else sweep.highest
+        points = [point for group in mine for point in group if point[0] <= limit]
+        if points:
+            taus, steps = zip(*points, strict=True)
+            runs.append(
+                Run(
+                    system=sweep.system,
+                    integrator=integrator,
+                    precision=precision,
+                    summation=sweep.summation,
+                    first=None,
+                    t_end=sweep.t_end,
+                    tau_per_stage=taus,
+                    steps=steps,
+                    samples=sweep.samples,
+                )
+            )
+    return runs
+
+
+def plan(config: Config) -> Plan:
+    """All that ``config`` makes Snakemake compute, and all that it does not."""
+    runs = [
+        run
+        for sweep in config.sweeps
+        for name in config.integrators
+        for index in range(shards_of(sweep, name))
+        for run in runs_of(sweep, name, index)
+    ]
+    return Plan(runs=tuple(runs), omissions=tuple(_omissions(config)))
+
+
+Point = tuple[float, int]
+
+
+def _points(sweep: Sweep, tableau: Tableau) -> list[Point]:
+    """(tau_per_stage, steps) over the grid."""
+    grid = tau_grid(sweep.lowest, sweep.highest, sweep.points_per_decade)
+    return [(tau, steps_of(sweep.t_end, tau * tableau.stages)) for tau in grid]
+
+
+def _distinct(sweep: Sweep, tableau: Tableau) -> list[list[Point]]:
+    """The grid in groups that one computation serves: those with the same number of steps."""
+    return [list(group) for _, group in groupby(_points(sweep, tableau), key=lambda point: point[1])]
+
+
+def _extended_up_to(sweep: Sweep, tableau: Tableau) -> float:
+    """The largest tau per stage that is worth extended precision, 0 if none is.
+
+    For the harmonic oscillator the closed form of the energy error tells; it grows with tau as long as it is this
+    small, so the limit is found by bisection. For other systems nothing tells beforehand and every step size is run.
     """
-    return float(_positive(key, tau))
+    if sweep.system != "sho":
+        return sweep.highest
+    from nearharmonic.decomposition import harmonic_energy_error
+
+    grid = tau_grid(sweep.lowest, sweep.highest, sweep.points_per_decade)
+    near = bisect_left(
+        grid, NEAR_FLOOR * DOUBLE_FLOOR, key=lambda tau: float(harmonic_energy_error(tableau, tau * tableau.stages))
+    )
+    return grid[near - 1] if near else 0.0
 
 
-def checked_t_end(t_end: object, key: str = "t_end") -> str:
-    """``t_end`` as a plain decimal string, if it is a finite number above 0 (or the decimal string of one).
-
-    Raises:
-        SettingError: zero, negative, NaN, infinite, a bool or no number at all.
-    """
-    return format(_positive(key, t_end).normalize(), "f")
+def _omissions(config: Config) -> Iterator[Omission]:
+    for sweep in config.sweeps:
+        for name in config.integrators:
+            for row in _left_out(sweep, integrators[name]):
+                yield Omission(system=sweep.system, integrator=name, **row)
 
 
-def _count(key: str, value: object, most: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, Integral) or not 1 <= int(value) <= most:
-        raise bad_setting(key, value, f"a whole number from 1 to {most}")
-    return int(value)
+def _left_out(sweep: Sweep, tableau: Tableau) -> Iterator[dict[str, Any]]:
+    """What is left out of one method's runs on one system, as the other fields of :class:`Omission`."""
+    groups = _distinct(sweep, tableau)
 
+    def cost(steps: Iterable[int]) -> int:
+        return sum(evaluations_of(tableau, n) for n in steps)
 
-def checked_samples(samples: object, key: str = "samples") -> int:
-    """``samples`` as an int, if it is a whole number from 1 to :data:`MOST_SAMPLES`.
-
-    Raises:
-        SettingError: anything else.
-    """
-    return _count(key, samples, MOST_SAMPLES)
-
-
-def _one_of(key: str, value: object, allowed: Sequence[str]) -> str:
-    if isinstance(value, str) and value in allowed:
-        return value
-    nearest = get_close_matches(str(value), allowed, n=1, cutoff=0.4)
-    hint = f". Did you mean {nearest[0]!r}?" if nearest else ""
-    raise bad_setting(key, value, f"one of {', '.join(allowed)}{hint}")
-
-
-def checked_precision(precision: object, key: str = "precision") -> str:
-    """``precision``, if it is one of :data:`PRECISIONS`; raises SettingError otherwise."""
-    return _one_of(key, precision, PRECISIONS)
-
-
-def checked_summation(summation: object, key: str = "summation") -> str:
-    """``summation``, if it is one of :data:`SUMMATIONS`; raises SettingError otherwise."""
-    return _one_of(key, summation, SUMMATIONS)
-
-
-def checked_first(first: object, key: str = "first") -> str | None:
-    """``first``, if it is None (the tableau's own) or one of :data:`OPERATORS`; raises SettingError otherwise."""
-    return None if first is None else _one_of(key, first, OPERATORS)
-
-
-def steps_of(t_end: str, tau: float, key: str = "tau") -> int:
-    """max(1, round(t_end / tau)), the division exact: t_end is a decimal string, tau the double it is.
-
-    Raises:
-        SettingError: more than :data:`MOST_STEPS` steps.
-    """
-    steps = max(1, round(Fraction(t_end) / Fraction(tau)))
-    if steps > MOST_STEPS:
-        raise bad_setting(key, tau, f"t_end = {t_end} would take {steps} steps, and one run takes at most {MOST_STEPS}")
-    return steps
+    for precision in sweep.precision:
+        limit = _extended_up_to(sweep, tableau) if precision == "extended" else sweep.highest
+        kept = [n for group in groups for tau, n in group[:1] if tau <= limit]
+        repeated = [n for group in groups for tau, n in group[1:] if tau <= limit]
+        far = [n for group in groups for tau, n in group if tau > limit]
+        again = kept if sweep.system == "kepler" else []
+        # Each step but the last hands the force of its closing kick on.
+        handed_on = [n for n in kept if tableau.first_same_as_last and n > 1]
+        for what, reason, runs, evaluations in (
+            ("runs of a step size", "it rounds to as many steps as its neighbour", repeated, cost(repeated)),
+            ("runs in extended precision", "in double, the error is over 100 times the rounding floor", far, cost(far)),
+            ("runs for the perihelion alone", "figures 4 and 5 share one pass", again, cost(again)),
+            ("the force that opens a step", "it closed the step before", handed_on, sum(n - 1 for n in handed_on)),
+        ):
+            if runs:
+                row = {"precision": precision, "what": what, "reason": reason, "runs": len(runs)}
+                yield row | {"evaluations": evaluations}
