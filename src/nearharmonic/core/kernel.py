@@ -17,6 +17,7 @@ from hashlib import sha256
 from typing import Any
 
 import numpy as np
+from llvmlite import ir
 from numba import types
 
 from nearharmonic.core import arithmetic
@@ -140,15 +141,14 @@ class Kernel:
     run: Callable[..., None]
 
 
-def build(
-    physics: Physics, *, digest: str, extended: bool, compensated: bool, width: int, every_step: bool = True
-) -> Kernel:
-    """Compile (or load) the kernel. ``digest`` must cover the formulas and constants in ``physics``.
+def build(physics: Physics, *, extended: bool, compensated: bool, width: int, every_step: bool = True) -> Kernel:
+    """Compile the kernel, or load it from the cache.
 
     ``every_step`` measures the energy at every step; otherwise once at the end of each block.
     """
     rules = _Rules(physics, extended, compensated)
-    key = sha256(f"{core_digest()} {digest} {extended} {compensated} {width} {every_step}".encode()).hexdigest()
+    text = f"{core_digest()} {fingerprint(rules)} {extended} {compensated} {width} {every_step}"
+    key = sha256(text.encode()).hexdigest()
     inner = named(_advance(rules, width, every_step), key)
     run = named(_lane_scheduler(rules, width, strict(inner)), key)
     matrix, cube = types.float64[:, ::1], types.float64[:, :, ::1]
@@ -165,6 +165,20 @@ def build(
         advance=lambda: compiled(inner, call, key),
         run=compiled(run, signature, key),
     )
+
+
+def fingerprint(rules: _Rules) -> str:
+    """Digest of the instructions that the formulas emit: the one thing about a system that compiled code depends on."""
+    count = 4 * rules.physics.dimension
+    double = ir.DoubleType()
+    module = ir.Module()
+    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [double] * (count + TALLY + rules.parts)), "formulas")
+    builder = ir.IRBuilder(function.append_basic_block())
+    entries = [Emitted(builder, argument) for argument in function.args]
+    state, tally, step = entries[:count], entries[count : count + TALLY], entries[count + TALLY :]
+    results = [*rules.kick(state, step, rules.force(state)), *rules.drift(state, step), *rules.measure(state, tally)]
+    text = f"{module}\n{[str(result.value) for result in results]}"
+    return sha256(text.encode()).hexdigest()
 
 
 def _advance(rules: _Rules, width: int, every_step: bool) -> Callable[..., Any]:

@@ -92,6 +92,9 @@ def _power_of_two(number: Exact) -> bool:
 class _Number:
     """The operators both number types share: subtraction, powers, and constants on the left."""
 
+    def __bool__(self) -> bool:
+        raise TypeError("a formula must not branch on a value: it is called once, for all values")
+
     def __sub__(self, other: Any) -> Any:
         return self + (-other)
 

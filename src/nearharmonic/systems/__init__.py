@@ -1,9 +1,9 @@
 """The Hamiltonian systems, one file each; ``systems["kepler"]`` is a :class:`~nearharmonic.systems.system.System`."""
 
 from nearharmonic.registry import Registry
-from nearharmonic.systems.system import Parameter, System
+from nearharmonic.systems.system import Observable, Parameter, System
 
-__all__ = ["Parameter", "System", "systems"]
+__all__ = ["Observable", "Parameter", "System", "systems"]
 
 systems: Registry[System] = Registry(
     __name__, "system", lambda module: {s.name: s for s in [getattr(module, "SYSTEM", None)] if s is not None}

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
+import numpy as np
+
 from nearharmonic.core.arithmetic import sqrt
-from nearharmonic.systems.system import Parameter, System, Vector
+from nearharmonic.systems.system import Observable, Parameter, System, Vector
 
 
 def V(q: Vector, GM: Any) -> Any:
@@ -36,6 +39,19 @@ def eccentricity_vector(q: Vector, p: Vector, GM: Any) -> Vector:
     return v * L / GM - x / r, -u * L / GM - y / r
 
 
+def orbital_period(q: Vector, p: Vector, GM: float) -> float:
+    """Kepler's third law: 2 pi sqrt(a^3 / GM) with the semi-major axis a = -GM / 2H."""
+    (u, v) = p
+    semi_major_axis = -GM / (u * u + v * v + 2 * V(q, GM))
+    return 2 * math.pi * math.sqrt(semi_major_axis**3 / GM)
+
+
+def perihelion_angle(q: Vector, p: Vector, GM: Any) -> Any:
+    """Angle of the Laplace-Runge-Lenz vector in (-pi, pi]; at rest on an exact orbit."""
+    x, y = eccentricity_vector(q, p, GM)
+    return np.arctan2(y, x)
+
+
 SYSTEM = System(
     name="kepler",
     label="Sun-Mercury system",
@@ -51,6 +67,12 @@ SYSTEM = System(
         "GM": Parameter(value="1.71994752", unit="1e18 km3 h-2", meaning="gravitational constant times solar mass"),
     },
     invariants={"angular_momentum": angular_momentum, "eccentricity_vector": eccentricity_vector},
+    observables={
+        "perihelion_angle": Observable(
+            function=perihelion_angle, unit="rad", meaning="angle of the Laplace-Runge-Lenz vector"
+        )
+    },
+    period=orbital_period,
     source="NASA Space Science Data Center, Sun and Mercury fact sheets; ten years of 8766 h (Nielsen 2015, Fig. 5)",
     surface_limit=1.0,
     surface_reason="at |dH/H0| = 1 the energy has reached zero or doubled: the orbit is unbound or lost",

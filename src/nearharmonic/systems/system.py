@@ -33,6 +33,15 @@ class Parameter:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Observable:
+    """A function ``f(q, p, *parameters)`` of the sampled states (numpy arrays), recorded with each run."""
+
+    function: Callable[..., Any]
+    unit: str
+    meaning: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)  # formulas have no equality but identity
 class System:
     """A separable Hamiltonian with its standard initial value problem.
 
@@ -42,7 +51,8 @@ class System:
 
     ``q0``, ``p0``, ``t_end`` and the parameters are decimal strings: exact, rounded once per precision.
     ``units`` names the units of ``q``, ``p``, ``t`` and ``energy``. ``invariants`` are conserved functions
-    ``f(q, p, *parameters)`` besides the energy. ``surface_limit`` is the relative energy error beyond which a run has
+    ``f(q, p, *parameters)`` besides the energy; ``observables`` are recorded at the samples;
+    ``period(q, p, *parameters)`` is the period of the exact orbit through floats q, p, if it has one. ``surface_limit`` is the relative energy error beyond which a run has
     left its energy surface for good; ``surface_reason`` says why that value.
 
     Raises:
@@ -62,6 +72,8 @@ class System:
     grad_T: Callable[[Vector], Vector] = quadratic_grad_T
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     invariants: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
+    observables: Mapping[str, Observable] = field(default_factory=dict)
+    period: Callable[..., float] | None = None
     surface_limit: float = 1.0
     surface_reason: str = "the energy error is as large as the energy itself"
 
