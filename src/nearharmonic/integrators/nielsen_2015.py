@@ -2,8 +2,9 @@
 
 arXiv:1501.04345, Table 4, 77 digits. The table prints every outer row as d and every inner row as c, which is the
 layout of a BAB scheme (d kicks, c drifts). The ABAs5o6H sets are applied drift first all the same: only then do they
-perform as the paper reports. In a label, BAB solves the conditions of the BAB decomposition and BAB' those of the ABA
-decomposition; the digit before H is the harmonic order.
+perform as the paper reports. The digit before H in a label is the harmonic order: to that order the position of one
+step is exact on the harmonic oscillator, in the role given here. That holds for the BAB' sets as for the BAB sets,
+although the paper has the former from the ABA decomposition (with zero outer drifts, which is the same polynomial).
 """
 
 from nearharmonic.tableau import Tableau, palindrome
