@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from nearharmonic.errors import NearharmonicError
+from nearharmonic.tableau import Tableau
 
 PACKAGE = "nearharmonic"
 ROOT = Path(__file__).parent
@@ -95,6 +96,11 @@ def _executed(tree: ast.AST) -> Iterator[ast.AST]:
             continue
         yield node
         yield from _executed(node)
+
+
+def coefficients_digest(tableaus: Iterable[Tableau]) -> str:
+    """SHA-256 over names and coefficients of ``tableaus``."""
+    return sha256("\n".join(f"{t.name} {t.digest()}" for t in tableaus).encode()).hexdigest()
 
 
 def provenance(settings: Mapping[str, Any], *, code: str, coefficients: str) -> dict[str, str]:

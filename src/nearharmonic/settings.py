@@ -69,7 +69,12 @@ def checked_samples(samples: object, key: str = "samples") -> int:
     return _count(key, samples, MOST_SAMPLES)
 
 
-def _one_of(key: str, value: object, allowed: Sequence[str]) -> str:
+def one_of(key: str, value: object, allowed: Sequence[str]) -> str:
+    """``value``, if it is among ``allowed``.
+
+    Raises:
+        SettingError: anything else; it says the nearest match.
+    """
     if isinstance(value, str) and value in allowed:
         return value
     nearest = get_close_matches(str(value), allowed, n=1, cutoff=0.4)
@@ -79,17 +84,17 @@ def _one_of(key: str, value: object, allowed: Sequence[str]) -> str:
 
 def checked_precision(precision: object, key: str = "precision") -> str:
     """``precision``, if it is one of :data:`PRECISIONS`; raises SettingError otherwise."""
-    return _one_of(key, precision, PRECISIONS)
+    return one_of(key, precision, PRECISIONS)
 
 
 def checked_summation(summation: object, key: str = "summation") -> str:
     """``summation``, if it is one of :data:`SUMMATIONS`; raises SettingError otherwise."""
-    return _one_of(key, summation, SUMMATIONS)
+    return one_of(key, summation, SUMMATIONS)
 
 
 def checked_first(first: object, key: str = "first") -> str | None:
     """``first``, if it is None (the tableau's own) or one of :data:`OPERATORS`; raises SettingError otherwise."""
-    return None if first is None else _one_of(key, first, OPERATORS)
+    return None if first is None else one_of(key, first, OPERATORS)
 
 
 def steps_of(t_end: str, tau: float, key: str = "tau", given: object = None) -> int:
@@ -100,7 +105,8 @@ def steps_of(t_end: str, tau: float, key: str = "tau", given: object = None) -> 
     """
     steps = max(1, round(Fraction(t_end) / Fraction(tau)))
     if steps > MOST_STEPS:
-        allowed = f"t_end = {t_end} would take {steps} steps, and one run takes at most {MOST_STEPS}"
+        number = f"{Decimal(steps):.4g}" if steps > 10**15 else str(steps)
+        allowed = f"t_end = {t_end} would take {number} steps, and one run takes at most {MOST_STEPS}"
         raise bad_setting(key, tau if given is None else given, allowed)
     return steps
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -98,8 +98,18 @@ def _filters(values: np.ndarray) -> dict[str, Any]:
     return {"compression": "gzip", "compression_opts": GZIP_LEVEL, "shuffle": True, "chunks": (rows, *values.shape[1:])}
 
 
-def read(path: str | os.PathLike[str], group: str | None = None) -> xr.Dataset:
+def write_dataset(path: str | os.PathLike[str], dataset: xr.Dataset, attributes: Mapping[str, Any]) -> None:
+    """Write ``dataset`` to ``path`` as :func:`write` does, with ``attributes`` beside its own."""
+    variables = {str(name): (tuple(map(str, v.dims)), v.values, v.attrs) for name, v in dataset.variables.items()}
+    write(path, variables, {**dataset.attrs, **attributes})
+
+
+def read(
+    path: str | os.PathLike[str], group: str | None = None, variables: Collection[str] | None = None
+) -> xr.Dataset:
     """The root of ``path``, or one ``group`` of it, loaded into memory; the file's attributes come with either.
+
+    Given ``variables``, only those among them that the file has, and the coordinates, are read.
 
     Raises:
         ResultFileError: a file that is missing, truncated or not one of ours, or that lacks the group; the message
@@ -110,7 +120,8 @@ def read(path: str | os.PathLike[str], group: str | None = None) -> xr.Dataset:
     attributes = attributes_of(path)
     try:
         with xr.open_dataset(path, engine="h5netcdf", group=group, decode_times=False) as dataset:
-            return dataset.load().assign_attrs(attributes)
+            wanted = dataset if variables is None else dataset[[name for name in variables if name in dataset]]
+            return wanted.load().assign_attrs(attributes)
     except (OSError, KeyError, ValueError, RuntimeError) as error:
         raise _unusable(path, "cannot be read" if group is None else f"has no readable group {group!r}") from error
 
