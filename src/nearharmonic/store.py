@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -124,6 +124,23 @@ def read(
             return wanted.load().assign_attrs(attributes)
     except (OSError, KeyError, ValueError, RuntimeError) as error:
         raise _unusable(path, "cannot be read" if group is None else f"has no readable group {group!r}") from error
+
+
+def read_precisions(
+    paths: Iterable[str | os.PathLike[str]], variables: Collection[str] | None = None
+) -> dict[str, list[xr.Dataset]]:
+    """The runs in the shards ``paths``, by precision: double in a file's root, any other in the group of its name.
+
+    Raises:
+        ResultFileError: as :func:`read` does.
+    """
+    found: dict[str, list[xr.Dataset]] = {}
+    for path in paths:
+        for group in (None, *groups_of(path)):
+            runs = read(path, group, variables)
+            if runs.data_vars:
+                found.setdefault(group or "double", []).append(runs)
+    return found
 
 
 def attributes_of(path: str | os.PathLike[str]) -> dict[str, Any]:

@@ -1,0 +1,37 @@
+"""The paper from its config to its figures: config -> plan -> integrate -> reduce -> render."""
+
+from snakemake.utils import min_version
+
+min_version("9.0")
+
+
+# Snakemake merges configs, and systems of the default would leak into another: one that is given stands alone.
+if not workflow.overwrite_configfiles:
+
+    configfile: "config/config.yaml"
+
+
+include: "workflow/rules/common.smk"
+include: "workflow/rules/compile.smk"
+include: "workflow/rules/integrate.smk"
+include: "workflow/rules/reduce.smk"
+include: "workflow/rules/render.smk"
+include: "workflow/rules/tables.smk"
+
+
+rule all:
+    default_target: True
+    input:
+        f"{RESULTS}/manifest.json",
+        FIGURE_FILES,
+        TABLE_FILES,
+
+
+rule figures:
+    input:
+        FIGURE_FILES,
+
+
+rule tables:
+    input:
+        TABLE_FILES,

@@ -1,0 +1,14 @@
+from importlib import import_module
+from pathlib import Path
+
+from nearharmonic.job import logged
+from nearharmonic.render.style import save
+from nearharmonic.store import read
+
+with logged(snakemake.log[0]):
+    module = import_module(f"nearharmonic.render.{snakemake.params.module}")
+    if snakemake.input:
+        shown = read(snakemake.input[0])
+    else:
+        shown = import_module("nearharmonic.substeps").paper_panels()
+    save(module.figure(shown), Path(snakemake.output.png).with_suffix(""))
