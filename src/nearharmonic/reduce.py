@@ -32,13 +32,14 @@ HOURS_PER_CENTURY = 876_600.0
 
 def max_energy_error(run: xr.Dataset) -> xr.DataArray:
     """Maximum over every step of |H - H0|/|H0|, per step size; infinite where the run left its energy surface."""
-    return run.block_max_energy_error.max("sample").where(run.status != "diverged", np.inf)
+    largest: xr.DataArray = run.block_max_energy_error.max("sample")
+    return largest.where(run.status != "diverged", np.inf)
 
 
 def mean_energy_error(run: xr.Dataset) -> xr.DataArray:
     """Mean over every step of |H - H0|/|H0|, per step size; infinite where the run left its energy surface."""
-    total = (run.block_mean_energy_error * run.block_steps).sum("sample")
-    return (total / run.steps).where(run.status != "diverged", np.inf)
+    mean: xr.DataArray = (run.block_mean_energy_error * run.block_steps).sum("sample") / run.steps
+    return mean.where(run.status != "diverged", np.inf)
 
 
 def observed_order(tau: xr.DataArray, error: xr.DataArray, dimension: str = "tau_per_stage") -> xr.DataArray:
@@ -60,7 +61,7 @@ def observed_order(tau: xr.DataArray, error: xr.DataArray, dimension: str = "tau
             return float("nan")
         return float(np.polyfit(np.log(x[usable]), np.log(y[usable]), 1)[0])
 
-    fitted = xr.apply_ufunc(slope, tau, error, input_core_dims=[[dimension], [dimension]], vectorize=True)
+    fitted: xr.DataArray = xr.apply_ufunc(slope, tau, error, input_core_dims=[[dimension], [dimension]], vectorize=True)
     return fitted.assign_attrs(units="1", long_name="observed order: slope of the maximum energy error above round-off")
 
 

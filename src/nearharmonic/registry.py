@@ -1,4 +1,4 @@
-"""Registries: read-only mappings whose missing keys name their nearest match, filled lazily from a folder of modules."""
+"""Registries: read-only mappings filled from a folder of modules; a missing key names its nearest match."""
 
 from __future__ import annotations
 

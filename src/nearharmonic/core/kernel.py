@@ -3,8 +3,8 @@
 :func:`build` turns a system's formulas into compiled code for one choice of ``precision``, ``summation`` and lane
 ``width``. The tableau is data (coefficient arrays), so one compilation serves all methods.
 
-Layout of a lane's row block, ``width`` doubles a row: d positions, their d carries, d momenta, their d carries; then the
-tally: largest and summed |H - H0| of the block, the sum's carry, the latest H - H0, H0 as a pair, and the largest
+Layout of a lane's row block, ``width`` doubles a row: d positions, their d carries, d momenta, their d carries; then
+the tally: largest and summed |H - H0| of the block, the sum's carry, the latest H - H0, H0 as a pair, and the largest
 |H - H0| allowed. In extended precision the carries are the low halves of double-doubles.
 """
 
@@ -16,18 +16,24 @@ from fractions import Fraction
 from hashlib import sha256
 from typing import Any
 
-import numpy as np
 from llvmlite import ir
 from numba import types
 
 from nearharmonic.core import arithmetic
 from nearharmonic.core.cache import compiled, core_digest, named, strict
 from nearharmonic.core.lanes import Record, record_function, record_loader, record_storer, record_test
+from nearharmonic.core.scheduler import (
+    ENERGY,
+    ENERGY_LOW,
+    LATEST,
+    LIMIT,
+    TALLY,
+    TOTAL,
+    TOTAL_CARRY,
+    WORST,
+    lane_scheduler,
+)
 from nearharmonic.core.tracing import Double, DoubleDouble, Emitted
-
-#: Entries of the tally behind the state, in this order.
-WORST, TOTAL, TOTAL_CARRY, LATEST, ENERGY, ENERGY_LOW, LIMIT = range(7)
-TALLY = 7
 
 Entries = list[Emitted]
 
@@ -131,7 +137,7 @@ class Kernel:
     (stages + 1, parts, width) with the step size multiplied in, ``rows`` float64 (4 d + 7, width), changed in place. It
     returns before ``count`` when a lane's energy error passes its limit.
 
-    ``run(...)``: see :func:`_lane_scheduler`.
+    ``run(...)``: see :func:`nearharmonic.core.scheduler.lane_scheduler`.
     """
 
     width: int
@@ -150,7 +156,8 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, ev
     text = f"{core_digest()} {fingerprint(rules)} {extended} {compensated} {width} {every_step}"
     key = sha256(text.encode()).hexdigest()
     inner = named(_advance(rules, width, every_step), key)
-    run = named(_lane_scheduler(rules, width, strict(inner)), key)
+    begin = named(_begin(rules, width), key)
+    run = named(lane_scheduler(4 * physics.dimension, rules.parts, width, strict(inner), strict(begin)), key)
     matrix, cube = types.float64[:, ::1], types.float64[:, :, ::1]
     whole, wholes = types.int64, types.int64[::1]
     signature = types.void(
@@ -224,93 +231,15 @@ def _advance(rules: _Rules, width: int, every_step: bool) -> Callable[..., Any]:
     return advance
 
 
-def _lane_scheduler(rules: _Rules, width: int, advance: Callable[..., Any]) -> Callable[..., None]:
-    """Python text of ``run``: a queue of runs goes through ``width`` lanes; a lane that finishes takes the next run.
-
-    Arguments, R runs of S samples: ``order`` (R,) queue; ``marks`` (R, S) steps at which to sample, first 0, padded
-    with -1; ``scheme`` (R,) row of the coefficient arrays; ``start`` (R, 4 d); ``limit`` largest relative energy error;
-    ``stages``; ``kick_first``; ``drift`` and ``kick`` (schemes, stages + 1, parts) with the step size multiplied in.
-    Results, filled in place: ``states`` (R, S, 4 d); ``energy_error`` (R, S) signed H - H0; ``worst`` and ``total``
-    (R, S) of |H - H0| over the steps since the last sample; ``energy`` (R, 2) H0 as a pair; ``left_at`` (R,) the step
-    at which a run left its energy surface, 0 if it did not.
-    """
-    d, parts = rules.physics.dimension, rules.parts
-    state_type, tally_type = Record(4 * d, width), Record(TALLY, width)
+def _begin(rules: _Rules, width: int) -> Callable[..., Any]:
+    """Python text of ``begin(rows)``: each lane's tally anew, with the energy of its state as H0."""
+    state_type, tally_type = Record(4 * rules.physics.dimension, width), Record(TALLY, width)
     load_state, load_tally = record_loader(state_type), record_loader(tally_type)
     store_tally = record_storer(tally_type)
-    begin = record_function(rules.begin, tally_type, state_type, tally_type)
-    size, height = 4 * d, 4 * d + TALLY
-    far = np.iinfo(np.int64).max
+    fresh = record_function(rules.begin, tally_type, state_type, tally_type)
+    tally_at = 4 * rules.physics.dimension * width
 
-    def run(  # type: ignore[no-untyped-def]
-        order, marks, scheme, start, limit, stages, kick_first, drift, kick,
-        states, energy_error, worst, total, energy, left_at,
-    ):  # fmt: skip
-        samples = marks.shape[1]
-        rows, fresh = np.zeros((height, width)), np.zeros((height, width))
-        drifts, kicks = np.zeros((stages + 1, parts, width)), np.zeros((stages + 1, parts, width))
-        runs, at, mark = np.full(width, -1), np.zeros(width, np.int64), np.zeros(width, np.int64)
-        queued = 0
-        for lane in range(width):  # an idle lane stands still at a regular point
-            for k in range(size):
-                rows[k, lane] = start[order[0], k]
-            rows[size + LIMIT, lane] = np.inf
-        while True:
-            refilled = False
-            for lane in range(width):
-                if runs[lane] < 0 and queued < order.size:
-                    r = order[queued]
-                    queued += 1
-                    runs[lane], at[lane], mark[lane], refilled = r, 0, 1, True
-                    for k in range(size):
-                        rows[k, lane] = start[r, k]
-                        states[r, 0, k] = start[r, k]
-                    energy_error[r, 0], worst[r, 0], total[r, 0] = 0.0, 0.0, 0.0
-                    for i in range(stages + 1):
-                        for part in range(parts):
-                            drifts[i, part, lane] = drift[scheme[r], i, part]
-                            kicks[i, part, lane] = kick[scheme[r], i, part]
-            if refilled:
-                fresh[:size] = rows[:size]
-                fresh[size + LIMIT] = limit
-                flat = fresh.reshape(-1)
-                store_tally(flat, size * width, begin(load_state(flat, 0), load_tally(flat, size * width)))
-                for lane in range(width):
-                    if runs[lane] >= 0 and at[lane] == 0:
-                        rows[size:, lane] = fresh[size:, lane]
-                        energy[runs[lane], 0] = fresh[size + ENERGY, lane]
-                        energy[runs[lane], 1] = fresh[size + ENERGY_LOW, lane]
-            count = far
-            for lane in range(width):
-                if runs[lane] >= 0:
-                    count = min(count, marks[runs[lane], mark[lane]] - at[lane])
-            if count == far:
-                return
-            done = advance(count, stages, kick_first, drifts.reshape(-1), kicks.reshape(-1), rows.reshape(-1))
-            for lane in range(width):
-                r = runs[lane]
-                if r < 0:
-                    continue
-                at[lane] += done
-                finished = False
-                if not abs(rows[size + LATEST, lane]) <= rows[size + LIMIT, lane]:
-                    left_at[r], finished = at[lane], True
-                elif at[lane] == marks[r, mark[lane]]:
-                    m = mark[lane]
-                    for k in range(size):
-                        states[r, m, k] = rows[k, lane]
-                    energy_error[r, m] = rows[size + LATEST, lane]
-                    worst[r, m] = rows[size + WORST, lane]
-                    total[r, m] = rows[size + TOTAL, lane] + rows[size + TOTAL_CARRY, lane]
-                    rows[size + WORST, lane] = rows[size + TOTAL, lane] = rows[size + TOTAL_CARRY, lane] = 0.0
-                    mark[lane] = m + 1
-                    finished = m + 1 == samples or marks[r, m + 1] < 0
-                if finished:
-                    runs[lane] = -1
-                    drifts[:, :, lane] = 0.0
-                    kicks[:, :, lane] = 0.0
-                    for k in range(size):
-                        rows[k, lane] = start[order[0], k]
-                    rows[size + LIMIT, lane] = np.inf
+    def begin(rows):  # type: ignore[no-untyped-def]
+        store_tally(rows, tally_at, fresh(load_state(rows, 0), load_tally(rows, tally_at)))
 
-    return run
+    return begin

@@ -17,7 +17,7 @@ from numba.extending import intrinsic, models, register_model
 from nearharmonic.core.tracing import Emitted
 
 
-class Record(types.Type):  # type: ignore[misc]
+class Record(types.Type):
     """``count`` doubles in each of ``width`` lanes."""
 
     def __init__(self, count: int, width: int) -> None:
@@ -73,7 +73,7 @@ def record_loader(kind: Record) -> Callable[..., Any]:
 
         return kind(array, types.intp), codegen
 
-    return load
+    return load  # type: ignore[no-any-return]
 
 
 def record_storer(kind: Record) -> Callable[..., Any]:
@@ -90,7 +90,7 @@ def record_storer(kind: Record) -> Callable[..., Any]:
 
         return types.void(array, types.intp, kind), codegen
 
-    return store
+    return store  # type: ignore[no-any-return]
 
 
 def record_function(rule: Callable[..., Sequence[Emitted]], result: Record, *arguments: Record) -> Callable[..., Any]:
@@ -127,4 +127,4 @@ def _function(write: Callable[..., ir.Value], result: types.Type, arguments: Seq
         def function(typingctx, a, b, c):  # type: ignore[no-untyped-def]
             return signature, codegen
 
-    return function
+    return function  # type: ignore[no-any-return]

@@ -92,6 +92,15 @@ def _power_of_two(number: Exact) -> bool:
 class _Number:
     """The operators both number types share: subtraction, powers, and constants on the left."""
 
+    def __add__(self, other: Any) -> Any:
+        raise NotImplementedError
+
+    def __mul__(self, other: Any) -> Any:
+        raise NotImplementedError
+
+    def __neg__(self) -> Any:
+        raise NotImplementedError
+
     def __bool__(self) -> bool:
         raise TypeError("a formula must not branch on a value: it is called once, for all values")
 
@@ -110,7 +119,7 @@ class _Number:
     def __pow__(self, exponent: int) -> Any:
         if not isinstance(exponent, int) or exponent < 1:
             raise TypeError(f"a traced number takes whole powers of at least 1, not {exponent!r}")
-        result = self
+        result: Any = self
         for _ in range(exponent - 1):
             result = result * self
         return result

@@ -51,9 +51,9 @@ class System:
 
     ``q0``, ``p0``, ``t_end`` and the parameters are decimal strings: exact, rounded once per precision.
     ``units`` names the units of ``q``, ``p``, ``t`` and ``energy``. ``invariants`` are conserved functions
-    ``f(q, p, *parameters)`` besides the energy; ``observables`` are recorded at the samples;
-    ``period(q, p, *parameters)`` is the period of the exact orbit through floats q, p, if it has one. ``surface_limit`` is the relative energy error beyond which a run has
-    left its energy surface for good; ``surface_reason`` says why that value.
+    ``f(q, p, *parameters)`` besides the energy; ``observables`` are recorded at the samples; ``period(q, p,
+    *parameters)`` is the period of the exact orbit through floats q, p, if it has one. ``surface_limit`` is the
+    relative energy error beyond which a run has left its energy surface for good; ``surface_reason`` says why.
 
     Raises:
         SystemDefinitionError: rows of different length, a string that is no finite number, a unit missing.
