@@ -4,6 +4,7 @@ rule compile:
         touch(f"{RESULTS}/logs/compile/{{system}}.done"),
     log:
         f"{RESULTS}/logs/compile/{{system}}.log",
+    priority: 1  # all runs wait for these
     params:
         precisions=lambda wildcards: SWEEPS[wildcards.system].precision,
         code=lambda wildcards: code_of(wildcards.system, "batch"),
