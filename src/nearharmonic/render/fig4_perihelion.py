@@ -100,10 +100,13 @@ def _add_century_axis(axes: Axes, arcseconds_per_century: float) -> None:
     axes.axhline(level, color="#404040", linestyle=(0, (6, 3)), linewidth=0.9, zorder=1.5)
     axes.annotate(
         f"general relativity: {MERCURY_RELATIVISTIC_ADVANCE}″ per century",
-        (0.012, level),
+        (0.988, level),
         xycoords=("axes fraction", "data"),
-        xytext=(0, 3),
+        xytext=(0, 4),
         textcoords="offset points",
+        ha="right",
         fontsize=8,
+        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1},
+        zorder=5,
         color="#404040",
     )
