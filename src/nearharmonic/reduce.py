@@ -163,6 +163,7 @@ def cube(system: str, runs: Mapping[str, Mapping[str, Sequence[xr.Dataset]]]) ->
         (dataset,) = stacked.values()
     else:
         dataset = _stack([d.assign_coords(precision=precision) for precision, d in stacked.items()], "precision")
+    dataset = dataset.sel(integrator=list(runs))  # an outer join of precisions sorts by name
     best = dataset.isel(precision=0, drop=True) if "precision" in dataset.dims else dataset
     dataset["observed_order"] = observed_order(best.tau, best.max_energy_error)
     dataset.tau_per_stage.attrs |= {"units": problem.units["t"], "long_name": "step size per stage"}
