@@ -150,7 +150,9 @@ def attributes_of(path: str | os.PathLike[str]) -> dict[str, Any]:
         ResultFileError: a file that is missing, truncated or not one of ours.
     """
     with _opened(path) as file:
-        return {name: value for name, value in file.attrs.items() if not name.startswith("_")}
+        named = {name: value for name, value in file.attrs.items() if not name.startswith("_")}
+    # netCDF holds every number as an array; one of length 1 is the number.
+    return {name: value.item() if getattr(value, "size", 0) == 1 else value for name, value in named.items()}
 
 
 def groups_of(path: str | os.PathLike[str]) -> tuple[str, ...]:

@@ -1,6 +1,7 @@
 """The config, checked before any rule exists, and what the rules look up in it."""
 
 from dataclasses import asdict
+from functools import cache
 from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
@@ -28,12 +29,14 @@ wildcard_constraints:
     shard="|".join(map(str, range(max(sweep.shards for sweep in CONFIG.sweeps)))),
 
 
+@cache
 def run_files(system, integrator):
     """The run files of one method on one system."""
     count = shards_of(SWEEPS[system], integrator)
     return [f"{RESULTS}/runs/{system}/{integrator}/{shard}.h5" for shard in range(count)]
 
 
+@cache
 def code_of(system, *layers):
     """Digest of the code of ``layers`` and of one system: editing another system leaves it as it is."""
     return code_digest(*(f"nearharmonic.{layer}" for layer in layers), systems.module_of(system))

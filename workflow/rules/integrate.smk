@@ -1,6 +1,6 @@
 rule integrate:
     input:
-        compiled=ancient(f"{RESULTS}/logs/compile/{{system}}.done"),
+        compiled=f"{RESULTS}/logs/compile/{{system}}.done",
     output:
         f"{RESULTS}/runs/{{system}}/{{integrator}}/{{shard}}.h5",
     log:

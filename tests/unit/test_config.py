@@ -1,0 +1,152 @@
+"""Configs: defaults, refusals in plain words, and a schema that documents itself."""
+
+from __future__ import annotations
+
+import copy
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+from jsonschema import Draft202012Validator
+
+from nearharmonic.config import key_table, load, read_schema
+from nearharmonic.errors import NearharmonicError
+
+ROOT = Path(__file__).parents[2]
+SCHEMA = read_schema(ROOT / "workflow/schemas/config.schema.yaml")
+SMALL = {
+    "name": "small",
+    "integrators": ["ruth", "aba864"],
+    "systems": {
+        "sho": {"tau_per_stage": {"lowest": 0.01, "highest": 1, "points_per_decade": 5}},
+        "kepler": {"t_end": 8766, "tau_per_stage": {"lowest": 1, "highest": 100, "points_per_decade": 5}},
+    },
+}
+GRID = "systems.sho.tau_per_stage"
+
+
+def changed(key, value):
+    """SMALL with the dotted ``key`` set to ``value``."""
+    config = copy.deepcopy(SMALL)
+    *above, last = key.split(".")
+    place = config
+    for step in above:
+        place = place[step]
+    place[last] = value
+    return config
+
+
+def test_keys_that_are_not_given_have_their_defaults():
+    config = load(SMALL, SCHEMA)
+    sho, kepler = config.sweeps
+    assert (sho.t_end, sho.precision, sho.summation, sho.samples, sho.shards) == (
+        "500",
+        ("double",),
+        "compensated",
+        500,
+        2,
+    )
+    assert kepler.t_end == "8766"
+    assert config.decomposition == config.integrators == ("ruth", "aba864")
+
+
+def test_a_config_is_left_as_it_was_given():
+    given = copy.deepcopy(SMALL)
+    load(given, SCHEMA)
+    assert given == SMALL
+
+
+def test_decimal_strings_are_numbers_because_yaml_reads_1e_4_as_a_string():
+    assert yaml.safe_load("1e-2") == "1e-2"
+    assert load(changed(f"{GRID}.lowest", "1e-2"), SCHEMA) == load(SMALL, SCHEMA)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "says"),
+    [
+        ("integrators", [], "integrators = [] is not allowed: a list of at least one integrator"),
+        ("integrators", "ruth", "integrators = 'ruth' is not allowed: a list"),
+        ("integrators", ["ruth", "ruth"], "each named once"),
+        ("integrators", ["ruth", 3], "integrators[1] = 3 is not allowed: the name of an integrator"),
+        ("integrators", ["rut"], "integrators: unknown integrator 'rut'. Did you mean 'ruth'? Known: aba104, "),
+        ("decomposition", ["aba846"], "decomposition: unknown integrator 'aba846'. Did you mean 'aba864'?"),
+        ("systems", {}, "systems = {} is not allowed: at least one system"),
+        ("systems.keplr", SMALL["systems"]["kepler"], "unknown system 'keplr'. Did you mean 'kepler'?"),
+        ("sharsd", 2, "unknown key of the config 'sharsd'. Did you mean 'shards'?"),
+        (f"{GRID}.lowst", 2, f"unknown key of {GRID} 'lowst'. Did you mean 'lowest'?"),
+        (f"{GRID}.lowest", 0, f"{GRID}.lowest = 0 is not allowed: a finite number above 0"),
+        (f"{GRID}.lowest", -0.1, f"{GRID}.lowest = -0.1 is not allowed"),
+        (f"{GRID}.lowest", float("nan"), f"{GRID}.lowest = nan is not allowed"),
+        (f"{GRID}.highest", float("inf"), f"{GRID}.highest = inf is not allowed"),
+        (f"{GRID}.lowest", True, f"{GRID}.lowest = True is not allowed"),
+        (f"{GRID}.lowest", "small", f"{GRID}.lowest = 'small' is not allowed"),
+        (f"{GRID}.lowest", 2, f"{GRID}.highest = 1 is not allowed: a finite number, at least lowest = 2"),
+        (f"{GRID}.lowest", 1e-10, "would take 1666666666667 steps, and one run takes at most 1000000000"),
+        (f"{GRID}.points_per_decade", 0, "a whole number of 1 or more"),
+        ("systems.sho.t_end", 0, "systems.sho.t_end = 0 is not allowed: a finite number above 0"),
+        ("systems.sho.t_end", -500, "systems.sho.t_end = -500 is not allowed"),
+        ("systems.sho.t_end", float("nan"), "systems.sho.t_end = nan is not allowed"),
+        ("systems.sho.t_end", float("inf"), "systems.sho.t_end = inf is not allowed"),
+        ("systems.sho.t_end", None, "systems.sho.t_end = None is not allowed"),
+        ("systems.sho.precision", [], "systems.sho.precision = [] is not allowed"),
+        ("systems.sho.precision", ["extendd"], "systems.sho.precision[0] = 'extendd'"),
+        ("systems.sho.precision", ["extendd"], "Did you mean 'extended'?"),
+        ("summation", "kahan", "summation = 'kahan' is not allowed: one of compensated, plain"),
+        ("samples", 0, "samples = 0 is not allowed: a whole number of 1 or more"),
+        ("samples", 10**9, "samples = 1000000000 is not allowed: a job would hold 2.4e+11 bytes"),
+        ("shards", 0, "shards = 0 is not allowed: a whole number of 1 or more"),
+        ("shards", 1.5, "shards = 1.5 is not allowed"),
+        ("name", "../paper", "name = '../paper' is not allowed: letters, digits"),
+    ],
+)
+def test_a_bad_value_is_refused_with_key_value_and_what_is_allowed(key, value, says):
+    with pytest.raises(NearharmonicError, match=re.escape(says)):
+        load(changed(key, value), SCHEMA)
+
+
+@pytest.mark.parametrize(
+    ("path", "says"),
+    [
+        (["systems"], "the config lacks the key 'systems': at least one system"),
+        (["systems", "sho", "tau_per_stage", "highest"], f"{GRID} lacks the key 'highest': a finite number"),
+    ],
+)
+def test_a_key_that_is_missing_is_named(path, says):
+    config = copy.deepcopy(SMALL)
+    place = config
+    for step in path[:-1]:
+        place = place[step]
+    del place[path[-1]]
+    with pytest.raises(NearharmonicError, match=re.escape(says)):
+        load(config, SCHEMA)
+
+
+def properties(schema):
+    for member in schema.get("properties", {}).values():
+        yield member
+        yield from properties(member)
+    other = schema.get("additionalProperties")
+    if isinstance(other, dict):
+        yield other
+        yield from properties(other)
+
+
+def test_the_schema_is_one_and_describes_every_key():
+    Draft202012Validator.check_schema(SCHEMA)
+    assert all({"description", "allowed", "type"} <= set(m) or "enum" in m for m in properties(SCHEMA))
+
+
+def test_every_number_has_a_unit():
+    numbers = [m for m in properties(SCHEMA) if m.get("type") in ("integer", "number", ["number", "string"])]
+    assert len(numbers) == 6
+    assert all("unit" in member for member in numbers)
+
+
+def test_no_level_of_the_schema_lets_unknown_keys_pass():
+    levels = [SCHEMA, *(m for m in properties(SCHEMA) if m.get("type") == "object")]
+    assert all("additionalProperties" in level for level in levels)
+
+
+def test_the_table_of_keys_in_the_documentation_is_the_schema():
+    assert key_table(SCHEMA) in (ROOT / "config/README.md").read_text(encoding="utf-8")

@@ -1,0 +1,73 @@
+"""The shipped configs: what they plan, and that they stay small enough to be read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from nearharmonic.config import load, read_schema
+from nearharmonic.integrators import BENCHMARKED
+from nearharmonic.plan import plan
+
+ROOT = Path(__file__).parents[2]
+SCHEMA = read_schema(ROOT / "workflow/schemas/config.schema.yaml")
+
+
+def mapping(name):
+    return yaml.safe_load((ROOT / "config" / name).read_text(encoding="utf-8"))
+
+
+def loaded(name):
+    return load(mapping(name), SCHEMA)
+
+
+def count_keys(value):
+    return sum(1 + count_keys(member) for member in value.values()) if isinstance(value, dict) else 0
+
+
+@pytest.mark.parametrize(("file", "name"), [("config.yaml", "paper"), ("smoke.yaml", "smoke")])
+def test_a_config_is_valid_named_and_short(file, name):
+    assert loaded(file).name == name
+    assert count_keys(mapping(file)) <= 60
+
+
+def test_the_paper_takes_its_ten_methods_in_its_order_on_its_three_systems():
+    paper = loaded("config.yaml")
+    assert paper.integrators == BENCHMARKED
+    assert [sweep.system for sweep in paper.sweeps] == ["sho", "henon_heiles", "kepler"]
+
+
+def test_the_paper_has_the_intervals_and_grids_that_its_figures_show():
+    for sweep in loaded("config.yaml").sweeps:
+        assert sweep.points_per_decade >= 40
+        if sweep.system == "kepler":
+            assert (sweep.t_end, sweep.lowest) == ("87660", 0.01)  # ten years of 8766 h
+        else:
+            assert (sweep.t_end, sweep.lowest, sweep.highest) == ("500", 1e-4, 1.0)
+
+
+def test_the_plan_of_the_paper_has_every_run_once():
+    runs = plan(loaded("config.yaml")).runs
+    points = [(r.system, r.integrator, r.precision, tau) for r in runs for tau in r.tau_per_stage]
+    assert len(points) == len(set(points))
+    double = [point for point in points if point[2] == "double"]
+    assert len(double) == 10 * (161 + 161 + 199)  # 4, 4 and 4.95 decades of 40, ends included
+    assert {point[0] for point in points if point[2] == "extended"} == {"sho"}
+
+
+def test_the_plan_of_the_paper_states_the_evaluations_it_spares():
+    omissions = plan(loaded("config.yaml")).omissions
+    assert all(row.evaluations > 0 and row.runs > 0 and row.reason for row in omissions)
+    assert {row.integrator for row in omissions if row.precision == "extended"} == set(BENCHMARKED)
+    assert {row.system for row in omissions if "share one pass" in row.reason} == {"kepler"}
+
+
+def test_the_smoke_run_has_the_shape_of_the_paper_and_a_thousandth_of_its_steps():
+    paper, smoke = loaded("config.yaml"), loaded("smoke.yaml")
+    assert [s.system for s in smoke.sweeps] == [s.system for s in paper.sweeps]
+    assert [s.precision for s in smoke.sweeps] == [s.precision for s in paper.sweeps]
+    assert {run.precision for run in plan(smoke).runs} == {"double", "extended"}
+    steps = {c.name: sum(sum(run.steps) for run in plan(c).runs) for c in (paper, smoke)}
+    assert steps["smoke"] < steps["paper"] / 1000

@@ -1,0 +1,78 @@
+"""What Snakemake would do with the shipped configs, and how it ends with a bad one, before any job runs."""
+
+from __future__ import annotations
+
+import pytest
+import yaml
+
+GRID = {"lowest": 1, "highest": 100, "points_per_decade": 5}
+
+
+def test_the_paper_fans_out_over_methods_systems_and_shards(project):
+    jobs = project.jobs()
+    assert jobs["integrate"] == 10 * 3 * 2
+    assert (jobs["compile"], jobs["reduce"], jobs["decompose"]) == (3, 3, 1)
+    assert all(jobs[f"fig{n}"] == 1 for n in range(1, 7))
+
+
+def test_the_smoke_run_is_the_same_workflow(project):
+    smoke, paper = project.jobs("--configfile", "config/smoke.yaml"), project.jobs()
+    assert set(smoke) == set(paper)
+    assert smoke["integrate"] == 3 * 3 * 2
+
+
+def test_a_figure_asks_for_no_more_than_it_shows(project):
+    assert project.jobs("fig2") == {"fig2": 1, "decompose": 1}
+    assert project.jobs("fig6") == {"fig6": 1}
+    assert project.jobs("fig3") == {"fig3": 1, "reduce": 1, "integrate": 20, "compile": 1}
+    assert project.jobs("fig4", "fig5")["integrate"] == 20
+
+
+def test_the_target_figures_makes_all_six(project):
+    jobs = project.jobs("figures")
+    assert {name for name in jobs if name.startswith("fig")} == {"figures", *(f"fig{n}" for n in range(1, 7))}
+
+
+def test_one_shard_for_each_step_size_works(project):
+    assert project.jobs("fig3", "--config", "shards=1000")["integrate"] == 10 * 161
+
+
+def test_a_config_stands_alone(project):
+    (project.folder / "alone.yaml").write_text(
+        "name: alone\nintegrators: [ruth]\n"
+        "systems: {sho: {tau_per_stage: {lowest: 0.1, highest: 1, points_per_decade: 4}}}\n"
+    )
+    jobs = project.jobs("--configfile", "alone.yaml")
+    assert (jobs["compile"], jobs["integrate"]) == (1, 2)
+    assert {name for name in jobs if name.startswith("fig")} == {"fig1", "fig2", "fig6"}
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "says"),
+    [
+        ("integrators", ["rut"], "unknown integrator 'rut'. Did you mean 'ruth'?"),
+        ("systems.keplr", {"tau_per_stage": GRID}, "unknown system 'keplr'. Did you mean 'kepler'?"),
+        ("sharsd", 2, "unknown key of the config 'sharsd'. Did you mean 'shards'?"),
+        ("integrators", [], "integrators = [] is not allowed: a list of at least one integrator"),
+        ("shards", 0, "shards = 0 is not allowed: a whole number of 1 or more"),
+        ("systems.sho.t_end", float("nan"), "systems.sho.t_end = nan is not allowed: a finite number above 0"),
+        ("systems.sho.t_end", -1, "systems.sho.t_end = -1 is not allowed: a finite number above 0"),
+        ("systems.sho.tau_per_stage.lowest", 0, "systems.sho.tau_per_stage.lowest = 0 is not allowed"),
+        ("systems.sho.tau_per_stage.highest", float("inf"), "systems.sho.tau_per_stage.highest = inf is not allowed"),
+        ("systems.sho.tau_per_stage.lowest", 1e-12, "t_end = 20 would take 6666666666667 steps"),
+    ],
+)
+def test_a_bad_config_ends_with_status_1_and_one_message(project, key, value, says):
+    config = yaml.safe_load((project.folder / "config/smoke.yaml").read_text())
+    *above, last = key.split(".")
+    place = config
+    for step in above:
+        place = place[step]
+    place[last] = value
+    (project.folder / "bad.yaml").write_text(yaml.safe_dump(config))
+    done = project.snakemake("-j1", "--configfile", "bad.yaml")
+    assert done.returncode == 1
+    assert done.stdout.count(says) == 1
+    assert done.stdout.count("Error") == 1
+    assert "Traceback" not in done.stdout
+    assert not (project.folder / "results").exists()
