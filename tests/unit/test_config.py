@@ -122,6 +122,12 @@ def test_a_key_that_is_missing_is_named(path, says):
         load(config, SCHEMA)
 
 
+def test_of_two_faults_the_one_nearer_to_the_top_is_told():
+    config = changed(f"{GRID}.lowst", 2) | {"shards": 0}
+    with pytest.raises(NearharmonicError, match="shards = 0"):
+        load(config, SCHEMA)
+
+
 def properties(schema):
     for member in schema.get("properties", {}).values():
         yield member

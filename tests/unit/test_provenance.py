@@ -72,12 +72,12 @@ def test_imports_inside_functions_count_and_those_for_the_type_checker_do_not(tm
         "__init__": "import nearharmonic.never",
         "a": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from nearharmonic import c\n"
         "def f():\n    import nearharmonic.b\n",
-        "b": "from nearharmonic.part import leaf, number\nimport json",
+        "b": "import json\nimport nearharmonic.part.leaf",
         "c": "",
         "part/__init__": "from . import sibling\nnumber = 1",
         "part/leaf": "from ..d import something",
         "part/sibling": "",
-        "d": "import nearharmonic.a",
+        "d": "from nearharmonic import a, b",
     }.items():
         (root / f"{name}.py").write_text(text)
     found = {module.removeprefix("nearharmonic.") for module in closure("nearharmonic.a", root=root)}

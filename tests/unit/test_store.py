@@ -110,6 +110,15 @@ def test_lengths_that_contradict_a_dimension_are_refused(tmp_path, variables):
         store.write(tmp_path / "0.h5", variables, {})
 
 
+def test_a_file_is_replaced_at_once_so_that_its_readers_keep_the_old_one(tmp_path, variables):
+    store.write(tmp_path / "0.h5", variables, {})
+    with (tmp_path / "0.h5").open("rb") as reader:
+        before = (tmp_path / "0.h5").read_bytes()
+        store.write(tmp_path / "0.h5", variables, {"changed": "yes"})
+        assert reader.read() == before
+    assert (tmp_path / "0.h5").read_bytes() != before
+
+
 def test_a_write_that_is_interrupted_leaves_the_old_file_and_nothing_else(tmp_path, variables, monkeypatch):
     store.write(tmp_path / "0.h5", variables, {})
     before = (tmp_path / "0.h5").read_bytes()
