@@ -160,10 +160,13 @@ def integrate_batch(
     states = np.full((runs, kept, 4 * system.dimension), np.nan)
     error, worst, total = (np.full((runs, kept), np.nan) for _ in range(3))
     energy, left_at = np.zeros((runs, 2)), np.zeros(runs, np.int64)
+    from nearharmonic.core.scheduler import workspace
+
     kernel.run(
         np.argsort(-count, kind="stable"), marks, scheme.astype(np.int64).reshape(-1), np.ascontiguousarray(start),
         system.surface_limit, tableau.stages, tableau.first == "kick", drift, kick,
         states, error, worst, total, energy, left_at,
+        *workspace(4 * system.dimension, kernel.parts, kernel.width, tableau.stages),
     )  # fmt: skip
     return _trajectories(system, tableau, count, marks, states, (error, worst, total), energy, left_at)
 

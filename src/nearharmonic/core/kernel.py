@@ -157,14 +157,14 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, ev
     key = sha256(text.encode()).hexdigest()
     inner = named(_advance(rules, width, every_step), key)
     begin = named(_begin(rules, width), key)
-    run = named(lane_scheduler(4 * physics.dimension, rules.parts, width, strict(inner), strict(begin)), key)
-    matrix, cube = types.float64[:, ::1], types.float64[:, :, ::1]
+    run = named(lane_scheduler(4 * physics.dimension, width, strict(inner), strict(begin)), key)
+    vector, matrix, cube = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
     whole, wholes = types.int64, types.int64[::1]
     signature = types.void(
         wholes, types.int64[:, ::1], wholes, matrix, types.float64, types.int64, types.boolean,
-        types.float64[:, :, ::1], types.float64[:, :, ::1], cube, matrix, matrix, matrix, matrix, wholes,
+        cube, cube, cube, matrix, matrix, matrix, matrix, wholes, *[vector] * 4, *[wholes] * 3,
     )  # fmt: skip
-    call = types.int64(whole, whole, types.boolean, types.float64[::1], types.float64[::1], types.float64[::1])
+    call = types.int64(whole, whole, types.boolean, vector, vector, vector)
     return Kernel(
         width=width,
         dimension=physics.dimension,

@@ -1,4 +1,8 @@
-"""A queue of runs through the lanes of a kernel: a lane that finishes, or whose run has left, takes the next run."""
+"""A queue of runs through the lanes of a kernel: a lane that finishes, or whose run has left, takes the next run.
+
+The compiled text below uses loops over flat arrays only, which the caller allocates: slices, reshapes and allocations
+would pull numba's array library into the compilation and treble its time.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nearharmonic.core.cache import strict
 
@@ -13,43 +18,57 @@ from nearharmonic.core.cache import strict
 WORST, TOTAL, TOTAL_CARRY, LATEST, ENERGY, ENERGY_LOW, LIMIT = range(7)
 TALLY = 7
 
+_FAR = np.iinfo(np.int64).max
+
+
+def workspace(size: int, parts: int, width: int, stages: int) -> tuple[NDArray[Any], ...]:
+    """The flat arrays that ``run`` works in: two row blocks, drifts, kicks; and per lane its run, step and sample."""
+    rows = (size + TALLY) * width
+    coefficients = (stages + 1) * parts * width
+    floats = tuple(np.zeros(n) for n in (rows, rows, coefficients, coefficients))
+    return (*floats, *(np.zeros(width, np.int64) for _ in range(3)))
+
 
 @strict
-def _idle(rows, drifts, kicks, runs, lane, start):  # type: ignore[no-untyped-def]
+def _fill(rows, drifts, kicks, lane, width, size, start, drift, kick, limit):  # type: ignore[no-untyped-def]
+    """The lane takes up the state ``start`` and the coefficients of its run."""
+    for k in range(size):
+        rows[k * width + lane] = start[k]
+    for k in range(size, size + TALLY):
+        rows[k * width + lane] = 0.0
+    rows[(size + LIMIT) * width + lane] = limit
+    for i in range(drift.shape[0]):
+        for part in range(drift.shape[1]):
+            place = (i * drift.shape[1] + part) * width + lane
+            drifts[place], kicks[place] = drift[i, part], kick[i, part]
+
+
+@strict
+def _idle(rows, drifts, kicks, lane, width, size, start):  # type: ignore[no-untyped-def]
     """The lane stands still at ``start``, a regular point: a NaN in an idle lane would stop the others."""
-    size = start.size
-    runs[lane] = -1
-    drifts[:, :, lane] = 0.0
-    kicks[:, :, lane] = 0.0
-    rows[:size, lane] = start
-    rows[size:, lane] = 0.0
-    rows[size + LIMIT, lane] = np.inf
+    for k in range(size):
+        rows[k * width + lane] = start[k]
+    for k in range(size, size + TALLY):
+        rows[k * width + lane] = 0.0
+    rows[(size + LIMIT) * width + lane] = np.inf
+    for place in range(lane, drifts.size, width):
+        drifts[place] = kicks[place] = 0.0
 
 
 @strict
-def _assign(rows, drifts, kicks, lane, start, drift, kick, limit):  # type: ignore[no-untyped-def]
-    """The lane takes up a run at its start."""
-    size = start.size
-    rows[:size, lane] = start
-    rows[size + LIMIT, lane] = limit
-    drifts[:, :, lane] = drift
-    kicks[:, :, lane] = kick
-
-
-@strict
-def _record(rows, lane, states, energy_error, worst, total):  # type: ignore[no-untyped-def]
+def _record(rows, lane, width, size, sample, states, energy_error, worst, total):  # type: ignore[no-untyped-def]
     """One sample of the lane, and what its block of steps since the last sample came to."""
-    size = states.size
-    states[:] = rows[:size, lane]
-    tally = rows[size:, lane]
-    energy_error[0] = tally[LATEST]
-    worst[0] = tally[WORST]
-    total[0] = tally[TOTAL] + tally[TOTAL_CARRY]
-    tally[WORST] = tally[TOTAL] = tally[TOTAL_CARRY] = 0.0
+    for k in range(size):
+        states[sample, k] = rows[k * width + lane]
+    tally = size * width + lane
+    energy_error[sample] = rows[tally + LATEST * width]
+    worst[sample] = rows[tally + WORST * width]
+    total[sample] = rows[tally + TOTAL * width] + rows[tally + TOTAL_CARRY * width]
+    rows[tally + WORST * width] = rows[tally + TOTAL * width] = rows[tally + TOTAL_CARRY * width] = 0.0
 
 
 def lane_scheduler(
-    size: int, parts: int, width: int, advance: Callable[..., Any], begin: Callable[..., Any]
+    size: int, width: int, advance: Callable[..., Any], begin: Callable[..., Any]
 ) -> Callable[..., None]:
     """Python text of ``run``, to be compiled around a kernel's ``advance`` and ``begin``.
 
@@ -59,20 +78,19 @@ def lane_scheduler(
     (schemes, stages + 1, parts) with the step size multiplied in. Results, filled in place: ``states`` (R, S, size);
     ``energy_error`` (R, S) signed H - H0; ``worst`` and ``total`` (R, S) of |H - H0| over the steps since the last
     sample; ``energy`` (R, 2) H0 as a pair; ``left_at`` (R,) the step at which a run left its energy surface, or 0.
+    Then the arrays of :func:`workspace`.
     """
-    far = np.iinfo(np.int64).max
 
     def run(  # type: ignore[no-untyped-def]
         order, marks, scheme, start, limit, stages, kick_first, drift, kick,
         states, energy_error, worst, total, energy, left_at,
+        rows, fresh, drifts, kicks, runs, at, mark,
     ):  # fmt: skip
-        rows, fresh = np.zeros((size + TALLY, width)), np.zeros((size + TALLY, width))
-        drifts, kicks = np.zeros((stages + 1, parts, width)), np.zeros((stages + 1, parts, width))
-        runs, at, mark = np.full(width, -1), np.zeros(width, np.int64), np.zeros(width, np.int64)
         rest = start[order[0]]
         queued = 0
         for lane in range(width):
-            _idle(rows, drifts, kicks, runs, lane, rest)
+            runs[lane] = -1
+            _idle(rows, drifts, kicks, lane, width, size, rest)
         while True:
             before = queued
             for lane in range(width):
@@ -80,36 +98,43 @@ def lane_scheduler(
                     r = order[queued]
                     queued += 1
                     runs[lane], at[lane], mark[lane] = r, 0, 0
-                    _assign(rows, drifts, kicks, lane, start[r], drift[scheme[r]], kick[scheme[r]], limit)
+                    _fill(rows, drifts, kicks, lane, width, size, start[r], drift[scheme[r]], kick[scheme[r]], limit)
             if queued > before:
-                fresh[:] = rows
-                begin(fresh.reshape(-1))
+                for place in range(rows.size):
+                    fresh[place] = rows[place]
+                begin(fresh)
                 for lane in range(width):
                     r = runs[lane]
                     if r >= 0 and mark[lane] == 0:
-                        rows[size:, lane] = fresh[size:, lane]
-                        energy[r, 0], energy[r, 1] = fresh[size + ENERGY, lane], fresh[size + ENERGY_LOW, lane]
-                        _record(rows, lane, states[r, 0], energy_error[r], worst[r], total[r])
+                        for place in range(size * width + lane, rows.size, width):
+                            rows[place] = fresh[place]
+                        energy[r, 0] = rows[(size + ENERGY) * width + lane]
+                        energy[r, 1] = rows[(size + ENERGY_LOW) * width + lane]
+                        _record(rows, lane, width, size, 0, states[r], energy_error[r], worst[r], total[r])
                         mark[lane] = 1
-            count = far
+            count = _FAR
             for lane in range(width):
                 if runs[lane] >= 0:
                     count = min(count, marks[runs[lane], mark[lane]] - at[lane])
-            if count == far:
+            if count == _FAR:
                 return
-            done = advance(count, stages, kick_first, drifts.reshape(-1), kicks.reshape(-1), rows.reshape(-1))
+            done = advance(count, stages, kick_first, drifts, kicks, rows)
             for lane in range(width):
                 r, m = runs[lane], mark[lane]
                 if r < 0:
                     continue
                 at[lane] += done
-                if not abs(rows[size + LATEST, lane]) <= rows[size + LIMIT, lane]:
+                if not abs(rows[(size + LATEST) * width + lane]) <= rows[(size + LIMIT) * width + lane]:
                     left_at[r] = at[lane]
-                    _idle(rows, drifts, kicks, runs, lane, rest)
+                    finished = True
                 elif at[lane] == marks[r, m]:
-                    _record(rows, lane, states[r, m], energy_error[r, m:], worst[r, m:], total[r, m:])
+                    _record(rows, lane, width, size, m, states[r], energy_error[r], worst[r], total[r])
                     mark[lane] = m + 1
-                    if m + 1 == marks.shape[1] or marks[r, m + 1] < 0:
-                        _idle(rows, drifts, kicks, runs, lane, rest)
+                    finished = m + 1 == marks.shape[1] or marks[r, m + 1] < 0
+                else:
+                    finished = False
+                if finished:
+                    runs[lane] = -1
+                    _idle(rows, drifts, kicks, lane, width, size, rest)
 
     return run
