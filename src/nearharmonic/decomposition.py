@@ -7,12 +7,12 @@ are rational and known without rounding; mpmath enters where a number is asked f
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from functools import lru_cache
 from math import factorial, lcm
 from numbers import Integral
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from mpmath import inf, isfinite, mp, mpf
 
@@ -22,6 +22,9 @@ from nearharmonic.tableau import First, Tableau
 
 #: Coefficients of tau^0, tau^1, ...
 Polynomial = tuple[Fraction, ...]
+
+#: What of the new state is decomposed.
+Variable = Literal["position", "momentum"]
 
 #: Decimal digits that the closed forms are evaluated with: more than any error they are compared with needs.
 CLOSED_FORM_DIGITS = 50
@@ -39,36 +42,63 @@ class StepPolynomials(NamedTuple):
     K22: Polynomial
 
 
-def kappa(integrator: str | Tableau, highest: int, *, first: First | None = None) -> list[Any]:
-    """Position error terms [kappa_1, ..., kappa_highest] of one step (Nielsen 2015, Eq. 17), as mpf.
+def kappa(
+    integrator: str | Tableau, highest: int, *, first: First | None = None, variable: Variable = "position"
+) -> list[Any]:
+    """Error terms [kappa_1, ..., kappa_highest] of one step (Nielsen 2015, Eq. 17), as mpf.
 
-    kappa_l = |q^(l)(0) - l! zeta_l|, where zeta_l is the coefficient of tau^l in the new position and q(t) the exact
-    solution, both from q_a = -p_a = 1. ``first`` names the operator that the outer row is given to; None leaves it as
-    declared. The values are exact for the printed coefficients, then rounded to ten digits more than these have: one
-    that vanishes for the true coefficients shows what the printed digits leave of it. Past :func:`lambda_max` no term
-    of the step is left and kappa_l = 1.
+    kappa_l = |x^(l)(0) - l! zeta_l|, where zeta_l is the coefficient of tau^l in the new position (or momentum, which
+    the paper leaves aside) and x(t) the exact one, both from q_a = -p_a = 1. ``first`` names the operator that the
+    outer row is given to; None leaves it as declared. The values are exact for the printed coefficients, then rounded
+    to ten digits more than these have: one that vanishes for the true coefficients shows what the printed digits leave
+    of it. Past :func:`lambda_max` no term of the step is left and kappa_l = 1.
 
     Raises:
         UnknownNameError: no integrator has this name.
-        SettingError: ``highest`` is no integer >= 1, or ``first`` no operator.
+        SettingError: ``highest`` is no integer >= 1, ``first`` no operator, or ``variable`` none of the two.
     """
     if isinstance(highest, bool) or not isinstance(highest, Integral) or highest < 1:
         key = "highest"
         raise bad_setting(key, highest, "an integer >= 1")
-    tableau = _tableau(integrator, first)
+    tableau = tableau_of(integrator, first)
+    terms = zeta(tableau, variable=variable)
     with mp.workdps(max(mp.dps, tableau.digits + 10)):
-        return [_rounded(abs(error)) for error in _position_errors(tableau, int(highest))]
+        return [_rounded(abs(error)) for error in _errors(terms, int(highest), variable)]
 
 
-def lambda_max(integrator: str | Tableau, *, first: First | None = None) -> int:
-    """Highest power of tau in the new position: 2s if the kick comes first (BAB), 2s + 1 for the drift (ABA).
+def zeta(
+    integrator: str | Tableau, *, first: First | None = None, variable: Variable = "position"
+) -> tuple[Fraction, ...]:
+    """Contributions (zeta_0, ..., zeta_lambda_max) of each order to the new position or momentum (Nielsen 2015, Eq. 7).
+
+    Exact, from q_a = -p_a = 1 and m = k = 1.
 
     Raises:
         UnknownNameError: no integrator has this name.
-        SettingError: ``first`` is no operator.
+        SettingError: ``first`` is no operator, or ``variable`` neither "position" nor "momentum".
     """
-    tableau = _tableau(integrator, first)
-    return 2 * tableau.stages + (tableau.first == "drift")
+    tableau = tableau_of(integrator, first)
+    highest = lambda_max(tableau, variable=variable)
+    K = _step_polynomials(tableau)
+    from_q, from_p = (K.K11, K.K12) if variable == "position" else (K.K21, K.K22)
+    return tuple(a - b for a, b in zip(from_q, from_p, strict=True))[: highest + 1]
+
+
+def lambda_max(integrator: str | Tableau, *, first: First | None = None, variable: Variable = "position") -> int:
+    """Highest power of tau in the new position: 2s if the kick comes first (BAB), 2s + 1 for the drift (ABA).
+
+    In the new momentum the two are exchanged.
+
+    Raises:
+        UnknownNameError: no integrator has this name.
+        SettingError: ``first`` is no operator, or ``variable`` neither "position" nor "momentum".
+    """
+    if variable not in {"position", "momentum"}:
+        key = "variable"
+        raise bad_setting(key, variable, "it is 'position' or 'momentum'")
+    tableau = tableau_of(integrator, first)
+    moved_last = "position" if tableau.first == "drift" else "momentum"
+    return 2 * tableau.stages + (variable == moved_last)
 
 
 def step_polynomials(integrator: str | Tableau, *, first: First | None = None) -> StepPolynomials:
@@ -78,7 +108,7 @@ def step_polynomials(integrator: str | Tableau, *, first: First | None = None) -
         UnknownNameError: no integrator has this name.
         SettingError: ``first`` is no operator.
     """
-    return _step_polynomials(_tableau(integrator, first))
+    return _step_polynomials(tableau_of(integrator, first))
 
 
 def stability_trace(integrator: str | Tableau, tau: Any, *, first: First | None = None) -> Any:
@@ -88,7 +118,7 @@ def stability_trace(integrator: str | Tableau, tau: Any, *, first: First | None 
         UnknownNameError: no integrator has this name.
         SettingError: ``tau`` is no finite number above 0, or ``first`` no operator.
     """
-    closed_form, step = _closed_form(_tableau(integrator, first)), _step_size(tau)
+    closed_form, step = _closed_form(tableau_of(integrator, first)), _step_size(tau)
     with mp.workdps(CLOSED_FORM_DIGITS):
         return _value(closed_form.trace, step)
 
@@ -103,7 +133,7 @@ def harmonic_energy_error(integrator: str | Tableau, tau: Any, *, first: First |
         UnknownNameError: no integrator has this name.
         SettingError: ``tau`` is no finite number above 0, or ``first`` no operator.
     """
-    closed_form, step = _closed_form(_tableau(integrator, first)), _step_size(tau)
+    closed_form, step = _closed_form(tableau_of(integrator, first)), _step_size(tau)
     with mp.workdps(CLOSED_FORM_DIGITS):
         K12 = _value(closed_form.K12, step)
         if abs(_value(closed_form.trace, step)) > 2 or K12 == 0:
@@ -151,16 +181,21 @@ def _step_polynomials(tableau: Tableau) -> StepPolynomials:
     return StepPolynomials(K11, K12, K21, K22)
 
 
-def _position_errors(tableau: Tableau, highest: int) -> Iterator[Fraction]:
-    """q^(l)(0) - l! zeta_l for l = 1 ... highest: q_b = K11 - K12 against cos(tau) - sin(tau)."""
-    K = _step_polynomials(tableau)
-    zeta = [a - b for a, b in zip(K.K11, K.K12, strict=True)]
+def _errors(terms: Sequence[Fraction], highest: int, variable: Variable) -> Iterator[Fraction]:
+    """x^(l)(0) - l! zeta_l for l = 1 ... highest; q(t) = cos t - sin t, and p is its derivative."""
+    ahead = 0 if variable == "position" else 1
     for power in range(1, highest + 1):
-        derivative = (1, -1, -1, 1)[power % 4]
-        yield derivative - factorial(power) * (zeta[power] if power < len(zeta) else Fraction(0))
+        derivative = (1, -1, -1, 1)[(power + ahead) % 4]
+        yield derivative - factorial(power) * (terms[power] if power < len(terms) else Fraction(0))
 
 
-def _tableau(integrator: str | Tableau, first: First | None) -> Tableau:
+def tableau_of(integrator: str | Tableau, first: First | None = None) -> Tableau:
+    """The tableau of this name, or the one given, with its outer row given to the operator ``first``.
+
+    Raises:
+        UnknownNameError: no integrator has this name.
+        SettingError: ``first`` is no operator.
+    """
     return (integrator if isinstance(integrator, Tableau) else integrators[integrator]).role(first)
 
 
