@@ -6,7 +6,6 @@
 
 from __future__ import annotations
 
-from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 # The registries and functions share their names with the modules that define them: bound here, at import, they win.
@@ -20,10 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["NearharmonicError", "__version__", "integrate", "integrators", "kappa", "sweep", "systems"]
 
-try:
-    __version__ = version("nearharmonic")
-except PackageNotFoundError:  # a source tree that was never installed
-    __version__ = "0+unknown"
+__version__ = "0.1.0"
 
 
 def __getattr__(name: str) -> Any:
