@@ -10,7 +10,8 @@ Printed coefficients fulfil an order condition only to their digits. If each of 
     m 10^-digits M^(n-1) [x^(n-1)] e^x / (2 - e^x)  <=  m 10^-digits M^(n-1) (3/2)^n
 
 in total, M being the sum of the absolute values of all coefficients: the first-order perturbation of log(1 + X) with
-every term replaced by its absolute value. A condition counts as fulfilled within this bound, and not otherwise.
+every term replaced by its absolute value. A condition counts as fulfilled within this bound, and not otherwise: so
+coefficients of a dozen digits may show a higher order than they have, since nothing they violate can be told from them.
 """
 
 from __future__ import annotations
