@@ -114,7 +114,7 @@ def test_a_contradictory_system_cannot_be_built(change, words):
 
 def test_a_formula_that_branches_on_a_value_is_refused_with_the_systems_name():
     def grad_V(q):
-        return (q[0] if q[0] else q[0],)
+        return (q[0] if q[0] else -q[0],)
 
     sound = nh.systems["sho"]
     fields = {name: getattr(sound, name) for name in ("label", "V", "q0", "p0", "t_end", "units", "source")}

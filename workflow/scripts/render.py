@@ -7,8 +7,6 @@ from nearharmonic.store import read
 
 with logged(snakemake.log[0]):
     module = import_module(f"nearharmonic.render.{snakemake.params.module}")
-    if snakemake.input:
-        shown = read(snakemake.input[0])
-    else:
-        shown = import_module("nearharmonic.substeps").paper_panels()
+    substeps = import_module("nearharmonic.substeps")
+    shown = read(snakemake.input[0]) if snakemake.input else substeps.paper_panels()
     save(module.figure(shown), Path(snakemake.output.png).with_suffix(""))
