@@ -47,6 +47,14 @@ def test_a_double_double_sum_is_good_to_three_squared_units(a, b):
 
 
 @given(pairs(), doubles)
+def test_a_double_double_sum_survives_the_cancellation_of_its_high_halves(a, low):
+    """The same bound: what a variant with one step less loses shows only here."""
+    b = arithmetic.two_sum(-a[0], low * 2.0**-60 if abs(low) < abs(a[0]) else a[0] * 2.0**-57)
+    total = exact(a) + exact(b)
+    assert abs(exact(arithmetic.dd_add(a, b)) - total) <= Fraction(31, 10) * U**2 * abs(total)
+
+
+@given(pairs(), doubles)
 def test_adding_a_double_is_good_to_two_squared_units(a, b):
     """Bound 2u^2: the same source, Theorem 2.2."""
     total = exact(a) + Fraction(b)
