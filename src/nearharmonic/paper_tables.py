@@ -16,6 +16,7 @@ from mpmath import isinf, mp, nint
 
 from nearharmonic.decomposition import tableau_of
 from nearharmonic.integrators import integrators
+from nearharmonic.linear_stability import EDGE_DIGITS, stability_gaps
 from nearharmonic.order import (
     ErrorTerm,
     generalised_order_of,
@@ -25,7 +26,6 @@ from nearharmonic.order import (
     order_of,
 )
 from nearharmonic.recursion import closed_sums, momentum_row, position_rows
-from nearharmonic.stability import EDGE_DIGITS, stability_gaps
 from nearharmonic.tableau import First, Tableau
 
 Header = tuple[str, ...]

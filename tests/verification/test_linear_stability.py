@@ -6,7 +6,7 @@ import pytest
 from mpmath import inf, linspace, mp, mpf, sqrt
 
 from nearharmonic.integrators import integrators
-from nearharmonic.stability import stability_end, stability_gaps, stability_limit
+from nearharmonic.linear_stability import stability_end, stability_gaps, stability_limit
 from nearharmonic.tableau import Tableau
 
 from .oracles import oscillator_step
