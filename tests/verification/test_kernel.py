@@ -154,6 +154,14 @@ def test_an_overflow_within_one_step_is_divergence_not_a_finite_maximum():
     assert np.isinf(run.max_energy_error).all()
 
 
+def test_a_run_that_turns_into_nan_leaves_at_that_very_step():
+    """Steps of 1e199 overflow at once: infinity minus infinity, which no comparison with a limit notices."""
+    run = nh.sweep("henon_heiles", "yoshida_s7o6a", [1e199], t_end=1e200)
+    assert run.steps.item() == 10
+    assert run.diverged_at.item() == 1
+    assert np.isinf(run.max_energy_error).all()
+
+
 @pytest.mark.parametrize("integrator", ["ruth", "aba864"])
 def test_the_oscillator_is_lost_just_beyond_its_stability_limit(integrator):
     """First edges of |trace| = 2: 1.573401947 and 3.142177180, each with its gap above."""
