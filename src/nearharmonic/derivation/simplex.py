@@ -1,0 +1,172 @@
+"""The route of the paper: minimise max(kappa_1, ..., kappa_lambda) with an adaptive simplex in long arithmetic.
+
+Nelder & Mead's method with the coefficients of Gao & Han (2012), doi:10.1007/s10589-010-9329-3, which depend on the
+dimension n: reflection 1, expansion 1 + 2/n, contraction 3/4 - 1/(2n), shrinkage 1 - 1/n. Numbers are Python integers
+in units of 2^-bits. The objective has a kink wherever two kappa are equal, and there the simplex collapses short of the
+minimum: it then starts afresh from its best point, with edges whose signs are drawn anew.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import factorial
+from time import perf_counter
+from typing import Any
+
+from mpmath import mp, mpf
+
+from nearharmonic.derivation.equations import DERIVATIVES, Equations
+
+Vertex = tuple[int, list[int]]
+
+#: A simplex has collapsed when its values agree to this many bits.
+COLLAPSED_BITS = 12
+#: Edges of a fresh simplex: 1/20, or this many times the objective if that is less; a solution lies within that many
+#: times the objective where the conditions are as badly scaled as those of the sets in Table 4.
+EDGE_FACTOR = 10_000
+LONGEST_EDGE = (1, 20)
+#: Random points of which the best one starts the first simplex.
+CANDIDATES = 2000
+
+
+@dataclass(frozen=True)
+class Minimised:
+    """Where the simplex ended: ``unknowns`` (mpf) only if ``converged``, else how small the largest kappa became."""
+
+    converged: bool
+    kappa_max: Any
+    unknowns: tuple[Any, ...]
+    evaluations: int
+    restarts: int
+    seconds: float
+
+
+def minimise(
+    equations: Equations,
+    start: Sequence[float],
+    *,
+    seed: int,
+    bits: int = 2048,
+    digits: int = 128,
+    evaluations: int = 40_000,
+    report: Callable[[str], None] = lambda _: None,
+) -> Minimised:
+    """The simplex from ``start`` until kappa_max < 10^-digits, or until the ``evaluations`` are used up."""
+    clock, generator, one = perf_counter(), random.Random(seed), 1 << bits
+    objective = _Objective(equations, bits)
+    x = [round(c * 2**52) << (bits - 52) for c in start]
+    best: Vertex = objective(x), x
+    tolerance, restarts = one // 10**digits, -1
+    longest = one * LONGEST_EDGE[0] // LONGEST_EDGE[1]
+    while best[0] >= tolerance and objective.calls < evaluations:
+        edge = min(longest, best[0] * EDGE_FACTOR)
+        simplex = [best]
+        for i in range(equations.unknowns):
+            vertex = list(best[1])
+            vertex[i] += edge if generator.random() < 0.5 else -edge
+            simplex.append((objective(vertex), vertex))
+        best = _collapse(simplex, objective, tolerance, evaluations, bits)
+        restarts += 1
+        report(f"simplex: {objective.calls} evaluations, kappa_max {_decimal_exponent(best[0], bits)}")
+    converged = best[0] < tolerance
+    with mp.workprec(bits):
+        unknowns = tuple(mpf(c) / one for c in best[1]) if converged else ()
+        kappa_max = mpf(best[0]) / one
+    return Minimised(converged, kappa_max, unknowns, objective.calls, max(restarts, 0), perf_counter() - clock)
+
+
+def random_start(equations: Equations, *, seed: int, box: float = 1.0, candidates: int = CANDIDATES) -> list[float]:
+    """The point with the smallest kappa_max of ``candidates`` random ones in [-box, box], in double."""
+    generator = random.Random(seed)
+    points = [[generator.uniform(-box, box) for _ in range(equations.unknowns)] for _ in range(candidates)]
+    return min(points, key=lambda x: max(map(abs, equations.residuals(x))))
+
+
+def _collapse(
+    simplex: list[Vertex], objective: Callable[[list[int]], int], tolerance: int, evaluations: int, bits: int
+) -> Vertex:
+    """The best vertex when the simplex has collapsed, converged, or used up the evaluations."""
+    n, one = len(simplex) - 1, 1 << bits
+    expansion, contraction = one + 2 * one // n, 3 * one // 4 - one // (2 * n)
+    shrinkage = one - one // n
+    simplex = sorted(simplex, key=_first)
+    while simplex[0][0] >= tolerance and objective.calls < evaluations:  # type: ignore[attr-defined]
+        (lowest, best), (highest, worst) = simplex[0], simplex[-1]
+        if (highest - lowest) << COLLAPSED_BITS < lowest:
+            break
+        centroid = [sum(column) // n for column in zip(*(x for _, x in simplex[:-1]), strict=True)]
+        reflected = _moved(objective, centroid, worst, one, bits)
+        if reflected[0] < lowest:
+            simplex[-1] = min(reflected, _moved(objective, centroid, worst, expansion, bits), key=_first)
+        elif reflected[0] < simplex[-2][0]:
+            simplex[-1] = reflected
+        else:
+            outside = reflected[0] < highest
+            contracted = _moved(objective, centroid, worst, contraction if outside else -contraction, bits)
+            if contracted[0] < min(reflected[0], highest):
+                simplex[-1] = contracted
+            else:
+                shrunk = [
+                    [b + (shrinkage * (c - b) >> bits) for b, c in zip(best, x, strict=True)] for _, x in simplex[1:]
+                ]
+                simplex[1:] = [(objective(x), x) for x in shrunk]
+        simplex.sort(key=_first)
+    return simplex[0]
+
+
+def _moved(
+    objective: Callable[[list[int]], int], centroid: list[int], worst: list[int], factor: int, bits: int
+) -> Vertex:
+    """The vertex at centroid + factor (centroid - worst)."""
+    x = [c + (factor * (c - w) >> bits) for c, w in zip(centroid, worst, strict=True)]
+    return objective(x), x
+
+
+class _Objective:
+    """max(kappa_1, ..., kappa_lambda) of a point, in units of 2^-bits, and how often it was asked for."""
+
+    def __init__(self, equations: Equations, bits: int) -> None:
+        self._equations, self._bits = equations, bits
+        self._scale = [factorial(n) for n in range(equations.harmonic_order + 1)]
+        self.calls = 0
+
+    def __call__(self, x: list[int]) -> int:
+        self.calls += 1
+        bits, highest, s, cut = self._bits, self._equations.harmonic_order, self._equations.stages, len(x)
+        one, cut = 1 << bits, self._equations.outer_unknowns
+        outer, inner = _closed(x[:cut], s + 1, one), _closed(x[cut:], s, one)
+        own, other = [one] + [0] * highest, [-one] + [0] * highest  # position and momentum, by powers of tau
+        if self._equations.first == "kick":
+            _shear(other, own, outer[0], -1, bits)
+        else:
+            _shear(own, other, outer[0], 1, bits)
+        for c, d in zip(inner, outer[1:], strict=True):
+            if self._equations.first == "kick":
+                _shear(own, other, c, 1, bits)
+                _shear(other, own, d, -1, bits)
+            else:
+                _shear(other, own, c, -1, bits)
+                _shear(own, other, d, 1, bits)
+        return max(abs(DERIVATIVES[n % 4] * one - self._scale[n] * own[n]) for n in range(1, highest + 1))
+
+
+def _shear(moved: list[int], by: list[int], c: int, sign: int, bits: int) -> None:
+    """moved += sign c tau by, with one power of tau more each."""
+    for n in range(len(moved) - 1, 0, -1):
+        moved[n] += sign * (c * by[n - 1] >> bits)
+
+
+def _closed(half: list[int], length: int, one: int) -> list[int]:
+    rest = one - 2 * sum(half)
+    return [*half, rest, *reversed(half)] if length % 2 else [*half, rest // 2, rest // 2, *reversed(half)]
+
+
+def _first(vertex: Vertex) -> int:
+    return vertex[0]
+
+
+def _decimal_exponent(number: int, bits: int) -> str:
+    with mp.workprec(bits):
+        return str(mp.nstr(mpf(max(number, 1)) / (1 << bits), 3))
