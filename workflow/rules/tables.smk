@@ -1,4 +1,19 @@
-TABLE_FILES = [f"{RESULTS}/tables/skipped.csv"]
+PAPER_TABLES = multiext(
+    f"{RESULTS}/tables/",
+    *(
+        f"{stem}.{suffix}"
+        for stem in (
+            "table1_structure",
+            "table2_recursion",
+            "table2_values",
+            "table3_even_orders",
+            "table4_coefficients",
+            "integrators",
+        )
+        for suffix in ("csv", "md", "tex")
+    ),
+)
+TABLE_FILES = [f"{RESULTS}/tables/skipped.csv", *PAPER_TABLES]
 
 
 rule skipped:
@@ -13,6 +28,18 @@ rule skipped:
         code=code_digest("nearharmonic.tables", "nearharmonic.store", *METHOD_MODULES),
     script:
         "../scripts/skipped.py"
+
+
+rule paper_tables:
+    output:
+        PAPER_TABLES,
+    log:
+        f"{RESULTS}/logs/tables/paper_tables.log",
+    params:
+        code=code_digest("nearharmonic.paper_tables", "nearharmonic.coefficient_table", "nearharmonic.render.table"),
+        coefficients=coefficients_digest(integrators.values()),
+    script:
+        "../scripts/paper_tables.py"
 
 
 rule manifest:
