@@ -53,6 +53,16 @@ def test_neither_neighbours_nor_sampling_change_a_run(system):
     assert alone.mean_energy_error[0] == pytest.approx(together.mean_energy_error[2], rel=1e-13)
 
 
+def test_a_block_holds_the_maximum_and_mean_of_its_own_steps_alone():
+    every, few = (batch("henon_heiles", "ruth", steps=[800], samples=n) for n in (801, 9))
+    errors = np.abs(every.energy_error[0])
+    for k in range(1, 9):
+        own = errors[few.marks[0, k - 1] + 1 : few.marks[0, k] + 1]
+        assert few.block_max[0, k] == own.max()
+        # A mean of 100 numbers in two orders of summation.
+        assert few.block_mean[0, k] == pytest.approx(own.mean(), rel=1e-14)
+
+
 @pytest.mark.parametrize("system", sorted(nh.systems))
 def test_the_carry_is_not_zero(system):
     """A compiler that may re-associate deletes the carry without a word."""
