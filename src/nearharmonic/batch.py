@@ -72,8 +72,9 @@ class Trajectories:
     the states and what compensation or double-double keeps below them; NaN where there is no sample, or where the run
     had left before. ``energy_error`` (R, S): (H - H0)/|H0|. ``block_max``, ``block_mean`` (R, S): of |H - H0|/|H0|
     over the steps since the previous sample. ``max_energy_error``, ``mean_energy_error`` (R,): over every step,
-    infinite if the run left. ``steps`` (R,) asked for; ``done`` (R,) taken; ``left_at`` (R,) step at which the run left
-    its energy surface, 0 if it did not; ``evaluations`` (R,) of the force; ``energy`` (R,): H0.
+    infinite if the run left. Where the energy is not measured at every step, maxima are over the looks and means NaN.
+    ``steps`` (R,) asked for; ``done`` (R,) taken; ``left_at`` (R,) step at which the run left its energy surface, 0 if
+    it did not; ``evaluations`` (R,) of the force; ``energy`` (R,): H0.
     """
 
     marks: Integers
@@ -137,11 +138,16 @@ def integrate_batch(
     summation: str = "compensated",
     width: int = WIDTH,
     every_step: bool = True,
+    look: int | None = None,
+    double_coefficients: bool = False,
     start: Floats | None = None,
 ) -> Trajectories:
     """Integrate R runs over [0, t_end], run i in ``steps[i]`` equal steps.
 
-    ``start`` (R, 4 d) replaces the system's initial values, laid out as by :func:`start_rows`.
+    ``start`` (R, 4 d) replaces the system's initial values, laid out as by :func:`start_rows`. Without ``every_step``
+    the energy is looked at after every ``look`` steps of the lanes (None: at the samples alone), and errors are those
+    at the looks. They do not depend on what runs beside it if ``look`` divides the steps between the samples.
+    ``double_coefficients`` rounds the products of step size and coefficient to double in extended precision too.
 
     Raises:
         SettingError: H0 = 0, to which no error is relative.
@@ -150,7 +156,9 @@ def integrate_batch(
     kernel = kernel_of(system, precision, "compensated" if precision == "extended" else summation, width, every_step)
     count = np.asarray(steps, dtype=np.int64)
     distinct, scheme = np.unique(count, return_inverse=True)
-    drift, kick = coefficients(tableau, [t_end / int(n) for n in distinct], kernel.parts)
+    drift, kick = coefficients(tableau, [t_end / int(n) for n in distinct], 1 if double_coefficients else kernel.parts)
+    if double_coefficients and kernel.parts > 1:
+        drift, kick = (np.concatenate([row, np.zeros_like(row)], axis=2) for row in (drift, kick))
     if start is None:
         q0, p0 = (tuple(map(Fraction, row)) for row in (system.q0, system.p0))
         one = start_rows(q0, p0, "compensated" if precision == "extended" else summation)
@@ -160,14 +168,16 @@ def integrate_batch(
     states = np.full((runs, kept, 4 * system.dimension), np.nan)
     error, worst, total = (np.full((runs, kept), np.nan) for _ in range(3))
     energy, left_at = np.zeros((runs, 2)), np.zeros(runs, np.int64)
-    from nearharmonic.core.scheduler import workspace
+    from nearharmonic.core.scheduler import FAR, workspace
 
     kernel.run(
         np.argsort(-count, kind="stable"), marks, scheme.astype(np.int64).reshape(-1), np.ascontiguousarray(start),
-        system.surface_limit, tableau.stages, tableau.first == "kick", drift, kick,
+        system.surface_limit, FAR if look is None else look, tableau.stages, tableau.first == "kick", drift, kick,
         states, error, worst, total, energy, left_at,
         *workspace(4 * system.dimension, kernel.parts, kernel.width, tableau.stages),
     )  # fmt: skip
+    if not every_step:
+        total.fill(np.nan)  # sums over looks are no means over steps
     return _trajectories(system, tableau, count, marks, states, (error, worst, total), energy, left_at)
 
 
@@ -194,7 +204,7 @@ def _trajectories(
     }
     with np.errstate(invalid="ignore"):
         largest = np.where(left, np.inf, np.nanmax(worst, axis=1))
-        mean = np.where(left, np.inf, np.nansum(total, axis=1) / steps)
+        mean = np.where(left, np.inf, np.where(np.isnan(total).all(1), np.nan, np.nansum(total, axis=1) / steps))
     return Trajectories(
         marks=marks,
         **result,

@@ -150,7 +150,7 @@ class Kernel:
 def build(physics: Physics, *, extended: bool, compensated: bool, width: int, every_step: bool = True) -> Kernel:
     """Compile the kernel, or load it from the cache.
 
-    ``every_step`` measures the energy at every step; otherwise once at the end of each block.
+    ``every_step`` measures the energy at every step; otherwise once at the end of each stretch of steps.
     """
     rules = _Rules(physics, extended, compensated)
     text = f"{core_digest()} {fingerprint(rules)} {extended} {compensated} {width} {every_step}"
@@ -161,7 +161,7 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, ev
     vector, matrix, cube = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
     whole, wholes = types.int64, types.int64[::1]
     signature = types.void(
-        wholes, types.int64[:, ::1], wholes, matrix, types.float64, types.int64, types.boolean,
+        wholes, types.int64[:, ::1], wholes, matrix, types.float64, whole, whole, types.boolean,
         cube, cube, cube, matrix, matrix, matrix, matrix, wholes, *[vector] * 4, *[wholes] * 3,
     )  # fmt: skip
     call = types.int64(whole, whole, types.boolean, vector, vector, vector)

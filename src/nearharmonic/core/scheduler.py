@@ -18,7 +18,8 @@ from nearharmonic.core.cache import strict
 WORST, TOTAL, TOTAL_CARRY, LATEST, ENERGY, ENERGY_LOW, LIMIT = range(7)
 TALLY = 7
 
-_FAR = np.iinfo(np.int64).max
+#: More steps than any run has.
+FAR = np.iinfo(np.int64).max
 
 
 def workspace(size: int, parts: int, width: int, stages: int) -> tuple[NDArray[Any], ...]:
@@ -74,15 +75,16 @@ def lane_scheduler(
 
     Arguments of ``run``, for R runs of S samples with states of ``size`` = 4 d doubles: ``order`` (R,) the queue;
     ``marks`` (R, S) steps at which to sample, first 0, padded with -1; ``scheme`` (R,) rows of the coefficient arrays;
-    ``start`` (R, size); ``limit`` largest relative energy error; ``stages``; ``kick_first``; ``drift`` and ``kick``
-    (schemes, stages + 1, parts) with the step size multiplied in. Results, filled in place: ``states`` (R, S, size);
+    ``start`` (R, size); ``limit`` largest relative energy error; ``look`` most steps at a stretch: a kernel that does
+    not measure every step looks at the energy that often; ``stages``; ``kick_first``; ``drift`` and ``kick`` (schemes,
+    stages + 1, parts) with the step size multiplied in. Results, filled in place: ``states`` (R, S, size);
     ``energy_error`` (R, S) signed H - H0; ``worst`` and ``total`` (R, S) of |H - H0| over the steps since the last
     sample; ``energy`` (R, 2) H0 as a pair; ``left_at`` (R,) the step at which a run left its energy surface, or 0.
     Then the arrays of :func:`workspace`.
     """
 
     def run(  # type: ignore[no-untyped-def]
-        order, marks, scheme, start, limit, stages, kick_first, drift, kick,
+        order, marks, scheme, start, limit, look, stages, kick_first, drift, kick,
         states, energy_error, worst, total, energy, left_at,
         rows, fresh, drifts, kicks, runs, at, mark,
     ):  # fmt: skip
@@ -112,13 +114,13 @@ def lane_scheduler(
                         energy[r, 1] = rows[(size + ENERGY_LOW) * width + lane]
                         _record(rows, lane, width, size, 0, states[r], energy_error[r], worst[r], total[r])
                         mark[lane] = 1
-            count = _FAR
+            count = FAR
             for lane in range(width):
                 if runs[lane] >= 0:
                     count = min(count, marks[runs[lane], mark[lane]] - at[lane])
-            if count == _FAR:
+            if count == FAR:
                 return
-            done = advance(count, stages, kick_first, drifts, kicks, rows)
+            done = advance(min(count, look), stages, kick_first, drifts, kicks, rows)
             for lane in range(width):
                 r, m = runs[lane], mark[lane]
                 if r < 0:
