@@ -105,10 +105,14 @@ def solve(
     candidates = [(tuple(point.tolist()), hits, False) for point, hits in zip(found.points, found.hits, strict=True)]
     for start in elimination.starts if elimination else ():
         candidates = _joined(candidates, start)
-    roots, unfinished = [], []
+    roots: list[Root] = []
+    unfinished: list[str] = []
     for start, hits, eliminated in candidates:
         outcome = _root(equations, start, digits, hits, eliminated)
-        (unfinished if isinstance(outcome, str) else roots).append(outcome)  # type: ignore[arg-type]
+        if isinstance(outcome, str):
+            unfinished.append(outcome)
+        else:
+            roots.append(outcome)
         report(f"{equations.stages} stages, harmonic order {equations.harmonic_order}: {len(roots)} solutions proved")
     roots.sort(key=lambda root: root.sum_of_absolute_values)
     complete = bool(elimination and elimination.simple and elimination.real_solutions == len(roots) and not unfinished)
