@@ -19,6 +19,12 @@ include: "workflow/rules/render.smk"
 include: "workflow/rules/tables.smk"
 
 
+STABILITY_FILES = []  # each rule file of the stress tests adds its own
+
+
+include: "workflow/rules/stability_structure.smk"
+
+
 rule all:
     default_target: True
     input:
@@ -35,3 +41,8 @@ rule figures:
 rule tables:
     input:
         TABLE_FILES,
+
+
+rule stability:
+    input:
+        STABILITY_FILES,

@@ -1,28 +1,52 @@
-"""Linear stability: for which step sizes an integrator keeps the harmonic oscillator bounded.
+"""Linear stability: for which step sizes an integrator keeps the harmonic oscillator bounded, and what else it does.
 
 A symmetric step has K11 = K22 and det K = 1, hence (tr K / 2)^2 - 1 = K12 K21: the trace leaves [-2, 2] where K12 K21
-becomes positive. Both entries are odd polynomials in tau. Their roots are counted by Sturm's theorem and narrowed down
-by bisection, so that gaps of any narrowness are found.
+becomes positive. That is a polynomial in x = tau^2 with rational coefficients. Its roots are separated by how often
+they occur, an odd number of times (an edge) or an even one (the trace touches 2), counted by Sturm's theorem and
+narrowed down by bisection, so that gaps of any narrowness are found.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from fractions import Fraction
-from itertools import pairwise
-from math import gcd, lcm
-from typing import Any
+from functools import lru_cache
+from typing import Any, NamedTuple
 
-from mpmath import inf, mp, mpf, sqrt
+from mpmath import acosh, inf, isinf, mp, mpf, sqrt
 
-from nearharmonic.decomposition import step_polynomials, tableau_of
+from nearharmonic.decomposition import stability_trace, step_polynomials, tableau_of
+from nearharmonic.sturm import Polynomial, by_parity, common_divisor, derivative, positive_roots, product, whole
 from nearharmonic.tableau import First, Tableau
 
 #: Digits of the edges that are returned.
 EDGE_DIGITS = 30
 
-#: Whole coefficients of x^0, x^1, ..., x = tau^2; a positive factor does not matter.
-Polynomial = list[int]
+#: First edges as another program found them, in C doubles by bisection of the trace: 10 digits.
+KNOWN_LIMITS: Mapping[str, str] = {
+    "ruth": "1.573401947",
+    "s5odr4": "2.720974539",
+    "aba104": "3.089617987",
+    "aba864": "3.142177180",
+    "aba1064": "3.146107336",
+    "yoshida_s7o6a": "2.269057996",
+    "abas5o6h": "3.069226671",
+    "babs7o7h": "3.140769602",
+    "babps8o7h": "3.139720728",
+    "babps9o7h": "3.140827789",
+}
+
+#: Halvings of the bracket in which the largest growth per time is looked for: to 1e-12 of its width.
+_SECTIONS = 60
+
+
+class Growth(NamedTuple):
+    """The largest Lyapunov exponent in a gap: ``per_step`` at step size ``at``, ``per_time`` at ``at_time``; mpf."""
+
+    per_step: Any
+    at: Any
+    per_time: Any
+    at_time: Any
 
 
 def stability_gaps(integrator: str | Tableau, *, first: First | None = None) -> list[tuple[Any, Any]]:
@@ -34,16 +58,23 @@ def stability_gaps(integrator: str | Tableau, *, first: First | None = None) -> 
         UnknownNameError: no integrator has this name.
         SettingError: ``first`` is no operator.
     """
-    K = step_polynomials(tableau_of(integrator, first))
-    entries = [_whole(entry[1::2]) for entry in (K.K12, K.K21)]
-    edges = sorted(edge for entry in entries for edge in _positive_roots(entry))
-    gaps: list[tuple[Any, Any]] = []
-    with mp.workdps(EDGE_DIGITS):
-        for start, end in [*pairwise(edges), (edges[-1], None)]:
-            inside = start + 1 if end is None else (start + end) / 2
-            if start != end and _sign(entries[0], inside) * _sign(entries[1], inside) > 0:
-                gaps.append((_square_root(start), inf if end is None else _square_root(end)))
-    return gaps
+    crossing, _ = _special_squares(tableau_of(integrator, first))
+    # The oscillator is stable for small steps and the trace is unbounded for large ones: the edges alternate.
+    edges = [*_step_sizes(crossing), inf]
+    return list(zip(edges[0::2], edges[1::2], strict=True))
+
+
+def touching_points(integrator: str | Tableau, *, first: First | None = None) -> list[Any]:
+    """The step sizes at which |tr K| reaches 2 without passing it, in ascending order, as mpf to 30 digits.
+
+    The rows and columns of K hold +-1 and 0 there, or one entry more: no growth, but none of the margin left.
+
+    Raises:
+        UnknownNameError: no integrator has this name.
+        SettingError: ``first`` is no operator.
+    """
+    _, touching = _special_squares(tableau_of(integrator, first))
+    return _step_sizes(touching)
 
 
 def stability_limit(integrator: str | Tableau, *, first: First | None = None) -> Any:
@@ -66,84 +97,88 @@ def stability_end(integrator: str | Tableau, *, first: First | None = None) -> A
     return stability_gaps(integrator, first=first)[-1][0]
 
 
-def _positive_roots(polynomial: Polynomial) -> list[Fraction]:
-    """The distinct roots above 0, ascending, each to a relative 2^-110 below or at its true value."""
-    if len(polynomial) == 1:
-        return []
-    chain = _sturm_chain(polynomial)
-    bound = 1 + max(abs(c) for c in polynomial[:-1]) // abs(polynomial[-1]) + 1  # Cauchy's, on all roots
-    waiting, roots = [(Fraction(0), Fraction(2) ** bound.bit_length())], []
-    while waiting:
-        low, high = waiting.pop()
-        count = _sign_changes(chain, low) - _sign_changes(chain, high)
-        if count == 1 and low > 0:
-            roots.append(_narrowed(chain, low, high))
-        elif count:
-            middle = (low + high) / 2
-            waiting += [(low, middle), (middle, high)]
-    return sorted(roots)
+def growth_rate(integrator: str | Tableau, tau: Any, *, first: First | None = None) -> Any:
+    """The larger Lyapunov exponent of a step: ln of the larger |eigenvalue| of K, arcosh(|tr K|/2); 0 where stable.
+
+    Raises:
+        UnknownNameError: no integrator has this name.
+        SettingError: ``tau`` is no finite number above 0, or ``first`` no operator.
+    """
+    half = abs(stability_trace(integrator, tau, first=first)) / 2
+    return acosh(half) if half > 1 else mpf(0)
 
 
-def _narrowed(chain: Sequence[Polynomial], low: Fraction, high: Fraction) -> Fraction:
-    """The one root in (low, high]: by signs of the polynomial alone where they differ, by all its chain elsewhere."""
-    crosses = _sign(chain[0], low) * _sign(chain[0], high) < 0
-    while (high - low) * 2**110 > low:
-        middle = (low + high) / 2
-        if crosses:
-            below = _sign(chain[0], low) != _sign(chain[0], middle)
+def largest_growth(integrator: str | Tableau, gap: tuple[Any, Any], *, first: First | None = None) -> Growth:
+    """The largest growth inside ``gap``, one of :func:`stability_gaps`, as mpf to about 12 digits.
+
+    Per step it is largest at a root of d tr/d tau, all of which are found exactly; per unit of time it is searched for
+    between the neighbours of that point. In the last gap the growth per step has no bound: inf, at inf.
+
+    Raises:
+        UnknownNameError: no integrator has this name.
+        SettingError: ``first`` is no operator.
+    """
+    tableau, (start, end) = tableau_of(integrator, first), gap
+    with mp.workdps(EDGE_DIGITS):
+        inside = [x for x in _extrema(tableau) if start < x < end]
+
+        def per_time(tau: Any) -> Any:
+            return growth_rate(tableau, tau) / tau
+
+        if isinf(end):
+            far = 2 * start
+            while per_time(2 * far) > per_time(far):  # ln of a polynomial over tau: it falls in the end
+                far *= 2
+            at_time = _highest(per_time, start, 2 * far)
+            return Growth(inf, inf, per_time(at_time), at_time)
+        at = max(inside, key=lambda tau: growth_rate(tableau, tau))
+        left = max([start, *(x for x in inside if x < at)])
+        at_time = _highest(per_time, left, at)  # dividing by tau moves a maximum to smaller steps
+        return Growth(growth_rate(tableau, at), at, per_time(at_time), at_time)
+
+
+@lru_cache(maxsize=256)
+def _special_squares(tableau: Tableau) -> tuple[tuple[Fraction, ...], tuple[Fraction, ...]]:
+    """The x = tau^2 at which |tr K| passes 2, and those at which it touches 2."""
+    K = step_polynomials(tableau)
+    a, b = whole(K.K12[1::2]), whole(K.K21[1::2])
+    # With no root in common the factors can be taken by themselves, which takes a fifth of the time.
+    apart = len(common_divisor(a, b)) == 1
+    parts = [by_parity(factor) for factor in ((a, b) if apart else (product(a, b),))]
+    crossing, touching = (
+        tuple(sorted(root for p in side for root in positive_roots(p))) for side in zip(*parts, strict=True)
+    )
+    return crossing, touching
+
+
+@lru_cache(maxsize=256)
+def _extrema(tableau: Tableau) -> list[Any]:
+    """The step sizes at which the trace is stationary, ascending."""
+    return _step_sizes(tuple(positive_roots(derivative(_trace(tableau)))))
+
+
+def _trace(tableau: Tableau) -> Polynomial:
+    K = step_polynomials(tableau)
+    return whole([a + b for a, b in zip(K.K11, K.K22, strict=True)][0::2])
+
+
+def _step_sizes(squares: tuple[Fraction, ...]) -> list[Any]:
+    with mp.workdps(EDGE_DIGITS):
+        return [sqrt(mpf(x.numerator) / x.denominator) for x in squares]
+
+
+def _highest(function: Any, low: Any, high: Any) -> Any:
+    """Where ``function``, with one maximum in [low, high], is largest, by golden section."""
+    ratio = (sqrt(mpf(5)) - 1) / 2
+    left, right = high - ratio * (high - low), low + ratio * (high - low)
+    at_left, at_right = function(left), function(right)
+    for _ in range(_SECTIONS):
+        if at_left > at_right:
+            high, right, at_right = right, left, at_left
+            left = high - ratio * (high - low)
+            at_left = function(left)
         else:
-            below = _sign_changes(chain, low) != _sign_changes(chain, middle)
-        low, high = (low, middle) if below else (middle, high)
-    return low
-
-
-def _sturm_chain(polynomial: Polynomial) -> list[Polynomial]:
-    chain = [polynomial, _primitive([n * c for n, c in enumerate(polynomial)][1:])]
-    while len(chain[-1]) > 1:
-        rest, divisor = list(chain[-2]), chain[-1]
-        while len(rest) >= len(divisor):
-            # Multiplied by a positive number, so that the quotient is whole and no sign is changed.
-            factor, sign, shift = abs(divisor[-1]), (divisor[-1] > 0) - (divisor[-1] < 0), len(rest) - len(divisor)
-            top = sign * rest[-1]
-            rest = [factor * c - top * (divisor[n - shift] if n >= shift else 0) for n, c in enumerate(rest)][:-1]
-        rest = _without_high_zeros(rest)
-        if not rest:
-            break
-        chain.append(_primitive([-c for c in rest]))
-    return chain
-
-
-def _sign_changes(chain: Sequence[Polynomial], x: Fraction) -> int:
-    signs = [sign for sign in (_sign(link, x) for link in chain) if sign]
-    return sum(a != b for a, b in pairwise(signs))
-
-
-def _sign(polynomial: Polynomial, x: Fraction) -> int:
-    """Sign of the polynomial at ``x``, by Horner's rule in whole numbers."""
-    total, scale = 0, 1
-    for coefficient in reversed(polynomial):
-        total = total * x.numerator + coefficient * scale
-        scale *= x.denominator
-    return (total > 0) - (total < 0)
-
-
-def _whole(row: Sequence[Fraction]) -> Polynomial:
-    """``row`` times its common denominator."""
-    unit = lcm(*(c.denominator for c in row))
-    return _primitive(_without_high_zeros([int(c * unit) for c in row]))
-
-
-def _primitive(row: Sequence[int]) -> Polynomial:
-    common = gcd(*row)
-    return [c // common for c in row]
-
-
-def _without_high_zeros(row: Sequence[int]) -> Polynomial:
-    kept = list(row)
-    while kept and kept[-1] == 0:
-        kept.pop()
-    return kept
-
-
-def _square_root(x: Fraction) -> Any:
-    return sqrt(mpf(x.numerator) / x.denominator)
+            low, left, at_left = left, right, at_right
+            right = low + ratio * (high - low)
+            at_right = function(right)
+    return (low + high) / 2
