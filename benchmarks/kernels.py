@@ -21,7 +21,7 @@ import numpy as np
 
 import nearharmonic as nh
 from nearharmonic.batch import coefficients, integrate_batch, kernel_of, start_rows
-from nearharmonic.core.scheduler import ENERGY, LIMIT, TALLY
+from nearharmonic.core.layout import ENERGY, LIMIT, TALLY
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.plan import steps_of
 

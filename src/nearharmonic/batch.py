@@ -168,7 +168,7 @@ def integrate_batch(
     states = np.full((runs, kept, 4 * system.dimension), np.nan)
     error, worst, total = (np.full((runs, kept), np.nan) for _ in range(3))
     energy, left_at = np.zeros((runs, 2)), np.zeros(runs, np.int64)
-    from nearharmonic.core.scheduler import FAR, workspace
+    from nearharmonic.core.layout import FAR, workspace
 
     kernel.run(
         np.argsort(-count, kind="stable"), marks, scheme.astype(np.int64).reshape(-1), np.ascontiguousarray(start),

@@ -1,41 +1,21 @@
-"""A cache of compiled kernels that hits across processes and is never stale.
+"""A cache of jitted functions that hits across processes and is never stale.
 
 Numba's own file cache looks only at the file of the compiled function: it misses for functions that close over others,
 and returns old code when a callee elsewhere has changed (numba issues 1833 and 6772). Here the caller names everything
-that the machine code depends on, and a digest of that is the key. The files live in ``NEARHARMONIC_CACHE_DIR`` if set,
-else in the user's cache folder.
+that the machine code depends on, and a digest of that is the key.
 """
 
 from __future__ import annotations
 
-import hashlib
-import os
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
-import llvmlite
 import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, _CacheLocator
 
-_CORE_SOURCES = sorted(Path(__file__).parent.glob("*.py"))
+from nearharmonic.core.native import cache_folder, core_digest
 
-
-def cache_folder() -> Path:
-    """Where compiled kernels are kept."""
-    chosen = os.environ.get("NEARHARMONIC_CACHE_DIR")
-    if chosen:
-        return Path(chosen)
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "nearharmonic" / "kernels"
-
-
-def core_digest() -> str:
-    """Digest of the sources in this folder and of the compilers' versions."""
-    text = hashlib.sha256(f"{numba.__version__} {llvmlite.__version__}".encode())
-    for path in _CORE_SOURCES:
-        text.update(path.read_bytes())
-    return text.hexdigest()
+__all__ = ["KernelCache", "compiled", "core_digest", "named", "strict"]
 
 
 class _Locator(_CacheLocator):  # type: ignore[misc]

@@ -10,24 +10,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from nearharmonic.core.cache import strict
-
-#: Entries of the tally behind the 4 d rows of the state, in this order.
-WORST, TOTAL, TOTAL_CARRY, LATEST, ENERGY, ENERGY_LOW, LIMIT = range(7)
-TALLY = 7
-
-#: More steps than any run has.
-FAR = np.iinfo(np.int64).max
-
-
-def workspace(size: int, parts: int, width: int, stages: int) -> tuple[NDArray[Any], ...]:
-    """The flat arrays that ``run`` works in: two row blocks, drifts, kicks; and per lane its run, step and sample."""
-    rows = (size + TALLY) * width
-    coefficients = (stages + 1) * parts * width
-    floats = tuple(np.zeros(n) for n in (rows, rows, coefficients, coefficients))
-    return (*floats, *(np.zeros(width, np.int64) for _ in range(3)))
+from nearharmonic.core.layout import ENERGY, ENERGY_LOW, FAR, LATEST, LIMIT, TALLY, TOTAL, TOTAL_CARRY, WORST
 
 
 @strict
@@ -80,7 +65,8 @@ def lane_scheduler(
     stages + 1, parts) with the step size multiplied in. Results, filled in place: ``states`` (R, S, size);
     ``energy_error`` (R, S) signed H - H0; ``worst`` and ``total`` (R, S) of |H - H0| over the steps since the last
     sample; ``energy`` (R, 2) H0 as a pair; ``left_at`` (R,) the step at which a run left its energy surface, or 0.
-    Then the arrays of :func:`workspace`.
+    Then the arrays of
+    :func:`nearharmonic.core.layout.workspace`.
     """
 
     def run(  # type: ignore[no-untyped-def]

@@ -12,7 +12,6 @@ from fractions import Fraction
 from typing import Any
 
 from llvmlite import ir
-from numba.core import cgutils
 
 from nearharmonic.core import arithmetic
 
@@ -37,7 +36,8 @@ class Emitted:
         kind = self.value.type
         suffix = f"v{kind.count}f64" if isinstance(kind, ir.VectorType) else "f64"
         signature = ir.FunctionType(kind, [kind] * len(operands))
-        function = cgutils.get_or_insert_function(self.builder.module, signature, f"llvm.{name}.{suffix}")
+        module, symbol = self.builder.module, f"llvm.{name}.{suffix}"
+        function = module.globals.get(symbol) or ir.Function(module, signature, symbol)
         return Emitted(self.builder, self.builder.call(function, [x.value for x in operands]))
 
     def __add__(self, other: Emitted) -> Emitted:
