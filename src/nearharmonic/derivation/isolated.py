@@ -146,7 +146,7 @@ def _root(equations: Equations, start: Sequence[Any], digits: int, hits: int, el
     place = ", ".join(f"{float(c):.6f}" for c in start)
     if not polished.converged:
         return f"({place}): Newton's method reached a residual of {mp.nstr(polished.residual, 3)}, not 1e-{digits}"
-    proof = prove(equations, polished.unknowns, radius=f"1e-{digits - 28}")
+    proof = prove(equations, polished.unknowns, radius=f"1e-{digits * 3 // 4}")
     if not proof.proved:
         reach = mp.nstr(proof.distance, 3)
         return f"({place}): no proof within {mp.nstr(proof.radius, 3)}: the image of Krawczyk's test reaches {reach}"
