@@ -1,8 +1,13 @@
 """The paper from its config to its figures: config -> plan -> integrate -> reduce -> render."""
 
+import time
+
 from snakemake.utils import min_version
 
+from nearharmonic.tables import summary_line
+
 min_version("9.0")
+STARTED = time.time()
 
 
 # Snakemake merges configs, and systems of the default would leak into another: one that is given stands alone.
@@ -22,6 +27,7 @@ include: "workflow/rules/tables.smk"
 STABILITY_FILES = []  # each rule file of the stress tests adds its own
 
 
+include: "workflow/rules/stability.smk"
 include: "workflow/rules/stability_structure.smk"
 
 
@@ -46,3 +52,10 @@ rule tables:
 rule stability:
     input:
         STABILITY_FILES,
+
+
+onsuccess:
+    # Only a run that made the table again has something new to say.
+    _skipped = Path(f"{RESULTS}/tables/skipped.csv")
+    if _skipped.is_file() and _skipped.stat().st_mtime >= STARTED:
+        print(summary_line(_skipped))
