@@ -22,6 +22,7 @@ include: "workflow/rules/integrate.smk"
 include: "workflow/rules/reduce.smk"
 include: "workflow/rules/render.smk"
 include: "workflow/rules/tables.smk"
+include: "workflow/rules/derive.smk"
 
 
 STABILITY_FILES = []  # each rule file of the stress tests adds its own

@@ -28,12 +28,11 @@ def independent(tableau: Tableau) -> Iterator[tuple[str, int, str]]:
 
 
 def agreeing_digits(printed: str, derived: str) -> int:
-    """Decimals to which two numbers agree, the derived one rounded to as many as the printed one has."""
-    with localcontext(prec=200):
+    """Decimals, at most those printed, to which two numbers differ by less than one unit, however the print rounds."""
+    with localcontext(prec=300):
         places = -int(Decimal(printed).as_tuple().exponent)
-        rounded = Decimal(derived).quantize(Decimal(1).scaleb(-places))
-        difference = abs(rounded - Decimal(printed))
-    return places if difference == 0 else max(0, -difference.adjusted() - 1)
+        difference = abs(Decimal(derived) - Decimal(printed))
+        return next((n for n in range(places, 0, -1) if difference < Decimal(1).scaleb(-n)), 0)
 
 
 def table_4(derived: Mapping[str, Tableau] | None = None) -> tuple[tuple[str, ...], Rows]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,15 +19,24 @@ SHOWN = 4
 def save(header: Sequence[str], rows: Sequence[Sequence[Any]], stem: str | os.PathLike[str], note: str) -> list[Path]:
     """Write ``stem``.csv (every digit), .md and .tex (floats to four digits, under ``note``)."""
     texts = {"csv": _csv(header, rows), "md": _markdown(header, rows, note), "tex": _latex(header, rows, note)}
-    written = []
-    for suffix, text in texts.items():
-        place = Path(f"{os.fspath(stem)}.{suffix}")
-        place.parent.mkdir(parents=True, exist_ok=True)
-        part = place.with_name(f".{place.name}.part")
-        part.write_text(text, encoding="utf-8")
-        part.replace(place)
-        written.append(place)
-    return written
+    places = {suffix: Path(f"{os.fspath(stem)}.{suffix}") for suffix in texts}
+    for suffix, place in places.items():
+        _write(place, texts[suffix])
+    return list(places.values())
+
+
+def save_document(document: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
+    """Write nested numbers and texts as TOML."""
+    import tomli_w
+
+    _write(Path(path), tomli_w.dumps(document))
+
+
+def _write(place: Path, text: str) -> None:
+    place.parent.mkdir(parents=True, exist_ok=True)
+    part = place.with_name(f".{place.name}.part")
+    part.write_text(text, encoding="utf-8")
+    part.replace(place)
 
 
 def _csv(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
