@@ -1,9 +1,9 @@
 """Methods of order six for quadratic kinetic energy and of harmonic order seven or eight: Nielsen's idea, a step on.
 
 What :func:`nearharmonic.search.nystrom_search.nystrom_search` finds and its criterion ranks first among 7 to 11 stages,
-one of each number of stages and composition; where parameters are free, they are at the criterion's minimum, rounded to
-four decimals. No problem was integrated to choose them. For a separable H whose kinetic
-energy is not quadratic their order is four. A label reads like the paper's, with the order before the harmonic order.
+one of each number of stages and composition; free parameters are those of the criterion's minimum, rounded to four
+decimals. No problem was integrated to choose them. For a separable H whose kinetic energy is not quadratic their order
+is four. A label reads like the paper's, with the order before the harmonic order.
 """
 
 from nearharmonic.tableau import QUADRATIC_KINETIC_ENERGY, Tableau, palindrome
