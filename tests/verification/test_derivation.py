@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mpmath import cbrt, mp, mpf
 
+from nearharmonic.decomposition import harmonic_energy_error
 from nearharmonic.derivation.comparison import compare
 from nearharmonic.derivation.derive import UNIQUE, agreement, derive, plain
 from nearharmonic.derivation.elimination import eliminate, reduced_system
@@ -26,6 +27,7 @@ from nearharmonic.derivation.proof import prove
 from nearharmonic.derivation.search import sample, search
 from nearharmonic.derivation.simplex import minimise
 from nearharmonic.errors import SettingError, UnknownNameError
+from nearharmonic.integrate import sweep
 from nearharmonic.integrators import integrators
 
 SEED = 20150106
@@ -225,6 +227,20 @@ def test_sturm_counts_and_isolates_the_roots_of_known_polynomials():
     assert len(sturm_chain([1, -2, 1])[-1]) == 2  # (x - 1)^2 shares a factor with its derivative
 
 
+def test_solutions_come_most_often_hit_first():
+    found = search(Equations(5, 6), starts=2000, seed=SEED)
+    assert list(found.hits) == sorted(found.hits, reverse=True)
+    assert sum(found.hits) == found.converged == len(sample(Equations(5, 6), starts=2000, seed=SEED, box=2.5))
+
+
+def test_a_solution_that_is_counted_but_not_found_leaves_the_set_incomplete(monkeypatch):
+    exact = eliminate(Equations(5, 6))
+    more = replace(exact, real_solutions=exact.real_solutions + 1)
+    monkeypatch.setattr("nearharmonic.derivation.isolated.eliminate", lambda _: more)
+    assert not solve(Equations(5, 6), starts=500, seed=SEED).complete
+    assert not solve(Equations(5, 6), starts=500, seed=SEED, exact=False).complete
+
+
 # --- proofs and digits -----------------------------------------------------------------------------------------------
 
 
@@ -361,6 +377,10 @@ def test_the_fourth_solution_has_the_largest_errors_of_the_four(five):
         assert max(by_solution, key=lambda e: e.harmonic_oscillator).solution == 3
         assert max(by_solution, key=lambda e: e.henon_heiles).solution == 3
     assert not any(isnan(x) for e in errors.values() for x in e.henon_heiles)
+    # Solution 1 is the registered set A: five stages of 0.05 are a step of 0.25.
+    registered = sweep("henon_heiles", "abas5o6h", [0.25], t_end=20.0).max_energy_error.values[0]
+    assert errors[1, "drift"].henon_heiles[0] == pytest.approx(registered, rel=1e-9)
+    assert errors[1, "drift"].harmonic_oscillator[0] == pytest.approx(float(harmonic_energy_error("abas5o6h", 0.25)))
 
 
 @pytest.mark.parametrize(

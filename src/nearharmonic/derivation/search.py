@@ -132,18 +132,22 @@ def _expand(x, stages, rows):  # type: ignore[no-untyped-def]
 
 
 def _evaluator(expand: Any) -> Any:
-    def evaluate(x, stages, highest, drift_first, residuals, jacobian, work):  # type: ignore[no-untyped-def] # noqa: PLR0912
-        """The signed kappa_3 ... kappa_highest and their derivatives; ``work`` (3, 2s + 2, highest + 1)."""
+    def evaluate(x, stages, highest, drift_first, residuals, jacobian, rows, q, p, alpha, beta):  # type: ignore[no-untyped-def] # noqa: PLR0912
+        """The signed kappa_3 ... kappa_highest and their derivatives.
+
+        ``q`` and ``p`` (2s + 2, highest + 1) take the states between operators, by powers of tau; ``alpha`` and
+        ``beta`` (highest + 1) what the new position is made of, followed backwards. Loops, because numba takes seconds
+        to compile assignments of slices.
+        """
         count = 2 * stages + 1
-        rows = work[2, :, 0]
         expand(x, stages, rows)
-        q, p = work[0], work[1]
-        q[0, :] = 0.0
-        p[0, :] = 0.0
-        q[0, 0], p[0, 0] = 1.0, -1.0
+        for n in range(highest + 1):
+            q[0, n], p[0, n] = 0.0, 0.0
+            alpha[n], beta[n] = 0.0, 0.0
+        q[0, 0], p[0, 0], alpha[0] = 1.0, -1.0, 1.0
         for k in range(count):
-            q[k + 1, :] = q[k, :]
-            p[k + 1, :] = p[k, :]
+            for n in range(highest + 1):
+                q[k + 1, n], p[k + 1, n] = q[k, n], p[k, n]
             if (k % 2 == 0) == drift_first:
                 for n in range(highest):
                     q[k + 1, n + 1] += rows[k] * p[k, n]
@@ -154,11 +158,8 @@ def _evaluator(expand: Any) -> Any:
         for n in range(3, highest + 1):
             scale *= n
             residuals[n - 3] = (1.0 if n % 4 in (0, 3) else -1.0) - scale * q[count, n]
-        alpha, beta = work[2, :, 1], work[2, :, 2]
-        alpha[:] = 0.0
-        beta[:] = 0.0
-        alpha[0] = 1.0
-        jacobian[:, :] = 0.0
+            for j in range(stages - 1):
+                jacobian[n - 3, j] = 0.0
         cut = stages // 2
         for k in range(count - 1, -1, -1):
             drifts = (k % 2 == 0) == drift_first
@@ -228,14 +229,19 @@ def _solving(evaluate: Any, least_step: Any) -> Callable[..., Any]:
     def solve(points, converged, stages, highest, drift_first):  # type: ignore[no-untyped-def]
         """Levenberg-Marquardt from each of ``points`` (start, unknown), in place."""
         m, n = highest - 2, stages - 1
-        work = np.empty((3, 2 * stages + 2, highest + 1))
+        rows, q, p = (
+            np.empty(2 * stages + 1),
+            np.empty((2 * stages + 2, highest + 1)),
+            np.empty((2 * stages + 2, highest + 1)),
+        )
+        alpha, beta = np.empty(highest + 1), np.empty(highest + 1)
         residuals, trial = np.empty(m), np.empty(m)
         jacobian, other = np.empty((m, n)), np.empty((m, n))
         matrix, step, moved = np.empty((m, m + 1)), np.empty(n), np.empty(n)
         for start in range(len(points)):
             x = points[start]
             damping = 1e-2
-            evaluate(x, stages, highest, drift_first, residuals, jacobian, work)
+            evaluate(x, stages, highest, drift_first, residuals, jacobian, rows, q, p, alpha, beta)
             for _ in range(ITERATIONS):
                 if not least_step(residuals, jacobian, damping, matrix, step):
                     break
@@ -243,15 +249,16 @@ def _solving(evaluate: Any, least_step: Any) -> Callable[..., Any]:
                 for k in range(n):
                     moved[k] = x[k] + step[k]
                     size, length = max(size, abs(x[k])), max(length, abs(step[k]))
-                evaluate(moved, stages, highest, drift_first, trial, other, work)
+                evaluate(moved, stages, highest, drift_first, trial, other, rows, q, p, alpha, beta)
                 old, new = 0.0, 0.0
                 for i in range(m):
                     old += residuals[i] * residuals[i]
                     new += trial[i] * trial[i]
                 if new < old or (length <= STEP * size and damping < 1e-10):
-                    x[:] = moved
-                    residuals[:] = trial
-                    jacobian[:, :] = other
+                    for k in range(n):
+                        x[k] = moved[k]
+                    residuals, trial = trial, residuals
+                    jacobian, other = other, jacobian
                     if length <= STEP * size and damping < 1e-10:
                         converged[start] = True
                         break
