@@ -67,7 +67,8 @@ def test_a_block_holds_the_maximum_and_mean_of_its_own_steps_alone():
 def test_the_carry_is_not_zero(system):
     """A compiler that may re-associate deletes the carry without a word."""
     compensated, plain = batch(system, "s5odr4"), batch(system, "s5odr4", summation="plain")
-    assert np.count_nonzero(compensated.q_low[0, 1:]) > 0.9 * compensated.q_low[0, 1:].size
+    # Now and then an increment is exact and its carry zero; a deleted carry is zero always.
+    assert np.count_nonzero(compensated.q_low[0, 1:]) > 0.5 * compensated.q_low[0, 1:].size
     assert not plain.q_low[0, 1:].any()
     assert not plain.p_low[0, 1:].any()
 
