@@ -30,6 +30,7 @@ STABILITY_FILES = []  # each rule file of the stress tests adds its own
 
 include: "workflow/rules/stability.smk"
 include: "workflow/rules/stability_structure.smk"
+include: "workflow/rules/work_precision.smk"
 
 
 rule all:
@@ -53,6 +54,11 @@ rule tables:
 rule stability:
     input:
         STABILITY_FILES,
+
+
+rule work_precision:
+    input:
+        WORK_PRECISION_FILES,
 
 
 onsuccess:

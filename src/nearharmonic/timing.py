@@ -1,0 +1,111 @@
+"""Wall times that can be defended: one pinned thread, repeats that take turns, quartiles kept, the machine named."""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+#: What :func:`summary` gives, in this order.
+QUARTILES = ("min", "q1", "median", "q3")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Patience:
+    """How often a call is repeated: ``most`` times, fewer if that takes over ``seconds``, but ``least`` times unless
+    even these take over ``longest`` seconds."""
+
+    least: int = 3
+    most: int = 9
+    seconds: float = 0.01
+    longest: float = 0.3
+
+    def goes_on(self, times: Sequence[float]) -> bool:
+        """Whether a call with ``times`` behind it is to be repeated."""
+        spent = sum(times)
+        if len(times) < self.least:
+            return not times or spent < self.longest
+        return len(times) < self.most and spent < self.seconds
+
+
+STANDARD = Patience()
+
+
+@contextmanager
+def pinned() -> Iterator[int | None]:
+    """Keep this process on the last core it may use; yields that core, or None where the system cannot pin.
+
+    A process that moves between cores loses its caches and its clock; the cores allowed before are restored.
+    """
+    if not hasattr(os, "sched_setaffinity"):
+        yield None
+        return
+    before = os.sched_getaffinity(0)
+    core = max(before)
+    os.sched_setaffinity(0, {core})
+    try:
+        yield core
+    finally:
+        os.sched_setaffinity(0, before)
+
+
+def interleaved(calls: Sequence[Callable[[], object]], patience: Patience = STANDARD) -> list[list[float]]:
+    """Seconds that each of ``calls`` took, once per round: a busy spell of the machine then hits all alike.
+
+    Warm them up first: what a first call compiles or loads would be in its first time.
+    """
+    times: list[list[float]] = [[] for _ in calls]
+    waiting = list(range(len(calls)))
+    clock = time.perf_counter
+    while waiting:
+        for i in waiting:
+            begin = clock()
+            calls[i]()
+            times[i].append(clock() - begin)
+        waiting = [i for i in waiting if patience.goes_on(times[i])]
+    return times
+
+
+def summary(times: Sequence[float]) -> tuple[float, float, float, float]:
+    """Minimum, first quartile, median and third quartile of ``times``; NaN if there are none."""
+    if not times:
+        return (np.nan,) * 4
+    return tuple(float(x) for x in np.percentile(times, (0, 25, 50, 75)))  # type: ignore[return-value]
+
+
+def machine(core: int | None) -> dict[str, str | float]:
+    """Facts that times depend on: processor, clock, the core in use, load, when."""
+    clock = time.get_clock_info("perf_counter")
+    return {
+        "cpu": processor(),
+        "cpu_count": os.cpu_count() or 1,
+        "pinned_core": "not pinned: the system cannot" if core is None else str(core),
+        "clock": f"time.perf_counter, {clock.implementation}, resolution {clock.resolution:g} s",
+        "load_average": f"{os.getloadavg()[0]:.2f}" if hasattr(os, "getloadavg") else "unknown",
+        "measured": datetime.now(UTC).isoformat(timespec="seconds"),
+        "python_version": platform.python_version(),
+    }
+
+
+def processor(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:
+    """Model of the processor, its clock rate if the system tells, and its widest vector unit."""
+    try:
+        lines = [line.split(":", 1) for line in cpuinfo.read_text(encoding="utf-8").splitlines() if ":" in line]
+    except OSError:
+        return platform.processor() or platform.machine()
+    facts = {key.strip(): value.strip() for key, value in reversed(lines)}
+    words = [facts.get("model name", platform.machine())]
+    if "cpu family" in facts and "model" in facts:
+        words.append(f"family {facts['cpu family']} model {facts['model']}")
+    if "cpu MHz" in facts:
+        words.append(f"{float(facts['cpu MHz']) / 1000:.2f} GHz")
+    flags = facts.get("flags", "").split()
+    words += [name for flag, name in (("avx512f", "AVX-512"), ("avx2", "AVX2")) if flag in flags][:1]
+    return ", ".join(words)
