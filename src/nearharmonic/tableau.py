@@ -118,7 +118,8 @@ class Tableau:
     def role(self, first: First | None) -> Tableau:
         """The tableau whose outer row is given to the operator ``first``; None leaves the roles as declared.
 
-        A tableau with swapped roles keeps its order for separable H, but not what the source claims beyond it.
+        A tableau with swapped roles keeps its order for separable H, but not what the source claims beyond it; one that
+        requires a quadratic kinetic energy keeps order 2 for certain, for any separable H.
 
         Raises:
             SettingError: ``first`` is neither "drift", "kick" nor None.
@@ -128,7 +129,12 @@ class Tableau:
         if first not in _OTHER:
             key = "first"
             raise bad_setting(key, first, "it is 'drift' or 'kick'")
-        return replace(self, first=first, kick=self.drift, drift=self.kick, harmonic_order=None, generalised_order=None)
+        # A Nystrom method loses its order; what any symmetric composition keeps is order 2.
+        order = self.order if self.requires is None else 2
+        return replace(
+            self, first=first, kick=self.drift, drift=self.kick, order=order, requires=None, harmonic_order=None,
+            generalised_order=None,
+        )  # fmt: skip
 
     def rows_exact(self) -> tuple[tuple[Fraction, ...], tuple[Fraction, ...]]:
         """The outer and the inner row as the exact rational numbers that the strings denote."""
