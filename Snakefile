@@ -23,6 +23,7 @@ include: "workflow/rules/reduce.smk"
 include: "workflow/rules/render.smk"
 include: "workflow/rules/tables.smk"
 include: "workflow/rules/derive.smk"
+include: "workflow/rules/beyond.smk"
 
 
 STABILITY_FILES = []  # each rule file of the stress tests adds its own
@@ -58,6 +59,15 @@ rule stability:
 
 rule work_precision:
     input:
+        WORK_PRECISION_FILES,
+
+
+rule everything:
+    input:
+        rules.all.input,
+        DERIVE_FILES,
+        BEYOND_FILES,
+        STABILITY_FILES,
         WORK_PRECISION_FILES,
 
 

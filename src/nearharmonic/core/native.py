@@ -20,7 +20,11 @@ import numpy as np
 from llvmlite import binding
 
 _SOURCES = sorted(Path(__file__).parent.glob("*.py"))
-_LETTERS = {"i": (ctypes.c_int64, np.int64), "f": (ctypes.c_double, np.float64), "b": (ctypes.c_bool, np.bool_)}
+_LETTERS: dict[str, tuple[Any, Any]] = {
+    "i": (ctypes.c_int64, np.int64),
+    "f": (ctypes.c_double, np.float64),
+    "b": (ctypes.c_bool, np.bool_),
+}
 #: What numba's error paths call. Compiled text here raises nothing, so these are never reached; they abort.
 _NEVER_CALLED = (
     "NRT_Free", "NRT_MemInfo_call_dtor", "numba_do_raise", "numba_gil_ensure", "numba_gil_release",
