@@ -87,6 +87,24 @@ _STYLES = {
     "babs6o5h": Style("#14746f", "X", filled=True),
     "babps6o5h": Style("#9d174d", "P", filled=True),
     "babps7o6h": Style("#5b21b6", "X", filled=True),
+    # Methods that the paper left out: a colour for each source, a marker for each method.
+    "leapfrog": Style("#707070", "<"),
+    "blanes_moan_s6o4": Style("#3a3a9c", "<"),
+    "srkn_b6": Style("#3a3a9c", ">"),
+    "srkn_b11": Style("#3a3a9c", "h"),
+    "srkn_a14": Style("#3a3a9c", "*"),
+    "mclachlan_s4": Style("#1f7a7a", "<"),
+    "mclachlan_s5": Style("#1f7a7a", ">"),
+    "mclachlan_sb3a4": Style("#1f7a7a", "h"),
+    "mclachlan_sb3a5": Style("#1f7a7a", "*"),
+    "mclachlan_ss5": Style("#1f7a7a", "8"),
+    "pefrl": Style("#a0408f", "<"),
+    "vefrl": Style("#a0408f", ">"),
+    "efrl": Style("#a0408f", "h"),
+    "omelyan_p5": Style("#a0408f", "*"),
+    "omelyan_v5": Style("#a0408f", "8"),
+    "s9odr6a": Style("#2e6e2e", "<"),
+    "s15odr8": Style("#2e6e2e", ">"),
 }
 
 _SPARE_COLOURS = ("#2a8f80", "#8a8a2e", "#332288", "#aa4499", "#cc6677", "#117733", "#5d5d5d")

@@ -1,0 +1,109 @@
+"""Omelyan, Mryglod & Folk (2002, 2003), fourth-order methods without a force gradient.
+
+Optimized Forest-Ruth- and Suzuki-like algorithms for integration of motion in many-body systems, Comput. Phys. Commun.
+146, 188, doi:10.1016/S0010-4655(02)00451-4, and Symplectic analytically integrable decomposition algorithms, Comput.
+Phys. Commun. 151, 272, doi:10.1016/S0010-4655(02)00754-3 (the methods of five stages). One or two parameters are free
+and make the norm of the commutators of degree 5 least: of all six (EFRL), or of the four that quadratic kinetic energy
+leaves. These have 16 to 17 printed decimals and are taken as they stand; the order conditions give the others, which
+round to the print.
+"""
+
+from nearharmonic.tableau import Tableau, palindrome
+
+SOURCE_2002 = "Omelyan, Mryglod & Folk (2002), Comput. Phys. Commun. 146, 188, doi:10.1016/S0010-4655(02)00451-4"
+SOURCE_2003 = "Omelyan, Mryglod & Folk (2003), Comput. Phys. Commun. 151, 272, doi:10.1016/S0010-4655(02)00754-3"
+
+TABLEAUS = (
+    Tableau(
+        name="pefrl",
+        label="PEFRL",
+        order=4,
+        first="drift",
+        drift=palindrome(
+            "0.178617895844809067849254925276929053514227592950848065248662959406276220123847",
+            "-0.06626458266981849",
+            centre="0.775293373650018844301490149446141892971544814098303869502674081187447559752306",
+        ),
+        kick=palindrome(
+            "0.7123418310626054209030421455888885670370254770498689459304093518125555874726535",
+            "-0.2123418310626054209030421455888885670370254770498689459304093518125555874726535",
+        ),
+        source=SOURCE_2002,
+        digits=78,
+        note="position extended; errors minimised for quadratic T; drift 1 as printed",
+    ),
+    Tableau(
+        name="vefrl",
+        label="VEFRL",
+        order=4,
+        first="kick",
+        kick=palindrome(
+            "0.1644986515575759704336322526805035812395497252045251228889804321206762582967462",
+            "1.2356926511389168507621777277253198323941352670350716480452856468159461932702553",
+            centre="-1.800382605392985642391619960811646827267369984479193541868532157873244903134003",
+        ),
+        drift=palindrome(
+            "0.52094333910398989",
+            "-0.02094333910398989",
+        ),
+        source=SOURCE_2002,
+        digits=78,
+        note="velocity extended; errors minimised for quadratic T; drift 1 as printed",
+    ),
+    Tableau(
+        name="efrl",
+        label="EFRL",
+        order=4,
+        first="drift",
+        drift=palindrome(
+            "0.1720865590295143403237332881141679746105335202374613483833703530138213049683959",
+            "-0.1616217622107222382851658840880144977445853736102305316982501378789883176817746",
+            centre="0.9790704063624157959228651919476930462681037067455383666297595697303340254267574",
+        ),
+        kick=palindrome(
+            "0.59156203075515678",
+            "-0.09156203075515678",
+        ),
+        source=SOURCE_2002,
+        digits=78,
+        note="errors minimised for any separable H, in either role; kick 1 as printed",
+    ),
+    Tableau(
+        name="omelyan_p5",
+        label="OMF 5P",
+        order=4,
+        first="drift",
+        drift=palindrome(
+            "0.2750081212332419311638795260549829450152038267625233440480027613574052889780368",
+            "-0.1347950099106792",
+            "0.3597868886774372688361204739450170549847961732374766559519972386425947110219632",
+        ),
+        kick=palindrome(
+            "-0.08442961950707149",
+            "0.3549000571574260345053943765427826035912755821579162567112942401178571574146291",
+            centre="0.4590591246992909109892112469144347928174488356841674865774115197642856851707418",
+        ),
+        source=SOURCE_2003,
+        digits=78,
+        note="position form; errors minimised for quadratic T; drift 1 and kick 0 as printed",
+    ),
+    Tableau(
+        name="omelyan_v5",
+        label="OMF 5V",
+        order=4,
+        first="kick",
+        kick=palindrome(
+            "0.08398315262876693",
+            "0.6822365335719091348007262350196673256362203024574375802433962562139800468815984",
+            "-0.2662196862006760648007262350196673256362203024574375802433962562139800468815984",
+        ),
+        drift=palindrome(
+            "0.2539785108410594661988100265139040075068538571236859949167616528445459465559001",
+            "-0.03230286765269967",
+            centre="0.5566487136232804076023799469721919849862922857526280101664766943109081068881998",
+        ),
+        source=SOURCE_2003,
+        digits=78,
+        note="velocity form; errors minimised for quadratic T; kick 0 and drift 1 as printed",
+    ),
+)
