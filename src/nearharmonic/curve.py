@@ -75,10 +75,10 @@ def cross(errors: Sequence[float], columns: Sequence[Sequence[float]], target: f
     """Each of ``columns`` where ``errors``, from coarse to fine, falls to ``target`` for good; and the status there.
 
     "For good" as in :func:`for_good`, so that neither a lucky zero of a signed error nor a gap between step-size
-    resonances counts. Between the last point above and the first at or below, logarithms
-    of error and column are joined by a straight line; a point above that is not finite is no end for a line, and the
-    first below counts as it stands. Where a finer point costs less, in the first of ``columns``, that point is taken:
-    the steps of adaptive methods may get dearer as they get coarser.
+    resonances counts. Between the last point above and the first at or below, logarithms of error and column are
+    joined by a straight line; a point above that is not finite is no end for a line, and the first below counts as it
+    stands. Where a finer point costs less, in the first of ``columns``, that point is taken: adaptive methods may get
+    dearer as their tolerance gets coarser.
     """
     none = (nan,) * len(columns)
     settled = for_good(errors)
@@ -94,17 +94,23 @@ def cross(errors: Sequence[float], columns: Sequence[Sequence[float]], target: f
     return "reached" if i else "below throughout", min([at, *finer], key=lambda row: row[0])
 
 
+#: How far rounding lifts a curve again beyond its least error; what rises further was not that low but by luck.
+ROUNDING_RISE = 100
+
+
 def for_good(errors: Sequence[float]) -> list[float]:
     """For each of ``errors``, from coarse to fine, the largest from there to the least of all; NaN counts as infinite.
 
     What comes after the least error is dropped: there rounding makes curves rise again, which is no fault of a coarser
-    setting.
+    setting. An error that finer settings exceed by more than :data:`ROUNDING_RISE` is not the least but a lucky one.
     """
     usable = [inf if isnan(error) else error for error in errors]
     if not usable:
         return []
-    kept = usable[: usable.index(min(usable)) + 1]
-    return list(accumulate(reversed(kept), max))[::-1]
+    beyond = [*list(accumulate(reversed(usable[1:]), max))[::-1], 0.0]
+    borne_out = [i for i, worst in enumerate(beyond) if worst <= ROUNDING_RISE * usable[i]]
+    end = min(borne_out, key=usable.__getitem__, default=len(usable) - 1)
+    return list(accumulate(reversed(usable[: end + 1]), max))[::-1]
 
 
 def _between(first: float, second: float, weight: float) -> float:

@@ -129,7 +129,8 @@ POINTS_PER_DECADE = 4
 def missing(library: str) -> str:
     """Why ``library`` cannot be used, in words for a table; empty if it can."""
     try:
-        import_module(library)
+        with quiet():
+            import_module(library)
     except ModuleNotFoundError:
         return "not installed"
     except (ImportError, OSError) as error:
@@ -237,7 +238,7 @@ def _settled(points: list[Point]) -> bool:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Coarse settings overflow and warn: what comes of them is in the errors."""
+    """Coarse settings overflow and warn: what comes of them is in the errors. Libraries warn of their own affairs."""
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         yield

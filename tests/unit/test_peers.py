@@ -1,0 +1,192 @@
+"""Other libraries on the same systems: named when missing, fair when there, their errors those of closed forms."""
+
+from __future__ import annotations
+
+import sys
+from fractions import Fraction
+from importlib.util import find_spec
+from math import inf, sqrt
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpmath import mpf
+
+from nearharmonic import peer_rebound
+from nearharmonic.errors import SystemDefinitionError
+from nearharmonic.formulas import velocity, velocity_text
+from nearharmonic.integrators import integrators
+from nearharmonic.peer_solvers import Attempt, numpy_splitting
+from nearharmonic.peers import LIBRARIES, PEERS, Peer, energy_errors, missing, peer_curve
+from nearharmonic.reference import reference
+from nearharmonic.systems import System, systems
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "verification"))
+from oracles import oscillator_state
+
+RELATIVISTIC = System(
+    name="fast",
+    label="fast",
+    V=lambda q: q[0] * q[0] / 2,
+    grad_V=lambda q: q,
+    T=lambda p: (1 + p[0] * p[0]) ** 2,
+    grad_T=lambda p: (4 * p[0] * (1 + p[0] * p[0]),),
+    q0=("1",),
+    p0=("0",),
+    t_end="5",
+    units={"q": "1", "p": "1", "t": "1", "energy": "1"},
+    source="made up",
+)
+
+
+@pytest.mark.parametrize("library", [name for name in LIBRARIES if name != "numpy"])
+def test_a_library_that_is_missing_is_named_not_skipped(library, monkeypatch):
+    monkeypatch.setitem(sys.modules, library, None)  # what Python itself does to forbid an import
+    assert missing(library) == "not installed"
+    for peer in PEERS.values():
+        if peer.library == library:
+            curve = peer_curve(peer, systems["sho"], "5", (0.1, 1.0), None, 1.0)
+            assert (curve.method, curve.status, curve.points) == (peer.name, "not installed", [])
+
+
+def test_a_library_that_is_broken_says_how(monkeypatch, tmp_path):
+    (tmp_path / "heyoka.py").write_text("raise ImportError('libsomething.so: cannot open')")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "heyoka", raising=False)
+    assert missing("heyoka") == "cannot be imported: libsomething.so: cannot open"
+
+
+def test_the_libraries_of_the_schema_are_those_that_are_known():
+    from nearharmonic.config import read_schema
+
+    schema = read_schema(Path(__file__).parents[2] / "workflow/schemas/config.schema.yaml")
+    assert tuple(schema["properties"]["work_precision"]["properties"]["peers"]["default"]) == LIBRARIES
+
+
+def test_methods_in_numpy_end_where_the_matrix_power_ends():
+    for name in ("aba864", "babps9o7h"):  # a drift first and a kick first
+        states, evaluations = numpy_splitting(name)(systems["sho"], 5.0, 0.25).path()
+        q, p = oscillator_state(integrators[name], mpf(5) / 20, 20)
+        # 20 steps of up to 20 roundings of 1e-16 each.
+        assert states[-1] == pytest.approx([float(q), float(p)], abs=400 * 1.2e-16)
+        assert len(states) == 21
+        assert evaluations == integrators[name].stages * 20 + 1
+
+
+def test_what_is_timed_is_what_is_measured():
+    attempt = numpy_splitting("aba864")(systems["henon_heiles"], 5.0, 0.25)
+    assert np.concatenate(attempt.run()).tolist() == attempt.path()[0][-1].tolist()
+
+
+def test_energy_errors_are_taken_over_every_state_but_the_first():
+    states = np.array([[1.0, 0.0], [1.0, 1.0], [2.0, 0.0]])  # H = 1/2, 1, 2
+    assert energy_errors(systems["sho"], states) == (3.0, 2.0)
+    assert energy_errors(systems["sho"], np.array([[1.0, 0.0], [np.nan, 0.0]])) == (inf, inf)
+
+
+def test_the_written_velocity_is_hamiltons():
+    for system in systems.values():
+        d = system.dimension
+        q, p = (tuple(0.3 + 0.1 * i + shift for i in range(d)) for shift in (0.0, 0.5))
+        constants = [float(Fraction(parameter.value)) for parameter in system.parameters.values()]
+        expected = [*system.grad_T(p), *(-force for force in system.grad_V(q, *constants))]
+        # The same operations in the same order: equal, but for how the constants fold.
+        assert velocity(system)(*q, *p) == pytest.approx(expected, rel=4e-16)
+
+
+def test_the_written_velocity_calls_the_functions_it_is_given():
+    called = []
+    made = velocity(systems["kepler"], {"sqrt": lambda x: called.append(x) or sqrt(x)})
+    made(3.0, 4.0, 0.0, 0.0)
+    assert called == [25.0]
+
+
+def test_a_formula_that_branches_is_refused():
+    forked = System(
+        **{
+            name: getattr(RELATIVISTIC, name) for name in ("name", "label", "V", "q0", "p0", "t_end", "units", "source")
+        },
+        grad_V=lambda q: q if q[0] else (0,),
+    )
+    with pytest.raises(SystemDefinitionError, match="fast: its formulas cannot be written out"):
+        velocity_text(forked)
+
+
+def fake(path, knob="tolerance", settings=(1e-2, 1e-4, 1e-6), **more):
+    """A peer of numpy, which is always there, whose path is ``path(setting)``."""
+    return Peer(
+        name="fake", label="Fake", library="numpy", knob=knob, settings=settings,
+        attempt=lambda system, t_end, setting: Attempt(run=lambda: None, path=lambda: path(setting)), **more,
+    )  # fmt: skip
+
+
+def oscillator_path(setting):
+    return np.array([[1.0, 0.0], [1.0, sqrt(setting)]]), 7.0  # |dH/H0| = setting
+
+
+def test_each_setting_is_a_point_with_its_errors_and_cost():
+    curve = peer_curve(fake(oscillator_path), systems["sho"], "5", (0.1, 1.0), reference(systems["sho"], "5"), 1.0)
+    assert curve.status == "ok"
+    assert [(p.tolerance, p.evaluations, p.steps) for p in curve.points] == [(t, 7.0, 1) for t in (1e-2, 1e-4, 1e-6)]
+    assert [p.max_energy_error for p in curve.points] == pytest.approx([1e-2, 1e-4, 1e-6], rel=1e-9)
+    assert all(p.position_error == pytest.approx(1 - np.cos(5.0), rel=1e-14) for p in curve.points)
+    assert all("trajectory" in p.calls for p in curve.points)
+
+
+def test_a_run_that_breaks_down_is_infinitely_far_off_and_is_not_timed():
+    def path(setting):
+        if setting > 1e-3:
+            raise ZeroDivisionError
+        return oscillator_path(setting)
+
+    first, second, _ = peer_curve(fake(path), systems["sho"], "5", (0.1, 1.0), None, 1.0).points
+    assert (first.max_energy_error, first.calls) == (inf, {})
+    assert second.max_energy_error < inf
+
+
+def test_refining_ends_where_a_run_takes_too_long_and_says_so():
+    def path(setting):
+        if setting < 1e-3:
+            raise TimeoutError
+        return oscillator_path(setting)
+
+    curve = peer_curve(fake(path), systems["sho"], "5", (0.1, 1.0), None, 0.5)
+    assert [p.tolerance for p in curve.points] == [1e-2]
+    assert curve.status == "stopped where a run took longer than 0.5 s"
+
+
+def test_refining_ends_where_rounding_takes_over():
+    settings = (1e-6, 1e-12, 1e-12, 1e-13)
+    curve = peer_curve(fake(oscillator_path, settings=settings), systems["sho"], "5", (0.1, 1.0), None, 1.0)
+    assert len(curve.points) == 3
+
+
+def test_a_peer_of_accelerations_is_refused_where_they_depend_on_momenta():
+    curve = peer_curve(fake(oscillator_path, quadratic_only=True), RELATIVISTIC, "5", (0.1, 1.0), None, 1.0)
+    assert curve.status == "does not fit: it requires T = p.p/2"
+
+
+def test_steps_per_stage_go_from_coarse_to_fine():
+    peer = fake(oscillator_path, knob="step", settings=(), stages=10)
+    curve = peer_curve(peer, systems["sho"], "5", (0.1, 1.0), None, 1.0)
+    assert curve.points[0].tau_per_stage == pytest.approx(0.5, rel=1e-12)  # one step over [0, 5], ten stages
+    assert all(point.tau == 5.0 for point in curve.points)
+
+
+@pytest.mark.parametrize("name", [name for name, peer in PEERS.items() if find_spec(peer.library)])
+@pytest.mark.parametrize("system", ["sho", "kepler"])
+def test_installed_peers_converge_to_the_exact_position(name, system):
+    t_end = {"sho": "5", "kepler": "2000"}[system]
+    ranges = {"sho": (0.02, 0.3), "kepler": (2.0, 60.0)}[system]
+    curve = peer_curve(PEERS[name], systems[system], t_end, ranges, reference(systems[system], t_end), 5.0)
+    errors = [point.position_error for point in curve.points]
+    # From the coarsest to the finest setting each gains three decades at least: 1e-3 to 1e-9 of a tolerance, and 30 in
+    # step size to the fourth power, leave more.
+    assert min(errors) < 1e-3 * min(1.0, errors[0]) or min(errors) < 1e-12
+
+
+def test_rebound_takes_gravity_from_its_own_code_for_kepler_alone():
+    gravity = [
+        peer_rebound._Setup(system, 1.0, "ias15", {}, 0).gravity for system in (systems["kepler"], systems["sho"])
+    ]
+    assert gravity == [True, False]

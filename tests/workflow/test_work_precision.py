@@ -1,0 +1,95 @@
+"""The target work_precision: a job that holds all cores, its files, and nothing for those who did not ask."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import h5py
+import pytest
+import yaml
+
+SMOKE = ("--configfile", "config/smoke.yaml")
+SYSTEMS = ("sho", "henon_heiles", "kepler")
+
+
+@pytest.fixture(scope="module")
+def timed(project):
+    """The project after the target ran on the smoke config, with plain numpy as the one peer that is always there."""
+    config = yaml.safe_load((project.folder / "config/smoke.yaml").read_text())
+    config["work_precision"] |= {"evaluations": 2000, "points_per_decade": 2, "peers": ["numpy"]}
+    (project.folder / "config/smoke.yaml").write_text(yaml.safe_dump(config))
+    done = project.snakemake("work_precision", "-j2", *SMOKE)
+    assert done.returncode == 0, done.stdout
+    return project
+
+
+def test_it_is_a_target_of_its_own(project):
+    assert not {name for name in project.jobs(*SMOKE) if name.startswith("work_precision")}
+    assert project.jobs("work_precision", *SMOKE) == {
+        "work_precision_times": 1,
+        "work_precision_figure": 3,
+        "work_precision_table": 3,
+        "work_precision": 1,
+    }
+
+
+@pytest.mark.parametrize("cores", ["2", "8"])
+def test_the_job_that_takes_times_holds_all_cores(project, cores):
+    # The profile keeps jobs quiet; here they are to be seen.
+    done = project.snakemake("results/smoke/cubes/work_precision.h5", "-n", "--quiet", "host", "--cores", cores, *SMOKE)
+    threads = [line.split(":")[1].strip() for line in done.stdout.splitlines() if line.strip().startswith("threads:")]
+    assert threads == [cores]
+
+
+def test_every_file_is_there_and_times_are_in_one_of_their_own(timed):
+    results = timed.folder / "results/smoke"
+    for system in SYSTEMS:
+        for suffix in ("pdf", "svg", "png"):
+            assert (results / f"figures/work_precision_{system}.{suffix}").stat().st_size > 5000
+        for suffix in ("csv", "md"):
+            assert (results / f"tables/work_precision_{system}.{suffix}").stat().st_size > 500
+    assert [str(path.relative_to(results)) for path in results.rglob("*.h5")] == ["cubes/work_precision.h5"]
+
+
+def test_the_file_names_the_machine_and_the_settings(timed):
+    with h5py.File(timed.folder / "results/smoke/cubes/work_precision.h5") as file:
+        for key in ("cpu", "clock", "pinned_core", "load_average", "measured", "code_digest", "coefficients_digest"):
+            assert file.attrs[key]
+        assert json.loads(file.attrs["settings"])["methods"] == ["ruth", "yoshida_s7o6a", "babs7o7h", "aba864"]
+        assert set(file) == {*SYSTEMS, *(name for name in file if name.endswith("_position"))}
+        times = file["kepler/time_trajectory"][:]
+        assert (times[..., 0] <= times[..., 2]).sum() == (times[..., 0] > 0).sum() > 0
+
+
+def test_figures_and_tables_say_that_they_are_timings(timed):
+    results = timed.folder / "results/smoke"
+    assert "Measured 20" in (results / "tables/work_precision_sho.md").read_text()
+    with (results / "tables/work_precision_sho.csv").open(newline="") as file:
+        table = list(csv.DictReader(file))
+    assert {row["measure"] for row in table} == {"max", "mean", "position"}
+    assert {row["kind"] for row in table} == {"splitting", "peer"}
+
+
+def test_a_second_run_has_nothing_to_do(timed):
+    assert "Nothing to be done" in timed.snakemake("work_precision", "-j2", *SMOKE).stdout
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"integrators": ["leapfrg"]}, "work_precision.integrators: unknown integrator 'leapfrg'"),
+        ({"peers": ["heyok"]}, "work_precision.peers[0] = 'heyok' is not allowed"),
+        ({"longest": 0}, "work_precision.longest = 0 is not allowed: a finite number above 0"),
+        ({"evaluations": 3}, "work_precision.evaluations = 3 is not allowed: a whole number from 100"),
+        ({"point_per_decade": 3}, "'point_per_decade'. Did you mean 'points_per_decade'?"),
+    ],
+)
+def test_a_bad_section_ends_with_status_1_and_one_message(project, change, says):
+    config = yaml.safe_load((project.folder / "config/smoke.yaml").read_text())
+    config["work_precision"] = change
+    (project.folder / "bad.yaml").write_text(yaml.safe_dump(config))
+    done = project.snakemake("-j1", "--configfile", "bad.yaml")
+    assert done.returncode == 1
+    assert done.stdout.count(says) == 1
+    assert "Traceback" not in done.stdout
