@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 #: The energy of the three saddle points of the Henon-Heiles potential: above it, the exact motion may escape.
 ESCAPE_ENERGY = Fraction(1, 6)
 
-#: Sides of the triangle whose corners are the saddle points, x from -sqrt(3)/2 to sqrt(3)/2 and y from -1/2 to 1.
+#: Box around the triangle whose corners are the saddle points: |x| up to sqrt(3)/2, and y from -1/2 to 1.
 _WIDTH, _HEIGHT, _LOWEST = 3**0.5, 1.5, -0.5
 
 
@@ -69,8 +69,8 @@ def henon_heiles_surface(energy: Fraction, count: int, seed: int) -> Floats:
         u = quasi_random(drawn, 3, seed)
         x, y = (u[:, 0] - 0.5) * _WIDTH, u[:, 1] * _HEIGHT + _LOWEST
         kinetic = float(energy) - V((x, y))
-        # V < 1/6 holds beyond the saddles as well: the bounded part lies between the sides of their triangle.
-        inside = np.flatnonzero((kinetic > 0) & (3**0.5 * np.abs(x) < 1 - y))
+        # V = 1/6 on the sides of the triangle and more beyond a single side; less again only beyond the box.
+        inside = np.flatnonzero(kinetic > 0)
         if inside.size >= count:
             break
         drawn *= 2
