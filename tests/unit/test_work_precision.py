@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import sys
 from fractions import Fraction
@@ -17,7 +18,7 @@ from nearharmonic import store
 from nearharmonic.curve import Curve, Point, cross, crossing, for_good, ns_per_evaluation, ranking
 from nearharmonic.errors import SettingError
 from nearharmonic.integrators import integrators
-from nearharmonic.reference import position_t_end, reference
+from nearharmonic.reference import _kepler, position_t_end, reference
 from nearharmonic.settings import Sweep
 from nearharmonic.splitting_curves import grid, splitting_curve
 from nearharmonic.systems import System, systems
@@ -135,6 +136,18 @@ def test_positions_of_oscillator_and_planet_are_those_of_the_closed_forms():
     assert (sho.scale, kepler.scale) == (1.0, 69.82)
 
 
+def test_the_closed_form_of_the_planet_holds_from_any_point_of_its_orbit():
+    planet = systems["kepler"]
+    given = (planet.q0[0], planet.p0[1], planet.parameters["GM"].value)
+    x, y, u, v = (mpmath.nstr(number, 45) for number in kepler_state(*given, 700))
+    moved = dataclasses.replace(planet, q0=(x, y), p0=(u, v))
+    expected = kepler_state(*given, 700 + 5000)
+    # 45 digits of the start, over 2.4 periods.
+    assert [abs(a - b) < mpf(10) ** -38 for a, b in zip(_kepler(moved, mpf(5000)), expected[:2], strict=True)] == [
+        True
+    ] * 2
+
+
 def spring(name="spring", **more):
     settings = {
         "name": name,
@@ -210,7 +223,7 @@ def test_errors_of_a_curve_are_those_of_the_matrix_power():
 
 def test_every_mode_of_a_curve_moves_the_same_trajectory():
     curve = splitting_curve(systems["sho"], integrators["ruth"], "20", [(0.1, 67)], None)
-    states = {mode: call() for mode, call in curve.points[0].calls.items()}
+    states = {mode: call().copy() for mode, call in curve.points[0].calls.items()}
     assert set(states) == {"trajectory", "lanes", "energy"}
     q, _ = oscillator_state(integrators["ruth"], mpf(20) / 67, 67)
     assert states["trajectory"][0] == pytest.approx(float(q), abs=PHASE)
@@ -261,10 +274,11 @@ def test_the_processor_is_named_with_its_clock_and_vectors(tmp_path):
     assert processor(tmp_path / "none")
 
 
-def test_times_are_per_trajectory():
-    point = Point(calls={"trajectory": lambda: None, "lanes": lambda: None})
-    clock([Curve(method="m", label="m", kind="splitting", points=[point])], ("lanes",))
-    assert set(point.times) == {"lanes"}
+def test_times_are_per_trajectory(monkeypatch):
+    monkeypatch.setattr("nearharmonic.work_precision.interleaved", lambda calls: [[8.0, 16.0] for _ in calls])
+    point = Point(calls={"trajectory": lambda: None, "lanes": lambda: None, "energy": lambda: None})
+    clock([Curve(method="m", label="m", kind="splitting", points=[point])], ("lanes", "trajectory"))
+    assert point.times == {"lanes": [1.0, 2.0], "trajectory": [8.0, 16.0]}
 
 
 def test_the_file_gives_back_what_was_measured(tmp_path):
