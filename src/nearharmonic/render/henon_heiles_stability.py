@@ -24,8 +24,9 @@ CAPTION = (
     "Henon-Heiles ensembles: for each method, four energy surfaces from H = 1/24 (top strip) to the energy of escape, "
     "H = 1/6 (bottom strip), against the step size per stage. Colour is the median over the trajectories of the "
     "largest energy error: the lighter the better. Black: more than 1 % of the trajectories left their energy surface. "
-    "Dark streaks are step-size resonances, which lie below the first linear limit (cyan line): beyond it the "
-    "harmonic oscillator is unstable. Initial conditions are quasi-random in the microcanonical measure."
+    "Dark streaks are step-size resonances; most lie below the first linear limit (cyan line), where the first gap "
+    "opens in which the harmonic oscillator is unstable, often narrower than a column. Initial conditions are "
+    "quasi-random in the microcanonical measure."
 )
 
 #: Energy errors that the colours span: what is smaller is as good, what is larger is lost.
