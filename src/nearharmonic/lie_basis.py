@@ -148,15 +148,16 @@ def _independent(candidates: Sequence[Polynomial], degree: int) -> list[Polynomi
 def _orthogonal_complement(vectors: Sequence[Vector], size: int) -> list[Vector]:
     """Orthogonal vectors that span all that is orthogonal to ``vectors``, by Gram and Schmidt, exact."""
     units = [[Fraction(i == j) for j in range(size)] for i in range(size)]
-    found: list[Vector] = []
+    found: list[tuple[Vector, Fraction]] = []
     for count, vector in enumerate([*vectors, *units]):
         rest = vector
-        for other in found:
-            factor = _dot(vector, other) / _dot(other, other)
-            rest = [a - factor * b for a, b in zip(rest, other, strict=True)]
+        for other, square in found:
+            factor = _dot(vector, other) / square
+            if factor:
+                rest = [a - factor * b if b else a for a, b in zip(rest, other, strict=True)]
         if count < len(vectors) or any(rest):
-            found.append(rest)
-    return found[len(vectors) :]
+            found.append((rest, _dot(rest, rest)))
+    return [vector for vector, _ in found[len(vectors) :]]
 
 
 def _matrix_vector(matrix: Sequence[Vector], vector: Vector) -> Vector:
@@ -164,4 +165,4 @@ def _matrix_vector(matrix: Sequence[Vector], vector: Vector) -> Vector:
 
 
 def _dot(x: Vector, y: Vector) -> Fraction:
-    return sum((a * b for a, b in zip(x, y, strict=True)), Fraction(0))
+    return sum((a * b for a, b in zip(x, y, strict=True) if a and b), Fraction(0))
