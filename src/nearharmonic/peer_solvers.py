@@ -25,7 +25,7 @@ States = NDArray[np.float64]
 #: Outputs at which LSODA's path is seen; it does not give its steps.
 ODEINT_OUTPUTS = 1001
 #: A bound on steps that ends a run which has gone astray.
-MOST_STEPS = 2_000_000
+MOST_STEPS = 200_000
 
 
 @dataclass(frozen=True, kw_only=True)

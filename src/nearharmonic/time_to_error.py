@@ -161,7 +161,7 @@ def _winners(measure: str, curves: Sequence[Curve]) -> list[str]:
         (first, best), own = order[0], [pair for pair in order if pair[0].kind == "splitting"]
         says = f"- {target:.0e}: {first.label}, {milliseconds(best)} ms"
         if first.kind == "peer":
-            second = f"{own[0][1].time / best.time:.2g} times as fast as {own[0][0].label}" if own else "alone"
+            second = f"{own[0][1].time / best.time:.3g} times as fast as {own[0][0].label}" if own else "alone"
             says = f"- {target:.0e}: **a peer wins**: {first.label}, {milliseconds(best)} ms, {second}"
         lines.append(says)
     return ["Fastest:", *lines]

@@ -19,19 +19,19 @@ QUARTILES = ("min", "q1", "median", "q3")
 
 @dataclass(frozen=True, kw_only=True)
 class Patience:
-    """How often a call is repeated: ``most`` times, fewer if that takes over ``seconds``, but ``least`` times unless
-    even these take over ``longest`` seconds."""
+    """How often a call is repeated: ``most`` times, fewer if that takes over ``seconds``, but ``least`` times at any
+    rate, or twice if even these take over ``longest`` seconds."""
 
     least: int = 3
     most: int = 9
     seconds: float = 0.01
-    longest: float = 0.3
+    longest: float = 0.03
 
     def goes_on(self, times: Sequence[float]) -> bool:
         """Whether a call with ``times`` behind it is to be repeated."""
         spent = sum(times)
         if len(times) < self.least:
-            return not times or spent < self.longest
+            return len(times) < 2 or spent < self.longest
         return len(times) < self.most and spent < self.seconds
 
 

@@ -27,7 +27,7 @@ class WorkPrecision:
     points_per_decade: int = 8
     evaluations: int = 1_000_000
     peers: tuple[str, ...] = field(default_factory=lambda: tuple(PEERS))
-    longest: float = 0.4
+    longest: float = 0.25
 
 
 def load_work_precision(mapping: Mapping[str, Any], schema: Schema) -> WorkPrecision:

@@ -155,6 +155,18 @@ def test_refining_ends_where_a_run_takes_too_long_and_says_so():
     assert curve.status == "stopped where a run took longer than 0.5 s"
 
 
+def test_a_coarse_run_that_goes_astray_for_long_does_not_end_the_refining(monkeypatch):
+    clock = iter(range(0, 100, 10))  # each path seems to take ten seconds
+    monkeypatch.setattr("nearharmonic.peers.time.perf_counter", lambda: next(clock))
+
+    def path(setting):
+        return oscillator_path(setting if setting < 1e-1 else inf)
+
+    curve = peer_curve(fake(path, settings=(1.0, 1e-2, 1e-4)), systems["sho"], "5", (0.1, 1.0), None, 0.5)
+    assert [(p.tolerance, p.max_energy_error) for p in curve.points] == [(1.0, inf)]
+    assert curve.status.startswith("stopped")
+
+
 def test_refining_ends_where_rounding_takes_over():
     settings = (1e-6, 1e-12, 1e-12, 1e-13)
     curve = peer_curve(fake(oscillator_path, settings=settings), systems["sho"], "5", (0.1, 1.0), None, 1.0)

@@ -19,6 +19,7 @@ from nearharmonic.curve import Curve, Point, cross, crossing, for_good, ns_per_e
 from nearharmonic.errors import SettingError
 from nearharmonic.integrators import integrators
 from nearharmonic.reference import _kepler, position_t_end, reference
+from nearharmonic.render.work_precision import work_precision_figure
 from nearharmonic.settings import Sweep
 from nearharmonic.splitting_curves import grid, splitting_curve
 from nearharmonic.systems import System, systems
@@ -249,7 +250,8 @@ def test_patience_ends_with_the_time_but_not_before_the_least_number():
     patience = Patience(least=3, most=9, seconds=1.0, longest=10.0)
     assert patience.goes_on([])
     assert patience.goes_on([4.0, 4.0])  # over the time, under the least number
-    assert not patience.goes_on([4.0, 7.0])  # over the longest
+    assert patience.goes_on([11.0])  # over the longest, but once is no repeat
+    assert not patience.goes_on([4.0, 7.0])
     assert not patience.goes_on([0.4, 0.4, 0.4])
     assert patience.goes_on([0.1] * 8)
     assert not patience.goes_on([0.1] * 9)
@@ -316,6 +318,29 @@ def test_the_table_says_who_wins_what_is_missing_and_whence_the_times_are(tmp_pa
     ]
     write_csv(tmp_path / "table.csv", lines)
     assert len((tmp_path / "table.csv").read_text().splitlines()) == 1 + 4 * 3
+
+
+def test_the_figure_says_that_it_shows_timings_and_what_is_missing():
+    curves = [
+        made("ruth", [1e-2, 1e-7], [1e-5, 1e-4]),
+        made("leapfrog", [1e-2, 1e-7], [1e-5, 1e-4]),
+        made("heyoka", [1e-4, 1e-13], [5e-5, 6e-5], kind="peer"),
+        Curve(method="rebound_ias15", label="IAS15", kind="peer", status="not installed"),
+    ]
+    facts = {"measured": "today", "cpu": "Fast 9", "pinned_core": "1", "load_average": "0", "clock": "c"}
+    figure = work_precision_figure("toy", [("20", ("max", "position"), curves)], facts)
+    assert len(figure.axes) == 2 * 3
+    below = figure.texts[0].get_text()
+    assert "Drawn from timings" in below
+    assert "Fast 9" in below
+    legends = [[text.get_text() for text in legend.get_texts()] for legend in figure.legends]
+    assert legends == [
+        ["RUTH", "best of these", "the same, eight in lanes"],
+        ["LEAPFROG"],
+        ["HEYOKA", "IAS15 (not installed)"],
+    ]
+    # The curve of a column lies in it: times in ms, errors as measured.
+    assert [line.get_xydata().tolist() for line in figure.axes[1].lines][-1] == [[0.01, 1e-2], [0.1, 1e-7]]
 
 
 def test_a_small_measurement_has_every_method_and_every_mode():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import ceil, isfinite
+from string import ascii_uppercase
 from typing import Any
 
 import numpy as np
@@ -17,9 +18,9 @@ from nearharmonic.render.style import house_style, log_scale, mark_every, new_fi
 
 CAPTION = (
     "Timings. Error against the wall time of one trajectory on one core: largest and mean relative energy error, and "
-    "error of the position at the end against the exact orbit. Left, the paper's methods; right, methods beyond the "
-    "paper (solid) and other libraries as their users use them (dashed, grey). The broad pale line is the best of the "
-    "paper's methods at each time, the dotted one the same with eight trajectories in SIMD lanes, per trajectory. "
+    "error of the position at the end against the exact orbit. Left, the paper's methods; middle, methods beyond the "
+    "paper; right, other libraries as their users use them (dashed). The broad pale line is the best of the paper's "
+    "methods at each time, the dotted one the same with eight trajectories in SIMD lanes, per trajectory. "
     "Times are the least of several repeats that took turns; they depend on the machine, which is named below."
 )
 
@@ -31,7 +32,9 @@ YLABELS = {
 #: Beyond these nothing is a trajectory any more, or all is rounding.
 _ERRORS = (1e-17, 10.0)
 
-_LEGEND_COLUMNS = 6
+#: What each column of panels shows, and how many of its methods stand in one row of its legend.
+_COLUMNS = (("methods of the paper", 3), ("beyond the paper", 3), ("other libraries", 2))
+_BEST, _LANES = "#f2d8a7", "#b08030"
 _PEER_COLOURS = ("#303030", "#6e6e6e", "#8c6d46", "#3e6b6b", "#7a5a86", "#a06060", "#5f7d3a", "#4f5f8f")
 _PEER_MARKERS = ("x", "+", "*", "1", "2", "3", "4", "|")
 
@@ -40,26 +43,31 @@ _PEER_MARKERS = ("x", "+", "*", "1", "2", "3", "4", "|")
 def work_precision_figure(label: str, parts: Sequence[Part], facts: Mapping[str, object]) -> Figure:
     """A row of panels for each measure of each of ``parts`` (t_end, measures, curves), and the machine in ``facts``."""
     rows = [(t_end, measure, curves) for t_end, measures, curves in parts for measure in measures]
-    legend = 0.35 + 0.155 * ceil((len(rows[0][2]) + 2) / _LEGEND_COLUMNS)
-    figure = new_figure(10.2, 0.85 + legend + 2.7 * len(rows))
+    legend = 0.5 + 0.145 * max(ceil(len(_column(rows[0][2], i)) / per_row) for i, (_, per_row) in enumerate(_COLUMNS))
+    figure = new_figure(13, 0.85 + legend + 2.7 * len(rows))
     height = figure.get_figheight()
     figure.subplots_adjust(
-        left=0.075, right=0.99, top=1 - legend / height, bottom=0.82 / height, hspace=0.27, wspace=0.05
+        left=0.06, right=0.992, top=1 - legend / height, bottom=0.82 / height, hspace=0.27, wspace=0.05
     )
-    grid = figure.subplots(len(rows), 2, sharey="row", sharex="row", squeeze=False)
+    grid = figure.subplots(len(rows), len(_COLUMNS), sharey="row", sharex="row", squeeze=False)
     for row, (t_end, measure, curves) in enumerate(rows):
-        for column, axes in enumerate(grid[row]):
-            shown = [c for c in curves if (c.method in BENCHMARKED) != bool(column)]
-            _envelopes(axes, [c for c in curves if c.method in BENCHMARKED], measure)
-            _draw(axes, shown, measure)
-            says = ("methods of the paper", "beyond the paper, and peers")[column]
-            panel_letter(axes, "ABCDEFGH"[2 * row + column], f"{says}, t = {t_end}")
+        for i, (says, _) in enumerate(_COLUMNS):
+            _envelopes(grid[row, i], _column(curves, 0), measure)
+            _draw(grid[row, i], _column(curves, i), measure)
+            panel_letter(grid[row, i], ascii_uppercase[len(_COLUMNS) * row + i], f"{says}, t = {t_end}")
         _scale(grid[row, 0], YLABELS[measure])
-    for axes in grid[-1]:
-        axes.set_xlabel("wall time of one trajectory  (ms)")
-    _legend(figure, parts[0][2])
-    figure.text(0.075, 0.1 / height, _machine(label, facts), fontsize=7.5, color="#404040", va="bottom")
+    for i, (_, per_row) in enumerate(_COLUMNS):
+        grid[-1, i].set_xlabel("wall time of one trajectory  (ms)")
+        _legend(figure, grid[0, i], _column(rows[0][2], i), per_row, envelopes=i == 0)
+    figure.text(0.06, 0.1 / height, _machine(label, facts), fontsize=8, color="#404040", va="bottom")
     return figure
+
+
+def _column(curves: Sequence[Curve], column: int) -> list[Curve]:
+    """The curves of one column of panels: the paper's, those beyond it, peers."""
+    if column == 2:
+        return [curve for curve in curves if curve.kind == "peer"]
+    return [curve for curve in curves if curve.kind != "peer" and (curve.method in BENCHMARKED) != bool(column)]
 
 
 def _xy(curve: Curve, measure: str, mode: str = "trajectory") -> tuple[list[float], list[float]]:
@@ -91,8 +99,8 @@ def _line(curve: Curve) -> dict[str, Any]:
 def _envelopes(axes: Axes, curves: Sequence[Curve], measure: str) -> None:
     """The least error that any of ``curves`` has reached by each time: of one trajectory, and in lanes."""
     for mode, look in (
-        ("trajectory", {"color": "#f2d8a7", "linewidth": 5, "solid_capstyle": "round"}),
-        ("lanes", {"color": "#b08030", "linewidth": 1.1, "linestyle": ":"}),
+        ("trajectory", {"color": _BEST, "linewidth": 5, "solid_capstyle": "round"}),
+        ("lanes", {"color": _LANES, "linewidth": 1.1, "linestyle": ":"}),
     ):
         points = sorted(pair for curve in curves for pair in _settled(*_xy(curve, measure, mode)))
         if points:
@@ -113,19 +121,30 @@ def _scale(axes: Axes, ylabel: str) -> None:
     axes.set_ylabel(ylabel)
 
 
-def _legend(figure: Figure, curves: Sequence[Curve]) -> None:
+def _legend(figure: Figure, axes: Axes, curves: Sequence[Curve], per_row: int, *, envelopes: bool) -> None:
+    """What is drawn in the column below ``axes``, above it; a curve that is missing says so in two words."""
     handles = [
-        Line2D([], [], label=curve.label + ("" if curve.points else f" ({curve.status.split(':')[0]})"), **_line(curve))
+        Line2D(
+            [],
+            [],
+            label=curve.label + ("" if curve.points else f" ({curve.status.partition(':')[0].partition(' where')[0]})"),
+            **_line(curve),
+        )
         for curve in curves
     ]
-    handles.append(Line2D([], [], color="#f2d8a7", linewidth=5, label="best of the paper's methods"))
-    handles.append(Line2D([], [], color="#b08030", linestyle=":", label="the same, eight in lanes"))
+    if envelopes:
+        handles.append(Line2D([], [], color=_BEST, linewidth=5, label="best of these"))
+        handles.append(Line2D([], [], color=_LANES, linestyle=":", label="the same, eight in lanes"))
+    box = axes.get_position()
     figure.legend(
         handles=handles,
-        loc="upper center",
-        bbox_to_anchor=(0.53, 0.998),
-        ncols=_LEGEND_COLUMNS,
-        columnspacing=1.2,
+        loc="lower left",
+        bbox_to_anchor=(box.x0 - 0.006, box.y1 + 0.26 / figure.get_figheight()),
+        ncols=per_row,
+        columnspacing=1.0,
+        handlelength=2.2,
+        borderaxespad=0,
+        labelspacing=0.25,
         fontsize=7,
     )
 
