@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -24,7 +24,12 @@ CAPTION = (
     "fitted, with 95 % intervals by the jackknife over orbits."
 )
 
-_LINES = {"plain": "-", "compensated": (0, (5, 2)), "extended": (0, (6, 2, 1, 2)), "coefficients": (0, (1, 1.5))}
+_LINES: dict[str, Any] = {
+    "plain": "-",
+    "compensated": (0, (5, 2)),
+    "extended": (0, (6, 2, 1, 2)),
+    "coefficients": (0, (1, 1.5)),
+}
 _MARKERS = {"plain": "o", "compensated": "s", "extended": "^"}
 #: Variable, Brouwer's exponent, axis label and sources drawn, for each column.
 PANELS = (
