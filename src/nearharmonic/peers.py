@@ -30,13 +30,13 @@ from nearharmonic.systems.system import System
 
 @dataclass(frozen=True, kw_only=True)
 class Peer:
-    """One solver of ``library``: ``attempt(system, t_end, setting)`` prepares a run; ``stages`` evaluations of the
+    """One solver of the library ``module``: ``attempt(system, t_end, setting)`` prepares a run; ``stages`` evaluations of the
     force a step turn the common grid of step sizes per stage into its own; ``quadratic_only`` if it takes
     accelerations as functions of the position alone."""
 
     name: str
     label: str
-    library: str
+    module: str
     knob: Literal["tolerance", "step"]
     attempt: Callable[[System, float, float], Attempt]
     settings: tuple[float, ...] = ()
@@ -52,7 +52,7 @@ PEERS = {
         Peer(
             name="scipy_dop853",
             label="scipy solve_ivp DOP853",
-            library="scipy",
+            module="scipy",
             knob="tolerance",
             settings=_TOLERANCES,
             attempt=peer_solvers.scipy_dop853,
@@ -60,7 +60,7 @@ PEERS = {
         Peer(
             name="scipy_odeint",
             label="scipy odeint (LSODA, numba)",
-            library="scipy",
+            module="scipy",
             knob="tolerance",
             settings=_TOLERANCES,
             attempt=peer_solvers.scipy_odeint,
@@ -68,7 +68,7 @@ PEERS = {
         Peer(
             name="heyoka",
             label="heyoka (adaptive Taylor)",
-            library="heyoka",
+            module="heyoka",
             knob="tolerance",
             settings=(1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15),
             attempt=peer_solvers.heyoka_taylor,
@@ -76,7 +76,7 @@ PEERS = {
         Peer(
             name="rebound_ias15",
             label="rebound IAS15",
-            library="rebound",
+            module="rebound",
             knob="tolerance",
             settings=(1e-2, 1e-4, 1e-6, 1e-9),  # the last is its default
             attempt=peer_rebound.rebound_ias15,
@@ -85,7 +85,7 @@ PEERS = {
         Peer(
             name="rebound_leapfrog8",
             label="rebound leapfrog, order 8",
-            library="rebound",
+            module="rebound",
             knob="step",
             stages=17,
             attempt=peer_rebound.rebound_leapfrog8,
@@ -94,7 +94,7 @@ PEERS = {
         Peer(
             name="pyhamsys_bm6",
             label="pyhamsys BM6",
-            library="pyhamsys",
+            module="pyhamsys",
             knob="step",
             stages=20,
             attempt=peer_solvers.pyhamsys_bm6,
@@ -102,7 +102,7 @@ PEERS = {
         Peer(
             name="numpy_aba864",
             label="ABA864 in plain numpy",
-            library="numpy",
+            module="numpy",
             knob="step",
             stages=7,
             attempt=peer_solvers.numpy_splitting("aba864"),
@@ -110,7 +110,7 @@ PEERS = {
         Peer(
             name="numpy_babps9o7h",
             label="BAB's9o7H in plain numpy",
-            library="numpy",
+            module="numpy",
             knob="step",
             stages=9,
             attempt=peer_solvers.numpy_splitting("babps9o7h"),
@@ -118,7 +118,7 @@ PEERS = {
     )
 }
 
-LIBRARIES = tuple(dict.fromkeys(peer.library for peer in PEERS.values()))
+LIBRARIES = tuple(dict.fromkeys(peer.module for peer in PEERS.values()))
 
 #: Above this an error that does not fall with the step is an accident, below it the end of the fall.
 NEAR_ROUNDING = 1e-9
@@ -162,10 +162,10 @@ def peer_curve(
     A library that is missing, or a system it cannot take, gives a curve without points whose status says so.
     """
     curve = Curve(method=peer.name, label=peer.label, kind="peer")
-    curve.status = missing(peer.library) or _misfit(peer, system) or "ok"
+    curve.status = missing(peer.module) or _misfit(peer, system) or "ok"
     if curve.status != "ok":
         return curve
-    curve.version = version_of(peer.library)
+    curve.version = version_of(peer.module)
     end = float(t_end)
     with quiet():
         for setting in peer.settings or _steps(peer, steps_per_stage):

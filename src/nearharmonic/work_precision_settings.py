@@ -54,6 +54,6 @@ def load_work_precision(mapping: Mapping[str, Any], schema: Schema) -> WorkPreci
         integrators=tuple(name for name in beside if name not in config.integrators),
         points_per_decade=asked["points_per_decade"],
         evaluations=asked["evaluations"],
-        peers=tuple(name for name, peer in PEERS.items() if peer.library in libraries),
+        peers=tuple(name for name, peer in PEERS.items() if peer.module in libraries),
         longest=checked_tau(asked["longest"], f"{key}.longest"),
     )

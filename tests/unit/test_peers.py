@@ -44,7 +44,7 @@ def test_a_library_that_is_missing_is_named_not_skipped(library, monkeypatch):
     monkeypatch.setitem(sys.modules, library, None)  # what Python itself does to forbid an import
     assert missing(library) == "not installed"
     for peer in PEERS.values():
-        if peer.library == library:
+        if peer.module == library:
             curve = peer_curve(peer, systems["sho"], "5", (0.1, 1.0), None, 1.0)
             assert (curve.method, curve.status, curve.points) == (peer.name, "not installed", [])
 
@@ -115,7 +115,7 @@ def test_a_formula_that_branches_is_refused():
 def fake(path, knob="tolerance", settings=(1e-2, 1e-4, 1e-6), **more):
     """A peer of numpy, which is always there, whose path is ``path(setting)``."""
     return Peer(
-        name="fake", label="Fake", library="numpy", knob=knob, settings=settings,
+        name="fake", label="Fake", module="numpy", knob=knob, settings=settings,
         attempt=lambda system, t_end, setting: Attempt(run=lambda: None, path=lambda: path(setting)), **more,
     )  # fmt: skip
 
@@ -185,7 +185,7 @@ def test_steps_per_stage_go_from_coarse_to_fine():
     assert all(point.tau == 5.0 for point in curve.points)
 
 
-@pytest.mark.parametrize("name", [name for name, peer in PEERS.items() if find_spec(peer.library)])
+@pytest.mark.parametrize("name", [name for name, peer in PEERS.items() if find_spec(peer.module)])
 @pytest.mark.parametrize("system", ["sho", "kepler"])
 def test_installed_peers_converge_to_the_exact_position(name, system):
     t_end = {"sho": "5", "kepler": "2000"}[system]

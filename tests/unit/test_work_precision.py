@@ -337,7 +337,7 @@ def test_the_figure_says_that_it_shows_timings_and_what_is_missing():
     assert legends == [
         ["RUTH", "best of these", "the same, eight in lanes"],
         ["LEAPFROG"],
-        ["HEYOKA", "IAS15 (not installed)"],
+        ["HEYOKA", "IAS15 †", "† not installed"],
     ]
     # The curve of a column lies in it: times in ms, errors as measured.
     assert [line.get_xydata().tolist() for line in figure.axes[1].lines][-1] == [[0.01, 1e-2], [0.1, 1e-7]]

@@ -34,6 +34,9 @@ _ERRORS = (1e-17, 10.0)
 
 #: What each column of panels shows, and how many of its methods stand in one row of its legend.
 _COLUMNS = (("methods of the paper", 3), ("beyond the paper", 3), ("other libraries", 2))
+#: Marks behind the name of a curve with no points: because its library is not installed, or for another reason.
+_MISSING = {True: " †", False: " ‡"}
+_MISSING_TEXT = {True: "not installed", False: "no run: see the table"}
 _BEST, _LANES = "#f2d8a7", "#b08030"
 _PEER_COLOURS = ("#303030", "#6e6e6e", "#8c6d46", "#3e6b6b", "#7a5a86", "#a06060", "#5f7d3a", "#4f5f8f")
 _PEER_MARKERS = ("x", "+", "*", "1", "2", "3", "4", "|")
@@ -122,16 +125,19 @@ def _scale(axes: Axes, ylabel: str) -> None:
 
 
 def _legend(figure: Figure, axes: Axes, curves: Sequence[Curve], per_row: int, *, envelopes: bool) -> None:
-    """What is drawn in the column below ``axes``, above it; a curve that is missing says so in two words."""
+    """What is drawn in the column below ``axes``, above it; a curve that is missing bears a mark."""
     handles = [
         Line2D(
             [],
             [],
-            label=curve.label + ("" if curve.points else f" ({curve.status.partition(':')[0].partition(' where')[0]})"),
+            label=curve.label + ("" if curve.points else _MISSING[curve.status == "not installed"]),
             **_line(curve),
         )
         for curve in curves
     ]
+    for absent, mark in _MISSING.items():
+        if any(not curve.points and (curve.status == "not installed") == absent for curve in curves):
+            handles.append(Line2D([], [], linestyle="none", label=f"{mark.strip()} {_MISSING_TEXT[absent]}"))
     if envelopes:
         handles.append(Line2D([], [], color=_BEST, linewidth=5, label="best of these"))
         handles.append(Line2D([], [], color=_LANES, linestyle=":", label="the same, eight in lanes"))
