@@ -32,8 +32,8 @@ from nearharmonic.systems.system import System
 class Peer:
     """One solver of the library ``module``.
 
-    ``attempt(system, t_end, setting)`` prepares a run; ``stages`` evaluations of the force a step turn the common grid of
-    step sizes per stage into its own; ``quadratic_only`` if it takes accelerations as functions of the position alone.
+    ``attempt(system, t_end, setting)`` prepares a run; ``stages`` evaluations of the force a step turn the common grid
+    of step sizes per stage into its own; ``quadratic_only`` if it takes accelerations as functions of position alone.
     """
 
     name: str
