@@ -25,7 +25,7 @@ class WorkPrecision:
 
     integrators: tuple[str, ...] = ()
     points_per_decade: int = 8
-    evaluations: int = 800_000
+    evaluations: int = 1_250_000
     peers: tuple[str, ...] = field(default_factory=lambda: tuple(PEERS))
     longest: float = 0.25
 

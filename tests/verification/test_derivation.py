@@ -25,7 +25,7 @@ from nearharmonic.derivation.polish import polish, rank_and_pivots
 from nearharmonic.derivation.polynomials import real_roots, sturm_chain
 from nearharmonic.derivation.proof import prove
 from nearharmonic.derivation.search import sample, search
-from nearharmonic.derivation.simplex import minimise
+from nearharmonic.derivation.simplex import minimise, promising_starts
 from nearharmonic.errors import SettingError, UnknownNameError
 from nearharmonic.integrate import sweep
 from nearharmonic.integrators import integrators
@@ -330,6 +330,16 @@ def test_the_simplex_reaches_the_root_that_newton_reaches():
     assert outcome.kappa_max < mpf(10) ** -40
     exact = polish(equations, start, digits=60)
     assert max(abs(a - b) for a, b in zip(outcome.unknowns, exact.unknowns, strict=True)) < mpf(10) ** -36
+
+
+def test_a_random_start_that_a_short_run_finds_promising_leads_the_simplex_to_a_root(five):
+    """One in a few hundred random points; nothing of a root is known to the simplex."""
+    (start, *_) = promising_starts(five.equations, starts=200, seed=1)
+    outcome = minimise(five.equations, start, seed=1, bits=192, digits=30, evaluations=40_000)
+    assert outcome.converged
+    roots = [five.equations.unknowns_of(root.outer, root.inner) for root in five.roots]
+    apart = [max(abs(a - mpf(b)) for a, b in zip(outcome.unknowns, root, strict=True)) for root in roots]
+    assert min(apart) < mpf("1e-25")
 
 
 def test_a_simplex_that_runs_out_of_evaluations_gives_its_residual_and_no_digits():

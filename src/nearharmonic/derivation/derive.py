@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, is_dataclass
 from functools import partial
@@ -23,13 +22,11 @@ from nearharmonic.derivation.families import (
 )
 from nearharmonic.derivation.growth import Reach, reach
 from nearharmonic.derivation.isolated import CASES, Isolated, Root, solve
-from nearharmonic.derivation.simplex import Minimised, minimise, random_start
+from nearharmonic.derivation.simplex import Minimised, minimise, promising_starts
 from nearharmonic.integrators import integrators
 
 #: The sets of Nielsen (2015), Table 4, that its conditions fix.
 UNIQUE = ("abas5o6h", "abas5o6h_b", "abas5o6h_c", "babs6o7h")
-#: Half width of the box about a solution in double from which the simplex starts at random.
-BASIN = 0.05
 
 Report = Callable[[str], None]
 
@@ -45,14 +42,15 @@ class Agreement:
 
 @dataclass(frozen=True)
 class SimplexRun:
-    """One run of the paper's route: from ``start``, near root number ``root`` or, if None, from anywhere.
+    """One run of the paper's route, from ``start``, one of the ``promising`` among ``starts`` random points.
 
     ``reached`` is the number of the root it converged to and ``distance`` the largest difference of an unknown from
     that root; None where it did not converge, or not to a root that is known.
     """
 
     stages: int
-    root: int | None
+    starts: int
+    promising: int
     start: tuple[float, ...]
     outcome: Minimised
     reached: int | None
@@ -83,15 +81,15 @@ def derive(
     growth_starts: int,
     growth_stages: Sequence[int] = tuple(range(3, 11)),
     simplex_stages: Sequence[int] = (5,),
+    simplex_starts: int = 1500,
     simplex_evaluations: int = 40_000,
-    stray_evaluations: int = 5_000,
     digits: int = 128,
     report: Report = lambda _: None,
 ) -> Derivation:
     """Derive the sets of Nielsen (2015), Table 4; the table itself is read only to compare.
 
-    ``simplex_stages`` are the isolated cases to solve by the paper's route too: once near each root, with at most
-    ``simplex_evaluations`` of the objective each, and once from a random point with ``stray_evaluations``.
+    ``simplex_stages`` are the isolated cases to solve by the paper's route too: from those of ``simplex_starts`` random
+    points that a short run finds promising, with at most ``simplex_evaluations`` of the objective each.
 
     Raises:
         SettingError: a number of starts below 1, or of stages below 3.
@@ -113,7 +111,7 @@ def derive(
     simplex: list[SimplexRun] = []
     for case in isolated:
         if case.equations.stages in simplex_stages:
-            budgets = simplex_evaluations, stray_evaluations
+            budgets = simplex_starts, simplex_evaluations
             part = f"simplex_{case.equations.stages}"
             simplex += timed(part, partial(_simplex_runs, case, seed, budgets, digits, report))
     printed = timed("printed", lambda: [printed_point(name, digits=digits) for name in PRINTED])
@@ -163,29 +161,24 @@ def plain(value: Any) -> Any:
     return mp.nstr(value, 5) if isinstance(value, mpf) else value
 
 
-def _simplex_runs(
-    case: Isolated, seed: int, evaluations: tuple[int, int], digits: int, report: Report
-) -> list[SimplexRun]:
+def _simplex_runs(case: Isolated, seed: int, budgets: tuple[int, int], digits: int, report: Report) -> list[SimplexRun]:
+    starts, evaluations = budgets
+    promising = promising_starts(case.equations, starts=starts, seed=seed, report=report)
     runs = []
-    generator = random.Random(seed)
-    for number, root in enumerate(case.roots):
-        centre = case.equations.unknowns_of(root.outer, root.inner)
-        start = [float(c) + generator.uniform(-BASIN, BASIN) for c in centre]
-        runs.append(_simplex_run(case, number, start, seed, evaluations[0], digits, report))
-    stray = random_start(case.equations, seed=seed)
-    runs.append(_simplex_run(case, None, stray, seed, evaluations[1], digits, report))
+    for start in promising:
+        outcome = minimise(case.equations, start, seed=seed, digits=digits, evaluations=evaluations, report=report)
+        reached, distance = _nearest_root(case, outcome, digits)
+        stages = case.equations.stages
+        runs.append(SimplexRun(stages, starts, len(promising), tuple(start), outcome, reached, distance))
     return runs
 
 
-def _simplex_run(
-    case: Isolated, root: int | None, start: list[float], seed: int, evaluations: int, digits: int, report: Report
-) -> SimplexRun:
-    outcome = minimise(case.equations, start, seed=seed, digits=digits, evaluations=evaluations, report=report)
-    reached, distance = None, None
+def _nearest_root(case: Isolated, outcome: Minimised, digits: int) -> tuple[int | None, Any]:
+    """Number of the root that a simplex converged to, and how far from it the simplex ended."""
     with mp.workdps(digits + 30):
         for number, other in enumerate(case.roots) if outcome.converged else ():
             centre = [mpf(c) for c in case.equations.unknowns_of(other.outer, other.inner)]
             apart = max(abs(a - b) for a, b in zip(outcome.unknowns, centre, strict=True))
             if apart < mpf("1e-6"):
-                reached, distance = number, apart
-    return SimplexRun(case.equations.stages, root, tuple(start), outcome, reached, distance)
+                return number, apart
+    return None, None

@@ -27,8 +27,8 @@ COLLAPSED_BITS = 12
 #: times the objective where the conditions are as badly scaled as those of the sets in Table 4.
 EDGE_FACTOR = 10_000
 LONGEST_EDGE = (1, 20)
-#: Random points of which the best one starts the first simplex.
-CANDIDATES = 2000
+#: Evaluations and bits of the short run that tells whether a random start is worth a long one.
+SHORT_RUN, SHORT_BITS = 800, 192
 
 
 @dataclass(frozen=True)
@@ -77,11 +77,20 @@ def minimise(
     return Minimised(converged, kappa_max, unknowns, objective.calls, max(restarts, 0), perf_counter() - clock)
 
 
-def random_start(equations: Equations, *, seed: int, box: float = 1.0, candidates: int = CANDIDATES) -> list[float]:
-    """The point with the smallest kappa_max of ``candidates`` random ones in [-box, box], in double."""
-    generator = random.Random(seed)
-    points = [[generator.uniform(-box, box) for _ in range(equations.unknowns)] for _ in range(candidates)]
-    return min(points, key=lambda x: max(map(abs, equations.residuals(x))))
+def promising_starts(
+    equations: Equations, *, starts: int, seed: int, box: float = 1.0, report: Callable[[str], None] = lambda _: None
+) -> list[list[float]]:
+    """Of ``starts`` random points in [-box, box], those from which a short run in short arithmetic gets near a root.
+
+    A start in a ridge of the max norm stalls at once, however long the arithmetic; a short run tells.
+    """
+    generator, found = random.Random(seed), []
+    for number in range(starts):
+        start = [generator.uniform(-box, box) for _ in range(equations.unknowns)]
+        if minimise(equations, start, seed=number, bits=SHORT_BITS, digits=4, evaluations=SHORT_RUN).converged:
+            found.append(start)
+            report(f"simplex: {len(found)} of {number + 1} random starts lead near a root")
+    return found
 
 
 def _collapse(

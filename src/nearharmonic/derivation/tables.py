@@ -139,7 +139,7 @@ def routes(derivation: Derivation) -> Table:
             nstr(worst, 2), "", "", "", derivation.seconds[f"isolated_{stages}"],
         ))  # fmt: skip
     for run in derivation.simplex:
-        start = "anywhere" if run.root is None else f"near solution {run.root + 1}"
+        start = f"random, one of {run.promising} in {run.starts}"
         reached = "not converged" if run.reached is None else f"solution {run.reached + 1}"
         agrees = "" if run.distance is None else nstr(run.distance, 2)
         rows.append((
