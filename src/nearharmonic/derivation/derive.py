@@ -82,7 +82,7 @@ def derive(
     growth_stages: Sequence[int] = tuple(range(3, 11)),
     simplex_stages: Sequence[int] = (5,),
     simplex_starts: int = 1500,
-    simplex_evaluations: int = 40_000,
+    simplex_evaluations: int = 25_000,
     digits: int = 128,
     report: Report = lambda _: None,
 ) -> Derivation:
