@@ -42,6 +42,10 @@ class StepPolynomials(NamedTuple):
     K22: Polynomial
 
 
+#: Error terms at most: those beyond lambda_max are all 1, and no registered method has more than 31 before.
+MOST_TERMS = 1000
+
+
 def kappa(
     integrator: str | Tableau, highest: int, *, first: First | None = None, variable: Variable = "position"
 ) -> list[Any]:
@@ -55,11 +59,12 @@ def kappa(
 
     Raises:
         UnknownNameError: no integrator has this name.
-        SettingError: ``highest`` is no integer >= 1, ``first`` no operator, or ``variable`` none of the two.
+        SettingError: ``highest`` is no integer from 1 to :data:`MOST_TERMS`, ``first`` no operator, or ``variable``
+            none of the two.
     """
-    if isinstance(highest, bool) or not isinstance(highest, Integral) or highest < 1:
+    if isinstance(highest, bool) or not isinstance(highest, Integral) or not 1 <= highest <= MOST_TERMS:
         key = "highest"
-        raise bad_setting(key, highest, "an integer >= 1")
+        raise bad_setting(key, highest, f"an integer >= 1, and at most {MOST_TERMS}")
     tableau = tableau_of(integrator, first)
     terms = zeta(tableau, variable=variable)
     with mp.workdps(max(mp.dps, tableau.digits + 10)):

@@ -98,7 +98,12 @@ def sweep(
     import xarray as xr
 
     problem = _Problem(system, integrator, t_end, precision, summation, first)
-    asked = np.asarray(taus).ravel().tolist() if hasattr(taus, "__array__") else list(taus)
+    if hasattr(taus, "__array__"):
+        asked = np.asarray(taus).ravel().tolist()
+    elif isinstance(taus, Iterable) and not isinstance(taus, str):
+        asked = list(taus)
+    else:
+        raise bad_setting("taus", taus, "a list of step sizes")
     if not asked:
         raise bad_setting("taus", asked, "at least one step size")
     requested = [checked_tau(tau, f"taus[{i}]") for i, tau in enumerate(asked)]

@@ -166,6 +166,9 @@ def cube(system: str, runs: Mapping[str, Mapping[str, Sequence[xr.Dataset]]]) ->
     dataset = dataset.sel(integrator=list(runs))  # an outer join of precisions sorts by name
     best = dataset.isel(precision=0, drop=True) if "precision" in dataset.dims else dataset
     dataset["observed_order"] = observed_order(best.tau, best.max_energy_error)
+    if "precision" in dataset.dims:
+        text = "; or skipped: the plan left the run out (tables/skipped.csv)"
+        dataset.status.attrs["long_name"] = f"{dataset.status.attrs['long_name']}{text}"
     dataset.tau_per_stage.attrs |= {"units": problem.units["t"], "long_name": "step size per stage"}
     for coordinate, text in (("integrator", "integrator"), ("label", "name in the paper"), ("precision", "precision")):
         if coordinate in dataset.coords:

@@ -45,12 +45,12 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
 
     def __getitem__(self, name: str) -> Entry:
         entries = self._load()
-        if name not in entries:
+        if not isinstance(name, str) or name not in entries:
             raise unknown_name(self.kind, name, entries)
         return entries[name]
 
     def __contains__(self, name: object) -> bool:
-        return name in self._load()
+        return isinstance(name, str) and name in self._load()
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._load())
