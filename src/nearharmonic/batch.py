@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from nearharmonic.core.arithmetic import rounded_pair
 from nearharmonic.errors import SystemDefinitionError, bad_setting
 from nearharmonic.systems.system import System
 from nearharmonic.tableau import Tableau
@@ -52,16 +53,6 @@ def kernel_of(system: System, precision: str, summation: str, width: int = WIDTH
         )
     except (TypeError, ValueError, AttributeError) as error:
         raise SystemDefinitionError(f"{system.name}: its formulas cannot be compiled: {error}") from error
-
-
-def rounded(numerator: int, denominator: int) -> tuple[float, float]:
-    """The double nearest to a quotient of whole numbers, and the double nearest to the rest.
-
-    On whole numbers because reducing a Fraction of 80 digits costs ten times what rounding it does.
-    """
-    high = numerator / denominator
-    top, bottom = high.as_integer_ratio()
-    return high, (numerator * bottom - top * denominator) / (denominator * bottom)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +99,7 @@ def sample_marks(steps: Integers, samples: int) -> Integers:
 
 def start_rows(q: Sequence[Fraction], p: Sequence[Fraction], summation: str) -> Floats:
     """One start (4 d,) as the kernel takes it; without compensation the low halves are dropped, not carried."""
-    pairs = [[rounded(*x.as_integer_ratio()) for x in row] for row in (q, p)]
+    pairs = [[rounded_pair(*x.as_integer_ratio()) for x in row] for row in (q, p)]
     keep = 0.0 if summation == "plain" else 1.0
     return np.array([part for row in pairs for part in ([h for h, _ in row], [low * keep for _, low in row])]).ravel()
 
@@ -123,7 +114,7 @@ def coefficients(tableau: Tableau, taus: Sequence[Fraction], parts: int) -> tupl
             numerator, denominator = sign * coefficient.numerator, coefficient.denominator
             for i, tau in enumerate(taus):
                 top, bottom = numerator * tau.numerator, denominator * tau.denominator
-                array[i, j] = top / bottom if parts == 1 else rounded(top, bottom)
+                array[i, j] = top / bottom if parts == 1 else rounded_pair(top, bottom)
     return arrays[0], arrays[1]
 
 

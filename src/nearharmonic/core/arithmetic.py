@@ -40,6 +40,16 @@ def sqrt(x: Any) -> Any:
     return np.sqrt(x)
 
 
+def rounded_pair(numerator: int, denominator: int) -> tuple[float, float]:
+    """The double nearest to a quotient of whole numbers, and the double nearest to the rest.
+
+    On whole numbers because reducing a Fraction of 80 digits costs ten times what rounding it does.
+    """
+    high = numerator / denominator
+    top, bottom = high.as_integer_ratio()
+    return high, (numerator * bottom - top * denominator) / (denominator * bottom)
+
+
 def quick_two_sum(a: Any, b: Any) -> Pair:
     """a + b = sum + error exactly, for |a| >= |b|."""
     total = a + b

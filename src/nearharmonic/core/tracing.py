@@ -78,12 +78,6 @@ class Emitted:
         return self.builder.icmp_unsigned("!=", mask, ir.Constant(mask.type, 0))
 
 
-def rounded_pair(number: Exact) -> tuple[float, float]:
-    """The double nearest to ``number`` and the double nearest to what that leaves."""
-    high = float(number)
-    return high, float(Fraction(number) - Fraction(high))
-
-
 def _power_of_two(number: Exact) -> bool:
     top, bottom = abs(Fraction(number).numerator), Fraction(number).denominator
     return top > 0 and top & (top - 1) == 0 and bottom & (bottom - 1) == 0
@@ -203,7 +197,7 @@ class DoubleDouble(_Number):
         return self.high, self.low
 
     def _constant(self, number: Exact) -> tuple[Any, Any]:
-        high, low = rounded_pair(number)
+        high, low = arithmetic.rounded_pair(*number.as_integer_ratio())
         return self.high.constant(high), self.high.constant(low)
 
     def __add__(self, other: Any) -> Any:
@@ -211,7 +205,7 @@ class DoubleDouble(_Number):
             if other == 0:
                 return self
             high, low = self._constant(other)
-            if rounded_pair(other)[1] == 0.0:
+            if Fraction(float(other)) == other:
                 return DoubleDouble(*arithmetic.dd_add_double(self.pair, high))
             return DoubleDouble(*arithmetic.dd_add(self.pair, (high, low)))
         if not isinstance(other, DoubleDouble):

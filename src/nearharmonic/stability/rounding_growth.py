@@ -21,7 +21,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nearharmonic.batch import Floats, Integers, Trajectories, integrate_batch, kernel_of, rounded
+from nearharmonic.batch import Floats, Integers, Trajectories, integrate_batch, kernel_of
+from nearharmonic.core.arithmetic import rounded_pair
 from nearharmonic.reduce import student_975
 from nearharmonic.stability.initial_conditions import kepler_apoapsis, quasi_random
 from nearharmonic.stability.kepler_maps import PERIOD, SYSTEM
@@ -87,7 +88,7 @@ def _scaled(start: Floats) -> Floats:
         for k, factor in enumerate(factors):
             place = k + 2 * (k // 2)  # x, y, their carries, then the momenta
             exact = Fraction(row[place]) * factor
-            scaled[place], scaled[place + 2] = rounded(exact.numerator, exact.denominator)
+            scaled[place], scaled[place + 2] = rounded_pair(exact.numerator, exact.denominator)
     return result
 
 
