@@ -4,7 +4,7 @@ import time
 
 from snakemake.utils import min_version
 
-from nearharmonic.tables import summary_line
+from nearharmonic.experiments.paper.omissions import summary_line
 
 min_version("9.0")
 STARTED = time.time()
@@ -17,58 +17,29 @@ if not workflow.overwrite_configfiles:
 
 
 include: "workflow/rules/common.smk"
-include: "workflow/rules/compile.smk"
-include: "workflow/rules/integrate.smk"
-include: "workflow/rules/reduce.smk"
-include: "workflow/rules/render.smk"
-include: "workflow/rules/tables.smk"
-include: "workflow/rules/derive.smk"
-include: "workflow/rules/beyond.smk"
-
-
-STABILITY_FILES = []  # each rule file of the stress tests adds its own
-
-
-include: "workflow/rules/stability.smk"
-include: "workflow/rules/stability_structure.smk"
+include: "workflow/rules/paper.smk"
+include: "workflow/rules/derivation.smk"
+include: "workflow/rules/sixth_order.smk"
 include: "workflow/rules/work_precision.smk"
+include: "workflow/rules/stability.smk"
+include: "workflow/rules/figures.smk"
 
 
 rule all:
     default_target: True
     input:
         f"{RESULTS}/manifest.json",
-        FIGURE_FILES,
-        TABLE_FILES,
-
-
-rule figures:
-    input:
-        FIGURE_FILES,
-
-
-rule tables:
-    input:
-        TABLE_FILES,
-
-
-rule stability:
-    input:
-        STABILITY_FILES,
-
-
-rule work_precision:
-    input:
-        WORK_PRECISION_FILES,
+        rules.figures.input,
+        rules.tables.input,
 
 
 rule everything:
     input:
         rules.all.input,
-        DERIVE_FILES,
-        BEYOND_FILES,
-        STABILITY_FILES,
-        WORK_PRECISION_FILES,
+        rules.derive.input,
+        rules.sixth_order.input,
+        rules.stability.input,
+        rules.work_precision.input,
 
 
 onsuccess:

@@ -20,10 +20,11 @@ from pathlib import Path
 import numpy as np
 
 import nearharmonic as nh
-from nearharmonic.batch import coefficients, integrate_batch, kernel_of, start_rows
 from nearharmonic.core.layout import ENERGY, LIMIT, TALLY
+from nearharmonic.engine.batch import coefficients, integrate_batch, kernel_of, start_rows
+from nearharmonic.engine.grid import steps_of
+from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators import BENCHMARKED
-from nearharmonic.plan import steps_of
 
 METHOD = "aba864"
 TAU = {"sho": Fraction(1, 10), "henon_heiles": Fraction(1, 10), "kepler": Fraction(10)}
@@ -53,9 +54,8 @@ def contest(system, width, library, repeats):
     drift, kick = coefficients(tableau, [TAU[system]], 1)
     wide = [np.repeat(row[0], width, axis=1).reshape(-1) for row in (drift, kick)]
     narrow = [np.ascontiguousarray(row[0, :, 0]) for row in (drift, kick)]
-    q, p = (tuple(map(Fraction, row)) for row in (problem.q0, problem.p0))
     rows = np.zeros((4 * problem.dimension + TALLY, width))
-    rows[: 4 * problem.dimension] = start_rows(q, p, "compensated")[:, None]
+    rows[: 4 * problem.dimension] = start_rows(*problem.start(Fraction), "compensated")[:, None]
     rows[4 * problem.dimension + ENERGY], rows[4 * problem.dimension + LIMIT] = 1.0, np.inf
     states = {name: rows.copy().reshape(-1) for name in ("C", "ours", "energy")}
     function = getattr(library, f"{system}_{width}")
@@ -63,8 +63,8 @@ def contest(system, width, library, repeats):
     c_arguments = [ctypes.c_long(count), ctypes.c_int(tableau.stages)]
     c_arguments += [a.ctypes.data_as(pointer) for a in (*narrow, states["C"])]
     kernels = {
-        "ours": kernel_of(problem, "double", "compensated", width, False).advance(),
-        "energy": kernel_of(problem, "double", "compensated", width, True).advance(),
+        "ours": kernel_of(problem, Numerics(width=width, every_step=False)).advance(),
+        "energy": kernel_of(problem, Numerics(width=width)).advance(),
     }
     calls = {"C": lambda: function(*c_arguments)}
     for name, advance in kernels.items():

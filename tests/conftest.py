@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import mpmath
 import pytest
+from hypothesis import settings
+
+# A busy machine is no fault: tests have no deadline of their own.
+settings.register_profile("shared", deadline=None)
+settings.load_profile("shared")
 
 
 @pytest.fixture(autouse=True)

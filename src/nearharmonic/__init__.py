@@ -8,14 +8,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-# The registries and functions share their names with the modules that define them: bound here, at import, they win.
+from nearharmonic.engine.trajectory import integrate, sweep
+
+# The registries are the packages of their names; the function integrate, bound here, hides the module that defines it.
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.integrate import integrate, sweep
 from nearharmonic.integrators import integrators
 from nearharmonic.systems import systems
 
 if TYPE_CHECKING:
-    from nearharmonic.decomposition import kappa as kappa
+    from nearharmonic.theory.oscillator import kappa as kappa
 
 __all__ = ["NearharmonicError", "__version__", "integrate", "integrators", "kappa", "sweep", "systems"]
 
@@ -24,7 +25,11 @@ __version__ = "0.1.0"
 
 def __getattr__(name: str) -> Any:
     if name == "kappa":  # mpmath is loaded by those who ask for multiprecision
-        from nearharmonic.decomposition import kappa
+        from nearharmonic.theory.oscillator import kappa
 
         return kappa
     raise AttributeError(f"module 'nearharmonic' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -8,12 +8,12 @@ import sys
 from collections.abc import Iterable, Sequence
 from typing import NoReturn
 
-from nearharmonic.curve import MEASURES
 from nearharmonic.errors import NearharmonicError, SettingError
+from nearharmonic.experiments.work_precision.curve import MEASURES
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser whose complaints are errors of the package: one message, status 1."""
+    """An argument parser that raises its complaints as errors of the package, for one message and one exit status."""
 
     def error(self, message: str) -> NoReturn:
         hint = f"{message}. See: {self.prog} --help"
@@ -35,36 +35,50 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; returns its exit status, 1 after an error, of which it prints one message."""
+    """Run the command.
+
+    Parameters
+    ----------
+    arguments
+        Words after the name of the command; None takes those of the process.
+
+    Returns
+    -------
+    int
+        Exit status: 0 yes, 1 no method meets the error bound, 2 bad input, of which one message is printed.
+    """
     try:
         chosen = parser().parse_args(arguments)
-        _print(_recommend(chosen) if chosen.command == "recommend" else _list(chosen.kind))
+        return _recommend(chosen) if chosen.command == "recommend" else _list(chosen.kind)
     except NearharmonicError as error:
         sys.stderr.write(f"nearharmonic: {error}\n")
-        return 1
-    except BrokenPipeError:  # the reader, such as head, has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
-    return 0
+        return 2
 
 
 def _print(lines: Iterable[str]) -> None:
-    for line in lines:
-        sys.stdout.write(f"{line}\n")
-    sys.stdout.flush()
+    try:
+        for line in lines:
+            sys.stdout.write(f"{line}\n")
+        sys.stdout.flush()
+    except BrokenPipeError:  # the reader, such as head, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _recommend(chosen: argparse.Namespace) -> Iterable[str]:
-    from nearharmonic.recommend import lines, recommend
+def _recommend(chosen: argparse.Namespace) -> int:
+    from nearharmonic.experiments.work_precision.recommend.choices import recommend
+    from nearharmonic.listing import recommendation_lines
 
-    return lines(recommend(chosen.system, chosen.error, measure=chosen.measure, results=chosen.results))
+    found = recommend(chosen.system, chosen.error, measure=chosen.measure, results=chosen.results)
+    _print(recommendation_lines(found))
+    return 0 if found.ranked else 1
 
 
-def _list(kind: str | None) -> Iterable[str]:
-    from nearharmonic.recommend import registry_lines
+def _list(kind: str | None) -> int:
+    from nearharmonic.listing import registry_lines
 
     for each in (kind,) if kind else ("integrators", "systems"):
-        yield from registry_lines(each)
+        _print(registry_lines(each))
+    return 0
 
 
 if __name__ == "__main__":

@@ -1,136 +1,351 @@
-"""A config, from YAML to checked settings; ``python -m nearharmonic.config`` prints the table of its keys."""
+"""The config: its keys, in one family of frozen types, and how a mapping of YAML becomes one.
+
+``python -m nearharmonic.config`` writes what is generated from the types: the JSON schema and the table of keys.
+"""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, cast, get_args, get_type_hints
 
+from nearharmonic.engine.settings import STRICT, Reading, Sweep, one_of, setting, whole_from
 from nearharmonic.errors import SettingError, UnknownNameError, bad_setting, unknown_name
+from nearharmonic.experiments.derivation.settings import DerivationSettings
+from nearharmonic.experiments.paper.plan import check_sweep, fewest_shards
+from nearharmonic.experiments.paper.settings import Summation, SystemSettings
+from nearharmonic.experiments.sixth_order.settings import SixthOrderSettings
+from nearharmonic.experiments.stability.settings import StabilitySettings
+from nearharmonic.experiments.work_precision.settings import WorkPrecisionSettings
 from nearharmonic.integrators import integrators
-from nearharmonic.plan import check_sweep
-from nearharmonic.settings import Config, Sweep, checked_t_end, checked_tau, one_of
 from nearharmonic.systems import systems
 
-SCHEMA = Path("workflow/schemas/config.schema.yaml")
+#: The generated files, from the root of the project.
+SCHEMA, KEYS = Path("workflow/schemas/config.schema.yaml"), Path("config/README.md")
+#: Characters of a name: file systems take 255 bytes.
+LONGEST_NAME = 100
 
-Schema = Mapping[str, Any]
-
-
-def read_schema(path: Path = SCHEMA) -> Schema:
-    """The JSON schema of configs, kept as YAML."""
-    import yaml
-
-    schema: Schema = yaml.safe_load(path.read_text(encoding="utf-8"))
-    return schema
+_NAME = rf"^[A-Za-z0-9][A-Za-z0-9_.-]{{0,{LONGEST_NAME - 1}}}\Z"
+METHODS = "a list of at least one integrator, each named once"
 
 
-def load(mapping: Mapping[str, Any], schema: Schema) -> Config:
-    """``mapping`` as a :class:`~nearharmonic.settings.Config`: against ``schema``, then what no schema can tell.
+def _name(value: object) -> str:
+    import re
 
-    Defaults are filled in: those of the schema, the systems' own t_end, and all integrators for the decomposition.
+    if not isinstance(value, str) or re.match(_NAME, value, re.ASCII) is None:
+        raise ValueError
+    return value
 
-    Raises:
-        NearharmonicError: the first fault found, with key, value, what is allowed and the nearest match.
+
+Name = Annotated[str, Reading(_name, (("type", "string"), ("pattern", _NAME.replace(r"\Z", "$"))))]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Config:
+    """One reproduction; its results go to results/<name>/."""
+
+    __pydantic_config__ = STRICT
+
+    name: Name = setting(
+        "Names the folder of the results, `results/<name>/`",
+        f"letters, digits, '_', '-' and '.', beginning with a letter or digit, at most {LONGEST_NAME}",
+    )
+    integrators: tuple[str, ...] = setting(
+        "The methods, in the order of the legends", METHODS, each="the name of an integrator", min_length=1
+    )
+    systems: Mapping[str, SystemSettings] = setting(
+        "The Hamiltonian systems, by name; each holds the keys below", "at least one system by its name", min_length=1
+    )
+    samples: int = setting(
+        "States that a run keeps; the largest and the mean error see every step all the same",
+        default=500,
+        **whole_from(1),
+    )
+    shards: int | None = setting(
+        "Jobs, and files, that share the step sizes of one method on one system; if not given, as few as keep the "
+        "trajectories of a job below 4e8 bytes",
+        default=None,
+        **whole_from(1),
+    )
+    summation: Summation = setting(
+        "How the state is updated in double precision, with or without the carry of the rounding error",
+        "one of compensated, plain",
+        default="compensated",
+    )
+    decomposition: tuple[str, ...] | None = setting(
+        "The methods of figure 2; all integrators if not given",
+        METHODS,
+        each="the name of an integrator",
+        default=None,
+        min_length=1,
+    )
+    overview: tuple[str, ...] | None = setting(
+        "The methods of the table that compares all; all there are if not given",
+        METHODS,
+        each="the name of an integrator",
+        default=None,
+        min_length=1,
+    )
+    # One line for each experiment that can be set.
+    derive: DerivationSettings = setting("How hard `derive` searches for Table 4", default=DerivationSettings)
+    beyond: SixthOrderSettings = setting("How hard `sixth_order` searches for methods", default=SixthOrderSettings)
+    stability: StabilitySettings = setting("What `stability` puts the methods through", default=StabilitySettings)
+    work_precision: WorkPrecisionSettings = setting("What `work_precision` times", default=WorkPrecisionSettings)
+
+    @property
+    def sweeps(self) -> tuple[Sweep, ...]:
+        """What is asked of each system, with the system's own t_end where none is given."""
+        return tuple(
+            Sweep(
+                system=name,
+                t_end=asked.t_end or systems[name].t_end,
+                lowest=asked.tau_per_stage.lowest,
+                highest=asked.tau_per_stage.highest,
+                points_per_decade=asked.tau_per_stage.points_per_decade,
+                precision=asked.precision,
+                summation=self.summation,
+                samples=self.samples,
+                shards=self.shards or fewest_shards(systems[name], asked.tau_per_stage, self.samples),
+            )
+            for name, asked in self.systems.items()
+        )
+
+    @property
+    def compared(self) -> tuple[str, ...]:
+        """The methods of the table that compares all."""
+        return tuple(integrators) if self.overview is None else self.overview
+
+    @property
+    def decomposed(self) -> tuple[str, ...]:
+        """The methods of figure 2."""
+        return self.integrators if self.decomposition is None else self.decomposition
+
+
+def load(mapping: Mapping[str, Any], files: Iterable[Path | str] = ()) -> Config:
+    """Return ``mapping`` as a :class:`Config`, checked against the types and then for what no type can tell.
+
+    Parameters
+    ----------
+    mapping : mapping
+        The keys, as read from YAML.
+    files : iterable of path
+        The YAML files that they come from, in which no key may stand twice.
+
+    Raises
+    ------
+    NearharmonicError
+        The first fault found, nearest to the top, with key, value, what is allowed and the nearest match.
     """
-    _check_schema(mapping, schema)
-    settings = with_defaults(mapping, schema)
-    methods = _known(settings, "integrators", integrators.__getitem__)
-    sweeps = tuple(_sweep(name, settings) for name in _known(settings, "systems", systems.__getitem__))
-    for sweep in sweeps:
-        check_sweep(sweep, methods)
-    decomposition = (
-        _known(settings, "decomposition", integrators.__getitem__) if "decomposition" in settings else methods
-    )
-    return Config(name=settings["name"], integrators=methods, sweeps=sweeps, decomposition=decomposition)
+    for path in files:
+        _refuse_duplicates(Path(path))
+    config = _typed(mapping)
+    for key, value, allowed in _repetitions(config, mapping):
+        raise bad_setting(key, value, allowed)
+    methods = [integrators[name] for name in _known("integrators", config.integrators, integrators.__getitem__)]
+    _known("systems", config.systems, systems.__getitem__)
+    _known("decomposition", config.decomposed, integrators.__getitem__)
+    _known("overview", config.compared, integrators.__getitem__)
+    for sweep in config.sweeps:
+        grid, here = mapping["systems"][sweep.system]["tau_per_stage"], f"systems.{sweep.system}.tau_per_stage"
+        if sweep.highest < sweep.lowest:
+            allowed = f"a finite number, at least lowest = {grid['lowest']}"
+            raise bad_setting(f"{here}.highest", grid["highest"], allowed)
+        check_sweep(sweep, config.integrators)
+    for member in fields(config):
+        section = getattr(config, member.name)
+        if hasattr(section, "check"):
+            section.check(methods, tuple(config.systems))
+    return config
 
 
-def with_defaults(value: Any, schema: Schema) -> Any:
-    """``value`` with the defaults of ``schema`` where a key is not given, at every depth."""
-    if not isinstance(value, Mapping):
-        return value
-    known, other = schema.get("properties", {}), schema.get("additionalProperties") or {}
-    filled = {key: member["default"] for key, member in known.items() if "default" in member} | dict(value)
-    return {key: with_defaults(member, known.get(key, other)) for key, member in filled.items()}
+def _typed(mapping: Mapping[str, Any]) -> Config:
+    from pydantic import ValidationError
+
+    for path, value in _leaves(mapping):
+        if isinstance(value, bool) or value is None:  # pydantic takes True for 1, and None for a key not given
+            raise bad_setting(_dotted(path), value, _place(path)[1])
+    try:
+        return cast("Config", _adapter().validate_python(mapping))
+    except ValidationError as faults:
+        # A stray or missing key counts as a fault of the section that it stands in.
+        inside = {"missing", "unexpected_keyword_argument"}
+        # A list with an entry that is refused counts as too short as well.
+        told = [fault for fault in faults.errors() if not (fault["type"] == "too_short" and fault["input"])]
+        first = min(told, key=lambda fault: len(fault["loc"]) - (fault["type"] in inside))
+        raise _error_of(first) from None
 
 
-def _known(settings: Mapping[str, Any], key: str, look_up: Callable[[str], Any]) -> tuple[str, ...]:
-    """The names under ``key``, each of which ``look_up`` finds."""
-    for name in settings[key]:
+def _leaves(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[tuple[str | int, ...], Any]]:
+    """Path and value of all that is no mapping and no list."""
+    if isinstance(value, Mapping | list | tuple):
+        for step, member in value.items() if isinstance(value, Mapping) else enumerate(value):
+            yield from _leaves(member, (*path, step))
+    else:
+        yield path, value
+
+
+@cache
+def _adapter() -> Any:
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(Config)
+
+
+def _error_of(fault: Mapping[str, Any]) -> Exception:
+    """The error of the package for a fault that pydantic found."""
+    path = fault["loc"]
+    key, above = _dotted(path), _dotted(path[:-1])
+    if fault["type"] == "unexpected_keyword_argument":
+        known = [member.name for member in fields(_place(path[:-1])[0])]
+        return unknown_name(f"key of {above}" if above else "key of the config", path[-1], known)
+    kind, allowed = _place(path)
+    if fault["type"] == "missing":
+        return SettingError(f"{above or 'the config'} lacks the key {path[-1]!r}: {allowed}")
+    if fault["type"] == "literal_error":
         try:
-            look_up(name)
-        except UnknownNameError as error:
-            message = f"{key}: {error}"
-            raise UnknownNameError(message) from None
-    return tuple(settings[key])
+            one_of(key, fault["input"], get_args(kind))
+        except SettingError as error:
+            return error
+    return bad_setting(key or "the config", fault["input"], allowed)
 
 
-def _sweep(name: str, settings: Mapping[str, Any]) -> Sweep:
-    asked = settings["systems"][name]
-    here, grid = f"systems.{name}", asked["tau_per_stage"]
-    lowest = checked_tau(grid["lowest"], f"{here}.tau_per_stage.lowest")
-    highest = checked_tau(grid["highest"], f"{here}.tau_per_stage.highest")
-    if highest < lowest:
-        key = f"{here}.tau_per_stage.highest"
-        raise bad_setting(key, grid["highest"], f"a finite number, at least lowest = {grid['lowest']}")
-    return Sweep(
-        system=name,
-        t_end=checked_t_end(asked.get("t_end", systems[name].t_end), f"{here}.t_end"),
-        lowest=lowest,
-        highest=highest,
-        points_per_decade=grid["points_per_decade"],
-        precision=tuple(asked["precision"]),
-        summation=settings["summation"],
-        samples=settings["samples"],
-        shards=settings["shards"],
-    )
+def _place(path: Sequence[str | int]) -> tuple[Any, str]:
+    """The type at ``path``, and what is allowed there in words."""
+    kind: Any = Config
+    allowed = _keys_of(Config)
+    each = ""
+    for step in path:
+        if isinstance(step, int):
+            kind, allowed = get_args(kind)[0], each
+        elif not is_dataclass(kind):
+            kind = get_args(kind)[1]
+            allowed = _keys_of(kind)
+        else:
+            member = next(member for member in fields(kind) if member.name == step)
+            kind = _required(get_type_hints(kind, include_extras=True)[member.name])
+            told = member.metadata["json_schema_extra"]
+            allowed, each = told.get("allowed") or _keys_of(kind), told.get("each", "")
+    return kind, allowed
 
 
-def _check_schema(mapping: Mapping[str, Any], schema: Schema) -> None:
-    """Raise the fault of ``mapping`` that lies nearest to its top, in the words of the package."""
-    from jsonschema import Draft202012Validator
+def _required(kind: Any) -> Any:
+    """``kind`` without None."""
+    return next((part for part in get_args(kind) if type(None) in get_args(kind) and part is not type(None)), kind)
 
-    faults = sorted(Draft202012Validator(schema).iter_errors(mapping), key=lambda fault: len(fault.absolute_path))
-    if not faults:
-        return
-    fault = faults[0]
-    key = _dotted(fault.absolute_path)
-    if fault.validator == "additionalProperties":
-        known = fault.schema["properties"]
-        stray = next(name for name in fault.instance if name not in known)
-        raise unknown_name(f"key of {key}" if key else "key of the config", stray, known)
-    if fault.validator == "required":
-        missing = next(name for name in fault.validator_value if name not in fault.instance)
-        message = f"{key or 'the config'} lacks the key {missing!r}: {fault.schema['properties'][missing]['allowed']}"
-        raise SettingError(message)
-    if fault.validator == "enum":
-        one_of(key, fault.instance, fault.validator_value)
-    raise bad_setting(key or "the config", fault.instance, fault.schema.get("allowed", "a mapping of keys"))
+
+def _keys_of(kind: Any) -> str:
+    """What may be set in a section, in words."""
+    *names, last = [member.name for member in fields(kind)]
+    return f"the keys {', '.join(names)} and {last}"
 
 
 def _dotted(path: Iterable[str | int]) -> str:
     return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path).removeprefix(".")
 
 
-def key_table(schema: Schema) -> str:
-    """The keys of ``schema`` as a Markdown table, one line a key."""
+def _repetitions(section: Any, given: Any, here: tuple[str, ...] = ()) -> Iterator[tuple[str, object, str]]:
+    """Each list of settings that names an entry twice, as key, value and what is allowed."""
+    members = section if isinstance(section, Mapping) else {m.name: getattr(section, m.name) for m in fields(section)}
+    for name, value in members.items():
+        if name not in given:
+            continue
+        if isinstance(value, tuple) and len(set(value)) < len(value):
+            yield _dotted((*here, name)), given[name], _place((*here, name))[1]
+        elif isinstance(value, Mapping) or is_dataclass(value):
+            yield from _repetitions(value, given[name], (*here, name))
+
+
+def _known(key: str, names: Iterable[str], look_up: Callable[[str], Any]) -> tuple[str, ...]:
+    """The names under ``key``, each of which ``look_up`` finds."""
+    for name in names:
+        try:
+            look_up(name)
+        except UnknownNameError as error:
+            message = f"{key}: {error}"
+            raise UnknownNameError(message) from None
+    return tuple(names)
+
+
+def _refuse_duplicates(path: Path) -> None:
+    """Raise SettingError if a key stands twice in a mapping of the YAML file ``path``: the last one would win."""
+    import yaml
+
+    waiting: list[Any] = [yaml.compose(path.read_text(encoding="utf-8"), Loader=yaml.SafeLoader)]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, yaml.MappingNode):
+            seen: dict[str, int] = {}
+            for key, value in node.value:
+                line = key.start_mark.line + 1
+                if key.value in seen:
+                    raise bad_setting(str(key.value), f"in line {line} of {path}", f"line {seen[key.value]} has it too")
+                seen[key.value] = line
+                waiting.append(value)
+        elif isinstance(node, yaml.SequenceNode):
+            waiting += node.value
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON schema of configs; besides the standard's words ``unit`` and ``allowed``, as errors tell it."""
+    found = _adapter().json_schema()
+    definitions = found.pop("$defs")
+    inlined: dict[str, Any] = _inlined(found, definitions)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema"} | inlined
+
+
+def _inlined(member: Any, definitions: Mapping[str, Any]) -> Any:
+    """``member`` of a schema with references written out, and without the titles that repeat the keys."""
+    if isinstance(member, list):
+        return [_inlined(part, definitions) for part in member]
+    if not isinstance(member, Mapping):
+        return member
+    whole = dict(definitions[member["$ref"].rpartition("/")[2]]) if "$ref" in member else {}
+    whole |= {key: value for key, value in member.items() if key != "$ref"}
+    options = [part for part in whole.pop("anyOf", []) if part.get("type") != "null"]
+    for option in options:
+        whole = {**option, **{key: value for key, value in whole.items() if value is not None}}
+    if "properties" in whole:
+        whole.setdefault("allowed", f"the keys {' and '.join(', '.join(whole['properties']).rsplit(', ', 1))}")
+    kept = {
+        key: ({name: _inlined(part, definitions) for name, part in value.items()} if key == "properties" else value)
+        for key, value in whole.items()
+        if key != "title"
+    }
+    return {key: value if key == "properties" else _inlined(value, definitions) for key, value in kept.items()}
+
+
+def key_table(described: Mapping[str, Any]) -> str:
+    """Return the keys of the schema ``described`` as a Markdown table, one line a key."""
     lines = ["| key | default | allowed | unit | meaning |", "|---|---|---|---|---|"]
-    for key, member, required in _keys(schema, ""):
+    for key, member, required in _keys(described, ""):
         default = "required" if required else str(member.get("default", "")).replace("'", "")
         cells = (f"`{key}`", default, member["allowed"], member.get("unit", ""), member["description"])
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
-def _keys(schema: Schema, above: str) -> Iterable[tuple[str, Schema, bool]]:
-    for key, member in schema.get("properties", {}).items():
-        yield above + key, member, key in schema.get("required", ())
+def _keys(described: Mapping[str, Any], above: str) -> Iterator[tuple[str, Mapping[str, Any], bool]]:
+    for key, member in described.get("properties", {}).items():
+        yield above + key, member, key in described.get("required", ())
         yield from _keys(member, f"{above}{key}.")
-    other = schema.get("additionalProperties")
-    if isinstance(other, Mapping):
-        yield from _keys(other, f"{above}<name>.")
+        other = member.get("additionalProperties")
+        if isinstance(other, Mapping):
+            yield from _keys(other, f"{above}{key}.<name>.")
+
+
+def write_generated(root: Path = Path()) -> None:
+    """Write the schema, and the table of keys into the page that has one, below the folder ``root``."""
+    import yaml
+
+    described = schema()
+    (root / SCHEMA).write_text(yaml.safe_dump(described, sort_keys=False, width=110), encoding="utf-8")
+    page = (root / KEYS).read_text(encoding="utf-8")
+    before = page.partition("| key |")[0]
+    (root / KEYS).write_text(f"{before}{key_table(described)}\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
-    sys.stdout.write(key_table(read_schema()) + "\n")
+    write_generated(Path(sys.argv[1]) if len(sys.argv) > 1 else Path())

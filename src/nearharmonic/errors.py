@@ -18,12 +18,18 @@ class SystemDefinitionError(NearharmonicError):
     """A Hamiltonian system that contradicts its own declaration."""
 
 
-class UnknownNameError(NearharmonicError):
-    """A name that no registry holds."""
+class UnknownNameError(NearharmonicError, KeyError):
+    """A name that no registry holds; a KeyError as well, which makes ``get`` of a mapping return its default."""
+
+    __str__ = Exception.__str__  # that of KeyError puts the message in quotes
 
 
 class SettingError(NearharmonicError):
     """A setting (config key or function argument) outside what is allowed."""
+
+
+class CompiledCodeError(NearharmonicError):
+    """Machine code that cannot be loaded."""
 
 
 class ResultFileError(NearharmonicError):

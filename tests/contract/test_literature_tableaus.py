@@ -8,12 +8,12 @@ from itertools import chain
 import pytest
 from mpmath import eye, factorial, inverse, log, matrix, mp, mpf, norm, sqrt
 
+from multiprecision import energy_errors, trajectory
+from nearharmonic.engine.grid import check_fit
 from nearharmonic.errors import SettingError
 from nearharmonic.integrators import integrators
-from nearharmonic.plan import check_fit
 from nearharmonic.systems import systems
 
-from .multiprecision import energy_errors, trajectory
 from .printed import PRINTED, PRINTED_LAMBDA, ROUNDING, WEIGHTS
 
 LITERATURE = ["leapfrog", *PRINTED, *WEIGHTS]

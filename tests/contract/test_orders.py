@@ -7,8 +7,9 @@ from decimal import Decimal, localcontext
 
 import pytest
 
+from nearharmonic.experiments.paper.tables import overview
 from nearharmonic.integrators import integrators
-from nearharmonic.order import (
+from nearharmonic.theory.order import (
     generalised_order_of,
     harmonic_order_of,
     harmonic_orders_of,
@@ -16,7 +17,6 @@ from nearharmonic.order import (
     nystrom_order_of,
     order_of,
 )
-from nearharmonic.paper_tables import overview
 
 EVERY = pytest.mark.parametrize("name", list(integrators))
 

@@ -9,11 +9,10 @@ from fractions import Fraction
 import pytest
 from mpmath import cbrt, log, mp, mpf
 
-from nearharmonic.decomposition import kappa, step_polynomials
+from multiprecision import energy_errors
 from nearharmonic.integrators import BENCHMARKED, integrators
 from nearharmonic.systems import systems
-
-from .multiprecision import energy_errors
+from nearharmonic.theory.oscillator import kappa, step_polynomials
 
 EVERY = pytest.mark.parametrize("name", list(integrators))
 EVERY_NIELSEN = pytest.mark.parametrize("name", [n for n, t in integrators.items() if "1501.04345" in t.source])

@@ -1,47 +1,29 @@
-"""A copy of the project to run Snakemake in."""
+"""Copies of the project to run Snakemake in, one of them finished."""
 
 from __future__ import annotations
 
-import os
-import shutil
-import subprocess
-import sys
-from pathlib import Path
-
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from workflow_project import TINY, Project
 
 
-class Project:
-    """The workflow and the package, copied to ``folder``; Snakemake there uses the copied package."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        for name in ("workflow", "config", "profiles", "src"):
-            shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
-        shutil.copy(ROOT / "Snakefile", folder)
-
-    def snakemake(self, *arguments: str) -> subprocess.CompletedProcess[str]:
-        """``snakemake`` with ``arguments``; what it prints is in ``stdout``, errors included."""
-        return subprocess.run(
-            [sys.executable, "-m", "snakemake", *arguments],
-            cwd=self.folder,
-            env={**os.environ, "PYTHONPATH": str(self.folder / "src")},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            check=False,
-        )
-
-    def jobs(self, *arguments: str) -> dict[str, int]:
-        """What a dry run with ``arguments``, targets first, would do: rule -> number of jobs."""
-        done = self.snakemake(*arguments, "-n", "--quiet", "rules")
-        assert done.returncode == 0, done.stdout
-        rows = [line.split() for line in done.stdout.splitlines()]
-        return {row[0]: int(row[1]) for row in rows if len(row) == 2 and row[1].isdigit() and row[0] != "total"}
+def pytest_collection_modifyitems(items):
+    """Let one process run all tests of the finished workflow, and begin with them: they take longest."""
+    finished = [item for item in items if "finished" in getattr(item, "fixturenames", ())]
+    for item in finished:
+        item.add_marker(pytest.mark.xdist_group("finished"))
+    items[:] = [*finished, *(item for item in items if item not in set(finished))]
 
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory):
     return Project(tmp_path_factory.mktemp("project"))
+
+
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory):
+    """The project after ``snakemake everything`` on the tiny config; tests only read it, or mend what they break."""
+    project = Project(tmp_path_factory.mktemp("finished"))
+    done = project.snakemake("everything", "-j2", *TINY)
+    assert done.returncode == 0, done.stdout
+    return project

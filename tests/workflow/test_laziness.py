@@ -7,54 +7,51 @@ import re
 import pytest
 import yaml
 
-from nearharmonic.config import load, read_schema
-from nearharmonic.plan import plan
-from nearharmonic.store import read_precisions
+from nearharmonic.config import load
+from nearharmonic.experiments.paper.plan import plan
+from nearharmonic.output.store import read_precisions
+from targets import METHODS, figures
 
-SMOKE = ("--configfile", "config/smoke.yaml")
-METHODS = ("ruth", "yoshida_s7o6a", "babs7o7h")
+TINY = ("--configfile", "config/tiny.yaml")
 LINE = "force evaluations done"
 
 
 def outputs(project, target):
-    """The files that a dry run for ``target`` would write, below results/smoke/."""
-    done = project.snakemake(target, "-n", *SMOKE, "--quiet", "host")
+    """The files that a dry run for ``target`` would write, below results/tiny/."""
+    done = project.snakemake(target, "-n", *TINY, "--quiet", "host")
     assert done.returncode == 0, done.stdout
     found = re.findall(r"^ +output: (.*)$", done.stdout, re.MULTILINE)
-    return {name.removeprefix("results/smoke/") for line in found for name in line.split(", ")}
+    return {name.removeprefix("results/tiny/") for line in found for name in line.split(", ")}
 
 
 def runs_of(system):
     return {f"runs/{system}/{method}/{shard}.h5" for method in METHODS for shard in (0, 1)}
 
 
-def figure(stem):
-    return {f"figures/{stem}.{suffix}" for suffix in ("pdf", "svg", "png")}
-
-
 #: What three targets need, and a fourth that integrates nothing, below their results folder, logs left out.
 NEEDED = {
-    "fig2": {"cubes/sho_terms.h5", *figure("fig2_decomposition")},
-    "fig4": {*runs_of("kepler"), "cubes/kepler.h5", *figure("fig4_perihelion")},
+    "fig2": {"cubes/sho_terms.h5", *figures("fig2_decomposition")},
+    # One job draws both figures of a cube.
+    "fig4": {*runs_of("kepler"), "cubes/kepler.h5", *figures("fig4_perihelion", "fig5_kepler")},
     "cubes/sho.h5": {*runs_of("sho"), "cubes/sho.h5"},
     "linear_stability": {
         "cubes/linear_stability.h5",
         *(f"tables/linear_stability.{suffix}" for suffix in ("csv", "md", "tex")),
-        *figure("linear_stability"),
+        *figures("linear_stability"),
     },
 }
 
 
 @pytest.mark.parametrize("target", NEEDED)
 def test_a_target_asks_for_the_files_it_needs_and_for_no_other(project, target):
-    asked = outputs(project, f"results/smoke/{target}" if "/" in target else target)
+    asked = outputs(project, f"results/tiny/{target}" if "/" in target else target)
     assert {name for name in asked if not name.startswith("logs/")} == NEEDED[target]
 
 
 @pytest.mark.parametrize("target", ["fig2", "fig4", "cubes/sho.h5"])
 def test_a_target_made_leaves_its_files_alone_and_its_jobs_integrate_what_the_plan_says(project, target):
     name = f"alone_{target.partition('.')[0].replace('/', '_')}"
-    config = yaml.safe_load((project.folder / "config/smoke.yaml").read_text()) | {"name": name}
+    config = yaml.safe_load((project.folder / "config/tiny.yaml").read_text()) | {"name": name}
     (project.folder / f"{name}.yaml").write_text(yaml.safe_dump(config))
     results = project.folder / f"results/{name}"
     asked = f"results/{name}/{target}" if "/" in target else target
@@ -63,16 +60,17 @@ def test_a_target_made_leaves_its_files_alone_and_its_jobs_integrate_what_the_pl
     assert LINE not in done.stdout
     made = {str(path.relative_to(results)) for path in results.rglob("*") if path.is_file()}
     assert {path for path in made if not path.startswith("logs/")} == NEEDED[target]
+    loaded = load(config)
     planned = {
         (run.system, run.integrator, run.precision, tau)
-        for run in plan(load(config, read_schema(project.folder / "workflow/schemas/config.schema.yaml"))).runs
+        for run in plan(loaded.sweeps, loaded.integrators).runs
         for tau in run.tau_per_stage
         if f"cubes/{run.system}.h5" in made
     }
     integrated = {
         (path.parts[-3], path.parts[-2], precision, float(tau))
         for path in (results / "runs").rglob("*.h5")
-        for precision, datasets in read_precisions([path], ["steps"]).items()
+        for precision, datasets in read_precisions([path], ["tau_per_stage"]).items()
         for dataset in datasets
         for tau in dataset.tau_per_stage.values
     }
@@ -80,7 +78,7 @@ def test_a_target_made_leaves_its_files_alone_and_its_jobs_integrate_what_the_pl
 
 
 def test_a_run_ends_with_one_line_on_what_was_skipped_and_a_second_run_says_nothing(project):
-    config = yaml.safe_load((project.folder / "config/smoke.yaml").read_text())
+    config = yaml.safe_load((project.folder / "config/tiny.yaml").read_text())
     config |= {"name": "least", "integrators": ["ruth"], "shards": 1, "decomposition": ["ruth"]}
     config["systems"] = {"sho": {"t_end": 5, "tau_per_stage": {"lowest": 0.1, "highest": 1, "points_per_decade": 2}}}
     (project.folder / "least.yaml").write_text(yaml.safe_dump(config))

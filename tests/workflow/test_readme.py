@@ -1,21 +1,29 @@
-"""README's Python blocks run as printed, and its commands are those that CI runs."""
+"""README and the pages under docs: Python blocks run as printed, links lead somewhere, CI runs the commands."""
 
 from __future__ import annotations
 
 import re
+from math import isfinite, nan
 from pathlib import Path
 
 import pytest
 import xarray as xr
 
-from nearharmonic.integrate import integrate_run
-from nearharmonic.plan import Run, steps_of
-from nearharmonic.reduce import cube
-from nearharmonic.store import write_dataset
+from nearharmonic.engine.grid import steps_of
+from nearharmonic.experiments.paper.plan import Run
+from nearharmonic.experiments.paper.reduce import assembled
+from nearharmonic.experiments.paper.run import integrate_run
+from nearharmonic.experiments.work_precision.peers import PEERS
+from nearharmonic.output.store import write_dataset
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+BLOCKS = {
+    f"{page.name}-{i}": block
+    for page in PAGES
+    for i, block in enumerate(re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL))
+}
 
 
 @pytest.fixture
@@ -28,21 +36,23 @@ def beside_results(tmp_path, monkeypatch):
             system="henon_heiles", integrator=name, precision="double", summation="compensated", first=None,
             t_end="50", tau_per_stage=(0.05, 0.1, 0.2), steps=steps, samples=10,
         )  # fmt: skip
-        runs[name] = {"double": [xr.Dataset(integrate_run(run))]}
-    write_dataset(tmp_path / "results/paper/cubes/henon_heiles.h5", cube("henon_heiles", runs), {})
+        runs[name] = {
+            "double": [xr.Dataset({k: v for k, v in integrate_run(run).items() if v[0] == ("tau_per_stage",)})]
+        }
+    write_dataset(tmp_path / "results/paper/cubes/henon_heiles.h5", assembled("henon_heiles", runs), {})
     monkeypatch.chdir(tmp_path)
 
 
-@pytest.mark.parametrize("block", BLOCKS, ids=range(len(BLOCKS)))
-def test_a_python_block_runs_as_printed(beside_results, block):
-    names = {}
+@pytest.mark.parametrize("name", BLOCKS)
+def test_a_python_block_runs_as_printed(beside_results, name):
+    block, names = BLOCKS[name], {}
     if "nh." in block and "import nearharmonic" not in block:
         exec("import nearharmonic as nh", names)
-    exec(compile(block, "README.md", "exec"), names)
+    exec(compile(block, name, "exec"), names)
 
 
 def test_the_cube_snippet_ranks_the_methods(beside_results, capsys):
-    (block,) = [block for block in BLOCKS if "open_dataset" in block]
+    (block,) = [block for block in BLOCKS.values() if "open_dataset" in block]
     exec(compile(block, "README.md", "exec"), {})
     printed = capsys.readouterr().out
     assert printed.index("babps8o7h") < printed.index("ruth")
@@ -53,6 +63,72 @@ def test_ci_runs_readmes_test_command():
     assert command in (ROOT / ".ci/run").read_text(encoding="utf-8")
 
 
-def test_readme_links_lead_somewhere():
-    for target in re.findall(r"\]\((?!https?:)([^)#]+)\)", README):
-        assert (ROOT / target).exists(), target
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page):
+    for target, _, section in re.findall(r"\]\((?!https?:)([^)#]*)(#([^)]+))?\)", page.read_text(encoding="utf-8")):
+        linked = page.parent / target if target else page
+        assert linked.exists(), target
+        if section:
+            headings = re.findall(r"^#+ (.+)$", linked.read_text(encoding="utf-8"), flags=re.MULTILINE)
+            assert section in {re.sub(r"[^\w\- ]", "", heading).lower().replace(" ", "-") for heading in headings}, (
+                section
+            )
+
+
+@pytest.mark.parametrize("page", PAGES[1:], ids=lambda page: page.name)
+def test_readme_links_to_every_page(page):
+    assert f"](docs/{page.name}" in README
+
+
+def test_readme_names_modules_that_exist():
+    (listing,) = re.findall(r"```\n(Snakefile.*?)```", README, flags=re.DOTALL)
+    package = listing[listing.index("src/nearharmonic/") : listing.index("tests/")]
+    names = re.findall(r"(?<!\S)(\w+(?:\.py|/))(?= {2,})", package)
+    rooms = {f"{path.parent.name}/" for path in (ROOT / "src/nearharmonic").glob("*/__init__.py")}
+    assert rooms
+    assert rooms <= set(names)
+    for name in names:
+        assert (ROOT / "src/nearharmonic" / name).exists(), name
+
+
+def tables_of_times():
+    """The tables of times in docs/timings.md by (system, mode): rows of (ms, ratio), NaN if not reached."""
+    text = (ROOT / "docs/timings.md").read_text(encoding="utf-8")
+    tables = {}
+    for system, section in re.findall(r"^### (.+?), t = .*?\n(.*?)(?=^#)", text, flags=re.MULTILINE | re.DOTALL):
+        for rows in re.findall(r"(?:^\|.*\n)+", section, flags=re.MULTILINE):
+            head, _, *lines = [[cell.strip(" *") for cell in row.strip("|").split("|")] for row in rows.splitlines()]
+            tables[system, head[0]] = {label: [numbers(cell) for cell in cells] for label, *cells in lines}
+    return tables
+
+
+def numbers(cell):
+    found = [float(number) for number in re.findall(r"[\d.]+(?:e[+-]\d+)?", cell)]
+    return (*found, 1.0)[:2] if found else (nan, nan)
+
+
+def test_the_ratios_in_the_tables_of_times_are_those_of_the_times():
+    tables = tables_of_times()
+    assert len(tables) == 6
+    for table in tables.values():
+        for column in zip(*table.values(), strict=True):
+            best = min(time for time, _ in column if isfinite(time))
+            for time, ratio in column:
+                # Both numbers and the best have two digits.
+                assert not isfinite(time) or time / best == pytest.approx(ratio, rel=0.16)
+
+
+def test_readme_compares_with_other_libraries_as_the_tables_of_times_do():
+    others = {peer.label for peer in PEERS.values()}
+    rows = re.findall(r"^\| (.+?), (one trajectory|each of eight in lanes) \| (.*) \|$", README, flags=re.MULTILINE)
+    assert len(rows) == 6
+    for system, mode, cells in rows:
+        table = tables_of_times()[system, mode]
+        for i, cell in enumerate(cells.split("|")):
+            theirs, ours = (
+                min(time[i][0] for label, time in table.items() if (label in others) == other and isfinite(time[i][0]))
+                for other in (True, False)
+            )
+            assert float(cell.strip(" *")) == pytest.approx(theirs / ours, rel=0.11), (system, mode, i)
+            assert ("**" in cell) == (theirs < ours)
+            assert table["heyoka, fast_math"][i][0] == theirs

@@ -13,17 +13,6 @@ SMOKE = ("--configfile", "config/smoke.yaml")
 SYSTEMS = ("sho", "henon_heiles", "kepler")
 
 
-@pytest.fixture(scope="module")
-def timed(project):
-    """The project after the target ran on the smoke config, with plain numpy as the one peer that is always there."""
-    config = yaml.safe_load((project.folder / "config/smoke.yaml").read_text())
-    config["work_precision"] |= {"evaluations": 2000, "points_per_decade": 2, "peers": ["numpy"]}
-    (project.folder / "config/smoke.yaml").write_text(yaml.safe_dump(config))
-    done = project.snakemake("work_precision", "-j2", *SMOKE)
-    assert done.returncode == 0, done.stdout
-    return project
-
-
 def test_it_is_a_target_of_its_own(project):
     assert not {name for name in project.jobs(*SMOKE) if name.startswith("work_precision")}
     assert project.jobs("work_precision", *SMOKE) == {
@@ -42,37 +31,35 @@ def test_the_job_that_takes_times_holds_all_cores(project, cores):
     assert threads == [cores]
 
 
-def test_every_file_is_there_and_times_are_in_one_of_their_own(timed):
-    results = timed.folder / "results/smoke"
-    for system in SYSTEMS:
-        for suffix in ("pdf", "svg", "png"):
-            assert (results / f"figures/work_precision_{system}.{suffix}").stat().st_size > 5000
-        for suffix in ("csv", "md"):
-            assert (results / f"tables/work_precision_{system}.{suffix}").stat().st_size > 500
-    assert [str(path.relative_to(results)) for path in results.rglob("*.h5")] == ["cubes/work_precision.h5"]
+def test_times_are_in_a_file_of_their_own(finished):
+    """All other files have the same bytes every time."""
+    holding = set()
+    for path in (finished.folder / "results/tiny").rglob("*.h5"):
+        with h5py.File(path) as file:
+            names = []
+            file.visit(names.append)
+            if "cpu" in file.attrs or any("time_" in name for name in names):
+                holding.add(path.name)
+    assert holding == {"work_precision.h5"}
 
 
-def test_the_file_names_the_machine_and_the_settings(timed):
-    with h5py.File(timed.folder / "results/smoke/cubes/work_precision.h5") as file:
+def test_the_file_names_the_machine_and_the_settings(finished):
+    with h5py.File(finished.folder / "results/tiny/cubes/work_precision.h5") as file:
         for key in ("cpu", "clock", "pinned_core", "load_average", "measured", "code_digest", "coefficients_digest"):
             assert file.attrs[key]
-        assert json.loads(file.attrs["settings"])["methods"] == ["ruth", "yoshida_s7o6a", "babs7o7h", "aba864"]
+        assert json.loads(file.attrs["settings"])["methods"] == ["ruth", "babs7o7h", "aba864"]
         assert set(file) == {*SYSTEMS, *(name for name in file if name.endswith("_position"))}
         times = file["kepler/time_trajectory"][:]
         assert (times[..., 0] <= times[..., 2]).sum() == (times[..., 0] > 0).sum() > 0
 
 
-def test_figures_and_tables_say_that_they_are_timings(timed):
-    results = timed.folder / "results/smoke"
+def test_figures_and_tables_say_that_they_are_timings(finished):
+    results = finished.folder / "results/tiny"
     assert "Measured 20" in (results / "tables/work_precision_sho.md").read_text()
     with (results / "tables/work_precision_sho.csv").open(newline="") as file:
         table = list(csv.DictReader(file))
     assert {row["measure"] for row in table} == {"max", "mean", "position"}
     assert {row["kind"] for row in table} == {"splitting", "peer"}
-
-
-def test_a_second_run_has_nothing_to_do(timed):
-    assert "Nothing to be done" in timed.snakemake("work_precision", "-j2", *SMOKE).stdout
 
 
 @pytest.mark.parametrize(

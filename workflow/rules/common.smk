@@ -1,42 +1,42 @@
-"""The config, checked before any rule exists, and what the rules look up in it."""
-
-from dataclasses import asdict
-from functools import cache
-from pathlib import Path
+"""The config, checked before any rule exists, and how rules name their files and their work."""
 
 from snakemake.exceptions import WorkflowError
 
-from nearharmonic.config import load, read_schema
+from nearharmonic.config import load
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.integrators import integrators
-from nearharmonic.plan import shards_of
-from nearharmonic.provenance import code_digest, coefficients_digest
-from nearharmonic.systems import systems
+from nearharmonic.output.declarations import figures_of
+from nearharmonic.output.provenance import task
 
 try:
-    CONFIG = load(config, read_schema(Path(workflow.basedir) / "workflow/schemas/config.schema.yaml"))
+    CONFIG = load(config, files=workflow.configfiles)
 except NearharmonicError as error:
     raise WorkflowError(str(error)) from None
 
 RESULTS = f"results/{CONFIG.name}"
-SWEEPS = {sweep.system: sweep for sweep in CONFIG.sweeps}
-METHOD_MODULES = sorted({integrators.module_of(name) for name in CONFIG.integrators + CONFIG.decomposition})
+FIGURES = []  # each experiment adds those that it declares
 
 
 wildcard_constraints:
-    system="|".join(SWEEPS),
+    system="|".join(CONFIG.systems),
     integrator="|".join(CONFIG.integrators),
-    shard="|".join(map(str, range(max(sweep.shards for sweep in CONFIG.sweeps)))),
+    shard="[0-9]+",
 
 
-@cache
-def run_files(system, integrator):
-    """The run files of one method on one system."""
-    count = shards_of(SWEEPS[system], integrator)
-    return [f"{RESULTS}/runs/{system}/{integrator}/{shard}.h5" for shard in range(count)]
+def CUBE(stem):
+    """The cube of this name."""
+    return f"{RESULTS}/cubes/{stem}.h5"
 
 
-@cache
-def code_of(system, *layers):
-    """Digest of the code of ``layers`` and of one system: editing another system leaves it as it is."""
-    return code_digest(*(f"nearharmonic.{layer}" for layer in layers), systems.module_of(system))
+def TABLE(stem):
+    """The three files of a table."""
+    return multiext(f"{RESULTS}/tables/{stem}", ".csv", ".md", ".tex")
+
+
+def FIGURE(stem):
+    """The three files of a figure."""
+    return multiext(f"{RESULTS}/figures/{stem}", ".pdf", ".svg", ".png")
+
+
+def LOG(stem):
+    """The log file of a job."""
+    return f"{RESULTS}/logs/{stem}.log"

@@ -1,92 +1,120 @@
-# Ensembles: Henon-Heiles energy surfaces, Kepler maps, growth of round-off. One job a method, then cube, table, figure.
-from nearharmonic.stability.loading import load_stability
+"""Where the methods may be trusted: three ensembles, one job a method and then a cube; and three cubes of one job."""
 
-try:
-    ENSEMBLES = load_stability(config, read_schema(Path(workflow.basedir) / "workflow/schemas/config.schema.yaml"))
-except NearharmonicError as error:
-    raise WorkflowError(str(error)) from None
+from nearharmonic.systems import systems
 
-# Ensemble -> the module that runs it, the system whose file it takes its formulas from, and its figure.
-ENSEMBLE_MODULES = {
-    "henon_heiles": ("henon_heiles_ensemble", "henon_heiles", "henon_heiles_stability"),
-    "kepler": ("kepler_maps", "kepler", "kepler_stability"),
-    "rounding": ("rounding_growth", "kepler", "rounding_growth"),
-}
+ENSEMBLES = ("henon_heiles", "kepler", "rounding")
+STABILITY_CUBES = [
+    "linear_stability",
+    "structure",
+    "kinetic_energy",
+    *(f"stability_{ensemble}" for ensemble in ENSEMBLES),
+]
+STABILITY_FIGURES = figures_of("experiments.stability", CONFIG.systems, STABILITY_CUBES)
+FIGURES += STABILITY_FIGURES
+
+# Structure is measured on every system, over the interval that the config gives or the system has.
+STRUCTURE_T_END = {name: system.t_end for name, system in systems.items()}
+STRUCTURE_T_END |= {sweep.system: sweep.t_end for sweep in CONFIG.sweeps}
 
 
 wildcard_constraints:
-    ensemble="|".join(ENSEMBLE_MODULES),
-
-
-def ensemble_code(ensemble):
-    """Digest of the code that runs one ensemble."""
-    runs, system, _ = ENSEMBLE_MODULES[ensemble]
-    return code_digest(f"nearharmonic.stability.{runs}", "nearharmonic.store", systems.module_of(system))
+    ensemble="|".join(ENSEMBLES),
 
 
 rule stability_compile:
     output:
         touch(f"{RESULTS}/logs/compile/stability_{{ensemble}}.done"),
     log:
-        f"{RESULTS}/logs/compile/stability_{{ensemble}}.log",
+        LOG("stability/{ensemble}/compile"),
     priority: 1  # all runs wait for these
     params:
-        module=lambda wildcards: ENSEMBLE_MODULES[wildcards.ensemble][0],
-        code=lambda wildcards: ensemble_code(wildcards.ensemble),
+        task=lambda wildcards: task(f"experiments.stability.{wildcards.ensemble}.run:warm_up"),
     script:
-        "../scripts/stability_compile.py"
+        "../scripts/task.py"
 
 
 rule stability_run:
     input:
-        compiled=f"{RESULTS}/logs/compile/stability_{{ensemble}}.done",
+        f"{RESULTS}/logs/compile/stability_{{ensemble}}.done",
     output:
-        f"{RESULTS}/runs/stability/{{ensemble}}/{{integrator}}.h5",
+        run=f"{RESULTS}/runs/stability/{{ensemble}}/{{integrator}}.h5",
     log:
-        f"{RESULTS}/logs/stability/{{ensemble}}/{{integrator}}.log",
+        LOG("stability/{ensemble}/{integrator}"),
     params:
-        module=lambda wildcards: ENSEMBLE_MODULES[wildcards.ensemble][0],
-        settings=lambda wildcards: asdict(ENSEMBLES[wildcards.ensemble]),
-        code=lambda wildcards: ensemble_code(wildcards.ensemble),
-        coefficients=lambda wildcards: coefficients_digest([integrators[wildcards.integrator]]),
+        task=lambda wildcards: task(
+            f"experiments.stability.{wildcards.ensemble}.run:measure",
+            integrator=wildcards.integrator,
+            settings=getattr(CONFIG.stability, wildcards.ensemble),
+        ),
     script:
-        "../scripts/stability_run.py"
+        "../scripts/task.py"
 
 
 rule stability_cube:
     input:
         **{name: f"{RESULTS}/runs/stability/{{ensemble}}/{name}.h5" for name in CONFIG.integrators},
     output:
-        cube=f"{RESULTS}/cubes/stability_{{ensemble}}.h5",
-        table=multiext(f"{RESULTS}/tables/stability_{{ensemble}}", ".csv", ".md", ".tex"),
+        cube=CUBE("stability_{ensemble}"),
+        table=TABLE("stability_{ensemble}"),
     log:
-        f"{RESULTS}/logs/stability/{{ensemble}}.log",
+        LOG("stability/{ensemble}"),
     params:
-        settings=lambda wildcards: asdict(ENSEMBLES[wildcards.ensemble]),
-        code=code_digest("nearharmonic.stability.cubes", "nearharmonic.render.table", "nearharmonic.store"),
-        coefficients=coefficients_digest(integrators[name] for name in CONFIG.integrators),
+        task=lambda wildcards: task(
+            f"experiments.stability.{wildcards.ensemble}.reduce:reduce",
+            integrators=CONFIG.integrators,
+            settings=getattr(CONFIG.stability, wildcards.ensemble),
+        ),
     script:
-        "../scripts/stability_cube.py"
+        "../scripts/task.py"
 
 
-for _ensemble, (_, _, _module) in ENSEMBLE_MODULES.items():
-    _stem = f"{RESULTS}/figures/{_module}"
-    STABILITY_FILES += multiext(_stem, ".pdf", ".svg", ".png")
-    STABILITY_FILES += multiext(f"{RESULTS}/tables/stability_{_ensemble}", ".csv", ".md", ".tex")
+rule linear_stability_cube:
+    output:
+        cube=CUBE("linear_stability"),
+        table=TABLE("linear_stability"),
+    log:
+        LOG("stability/linear"),
+    params:
+        task=task("experiments.stability.linear.run:measure", integrators=CONFIG.integrators),
+    script:
+        "../scripts/task.py"
 
-    rule:
-        name:
-            _module
-        input:
-            f"{RESULTS}/cubes/stability_{_ensemble}.h5",
-        output:
-            multiext(_stem, ".pdf", ".svg"),
-            png=report(f"{_stem}.png", caption="../report/figure.rst", category="Stability", labels={"figure": _module}),
-        log:
-            f"{RESULTS}/logs/render/{_module}.log",
-        params:
-            module=_module,
-            caption=caption_of(_module),
-            code=code_digest(f"nearharmonic.render.{_module}", "nearharmonic.store"),
-        script:
-            "../scripts/render.py"
+
+rule structure_cube:
+    output:
+        cube=CUBE("structure"),
+        table=TABLE("structure"),
+    log:
+        LOG("stability/conservation"),
+    params:
+        task=task(
+            "experiments.stability.conservation.run:measure",
+            integrators=CONFIG.integrators,
+            t_end=STRUCTURE_T_END,
+        ),
+    script:
+        "../scripts/task.py"
+
+
+rule kinetic_energy_cube:
+    output:
+        cube=CUBE("kinetic_energy"),
+        table=TABLE("kinetic_energy"),
+    log:
+        LOG("stability/kinetic_energy"),
+    params:
+        task=task("experiments.stability.kinetic_energy.run:measure", integrators=CONFIG.integrators),
+    script:
+        "../scripts/task.py"
+
+
+STABILITY_FILES = [
+    *(CUBE(stem) for stem in STABILITY_CUBES),
+    *(TABLE(stem) for stem in STABILITY_CUBES),
+    *(FIGURE(one.stem) for one in STABILITY_FIGURES),
+]
+
+
+rule stability:
+    input:
+        STABILITY_FILES,

@@ -1,9 +1,10 @@
 """Error-free transforms and double-double arithmetic, written once for every carrier of a double.
 
-A carrier is anything with ``+ - * /``, unary minus and the two functions :func:`fma` and :func:`sqrt`: a Python float,
-or a value that emits machine code while a kernel is built. Every line below is one rounding; nothing here may be
-re-associated or contracted. Sources: Dekker (1971), doi:10.1007/BF01397083 (quick_two_sum, Dekker's add);
-Knuth, TAOCP 2, 4.2.2 (two_sum); Hida, Li & Bailey (2001), doi:10.1109/ARITH.2001.930115 (double-double).
+A carrier is anything with ``+ - * /``, unary minus and the functions :func:`fma`, :func:`sqrt`, :func:`absolute` and
+:func:`times_sign`: a Python float, or a value that emits machine code while a kernel is built. Every line below is one
+rounding; nothing here may be re-associated or contracted. Sources: Dekker (1971), doi:10.1007/BF01397083
+(quick_two_sum, Dekker's add); Knuth, TAOCP 2, 4.2.2 (two_sum); Hida, Li & Bailey (2001),
+doi:10.1109/ARITH.2001.930115 (double-double).
 """
 
 from __future__ import annotations
@@ -28,16 +29,30 @@ def fma(x: Any, y: Any, z: Any) -> Any:
 
 
 def sqrt(x: Any) -> Any:
-    """Square root of a float, a numpy array, an mpmath number or a traced number."""
+    """Square root of a float, a numpy array, an mpmath number or a number of a formula."""
     if isinstance(x, float | int):
         return math.sqrt(x)
     if hasattr(x, "context"):  # mpmath numbers carry the context they were made in
         return x.context.sqrt(x)
     if hasattr(x, "sqrt"):
         return x.sqrt()
+    if isinstance(x, Fraction):
+        return math.sqrt(x)
     import numpy as np
 
     return np.sqrt(x)
+
+
+def absolute(x: Any) -> Any:
+    """|x| of a carrier."""
+    return x.absolute() if hasattr(x, "absolute") else abs(x)
+
+
+def times_sign(x: Any, y: Any) -> Any:
+    """-x where y < 0, else x."""
+    if hasattr(x, "times_sign"):
+        return x.times_sign(y)
+    return -x if y < 0 else x
 
 
 def rounded_pair(numerator: int, denominator: int) -> tuple[float, float]:
@@ -116,3 +131,8 @@ def dd_sqrt(a: Pair) -> Pair:
     root = sqrt(a[0])
     remainder = fma(-root, root, a[0]) + a[1]
     return quick_two_sum(root, remainder / (root + root))
+
+
+def dd_abs(a: Pair) -> Pair:
+    """Double-double modulus, exact: the sign is that of the high half."""
+    return absolute(a[0]), times_sign(a[1], a[0])

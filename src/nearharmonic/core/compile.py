@@ -1,4 +1,4 @@
-"""Compiled text around the rules of a step: the loop over steps, and machine code of it that outlives the process."""
+"""Compilation by numba: the flags that all compiled text shares, and C functions made of it and called by it."""
 
 from __future__ import annotations
 
@@ -6,52 +6,115 @@ from collections.abc import Callable
 from typing import Any
 
 import numba
-from llvmlite import binding
-from numba import carray, types
+from llvmlite import binding, ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+from numba.np.arrayobj import populate_array
 
-from nearharmonic.core.cache import named, strict
 from nearharmonic.core.lanes import Record, record_function, record_loader, record_storer, record_test
-from nearharmonic.core.layout import LATEST, LIMIT, TALLY
+from nearharmonic.core.layout import LATEST, LIMIT, TALLY, Argument, Group, Scalar, Signature
 from nearharmonic.core.native import target_machine
 from nearharmonic.core.rules import Rules
-from nearharmonic.core.scheduler import lane_scheduler
 
-_SCALARS = {"i": types.int64, "f": types.float64, "b": types.boolean}
-
-
-def advance_function(rules: Rules, width: int, every_step: bool, key: str) -> Callable[..., Any]:
-    """The inner kernel, jitted: see :class:`nearharmonic.core.kernel.Kernel`."""
-    return strict(named(_advance(rules, width, every_step), key))
+_TYPES: dict[Scalar, Any] = {"int64": types.int64, "float64": types.float64, "bool": types.boolean}
 
 
-def run_function(rules: Rules, width: int, every_step: bool, key: str) -> Callable[..., Any]:
-    """The inner kernel under a queue, jitted: see :func:`nearharmonic.core.scheduler.lane_scheduler`."""
-    inner, begin = advance_function(rules, width, every_step, key), strict(named(_begin(rules, width), key))
-    return strict(named(lane_scheduler(4 * rules.physics.dimension, width, inner, begin), key))
+def strict(py_func: Callable[..., Any]) -> Callable[..., Any]:
+    """``py_func`` jitted with the flags of every kernel, compiled at its first use.
+
+    ``error_model="numpy"`` because the check for division by zero blocks SIMD; no fastmath, which deletes the carry of
+    compensated summation; no runtime of numba's own, which counts references to arrays: the text allocates nothing, so
+    machine code needs nothing of numba.
+    """
+    return numba.njit(error_model="numpy", fastmath=False, nogil=True, _nrt=False)(py_func)  # type: ignore[no-any-return]
 
 
-def machine_code(function: Callable[..., Any], arguments: str, result: str) -> tuple[str, bytes]:
+def machine_code(function: Callable[..., Any], signature: Signature) -> tuple[str, bytes]:
     """Name and object code of a C function that calls the jitted ``function``.
 
-    ``arguments`` describes each argument by a letter for its scalar, i, f or b, and a digit for its dimensions, 0 for
-    a scalar; an array arrives as its address and its lengths. ``result`` is a letter, or v for none.
+    The C function takes each array as its address and its lengths, and the members of groups in a row.
     """
-    kinds, names, passed = [], [], []
-    for k, (letter, dimensions) in enumerate(zip(arguments[::2], arguments[1::2], strict=True)):
-        scalar, lengths = _SCALARS[letter], [f"n{k}_{i}" for i in range(int(dimensions))]
+    kinds: list[Any] = []
+    names: list[str] = []
+    for argument in signature.flat:
+        scalar, lengths = _TYPES[argument.scalar], _lengths(argument)
         kinds += [types.CPointer(scalar) if lengths else scalar, *[types.int64] * len(lengths)]
-        names += [f"a{k}", *lengths]
-        passed.append(f"carray(a{k}, ({', '.join(lengths)},))" if lengths else f"a{k}")
-    text = f"def entry({', '.join(names)}):\n    return function({', '.join(passed)})\n"
-    scope: dict[str, Any] = {"function": function, "carray": carray}
+        names += [argument.name, *lengths]
+    text = f"def entry({', '.join(names)}):\n    return function({_passed(signature.arguments)})\n"
+    scope: dict[str, Any] = {"function": function, "array_at": array_at}
     exec(text, scope)  # numba reads arities from text
-    signature = _SCALARS.get(result, types.void)(*kinds)
-    entry = numba.cfunc(signature, error_model="numpy", fastmath=False)(scope["entry"])
+    result = _TYPES[signature.result] if signature.result else types.void
+    entry = numba.cfunc(result(*kinds), error_model="numpy", fastmath=False, _nrt=False)(scope["entry"])
     module = binding.parse_assembly(entry.inspect_llvm())
     return entry.native_name, target_machine().emit_object(module)
 
 
-def _advance(rules: Rules, width: int, every_step: bool) -> Callable[..., Any]:
+@intrinsic
+def array_at(typingctx, address, lengths):  # type: ignore[no-untyped-def]
+    """The C-contiguous array of these ``lengths``, a tuple, at ``address``."""
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        array = context.make_array(signature.return_type)(context, builder)
+        itemsize = context.get_constant(types.intp, context.get_abi_sizeof(context.get_data_type(address.dtype)))
+        shape = cgutils.unpack_tuple(builder, args[1])
+        strides = [itemsize]
+        for length in shape[:0:-1]:
+            strides.insert(0, builder.mul(length, strides[0]))
+        populate_array(array, args[0], shape, strides, itemsize, meminfo=None)
+        return array._getvalue()
+
+    return types.Array(address.dtype, len(lengths), "C")(address, lengths), codegen
+
+
+def call_at(signature: Signature) -> Callable[..., Any]:
+    """An intrinsic (address, (arguments)) -> result: the C function of :func:`machine_code` at that address."""
+    result = _TYPES[signature.result] if signature.result else types.void
+
+    @intrinsic
+    def call(typingctx, address, given):  # type: ignore[no-untyped-def]
+        def codegen(context, builder, called, args):  # type: ignore[no-untyped-def]
+            values = []
+            for argument, kind, value in zip(
+                signature.flat, given, cgutils.unpack_tuple(builder, args[1]), strict=True
+            ):
+                if argument.dimensions:
+                    array = context.make_array(kind)(context, builder, value)
+                    values += [array.data, *cgutils.unpack_tuple(builder, array.shape)]
+                else:
+                    scalar = _TYPES[argument.scalar]
+                    cast = context.cast(builder, value, kind, scalar)
+                    values.append(context.get_value_as_argument(builder, scalar, cast))
+            type_of = ir.FunctionType(
+                context.get_argument_type(result) if signature.result else ir.VoidType(), [v.type for v in values]
+            )
+            returned = builder.call(builder.inttoptr(args[0], type_of.as_pointer()), values)
+            return returned if signature.result else context.get_dummy_value()
+
+        return result(address, given), codegen
+
+    return call  # type: ignore[no-any-return]
+
+
+def _lengths(argument: Argument) -> list[str]:
+    return [f"{argument.name}_{i}" for i in range(argument.dimensions)]
+
+
+def _passed(arguments: tuple[Argument | Group, ...]) -> str:
+    """Text of the arguments as ``function`` takes them, from those of the C function."""
+    parts = []
+    for argument in arguments:
+        if isinstance(argument, Group):
+            parts.append(f"({_passed(argument.members)},)")
+        elif argument.dimensions:
+            parts.append(f"array_at({argument.name}, ({', '.join(_lengths(argument))},))")
+        else:
+            parts.append(argument.name)
+    return ", ".join(parts)
+
+
+def advance(rules: Rules, width: int, every_step: bool) -> Callable[..., Any]:
+    """The inner kernel, jitted: see :class:`nearharmonic.core.kernel.Kernel`."""
     d, parts = rules.physics.dimension, rules.parts
     state_type, tally_type = Record(4 * d, width), Record(TALLY, width)
     step_type, rate_type = Record(parts, width), Record(parts * d, width)
@@ -65,6 +128,7 @@ def _advance(rules: Rules, width: int, every_step: bool) -> Callable[..., Any]:
     left = record_test(lambda tally: tally[LATEST].absolute().any_not_within(tally[LIMIT]), tally_type)
     stride, tally_at = parts * width, 4 * d * width
 
+    @strict
     def advance(count, stages, kick_first, drifts, kicks, rows):  # type: ignore[no-untyped-def]
         state = load_state(rows, 0)
         tally = load_tally(rows, tally_at)
@@ -94,14 +158,15 @@ def _advance(rules: Rules, width: int, every_step: bool) -> Callable[..., Any]:
     return advance
 
 
-def _begin(rules: Rules, width: int) -> Callable[..., Any]:
-    """Python text of ``begin(rows)``: each lane's tally anew, with the energy of its state as H0."""
+def begin(rules: Rules, width: int) -> Callable[..., Any]:
+    """``begin(rows)``, jitted: each lane's tally anew, with the energy of its state as H0."""
     state_type, tally_type = Record(4 * rules.physics.dimension, width), Record(TALLY, width)
     load_state, load_tally = record_loader(state_type), record_loader(tally_type)
     store_tally = record_storer(tally_type)
     fresh = record_function(rules.begin, tally_type, state_type, tally_type)
     tally_at = 4 * rules.physics.dimension * width
 
+    @strict
     def begin(rows):  # type: ignore[no-untyped-def]
         store_tally(rows, tally_at, fresh(load_state(rows, 0), load_tally(rows, tally_at)))
 

@@ -12,17 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from hashlib import sha256
 from typing import Any
 
-from nearharmonic.core.native import core_digest, native
+from nearharmonic.core.layout import ADVANCE, BEGIN, RUN
+from nearharmonic.core.native import code_key, native
 from nearharmonic.core.rules import Physics, Rules, fingerprint
 
-#: Arguments of the compiled functions, a letter and a digit each: see :func:`nearharmonic.core.compile.machine_code`.
-ADVANCE = "i0i0b0f1f1f1"
-RUN = "i1i2i1f2f0i0i0b0f3f3f3f2f2f2f2i1f1f1f1f1i1i1i1"
-
-__all__ = ["Kernel", "Physics", "build"]
+__all__ = ["Kernel", "Physics", "build", "inner"]
 
 
 @dataclass(frozen=True)
@@ -34,7 +30,8 @@ class Kernel:
     (stages + 1, parts, width) with the step size multiplied in, ``rows`` float64 (4 d + 7, width), changed in place. It
     returns before ``count`` when a lane's energy error passes its limit.
 
-    ``run(...)``: see :func:`nearharmonic.core.scheduler.lane_scheduler`.
+    ``run`` passes a queue of runs through the lanes: its arguments are :data:`nearharmonic.core.layout.RUN` without the
+    addresses.
     """
 
     width: int
@@ -50,22 +47,57 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, ev
     ``every_step`` measures the energy at every step; otherwise once at the end of each stretch of steps.
     """
     rules = Rules(physics, extended, compensated)
-    text = f"{core_digest()} {fingerprint(rules)} {extended} {compensated} {width} {every_step}"
-    key = sha256(text.encode()).hexdigest()
 
-    def compiled(name: str, arguments: str, result: str) -> Callable[..., Any]:
-        def make() -> tuple[str, bytes]:
-            from nearharmonic.core import compile
+    def make_begin() -> tuple[str, bytes]:
+        from nearharmonic.core import compile
 
-            function = getattr(compile, f"{name}_function")(rules, width, every_step, key)
-            return compile.machine_code(function, arguments, result)
+        return compile.machine_code(compile.begin(rules, width), BEGIN)
 
-        return native(f"{name}-{key}", arguments, result, make)
+    def make_run() -> tuple[str, bytes]:
+        from nearharmonic.core import compile, scheduler
 
+        return compile.machine_code(scheduler.run, RUN)
+
+    advance = _advance(rules, width, every_step)
+    begin = native(f"begin-{_key(rules, width, every_step)}", BEGIN, make_begin)
+    run = native(f"run-{code_key()}", RUN, make_run)
     return Kernel(
         width=width,
         dimension=physics.dimension,
         parts=rules.parts,
-        advance=lambda: compiled("advance", ADVANCE, "i"),
-        run=compiled("run", RUN, "v"),
+        advance=lambda: advance,
+        run=lambda *given: run(advance.address, begin.address, *given),
     )
+
+
+def inner(
+    physics: Physics, *, extended: bool, compensated: bool, width: int, every_step: bool = True
+) -> Callable[..., int]:
+    """Load the function that ``advance()`` of :func:`build` gives, and nothing else.
+
+    Parameters
+    ----------
+    physics : Physics
+        The system.
+    extended, compensated : bool
+        Arithmetic of the state, and of the sums.
+    width : int
+        Number of SIMD lanes.
+    every_step : bool
+        Whether the energy is measured at every step.
+    """
+    advance: Callable[..., int] = _advance(Rules(physics, extended, compensated), width, every_step)
+    return advance
+
+
+def _key(rules: Rules, width: int, every_step: bool) -> str:
+    return code_key(fingerprint(rules), f"{rules.extended} {rules.compensated} {width} {every_step}")
+
+
+def _advance(rules: Rules, width: int, every_step: bool) -> Any:
+    def make() -> tuple[str, bytes]:
+        from nearharmonic.core import compile
+
+        return compile.machine_code(compile.advance(rules, width, every_step), ADVANCE)
+
+    return native(f"advance-{_key(rules, width, every_step)}", ADVANCE, make)

@@ -1,11 +1,19 @@
-"""How a kernel's arrays are laid out; known to those who call kernels and to those who compile them."""
+"""Arguments of compiled functions and layout of a kernel's arrays: known to callers and to compiled text alike.
+
+An :class:`Argument` is a number or an array, a :class:`Group` is a tuple of arguments, a :class:`Signature` is what a
+compiled function takes and returns.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+Scalar = Literal["int64", "float64", "bool"]
 
 #: Entries of the tally behind the 4 d rows of the state, in this order.
 WORST, TOTAL, TOTAL_CARRY, LATEST, ENERGY, ENERGY_LOW, LIMIT = range(7)
@@ -15,9 +23,143 @@ TALLY = 7
 FAR = np.iinfo(np.int64).max
 
 
+@dataclass(frozen=True)
+class Argument:
+    """A number, or a C-contiguous array of numbers with so many ``dimensions``."""
+
+    name: str
+    scalar: Scalar
+    dimensions: int = 0
+
+
+@dataclass(frozen=True)
+class Group:
+    """Arguments that a compiled function takes as one tuple."""
+
+    name: str
+    members: tuple[Argument | Group, ...]
+
+
+@dataclass(frozen=True)
+class Signature:
+    """Arguments of a compiled function, and the type of its result, if it has one."""
+
+    arguments: tuple[Argument | Group, ...]
+    result: Scalar | None = None
+
+    @property
+    def flat(self) -> tuple[Argument, ...]:
+        """The arguments with each group replaced by its members: those of the C entry."""
+        return tuple(_flat(self.arguments))
+
+
+def _flat(arguments: tuple[Argument | Group, ...]) -> Iterator[Argument]:
+    for argument in arguments:
+        if isinstance(argument, Group):
+            yield from _flat(argument.members)
+        else:
+            yield argument
+
+
+def integers(name: str, dimensions: int = 0) -> Argument:
+    """An argument of 64-bit integers."""
+    return Argument(name, "int64", dimensions)
+
+
+def floats(name: str, dimensions: int = 0) -> Argument:
+    """An argument of doubles."""
+    return Argument(name, "float64", dimensions)
+
+
+def flags(name: str, dimensions: int = 0) -> Argument:
+    """An argument of truth values."""
+    return Argument(name, "bool", dimensions)
+
+
+#: Arguments of ``advance``: see :class:`nearharmonic.core.kernel.Kernel`.
+ADVANCE = Signature(
+    (
+        integers("count"),
+        integers("stages"),
+        flags("kick_first"),
+        floats("drift", 1),
+        floats("kick", 1),
+        floats("rows", 1),
+    ),
+    result="int64",
+)
+
+#: Arguments of ``begin``: a kernel's rows, whose tallies begin anew with the energy of their states as H0.
+BEGIN = Signature((floats("rows", 1),))
+
+#: Arguments of ``run``, for R runs of S samples with states of ``size`` = 4 d doubles.
+RUN = Signature(
+    (
+        integers("advance"),  # addresses of the kernel's functions
+        integers("begin"),
+        integers("order", 1),  # (R,) the queue
+        integers("marks", 2),  # (R, S) steps at which to sample, first 0, padded with -1
+        integers("scheme", 1),  # (R,) rows of the coefficient arrays
+        floats("start", 2),  # (R, size)
+        floats("limit"),  # largest relative energy error
+        integers("look"),  # most steps at a stretch: without every_step the energy is looked at that often
+        integers("stages"),
+        flags("kick_first"),
+        floats("drift", 3),  # (schemes, stages + 1, parts), with the step size multiplied in
+        floats("kick", 3),
+        # Results, filled in place.
+        floats("states", 3),  # (R, S, size)
+        floats("energy_error", 2),  # (R, S) H - H0
+        floats("worst", 2),  # (R, S) maximum and
+        floats("total", 2),  # (R, S) sum of |H - H0| over the steps since the last sample
+        floats("energy", 2),  # (R, 2) H0 as a pair
+        integers("left_at", 1),  # (R,) the step at which a run left its energy surface, or 0
+        # The arrays of :func:`workspace`.
+        floats("rows", 1),
+        floats("fresh", 1),
+        floats("drifts", 1),
+        floats("kicks", 1),
+        integers("runs", 1),
+        integers("at", 1),
+        integers("mark", 1),
+    )
+)
+
+
 def workspace(size: int, parts: int, width: int, stages: int) -> tuple[NDArray[Any], ...]:
     """The flat arrays that ``run`` works in: two row blocks, drifts, kicks; and per lane its run, step and sample."""
     rows = (size + TALLY) * width
     coefficients = (stages + 1) * parts * width
-    floats = tuple(np.zeros(n) for n in (rows, rows, coefficients, coefficients))
-    return (*floats, *(np.zeros(width, np.int64) for _ in range(3)))
+    doubles = tuple(np.zeros(n) for n in (rows, rows, coefficients, coefficients))
+    return (*doubles, *(np.zeros(width, np.int64) for _ in range(3)))
+
+
+#: Arrays that :func:`nearharmonic.core.levenberg_marquardt.levenberg_marquardt` works in.
+LEAST_SQUARES = Group(
+    "least_squares",
+    (
+        floats("residuals", 1),  # (equation,), and those of a trial
+        floats("trial_residuals", 1),
+        floats("jacobian", 2),  # (equation, unknown), and that of a trial
+        floats("trial_jacobian", 2),
+        floats("matrix", 2),  # (equation, equation + 1)
+        floats("shortest", 1),  # (unknown,)
+        floats("moved", 1),  # (unknown,)
+    ),
+)
+
+
+def least_squares_signature(problem: Group, scratch: Group) -> Signature:
+    """Arguments of an iteration from ``points`` (start, unknown), in place, until they leave [-bound, bound].
+
+    Results: ``sizes`` (start,) of the residuals at the end, and ``rested`` (start,), whether the iteration has come to
+    rest there. ``problem`` and ``scratch`` are for the function that evaluates the residuals.
+    """
+    results = floats("sizes", 1), flags("rested", 1)
+    return Signature((problem, floats("points", 2), floats("bound"), *results, LEAST_SQUARES, scratch))
+
+
+def least_squares_workspace(equations: int, unknowns: int) -> tuple[NDArray[np.float64], ...]:
+    """The arrays of :data:`LEAST_SQUARES`."""
+    m, n = equations, unknowns
+    return tuple(np.zeros(shape) for shape in (m, m, (m, n), (m, n), (m, m + 1), n, n))

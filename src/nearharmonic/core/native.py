@@ -1,15 +1,14 @@
-"""Machine code kept on disk and called without the compiler: loading numba takes longer than a figure's integrations.
+"""Machine code that is kept on disk and called without the compiler.
 
-A file holds the name of a C function and an object file. Its key covers the sources of this folder, the versions of
-the compilers, the processor, and whatever the caller names, so it is never stale. The files live in
-``NEARHARMONIC_CACHE_DIR`` if set, else in the user's cache folder.
+Loading numba takes longer than the integrations of a figure. A file's key covers the sources of this folder, the
+versions of the compilers, the processor, and what the caller names, so a file is never stale.
 """
 
 from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import version
@@ -18,12 +17,17 @@ from typing import Any
 
 import numpy as np
 from llvmlite import binding
+from numpy.typing import NDArray
+
+from nearharmonic.core import disk
+from nearharmonic.core.layout import Argument, Group, Scalar, Signature
+from nearharmonic.errors import CompiledCodeError
 
 _SOURCES = sorted(Path(__file__).parent.glob("*.py"))
-_LETTERS: dict[str, tuple[Any, Any]] = {
-    "i": (ctypes.c_int64, np.int64),
-    "f": (ctypes.c_double, np.float64),
-    "b": (ctypes.c_bool, np.bool_),
+_KINDS: dict[Scalar, tuple[Any, np.dtype[Any]]] = {
+    "int64": (ctypes.c_int64, np.dtype(np.int64)),
+    "float64": (ctypes.c_double, np.dtype(np.float64)),
+    "bool": (ctypes.c_bool, np.dtype(np.bool_)),
 }
 #: What numba's error paths call. Compiled text here raises nothing, so these are never reached; they abort.
 _NEVER_CALLED = (
@@ -33,13 +37,43 @@ _NEVER_CALLED = (
 _ENGINES: list[Any] = []
 
 
-def cache_folder() -> Path:
-    """Where compiled code is kept."""
-    chosen = os.environ.get("NEARHARMONIC_CACHE_DIR")
-    if chosen:
-        return Path(chosen)
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "nearharmonic" / "kernels"
+def native(key: str, signature: Signature, make: Callable[[], tuple[str, bytes]]) -> NativeFunction:
+    """Load the C function kept under a key; make and keep it if it is absent or cannot be loaded.
+
+    Parameters
+    ----------
+    key : str
+        Name of its file, without suffix. It covers everything that the machine code depends on.
+    signature : Signature
+        Arguments and result of the function.
+    make : callable
+        Compiles the function; returns the name of its symbol and an object file.
+
+    Raises
+    ------
+    CompiledCodeError
+        Code that was just made cannot be loaded.
+    """
+    place = disk.place_of(key)
+    kept = disk.read(place) if place else None
+    if place and kept:
+        try:
+            return NativeFunction(_address(*kept), signature)
+        except CompiledCodeError:
+            disk.discard(place)
+    name, code = make()
+    function = NativeFunction(_address(name, code), signature)
+    if place:
+        disk.write(place, name, code)
+    return function
+
+
+def code_key(*parts: str, sources: Iterable[Path] = ()) -> str:
+    """Digest of :func:`core_digest`, of ``parts``, and of the contents of the files ``sources``."""
+    digest = sha256(" ".join([core_digest(), *parts]).encode())
+    for path in sources:
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
 
 
 @cache
@@ -69,62 +103,70 @@ def target_machine() -> Any:
     return binding.Target.from_default_triple().create_target_machine(cpu=name, features=features, opt=3, jit=True)
 
 
-def native(key: str, arguments: str, result: str, make: Callable[[], tuple[str, bytes]]) -> Callable[..., Any]:
-    """The C function stored under ``key``, made by ``make() -> (name, object code)`` if there is none.
-
-    ``arguments`` and ``result`` as for :func:`nearharmonic.core.compile.machine_code`. The function takes numpy arrays,
-    which must be contiguous and of the right type, and numbers.
-    """
-    place = cache_folder() / f"{key}.kernel"
-    if not place.is_file():
-        name, code = make()
-        place.parent.mkdir(parents=True, exist_ok=True)
-        part = place.with_name(f"{place.name}.{os.getpid()}.part")
-        part.write_bytes(f"{name}\n{sha256(code).hexdigest()}\n".encode() + code)
-        part.replace(place)
-    name, digest, code = _parts(place.read_bytes())
-    if sha256(code).hexdigest() != digest:
-        place.unlink()  # damaged on disk: it is made again
-        return native(key, arguments, result, make)
-    return _callable(_address(name, code), arguments, result)
-
-
-def _parts(content: bytes) -> tuple[str, str, bytes]:
-    name, _, rest = content.partition(b"\n")
-    digest, _, code = rest.partition(b"\n")
-    return name.decode(errors="replace"), digest.decode(errors="replace"), code
-
-
 def _address(name: str, code: bytes) -> int:
     abort = ctypes.cast(ctypes.CDLL(None).abort, ctypes.c_void_p).value
     for symbol in _NEVER_CALLED:
         if not binding.address_of_symbol(symbol):
             binding.add_symbol(symbol, abort)
-    machine = target_machine()
-    engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine)
-    engine.add_object_file(binding.ObjectFileRef.from_data(code))
-    engine.finalize_object()
+    try:
+        engine = binding.create_mcjit_compiler(binding.parse_assembly(""), target_machine())
+        file = binding.ObjectFileRef.from_data(code)
+        if not file:  # LLVM crashes if it is given this
+            raise CompiledCodeError(f"no object file of {len(code)} bytes")
+        engine.add_object_file(file)
+        engine.finalize_object()
+        address = int(engine.get_function_address(name))
+    except RuntimeError as error:
+        raise CompiledCodeError(f"LLVM cannot load {name!r}: {error}") from error
+    if not address:
+        raise CompiledCodeError(f"no symbol {name!r} in the object file")
     _ENGINES.append(engine)  # code lives as long as its engine
-    return int(engine.get_function_address(name))
+    return address
 
 
-def _callable(address: int, arguments: str, result: str) -> Callable[..., Any]:
-    described = [(letter, int(digit)) for letter, digit in zip(arguments[::2], arguments[1::2], strict=True)]
-    kinds: list[Any] = []
-    for letter, dimensions in described:
-        kinds += [ctypes.c_void_p, *[ctypes.c_int64] * dimensions] if dimensions else [_LETTERS[letter][0]]
-    function = ctypes.CFUNCTYPE(_LETTERS[result][0] if result in _LETTERS else None, *kinds)(address)
+class NativeFunction:
+    """A C function at an address. It takes what its signature describes, with tuples for groups."""
 
-    def call(*given: Any) -> Any:
+    def __init__(self, address: int, signature: Signature) -> None:
+        self.address, self._arguments = address, signature.arguments
+        self._flat = [(argument, _KINDS[argument.scalar][1]) for argument in signature.flat]
+        kinds: list[Any] = []
+        for argument in signature.flat:
+            number = _KINDS[argument.scalar][0]
+            kinds += [ctypes.c_void_p, *[ctypes.c_int64] * argument.dimensions] if argument.dimensions else [number]
+        result = _KINDS[signature.result][0] if signature.result else None
+        self._function = ctypes.CFUNCTYPE(result, *kinds)(address)
+
+    def __call__(self, *given: Any) -> Any:
+        """Call the function.
+
+        Raises
+        ------
+        TypeError
+            An array of another type or number of dimensions, or one that is not contiguous.
+        """
         flat: list[Any] = []
-        for (letter, dimensions), value in zip(described, given, strict=True):
-            if not dimensions:
+        for (argument, kind), value in zip(self._flat, _members(self._arguments, given), strict=True):
+            if not argument.dimensions:
                 flat.append(value)
                 continue
-            kind = _LETTERS[letter][1]
-            if value.dtype != kind or value.ndim != dimensions or not value.flags.c_contiguous:
-                raise TypeError(f"expected a contiguous {kind.__name__} array of {dimensions} dimensions")
-            flat += [value.ctypes.data, *value.shape]
-        return function(*flat)
+            if value.dtype != kind or value.ndim != argument.dimensions or not value.flags.c_contiguous:
+                message = f"expected a contiguous {kind} array of {argument.dimensions} dimensions"
+                raise TypeError(f"{argument.name}: {message}")
+            flat += [_place(value), *value.shape]
+        return self._function(*flat)
 
-    return call
+
+def _members(arguments: Iterable[Argument | Group], given: Iterable[Any]) -> list[Any]:
+    """The numbers and arrays in ``given``, where groups come as tuples, in one flat list."""
+    flat: list[Any] = []
+    for argument, value in zip(arguments, given, strict=True):
+        flat += _members(argument.members, value) if isinstance(argument, Group) else [value]
+    return flat
+
+
+def _place(array: NDArray[Any]) -> int:
+    """Address of the first number: ``array.ctypes`` takes four times as long, and a short run passes twenty arrays."""
+    if array.flags.writeable and array.size:
+        return ctypes.addressof(ctypes.c_char.from_buffer(array))  # type: ignore[arg-type]
+    return int(array.ctypes.data)

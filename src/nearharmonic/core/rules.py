@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from fractions import Fraction
 from hashlib import sha256
 from typing import Any
 
@@ -12,6 +11,7 @@ from llvmlite import ir
 
 from nearharmonic.core import arithmetic
 from nearharmonic.core.layout import ENERGY, ENERGY_LOW, LIMIT, TALLY, TOTAL, TOTAL_CARRY, WORST
+from nearharmonic.core.number import Constant, scalar, vector
 from nearharmonic.core.tracing import Double, DoubleDouble, Emitted
 
 Entries = list[Emitted]
@@ -19,13 +19,14 @@ Entries = list[Emitted]
 
 @dataclass(frozen=True, kw_only=True)
 class Physics:
-    """A Hamiltonian as the kernel needs it: formulas, exact constants, number of coordinates."""
+    """A Hamiltonian as the kernel needs it: formulas, exact constants, number of coordinates; its name for errors."""
 
+    name: str
     V: Callable[..., Any]
     grad_V: Callable[..., Any]
     T: Callable[..., Any]
     grad_T: Callable[..., Any]
-    parameters: tuple[Fraction, ...]
+    parameters: tuple[Constant, ...]
     dimension: int
 
 
@@ -49,7 +50,10 @@ class Rules:
     def numbers(self, pairs: list[tuple[Emitted, Emitted]]) -> tuple[Any, ...]:
         return tuple(DoubleDouble(*pair) if self.extended else Double(pair[0]) for pair in pairs)
 
-    def flat(self, numbers: tuple[Any, ...]) -> Entries:
+    def flat(self, components: tuple[Any, ...], like: Emitted) -> Entries:
+        """The components of a gradient as carriers, one or two each; constants become carriers as ``like`` is."""
+        kind = DoubleDouble if self.extended else Double
+        numbers: list[Any] = [kind.of(x, like) if isinstance(x, Constant) else x for x in components]
         if self.extended:
             return [n.high for n in numbers] + [n.low for n in numbers]
         return [n.carrier for n in numbers]
@@ -69,7 +73,7 @@ class Rules:
     def force(self, state: Entries) -> Entries:
         """dV/dq at the position."""
         q = self.numbers(_pairs(state, self.physics.dimension))
-        return self.flat(tuple(self.physics.grad_V(q, *self.physics.parameters)))
+        return self.flat(vector(self.physics, "grad_V", q, *self.physics.parameters), state[0])
 
     def kick(self, state: Entries, coefficient: Entries, rates: Entries) -> Entries:
         """p += coefficient * rates; the coefficient carries the minus sign of dp/dt = -dV/dq."""
@@ -80,15 +84,16 @@ class Rules:
         """q += coefficient * dT/dp."""
         half, d = 2 * self.physics.dimension, self.physics.dimension
         p = self.numbers(_pairs(state[half:], d))
-        return self.update(_pairs(state, d), coefficient, self.flat(tuple(self.physics.grad_T(p)))) + state[half:]
+        velocity = self.flat(vector(self.physics, "grad_T", p), state[0])
+        return self.update(_pairs(state, d), coefficient, velocity) + state[half:]
 
     def energy(self, state: Entries) -> DoubleDouble:
         """H of state + carry in double-double, whatever the precision of the run."""
         half, d = 2 * self.physics.dimension, self.physics.dimension
         q = tuple(DoubleDouble(*pair) for pair in _pairs(state, d))
         p = tuple(DoubleDouble(*pair) for pair in _pairs(state[half:], d))
-        H: DoubleDouble = self.physics.T(p) + self.physics.V(q, *self.physics.parameters)
-        return H
+        H = scalar(self.physics, "T", p) + scalar(self.physics, "V", q, *self.physics.parameters)
+        return DoubleDouble.of(H, state[0]) if isinstance(H, Constant) else H
 
     def measure(self, state: Entries, tally: Entries) -> Entries:
         """The tally with one more step in it."""

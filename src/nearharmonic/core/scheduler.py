@@ -1,18 +1,30 @@
-"""A queue of runs through the lanes of a kernel: a lane that finishes, or whose run has left, takes the next run.
+"""Compiled text of a queue of runs through the lanes of a kernel: a lane that is done takes the next run.
 
-The compiled text below uses loops over flat arrays only, which the caller allocates: slices, reshapes and allocations
-would pull numba's array library into the compilation and treble its time.
+One compilation serves all kernels, which are called by address. The text uses loops over flat arrays only, which the
+caller allocates: slices, reshapes and allocations would pull numba's array library into the compilation and treble its
+time. ``width`` lanes, states of ``size`` doubles.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 
-from nearharmonic.core.cache import strict
-from nearharmonic.core.layout import ENERGY, ENERGY_LOW, FAR, LATEST, LIMIT, TALLY, TOTAL, TOTAL_CARRY, WORST
+from nearharmonic.core.compile import call_at, strict
+from nearharmonic.core.layout import (
+    ADVANCE,
+    BEGIN,
+    ENERGY,
+    ENERGY_LOW,
+    FAR,
+    LATEST,
+    LIMIT,
+    TALLY,
+    TOTAL,
+    TOTAL_CARRY,
+    WORST,
+)
+
+_advance, _begin = call_at(ADVANCE), call_at(BEGIN)
 
 
 @strict
@@ -53,76 +65,94 @@ def _record(rows, lane, width, size, sample, states, energy_error, worst, total)
     rows[tally + WORST * width] = rows[tally + TOTAL * width] = rows[tally + TOTAL_CARRY * width] = 0.0
 
 
-def lane_scheduler(
-    size: int, width: int, advance: Callable[..., Any], begin: Callable[..., Any]
-) -> Callable[..., None]:
-    """Python text of ``run``, to be compiled around a kernel's ``advance`` and ``begin``.
+@strict
+def _refill(  # type: ignore[no-untyped-def]
+    order, queued, scheme, start, limit, drift, kick, rows, drifts, kicks, runs, at, mark, width, size
+):
+    """Lanes without a run take the next ones of the queue; how many have left the queue by then."""
+    for lane in range(width):
+        if runs[lane] < 0 and queued < order.size:
+            r = order[queued]
+            queued += 1
+            runs[lane], at[lane], mark[lane] = r, 0, 0
+            _fill(rows, drifts, kicks, lane, width, size, start[r], drift[scheme[r]], kick[scheme[r]], limit)
+    return queued
 
-    Arguments of ``run``, for R runs of S samples with states of ``size`` = 4 d doubles: ``order`` (R,) the queue;
-    ``marks`` (R, S) steps at which to sample, first 0, padded with -1; ``scheme`` (R,) rows of the coefficient arrays;
-    ``start`` (R, size); ``limit`` largest relative energy error; ``look`` most steps at a stretch: a kernel that does
-    not measure every step looks at the energy that often; ``stages``; ``kick_first``; ``drift`` and ``kick`` (schemes,
-    stages + 1, parts) with the step size multiplied in. Results, filled in place: ``states`` (R, S, size);
-    ``energy_error`` (R, S) signed H - H0; ``worst`` and ``total`` (R, S) of |H - H0| over the steps since the last
-    sample; ``energy`` (R, 2) H0 as a pair; ``left_at`` (R,) the step at which a run left its energy surface, or 0.
-    Then the arrays of
-    :func:`nearharmonic.core.layout.workspace`.
-    """
 
-    def run(  # type: ignore[no-untyped-def]
-        order, marks, scheme, start, limit, look, stages, kick_first, drift, kick,
-        states, energy_error, worst, total, energy, left_at,
-        rows, fresh, drifts, kicks, runs, at, mark,
-    ):  # fmt: skip
-        rest = start[order[0]]
-        queued = 0
+@strict
+def _record_starts(  # type: ignore[no-untyped-def]
+    fresh, rows, runs, mark, width, size, states, energy_error, worst, total, energy
+):
+    """The first sample of each run that has none yet, whose lane of ``fresh`` has its energy as H0."""
+    for lane in range(width):
+        r = runs[lane]
+        if r >= 0 and mark[lane] == 0:
+            for place in range(size * width + lane, rows.size, width):
+                rows[place] = fresh[place]
+            energy[r, 0] = rows[(size + ENERGY) * width + lane]
+            energy[r, 1] = rows[(size + ENERGY_LOW) * width + lane]
+            _record(rows, lane, width, size, mark[lane], states[r], energy_error[r], worst[r], total[r])
+            mark[lane] = 1
+
+
+@strict
+def _next_stretch(marks, runs, at, mark, width):  # type: ignore[no-untyped-def]
+    """Steps to the next sample of any lane; ``FAR`` if all lanes are idle."""
+    count = FAR
+    for lane in range(width):
+        if runs[lane] >= 0:
+            count = min(count, marks[runs[lane], mark[lane]] - at[lane])
+    return count
+
+
+@strict
+def _settle(  # type: ignore[no-untyped-def]
+    lane, marks, rows, at, mark, r, width, size, states, energy_error, worst, total, left_at
+):
+    """Record the sample of run ``r`` if one is due, or that the run has left; whether the run is finished."""
+    m = mark[lane]
+    if not abs(rows[(size + LATEST) * width + lane]) <= rows[(size + LIMIT) * width + lane]:
+        left_at[r] = at[lane]
+        return True
+    if at[lane] < marks[r, m]:
+        return False
+    _record(rows, lane, width, size, m, states[r], energy_error[r], worst[r], total[r])
+    mark[lane] = m + 1
+    return m + 1 == marks.shape[1] or marks[r, m + 1] < 0
+
+
+@strict
+def run(  # type: ignore[no-untyped-def]
+    advance, begin,
+    order, marks, scheme, start, limit, look, stages, kick_first, drift, kick,
+    states, energy_error, worst, total, energy, left_at,
+    rows, fresh, drifts, kicks, runs, at, mark,
+):  # fmt: skip
+    """All runs of the queue ``order``; the arguments are those of :data:`nearharmonic.core.layout.RUN`."""
+    width, size, rest = runs.size, start.shape[1], start[order[0]]
+    queued = np.int64(0)  # numba would compile what takes it twice: for the literal, and for an integer
+    for lane in range(width):
+        runs[lane] = -1
+        _idle(rows, drifts, kicks, lane, width, size, rest)
+    while True:
+        before = queued
+        queued = _refill(
+            order, queued, scheme, start, limit, drift, kick, rows, drifts, kicks, runs, at, mark, width, size
+        )
+        if queued > before:
+            for place in range(rows.size):
+                fresh[place] = rows[place]
+            _begin(begin, (fresh,))
+            _record_starts(fresh, rows, runs, mark, width, size, states, energy_error, worst, total, energy)
+        count = _next_stretch(marks, runs, at, mark, width)
+        if count == FAR:
+            return
+        done = _advance(advance, (min(count, look), stages, kick_first, drifts, kicks, rows))
         for lane in range(width):
-            runs[lane] = -1
-            _idle(rows, drifts, kicks, lane, width, size, rest)
-        while True:
-            before = queued
-            for lane in range(width):
-                if runs[lane] < 0 and queued < order.size:
-                    r = order[queued]
-                    queued += 1
-                    runs[lane], at[lane], mark[lane] = r, 0, 0
-                    _fill(rows, drifts, kicks, lane, width, size, start[r], drift[scheme[r]], kick[scheme[r]], limit)
-            if queued > before:
-                for place in range(rows.size):
-                    fresh[place] = rows[place]
-                begin(fresh)
-                for lane in range(width):
-                    r = runs[lane]
-                    if r >= 0 and mark[lane] == 0:
-                        for place in range(size * width + lane, rows.size, width):
-                            rows[place] = fresh[place]
-                        energy[r, 0] = rows[(size + ENERGY) * width + lane]
-                        energy[r, 1] = rows[(size + ENERGY_LOW) * width + lane]
-                        _record(rows, lane, width, size, 0, states[r], energy_error[r], worst[r], total[r])
-                        mark[lane] = 1
-            count = FAR
-            for lane in range(width):
-                if runs[lane] >= 0:
-                    count = min(count, marks[runs[lane], mark[lane]] - at[lane])
-            if count == FAR:
-                return
-            done = advance(min(count, look), stages, kick_first, drifts, kicks, rows)
-            for lane in range(width):
-                r, m = runs[lane], mark[lane]
-                if r < 0:
-                    continue
-                at[lane] += done
-                if not abs(rows[(size + LATEST) * width + lane]) <= rows[(size + LIMIT) * width + lane]:
-                    left_at[r] = at[lane]
-                    finished = True
-                elif at[lane] == marks[r, m]:
-                    _record(rows, lane, width, size, m, states[r], energy_error[r], worst[r], total[r])
-                    mark[lane] = m + 1
-                    finished = m + 1 == marks.shape[1] or marks[r, m + 1] < 0
-                else:
-                    finished = False
-                if finished:
-                    runs[lane] = -1
-                    _idle(rows, drifts, kicks, lane, width, size, rest)
-
-    return run
+            r = runs[lane]
+            if r < 0:
+                continue
+            at[lane] += done
+            if _settle(lane, marks, rows, at, mark, r, width, size, states, energy_error, worst, total, left_at):
+                runs[lane] = -1
+                _idle(rows, drifts, kicks, lane, width, size, rest)

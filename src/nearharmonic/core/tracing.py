@@ -2,20 +2,18 @@
 
 :class:`Emitted` is one LLVM value (a double, or a vector of doubles in SIMD lanes); each operation on it is one
 instruction. :class:`Double` and :class:`DoubleDouble` are what the physics sees. Because the formulas are *called*,
-not parsed, they may use loops over components, ``sum`` and their own functions; constants (ints, Fractions) fold
-exactly. What they may not do is branch on a value.
+not parsed, they may use loops over components, ``sum`` and their own functions; operations on constants alone are
+exact. A formula cannot branch on a value.
 """
 
 from __future__ import annotations
 
-from fractions import Fraction
 from typing import Any
 
 from llvmlite import ir
 
 from nearharmonic.core import arithmetic
-
-Exact = int | Fraction
+from nearharmonic.core.number import Constant, Number
 
 
 class Emitted:
@@ -64,6 +62,11 @@ class Emitted:
     def absolute(self) -> Emitted:
         return self._intrinsic("fabs", self)
 
+    def times_sign(self, other: Emitted) -> Emitted:
+        """Return -self where other < 0, else self."""
+        negative = self.builder.fcmp_ordered("<", other.value, other.constant(0.0).value)
+        return Emitted(self.builder, self.builder.select(negative, self.builder.fneg(self.value), self.value))
+
     def larger(self, other: Emitted) -> Emitted:
         """self where self > other, else other: a NaN in self is dropped, so finiteness needs a test of its own."""
         where = self.builder.fcmp_ordered(">", self.value, other.value)
@@ -78,48 +81,12 @@ class Emitted:
         return self.builder.icmp_unsigned("!=", mask, ir.Constant(mask.type, 0))
 
 
-def _power_of_two(number: Exact) -> bool:
-    top, bottom = abs(Fraction(number).numerator), Fraction(number).denominator
+def _power_of_two(number: Constant) -> bool:
+    top, bottom = abs(number.numerator), number.denominator
     return top > 0 and top & (top - 1) == 0 and bottom & (bottom - 1) == 0
 
 
-class _Number:
-    """The operators both number types share: subtraction, powers, and constants on the left."""
-
-    def __add__(self, other: Any) -> Any:
-        raise NotImplementedError
-
-    def __mul__(self, other: Any) -> Any:
-        raise NotImplementedError
-
-    def __neg__(self) -> Any:
-        raise NotImplementedError
-
-    def __bool__(self) -> bool:
-        raise TypeError("a formula must not branch on a value: it is called once, for all values")
-
-    def __sub__(self, other: Any) -> Any:
-        return self + (-other)
-
-    def __rsub__(self, other: Any) -> Any:
-        return (-self) + other
-
-    def __radd__(self, other: Any) -> Any:
-        return self + other
-
-    def __rmul__(self, other: Any) -> Any:
-        return self * other
-
-    def __pow__(self, exponent: int) -> Any:
-        if not isinstance(exponent, int) or exponent < 1:
-            raise TypeError(f"a traced number takes whole powers of at least 1, not {exponent!r}")
-        result: Any = self
-        for _ in range(exponent - 1):
-            result = result * self
-        return result
-
-
-class Double(_Number):
+class Double(Number):
     """A double, or one per lane. A product that is added to something is fused (one rounding), always and everywhere.
 
     The contraction is made here, by rule, not by the compiler, so scalars, lanes and every processor agree to the bit.
@@ -130,6 +97,11 @@ class Double(_Number):
     def __init__(self, carrier: Any, factors: tuple[Any, Any] | None = None) -> None:
         self._carrier, self._factors = carrier, factors
 
+    @classmethod
+    def of(cls, number: Constant, like: Any) -> Double:
+        """Return ``number``, rounded once, in the carrier of ``like``."""
+        return cls(like.constant(float(number)))
+
     @property
     def carrier(self) -> Any:
         """The value itself; a pending product is multiplied out, once."""
@@ -138,29 +110,24 @@ class Double(_Number):
             self._carrier = self._factors[0] * self._factors[1]
         return self._carrier
 
-    def _constant(self, number: Exact) -> Any:
-        carrier = self._factors[0] if self._carrier is None and self._factors else self._carrier
-        return carrier.constant(float(number))
+    def _constant(self, number: Constant) -> Double:
+        return Double.of(number, self._factors[0] if self._carrier is None and self._factors else self._carrier)
 
-    def __add__(self, other: Any) -> Any:
-        if isinstance(other, Exact):
+    def _add(self, other: Double | Constant) -> Double:
+        if isinstance(other, Constant):
             if other == 0:
                 return self
-            other = Double(self._constant(other))
-        if not isinstance(other, Double):
-            return NotImplemented
+            other = self._constant(other)
         for product, addend in ((self, other), (other, self)):
             if product._factors is not None:
                 return Double(arithmetic.fma(*product._factors, addend.carrier))
         return Double(self.carrier + other.carrier)
 
-    def __mul__(self, other: Any) -> Any:
-        if isinstance(other, Exact):
+    def _multiply(self, other: Double | Constant) -> Double:
+        if isinstance(other, Constant):
             if other == 1:
                 return self
-            return Double(None, (self.carrier, self._constant(other)))
-        if not isinstance(other, Double):
-            return NotImplemented
+            other = self._constant(other)
         return Double(None, (self.carrier, other.carrier))
 
     def __neg__(self) -> Double:
@@ -168,23 +135,24 @@ class Double(_Number):
             return Double(None, (-self._factors[0], self._factors[1]))
         return Double(-self.carrier)
 
-    def __truediv__(self, other: Any) -> Any:
-        if isinstance(other, Exact):
+    def _divide(self, other: Double | Constant) -> Double:
+        if isinstance(other, Constant):
             if _power_of_two(other):
-                return self * (1 / Fraction(other))
-            other = Double(self._constant(other))
-        if not isinstance(other, Double):
-            return NotImplemented
+                return self._multiply(1 / other)
+            other = self._constant(other)
         return Double(self.carrier / other.carrier)
 
-    def __rtruediv__(self, other: Exact) -> Double:
-        return Double(self._constant(other) / self.carrier)
+    def _divide_into(self, other: Constant) -> Double:
+        return Double(self._constant(other).carrier / self.carrier)
+
+    def __abs__(self) -> Double:
+        return Double(arithmetic.absolute(self.carrier))
 
     def sqrt(self) -> Double:
         return Double(arithmetic.sqrt(self.carrier))
 
 
-class DoubleDouble(_Number):
+class DoubleDouble(Number):
     """An unevaluated sum high + low, about 32 digits; see :mod:`nearharmonic.core.arithmetic` for the error bounds."""
 
     __slots__ = ("high", "low")
@@ -192,50 +160,49 @@ class DoubleDouble(_Number):
     def __init__(self, high: Any, low: Any) -> None:
         self.high, self.low = high, low
 
+    @classmethod
+    def of(cls, number: Constant, like: Any) -> DoubleDouble:
+        """Return ``number``, rounded once, in the carrier of ``like``."""
+        high, low = arithmetic.rounded_pair(number.numerator, number.denominator)
+        return cls(like.constant(high), like.constant(low))
+
     @property
     def pair(self) -> tuple[Any, Any]:
         return self.high, self.low
 
-    def _constant(self, number: Exact) -> tuple[Any, Any]:
-        high, low = arithmetic.rounded_pair(*number.as_integer_ratio())
-        return self.high.constant(high), self.high.constant(low)
-
-    def __add__(self, other: Any) -> Any:
-        if isinstance(other, Exact):
+    def _add(self, other: DoubleDouble | Constant) -> DoubleDouble:
+        if isinstance(other, Constant):
             if other == 0:
                 return self
-            high, low = self._constant(other)
-            if Fraction(float(other)) == other:
-                return DoubleDouble(*arithmetic.dd_add_double(self.pair, high))
-            return DoubleDouble(*arithmetic.dd_add(self.pair, (high, low)))
-        if not isinstance(other, DoubleDouble):
-            return NotImplemented
+            pair = DoubleDouble.of(other, self.high).pair
+            if Constant(float(other)) == other:
+                return DoubleDouble(*arithmetic.dd_add_double(self.pair, pair[0]))
+            return DoubleDouble(*arithmetic.dd_add(self.pair, pair))
         return DoubleDouble(*arithmetic.dd_add(self.pair, other.pair))
 
-    def __mul__(self, other: Any) -> Any:
-        if isinstance(other, Exact):
+    def _multiply(self, other: DoubleDouble | Constant) -> DoubleDouble:
+        if isinstance(other, Constant):
             if other == 1:
                 return self
+            scale = DoubleDouble.of(other, self.high)
             if _power_of_two(other):
-                scale = self._constant(other)[0]
-                return DoubleDouble(self.high * scale, self.low * scale)
-            return DoubleDouble(*arithmetic.dd_mul(self.pair, self._constant(other)))
-        if not isinstance(other, DoubleDouble):
-            return NotImplemented
+                return DoubleDouble(self.high * scale.high, self.low * scale.high)
+            other = scale
         return DoubleDouble(*arithmetic.dd_mul(self.pair, other.pair))
 
     def __neg__(self) -> DoubleDouble:
         return DoubleDouble(-self.high, -self.low)
 
-    def __truediv__(self, other: Any) -> Any:
-        if isinstance(other, Exact):
-            return self * (1 / Fraction(other))
-        if not isinstance(other, DoubleDouble):
-            return NotImplemented
+    def _divide(self, other: DoubleDouble | Constant) -> DoubleDouble:
+        if isinstance(other, Constant):
+            return self._multiply(1 / other)
         return DoubleDouble(*arithmetic.dd_div(self.pair, other.pair))
 
-    def __rtruediv__(self, other: Exact) -> DoubleDouble:
-        return DoubleDouble(*arithmetic.dd_div(self._constant(other), self.pair))
+    def _divide_into(self, other: Constant) -> DoubleDouble:
+        return DoubleDouble(*arithmetic.dd_div(DoubleDouble.of(other, self.high).pair, self.pair))
+
+    def __abs__(self) -> DoubleDouble:
+        return DoubleDouble(*arithmetic.dd_abs(self.pair))
 
     def sqrt(self) -> DoubleDouble:
         return DoubleDouble(*arithmetic.dd_sqrt(self.pair))

@@ -1,7 +1,10 @@
-"""The integrators, one file per source; ``integrators["aba864"]`` is a :class:`~nearharmonic.tableau.Tableau`."""
+"""The integrators, one file per source; ``integrators["aba864"]`` is a :class:`Tableau`.
 
-from nearharmonic.registry import Registry
-from nearharmonic.tableau import Tableau
+This package is itself the mapping ``integrators``: see :mod:`nearharmonic.registry`.
+"""
+
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.registry import Registry, make_registry
 
 __all__ = ["BENCHMARKED", "Tableau", "integrators"]
 
@@ -19,6 +22,6 @@ BENCHMARKED = (
     "babps9o7h",
 )
 
-integrators: Registry[Tableau] = Registry(
+integrators: Registry[Tableau] = make_registry(
     __name__, "integrator", lambda module: {t.name: t for t in getattr(module, "TABLEAUS", ())}
 )

@@ -5,7 +5,7 @@ doi:10.1016/j.apnum.2013.01.003. Every 40-digit copy of ABA864 drops a digit of 
 by 5e-31); the value here solves the order conditions.
 """
 
-from nearharmonic.tableau import Tableau, palindrome
+from nearharmonic.integrators.tableau import Tableau, palindrome
 
 SOURCE = (
     "Blanes, Casas, Farres, Laskar, Makazaga & Murua (2013), Appl. Numer. Math. 68, 58, doi:10.1016/j.apnum.2013.01.003"

@@ -10,7 +10,7 @@ The Nystrom methods count on [V, [V, [V, T]]] = 0, each in one role: with kick a
 order four. SRKN 6b has order four for any separable H in either role, and small errors in its own with quadratic T.
 """
 
-from nearharmonic.tableau import QUADRATIC_KINETIC_ENERGY, Tableau, palindrome
+from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau, palindrome
 
 SOURCE = "Blanes & Moan (2002), J. Comput. Appl. Math. 142, 313, doi:10.1016/S0377-0427(01)00492-7"
 

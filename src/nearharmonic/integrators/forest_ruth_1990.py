@@ -3,7 +3,7 @@
 The closed form of the weights (their Eq. 4.8; Nielsen 2015, Eq. 15) rounded to 80 digits.
 """
 
-from nearharmonic.tableau import Tableau, palindrome
+from nearharmonic.integrators.tableau import Tableau, palindrome
 
 TABLEAUS = (
     Tableau(

@@ -6,7 +6,7 @@ one, is least; the first weight is taken as printed and the order conditions giv
 isolated solution that Suzuki & Umeno (1993) and McLachlan (1995) found as well, are solved to 79 decimals.
 """
 
-from nearharmonic.tableau import Tableau, palindrome
+from nearharmonic.integrators.tableau import Tableau, palindrome
 
 SOURCE = "Kahan & Li (1997), Math. Comp. 66, 1089, doi:10.1090/S0025-5718-97-00873-9"
 

@@ -6,7 +6,7 @@ from the rational coefficients that the paper chose, in closed form or as roots 
 its 20 digits.
 """
 
-from nearharmonic.tableau import Tableau, palindrome
+from nearharmonic.integrators.tableau import Tableau, palindrome
 
 SOURCE = "McLachlan (1995), SIAM J. Sci. Comput. 16, 151, doi:10.1137/0916010"
 

@@ -1,15 +1,15 @@
 """Methods of order six for quadratic kinetic energy and of harmonic order seven or eight: Nielsen's idea, a step on.
 
-What :func:`nearharmonic.search.nystrom_search.nystrom_search` finds and its criterion ranks first among 7 to 11 stages,
+What the search ``experiments.sixth_order`` finds and its criterion ranks first among 7 to 11 stages,
 one of each number of stages and composition; free parameters are those of the criterion's minimum, rounded to four
 decimals. No problem was integrated to choose them. For a separable H whose kinetic energy is not quadratic their order
 is four. A label reads like the paper's, with the order before the harmonic order.
 """
 
-from nearharmonic.tableau import QUADRATIC_KINETIC_ENERGY, Tableau, palindrome
+from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau, palindrome
 
 SOURCE = (
-    "found by nearharmonic.search; order conditions for quadratic kinetic energy as in Blanes & Moan (2002), "
+    "found by nearharmonic (sixth_order); order conditions for quadratic kinetic energy as in Blanes & Moan (2002), "
     "J. Comput. Appl. Math. 142, 313, doi:10.1016/S0377-0427(01)00492-7"
 )
 

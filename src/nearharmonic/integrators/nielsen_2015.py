@@ -7,7 +7,7 @@ step is exact on the harmonic oscillator, in the role given here. That holds for
 although the paper has the former from the ABA decomposition (with zero outer drifts, which is the same polynomial).
 """
 
-from nearharmonic.tableau import Tableau, palindrome
+from nearharmonic.integrators.tableau import Tableau, palindrome
 
 SOURCE = "Nielsen (2015), arXiv:1501.04345, Table 4"
 

@@ -8,7 +8,7 @@ leaves. These have 16 to 17 printed decimals and are taken as they stand; the or
 round to the print.
 """
 
-from nearharmonic.tableau import Tableau, palindrome
+from nearharmonic.integrators.tableau import Tableau, palindrome
 
 SOURCE_2002 = "Omelyan, Mryglod & Folk (2002), Comput. Phys. Commun. 146, 188, doi:10.1016/S0010-4655(02)00451-4"
 SOURCE_2003 = "Omelyan, Mryglod & Folk (2003), Comput. Phys. Commun. 151, 272, doi:10.1016/S0010-4655(02)00754-3"

@@ -5,7 +5,7 @@ order 4) is that of Kahan & Li (1997), Math. Comp. 66, 1089, doi:10.1090/S0025-5
 s5odr4b are other methods.
 """
 
-from nearharmonic.tableau import Tableau, palindrome
+from nearharmonic.integrators.tableau import Tableau, palindrome
 
 TABLEAUS = (
     Tableau(

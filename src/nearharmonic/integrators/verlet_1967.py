@@ -3,7 +3,7 @@
 The leapfrog, kick first, which is the velocity form of Verlet's recursion for the positions.
 """
 
-from nearharmonic.tableau import Tableau, palindrome
+from nearharmonic.integrators.tableau import Tableau, palindrome
 
 TABLEAUS = (
     Tableau(

@@ -4,7 +4,7 @@ doi:10.1016/0375-9601(90)90092-3. The 15 digits printed in 1990 leave a residual
 the weights here solve them to 80 digits.
 """
 
-from nearharmonic.tableau import Tableau, palindrome
+from nearharmonic.integrators.tableau import Tableau, palindrome
 
 TABLEAUS = (
     Tableau(

@@ -1,10 +1,13 @@
-"""The Hamiltonian systems, one file each; ``systems["kepler"]`` is a :class:`~nearharmonic.systems.system.System`."""
+"""The Hamiltonian systems, one file each; ``systems["kepler"]`` is a :class:`~nearharmonic.systems.system.System`.
 
-from nearharmonic.registry import Registry
+This package is itself the mapping ``systems``: see :mod:`nearharmonic.registry`.
+"""
+
+from nearharmonic.registry import Registry, make_registry
 from nearharmonic.systems.system import Observable, Parameter, System
 
 __all__ = ["Observable", "Parameter", "System", "systems"]
 
-systems: Registry[System] = Registry(
+systems: Registry[System] = make_registry(
     __name__, "system", lambda module: {s.name: s for s in [getattr(module, "SYSTEM", None)] if s is not None}
 )

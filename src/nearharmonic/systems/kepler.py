@@ -52,6 +52,34 @@ def perihelion_angle(q: Vector, p: Vector, GM: Any) -> Any:
     return np.arctan2(y, x)
 
 
+def exact_position(system: System, t: Any) -> Vector | None:
+    """Return Lagrange's f and g solution from the start, wherever on its ellipse that lies; None if it is unbound.
+
+    Newton's method on Kepler's equation for the change of the eccentric anomaly. Source: Battin (1999), Sec. 4.3.
+    """
+    from mpmath import cos, floor, mp, mpf, pi, sin, sqrt
+
+    ((x, y), (u, v)), (GM,) = system.start(mpf), system.constants(mpf)
+    r, rv = sqrt(x * x + y * y), x * u + y * v
+    energy = (u * u + v * v) / 2 - GM / r
+    if energy >= 0:
+        return None
+    a = -GM / (2 * energy)
+    n = sqrt(GM / a**3)
+    turn = n * t - 2 * pi * floor(n * t / (2 * pi))
+    sigma, rho = rv / sqrt(GM * a), 1 - r / a
+    change = turn
+    for _ in range(60):
+        off = change - rho * sin(change) + sigma * (1 - cos(change)) - turn
+        step = off / (1 - rho * cos(change) + sigma * sin(change))
+        change -= step
+        if abs(step) < mpf(10) ** (5 - mp.dps):
+            break
+    f = 1 - a / r * (1 - cos(change))
+    g = turn / n + (sin(change) - change) / n
+    return f * x + g * u, f * y + g * v
+
+
 SYSTEM = System(
     name="kepler",
     label="Sun-Mercury system",
@@ -73,6 +101,8 @@ SYSTEM = System(
         )
     },
     period=orbital_period,
+    gravity=True,
+    exact_position=exact_position,
     source="NASA Space Science Data Center, Sun and Mercury fact sheets; ten years of 8766 h (Nielsen 2015, Fig. 5)",
     surface_limit=1.0,
     surface_reason="at |dH/H0| = 1 the energy has reached zero or doubled: the orbit is unbound or lost",

@@ -18,6 +18,14 @@ def grad_V(q: Vector) -> Vector:
     return q
 
 
+def exact_position(system: System, t: Any) -> Vector:
+    """q cos t + p sin t: a turn of phase space in 2 pi."""
+    from mpmath import cos, mpf, sin
+
+    (q,), (p,) = system.start(mpf)
+    return (q * cos(t) + p * sin(t),)
+
+
 SYSTEM = System(
     name="sho",
     label="simple harmonic oscillator",
@@ -28,6 +36,8 @@ SYSTEM = System(
     t_end="500",
     units={"q": "1", "p": "1", "t": "1", "energy": "1"},
     source="Nielsen (2015), arXiv:1501.04345, Eq. 11 and Fig. 1: (p, q) = (0, 1), t in [0, 500]",
+    harmonic=True,
+    exact_position=exact_position,
     surface_limit=1e6,
     surface_reason="every ellipse of the linear map is closed, however eccentric: only exponential growth leaves it",
 )

@@ -1,0 +1,39 @@
+"""Microseconds of a second call of ``sweep`` and ``integrate``, whose runs are so short that all else is what counts.
+
+Run: ``python benchmarks/calls.py`` (about 10 s). Each line is the least time of many calls, which take turns. The
+arrays of the kernel hold ten steps of one run: the time is that of the checks, the exact coefficients, the look-up of
+the kernel and the Dataset.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+import nearharmonic as nh
+
+CALLS = {
+    "sweep, one step size": lambda: nh.sweep("sho", "babps9o7h", [0.9], t_end=9),
+    "sweep, 20 step sizes": lambda: nh.sweep("sho", "babps9o7h", [9 / n for n in range(10, 30)], t_end=9),
+    "sweep, extended precision": lambda: nh.sweep("sho", "babps9o7h", [0.9], t_end=9, precision="extended"),
+    "integrate": lambda: nh.integrate("sho", "babps9o7h", 0.9, t_end=9),
+    "integrate, Sun and Mercury": lambda: nh.integrate("kepler", "aba864", 100, t_end=1000),
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser.add_argument("--repeats", type=int, default=3000, help="calls of each kind (default 3000)")
+    repeats = parser.parse_args().repeats
+    least = dict.fromkeys(CALLS, float("inf"))
+    for _ in range(repeats + 1):  # the first call loads the kernel
+        for name, call in CALLS.items():
+            begin = time.perf_counter()
+            call()
+            least[name] = min(least[name], time.perf_counter() - begin)
+    for name, seconds in least.items():
+        print(f"{name:28s}{1e6 * seconds:8.0f} microseconds")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,77 @@
+"""The tables of times in docs/timings.md, as Markdown, from the file that ``snakemake work_precision`` writes.
+
+Run: ``python benchmarks/time_tables.py [results/paper/cubes/work_precision.h5]``. For each system two tables: one
+trajectory, and each of eight in SIMD lanes. A cell is the time in ms to reach a maximum energy error, and in brackets
+its ratio to the least of its column. Rows: the fastest of the paper's methods and of those beyond it, at each error,
+and every other library.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from math import isfinite
+
+from nearharmonic.experiments.work_precision.curve import Curve, crossing
+from nearharmonic.experiments.work_precision.run import read_parts
+from nearharmonic.experiments.work_precision.tables import TARGETS
+from nearharmonic.integrators import BENCHMARKED
+from nearharmonic.systems import systems
+
+HEADS = {"trajectory": "one trajectory", "lanes": "each of eight in lanes"}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser.add_argument("cube", nargs="?", default="results/paper/cubes/work_precision.h5")
+    path = parser.parse_args().cube
+    for name in ("sho", "henon_heiles", "kepler"):
+        parts, _ = read_parts(path, name)
+        (t_end, curves) = next((t_end, curves) for t_end, measures, curves in parts if "max" in measures)
+        print(f"\n### {systems[name].label}, t = {t_end}")
+        for mode in HEADS:
+            print("", *table(curves, mode), sep="\n")
+
+
+def table(curves: Sequence[Curve], mode: str) -> Iterator[str]:
+    """Lines of the table of ``curves`` in one ``mode`` of timing."""
+    times = {curve.method: [1e3 * crossing(curve, "max", target, mode).time for target in TARGETS] for curve in curves}
+    times = {method: row for method, row in times.items() if any(map(isfinite, row))}
+    least = [min(filter(isfinite, column)) for column in zip(*times.values(), strict=True)]
+    yield f"| {HEADS[mode]} | " + " | ".join(f"{target:.0e}" for target in TARGETS) + " |"
+    yield "|---|" + "---:|" * len(TARGETS)
+    for curve in curves:
+        if curve.method in times and curve.method in shown(curves, times):
+            cells = [cell(time, best) for time, best in zip(times[curve.method], least, strict=True)]
+            yield f"| {curve.label} | {' | '.join(cells)} |"
+
+
+def shown(curves: Sequence[Curve], times: dict[str, list[float]]) -> set[str]:
+    """The methods that get a row."""
+    own = [curve.method for curve in curves if curve.kind == "splitting" and curve.method in times]
+    groups = [[m for m in own if (m in BENCHMARKED) == paper] for paper in (True, False)]
+    fastest = {
+        min(group, key=lambda method: times[method][i] if isfinite(times[method][i]) else float("inf"))
+        for group in groups
+        if group
+        for i in range(len(TARGETS))
+    }
+    return fastest | {curve.method for curve in curves if curve.kind == "peer"}
+
+
+def cell(time: float, best: float) -> str:
+    """A time in ms and its ratio to the best; the best is bold."""
+    if not isfinite(time):
+        return "not reached"
+    if time == best:
+        return f"**{digits(time)}**"
+    return f"{digits(time)} ({digits(time / best)})"
+
+
+def digits(number: float) -> str:
+    """A number with two significant digits, without an exponent."""
+    return f"{float(f'{number:.2g}'):g}"
+
+
+if __name__ == "__main__":
+    main()

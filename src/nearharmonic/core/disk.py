@@ -1,0 +1,124 @@
+"""The folder of compiled code: where it is, whether its files are trusted, and how they are read and written.
+
+Whoever can write to the folder decides what this process executes. A folder or file that belongs to another user, or
+that others can change, is not used unless ``NEARHARMONIC_SHARED_CACHE=1``. Where nothing can be kept, a process logs
+one warning and compiles for itself.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import platform
+import stat
+import tempfile
+from contextlib import suppress
+from hashlib import sha256
+from pathlib import Path
+
+_WARNED: list[str] = []
+
+
+def cache_folder() -> Path:
+    """Return the folder of compiled code: ``NEARHARMONIC_CACHE_DIR`` if set, else one in the user's cache folder.
+
+    Raises
+    ------
+    RuntimeError
+        The user has no home folder.
+    """
+    chosen = os.environ.get("NEARHARMONIC_CACHE_DIR")
+    if chosen:
+        return Path(chosen).expanduser()
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(base) / "nearharmonic" / "kernels"
+
+
+def place_of(key: str) -> Path | None:
+    """Return the path of the file for ``key``; None, with a warning, if there is no folder that can be trusted."""
+    try:
+        folder = cache_folder()
+        for path in reversed([folder, *folder.parents]):
+            if not path.exists():
+                path.mkdir(mode=0o700, exist_ok=True)
+        fault = _fault(folder.stat()) if folder.is_dir() else "is not a folder"
+    except (OSError, RuntimeError) as error:
+        _warn(str(error))
+        return None
+    if fault:
+        _warn(f"{folder} {fault}")
+        return None
+    return folder / f"{key}.kernel"
+
+
+def read(place: Path) -> tuple[str, bytes] | None:
+    """Return the symbol and the object code in the file ``place``, or None if it is absent.
+
+    A file that is damaged, or that another user may have changed, is deleted and counts as absent.
+    """
+    try:
+        with place.open("rb") as file:
+            fault, content = _fault(os.fstat(file.fileno())), file.read()
+    except OSError:
+        return None
+    digest, _, rest = content.partition(b"\n")
+    if fault or digest != _digest(place, rest):
+        discard(place)
+        return None
+    name, _, code = rest.partition(b"\n")
+    return name.decode(), code
+
+
+def write(place: Path, name: str, code: bytes) -> None:
+    """Keep the symbol ``name`` and its object ``code`` in the file ``place``; log a warning if that fails."""
+    rest = f"{name}\n".encode() + code
+    # Unique among the hosts that share a file system, and among processes and threads.
+    prefix = f"{place.stem}.{platform.node()}.{os.getpid()}."
+    try:
+        descriptor, part = tempfile.mkstemp(dir=place.parent, prefix=prefix, suffix=".part")
+        try:
+            with os.fdopen(descriptor, "wb") as file:
+                file.write(_digest(place, rest) + b"\n" + rest)
+            if _shared():
+                Path(part).chmod(0o644)
+            Path(part).replace(place)
+        except BaseException:
+            discard(Path(part))
+            raise
+    except OSError as error:
+        _warn(str(error))
+
+
+def discard(place: Path) -> None:
+    """Delete the file ``place`` if that is possible; if not, each process makes its code anew."""
+    with suppress(OSError):
+        place.unlink()
+
+
+def _digest(place: Path, rest: bytes) -> bytes:
+    """Return the first line of the file ``place``: a digest of its name and of all that follows that line."""
+    return sha256(f"{place.name}\n".encode() + rest).hexdigest().encode()
+
+
+def _shared() -> bool:
+    return os.environ.get("NEARHARMONIC_SHARED_CACHE") == "1"
+
+
+def _fault(status: os.stat_result) -> str:
+    """Return why a file or folder of this status is not trusted, or nothing."""
+    if _shared() or not hasattr(os, "geteuid"):  # Windows has no such owners and modes
+        return ""
+    if status.st_uid != os.geteuid():
+        return "belongs to another user"
+    return "is writable by group or others" if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH) else ""
+
+
+def _warn(reason: str) -> None:
+    """Log ``reason`` once per process. It is no Python warning: a filter that makes those errors would end the run."""
+    if not _WARNED:
+        _WARNED.append(reason)
+        logging.getLogger("nearharmonic").warning(
+            "compiled code is not kept, and each process compiles it anew: %s. Set NEARHARMONIC_CACHE_DIR to a folder "
+            "that only you can write to, or NEARHARMONIC_SHARED_CACHE=1 to trust all who can write to that one.",
+            reason,
+        )

@@ -1,0 +1,300 @@
+"""The arithmetic of formulas: the operations that a number in a formula has, and the meaning of its constants.
+
+Every number that stands for a value while a formula is called (traced into a kernel, written as source text, evaluated
+in multiprecision) is a :class:`Number`, so that all of them accept the same formulas and refuse the others in the same
+words. A constant in a formula is exact: a float literal means the shortest decimal that it prints as.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from decimal import Decimal
+from fractions import Fraction
+from numbers import Integral, Rational, Real
+from typing import Any, NoReturn, Protocol
+
+from nearharmonic.errors import SystemDefinitionError
+
+#: Operations of a formula, as errors list them.
+OPERATIONS = "formulas use + - * /, whole and half-integer powers, abs and nearharmonic.core.arithmetic.sqrt"
+#: Bits of the root of a constant that is no square: more than any precision in which formulas are evaluated.
+ROOT_BITS = 1024
+
+
+class FormulaError(TypeError):
+    """An operation that formulas do not have; the message continues "V ..."."""
+
+
+def constant(value: Any) -> Constant | None:
+    """Return the exact number that a constant in a formula means, or None if ``value`` is no real number.
+
+    Integers and fractions mean themselves, floats (Python's and numpy's) the shortest decimal that they print as.
+
+    Raises
+    ------
+    FormulaError
+        ``value`` is infinite or NaN.
+    """
+    if isinstance(value, Constant):
+        return value
+    if isinstance(value, Integral):
+        return Constant(int(value))
+    if isinstance(value, Rational):
+        return Constant(int(value.numerator), int(value.denominator))
+    if isinstance(value, float | Decimal) or (isinstance(value, Real) and type(value).__module__ == "numpy"):
+        if not math.isfinite(value):
+            raise FormulaError(f"contains the number {value!s}, which is not finite")
+        return Constant(str(value))
+    return None
+
+
+def power(base: Any, exponent: Any) -> Any:
+    """Return ``base`` (a :class:`Number` or :class:`Constant`) to a whole or half-integer power.
+
+    Raises
+    ------
+    FormulaError
+        Any other exponent.
+    """
+    value = None if isinstance(exponent, Number) else constant(exponent)
+    if value is None or value.denominator > 2:
+        shown = "that is itself a value" if isinstance(exponent, Number) else repr(exponent)
+        raise FormulaError(f"raises a value to the power {shown}: {OPERATIONS}")
+    if value < 0:
+        return 1 / power(base, -value)
+    whole = int(value)
+    if value.denominator == 2:
+        root = base.sqrt()
+        return base.whole_power(whole) * root if whole else root
+    return base.whole_power(whole) if whole else Constant(1)
+
+
+def _exact(operation: Callable[[Fraction, Fraction], Fraction]) -> Any:
+    def method(self: Fraction, other: Any) -> Any:
+        value = constant(other)
+        return NotImplemented if value is None else Constant(operation(self, value))
+
+    return method
+
+
+class Constant(Fraction):
+    """An exact constant of a formula, such as a parameter of a system.
+
+    A ``Fraction`` would turn into a float as soon as it met one, and lose what lies below a double.
+    """
+
+    __slots__ = ()
+    __array_priority__ = -1.0  # as for Number
+
+    __add__ = __radd__ = _exact(Fraction.__add__)
+    __mul__ = __rmul__ = _exact(Fraction.__mul__)
+    __sub__ = _exact(Fraction.__sub__)
+    __rsub__ = _exact(lambda a, b: Fraction.__sub__(b, a))
+    __truediv__ = _exact(Fraction.__truediv__)
+    __rtruediv__ = _exact(lambda a, b: Fraction.__truediv__(b, a))
+
+    def __neg__(self) -> Constant:
+        return Constant(-self.numerator, self.denominator)
+
+    def __pos__(self) -> Constant:
+        return self
+
+    def __abs__(self) -> Constant:
+        return Constant(abs(self.numerator), self.denominator)
+
+    def __pow__(self, exponent: Any) -> Any:
+        return power(self, exponent)
+
+    def __rpow__(self, base: Any) -> Any:
+        return NotImplemented if constant(base) is None else power(constant(base), self)
+
+    def whole_power(self, exponent: int) -> Constant:
+        """Return the ``exponent``-th power, ``exponent`` >= 1."""
+        return Constant(self.numerator**exponent, self.denominator**exponent)
+
+    def sqrt(self) -> Constant:
+        """Return the square root: exact for the square of a fraction, else rounded to :data:`ROOT_BITS` bits."""
+        top, bottom = self.numerator, self.denominator
+        if top < 0:
+            raise ArithmeticError(f"square root of the negative number {self}")
+        exact = Constant(math.isqrt(top), math.isqrt(bottom))
+        if exact * exact == self:
+            return exact
+        shift = max(0, ROOT_BITS + (bottom.bit_length() - top.bit_length()) // 2)
+        return Constant(math.isqrt((top << 2 * shift) // bottom), 1 << shift)
+
+
+class Number:
+    """A number that a formula is called with: its operators, in terms of the few that a subclass defines.
+
+    A subclass defines ``_add``, ``_multiply`` and ``_divide`` of itself and another operand (of its own type or a
+    :class:`Constant`), ``_divide_into`` a constant, ``__neg__``, ``__abs__`` and ``sqrt``.
+    """
+
+    __slots__ = ()
+    #: Above that of numpy's scalars, which then leave ``np.float64(0.1) * x`` to us, and below that of its arrays.
+    __array_priority__ = -1.0
+
+    def _add(self, other: Any) -> Any:
+        raise NotImplementedError
+
+    def _multiply(self, other: Any) -> Any:
+        raise NotImplementedError
+
+    def _divide(self, other: Any) -> Any:
+        raise NotImplementedError
+
+    def _divide_into(self, other: Constant) -> Any:
+        raise NotImplementedError
+
+    def __neg__(self) -> Any:
+        raise NotImplementedError
+
+    def __abs__(self) -> Any:
+        raise NotImplementedError
+
+    def sqrt(self) -> Any:
+        """Return the square root."""
+        raise NotImplementedError
+
+    def _operand(self, other: Any) -> Any:
+        return other if isinstance(other, type(self)) else constant(other)
+
+    def __add__(self, other: Any) -> Any:
+        operand = self._operand(other)
+        return NotImplemented if operand is None else self._add(operand)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Any:
+        operand = self._operand(other)
+        return NotImplemented if operand is None else self._add(-operand)
+
+    def __rsub__(self, other: Any) -> Any:
+        operand = self._operand(other)
+        return NotImplemented if operand is None else (-self)._add(operand)
+
+    def __mul__(self, other: Any) -> Any:
+        operand = self._operand(other)
+        return NotImplemented if operand is None else self._multiply(operand)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Any:
+        operand = self._operand(other)
+        if isinstance(operand, Constant) and not operand:
+            raise ZeroDivisionError("division of a value by zero")
+        return NotImplemented if operand is None else self._divide(operand)
+
+    def __rtruediv__(self, other: Any) -> Any:
+        operand = self._operand(other)
+        return NotImplemented if operand is None else self._divide_into(operand)
+
+    def __pos__(self) -> Any:
+        return self
+
+    def __pow__(self, exponent: Any) -> Any:
+        return power(self, exponent)
+
+    def __rpow__(self, base: Any) -> NoReturn:
+        raise FormulaError(f"raises {base!r} to the power of a value: {OPERATIONS}")
+
+    def whole_power(self, exponent: int) -> Any:
+        """Return the ``exponent``-th power, ``exponent`` >= 1, in few multiplications."""
+        if exponent <= 4:  # one factor after the other: for the fourth power one multiplication more, and one rounding
+            result = self
+            for _ in range(exponent - 1):
+                result = result * self
+            return result
+        if exponent % 2:
+            return self.whole_power(exponent - 1) * self
+        half = self.whole_power(exponent // 2)
+        return half * half
+
+    def _compare(self, other: Any) -> NoReturn:
+        raise FormulaError("compares a value: a formula is called once, for all values, and must not branch")
+
+    __eq__ = __ne__ = __lt__ = __le__ = __gt__ = __ge__ = _compare
+
+    def __bool__(self) -> NoReturn:
+        raise FormulaError("uses a value as a condition: a formula is called once, for all values, and must not branch")
+
+    def __hash__(self) -> NoReturn:
+        raise FormulaError(
+            "hashes a value (a set, a key of a dict, a cached function), which no value in a formula has"
+        )
+
+    def __float__(self) -> NoReturn:
+        raise FormulaError(f"converts a value to float, as the functions of math do: {OPERATIONS}")
+
+
+class Formulas(Protocol):
+    """A system as its formulas are called: its name for errors, and what a formula returns."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def dimension(self) -> int: ...
+
+
+def call(system: Formulas, formula: str, function: Callable[..., Any], *arguments: Any) -> Any:
+    """Call ``function``, part of the formula named ``formula`` ("V", "grad_V", "T" or "grad_T") of ``system``.
+
+    Raises
+    ------
+    SystemDefinitionError
+        The function raises; its exception is the cause.
+    """
+    try:
+        return function(*arguments)
+    except FormulaError as error:
+        raise SystemDefinitionError(f"{system.name}: {formula} {error}") from error
+    except Exception as error:
+        hint = f" ({OPERATIONS})" if isinstance(error, TypeError | AttributeError) else ""
+        raise SystemDefinitionError(f"{system.name}: {formula} raises {type(error).__name__}: {error}{hint}") from error
+
+
+def scalar(system: Formulas, formula: str, *arguments: Any) -> Any:
+    """Return the value of V or T as a :class:`Number` or a :class:`Constant`.
+
+    Raises
+    ------
+    SystemDefinitionError
+        The formula raises, or returns something other than one number.
+    """
+    result = call(system, formula, getattr(system, formula), *arguments)
+    value = result if isinstance(result, Number) else call(system, formula, constant, result)
+    if value is None:
+        raise SystemDefinitionError(
+            f"{system.name}: {formula} returns an object of type {type(result).__name__}, expected one number"
+        )
+    return value
+
+
+def vector(system: Formulas, formula: str, *arguments: Any) -> tuple[Any, ...]:
+    """Return the components of grad_V or grad_T, each a :class:`Number` or a :class:`Constant`.
+
+    Raises
+    ------
+    SystemDefinitionError
+        The formula raises, or returns something other than one number a coordinate.
+    """
+    result = call(system, formula, getattr(system, formula), *arguments)
+    expected = f"expected a tuple of {system.dimension}, one number a coordinate"
+    if not hasattr(result, "__iter__"):
+        what = "one number" if isinstance(result, Number) else f"an object of type {type(result).__name__}"
+        raise SystemDefinitionError(f"{system.name}: {formula} returns {what}, {expected}")
+    entries = call(system, formula, tuple, result)
+    if len(entries) != system.dimension:
+        raise SystemDefinitionError(f"{system.name}: {formula} returns {len(entries)} components, {expected}")
+    components = []
+    for i, entry in enumerate(entries):
+        component = entry if isinstance(entry, Number) else call(system, f"{formula}[{i}]", constant, entry)
+        if component is None:
+            raise SystemDefinitionError(
+                f"{system.name}: {formula}[{i}] is an object of type {type(entry).__name__}, expected a number"
+            )
+        components.append(component)
+    return tuple(components)

@@ -1,0 +1,1 @@
+"""Exact settings in, trajectories out: grids, batches through the kernel, reference solutions, statistics."""

@@ -1,0 +1,73 @@
+"""Grids of step sizes: which there are, how many steps and force evaluations each takes, what fits which system."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from decimal import Decimal
+from fractions import Fraction
+from math import floor, log10
+from typing import TypeVar
+
+from nearharmonic.engine.settings import MOST_STEPS
+from nearharmonic.errors import bad_setting
+from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau
+from nearharmonic.systems.system import System
+
+Item = TypeVar("Item")
+
+
+def tau_grid(lowest: float, highest: float, points_per_decade: int) -> tuple[float, ...]:
+    """Return ``lowest`` * 10^(i / ``points_per_decade``) up to ``highest``, to six significant digits."""
+    # The slack admits a highest that is itself written with few digits, such as 158.489 for 10^2.2.
+    last = floor(log10(highest / lowest) * points_per_decade + 1e-3)
+    return tuple(float(f"{lowest * 10 ** (i / points_per_decade):.6g}") for i in range(last + 1))
+
+
+def shard(items: Sequence[Item], index: int, count: int) -> Sequence[Item]:
+    """Return every ``count``-th of ``items`` from ``index`` on: cheap and dear step sizes alike in each shard."""
+    return items[index::count]
+
+
+def steps_of(t_end: str, tau: float, key: str = "tau", given: object = None) -> int:
+    """Return max(1, round(t_end / tau)), the division exact.
+
+    Parameters
+    ----------
+    t_end : str
+        Length of the interval, a decimal string.
+    tau : float
+        Step size asked for, taken as the double that it is.
+    key : str
+        Name of the setting in the error.
+    given : object
+        Value of that setting in the error; ``tau`` if None.
+
+    Raises
+    ------
+    SettingError
+        More than :data:`~nearharmonic.engine.settings.MOST_STEPS` steps.
+    """
+    steps = max(1, round(Fraction(t_end) / Fraction(tau)))
+    if steps > MOST_STEPS:
+        number = f"{Decimal(steps):.4g}" if steps > 10**15 else str(steps)
+        allowed = f"t_end = {t_end} would take {number} steps, and one run takes at most {MOST_STEPS}"
+        raise bad_setting(key, tau if given is None else given, allowed)
+    return steps
+
+
+def evaluations_of(tableau: Tableau, steps: int) -> int:
+    """Return the force evaluations of a run: s a step, and one more to begin with if the kick comes first."""
+    return tableau.stages * steps + tableau.first_same_as_last
+
+
+def check_fit(system: System, tableau: Tableau) -> None:
+    """Refuse a method of Runge-Kutta-Nystrom type for a system whose kinetic energy is not p.p/2.
+
+    Raises
+    ------
+    SettingError
+        The method does not fit.
+    """
+    if tableau.requires == QUADRATIC_KINETIC_ENERGY and not system.quadratic_kinetic_energy:
+        key, allowed = "integrator", f"it requires a {tableau.requires}, which {system.name} does not have"
+        raise bad_setting(key, tableau.name, allowed)

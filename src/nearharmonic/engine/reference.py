@@ -1,0 +1,163 @@
+"""Exact positions: by the closed form of a system that has one, by runs in extended precision for the others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nearharmonic.engine.settings import Numerics
+from nearharmonic.errors import SystemDefinitionError, bad_setting
+from nearharmonic.integrators import yoshida_1990
+from nearharmonic.systems.system import System
+
+if TYPE_CHECKING:
+    from nearharmonic.integrators.tableau import Tableau
+
+#: Digits in which closed forms are evaluated.
+DIGITS = 40
+#: Steps of the first extended run, and the most: at 100 ns a step and stage some seconds.
+FIRST_STEPS, MOST_STEPS = 2_000, 512_000
+#: A reference is good when halving its steps moves it by less than this part of the distance.
+AGREEMENT = 1e-17
+#: One that never settles to this is no reference: the orbit is chaotic.
+USABLE = 1e-13
+#: Relative difference beyond which a closed form is not that of the system: formulas may hold literals of 16 digits.
+CONTRADICTION = 1e-12
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reference:
+    """An exact position.
+
+    Attributes
+    ----------
+    q : (d, 2) array
+        Position as pairs high + low of doubles.
+    scale : float
+        Distance that errors are relative to, max(|q(0)|, |q(t)|).
+    uncertainty : float
+        Error of ``q`` relative to ``scale``.
+    source : str
+        How it was found.
+    """
+
+    q: NDArray[np.float64]
+    scale: float
+    uncertainty: float
+    source: str
+
+    def error(self, q: Any, q_low: Any = 0.0) -> Any:
+        """Return |q + q_low - exact| / scale; infinite where a position is no number.
+
+        Parameters
+        ----------
+        q, q_low : (..., d) arrays
+            Positions, and the digits below them.
+        """
+        difference = (np.asarray(q) - self.q[:, 0]) + (np.asarray(q_low) - self.q[:, 1])
+        size = np.sqrt((difference * difference).sum(axis=-1)) / self.scale
+        return np.where(np.isfinite(size), size, np.inf)
+
+
+def position_t_end(system: System, t_end: str) -> str:
+    """Return the end of the interval for comparing positions.
+
+    Parameters
+    ----------
+    system : System
+        Its ``position_t_end`` is the latest end.
+    t_end : str
+        End of the interval for comparing energies.
+    """
+    return t_end if system.position_t_end is None else min(system.position_t_end, t_end, key=Fraction)
+
+
+def reference(system: System, t_end: str) -> Reference:
+    """Return the exact position of ``system`` at ``t_end``.
+
+    Raises
+    ------
+    SettingError
+        No closed form is known, and runs in extended precision do not converge.
+    SystemDefinitionError
+        The closed form contradicts the equations of motion.
+    """
+    import mpmath
+
+    with mpmath.workdps(DIGITS):
+        exact = system.exact_position and system.exact_position(system, mpmath.mpf(t_end))
+    if not exact:
+        return _extended(system, t_end)
+    _check_closed_form(system, t_end)
+    with mpmath.workdps(DIGITS):
+        return _made(system, exact, 1e-32, f"closed form in {DIGITS} digits")
+
+
+def _check_closed_form(system: System, t_end: str) -> None:
+    """Compare a closed form with the initial values, and at ``t_end`` with the force if q'' = -grad_V."""
+    import mpmath
+
+    exact = system.exact_position
+    assert exact is not None
+    with mpmath.workdps(2 * DIGITS):
+        end = mpmath.mpf(t_end)
+        h = end / mpmath.mpf(10) ** (DIGITS // 2)  # so differences below are good to about (h / period)^2
+
+        def around(t: Any) -> list[NDArray[Any]]:
+            return [np.array(exact(system, t + k * h), dtype=object) for k in (-1, 0, 1)]
+
+        q0, p0 = (np.array(row, dtype=object) for row in system.start(mpmath.mpf))
+        before, start, after = around(mpmath.mpf(0))
+        size = max(abs(q0))
+        pairs = [(start, q0, size), ((after - before) / (2 * h), np.array(system.grad_T(tuple(p0))), size / end)]
+        if system.quadratic_kinetic_energy:
+            before, q, after = around(end)
+            force = -np.array(system.grad_V(tuple(q), *system.constants(mpmath.mpf)))
+            pairs.append(((after - 2 * q + before) / h**2, force, size / end**2))
+        for found, expected, scale in pairs:
+            if max(abs(found - expected)) > CONTRADICTION * max(*abs(expected), scale):
+                message = "exact_position contradicts its initial values or its potential"
+                raise SystemDefinitionError(f"{system.name}: {message}")
+
+
+def _made(system: System, q: Sequence[Any], uncertainty: float, source: str) -> Reference:
+    pairs = np.array([(float(x), float(x - type(x)(float(x)))) for x in q])
+    start = np.array([float(x) for x in system.q0])
+    scale = float(max(np.linalg.norm(start), np.linalg.norm(pairs[:, 0])))
+    return Reference(q=pairs, scale=scale, uncertainty=uncertainty, source=source)
+
+
+def _extended(system: System, t_end: str) -> Reference:
+    """Runs in extended precision with ever smaller steps, until two agree."""
+    (tableau,) = yoshida_1990.TABLEAUS
+    steps, before, change = FIRST_STEPS, None, np.inf
+    while steps <= MOST_STEPS:
+        q = _end(system, tableau, t_end, steps)
+        finite = bool(np.isfinite(q).all())
+        if finite and before is not None:
+            scale = _made(system, [Fraction(high) + Fraction(low) for high, low in q], 0.0, "").scale
+            change = float(np.linalg.norm((q - before).sum(axis=1))) / scale
+            # Order 6: the finer of two runs is off by 1/63 of what lies between them.
+            if change / 63 < AGREEMENT:
+                break
+        before = q if finite else None
+        steps *= 2
+    if before is None or not change / 63 < USABLE:
+        allowed = f"the orbit of {system.name} cannot be followed that far ({change:.1e} between two fine runs)"
+        raise bad_setting("t_end", t_end, f"{allowed}: compare energies, or choose an earlier t_end")
+    source = f"{tableau.label} in double-double, {min(steps, MOST_STEPS)} steps; half as many differ by {change:.1e}"
+    return _made(system, [Fraction(high) + Fraction(low) for high, low in q], change / 63, source)
+
+
+def _end(system: System, tableau: Tableau, t_end: str, steps: int) -> NDArray[np.float64]:
+    """The position (d, 2) at the end of one run in double-double."""
+    from nearharmonic.engine.batch import integrate_batch
+
+    numerics = Numerics(precision="extended", width=1)
+    paths = integrate_batch(system, tableau, t_end=Fraction(t_end), steps=[steps], samples=2, numerics=numerics)
+    return np.stack([paths.q[0, -1], paths.q_low[0, -1]], axis=-1)

@@ -1,0 +1,302 @@
+"""What may be set, and the checks that every setting passes before any job runs; functions and configs share them.
+
+The settings of a config are frozen dataclasses whose members are declared by :func:`setting`, once: type, description,
+unit, limits and default. They are plain dataclasses, because jobs that are given settings must start quickly;
+:mod:`nearharmonic.config` has pydantic read them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import MISSING, dataclass, field, replace
+from decimal import Decimal, InvalidOperation
+from difflib import get_close_matches
+from fractions import Fraction
+from functools import lru_cache
+from math import inf
+from numbers import Integral, Real
+from typing import Annotated, Any
+
+from nearharmonic.errors import bad_setting
+
+#: Steps of one run: at 3 ns a stage, half a minute for ten stages. More is a slip of the decimal point.
+MOST_STEPS = 10**9
+#: Kept states of one run: about half a gigabyte for a planar system.
+MOST_SAMPLES = 10**7
+#: SIMD lanes of a kernel: one AVX-512 register of doubles. On narrower processors the compiler splits it, with the same
+#: bits.
+WIDTH = 8
+#: Eight such registers.
+MOST_LANES = 64
+
+PRECISIONS = ("double", "extended")
+SUMMATIONS = ("compensated", "plain")
+OPERATORS = ("drift", "kick")
+
+
+def _positive(key: str, value: object) -> Decimal:
+    """``value``, a number or a decimal string (YAML 1.1 reads 1e-4 as one), exactly."""
+    allowed = "a finite number above 0"
+    if isinstance(value, bool) or not isinstance(value, Real | Decimal | str):
+        raise bad_setting(key, value, allowed)
+    try:
+        number = Decimal(value) if isinstance(value, str | Decimal | int) else Decimal(repr(float(value)))
+        usable = number.is_finite() and 0 < float(number) < float("inf")
+    except (InvalidOperation, OverflowError):
+        usable = False
+    if not usable:
+        raise bad_setting(key, value, allowed)
+    return number
+
+
+def checked_tau(tau: object, key: str = "tau") -> float:
+    """``tau`` as a float, if it is a finite number above 0 (or the decimal string of one).
+
+    Raises:
+        SettingError: zero, negative, NaN, infinite, a bool or no number at all.
+    """
+    if type(tau) is float and 0 < tau < inf:
+        return tau
+    return float(_positive(key, tau))
+
+
+def checked_t_end(t_end: object, key: str = "t_end") -> str:
+    """``t_end`` as a plain decimal string, if it is a finite number above 0 (or the decimal string of one).
+
+    Raises:
+        SettingError: zero, negative, NaN, infinite, a bool or no number at all.
+    """
+    return format(_positive(key, t_end).normalize(), "f")
+
+
+def _count(key: str, value: object, most: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, Integral) or not 1 <= int(value) <= most:
+        raise bad_setting(key, value, f"a whole number from 1 to {most}")
+    return int(value)
+
+
+def checked_samples(samples: object, key: str = "samples") -> int:
+    """``samples`` as an int, if it is a whole number from 1 to :data:`MOST_SAMPLES`.
+
+    Raises:
+        SettingError: anything else.
+    """
+    return _count(key, samples, MOST_SAMPLES)
+
+
+def one_of(key: str, value: object, allowed: Sequence[str]) -> str:
+    """``value``, if it is among ``allowed``.
+
+    Raises:
+        SettingError: anything else; it says the nearest match.
+    """
+    if isinstance(value, str) and value in allowed:
+        return value
+    nearest = get_close_matches(str(value), allowed, n=1, cutoff=0.4)
+    hint = f". Did you mean {nearest[0]!r}?" if nearest else ""
+    raise bad_setting(key, value, f"one of {', '.join(allowed)}{hint}")
+
+
+def checked_precision(precision: object, key: str = "precision") -> str:
+    """``precision``, if it is one of :data:`PRECISIONS`; raises SettingError otherwise."""
+    return one_of(key, precision, PRECISIONS)
+
+
+def checked_summation(summation: object, key: str = "summation") -> str:
+    """``summation``, if it is one of :data:`SUMMATIONS`; raises SettingError otherwise."""
+    return one_of(key, summation, SUMMATIONS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Numerics:
+    """Arithmetic of runs, and how often their energy is evaluated.
+
+    Parameters
+    ----------
+    precision : {"double", "extended"}
+        Arithmetic of the state; "extended" is double-double.
+    summation : {"compensated", "plain"}
+        Summation of the steps in double precision. Double-double sums are compensated always.
+    width : int
+        Number of SIMD lanes, 1 to 64.
+    every_step : bool
+        If false, the energy is evaluated only every ``look`` steps, and the reported errors are maxima over those
+        evaluations.
+    look : int or None
+        Steps between evaluations of the energy without ``every_step``; None evaluates it at the samples alone. Errors
+        are independent of which runs share the lanes if ``look`` divides the number of steps between samples.
+    double_coefficients : bool
+        Whether the products of step size and coefficient are rounded to double in extended precision too.
+
+    Raises
+    ------
+    SettingError
+        A value outside what is allowed.
+    """
+
+    precision: str = "double"
+    summation: str = "compensated"
+    width: int = WIDTH
+    every_step: bool = True
+    look: int | None = None
+    double_coefficients: bool = False
+
+    def __post_init__(self) -> None:
+        checked_precision(self.precision)
+        checked_summation(self.summation)
+        _count("width", self.width, MOST_LANES)
+        if self.look is not None:
+            _count("look", self.look, MOST_STEPS)
+
+    @property
+    def compensated(self) -> bool:
+        """Whether the digits below a double are kept from step to step."""
+        return self.precision == "extended" or self.summation == "compensated"
+
+    @property
+    def compiled(self) -> Numerics:
+        """The same numerics without what the compiled code does not depend on: equal code, equal ``compiled``."""
+        summation = "compensated" if self.compensated else "plain"
+        if (self.summation, self.look, self.double_coefficients) == (summation, None, False):
+            return self  # most are: a copy takes longer than the look-up of their kernel
+        return replace(self, summation=summation, look=None, double_coefficients=False)
+
+
+def checked_first(first: object, key: str = "first") -> str | None:
+    """``first``, if it is None (the tableau's own) or one of :data:`OPERATORS`; raises SettingError otherwise."""
+    return None if first is None else one_of(key, first, OPERATORS)
+
+
+@lru_cache(maxsize=128)
+def exact_decimal(text: str) -> Fraction:
+    """Return the exact value of a decimal string."""
+    return Fraction(text)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a value of a config is read: ``accept`` returns it in its own type, or raises ValueError or TypeError.
+
+    ``schema`` says in the terms of JSON Schema what it takes. pydantic calls the two methods.
+    """
+
+    accept: Callable[[Any], Any]
+    schema: tuple[tuple[str, Any], ...]
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_plain_validator_function(self.accept)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
+        return {key: list(value) if isinstance(value, tuple) else value for key, value in self.schema}
+
+
+def _whole(value: object) -> int:
+    """A whole number in any guise: 10, 10.0 or, as on a command line, "10"."""
+    if isinstance(value, bool) or not isinstance(value, Real | Decimal | str):
+        raise TypeError
+    number = Fraction(value)  # type: ignore[arg-type]
+    if number.denominator != 1:
+        raise ValueError
+    return int(number)
+
+
+def _positive_number(value: object) -> float:
+    return float(_positive("", value))
+
+
+def _decimal_text(value: object) -> str:
+    return format(_positive("", value).normalize(), "f")
+
+
+_NUMBER = (("type", ("number", "string")),)
+
+#: A finite number above 0, or the decimal string of one (YAML 1.1 reads 1e-4 as a string), as a float.
+PositiveNumber = Annotated[float, Reading(_positive_number, _NUMBER)]
+#: The same with all its digits, as a plain decimal string.
+PositiveDecimal = Annotated[str, Reading(_decimal_text, _NUMBER)]
+
+#: What pydantic is to know of a dataclass of settings: a key that it lacks is refused.
+STRICT: Any = {"extra": "forbid"}
+
+
+def setting(
+    description: str, allowed: str = "", *, unit: str = "", default: Any = MISSING, each: str = "", **limits: Any
+) -> Any:
+    """Declare a member of a dataclass of settings.
+
+    Parameters
+    ----------
+    description : str
+        What it means, for the documentation.
+    allowed : str
+        What may be set, as errors tell; a section needs no such text, its keys are named.
+    unit : str
+        Unit of a number.
+    default : object
+        Value if the key is not given; a class stands for a section all of whose keys have defaults.
+    each : str
+        What an entry of a list may be, as errors tell.
+    **limits
+        ``ge``, ``le``, ``gt``, ``lt`` and ``min_length``, as in ``pydantic.Field``.
+    """
+    told = {"allowed": allowed, "unit": unit, "each": each}
+    metadata = {"description": description, "json_schema_extra": {k: v for k, v in told.items() if v}, **limits}
+    if isinstance(default, type):
+        return field(default_factory=default, metadata=metadata)
+    return field(default=default, metadata=metadata)
+
+
+def whole_between(least: int, most: int) -> tuple[Callable[[Any], int], tuple[tuple[str, Any], ...]]:
+    """Arguments of :class:`Reading` for a whole number within limits, as an entry of a list."""
+
+    def accept(value: object) -> int:
+        number = _whole(value)
+        if not least <= number <= most:
+            raise ValueError
+        return number
+
+    return accept, (("type", "integer"), ("minimum", least), ("maximum", most))
+
+
+def whole_from(least: int, most: int | None = None) -> dict[str, Any]:
+    """Limits of a whole number, and the words for them, as keywords of :func:`setting`."""
+    if most is None:
+        return {"allowed": f"a whole number of {least} or more", "unit": "1", "ge": least}
+    return {"allowed": f"a whole number from {least} to {most}", "unit": "1", "ge": least, "le": most}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sweep:
+    """The runs of every method on one system.
+
+    Attributes
+    ----------
+    system : str
+        Name of the system.
+    t_end : str
+        End of the interval [0, t_end], a decimal string in the system's unit of time.
+    lowest, highest : float
+        Range of the step sizes per stage, in the system's unit of time.
+    points_per_decade : int
+        Step sizes in each factor of ten.
+    precision : tuple of str
+        Arithmetic of the runs: "double", "extended" or both.
+    summation : str
+        "compensated" or "plain".
+    samples : int
+        States that a run keeps at most.
+    shards : int
+        Files that share the step sizes of a method.
+    """
+
+    system: str
+    t_end: str
+    lowest: float
+    highest: float
+    points_per_decade: int
+    precision: tuple[str, ...]
+    summation: str
+    samples: int
+    shards: int

@@ -1,0 +1,1 @@
+"""Exact and multiprecision mathematics that knows no integrator: polynomials, words, Lie algebras, roots and proofs."""

@@ -1,0 +1,170 @@
+"""Order conditions as linear conditions on the logarithm of a step: a basis of the free Lie algebra and a quotient.
+
+The logarithm of a product of exponentials is a Lie series. In degree n it has one coordinate for each Lyndon word of n
+letters (A < B): those in the *Lyndon basis*, where the word w = uv, v its longest proper suffix that is a Lyndon word,
+stands for the bracket [u, v]. Reutenauer (1993), Free Lie Algebras, chapter 5.
+
+With kinetic energy T = p.p/2 some brackets vanish for every potential: V and the modified potentials that brackets
+[X, [Y, T]] of potentials X and Y give depend on q alone, and so commute. What these identities generate is an ideal,
+and the quotient is the Lie algebra of classical mechanics, McLachlan & Murua (2019), J. Comput. Dyn. 6, 345,
+doi:10.3934/jcd.2019017. The one identity [B, [B, [B, A]]] = 0 generates all of it up to degree 7, but not beyond.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from functools import cache
+from itertools import combinations, product
+from typing import NamedTuple
+
+from nearharmonic.exact.words import LETTERS
+
+#: An element of the free Lie algebra, written out in words.
+Element = dict[str, int]
+Vector = list[Fraction]
+
+
+class Condition(NamedTuple):
+    """One independent order condition of a degree.
+
+    ``weights`` are numbers for the Lyndon words of the degree, in lexicographic order, of which the largest is 1 in
+    size: a step fulfils the condition if the coefficients of its logarithm on these words, so weighted, add up to 0.
+    ``scale`` is such that the squares of these sums, each divided by its scale, add up to the square of the norm.
+    """
+
+    weights: tuple[Fraction, ...]
+    scale: Fraction
+
+
+@cache
+def lyndon_words(length: int) -> tuple[str, ...]:
+    """The words of ``length`` letters that are smaller than all their proper suffixes, in lexicographic order."""
+    candidates = map("".join, product(LETTERS, repeat=length))
+    return tuple(word for word in candidates if all(word < word[k:] for k in range(1, length)))
+
+
+@cache
+def bracketing(word: str) -> Element:
+    """The element of the Lyndon basis that the Lyndon ``word`` stands for."""
+    if len(word) == 1:
+        return {word: 1}
+    split = next(k for k in range(1, len(word)) if word[k:] in lyndon_words(len(word) - k))
+    return bracket(bracketing(word[:split]), bracketing(word[split:]))
+
+
+def bracket(x: Element, y: Element) -> Element:
+    """The commutator xy - yx."""
+    result: Element = {}
+    for (u, a), (v, b) in product(x.items(), y.items()):
+        result[u + v] = result.get(u + v, 0) + a * b
+        result[v + u] = result.get(v + u, 0) - a * b
+    return {word: number for word, number in result.items() if number}
+
+
+@cache
+def conditions(degree: int, *, quadratic: bool) -> tuple[Condition, ...]:
+    """The order conditions of ``degree``: for any separable H, or with ``quadratic`` kinetic energy alone.
+
+    Their norm is the Euclidean one of coordinates in the Lyndon basis; in the quotient, that of the representative for
+    which it is smallest.
+    """
+    to_basis = _to_basis(degree)
+    ideal = [_matrix_vector(to_basis, _on_lyndon_words(x, degree)) for x in _ideal(degree)] if quadratic else []
+    found = []
+    for normal in _orthogonal_complement(ideal, len(to_basis)):
+        row = [_dot(normal, list(column)) for column in zip(*to_basis, strict=True)]
+        largest = max(map(abs, row))
+        found.append(Condition(tuple(x / largest for x in row), _dot(normal, normal) / largest**2))
+    return tuple(found)
+
+
+def _on_lyndon_words(x: Element, degree: int) -> Vector:
+    return [Fraction(x.get(word, 0)) for word in lyndon_words(degree)]
+
+
+@cache
+def _to_basis(degree: int) -> list[Vector]:
+    """The matrix that turns coefficients on Lyndon words into coordinates in the Lyndon basis.
+
+    A bracketing begins with its own word, all others in it being larger: the inverse is unit triangular.
+    """
+    size = len(lyndon_words(degree))
+    rows = [[Fraction(i == j) for j in range(size)] for i in range(size)]
+    for j, word in enumerate(lyndon_words(degree)):
+        for i, x in enumerate(_on_lyndon_words(bracketing(word), degree)):
+            if i > j and x:
+                rows[i] = [a - x * b for a, b in zip(rows[i], rows[j], strict=True)]
+    return rows
+
+
+@cache
+def _potentials(degree: int) -> tuple[Element, ...]:
+    """V and the modified potentials of ``degree``: [X, [Y, A]] for each unordered pair of smaller ones."""
+    if degree == 1:
+        return ({"B": 1},)
+    return tuple(
+        bracket(x, bracket(y, {"A": 1}))
+        for d in range(1, (degree - 1) // 2 + 1)
+        for i, x in enumerate(_potentials(d))
+        for j, y in enumerate(_potentials(degree - 1 - d))
+        if d != degree - 1 - d or i <= j
+    )
+
+
+@cache
+def _ideal(degree: int) -> tuple[Element, ...]:
+    """A basis of what vanishes in ``degree`` for quadratic kinetic energy.
+
+    Brackets of A and B with what vanishes one degree below, and the commutators of potentials.
+    """
+    if degree < 2:
+        return ()
+    candidates = [bracket({letter: 1}, x) for letter in LETTERS for x in _ideal(degree - 1)]
+    for d in range(1, degree // 2 + 1):
+        low, high = _potentials(d), _potentials(degree - d)
+        pairs = combinations(low, 2) if 2 * d == degree else product(low, high)
+        candidates += [bracket(x, y) for x, y in pairs]
+    return tuple(_independent(candidates, degree))
+
+
+def _independent(candidates: Sequence[Element], degree: int) -> list[Element]:
+    """Those of ``candidates`` that are no combination of the ones before."""
+    chosen: list[Element] = []
+    echelon: list[tuple[int, Vector]] = []
+    for x in candidates:
+        row = _on_lyndon_words(x, degree)
+        for pivot, other in echelon:
+            if row[pivot]:
+                factor = row[pivot] / other[pivot]
+                row = [a - factor * b for a, b in zip(row, other, strict=True)]
+        lead = next((i for i, a in enumerate(row) if a), None)
+        if lead is not None:
+            echelon.append((lead, row))
+            chosen.append(x)
+    return chosen
+
+
+def _orthogonal_complement(vectors: Sequence[Vector], size: int) -> list[Vector]:
+    """Orthogonal vectors that span all that is orthogonal to ``vectors``, by Gram and Schmidt, exact."""
+    units = [[Fraction(i == j) for j in range(size)] for i in range(size)]
+    if not vectors:
+        return units
+    found: list[tuple[Vector, Fraction]] = []
+    for count, vector in enumerate([*vectors, *units]):
+        rest = vector
+        for other, square in found:
+            factor = _dot(vector, other) / square
+            if factor:
+                rest = [a - factor * b if b else a for a, b in zip(rest, other, strict=True)]
+        if count < len(vectors) or any(rest):
+            found.append((rest, _dot(rest, rest)))
+    return [vector for vector, _ in found[len(vectors) :]]
+
+
+def _matrix_vector(matrix: Sequence[Vector], vector: Vector) -> Vector:
+    return [_dot(row, vector) for row in matrix]
+
+
+def _dot(x: Vector, y: Vector) -> Fraction:
+    return sum((a * b for a, b in zip(x, y, strict=True) if a and b), Fraction(0))

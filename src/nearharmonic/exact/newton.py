@@ -1,0 +1,115 @@
+"""Newton's method in multiprecision for any smooth function: the solution near a point, or how far it came."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from mpmath import lu_solve, matrix, mp, mpf
+
+from nearharmonic.exact.decimals import Number, as_mpf
+
+#: The values of a function at a point.
+Function = Callable[[Sequence[Number]], Sequence[Number]]
+#: Its derivatives there: one row per value, one column per unknown.
+Jacobian = Callable[[Sequence[Number]], Sequence[Sequence[Number]]]
+
+#: Digits carried beyond those asked for: conditions multiply rounding by up to lambda! times the coefficients' powers.
+GUARD = 30
+#: Newton doubles the digits: seven iterations lead from double to 2000 digits.
+ITERATIONS = 15
+
+
+@dataclass(frozen=True)
+class Limit:
+    """The ``point`` (mpf) that Newton's method reached, and whether it is a solution.
+
+    ``residual`` is the size of the largest value of the function there and ``correction`` the largest step of the last
+    iteration.
+    """
+
+    converged: bool
+    residual: Number
+    correction: Number
+    iterations: int
+    point: tuple[Number, ...]
+
+
+def newton(
+    function: Function,
+    jacobian: Jacobian,
+    start: Sequence[Number],
+    *,
+    digits: int,
+    fixed: Sequence[int] = (),
+    guard: int = GUARD,
+) -> Limit:
+    """The zero of ``function`` near ``start``.
+
+    With more unknowns left than values, each step is the shortest that the linearised function allows. It has converged
+    when a step and the residual fall below 10^-``digits``.
+
+    Parameters
+    ----------
+    function, jacobian : callable
+        Values and derivatives at a point, in mpmath's current precision.
+    start : sequence of numbers
+        One per unknown.
+    digits : int
+        Decimals that the solution is wanted to.
+    fixed : sequence of int
+        Indices of the unknowns that keep their values.
+    guard : int
+        Digits carried beyond ``digits``.
+    """
+    with mp.workdps(digits + guard):
+        x = list(map(as_mpf, start))
+        moving = [j for j in range(len(x)) if j not in set(fixed)]
+        tolerance, correction, used = mpf(10) ** -digits, mp.inf, 0
+        for _ in range(ITERATIONS):
+            step = _shortest_step(function(x), jacobian(x), moving)
+            if step is None:
+                break
+            used += 1
+            for j, move in zip(moving, step, strict=True):
+                x[j] += move
+            correction = max(map(abs, step))
+            if correction < tolerance or not correction < 1e6:
+                break
+        residual = max(map(abs, function(x)))
+        return Limit(bool(correction < tolerance and residual < tolerance), residual, correction, used, tuple(x))
+
+
+def rank_and_pivots(jacobian: Jacobian, x: Sequence[Number], *, digits: int = 60) -> tuple[int, tuple[int, ...]]:
+    """Rank of the Jacobian at ``x``, and the unknowns that the values fix best: elimination with full pivoting.
+
+    A pivot counts as zero when it is below 10^-(``digits``/2) of the largest.
+    """
+    with mp.workdps(digits):
+        rows = [list(row) for row in jacobian(list(map(as_mpf, x)))]
+        pivots: list[int] = []
+        largest = mpf(0)
+        while rows:
+            size, i, j = max((abs(c), i, j) for i, row in enumerate(rows) for j, c in enumerate(row) if j not in pivots)
+            largest = max(largest, size)
+            if size <= largest * mpf(10) ** (-digits // 2):
+                break
+            chosen = rows.pop(i)
+            pivots.append(j)
+            rows = [[c - row[j] / chosen[j] * d for c, d in zip(row, chosen, strict=True)] for row in rows]
+            if len(pivots) == len(x):
+                break
+        return len(pivots), tuple(sorted(pivots))
+
+
+def _shortest_step(
+    values: Sequence[Number], rows: Sequence[Sequence[Number]], moving: Sequence[int]
+) -> list[Number] | None:
+    """The shortest solution of J step = -values among the ``moving`` unknowns; None where J has no full rank."""
+    J = matrix([[row[j] for j in moving] for row in rows])
+    try:
+        if J.rows == J.cols:
+            return list(lu_solve(J, -matrix(values)))
+        return list(J.T * lu_solve(J * J.T, -matrix(values)))
+    except ZeroDivisionError:
+        return None

@@ -1,0 +1,273 @@
+"""Polynomials in one variable with whole coefficients: common divisors, Sturm's chain, and real roots, all exact.
+
+A polynomial is the list of its coefficients of x^0, x^1, ..., the last one not 0. Real roots are isolated by Descartes'
+rule of signs on intervals that are halved, and narrowed down on signs of exact values; Sturm's chain counts them
+independently of that. Every point at which a polynomial is evaluated is a whole number over a power of 2.
+
+Sources: Sturm (1829); Collins & Akritas (1976), doi:10.1145/800205.806346, for the isolation; Yun (1976),
+doi:10.1145/800205.806320, for multiple roots; Abbott (2014), doi:10.1145/2644288.2644291, for the narrowing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from itertools import pairwise
+from math import gcd, isqrt, lcm
+from typing import NamedTuple
+
+Polynomial = list[int]
+
+#: Positive roots are narrowed down to a relative 2^-NARROW_BITS.
+NARROW_BITS = 110
+
+#: Two polynomials without a common factor modulo a prime have none (if it does not divide the leading coefficient).
+_PRIME = 2**61 - 1
+
+
+class _Cell(NamedTuple):
+    """The interval from ``start`` to ``start + width``, in units of 2^-``bits``; a ``width`` of 0 is a root itself."""
+
+    start: int
+    width: int
+    bits: int
+
+
+def whole(row: Sequence[Fraction]) -> Polynomial:
+    """``row`` times the positive number that makes it whole, without a common factor; [] for a row of zeros."""
+    unit = lcm(*(c.denominator for c in row))
+    return _primitive(_without_high_zeros([c.numerator * (unit // c.denominator) for c in row]))
+
+
+def product(a: Polynomial, b: Polynomial) -> Polynomial:
+    """a b."""
+    terms = [0] * (len(a) + len(b) - 1)
+    for i, x in enumerate(a):
+        for j, y in enumerate(b):
+            terms[i + j] += x * y
+    return terms
+
+
+def derivative(polynomial: Polynomial) -> Polynomial:
+    """d/dx, times a positive number; [] for a constant."""
+    return _primitive([n * c for n, c in enumerate(polynomial)][1:])
+
+
+def sturm_chain(polynomial: Polynomial) -> list[Polynomial]:
+    """The polynomial, its derivative, and the negated remainders, each times a positive number.
+
+    The chain ends with a constant if and only if no root is multiple.
+    """
+    return _remainders(_primitive(polynomial), derivative(polynomial))
+
+
+def real_root_count(chain: Sequence[Polynomial]) -> int:
+    """Number of distinct real roots of the first link of a Sturm chain."""
+    at_infinity = [_sign(link[-1]) for link in chain]
+    before = [sign * (-1) ** (len(link) - 1) for sign, link in zip(at_infinity, chain, strict=True)]
+    return _changes(before) - _changes(at_infinity)
+
+
+def common_divisor(a: Polynomial, b: Polynomial) -> Polynomial:
+    """The greatest common divisor of two polynomials, the second possibly [], as one with positive leading term."""
+    if b and _coprime_modulo_prime(a, b):
+        return [1]
+    divisor = _remainders(a, b)[-1] if b else a
+    return divisor if divisor[-1] > 0 else [-c for c in divisor]
+
+
+def by_parity(polynomial: Polynomial) -> tuple[Polynomial, Polynomial]:
+    """Two polynomials with simple roots: those at which ``polynomial`` changes sign, and those it only touches."""
+    odd: Polynomial = [1]
+    even: Polynomial = [1]
+    common = common_divisor(polynomial, derivative(polynomial))
+    rest, multiplicity = _quotient(polynomial, common), 1
+    while len(rest) > 1:
+        shared = common_divisor(rest, common)
+        exactly = _quotient(rest, shared)  # the roots of this multiplicity and no higher one
+        if multiplicity % 2:
+            odd = product(odd, exactly)
+        else:
+            even = product(even, exactly)
+        rest, common, multiplicity = shared, _quotient(common, shared), multiplicity + 1
+    return odd, even
+
+
+def positive_roots(polynomial: Polynomial) -> list[Fraction]:
+    """The distinct roots above 0, ascending, each within a relative 2^-110 below its true value or at it."""
+    p, roots = _simple(polynomial), []
+    for cell in _isolated(p, 0, 1 << _bound(p).bit_length()):
+        start, width, bits = cell if cell.start else _away_from_zero(p, cell)
+        if width:
+            # start/width is whole; with 111 bits and more it is at least 2^110 times as large as the width.
+            missing = max(0, NARROW_BITS + 1 - (start // width).bit_length())
+            start, width, bits = _narrowed(p, _Cell(start, width, bits), missing)
+        roots.append(Fraction(start, 1 << bits))
+    return sorted(roots)
+
+
+def real_roots(polynomial: Polynomial, precision: int) -> list[Fraction]:
+    """The distinct real roots, ascending, each within 2^-``precision``."""
+    p, roots = _simple(polynomial), []
+    bound = _bound(p)
+    for cell in _isolated(p, -bound, bound):
+        level = precision + (2 * bound - 1).bit_length()
+        start, width, bits = _narrowed(p, cell, max(0, level - cell.bits)) if cell.width else cell
+        roots.append(Fraction(2 * start + width, 2 << bits))
+    return sorted(roots)
+
+
+def _bound(p: Polynomial) -> int:
+    """A whole number beyond all roots (Cauchy)."""
+    return 2 + max(map(abs, p)) // abs(p[-1])
+
+
+def _simple(polynomial: Polynomial) -> Polynomial:
+    """The polynomial with the same roots, each of them simple."""
+    return _quotient(polynomial, common_divisor(polynomial, derivative(polynomial)))
+
+
+def _isolated(p: Polynomial, low: int, high: int) -> list[_Cell]:
+    """Cells that hold one root each, of all roots between ``low`` and ``high``, which are none; ``p`` has simple roots.
+
+    Descartes: between 0 and 1 a polynomial q has as many roots as (1 + x)^n q(1 / (1 + x)) has changes of sign in its
+    coefficients, or fewer by an even number; with intervals halved often enough the changes become 0 or 1.
+    """
+    degree, found = len(p) - 1, []
+    moved = [c * (high - low) ** n for n, c in enumerate(_shifted(p, low))]
+    waiting = [(moved, _Cell(low, high - low, 0))]
+    while waiting:
+        q, cell = waiting.pop()
+        changes = _changes([_sign(c) for c in _shifted(q[::-1], 1)])
+        if changes == 1:
+            found.append(cell)
+        elif changes:
+            left = [c << (degree - n) for n, c in enumerate(q)]
+            right = _shifted(left, 1)
+            start, width, bits = 2 * cell.start, cell.width, cell.bits + 1
+            if right[0] == 0:
+                found.append(_Cell(start + width, 0, bits))
+            waiting += [(left, _Cell(start, width, bits)), (right, _Cell(start + width, width, bits))]
+    return found
+
+
+def _away_from_zero(p: Polynomial, cell: _Cell) -> _Cell:
+    """The cell halved until it no longer begins at 0."""
+    while cell.start == 0 and cell.width:
+        cell = _narrowed(p, cell, 1)
+    return cell
+
+
+def _narrowed(p: Polynomial, cell: _Cell, halvings: int) -> _Cell:
+    """The one of 2^``halvings`` equal parts of ``cell`` that holds its root, or the root itself if it is an end of one.
+
+    Quadratic interval refinement: the secant says which of N equal steps to look at; while it is right N is squared.
+    """
+    start, width, bits = cell.start << halvings, cell.width, cell.bits + halvings
+    ends = [0, 1 << halvings]
+    # Where the cell begins at another root, the sign just above it is that of the derivative.
+    values = [
+        _scaled_value(p, start, bits) or _sign(_scaled_value(derivative(p), start, bits)),
+        _scaled_value(p, start + ends[1] * width, bits),
+    ]
+    steps = 4
+    while ends[1] - ends[0] > 1:
+        step, middle = max(1, (ends[1] - ends[0]) // steps), sum(ends) // 2
+        low, high = map(abs, values)
+        guess = ends[0] + (ends[1] - ends[0]) * low // (low + high) // step * step
+        for point in (guess, guess + step, middle):
+            if ends[0] < point < ends[1]:
+                value = _scaled_value(p, start + point * width, bits)
+                if value == 0:
+                    return _Cell(start + point * width, 0, bits)
+                moved = int(_sign(value) != _sign(values[0]))
+                ends[moved], values[moved] = point, value
+            if point == guess + step and ends[1] - ends[0] <= step:
+                steps = steps**2
+                break
+        else:
+            steps = max(4, isqrt(steps))
+    return _Cell(start + ends[0] * width, width, bits)
+
+
+def _scaled_value(p: Polynomial, numerator: int, bits: int) -> int:
+    """The value at ``numerator`` / 2^``bits``, times 2^(``bits`` degree), by Horner's rule."""
+    total, shift = 0, 0
+    for coefficient in reversed(p):
+        total = total * numerator + (coefficient << shift)
+        shift += bits
+    return total
+
+
+def _shifted(p: Polynomial, by: int) -> Polynomial:
+    """p(x + by)."""
+    moved = list(p)
+    for first in range(len(p) - 1) if by else ():
+        for n in range(len(p) - 2, first - 1, -1):
+            moved[n] += by * moved[n + 1]
+    return moved
+
+
+def _remainders(a: Polynomial, b: Polynomial) -> list[Polynomial]:
+    """a, b, -(a mod b), ..., each times a positive number; the last one divides both."""
+    chain = [a, b]
+    while len(chain[-1]) > 1:
+        _, rest = _divided(chain[-2], chain[-1])
+        if not rest:
+            break
+        chain.append(_primitive([-c for c in rest]))
+    return chain
+
+
+def _coprime_modulo_prime(a: Polynomial, b: Polynomial) -> bool:
+    """Whether the polynomials modulo a prime show that they have no root in common; False proves nothing."""
+    if a[-1] % _PRIME == 0:
+        return False
+    rows = [_without_high_zeros([c % _PRIME for c in row]) for row in (a, b)]
+    while rows[1]:
+        dividend, divisor = rows
+        inverse = pow(divisor[-1], -1, _PRIME)
+        while len(dividend) >= len(divisor):
+            factor, shift = dividend[-1] * inverse % _PRIME, len(dividend) - len(divisor)
+            top = [(c - factor * d) % _PRIME for c, d in zip(dividend[shift:], divisor, strict=True)]
+            dividend = _without_high_zeros([*dividend[:shift], *top])
+        rows = [divisor, dividend]
+    return len(rows[0]) == 1
+
+
+def _quotient(a: Polynomial, b: Polynomial) -> Polynomial:
+    """a / b, which leaves no rest, times a positive number."""
+    return _primitive(_divided(a, b)[0])
+
+
+def _divided(a: Polynomial, b: Polynomial) -> tuple[Polynomial, Polynomial]:
+    """Quotient and rest of a positive multiple of ``a``, such that both are whole."""
+    rest, quotient = list(a), [0] * max(1, len(a) - len(b) + 1)
+    factor, sign = abs(b[-1]), _sign(b[-1])
+    while len(rest) >= len(b):
+        top, shift = sign * rest[-1], len(rest) - len(b)
+        quotient = [factor * c for c in quotient]
+        quotient[shift] += top
+        rest = [factor * c - top * (b[n - shift] if n >= shift else 0) for n, c in enumerate(rest)][:-1]
+    return quotient, _without_high_zeros(rest)
+
+
+def _sign(number: int) -> int:
+    return (number > 0) - (number < 0)
+
+
+def _changes(signs: Sequence[int]) -> int:
+    """Changes of sign along a row, zeros left out."""
+    return sum(a != b for a, b in pairwise(sign for sign in signs if sign))
+
+
+def _primitive(row: Sequence[int]) -> Polynomial:
+    common = gcd(*row) or 1
+    return [c // common for c in row]
+
+
+def _without_high_zeros(row: Sequence[int]) -> Polynomial:
+    kept = list(row)
+    while kept and kept[-1] == 0:
+        kept.pop()
+    return kept

@@ -1,0 +1,111 @@
+"""Truncated power series in two letters that do not commute, exact: A for a drift, B for a kick.
+
+A series assigns a number to every word. Those here are products of exponentials exp(c A) and exp(c B), for which a word
+w of n letters has a coefficient S(w) that is a sum of products of n values c. With ``unit`` a common denominator of all
+c, n! unit^n S(w) is an integer: a :class:`Series` holds these integers, so that no fraction is ever reduced.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cache, lru_cache
+from itertools import product
+from math import comb, factorial, lcm
+
+LETTERS = "AB"
+
+#: An operator of a step: its letter and the number it is multiplied with.
+Operator = tuple[str, Fraction]
+
+
+@dataclass(frozen=True)
+class Series:
+    """Coefficients of words of up to ``length`` letters, each times n! unit^n for a word of n letters.
+
+    ``scaled`` holds every word up to that length whose number of letters B does not exceed the bound it was made with.
+    """
+
+    scaled: dict[str, int]
+    unit: int
+    length: int
+
+    def __getitem__(self, word: str) -> Fraction:
+        """The coefficient of ``word``."""
+        return Fraction(self.scaled[word], factorial(len(word)) * self.unit ** len(word))
+
+
+def words(length: int, kicks: int | None = None) -> list[str]:
+    """All words of at most ``length`` letters with at most ``kicks`` letters B (None: any number), shorter ones first.
+
+    Every part of such a word is one itself, so that series truncated to them can be multiplied.
+    """
+    bound = length if kicks is None else kicks
+    layers = [[""]]
+    for _ in range(length):
+        layers.append([w + x for w, x in product(layers[-1], LETTERS) if (w + x).count("B") <= bound])
+    return [word for layer in layers for word in layer]
+
+
+def product_of_exponentials(operators: Sequence[Operator], length: int, kicks: int | None = None) -> Series:
+    """exp(c1 X1) exp(c2 X2) ... for ``operators`` (X, c) from left to right, on :func:`words` of ``length, kicks``."""
+    unit = lcm(*(c.denominator for _, c in operators))
+    scaled = dict.fromkeys(words(length, kicks), 0)
+    scaled[""] = 1
+    for letter, c in operators:
+        factor = int(c * unit)
+        powers = [factor**k for k in range(length + 1)]
+        # In place: the words that a word draws on are shorter, and still those of the product so far.
+        for n, k, pairs in _endings(length, kicks, letter):
+            weight = comb(n, k) * powers[k]
+            for word, beginning in pairs:
+                scaled[word] += weight * scaled[beginning]
+    return Series(scaled, unit, length)
+
+
+def logarithm(series: Series, wanted: Iterable[str]) -> dict[str, Fraction]:
+    """Coefficients of log(series) for the words ``wanted``, exact; the series has to begin with 1.
+
+    log(1 + X) = X (1 - X (1/2 - X (1/3 - ...))), and since X begins with words of one letter, the k-th bracket from
+    outside is needed for words of up to length - k letters only, and of these for the ends of those wanted.
+    """
+    X, targets = series.scaled, tuple(wanted)
+    length = max(map(len, targets), default=0)
+    common = lcm(*range(1, length + 1))
+    ends = _ends(targets)
+    bracket = {"": common // max(1, length)}
+    for k in range(length - 1, 0, -1):
+        bracket = {word: -_convolution(X, bracket, splits) for word, splits in ends if len(word) <= length - k}
+        bracket[""] = common // k
+    scale = [common * factorial(n) * series.unit**n for n in range(length + 1)]
+    last = dict(ends)
+    return {word: Fraction(_convolution(X, bracket, last[word]), scale[len(word)]) for word in targets}
+
+
+@cache
+def _endings(length: int, kicks: int | None, letter: str) -> tuple[tuple[int, int, tuple[tuple[str, str], ...]], ...]:
+    """(n, k, words of n letters that end with k times ``letter``, each with what stands before), n descending."""
+    found: dict[tuple[int, int], list[tuple[str, str]]] = {}
+    for word in words(length, kicks):
+        for k in range(1, len(word) - len(word.rstrip(letter)) + 1):
+            found.setdefault((len(word), k), []).append((word, word[:-k]))
+    return tuple((n, k, tuple(pairs)) for (n, k), pairs in sorted(found.items(), reverse=True))
+
+
+#: The ways to cut a word of n letters in two, the first part not empty: (n over its length, first part, second part).
+_Splits = tuple[tuple[int, str, str], ...]
+
+
+@lru_cache(maxsize=64)
+def _ends(wanted: tuple[str, ...]) -> tuple[tuple[str, _Splits], ...]:
+    """Every end of the words ``wanted``, each with its splits."""
+    found = {word[k:] for word in wanted for k in range(len(word))}
+    return tuple(
+        (word, tuple((comb(len(word), k), word[:k], word[k:]) for k in range(1, len(word) + 1))) for word in found
+    )
+
+
+def _convolution(X: dict[str, int], Y: dict[str, int], splits: _Splits) -> int:
+    """Scaled coefficient, of the word with these splits, in the product of X, without its term 1, and Y."""
+    return sum(ways * X[first] * Y[second] for ways, first, second in splits)

@@ -1,0 +1,116 @@
+"""Reductions: functions that take the runs of a method to one number for each step size, without the samples.
+
+A reduction is a function below :func:`reduction`. What it returns stands in the run files and, with no further line of
+code, in the cube. None of them loads xarray, because they run in the jobs that integrate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from nearharmonic.engine.statistics import linear_trend
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.output.dataset import Variables, variable
+from nearharmonic.systems.system import System
+
+
+@dataclass(frozen=True, kw_only=True)
+class Runs:
+    """The runs of one method on one system.
+
+    Attributes
+    ----------
+    variables : Variables
+        What :func:`nearharmonic.engine.trajectory.sampled` returns: arrays over tau_per_stage, most of them over sample
+        as well; runs with fewer samples than the longest are padded with NaN.
+    system : System
+        The system.
+    tableau : Tableau
+        The method.
+    """
+
+    variables: Variables
+    system: System
+    tableau: Tableau
+
+    def __getitem__(self, name: str) -> Any:
+        """The values of a variable."""
+        return np.asarray(self.variables[name][1])
+
+    @property
+    def diverged(self) -> Any:
+        """Whether each run left its energy surface."""
+        return self["status"] == "diverged"
+
+
+Reduction = Callable[[Runs], Variables]
+
+#: Each reduction with the variables that it needs: it is left out where the runs lack one of them.
+REDUCTIONS: list[tuple[tuple[str, ...], Reduction]] = []
+
+
+def reduction(*needs: str) -> Callable[[Reduction], Reduction]:
+    """Declare the decorated function a reduction that needs these variables of the runs."""
+
+    def declare(function: Reduction) -> Reduction:
+        REDUCTIONS.append((needs, function))
+        return function
+
+    return declare
+
+
+def reduced(runs: Runs) -> Variables:
+    """Return the results of all reductions that ``runs`` have the variables for, over tau_per_stage."""
+    found: Variables = {}
+    for needs, function in REDUCTIONS:
+        if all(name in runs.variables for name in needs):
+            found |= function(runs)
+    return found
+
+
+@reduction("block_max_energy_error")
+def max_energy_error(runs: Runs) -> Variables:
+    """Maximum over every step of |H - H0|/|H0|; infinite where the run left its energy surface."""
+    # The first sample, that of the start, is a number in every run.
+    largest = np.where(runs.diverged, np.inf, np.nanmax(runs["block_max_energy_error"], axis=1))
+    return _number("max_energy_error", largest, "maximum of |H - H0|/|H0| over every step, inf if diverged")
+
+
+@reduction("block_mean_energy_error", "block_steps")
+def mean_energy_error(runs: Runs) -> Variables:
+    """Mean over every step of |H - H0|/|H0|; infinite where the run left its energy surface."""
+    blocks = runs["block_mean_energy_error"] * runs["block_steps"]
+    # Without the padding: the order of numpy's pairwise sum, and so its rounding, depends on the length.
+    sums = np.array([row[~np.isnan(row)].sum() for row in blocks])
+    mean = np.where(runs.diverged, np.inf, sums / runs["steps"])
+    return _number("mean_energy_error", mean, "mean of |H - H0|/|H0| over every step, inf if diverged")
+
+
+@reduction("t", "perihelion_angle")
+def perihelion_advance(runs: Runs) -> Variables:
+    """Advance of the perihelion, signed, and the half width of its 95 % interval, by regression over all orbits."""
+    period = orbital_period(runs.system)
+    trends = [linear_trend(t, angle) for t, angle in zip(runs["t"], runs["perihelion_angle"], strict=True)]
+    slope, width = (np.where(runs.diverged, np.nan, column) for column in np.array(trends).T * period)
+    interval = "half width of the 95 % interval of the perihelion advance per orbit"
+    evaluations = period / runs["tau"] * runs.tableau.stages
+    return {
+        **_number("perihelion_advance", slope, "perihelion advance per orbit", "rad"),
+        **_number("perihelion_advance_interval", width, interval, "rad"),
+        **_number("evaluations_per_orbit", evaluations, "force evaluations per orbit"),
+    }
+
+
+def orbital_period(system: System) -> float:
+    """Return the period of the exact orbit from the initial values of ``system``, in its unit of time; NaN if none."""
+    if system.period is None:
+        return float("nan")
+    return system.period(*system.start(float), *system.constants(float))
+
+
+def _number(name: str, values: Any, long_name: str, units: str = "1") -> Variables:
+    return {name: variable("tau_per_stage", values, long_name, units)}

@@ -1,0 +1,210 @@
+"""The substeps of a step in phase space, and the Hamiltonian around them (Nielsen 2015, Eqs. 3, 4 and Fig. 6)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from functools import partial
+from itertools import zip_longest
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nearharmonic.engine.settings import checked_tau
+from nearharmonic.errors import bad_setting
+from nearharmonic.integrators import nielsen_2015, yoshida_1990
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.systems import System, henon_heiles, sho
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Point = tuple[float, float]
+#: (lowest, highest) q and (lowest, highest) p of the grid that carries the Hamiltonian.
+Window = tuple[Point, Point]
+
+#: Points per axis of that grid: contours look smooth in print.
+GRID = 161
+#: Iterations over which a path is followed on, to say whether it stays on its energy surface.
+FOLLOWED = 1000
+
+_OSCILLATOR = {"system": sho.SYSTEM, "start": (0.0, 1.0), "tau": math.pi / 4, "window": ((-0.1, 1.2), (-0.4, 1.2))}
+_Y_PLANE = {"system": henon_heiles.SYSTEM, "start": (0.4, 0.4), "tau": 2.0, "window": ((0.0, 1.0), (-0.8, 0.6))}
+#: Panel letter -> integrator, and what it is applied to (Nielsen 2015, caption of Fig. 6); one window per system.
+PAPER_PANELS: dict[str, tuple[str, dict[str, Any]]] = {
+    "A": ("yoshida_s7o6a", _OSCILLATOR),
+    "B": ("babs7o7h", _OSCILLATOR),
+    "C": ("yoshida_s7o6a", _Y_PLANE | {"component": 1}),
+    "D": ("babs7o7h", _Y_PLANE | {"component": 1}),
+}
+
+
+def paper_panels() -> dict[str, xr.Dataset]:
+    """The Datasets of :func:`substeps` for the four panels of Fig. 6, by letter: two iterations each."""
+    panels = {}
+    for letter, (name, settings) in PAPER_PANELS.items():
+        (tableau,) = (one for one in (*yoshida_1990.TABLEAUS, *nielsen_2015.TABLEAUS) if one.name == name)
+        panels[letter] = substeps(tableau, iterations=2, **settings)
+    return panels
+
+
+def substeps(
+    tableau: Tableau,
+    system: System,
+    *,
+    start: Point,
+    tau: float,
+    iterations: int = 2,
+    component: int = 0,
+    window: Window | None = None,
+) -> xr.Dataset:
+    """Every substep of ``iterations`` steps of size ``tau`` from ``start`` = (q, p), one degree of freedom, in doubles.
+
+    ``component`` names the coordinate that moves; the others and their momenta are zero and must stay so. ``window``
+    is the part of the phase plane that carries the Hamiltonian; without it, the path and a margin.
+
+    The Dataset has q, p, H and ``energy_error`` (relative to ``start``, signed) over (iteration, substep): substep 0 is
+    the initial and substep s + 1 the final position, and substep i the state after the i-th pair of drift and kick, the
+    shorter row being filled up with a zero. Over substep: ``kind`` ("initial", "substep", "final") and
+    ``next_drift_sign``, ``next_kick_sign``, the signs (-1, 0, 1) of pair i + 1, 0 also where no pair follows. Over
+    (p_grid, q_grid): ``hamiltonian``. Scalars: ``max_energy_error`` after any of :data:`FOLLOWED` iterations, inf if
+    one of them leaves the energy surface, and ``left_at``, the number of that iteration, else 0.
+
+    Raises:
+        SettingError: a tau or start that is not usable, fewer than one iteration, a component that the system lacks or
+            that pulls the others along, a window without area.
+    """
+    import xarray as xr
+
+    tau = checked_tau(tau)
+    complaint = next(_complaints(system, start, iterations, component, window), None)
+    if complaint is not None:
+        raise bad_setting(*complaint)
+    plane = _Plane(system, component)
+    pairs = list(zip_longest(map(float, tableau.drift), map(float, tableau.kick), fillvalue=0.0))
+    walk = partial(_walk, pairs=pairs, plane=plane, tau=tau, drift_first=tableau.first == "drift")
+    path = [walk(start)]
+    while len(path) < iterations:
+        path.append(walk(path[-1][-1]))
+    points = np.array(path)
+    largest, left_at = _follow(walk, start, plane, system.surface_limit)
+    q, p = points[..., 0], points[..., 1]
+    q_grid, p_grid = (np.linspace(low, high, GRID) for low, high in window or _window_around(points))
+    with np.errstate(over="ignore", invalid="ignore"):  # a path may leave for infinity
+        energy = plane.hamiltonian(q, p)
+        around = plane.hamiltonian(q_grid[None, :], p_grid[:, None])
+        error = (energy - energy[0, 0]) / abs(energy[0, 0])
+    signs = np.sign(np.array([*pairs, (0.0, 0.0)])).astype(np.int8)
+    kind = ["initial", *["substep"] * (len(pairs) - 1), "final"]
+    along, over = ("iteration", "substep"), ("p_grid", "q_grid")
+    units = system.units
+    return xr.Dataset(
+        {
+            "q": (along, q, {"units": units["q"], "long_name": "position"}),
+            "p": (along, p, {"units": units["p"], "long_name": "momentum"}),
+            "H": (along, energy, {"units": units["energy"], "long_name": "Hamiltonian"}),
+            "energy_error": (along, error, {"units": "1"}),
+            "max_energy_error": ((), largest, {"units": "1"}),
+            "left_at": ((), left_at, {"units": "1"}),
+            "next_drift_sign": ("substep", signs[:, 0], {"units": "1"}),
+            "next_kick_sign": ("substep", signs[:, 1], {"units": "1"}),
+            "kind": ("substep", kind),
+            "hamiltonian": (over, around, {"units": units["energy"]}),
+        },
+        coords={
+            "iteration": ("iteration", np.arange(1, iterations + 1)),
+            "substep": ("substep", np.arange(len(kind))),
+            "q_grid": ("q_grid", q_grid, {"units": units["q"], "long_name": "position"}),
+            "p_grid": ("p_grid", p_grid, {"units": units["p"], "long_name": "momentum"}),
+        },
+        attrs={
+            "integrator": tableau.name,
+            "label": tableau.label,
+            "first": tableau.first,
+            "system": system.name,
+            "system_label": system.label,
+            "component": component,
+            "tau": tau,
+            "followed": FOLLOWED,
+        },
+    )
+
+
+class _Plane:
+    """A system with all coordinates but one at rest at zero."""
+
+    def __init__(self, system: System, component: int) -> None:
+        self._system, self._component = system, component
+        self._parameters = system.constants(float)
+
+    def _embed(self, value: Any) -> tuple[Any, ...]:
+        return tuple(value if i == self._component else 0.0 for i in range(self._system.dimension))
+
+    def hamiltonian(self, q: Any, p: Any) -> Any:
+        return self._system.energy(self._embed(q), self._embed(p), self._parameters)
+
+    def velocity(self, p: float) -> float:
+        return float(self._system.grad_T(self._embed(p))[self._component])
+
+    def force(self, q: float) -> float:
+        return -float(self._system.grad_V(self._embed(q), *self._parameters)[self._component])
+
+    def is_invariant(self, q: float) -> bool:
+        """Whether nothing pulls out of the plane at ``q``."""
+        gradient = self._system.grad_V(self._embed(q), *self._parameters)
+        return not any(g for i, g in enumerate(gradient) if i != self._component)
+
+
+def _walk(start: Point, pairs: list[Point], plane: _Plane, tau: float, *, drift_first: bool) -> list[Point]:
+    """``start`` and the state after each (drift, kick) pair: Eq. 3 if ``drift_first``, else Eq. 4."""
+    q, p = start
+    points = [start]
+    for drift, kick in pairs:
+        if drift_first:
+            q += tau * drift * plane.velocity(p)
+            p += tau * kick * plane.force(q)
+        else:
+            p += tau * kick * plane.force(q)
+            q += tau * drift * plane.velocity(p)
+        points.append((q, p))
+    return points
+
+
+def _follow(walk: Callable[[Point], list[Point]], start: Point, plane: _Plane, limit: float) -> tuple[float, int]:
+    """Largest |dH/H0| after each of FOLLOWED iterations and 0, or inf and the iteration that left the surface."""
+    reference = plane.hamiltonian(*start)
+    state, largest = start, 0.0
+    for iteration in range(1, FOLLOWED + 1):
+        state = walk(state)[-1]
+        error = abs(plane.hamiltonian(*state) - reference) / abs(reference)
+        if not error <= limit:  # true for NaN as well
+            return math.inf, iteration
+        largest = max(largest, error)
+    return largest, 0
+
+
+def _window_around(points: np.ndarray[Any, np.dtype[np.float64]]) -> Window:
+    """The bounding box of the finite points (iteration, substep, 2) and a fifth of its size on each side."""
+    finite = points[np.isfinite(points).all(axis=-1)]
+    low, high = finite.min(axis=0), finite.max(axis=0)
+    margin = np.where(high > low, (high - low) / 5, 1.0)
+    (q_low, p_low), (q_high, p_high) = (low - margin).tolist(), (high + margin).tolist()
+    return (q_low, q_high), (p_low, p_high)
+
+
+def _complaints(
+    system: System, start: Point, iterations: int, component: int, window: Window | None
+) -> Iterator[tuple[str, object, str]]:
+    """Key, value and what is allowed, for each setting that cannot be used."""
+    if len(start) != 2 or not all(math.isfinite(x) for x in start):
+        yield "start", start, "two finite numbers (q, p)"
+    if isinstance(iterations, bool) or not isinstance(iterations, int) or iterations < 1:
+        yield "iterations", iterations, "a whole number of at least 1"
+    if component not in range(system.dimension):
+        yield "component", component, f"{system.name} has components 0 to {system.dimension - 1}"
+    # Also at 1: the start may lie where the pull happens to vanish.
+    if not all(_Plane(system, component).is_invariant(q) for q in (start[0], 1.0)):
+        yield "component", component, f"in {system.name} it pulls the others out of rest"
+    for axis, (low, high) in zip("qp", window or (), strict=False):
+        if not -math.inf < low < high < math.inf:
+            yield "window", window, f"its {axis} bounds must be finite, the lower one first"

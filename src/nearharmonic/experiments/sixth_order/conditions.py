@@ -1,0 +1,170 @@
+"""The equations of symmetric integrators of Nystrom order six with a harmonic order, all of them linear in word sums.
+
+A step is a product of exponentials exp(c X), X being A for a drift and B for a kick; S(w) is the coefficient in it of
+the word w, and 1/n! in the exact exp(A + B) for a word of n letters. The logarithm of a symmetric step has no terms of
+even degree. Hence, taken in turn:
+
+- degree 1: both rows sum to 1, which eliminates the innermost value of each row;
+- degree 3: the two order conditions of :func:`~nearharmonic.exact.lie.conditions`;
+- degree 5: the four that quadratic kinetic energy leaves. The degrees below being exact, the logarithm of the step has
+  the coefficients S(w) - 1/n! on words of five letters, and each condition is a weighted sum of these;
+- degree 7 and beyond, for the harmonic oscillator only: there A and B are nilpotent, so that the powers of tau in the
+  step matrix are the alternating words, and kappa_l = 0 (Nielsen 2015, Eq. 17) reads S(ABAB...) = 1/l!, l letters.
+  Up to l = 6 that follows from the order.
+
+With s stages there are s + 1 coefficients, two sums and lambda_H further equations: s - 1 - lambda_H are free.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from math import factorial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from nearharmonic.errors import bad_setting
+from nearharmonic.exact.lie import conditions, lyndon_words
+from nearharmonic.exact.words import LETTERS
+from nearharmonic.integrators.tableau import First
+
+Doubles = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+#: Order for quadratic kinetic energy.
+NYSTROM_ORDER = 6
+#: Fewer stages leave no solution; more than these have not been searched.
+STAGES = range(7, 12)
+
+#: A weighted sum of word sums and the value it takes for the exact flow.
+Equation = tuple[dict[str, Fraction], Fraction]
+
+
+@dataclass(frozen=True)
+class WordTable:
+    """Words as kernels read them: word i is word ``parent[i]`` with the letter ``LETTERS[letter[i]]`` behind it.
+
+    The empty word comes first, shorter words before longer ones, and with each word all of its beginnings.
+    """
+
+    words: tuple[str, ...]
+    parent: Integers
+    letter: Integers
+
+    @classmethod
+    def of(cls, needed: Iterable[str]) -> WordTable:
+        """The table of ``needed`` and their beginnings."""
+        closed = {word[:n] for word in needed for n in range(len(word) + 1)}
+        words = tuple(sorted(closed, key=lambda word: (len(word), word)))
+        place = {word: i for i, word in enumerate(words)}
+        parent = np.array([-1, *(place[word[:-1]] for word in words[1:])])
+        letter = np.array([-1, *(LETTERS.index(word[-1]) for word in words[1:])])
+        return cls(words, parent, letter)
+
+    def weights(self, equations: Sequence[Equation]) -> tuple[Doubles, Doubles]:
+        """``equations`` as a matrix (equation, word) and the right-hand sides (equation)."""
+        rows = [[float(left.get(word, 0)) for word in self.words] for left, _ in equations]
+        return np.array(rows), np.array([float(right) for _, right in equations])
+
+
+@dataclass(frozen=True)
+class NystromEquations:
+    """The equations for one number of stages, one operator that comes first, and one harmonic order.
+
+    The unknowns x are the first half of the outer row but for its last value, then that of the inner row: s - 1 in all.
+
+    Raises:
+        SettingError: a number of stages that is not among ``STAGES``, an unknown operator, or a harmonic order below 6
+            or beyond what the number of coefficients allows.
+    """
+
+    stages: int
+    first: First
+    harmonic_order: int
+
+    def __post_init__(self) -> None:
+        allowed = range(NYSTROM_ORDER, self.stages)
+        for key, value, known in (
+            ("stages", self.stages, STAGES),
+            ("first", self.first, ("drift", "kick")),
+            ("harmonic_order", self.harmonic_order, allowed),
+        ):
+            if value not in known:
+                raise bad_setting(key, value, f"it is one of {', '.join(map(str, known))}")
+
+    @property
+    def unknowns(self) -> int:
+        """s - 1."""
+        return self.stages - 1
+
+    @property
+    def free(self) -> int:
+        """How many parameters the equations leave free."""
+        return self.unknowns - self.harmonic_order
+
+    @cached_property
+    def equations(self) -> tuple[Equation, ...]:
+        """Each multiplied by n!, as in kappa_n, so that residuals are of one size."""
+        found: list[Equation] = []
+        for degree in range(3, NYSTROM_ORDER, 2):
+            n, words = factorial(degree), lyndon_words(degree)
+            for row in conditions(degree, quadratic=True):
+                left = {word: n * w for word, w in zip(words, row.weights, strict=True) if w}
+                found.append((left, sum(row.weights, Fraction(0))))
+        powers = range(NYSTROM_ORDER + 1, self.harmonic_order + 1)
+        harmonic: list[Equation] = [({alternating(n): Fraction(factorial(n))}, Fraction(1)) for n in powers]
+        return (*found, *harmonic)
+
+    @cached_property
+    def table(self) -> WordTable:
+        """The words of the equations."""
+        return WordTable.of(word for left, _ in self.equations for word in left)
+
+    @cached_property
+    def letters(self) -> Integers:
+        """The letter of each of the 2s + 1 operators of a step."""
+        return operator_letters(self.stages, self.first)
+
+    @cached_property
+    def placement(self) -> tuple[Doubles, Doubles]:
+        """Matrix (operator, unknown) and vector (operator) that make the coefficients of a step from the unknowns."""
+        matrix = np.zeros((2 * self.stages + 1, self.unknowns))
+        offset = np.zeros(2 * self.stages + 1)
+        before = 0
+        for start, length in ((0, self.stages + 1), (1, self.stages)):
+            row, half = matrix[start::2], (length - 1) // 2
+            inmost = range(half, length - half)
+            for i in range(half):
+                row[i, before + i] = row[length - 1 - i, before + i] = 1
+            for i in inmost:
+                row[i, before : before + half] = -2 / len(inmost)
+                offset[start::2][i] = 1 / len(inmost)
+            before += half
+        return matrix, offset
+
+    def coefficients(self, x: Sequence[Any]) -> list[Any]:
+        """The 2s + 1 coefficients of a step, in the order of application, in the arithmetic of ``x``."""
+        # Matrix and offset hold multiples of 1/2: exact in any arithmetic.
+        matrix, offset = self.placement
+        return [
+            sum((value * float(m) for m, value in zip(row, x, strict=True) if m), start=float(c) + 0 * x[0])
+            for row, c in zip(matrix, offset, strict=True)
+        ]
+
+    def unknowns_of(self, outer: Sequence[Any], inner: Sequence[Any]) -> list[Any]:
+        """The unknowns of a step with these rows."""
+        return [*outer[: self.stages // 2], *inner[: (self.stages - 1) // 2]]
+
+
+def alternating(length: int, start: str = "A") -> str:
+    """The word of ``length`` letters ABAB..., or BABA... for ``start`` B."""
+    return "".join((start if i % 2 == 0 else LETTERS.replace(start, "")) for i in range(length))
+
+
+def operator_letters(stages: int, first: First) -> Integers:
+    """0 for a drift and 1 for a kick, for each of the 2s + 1 operators of a step."""
+    return (np.arange(2 * stages + 1) + (first == "kick")) % 2

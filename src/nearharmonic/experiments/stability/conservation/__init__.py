@@ -1,0 +1,1 @@
+"""Reversibility, symplecticity and mean energy beside what rounding alone gives."""

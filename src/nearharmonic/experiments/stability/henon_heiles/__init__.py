@@ -1,0 +1,1 @@
+"""Ensembles on energy surfaces of the Henon-Heiles system."""

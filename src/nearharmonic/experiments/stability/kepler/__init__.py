@@ -1,0 +1,1 @@
+"""Kepler orbits over eccentricity and step size."""

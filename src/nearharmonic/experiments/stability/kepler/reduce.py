@@ -1,0 +1,54 @@
+"""From the Kepler maps of each method to one cube."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from nearharmonic.experiments.stability.ensembles import stacked
+from nearharmonic.experiments.stability.kepler.tables import kepler_table
+from nearharmonic.integrators import integrators as registry
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.output.dataset import described
+from nearharmonic.output.store import read
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from nearharmonic.experiments.stability.settings import MapSettings
+
+
+def reduce(integrators: Sequence[str], settings: MapSettings, **runs: str) -> dict[str, Any]:
+    """Return the ``cube`` of the maps and its ``table``.
+
+    Parameters
+    ----------
+    integrators : sequence of str
+        Names of the methods, in the order of the cube.
+    settings : MapSettings
+        What the runs were asked; it goes into the files beside the numbers.
+    **runs : str
+        Path of the run file of each method.
+    """
+    methods = [registry[name] for name in integrators]
+    cube = kepler_cube(methods, {name: read(path) for name, path in runs.items()})
+    return {"cube": cube, "table": kepler_table(cube)}
+
+
+def kepler_cube(methods: Sequence[Tableau], runs: Mapping[str, xr.Dataset]) -> xr.Dataset:
+    """Return maps over (integrator, tau_per_stage, eccentricity), and the contour over (integrator, eccentricity).
+
+    Parameters
+    ----------
+    methods : sequence of Tableau
+        The methods in the order of the cube.
+    runs : mapping
+        What :func:`~nearharmonic.experiments.stability.kepler.run.orbit_map` found of each, by name.
+    """
+    import xarray as xr
+
+    cube = stacked(methods, runs)
+    stages = xr.DataArray([method.stages for method in methods], dims="integrator")
+    evaluations = cube.steps_per_orbit * stages
+    cube["evaluations_per_orbit"] = evaluations.assign_attrs(described("force evaluations per orbit"))
+    return cube

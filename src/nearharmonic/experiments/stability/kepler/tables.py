@@ -1,0 +1,25 @@
+"""The table of the Kepler maps: the work that an energy error takes at some eccentricities."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from nearharmonic.experiments.stability.kepler.run import CONTOUR
+from nearharmonic.output.table import Table
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+CAPTION = f"Kepler: force evaluations per orbit from which on the largest energy error stays below {CONTOUR:g}."
+#: Eccentricities that are shown: the nearest of the grid to each.
+TABULATED = (0.0, 0.2, 0.5, 0.8, 0.9, 0.95, 0.99)
+
+
+def kepler_table(cube: xr.Dataset) -> Table:
+    """Return a row for each method: force evaluations per orbit for the contour's error at some eccentricities."""
+    shown = cube.evaluations_for_contour.sel(eccentricity=list(TABULATED), method="nearest")
+    return Table(
+        header=["integrator", *(f"e_{e:.3f}" for e in shown.eccentricity.values)],
+        rows=[[str(name), *map(float, shown.sel(integrator=name).values)] for name in cube.integrator.values],
+        caption=CAPTION,
+    )

@@ -1,0 +1,1 @@
+"""Energy errors where the kinetic energy is not quadratic."""

@@ -1,0 +1,1 @@
+"""Linear stability: where the harmonic oscillator stays bounded."""

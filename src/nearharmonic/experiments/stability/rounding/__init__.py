@@ -1,0 +1,1 @@
+"""Growth of round-off over long times."""

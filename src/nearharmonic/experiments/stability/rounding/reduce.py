@@ -1,0 +1,101 @@
+"""From the errors by rounding of each method to one cube: their root mean squares and their power laws in time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nearharmonic.engine.statistics import Floats, jackknife_interval
+from nearharmonic.experiments.stability.ensembles import stacked
+from nearharmonic.experiments.stability.rounding.tables import rounding_table
+from nearharmonic.integrators import integrators as registry
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.output.dataset import described, variable
+from nearharmonic.output.store import read
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from nearharmonic.experiments.stability.settings import RoundingSettings
+
+QUANTITIES = {"energy_error": "energy error", "lag": "lag along the track"}
+
+
+def reduce(integrators: Sequence[str], settings: RoundingSettings, **runs: str) -> dict[str, Any]:
+    """Return the ``cube`` of the errors by rounding and its ``table``.
+
+    Parameters
+    ----------
+    integrators : sequence of str
+        Names of the methods, in the order of the cube.
+    settings : RoundingSettings
+        What the runs were asked; it goes into the files beside the numbers.
+    **runs : str
+        Path of the run file of each method.
+    """
+    methods = [registry[name] for name in integrators]
+    cube = rounding_cube(methods, {name: read(path) for name, path in runs.items()})
+    return {"cube": cube, "table": rounding_table(cube)}
+
+
+def rounding_cube(methods: Sequence[Tableau], runs: Mapping[str, xr.Dataset]) -> xr.Dataset:
+    """Return errors over (integrator, source, orbit, sample), their root mean squares, and their power laws.
+
+    Parameters
+    ----------
+    methods : sequence of Tableau
+        The methods in the order of the cube.
+    runs : mapping
+        What :func:`~nearharmonic.experiments.stability.rounding.run.rounding_errors` found of each, by name.
+    """
+    cube = stacked(methods, runs)
+    over = ("integrator", "source")
+    for name, text in QUANTITIES.items():
+        unit = cube[name].attrs["units"]
+        rms: xr.DataArray = (cube[name] ** 2).mean("orbit") ** 0.5
+        cube[f"{name}_rms"] = rms.assign_attrs(described(f"root mean square of the {text} over the orbits", unit))
+        errors = cube[name].transpose(*over, "orbit", "sample").values
+        laws = [[growth(one, time) for one in row] for row, time in zip(errors, cube.time.values, strict=True)]
+        for key, unit_of, meaning in (
+            ("exponent", "1", f"exponent of the growth of the {text}"),
+            ("interval", "1", f"half width of the 95 % interval of the exponent of the {text}"),
+            ("bias", unit, f"absolute mean of the {text} over the orbits at the end"),
+        ):
+            values = np.array([[law[key] for law in row] for row in laws])
+            cube[f"{name}_{key}"] = variable(over, values, meaning, unit_of)
+    return cube
+
+
+def growth(errors: Floats, time: Floats) -> dict[str, float]:
+    """Return the power law of the root mean square of an ensemble's errors in time.
+
+    Parameters
+    ----------
+    errors : array of shape (orbits, t)
+        Errors of each orbit.
+    time : array of shape (t,)
+        Times above 0.
+
+    Returns
+    -------
+    dict
+        ``exponent``: slope of log rms against log time. ``interval``: half width of its 95 % interval by the jackknife
+        over orbits, since the times of one orbit are not independent. ``rms`` and ``bias`` (the absolute mean) at the
+        last time.
+    """
+    squares, x = errors**2, np.log(time)
+    x = x - x.mean()
+
+    def slope(rms: Floats) -> Floats:
+        return np.asarray(np.log(rms) @ x / (x @ x))
+
+    n = len(errors)
+    total = squares.sum(axis=0)
+    return {
+        "exponent": float(slope(np.sqrt(total / n))),
+        "interval": jackknife_interval(slope(np.sqrt((total - squares) / (n - 1)))),
+        "rms": float(np.sqrt(total[-1] / n)),
+        "bias": float(abs(errors[:, -1].mean())),
+    }

@@ -1,0 +1,1 @@
+"""Run time against error, for the methods of this package and for other libraries."""

@@ -1,0 +1,84 @@
+"""A solver of another library, and one prepared run of it: what the file of each library is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nearharmonic.systems.system import System
+
+States = NDArray[np.float64]
+
+#: A bound on steps that ends a run which has gone astray.
+MOST_STEPS = 200_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attempt:
+    """One prepared run over [0, t_end].
+
+    Attributes
+    ----------
+    run
+        What is timed: one trajectory from start to end.
+    path
+        Returns the states (n + 1, 2 d) at the solver's own steps, the start included, and the evaluations of the
+        force (NaN if the library does not tell).
+    lanes
+        What is timed in SIMD lanes: as many trajectories at once as ``curve.MODES`` says, each equal to that of
+        ``run``; None if the library offers a Python user no lanes.
+    """
+
+    run: Callable[[], Any]
+    path: Callable[[], tuple[States, float]]
+    lanes: Callable[[], Any] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Peer:
+    """One solver of another library.
+
+    Attributes
+    ----------
+    name, label
+        Name in files and name in legends.
+    module
+        The library, as it is imported.
+    knob
+        What a setting is: the tolerance of an adaptive solver, or a step size.
+    attempt
+        ``attempt(system, t_end, setting)`` prepares a run. Building a solver, compiling included, is part of this and
+        not timed.
+    settings
+        Tolerances from coarse to fine; empty for step sizes, which come from the common grid.
+    stages
+        Evaluations of the force a step, which turn step sizes per stage into step sizes.
+    quadratic_only
+        Whether the solver takes accelerations as functions of position alone, which T = p.p/2 allows.
+    """
+
+    name: str
+    label: str
+    module: str
+    knob: Literal["tolerance", "step"]
+    attempt: Callable[[System, float, float], Attempt]
+    settings: tuple[float, ...] = ()
+    stages: int = 1
+    quadratic_only: bool = False
+
+
+def start_of(system: System) -> States:
+    """Return the initial state (2 d) of ``system``."""
+    return np.concatenate(system.start(float))
+
+
+def gradients_of(system: System) -> tuple[Callable[[States], States], Callable[[States], States]]:
+    """Return dT/dp and dV/dq of arrays (d), as one would write them with numpy."""
+    constants = system.constants(float)
+    if system.quadratic_kinetic_energy:
+        return lambda p: p, lambda q: np.array(system.grad_V(q, *constants))
+    return lambda p: np.array(system.grad_T(tuple(p))), lambda q: np.array(system.grad_V(q, *constants))

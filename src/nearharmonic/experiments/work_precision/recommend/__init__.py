@@ -1,0 +1,1 @@
+"""Choice of a method for an error bound."""

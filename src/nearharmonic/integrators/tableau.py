@@ -1,0 +1,156 @@
+"""Splitting coefficients of a symmetric kick-drift integrator, exact as printed, which prove themselves when built."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from hashlib import sha256
+from typing import Literal
+
+from nearharmonic.core.arithmetic import rounded_pair
+from nearharmonic.errors import TableauError, bad_setting
+
+#: The operator applied first in a step: a drift moves q by dT/dp (ABA), a kick moves p by -dV/dq (BAB).
+First = Literal["drift", "kick"]
+Row = tuple[str, ...]
+
+#: What a tableau of Runge-Kutta-Nystrom type asks of a system: T = p.p / 2.
+QUADRATIC_KINETIC_ENERGY = "quadratic kinetic energy"
+
+_OTHER: dict[First, First] = {"drift": "kick", "kick": "drift"}
+# Exponents are bounded because coefficients are held as exact fractions: 1e999999999 would fill the memory.
+_DECIMAL = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
+
+
+def palindrome(*half: str, centre: str | None = None) -> Row:
+    """The row that reads ``half`` forwards, ``centre`` once if the row has an odd length, and ``half`` backwards."""
+    return (*half, *(() if centre is None else (centre,)), *reversed(half))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tableau:
+    """The coefficients of one symmetric integrator for H = T(p) + V(q), as decimal strings.
+
+    One step of size tau applies ``outer[0], inner[0], outer[1], ..., inner[s-1], outer[s]``, where ``outer`` (s + 1
+    values) is the row of the operator named by ``first`` and ``inner`` (s values) the row of the other one.
+
+    ``order`` is the order for any separable H (for T = p.p/2 only, if ``requires`` says so). ``harmonic_order`` and
+    ``generalised_order`` are what the source claims beyond that, or None: the order lambda_H to which it solved for the
+    harmonic oscillator (Nielsen 2015, Eq. 17), and the orders (r1, r2, ...) in tau of the errors of size
+    epsilon tau^r1, epsilon^2 tau^r2, ... for H = H_A + epsilon H_B (Blanes et al. 2013). ``digits`` counts the decimals
+    that the source guarantees. ``benchmarked`` marks the ten methods of Nielsen's figures.
+
+    Raises:
+        TableauError: a coefficient that is no decimal number, a row of the wrong length, one that is no palindrome, or
+            one whose sum differs from 1 by more than one unit of the last guaranteed decimal per coefficient.
+    """
+
+    name: str
+    label: str
+    order: int
+    first: First
+    kick: Row
+    drift: Row
+    source: str
+    digits: int
+    requires: str | None = None
+    note: str = ""
+    benchmarked: bool = False
+    harmonic_order: int | None = None
+    generalised_order: tuple[int, ...] | None = None
+
+    def __post_init__(self) -> None:
+        self._expect(self.first in _OTHER, "first", self.first, "'drift' or 'kick'")
+        for key, number in (("order", self.order), ("digits", self.digits)):
+            positive = isinstance(number, int) and not isinstance(number, bool) and number >= 1
+            self._expect(positive, key, number, "an integer >= 1")
+        known = self.requires in (None, QUADRATIC_KINETIC_ENERGY)
+        self._expect(known, "requires", self.requires, f"None or {QUADRATIC_KINETIC_ENERGY!r}")
+        for key in ("kick", "drift"):
+            self._check_numbers(key)
+        lengths = f"{len(self.kick)} kicks, {len(self.drift)} drifts"
+        fits = len(self.outer) == len(self.inner) + 1 >= 2
+        self._expect(fits, "rows", lengths, f"one {self.first} more than the other operator, as first = {self.first!r}")
+        for key in ("kick", "drift"):
+            self._check_symmetry_and_sum(key)
+
+    def _check_numbers(self, key: str) -> None:
+        row = getattr(self, key)
+        self._expect(isinstance(row, tuple), key, row, "a tuple of decimal strings")
+        for i, text in enumerate(row):
+            decimal = isinstance(text, str) and _DECIMAL.fullmatch(text) is not None
+            self._expect(decimal, f"{key}[{i}]", text, "a finite decimal number as a string")
+
+    def _check_symmetry_and_sum(self, key: str) -> None:
+        row = getattr(self, key)
+        numbers = [Fraction(text) for text in row]
+        for i, number in enumerate(numbers):
+            self._expect(number == numbers[-1 - i], f"{key}[{i}]", row[i], f"its mirror image {row[-1 - i]!r}")
+        excess = sum(numbers, start=Fraction(-1))
+        balanced = abs(excess) * 10**self.digits <= len(row)
+        self._expect(balanced, f"{key} row sum", f"1{float(excess):+.1e}", f"1 within {len(row)}e-{self.digits}")
+
+    def _expect(self, condition: bool, key: str, value: object, expected: str) -> None:
+        if not condition:
+            message = f"tableau {self.name!r}: {key} = {value!r}, expected {expected}"
+            raise TableauError(message)
+
+    @property
+    def outer(self) -> Row:
+        """The s + 1 coefficients of the operator that comes first and last."""
+        return self.kick if self.first == "kick" else self.drift
+
+    @property
+    def inner(self) -> Row:
+        """The s coefficients of the operator in between."""
+        return self.drift if self.first == "kick" else self.kick
+
+    @property
+    def stages(self) -> int:
+        """Force evaluations per step, s; for kick first, the one that closes a step opens the next."""
+        return len(self.inner)
+
+    @property
+    def first_same_as_last(self) -> bool:
+        """Whether the force of a step's last kick is that of the next step's first kick."""
+        return self.first == "kick"
+
+    def role(self, first: First | None) -> Tableau:
+        """The tableau whose outer row is given to the operator ``first``; None leaves the roles as declared.
+
+        A tableau with swapped roles keeps its order for separable H, but not what the source claims beyond it; one that
+        requires a quadratic kinetic energy keeps order 2 for certain, for any separable H.
+
+        Raises:
+            SettingError: ``first`` is neither "drift", "kick" nor None.
+        """
+        if first is None or first == self.first:
+            return self
+        if first not in _OTHER:
+            key = "first"
+            raise bad_setting(key, first, "it is 'drift' or 'kick'")
+        # A Nystrom method loses its order; what any symmetric composition keeps is order 2.
+        order = self.order if self.requires is None else 2
+        return replace(
+            self, first=first, kick=self.drift, drift=self.kick, order=order, requires=None, harmonic_order=None,
+            generalised_order=None,
+        )  # fmt: skip
+
+    def rows_exact(self) -> tuple[tuple[Fraction, ...], tuple[Fraction, ...]]:
+        """The outer and the inner row as the exact rational numbers that the strings denote."""
+        return tuple(map(Fraction, self.outer)), tuple(map(Fraction, self.inner))
+
+    def rows_double(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """The outer and the inner row, each coefficient rounded once to the nearest double."""
+        return tuple(map(float, self.outer)), tuple(map(float, self.inner))
+
+    def rows_double_double(self) -> tuple[tuple[tuple[float, float], ...], tuple[tuple[float, float], ...]]:
+        """The outer and the inner row as pairs (nearest double, nearest double to the rest), about 32 digits."""
+        outer, inner = (tuple(rounded_pair(*c.as_integer_ratio()) for c in row) for row in self.rows_exact())
+        return outer, inner
+
+    def digest(self) -> str:
+        """SHA-256, in hex, of what determines the numbers of a run: the operator that comes first and both rows."""
+        text = "\n".join((self.first, " ".join(self.outer), " ".join(self.inner)))
+        return sha256(text.encode()).hexdigest()

@@ -1,0 +1,155 @@
+"""A job of the workflow: the package function that a rule names, its results written, its messages in a log file."""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from inspect import signature
+from pathlib import Path
+from typing import Any
+
+from nearharmonic.errors import NearharmonicError
+from nearharmonic.integrators import integrators
+from nearharmonic.output.atomic import write_text
+from nearharmonic.output.dataset import Contents
+from nearharmonic.output.provenance import function_of, named_in, provenance
+from nearharmonic.output.sources import closure
+from nearharmonic.systems import systems
+
+Places = Sequence[str]
+
+
+def run(snakemake: Any) -> None:
+    """Carry out the job of a rule whose ``params.task`` comes from :func:`nearharmonic.output.provenance.task`.
+
+    The function is called with its settings, and with the paths of the rule's inputs under their names. If it has
+    parameters of these names, ``threads`` is the number of threads of the job, and ``report`` writes a line of progress
+    to the terminal. It returns a mapping with a result for each named output; :func:`write` says of which types.
+
+    Parameters
+    ----------
+    snakemake : object
+        What Snakemake gives a script: ``input``, ``output``, ``params``, ``log``, ``threads``.
+
+    Raises
+    ------
+    SystemExit
+        Any error, with status 1 and one message.
+    """
+    with logged(snakemake.log[0]):
+        task = snakemake.params.task
+        function = function_of(task)
+        offered = {"threads": snakemake.threads, "report": _report}
+        extra = {name: value for name, value in offered.items() if name in signature(function).parameters}
+        inputs = {name: _plain(value) for name, value in snakemake.input.items()}
+        with covered(task):
+            results = function(**task["settings"], **inputs, **extra)
+            origin = provenance(task)
+            for name, places in snakemake.output.items():
+                write(results[name], [places] if isinstance(places, str) else list(places), origin)
+
+
+def draw(snakemake: Any) -> None:
+    """Draw the figures of one cube, each by the package function that ``params.tasks`` names under its stem.
+
+    A function takes the cube, read once, if the rule has the input ``cube``; it returns a matplotlib ``Figure``.
+
+    Parameters
+    ----------
+    snakemake : object
+        What Snakemake gives a script; its outputs are the files of each figure, by stem.
+
+    Raises
+    ------
+    SystemExit
+        Any error, with status 1 and one message.
+    """
+    from nearharmonic.output.store import read
+
+    with logged(snakemake.log[0]):
+        shown = [read(snakemake.input.cube)] if hasattr(snakemake.input, "cube") else []
+        for stem, task in snakemake.params.tasks.items():
+            with covered(task):
+                write(function_of(task)(*shown), list(getattr(snakemake.output, stem)), provenance(task))
+
+
+@contextmanager
+def covered(task: Mapping[str, Any]) -> Iterator[None]:
+    """Let registries give out only what the digests of ``task`` cover: an edit of anything else would go unnoticed.
+
+    Raises
+    ------
+    NearharmonicError
+        Inside, on the look-up of a system or an integrator that is neither among the settings nor in a module that the
+        function reaches.
+    """
+    reached = set(closure(f"nearharmonic.{task['function'].partition(':')[0]}"))
+    named = named_in(task["settings"])
+    with systems.restricted(named, reached), integrators.restricted(named, reached):
+        yield
+
+
+def write(result: Any, places: Places, origin: Mapping[str, str]) -> None:
+    """Write one result of a task to its files.
+
+    Parameters
+    ----------
+    result : object
+        A :class:`~nearharmonic.output.dataset.Contents` or an ``xarray.Dataset`` goes to an HDF5 file, a
+        :class:`~nearharmonic.output.table.Table` to CSV, Markdown and LaTeX, a matplotlib ``Figure`` to PDF, SVG and
+        PNG, a dict to TOML, and a string to a text file.
+    places : sequence of str
+        The files; those of tables and figures differ in their endings alone.
+    origin : mapping
+        Provenance, as attributes of HDF5 files and as a section of TOML files.
+    """
+    from nearharmonic.output import store, table
+
+    if isinstance(result, Contents):
+        store.write(places[0], result.variables, {**result.attributes, **origin}, groups=result.groups)
+    elif isinstance(result, table.Table):
+        table.save(result, places)
+    elif isinstance(result, str):
+        write_text(places[0], result)
+    elif hasattr(result, "data_vars"):  # a Dataset is a mapping as well
+        store.write_dataset(places[0], result, origin)
+    elif hasattr(result, "savefig"):
+        from nearharmonic.output.style import save
+
+        save(result, places)
+    else:
+        table.save_document({"provenance": dict(origin), **result}, places[0])
+
+
+@contextmanager
+def logged(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Send what is printed to the file ``path``; an error goes there in full, and in one sentence to the terminal.
+
+    Raises
+    ------
+    SystemExit
+        Any error of the work inside, with status 1.
+    """
+    with Path(path).open("w", encoding="utf-8") as log:
+        try:
+            with redirect_stdout(log), redirect_stderr(log):
+                yield
+        except NearharmonicError as error:
+            log.write(f"{error}\n")
+            raise SystemExit(str(error)) from None
+        except Exception as error:
+            traceback.print_exc(file=log)
+            message = f"{type(error).__name__}: {error} (traceback in {path})"
+            raise SystemExit(message) from None
+
+
+def _report(text: str) -> None:
+    print(text, file=sys.__stderr__, flush=True)
+
+
+def _plain(value: Any) -> str | list[str]:
+    """An input of Snakemake as a path or a list of paths."""
+    return str(value) if isinstance(value, str) else [str(path) for path in value]

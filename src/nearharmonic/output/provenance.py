@@ -1,0 +1,179 @@
+"""Where a result comes from: digests of the code behind it, settings, coefficients, versions; no clock goes inside."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict, fields, is_dataclass
+from datetime import UTC, datetime
+from functools import cache
+from hashlib import file_digest, sha256
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.output.sources import PACKAGE, closure, module_digest
+from nearharmonic.systems import systems
+
+#: Libraries whose version may change the last bit of a result or the bytes of its file.
+LIBRARIES = ("numpy", "numba", "llvmlite", "h5py")
+#: Libraries whose version may change the numbers of a result; a new version makes every result again.
+NUMERICAL_LIBRARIES = ("numpy", "numba", "llvmlite")
+#: Fields of a tableau that no result shows.
+REMARKS = ("note", "source")
+
+Task = dict[str, Any]
+
+
+def task(function: str, **settings: Any) -> Task:
+    """Describe the work of a rule: a package function, its settings, and the digest of all that its result depends on.
+
+    Parameters
+    ----------
+    function : str
+        ``module:name`` below the package, such as ``experiments.paper.run:integrate``.
+    **settings
+        Keyword arguments of the function: numbers, strings, sequences, mappings and frozen dataclasses of them.
+
+    Returns
+    -------
+    dict
+        ``function``, ``settings``, ``code`` (SHA-256, hex) and ``coefficients`` (SHA-256, hex). ``code`` covers the
+        module of the function, all modules that it reaches, the modules of the systems that the settings name, and the
+        versions of numpy, numba and llvmlite. ``coefficients`` covers the integrators that the settings name.
+
+    Raises
+    ------
+    NearharmonicError
+        The package has no such module.
+    """
+    module = f"{PACKAGE}.{function.partition(':')[0]}"
+    named = named_in(settings)
+    problems = [name for name in systems if name in named]
+    methods = [integrators[name] for name in integrators if name in named]
+    return {
+        "function": function,
+        "settings": settings,
+        "code": code_digest(module, *map(systems.module_of, problems)),
+        "coefficients": coefficients_digest(methods),
+    }
+
+
+def function_of(task: Mapping[str, Any]) -> Any:
+    """Return the package function that ``task`` names."""
+    module, _, name = task["function"].partition(":")
+    return getattr(import_module(f"{PACKAGE}.{module}"), name)
+
+
+def named_in(settings: Mapping[str, Any]) -> set[str]:
+    """Return every string among ``settings``, at any depth: names of systems and methods are among them."""
+    return set(_texts(settings))
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """Every string among the values of settings, at any depth."""
+    if isinstance(value, str):
+        yield value
+    elif is_dataclass(value) and not isinstance(value, type):
+        for member in fields(value):
+            yield from _texts(getattr(value, member.name))
+    elif isinstance(value, Mapping):
+        for key, member in value.items():
+            yield from _texts(key)
+            yield from _texts(member)
+    elif isinstance(value, Iterable):
+        for member in value:
+            yield from _texts(member)
+
+
+def code_digest(*modules: str, root: Path | None = None) -> str:
+    """Return the SHA-256 of the code of ``modules`` (dotted names) and of all modules that they import.
+
+    The code of a module is its syntax tree without docstrings. Imports inside functions count; those for the type
+    checker alone do not. Versions of the libraries that numbers depend on are part of the digest.
+
+    Parameters
+    ----------
+    *modules : str
+        Dotted names within the package.
+    root : Path, optional
+        Folder of the package; the one that is running by default.
+
+    Raises
+    ------
+    NearharmonicError
+        The package has no such module.
+    """
+    digest = sha256()
+    for library in NUMERICAL_LIBRARIES:
+        digest.update(f"{library} {library_version(library)}\n".encode())
+    for module in closure(*modules, root=root):
+        digest.update(f"{module} {module_digest(module, root=root)}\n".encode())
+    return digest.hexdigest()
+
+
+def coefficients_digest(tableaus: Iterable[Tableau]) -> str:
+    """Return the SHA-256 of all that ``tableaus`` hold but remarks: names, labels, orders and coefficients."""
+    entries = ({key: value for key, value in vars(t).items() if key not in REMARKS} for t in tableaus)
+    return sha256("\n".join(map(repr, entries)).encode()).hexdigest()
+
+
+def provenance(task: Mapping[str, Any]) -> dict[str, str]:
+    """Return the attributes that say how the result of ``task`` was made: versions, digests and settings as JSON."""
+    return {
+        "package_version": library_version(PACKAGE),
+        "code_digest": task["code"],
+        "settings": json.dumps(task["settings"], sort_keys=True, default=asdict),
+        "coefficients_digest": task["coefficients"],
+        **{f"{library}_version": library_version(library) for library in LIBRARIES},
+    }
+
+
+@cache
+def library_version(library: str) -> str:
+    """Return the version of an installed library, from the library itself where it is loaded.
+
+    Reading the metadata of a library takes 25 ms.
+    """
+    loaded = sys.modules.get(library)
+    if loaded is not None:
+        return str(loaded.__version__)
+    from importlib.metadata import version
+
+    return version(library)
+
+
+def manifest(files: Iterable[str | os.PathLike[str]], folder: str | os.PathLike[str]) -> dict[str, str]:
+    """Say when and where result files were made, and the SHA-256 of each.
+
+    Parameters
+    ----------
+    files : iterable of path
+        Result files.
+    folder : path
+        The folder that their names are relative to.
+
+    Returns
+    -------
+    dict
+        ``manifest``, a JSON text.
+    """
+    told = {
+        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+        "host": platform.node(),
+        "platform": platform.platform(),
+        "python": platform.python_version(),
+        "versions": {PACKAGE: library_version(PACKAGE), **{library: library_version(library) for library in LIBRARIES}},
+        "sha256": {os.path.relpath(path, folder): _file_digest(path) for path in sorted(map(Path, files))},
+    }
+    return {"manifest": json.dumps(told, indent=1) + "\n"}
+
+
+def _file_digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return file_digest(file, "sha256").hexdigest()

@@ -1,0 +1,108 @@
+"""A table as CSV, Markdown and LaTeX; like a figure, it appears whole or not at all."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from nearharmonic.errors import NearharmonicError
+from nearharmonic.output.atomic import write_text
+
+#: Endings of the files of a table.
+SUFFIXES = ("csv", "md", "tex")
+#: Digits that readers of Markdown and LaTeX see of a float; CSV keeps them all.
+SHOWN = 4
+
+Cell = Any
+Row = Sequence[Cell]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """A table.
+
+    Attributes
+    ----------
+    header : sequence of str
+        Names of the columns.
+    rows : sequence of sequences
+        Cells (strings, integers and floats), as many a row as the header has names.
+    caption : str
+        One sentence above the table in Markdown, and a comment in LaTeX.
+
+    Raises
+    ------
+    NearharmonicError
+        A row is not as long as the header.
+    """
+
+    header: Sequence[str]
+    rows: Sequence[Row]
+    caption: str
+
+    def __post_init__(self) -> None:
+        for i, row in enumerate(self.rows):
+            if len(row) != len(self.header):
+                message = f"row {i} has {len(row)} cells under {len(self.header)} names: {list(row)}"
+                raise NearharmonicError(message)
+
+
+def save(table: Table, places: Sequence[str | os.PathLike[str]]) -> list[Path]:
+    """Write ``table`` to each of ``places``, in the format of its ending.
+
+    CSV keeps every digit; Markdown and LaTeX show floats to four digits.
+
+    Returns
+    -------
+    list of Path
+        The files, in the order of ``places``.
+
+    Raises
+    ------
+    NearharmonicError
+        An ending is none of :data:`SUFFIXES`.
+    """
+    texts = {".csv": _csv, ".md": _markdown, ".tex": _latex}
+    paths = [Path(place) for place in places]
+    for path in paths:
+        if path.suffix not in texts:
+            message = f"{path}: a table is written as {', '.join(SUFFIXES)}"
+            raise NearharmonicError(message)
+        write_text(path, texts[path.suffix](table))
+    return paths
+
+
+def save_document(document: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
+    """Write nested numbers and strings to ``path`` as TOML."""
+    import tomli_w
+
+    write_text(path, tomli_w.dumps(document))
+
+
+def _csv(table: Table) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([table.header, *table.rows])
+    return text.getvalue()
+
+
+def _shown(table: Table) -> list[list[str]]:
+    return [[f"{cell:.{SHOWN}g}" if isinstance(cell, float) else str(cell) for cell in row] for row in table.rows]
+
+
+def _tabulated(table: Table, form: str) -> str:
+    from tabulate import tabulate
+
+    return str(tabulate(_shown(table), list(table.header), tablefmt=form, disable_numparse=True))
+
+
+def _markdown(table: Table) -> str:
+    return f"{table.caption}\n\n{_tabulated(table, 'github')}\n"
+
+
+def _latex(table: Table) -> str:
+    return f"% {table.caption}\n{_tabulated(table, 'latex_booktabs')}\n"

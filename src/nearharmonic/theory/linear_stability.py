@@ -1,0 +1,179 @@
+"""Linear stability: for which step sizes an integrator keeps the harmonic oscillator bounded, and what else it does.
+
+A symmetric step has K11 = K22 and det K = 1, hence (tr K / 2)^2 - 1 = K12 K21: the trace leaves [-2, 2] where K12 K21
+becomes positive. That is a polynomial in x = tau^2 with rational coefficients. Its roots are separated by how often
+they occur, an odd number of times (an edge) or an even one (the trace touches 2), and isolated exactly
+(:mod:`nearharmonic.exact.polynomials`), so that gaps of any narrowness are found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from fractions import Fraction
+from functools import lru_cache
+from typing import NamedTuple
+
+from mpmath import acosh, inf, isinf, mp, mpf, sqrt
+
+from nearharmonic.exact.decimals import Number, as_mpf
+from nearharmonic.exact.polynomials import (
+    Polynomial,
+    by_parity,
+    common_divisor,
+    derivative,
+    positive_roots,
+    product,
+    whole,
+)
+from nearharmonic.integrators.tableau import First, Tableau
+from nearharmonic.theory.oscillator import stability_trace, step_polynomials, tableau_of
+
+#: Digits of the edges that are returned.
+EDGE_DIGITS = 30
+
+#: Halvings of the bracket in which the largest growth per time is looked for: to 1e-12 of its width.
+_SECTIONS = 60
+
+
+class Growth(NamedTuple):
+    """The largest Lyapunov exponent in a gap: ``per_step`` at step size ``at``, ``per_time`` at ``at_time``; mpf."""
+
+    per_step: Number
+    at: Number
+    per_time: Number
+    at_time: Number
+
+
+def stability_gaps(integrator: str | Tableau, *, first: First | None = None) -> list[tuple[Number, Number]]:
+    """The intervals (start, end) of step sizes with |tr K| > 2, in ascending order, as mpf to 30 digits.
+
+    The last one ends at infinity. Where the trace only touches 2 there is no interval.
+
+    Raises:
+        UnknownNameError: no integrator has this name.
+        SettingError: ``first`` is no operator.
+    """
+    crossing, _ = _special_squares(tableau_of(integrator, first))
+    # The oscillator is stable for small steps and the trace is unbounded for large ones: the edges alternate.
+    edges = [*_step_sizes(crossing), inf]
+    return list(zip(edges[0::2], edges[1::2], strict=True))
+
+
+def touching_points(integrator: str | Tableau, *, first: First | None = None) -> list[Number]:
+    """The step sizes at which |tr K| reaches 2 without passing it, in ascending order, as mpf to 30 digits.
+
+    The rows and columns of K hold +-1 and 0 there, or one entry more: no growth, but none of the margin left.
+
+    Raises:
+        UnknownNameError: no integrator has this name.
+        SettingError: ``first`` is no operator.
+    """
+    _, touching = _special_squares(tableau_of(integrator, first))
+    return _step_sizes(touching)
+
+
+def stability_limit(integrator: str | Tableau, *, first: First | None = None) -> Number:
+    """The step size up to which every smaller one is stable: where the first gap opens, as mpf to 30 digits.
+
+    Raises:
+        UnknownNameError: no integrator has this name.
+        SettingError: ``first`` is no operator.
+    """
+    return stability_gaps(integrator, first=first)[0][0]
+
+
+def stability_end(integrator: str | Tableau, *, first: First | None = None) -> Number:
+    """The step size beyond which no larger one is stable: where the last gap opens, as mpf to 30 digits.
+
+    Raises:
+        UnknownNameError: no integrator has this name.
+        SettingError: ``first`` is no operator.
+    """
+    return stability_gaps(integrator, first=first)[-1][0]
+
+
+def growth_rate(integrator: str | Tableau, tau: Number, *, first: First | None = None) -> Number:
+    """The larger Lyapunov exponent of a step: ln of the larger |eigenvalue| of K, arcosh(|tr K|/2); 0 where stable.
+
+    Raises:
+        UnknownNameError: no integrator has this name.
+        SettingError: ``tau`` is no finite number above 0, or ``first`` no operator.
+    """
+    half = abs(stability_trace(integrator, tau, first=first)) / 2
+    return acosh(half) if half > 1 else mpf(0)
+
+
+def largest_growth(integrator: str | Tableau, gap: tuple[Number, Number], *, first: First | None = None) -> Growth:
+    """The largest growth inside ``gap``, one of :func:`stability_gaps`, as mpf to about 12 digits.
+
+    Per step it is largest at a root of d tr/d tau, all of which are found exactly; per unit of time it is searched for
+    between the neighbours of that point. In the last gap the growth per step has no bound: inf, at inf.
+
+    Raises:
+        UnknownNameError: no integrator has this name.
+        SettingError: ``first`` is no operator.
+    """
+    tableau, (start, end) = tableau_of(integrator, first), gap
+    with mp.workdps(EDGE_DIGITS):
+        inside = [x for x in _extrema(tableau) if start < x < end]
+
+        def per_time(tau: Number) -> Number:
+            return growth_rate(tableau, tau) / tau
+
+        if isinf(end):
+            far = 2 * start
+            while per_time(2 * far) > per_time(far):  # ln of a polynomial over tau: it falls in the end
+                far *= 2
+            at_time = _highest(per_time, start, 2 * far)
+            return Growth(inf, inf, per_time(at_time), at_time)
+        at = max(inside, key=lambda tau: growth_rate(tableau, tau))
+        left = max([start, *(x for x in inside if x < at)])
+        at_time = _highest(per_time, left, at)  # dividing by tau moves a maximum to smaller steps
+        return Growth(growth_rate(tableau, at), at, per_time(at_time), at_time)
+
+
+@lru_cache(maxsize=256)
+def _special_squares(tableau: Tableau) -> tuple[tuple[Fraction, ...], tuple[Fraction, ...]]:
+    """The x = tau^2 at which |tr K| passes 2, and those at which it touches 2."""
+    K = step_polynomials(tableau)
+    a, b = whole(K.K12[1::2]), whole(K.K21[1::2])
+    # With no root in common the factors can be taken by themselves, which takes a fifth of the time.
+    apart = len(common_divisor(a, b)) == 1
+    parts = [by_parity(factor) for factor in ((a, b) if apart else (product(a, b),))]
+    crossing, touching = (
+        tuple(sorted(root for p in side for root in positive_roots(p))) for side in zip(*parts, strict=True)
+    )
+    return crossing, touching
+
+
+@lru_cache(maxsize=256)
+def _extrema(tableau: Tableau) -> list[Number]:
+    """The step sizes at which the trace is stationary, ascending."""
+    return _step_sizes(tuple(positive_roots(derivative(_trace(tableau)))))
+
+
+def _trace(tableau: Tableau) -> Polynomial:
+    K = step_polynomials(tableau)
+    return whole([a + b for a, b in zip(K.K11, K.K22, strict=True)][0::2])
+
+
+def _step_sizes(squares: tuple[Fraction, ...]) -> list[Number]:
+    with mp.workdps(EDGE_DIGITS):
+        return [sqrt(as_mpf(x)) for x in squares]
+
+
+def _highest(function: Callable[[Number], Number], low: Number, high: Number) -> Number:
+    """Where ``function``, with one maximum in [low, high], is largest, by golden section."""
+    ratio = (sqrt(mpf(5)) - 1) / 2
+    left, right = high - ratio * (high - low), low + ratio * (high - low)
+    at_left, at_right = function(left), function(right)
+    for _ in range(_SECTIONS):
+        if at_left > at_right:
+            high, right, at_right = right, left, at_left
+            left = high - ratio * (high - low)
+            at_left = function(left)
+        else:
+            low, left, at_left = left, right, at_right
+            right = low + ratio * (high - low)
+            at_right = function(right)
+    return (low + high) / 2

@@ -1,0 +1,276 @@
+"""The orders of an integrator, proved on its printed coefficients in exact arithmetic, and its leading error terms.
+
+A step is the product of exponentials of a tableau's operators; the exact flow is exp(A + B), where A drifts and B
+kicks. The logarithm of the step, A + B + error terms, is compared with A + B degree by degree, which settles the order
+for every separable H at once (:mod:`nearharmonic.exact.words`, :mod:`nearharmonic.exact.lie`).
+
+Printed coefficients fulfil an order condition only to their digits. If each of the m coefficients is off by up to
+10^-digits, then the logarithm's coefficients on words of n letters are off by at most
+
+    m 10^-digits M^(n-1) [x^(n-1)] e^x / (2 - e^x)  <=  m 10^-digits M^(n-1) (3/2)^n
+
+in total, M being the sum of the absolute values of all coefficients: the first-order perturbation of log(1 + X) with
+every term replaced by its absolute value. A condition counts as fulfilled within this bound, and not otherwise: so
+coefficients of a dozen digits may show a higher order than they have, since nothing they violate can be told from them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from functools import lru_cache
+from itertools import chain
+from math import factorial, lcm, sqrt
+from numbers import Integral
+from typing import NamedTuple
+
+from nearharmonic.errors import bad_setting
+from nearharmonic.exact.lie import conditions, lyndon_words
+from nearharmonic.exact.words import Operator, logarithm, product_of_exponentials
+from nearharmonic.integrators.tableau import First, Tableau
+from nearharmonic.theory.oscillator import StepPolynomials, step_polynomials, tableau_of
+
+#: Up to this order methods are examined unless told otherwise; the number of words doubles with each more.
+HIGHEST = 8
+
+#: Length of the words that a generalised order is looked for in first: most fail at their order already.
+_SHORT = 7
+
+
+class ErrorTerm(NamedTuple):
+    """An error term tau^degree, and its norm."""
+
+    degree: int
+    norm: float
+
+
+class LeadingErrors(NamedTuple):
+    """The first error term that does not vanish: for any separable H, for quadratic T, and for H = (p^2 + q^2)/2.
+
+    The first two are terms of the logarithm of a step, with norms in the Lyndon basis; the third is the first power of
+    tau at which the step matrix is not the exact rotation, with the Frobenius norm of the difference.
+    """
+
+    general: ErrorTerm
+    nystrom: ErrorTerm
+    harmonic: ErrorTerm
+
+
+class HarmonicOrders(NamedTuple):
+    """Orders on H = (p^2 + q^2)/2: of the new position, of the new momentum, of the energy and of the phase.
+
+    Position and momentum are exact to tau^order after one step. The error of the energy is O(tau^order) forever, that
+    of the phase O(tau^(order + 1)) per step.
+    """
+
+    position: int
+    momentum: int
+    energy: int
+    phase: int
+
+
+def order_of(integrator: str | Tableau, *, first: First | None = None, highest: int = HIGHEST) -> int:
+    """Order for every separable H = T(p) + V(q); ``highest`` if it is that or more.
+
+    Raises:
+        UnknownNameError: no integrator has this name.
+        SettingError: ``first`` is no operator, or ``highest`` no integer >= 1.
+    """
+    return _order(tableau_of(integrator, first), _integer("highest", highest), quadratic=False)
+
+
+def nystrom_order_of(integrator: str | Tableau, *, first: First | None = None, highest: int = HIGHEST) -> int:
+    """Order for every H = T(p) + V(q) with quadratic T; ``highest`` if it is that or more.
+
+    Raises:
+        UnknownNameError: no integrator has this name.
+        SettingError: ``first`` is no operator, or ``highest`` no integer >= 1.
+    """
+    return _order(tableau_of(integrator, first), _integer("highest", highest), quadratic=True)
+
+
+def harmonic_order_of(integrator: str | Tableau, *, first: First | None = None) -> int:
+    """Harmonic order lambda_H: on the harmonic oscillator one step has the exact position up to tau^lambda_H.
+
+    That is Nielsen's: kappa_1 to kappa_lambda_H vanish (2015, Eq. 17).
+
+    Raises:
+        UnknownNameError: no integrator has this name.
+        SettingError: ``first`` is no operator.
+    """
+    return harmonic_orders_of(integrator, first=first).position
+
+
+def harmonic_orders_of(integrator: str | Tableau, *, first: First | None = None) -> HarmonicOrders:
+    """All four orders that the harmonic oscillator shows.
+
+    Raises:
+        UnknownNameError: no integrator has this name.
+        SettingError: ``first`` is no operator.
+    """
+    tableau = tableau_of(integrator, first)
+    E = _matrix_errors(tableau)
+    return HarmonicOrders(
+        position=_first_power(tableau, E.K11, E.K12) - 1,
+        momentum=_first_power(tableau, E.K21, E.K22) - 1,
+        # The conserved ellipse -K21 q^2 + K12 p^2 is a circle but for K12 + K21, and one power of tau cancels; the
+        # trace 2 cos(phase) has errors of 2 sin(tau) times that of the phase.
+        energy=_first_power(tableau, [a + b for a, b in zip(E.K12, E.K21, strict=True)]) - 1,
+        phase=_first_power(tableau, [a + b for a, b in zip(E.K11, E.K22, strict=True)]) - 2,
+    )
+
+
+def generalised_order_of(integrator: str | Tableau, *, first: First | None = None) -> tuple[int, ...]:
+    """Generalised order (r1, r2, ..., rm) for H = T(p) + epsilon V(q), the kick being the small part.
+
+    The error is O(epsilon tau^(r1 + 1) + epsilon^2 tau^(r2 + 1) + ...), and from epsilon^m on O(tau^(rm + 1)): rm is
+    the order. Blanes et al. (2013), section 2. No r exceeds the one before it, past which its errors would not show,
+    and r1 is at most 2s, as for the s nodes of a quadrature.
+
+    Raises:
+        UnknownNameError: no integrator has this name.
+        SettingError: ``first`` is no operator.
+    """
+    tableau = tableau_of(integrator, first)
+    highest = 2 * tableau.stages
+    order, orders = _order(tableau, highest, quadratic=False), [highest]
+    for kicks in range(1, order + 2):
+        orders.append(_first_failure(tableau, kicks, orders[-1]))
+        if orders[-1] <= order:
+            break
+    return tuple(orders[1:])
+
+
+def leading_errors(integrator: str | Tableau, *, first: First | None = None, highest: int = HIGHEST) -> LeadingErrors:
+    """The leading error terms of a step.
+
+    Norms of the first two are Euclidean, of the coordinates in the Lyndon basis (A < B, A drifts, B kicks) with its
+    standard bracketing; for quadratic kinetic energy that of the smallest equivalent error, so that it is at most the
+    former where both have the same degree.
+
+    Raises:
+        UnknownNameError: no integrator has this name.
+        SettingError: ``first`` is no operator, ``highest`` no integer >= 1, or an order is larger than ``highest``.
+    """
+    tableau = tableau_of(integrator, first)
+    terms = []
+    for quadratic in (False, True):
+        order = _order(tableau, _integer("highest", highest) + 1, quadratic=quadratic)
+        if order > highest:
+            key = "highest"
+            raise bad_setting(key, highest, f"the order of {tableau.name} is larger")
+        terms.append(ErrorTerm(order + 1, error_norm(tableau, order + 1, quadratic=quadratic)))
+    general, nystrom = terms
+    return LeadingErrors(general, nystrom, _harmonic_error(tableau))
+
+
+def error_norm(integrator: str | Tableau, degree: int, *, quadratic: bool = False, first: First | None = None) -> float:
+    """Norm of the error term tau^``degree``, of any degree, as :func:`leading_errors` measures it.
+
+    Below the order this is what the printed digits leave of zero.
+
+    Raises:
+        UnknownNameError: no integrator has this name.
+        SettingError: ``first`` is no operator, or ``degree`` no integer >= 1.
+    """
+    tableau = tableau_of(integrator, first)
+    errors = _errors(tableau, _integer("degree", degree))
+    rows = conditions(degree, quadratic=quadratic)
+    return sqrt(sum((_weighted(row.weights, errors) ** 2 / row.scale for row in rows), Fraction(0)))
+
+
+@lru_cache(maxsize=1024)
+def tolerance(tableau: Tableau, degree: int) -> Fraction:
+    """What guaranteed digits allow a condition of ``degree`` to be off by: the bound above."""
+    count = 2 * tableau.stages + 1
+    return count * Fraction(1, 10**tableau.digits) * _size(tableau) ** (degree - 1) * Fraction(3, 2) ** degree
+
+
+@lru_cache(maxsize=256)
+def _size(tableau: Tableau) -> Fraction:
+    """The sum of the absolute values of all coefficients."""
+    return sum((abs(c) for row in tableau.rows_exact() for c in row), Fraction(0))
+
+
+def operators_of(tableau: Tableau) -> list[Operator]:
+    """The operators of one step in the order of their application, as letters A (drift) and B (kick)."""
+    outer, inner = tableau.rows_exact()
+    letters = "AB" if tableau.first == "drift" else "BA"
+    pairs = [((letters[0], a), (letters[1], b)) for a, b in zip(outer, inner, strict=False)]
+    return [*chain.from_iterable(pairs), (letters[0], outer[-1])]
+
+
+def _order(tableau: Tableau, highest: int, *, quadratic: bool) -> int:
+    for degree in range(1, highest + 1):
+        errors, allowed = _errors(tableau, degree), tolerance(tableau, degree)
+        rows = conditions(degree, quadratic=quadratic)
+        if any(abs(_weighted(row.weights, errors)) > allowed for row in rows):
+            return degree - 1
+    return highest
+
+
+def _first_failure(tableau: Tableau, kicks: int, highest: int) -> int:
+    """The order at which error terms with exactly ``kicks`` letters B appear, or ``highest`` if none does by then."""
+    length = min(highest, _SHORT)
+    while True:
+        step = product_of_exponentials(operators_of(tableau), length, kicks)
+        # On words of even length the logarithm of a symmetric step vanishes.
+        wanted = [word for word in step.scaled if word.count("B") == kicks and len(word) % 2]
+        found = logarithm(step, wanted)
+        failing = [len(word) - 1 for word in wanted if abs(found[word] - (word == "B")) > tolerance(tableau, len(word))]
+        if failing or length == highest:
+            return min(failing, default=highest)
+        length = min(highest, 2 * length)
+
+
+@lru_cache(maxsize=512)
+def _errors(tableau: Tableau, degree: int) -> tuple[tuple[int, ...], int]:
+    """Coefficients of log(step) - (A + B) on the Lyndon words of ``degree``: numerators, and their denominator."""
+    words = lyndon_words(degree)
+    if degree % 2 == 0:  # a symmetric step undoes itself with tau reversed: its logarithm is odd in tau
+        return (0,) * len(words), 1
+    found = logarithm(product_of_exponentials(operators_of(tableau), degree), words)
+    errors = [found[word] - (degree == 1) for word in words]
+    unit = lcm(*(x.denominator for x in errors))
+    return tuple(x.numerator * (unit // x.denominator) for x in errors), unit
+
+
+def _harmonic_error(tableau: Tableau) -> ErrorTerm:
+    E = _matrix_errors(tableau)
+    degree = _first_power(tableau, *E)
+    return ErrorTerm(degree, sqrt(sum((entry[degree] ** 2 for entry in E), Fraction(0))))
+
+
+def _matrix_errors(tableau: Tableau) -> StepPolynomials:
+    """The step matrix minus the exact rotation, up to one power beyond the step's own, where it must fail."""
+    K = step_polynomials(tableau)
+    powers = range(len(K.K11) + 2)
+    cos = [Fraction((1, 0, -1, 0)[n % 4], factorial(n)) for n in powers]
+    sin = [Fraction((0, 1, 0, -1)[n % 4], factorial(n)) for n in powers]
+    none = (Fraction(0), Fraction(0))
+    exact = (cos, sin, [-x for x in sin], cos)
+    differences = ([a - b for a, b in zip((*K[i], *none), exact[i], strict=True)] for i in range(4))
+    return StepPolynomials(*map(tuple, differences))
+
+
+def _first_power(tableau: Tableau, *rows: Sequence[Fraction]) -> int:
+    """The first power of tau at which one of ``rows`` is not zero within the guaranteed digits.
+
+    A matrix entry is a sum of the step's words of n letters, all of which together are off by m 10^-digits M^(n-1)
+    / (n-1)! at most: less than what is allowed for their logarithm.
+    """
+    return next(n for n in range(1, len(rows[0])) if any(abs(row[n]) > 2 * tolerance(tableau, n) for row in rows))
+
+
+def _weighted(weights: tuple[Fraction, ...], errors: tuple[tuple[int, ...], int]) -> Fraction:
+    """The sum of ``errors``, numerators and their denominator, each times its weight."""
+    numerators, denominator = errors
+    unit = lcm(*(w.denominator for w in weights))
+    total = sum(w.numerator * (unit // w.denominator) * x for w, x in zip(weights, numerators, strict=True))
+    return Fraction(total, unit * denominator)
+
+
+def _integer(key: str, number: int) -> int:
+    if isinstance(number, bool) or not isinstance(number, Integral) or number < 1:
+        raise bad_setting(key, number, "an integer >= 1")
+    return int(number)

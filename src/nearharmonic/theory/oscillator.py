@@ -1,0 +1,225 @@
+"""One step of an integrator on the harmonic oscillator H = (p^2 + q^2)/2, decomposed by powers of the step, exactly.
+
+The step is a linear map (q, p) -> K (q, p) whose entries are polynomials in tau: a drift by c is the shear
+q += c tau p, a kick by d the shear p -= d tau q. Every coefficient of a tableau is a decimal number, so the polynomials
+are rational and known without rounding; mpmath enters where a number is asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+from functools import lru_cache
+from math import factorial, lcm
+from numbers import Integral
+from typing import Literal, NamedTuple
+
+from mpmath import inf, isfinite, mp, mpf
+
+from nearharmonic.errors import bad_setting
+from nearharmonic.exact.decimals import Number, as_mpf
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.tableau import First, Tableau
+
+#: Coefficients of tau^0, tau^1, ...
+Coefficients = tuple[Fraction, ...]
+
+#: What of the new state is decomposed.
+Variable = Literal["position", "momentum"]
+
+#: Decimal digits that the closed forms are evaluated with: more than any error they are compared with needs.
+CLOSED_FORM_DIGITS = 50
+
+
+class StepPolynomials(NamedTuple):
+    """Entries of the step matrix, q_b = K11 q_a + K12 p_a and p_b = K21 q_a + K22 p_a, as polynomials in tau.
+
+    All four are as long as the step has operators, plus one; a symmetric step has K11 = K22, even, and K12, K21 odd.
+    """
+
+    K11: Coefficients
+    K12: Coefficients
+    K21: Coefficients
+    K22: Coefficients
+
+
+#: Error terms at most: those beyond lambda_max are all 1, and no registered method has more than 31 before.
+MOST_TERMS = 1000
+
+
+def kappa(
+    integrator: str | Tableau, highest: int, *, first: First | None = None, variable: Variable = "position"
+) -> list[Number]:
+    """Error terms [kappa_1, ..., kappa_highest] of one step (Nielsen 2015, Eq. 17), as mpf.
+
+    kappa_l = |x^(l)(0) - l! zeta_l|, where zeta_l is the coefficient of tau^l in the new position (or momentum, which
+    the paper leaves aside) and x(t) the exact one, both from q_a = -p_a = 1. ``first`` names the operator that the
+    outer row is given to; None leaves it as declared. The values are exact for the printed coefficients, then rounded
+    to ten digits more than these have: one that vanishes for the true coefficients shows what the printed digits leave
+    of it. Past :func:`lambda_max` no term of the step is left and kappa_l = 1.
+
+    Raises:
+        UnknownNameError: no integrator has this name.
+        SettingError: ``highest`` is no integer from 1 to :data:`MOST_TERMS`, ``first`` no operator, or ``variable``
+            none of the two.
+    """
+    if isinstance(highest, bool) or not isinstance(highest, Integral) or not 1 <= highest <= MOST_TERMS:
+        key = "highest"
+        raise bad_setting(key, highest, f"an integer >= 1, and at most {MOST_TERMS}")
+    tableau = tableau_of(integrator, first)
+    terms = zeta(tableau, variable=variable)
+    with mp.workdps(max(mp.dps, tableau.digits + 10)):
+        return [as_mpf(abs(error)) for error in _errors(terms, int(highest), variable)]
+
+
+def zeta(
+    integrator: str | Tableau, *, first: First | None = None, variable: Variable = "position"
+) -> tuple[Fraction, ...]:
+    """Contributions (zeta_0, ..., zeta_lambda_max) of each order to the new position or momentum (Nielsen 2015, Eq. 7).
+
+    Exact, from q_a = -p_a = 1 and m = k = 1.
+
+    Raises:
+        UnknownNameError: no integrator has this name.
+        SettingError: ``first`` is no operator, or ``variable`` neither "position" nor "momentum".
+    """
+    tableau = tableau_of(integrator, first)
+    highest = lambda_max(tableau, variable=variable)
+    K = _step_polynomials(tableau)
+    from_q, from_p = (K.K11, K.K12) if variable == "position" else (K.K21, K.K22)
+    return tuple(a - b for a, b in zip(from_q, from_p, strict=True))[: highest + 1]
+
+
+def lambda_max(integrator: str | Tableau, *, first: First | None = None, variable: Variable = "position") -> int:
+    """Highest power of tau in the new position: 2s if the kick comes first (BAB), 2s + 1 for the drift (ABA).
+
+    In the new momentum the two are exchanged.
+
+    Raises:
+        UnknownNameError: no integrator has this name.
+        SettingError: ``first`` is no operator, or ``variable`` neither "position" nor "momentum".
+    """
+    if variable not in {"position", "momentum"}:
+        key = "variable"
+        raise bad_setting(key, variable, "it is 'position' or 'momentum'")
+    tableau = tableau_of(integrator, first)
+    moved_last = "position" if tableau.first == "drift" else "momentum"
+    return 2 * tableau.stages + (variable == moved_last)
+
+
+def step_polynomials(integrator: str | Tableau, *, first: First | None = None) -> StepPolynomials:
+    """The step matrix of the harmonic oscillator, exact.
+
+    Raises:
+        UnknownNameError: no integrator has this name.
+        SettingError: ``first`` is no operator.
+    """
+    return _step_polynomials(tableau_of(integrator, first))
+
+
+def stability_trace(integrator: str | Tableau, tau: Number, *, first: First | None = None) -> Number:
+    """Trace of the step matrix at ``tau``, as mpf: steps are stable while it lies in [-2, 2] and 2 cos(tau) is exact.
+
+    Raises:
+        UnknownNameError: no integrator has this name.
+        SettingError: ``tau`` is no finite number above 0, or ``first`` no operator.
+    """
+    closed_form, step = _closed_form(tableau_of(integrator, first)), _step_size(tau)
+    with mp.workdps(CLOSED_FORM_DIGITS):
+        return _value(closed_form.trace, step)
+
+
+def harmonic_energy_error(integrator: str | Tableau, tau: Number, *, first: First | None = None) -> Number:
+    """Supremum of |H - H0|/H0 over arbitrarily many steps of size ``tau`` from (q, p) = (1, 0), as mpf.
+
+    A symmetric step conserves -K21 q^2 + K12 p^2, an ellipse whose other axis is p^2 = -K21/K12: the supremum is
+    |-K21/K12 - 1|. Where the trace leaves [-2, 2] the error grows without bound: inf.
+
+    Raises:
+        UnknownNameError: no integrator has this name.
+        SettingError: ``tau`` is no finite number above 0, or ``first`` no operator.
+    """
+    closed_form, step = _closed_form(tableau_of(integrator, first)), _step_size(tau)
+    with mp.workdps(CLOSED_FORM_DIGITS):
+        K12 = _value(closed_form.K12, step)
+        if abs(_value(closed_form.trace, step)) > 2 or K12 == 0:
+            return inf
+        return abs(_value(closed_form.defect, step) / K12)
+
+
+class _ClosedForm(NamedTuple):
+    """Polynomials in tau^2, rounded once; the powers of tau that K12 and the defect have in common cancel."""
+
+    trace: tuple[Number, ...]  # K11 + K22
+    K12: tuple[Number, ...]  # K12 / tau
+    defect: tuple[Number, ...]  # (K12 + K21) / tau, summed before rounding: it is tiny where the energy error is
+
+
+@lru_cache(maxsize=256)
+def _closed_form(tableau: Tableau) -> _ClosedForm:
+    K = _step_polynomials(tableau)
+    trace = [a + b for a, b in zip(K.K11, K.K22, strict=True)]
+    defect = [a + b for a, b in zip(K.K12, K.K21, strict=True)]
+    with mp.workdps(CLOSED_FORM_DIGITS):
+        return _ClosedForm(*(tuple(map(as_mpf, row)) for row in (trace[0::2], K.K12[1::2], defect[1::2])))
+
+
+@lru_cache(maxsize=256)
+def _step_polynomials(tableau: Tableau) -> StepPolynomials:
+    outer, inner = tableau.rows_exact()
+    operators = [c for pair in zip(outer, inner, strict=False) for c in pair] + [outer[-1]]
+    # A term in tau^l is a sum of products of l coefficients: in units of 1/unit and 1/unit^l all are integers, which
+    # spares the greatest common divisor of every product.
+    unit = lcm(*(c.denominator for c in operators))
+    images = []
+    for q_a, p_a in ((1, 0), (0, 1)):
+        q, p = [q_a] + [0] * len(operators), [p_a] + [0] * len(operators)
+        drifts = tableau.first == "drift"
+        for c in operators:
+            factor = int(c * unit)
+            if drifts:
+                q = [a + factor * b for a, b in zip(q, [0, *p], strict=False)]
+            else:
+                p = [a - factor * b for a, b in zip(p, [0, *q], strict=False)]
+            drifts = not drifts
+        images.append([tuple(Fraction(n, unit**power) for power, n in enumerate(x)) for x in (q, p)])
+    (K11, K21), (K12, K22) = images
+    return StepPolynomials(K11, K12, K21, K22)
+
+
+def _errors(terms: Sequence[Fraction], highest: int, variable: Variable) -> Iterator[Fraction]:
+    """x^(l)(0) - l! zeta_l for l = 1 ... highest; q(t) = cos t - sin t, and p is its derivative."""
+    ahead = 0 if variable == "position" else 1
+    for power in range(1, highest + 1):
+        derivative = (1, -1, -1, 1)[(power + ahead) % 4]
+        yield derivative - factorial(power) * (terms[power] if power < len(terms) else Fraction(0))
+
+
+def tableau_of(integrator: str | Tableau, first: First | None = None) -> Tableau:
+    """The tableau of this name, or the one given, with its outer row given to the operator ``first``.
+
+    Raises:
+        UnknownNameError: no integrator has this name.
+        SettingError: ``first`` is no operator.
+    """
+    return (integrator if isinstance(integrator, Tableau) else integrators[integrator]).role(first)
+
+
+def _step_size(tau: Number) -> Number:
+    with mp.workdps(CLOSED_FORM_DIGITS):
+        try:
+            step = mpf(tau)
+        except (TypeError, ValueError):
+            step = inf
+    if not (isfinite(step) and step > 0):
+        key = "tau"
+        raise bad_setting(key, tau, "a finite number above 0")
+    return step
+
+
+def _value(coefficients: tuple[Number, ...], tau: Number) -> Number:
+    """A polynomial in tau^2, by Horner's rule."""
+    square, total = tau * tau, mpf(0)
+    for coefficient in reversed(coefficients):
+        total = total * square + coefficient
+    return total

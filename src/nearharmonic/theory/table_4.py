@@ -1,0 +1,54 @@
+"""The paper's Table 4: the independent coefficients of each set, as printed and as derived."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from nearharmonic.exact.decimals import decimals_in_common
+from nearharmonic.integrators.nielsen_2015 import TABLEAUS
+from nearharmonic.integrators.tableau import Tableau
+
+#: The sets of Table 4 by name, in its order.
+SETS: Mapping[str, Tableau] = {tableau.name: tableau for tableau in TABLEAUS}
+
+Header = tuple[str, ...]
+Rows = list[tuple[str | int, ...]]
+
+
+def independent(tableau: Tableau) -> Iterator[tuple[str, int, str]]:
+    """(symbol, index from 1, value) of what the paper prints: half of each row but for what the sum implies.
+
+    As in the table, d is the outer and c the inner row, whatever the operator.
+    """
+    for symbol, row in (("d", tableau.outer), ("c", tableau.inner)):
+        for i in range((len(row) + 1) // 2 - 1):
+            yield symbol, i + 1, row[i]
+
+
+def table_4(derived: Mapping[str, Tableau] | None = None) -> tuple[Header, Rows]:
+    """Return Table 4, and beside it what was derived.
+
+    Parameters
+    ----------
+    derived : mapping of str to Tableau, optional
+        Derived counterparts of the sets, by name; a set without one is said to be not derived.
+
+    Returns
+    -------
+    header : tuple of str
+        Set, coefficient and printed value; with ``derived`` also the derived value and the decimals that agree.
+    rows : list of tuple
+        One for each independent coefficient.
+    """
+    rows: Rows = []
+    for name, printed in SETS.items():
+        found = None if derived is None else derived.get(name)
+        others = list(independent(found)) if found is not None else None
+        for k, (symbol, i, value) in enumerate(independent(printed)):
+            row: tuple[str | int, ...] = (printed.label, f"{symbol}({i})", value)
+            if derived is not None:
+                other = others[k][2] if others is not None else ""
+                row += (other, decimals_in_common(value, other) if other else "not derived")
+            rows.append(row)
+    header: Header = ("set", "coefficient", "printed")
+    return (header if derived is None else (*header, "derived", "agreeing decimals")), rows

@@ -1,0 +1,91 @@
+"""Every figure draws one method alone and a cube without a number in it, and says in its caption what it shows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import figure_cubes as made
+from nearharmonic.experiments.paper.figures.fig6_substeps import draw_panels
+from nearharmonic.experiments.work_precision.curve import Curve
+from nearharmonic.experiments.work_precision.figure import work_precision_figure
+from nearharmonic.output.declarations import figures_of
+from nearharmonic.output.provenance import function_of
+
+#: Figure -> what it draws for some methods, and the variables that a cube has even without a number.
+CUBES = {
+    "energy_error_sho": (made.errors, ()),
+    "fig1_sho": (lambda methods: made.errors(methods, precision=True), ()),
+    "fig2_decomposition": (made.terms, ()),
+    "fig3_henon_heiles": (made.errors, ()),
+    "fig4_perihelion": (made.advances, ("evaluations_per_orbit",)),
+    "fig5_kepler": (lambda methods: made.errors(methods, unit="h"), ()),
+    "linear_stability": (made.traces, ()),
+    "kinetic_energy": (made.amplitudes, ()),
+    "henon_heiles_stability": (made.ensembles, ()),
+    "kepler_stability": (made.orbits, ("evaluations_per_orbit",)),
+    "rounding_growth": (made.rounding, ("time",)),
+}
+#: Cubes that declared figures show, besides those of the systems.
+SHOWN = (
+    "sho_terms",
+    "linear_stability",
+    "kinetic_energy",
+    "stability_henon_heiles",
+    "stability_kepler",
+    "stability_rounding",
+)
+DECLARED = {one.stem: one for one in figures_of("experiments", ("henon_heiles", "kepler", "sho"), SHOWN)}
+# Every system that the paper has no figure of is shown like this.
+(DECLARED["energy_error_sho"],) = figures_of("experiments.paper.figures.energy_error", ("sho",))
+
+
+def drawing(name):
+    """The function that draws the figure ``name``."""
+    return function_of({"function": DECLARED[name].function})
+
+
+def is_drawn(figure):
+    """``figure`` can be laid out, and each of its panels has room on both axes."""
+    figure.draw_without_rendering()
+    assert figure.axes
+    for axes in figure.axes:
+        for low, high in (axes.get_xlim(), axes.get_ylim()):
+            assert np.isfinite([low, high]).all()
+            assert low != high
+
+
+def test_every_figure_is_among_these():
+    assert set(DECLARED) == {*CUBES, "fig6_substeps"}
+
+
+@pytest.mark.parametrize("name", CUBES)
+def test_a_figure_draws_one_method_alone_that_the_table_of_styles_does_not_hold(name):
+    cube, _ = CUBES[name]
+    is_drawn(drawing(name)(cube(["a_method_of_tomorrow"])))
+
+
+@pytest.mark.parametrize("name", CUBES)
+def test_a_figure_draws_a_cube_without_a_number(name):
+    cube, kept = CUBES[name]
+    is_drawn(drawing(name)(made.emptied(cube(["ruth", "babps9o7h"]), *kept)))
+
+
+def test_figure_6_draws_one_panel_alone_and_a_path_without_a_number():
+    panels = made.toy_panels()
+    is_drawn(draw_panels({"A": panels["A"]}))
+    is_drawn(draw_panels({k: made.emptied(panel, "H", "hamiltonian") for k, panel in panels.items()}))
+
+
+def test_the_work_precision_figure_draws_one_method_alone_and_curves_without_points():
+    is_drawn(work_precision_figure("toy", [("20", ("max",), [made.timed("ruth", [1e-3], [1e-4])])], made.FACTS))
+    absent = [Curve(method=name, label=name, kind="splitting", status="no") for name in made.METHODS]
+    is_drawn(work_precision_figure("toy", [("20", ("max", "mean"), absent), ("5", ("position",), absent)], made.FACTS))
+
+
+@pytest.mark.parametrize("name", DECLARED)
+def test_every_figure_has_a_caption_of_two_sentences_or_more(name):
+    text = DECLARED[name].caption
+    assert text.count(". ") >= 1
+    assert text.endswith(".")
+    assert "  " not in text

@@ -1,0 +1,140 @@
+"""The registries are packages and mappings at once, so that every import works whatever was imported before."""
+
+from __future__ import annotations
+
+import copy
+import itertools
+import pickle
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+import nearharmonic as nh
+from nearharmonic.errors import NearharmonicError, UnknownNameError
+from nearharmonic.registry import make_registry
+
+SOURCES = Path(nh.__file__).parents[1]
+
+#: Ways to reach a system, an integrator or the registries, each checked by the assertion behind it.
+IMPORTS = {
+    "package": (
+        "import nearharmonic as nh",
+        "assert nh.integrators.nielsen_2015.TABLEAUS and nh.systems.kepler.SYSTEM is nh.systems['kepler']",
+    ),
+    "system": (
+        "import nearharmonic.systems.kepler as k",
+        "assert k.SYSTEM.V is k.V and k.SYSTEM.grad_V is k.grad_V",
+    ),
+    "source": (
+        "import nearharmonic.integrators.nielsen_2015 as n",
+        "assert n.TABLEAUS and nearharmonic.integrators.nielsen_2015.TABLEAUS is n.TABLEAUS",
+    ),
+    "registries": (
+        "from nearharmonic.systems import System, systems; from nearharmonic.integrators import integrators",
+        "assert systems.module_of('sho') == 'nearharmonic.systems.sho' and isinstance(systems['sho'], System)\n"
+        "assert integrators.module_of('ruth').startswith('nearharmonic.integrators.')",
+    ),
+    "from package": (
+        "from nearharmonic import integrators as i, systems as s",
+        "assert 'aba864' in i and 'kepler' in s and s is nearharmonic.systems and i is nearharmonic.integrators",
+    ),
+}
+
+
+def in_a_fresh_process(text):
+    done = subprocess.run(
+        [sys.executable, "-c", text], env={"PYTHONPATH": str(SOURCES)}, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, f"{text}\n{done.stderr}"
+
+
+@pytest.mark.parametrize("first", IMPORTS)
+def test_each_import_works_alone_and_before_all_others(first):
+    order = [first, *(name for name in IMPORTS if name != first)]
+    alone = [IMPORTS[first][0], "import nearharmonic", IMPORTS[first][1]]
+    rest = [line for name in order[1:] for line in IMPORTS[name]]
+    in_a_fresh_process("\n".join(alone + rest))
+
+
+@pytest.mark.parametrize("names", [("package", "system"), ("source", "package"), ("from package", "system", "source")])
+def test_imports_work_in_every_order(names):
+    # Processes are dear: the orders of a few imports share one process, which forgets the package between them.
+    forget = "for name in [n for n in sys.modules if n.split('.')[0] == 'nearharmonic']: del sys.modules[name]"
+    text = ["import sys"]
+    for order in itertools.permutations(names):
+        text += [forget, *(IMPORTS[name][0] for name in order), "import nearharmonic"]
+        text += [IMPORTS[name][1] for name in order]
+    in_a_fresh_process("\n".join(text))
+
+
+@pytest.mark.parametrize(("registry", "one"), [(nh.systems, "kepler"), (nh.integrators, "aba864")])
+def test_a_registry_is_a_module_and_a_mapping(registry, one):
+    assert isinstance(registry, Mapping)
+    assert registry is sys.modules[registry.__name__]
+    assert one in registry
+    assert "__path__" not in registry
+    assert 1 not in registry
+    assert list(registry) == list(registry.keys()) == [entry.name for entry in registry.values()]
+    assert dict(registry.items())[one] is registry[one] is registry.get(one)
+    assert len(registry) == len(set(registry)) > 3
+    assert {"items", "keys", "module_of", "__file__", registry.module_of(one).split(".")[-1]} <= set(dir(registry))
+    assert one in repr(registry)
+
+
+def test_a_registry_is_copied_and_pickled_as_the_module_that_it_is():
+    for registry in (nh.systems, nh.integrators):
+        assert copy.deepcopy(registry) is registry
+        assert pickle.loads(pickle.dumps(registry)) is registry
+        assert {registry: 1}[registry] == 1
+    assert nh.systems != nh.integrators
+
+
+def test_an_unknown_key_or_attribute_is_named():
+    with pytest.raises(UnknownNameError, match=r"unknown system 'keppler'\. Did you mean 'kepler'\?"):
+        nh.systems["keppler"]
+    with pytest.raises(AttributeError, match=r"module 'nearharmonic\.systems' has no attribute 'keppler'"):
+        nh.systems.keppler  # noqa: B018
+    assert nh.systems.get("keppler") is None
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A package with one entry, and a function that makes it a registry anew."""
+    place = tmp_path / "made_up_registry"
+    place.mkdir()
+    (place / "__init__.py").touch()
+    (place / "first.py").write_text("ENTRY = 'one'")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    yield place
+    for name in [name for name in sys.modules if name.startswith(place.name)]:
+        del sys.modules[name]
+
+
+def registry_in(folder):
+    __import__(folder.name)
+    return make_registry(folder.name, "entry", lambda module: {getattr(module, "ENTRY", "none"): module.__name__})
+
+
+def test_a_file_in_the_folder_is_all_that_an_entry_takes(folder):
+    (folder / "second.py").write_text("ENTRY = 'two'")
+    assert dict(registry_in(folder)) == {"one": "made_up_registry.first", "two": "made_up_registry.second"}
+
+
+def test_two_files_that_declare_one_name_are_both_named(folder):
+    (folder / "second.py").write_text("ENTRY = 'one'")
+    with pytest.raises(NearharmonicError, match=r"entry 'one' is declared in \S+\.first and in \S+\.second"):
+        len(registry_in(folder))
+
+
+def test_a_file_that_would_hide_a_method_of_the_mapping_is_refused(folder):
+    (folder / "items.py").write_text("ENTRY = 'two'")
+    with pytest.raises(NearharmonicError, match="a file must not have the name 'items' of a method"):
+        len(registry_in(folder))
+
+
+def test_the_package_lists_what_it_offers():
+    assert set(nh.__all__) <= set(dir(nh))
+    assert "kappa" in dir(nh)

@@ -1,0 +1,152 @@
+"""A tableau proves itself when built, rounds each coefficient once, and says what depends on it."""
+
+from __future__ import annotations
+
+from dataclasses import FrozenInstanceError, replace
+from fractions import Fraction
+from math import inf, nextafter
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nearharmonic.errors import SettingError, TableauError
+from nearharmonic.integrators import BENCHMARKED, integrators
+from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau, palindrome
+
+LEAPFROG = {
+    "name": "leapfrog",
+    "label": "leapfrog",
+    "order": 2,
+    "first": "kick",
+    "kick": ("0.5", "0.5"),
+    "drift": ("1",),
+    "source": "Verlet (1967), doi:10.1103/PhysRev.159.98",
+    "digits": 76,
+}
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"first": "both"}, "first = 'both', expected 'drift' or 'kick'"),
+        ({"first": "drift"}, "rows = '2 kicks, 1 drifts', expected one drift more than the other operator"),
+        ({"kick": ("1",)}, "rows = '1 kicks, 1 drifts', expected one kick more"),
+        ({"kick": ("1",), "drift": ()}, "rows = '1 kicks, 0 drifts'"),
+        ({"kick": ("0.4", "0.6")}, "kick[0] = '0.4', expected its mirror image '0.6'"),
+        ({"drift": ("1.1",)}, "drift row sum = '1+1.0e-01', expected 1 within 1e-76"),
+        ({"kick": ["0.5", "0.5"]}, "kick = ['0.5', '0.5'], expected a tuple of decimal strings"),
+        ({"kick": (0.5, 0.5)}, "kick[0] = 0.5, expected a finite decimal number as a string"),
+        ({"drift": ("nan",)}, "drift[0] = 'nan', expected a finite decimal number"),
+        ({"drift": ("inf",)}, "drift[0] = 'inf', expected a finite decimal number"),
+        ({"drift": ("1/1",)}, "drift[0] = '1/1', expected a finite decimal number"),
+        ({"drift": ("1e999999999",)}, "drift[0] = '1e999999999', expected a finite decimal number"),
+        ({"digits": 0}, "digits = 0, expected an integer >= 1"),
+        ({"digits": True}, "digits = True, expected an integer >= 1"),
+        ({"digits": 16.0}, "digits = 16.0, expected an integer >= 1"),
+        ({"order": 0}, "order = 0, expected an integer >= 1"),
+        ({"requires": "luck"}, f"requires = 'luck', expected None or '{QUADRATIC_KINETIC_ENERGY}'"),
+    ],
+)
+def test_a_contradiction_is_named_with_tableau_key_value_and_what_was_expected(change, named):
+    with pytest.raises(TableauError) as caught:
+        Tableau(**LEAPFROG | change)
+    assert str(caught.value).startswith("tableau 'leapfrog': ")
+    assert named in str(caught.value)
+
+
+@pytest.mark.parametrize(("excess", "accepted"), [(1, True), (2, False)])
+def test_a_row_sum_may_miss_one_by_a_unit_of_the_last_guaranteed_decimal_per_coefficient(excess, accepted):
+    drift = ("1." + "0" * 38 + str(excess),)
+    if accepted:
+        assert Tableau(**LEAPFROG | {"drift": drift, "digits": 39}).drift == drift
+    else:
+        with pytest.raises(TableauError, match="drift row sum"):
+            Tableau(**LEAPFROG | {"drift": drift, "digits": 39})
+
+
+@given(data=st.data())
+def test_no_digit_of_a_registered_row_can_change_unnoticed(data):
+    # Guaranteed decimals but the last two, which the tolerance of the row sum, s + 1 units, is there for.
+    tableau = integrators[data.draw(st.sampled_from(BENCHMARKED))]
+    key = data.draw(st.sampled_from(["kick", "drift"]))
+    row = getattr(tableau, key)
+    i = data.draw(st.integers(0, len(row) - 1))
+    place = row[i].index(".") + data.draw(st.integers(1, tableau.digits - 2))
+    digit = data.draw(st.sampled_from(sorted(set("0123456789") - {row[i][place]})))
+    wrong = row[i][:place] + digit + row[i][place + 1 :]
+    mirrored = tuple(wrong if k in (i, len(row) - 1 - i) else c for k, c in enumerate(row))
+    with pytest.raises(TableauError, match=f"{key} row sum"):
+        replace(tableau, **{key: mirrored})
+
+
+def test_a_palindrome_is_written_once():
+    assert palindrome("1", "2") == ("1", "2", "2", "1")
+    assert palindrome("1", "2", centre="3") == ("1", "2", "3", "2", "1")
+
+
+def test_a_tableau_cannot_be_changed():
+    with pytest.raises(FrozenInstanceError):
+        Tableau(**LEAPFROG).order = 4
+
+
+def neighbours(value):
+    return nextafter(value, -inf), value, nextafter(value, inf)
+
+
+@pytest.mark.parametrize("name", BENCHMARKED)
+def test_doubles_are_the_nearest_to_the_printed_decimals(name):
+    tableau = integrators[name]
+    for row, rounded in zip((tableau.outer, tableau.inner), tableau.rows_double(), strict=True):
+        for text, value in zip(row, rounded, strict=True):
+            exact = Fraction(text)
+            distance = {x: abs(Fraction(x) - exact) for x in neighbours(value)}
+            assert min(distance, key=distance.get) == value
+
+
+@pytest.mark.parametrize("name", BENCHMARKED)
+def test_double_double_pairs_hold_the_printed_decimals_to_half_a_unit_of_the_low_part(name):
+    tableau = integrators[name]
+    for row, pairs in zip((tableau.outer, tableau.inner), tableau.rows_double_double(), strict=True):
+        for text, (high, low) in zip(row, pairs, strict=True):
+            exact = Fraction(text)
+            assert high == float(text)
+            assert abs(exact - Fraction(high) - Fraction(low)) <= abs(Fraction(low)) / 2**53
+            assert low != 0  # no coefficient of these ten is a double
+
+
+def test_a_step_opens_and_closes_with_the_operator_named_first():
+    kick_first, drift_first = integrators["babs7o7h"], integrators["aba104"]
+    assert (kick_first.outer, kick_first.inner) == (kick_first.kick, kick_first.drift)
+    assert (drift_first.outer, drift_first.inner) == (drift_first.drift, drift_first.kick)
+    assert kick_first.first_same_as_last
+    assert not drift_first.first_same_as_last
+    assert kick_first.stages == drift_first.stages == 7
+
+
+def test_exchanging_roles_gives_the_outer_row_to_the_other_operator_and_drops_the_claims_of_the_source():
+    tableau = integrators["babps8o7h"]
+    swapped = tableau.role("drift")
+    assert (swapped.first, swapped.outer, swapped.inner) == ("drift", tableau.outer, tableau.inner)
+    assert (swapped.drift, swapped.kick) == (tableau.kick, tableau.drift)
+    assert (swapped.order, swapped.harmonic_order, tableau.harmonic_order) == (4, None, 7)
+    assert swapped.role("kick").kick == tableau.kick
+
+
+def test_a_role_that_is_already_played_changes_nothing():
+    tableau = integrators["babps8o7h"]
+    assert tableau.role("kick") is tableau
+    assert tableau.role(None) is tableau
+
+
+def test_an_unknown_role_is_refused():
+    with pytest.raises(SettingError, match="first = 'both' is not allowed: it is 'drift' or 'kick'"):
+        integrators["ruth"].role("both")
+
+
+def test_the_digest_knows_the_numbers_and_roles_but_not_the_names():
+    tableau = integrators["aba864"]
+    assert replace(tableau, name="x", label="y", source="z", note="").digest() == tableau.digest()
+    assert tableau.role("kick").digest() != tableau.digest()
+    assert len({t.digest() for t in integrators.values()}) == len(integrators)
+    assert len(tableau.digest()) == 64

@@ -1,0 +1,216 @@
+"""What compiled arithmetic must keep: bits, carries, symplecticity, the way back, and the truth about divergence."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+import nearharmonic as nh
+from nearharmonic.engine.batch import integrate_batch, start_rows
+from nearharmonic.engine.settings import Numerics
+from nearharmonic.errors import SettingError
+from nearharmonic.systems.system import System
+
+PRECISIONS = [("double", "compensated"), ("double", "plain"), ("extended", "compensated")]
+#: Step sizes per stage, in units where an orbit takes about 2 pi: smooth, coarse, and diverging.
+COUNTS = [4001, 1700, 800, 444, 300, 210, 150, 90, 60, 40, 25, 13, 5]
+
+
+def batch(system, integrator, **settings):
+    problem, tableau = nh.systems[system], nh.integrators[integrator]
+    numerics = {field.name: settings.pop(field.name) for field in fields(Numerics) if field.name in settings}
+    settings = {"t_end": Fraction(problem.t_end), "steps": COUNTS, "samples": 20} | settings
+    return integrate_batch(problem, tableau, numerics=Numerics(**numerics), **settings)
+
+
+def same_bits(a, b):
+    names = ("q", "p", "q_low", "p_low", "energy_error", "block_max", "max_energy_error", "left_at", "energy")
+    return all(np.array_equal(getattr(a, n), getattr(b, n), equal_nan=True) for n in names)
+
+
+@pytest.mark.parametrize("system", sorted(nh.systems))
+@pytest.mark.parametrize(("precision", "summation"), PRECISIONS)
+@pytest.mark.parametrize("integrator", ["aba864", "babps9o7h"])
+def test_a_lane_equals_the_scalar_bit_for_bit(system, precision, summation, integrator):
+    lanes = batch(system, integrator, precision=precision, summation=summation)
+    scalar = batch(system, integrator, precision=precision, summation=summation, width=1)
+    assert same_bits(lanes, scalar)
+
+
+@pytest.mark.parametrize("system", sorted(nh.systems))
+def test_sixteen_lanes_equal_eight_bit_for_bit(system):
+    assert same_bits(batch(system, "babs7o7h", width=16), batch(system, "babs7o7h"))
+
+
+@pytest.mark.parametrize("system", sorted(nh.systems))
+def test_neither_neighbours_nor_sampling_change_a_run(system):
+    """One run alone, cut at 333 samples, against the same run among others, cut at 20."""
+    together, alone = batch(system, "aba104"), batch(system, "aba104", steps=COUNTS[2:3], samples=333)
+    assert alone.max_energy_error[0] == together.max_energy_error[2]
+    assert np.array_equal(alone.q[0, -1], together.q[2, -1])
+    # The mean is summed in other blocks: 20 or 333 roundings of its sum.
+    assert alone.mean_energy_error[0] == pytest.approx(together.mean_energy_error[2], rel=1e-13)
+
+
+def test_a_block_holds_the_maximum_and_mean_of_its_own_steps_alone():
+    every, few = (batch("henon_heiles", "ruth", steps=[800], samples=n) for n in (801, 9))
+    errors = np.abs(every.energy_error[0])
+    for k in range(1, 9):
+        own = errors[few.marks[0, k - 1] + 1 : few.marks[0, k] + 1]
+        assert few.block_max[0, k] == own.max()
+        # A mean of 100 numbers in two orders of summation.
+        assert few.block_mean[0, k] == pytest.approx(own.mean(), rel=1e-14)
+
+
+@pytest.mark.parametrize("system", sorted(nh.systems))
+def test_the_carry_is_not_zero(system):
+    """A compiler that may re-associate deletes the carry without a word."""
+    compensated, plain = batch(system, "s5odr4"), batch(system, "s5odr4", summation="plain")
+    # Now and then an increment is exact and its carry zero; a deleted carry is zero always.
+    assert np.count_nonzero(compensated.q_low[0, 1:]) > 0.5 * compensated.q_low[0, 1:].size
+    assert not plain.q_low[0, 1:].any()
+    assert not plain.p_low[0, 1:].any()
+
+
+def test_compensation_lowers_the_rounding_error_of_a_long_run():
+    """At tau/s = 1e-4 truncation (1e-13 and below) is under rounding: compensated stays at it, plain is 30 times up."""
+    errors = {
+        s: nh.sweep("sho", "babs7o7h", [7e-3], t_end=5000, summation=s).max_energy_error.item()
+        for s in ("compensated", "plain")
+    }
+    assert errors["compensated"] < 2e-15
+    assert errors["plain"] > 10 * errors["compensated"]
+
+
+def test_extended_precision_goes_below_the_double_floor():
+    """7.7e-19 at tau/s = 1.5e-4 (double-double with 32-digit coefficients); rounded coefficients stop at 1e-17."""
+    run = nh.sweep("henon_heiles", "babps9o7h", [9 * 1.5e-4], precision="extended")
+    assert run.max_energy_error.item() == pytest.approx(7.7e-19, rel=0.05)
+
+
+@pytest.mark.parametrize("integrator", sorted(nh.integrators))
+@pytest.mark.parametrize("system", ["henon_heiles", "kepler", "sho"])
+def test_running_back_returns_to_the_start(system, integrator):
+    """Flip the momentum, run again, flip: the start, up to the growth of 2e-31 per operation (extended precision).
+
+    About 2 * 60 steps * 40 operations, grown by less than 1e3 along these short arcs: 1e-24 of the start's size.
+    """
+    problem, tableau = nh.systems[system], nh.integrators[integrator]
+    t_end = {"henon_heiles": Fraction(12), "sho": Fraction(12), "kepler": Fraction(4200)}[system]
+    settings = {"t_end": t_end, "steps": [120], "samples": 2, "numerics": Numerics(precision="extended")}
+    out = integrate_batch(problem, tableau, **settings)
+    turned = np.concatenate([out.q[0, -1], out.q_low[0, -1], -out.p[0, -1], -out.p_low[0, -1]])
+    back = integrate_batch(problem, tableau, **settings, start=turned[None, :])
+    for name, sign in (("q", 1), ("p", -1)):
+        high, low = getattr(back, name)[0, -1], getattr(back, f"{name}_low")[0, -1]
+        start, rest = getattr(out, name)[0, 0], getattr(out, f"{name}_low")[0, 0]
+        # In double the difference would vanish in rounding: high parts first, exactly, then the low ones.
+        defect = (sign * high - start) + (sign * low - rest)
+        assert np.abs(defect).max() < 1e-24 * max(1.0, np.abs(start).max())
+
+
+@pytest.mark.parametrize("integrator", ["ruth", "yoshida_s7o6a", "babps8o7h"])
+@pytest.mark.parametrize("system", ["henon_heiles", "kepler"])
+def test_one_step_is_symplectic(system, integrator):
+    """M^T J M = J for the tangent map M by central differences: displacement 1e-8 in extended precision leaves 1e-16
+    truncation and 1e-24 rounding; 1e-13 allows for large third derivatives. det M = 1 follows, and is checked too."""
+    problem, tableau = nh.systems[system], nh.integrators[integrator]
+    d, h = problem.dimension, Fraction(1, 10**8)
+    start = [*map(Fraction, problem.q0), *map(Fraction, problem.p0)]
+    rows = []
+    for k in range(2 * d):
+        for sign in (1, -1):
+            moved = [x + sign * h * (i == k) for i, x in enumerate(start)]
+            rows.append(start_rows(moved[:d], moved[d:], "compensated"))
+    t_end = {"henon_heiles": Fraction(1, 2), "kepler": Fraction(100)}[system]
+    out = integrate_batch(
+        problem, tableau, t_end=t_end, steps=[1] * len(rows), samples=2, start=np.array(rows),
+        numerics=Numerics(precision="extended"),
+    )  # fmt: skip
+    high = np.concatenate([out.q[:, -1], out.p[:, -1]], axis=1)
+    low = np.concatenate([out.q_low[:, -1], out.p_low[:, -1]], axis=1)
+    M = (((high[::2] - high[1::2]) + (low[::2] - low[1::2])) / (2 * float(h))).T
+    J = np.block([[np.zeros((d, d)), np.eye(d)], [-np.eye(d), np.zeros((d, d))]])
+    assert np.abs(M - np.eye(2 * d)).max() > 1e-2
+    assert np.abs(M.T @ J @ M - J).max() < 1e-13
+    assert np.linalg.det(M) == pytest.approx(1.0, abs=1e-13)
+
+
+@pytest.mark.parametrize("integrator", ["abas5o6h", "aba864", "babps8o7h"])
+def test_swapped_roles_change_the_result(integrator):
+    own = nh.sweep("henon_heiles", integrator, [0.5])
+    swapped = nh.sweep("henon_heiles", integrator, [0.5], first="kick" if own.attrs["first"] == "drift" else "drift")
+    assert abs(np.log10(own.max_energy_error / swapped.max_energy_error)).item() > 0.1
+
+
+def test_first_same_as_last_counts_one_force_a_stage_and_one_to_begin():
+    assert nh.sweep("sho", "babs7o7h", [0.5]).evaluations.item() == 7 * 1000 + 1
+    assert nh.sweep("sho", "aba864", [0.5]).evaluations.item() == 7 * 1000
+
+
+def test_a_diverged_run_says_so_and_stops():
+    run = nh.integrate("henon_heiles", "ruth", 3.0)
+    assert run.status.item() == "diverged"
+    assert 0 < run.diverged_at.item() < run.steps.item()
+    assert run.evaluations.item() == 3 * run.diverged_at.item()
+    assert np.isinf(run.max_energy_error)
+    assert np.isinf(run.mean_energy_error)
+    assert np.isfinite(run.q).all()
+
+
+def test_an_overflow_within_one_step_is_divergence_not_a_finite_maximum():
+    run = nh.sweep("henon_heiles", "yoshida_s7o6a", [500.0, 250.0])
+    assert run.status.values.tolist() == ["diverged", "diverged"]
+    assert run.diverged_at.values.tolist() == [1, 1]
+    assert np.isinf(run.max_energy_error).all()
+
+
+def test_a_run_that_turns_into_nan_leaves_at_that_very_step():
+    """Steps of 1e199 overflow at once: infinity minus infinity, which no comparison with a limit notices."""
+    run = nh.sweep("henon_heiles", "yoshida_s7o6a", [1e199], t_end=1e200)
+    assert run.steps.item() == 10
+    assert run.diverged_at.item() == 1
+    assert np.isinf(run.max_energy_error).all()
+
+
+@pytest.mark.parametrize("integrator", ["ruth", "aba864"])
+def test_the_oscillator_is_lost_just_beyond_its_stability_limit(integrator):
+    """First edges of |trace| = 2: 1.573401947 and 3.142177180, each with its gap above."""
+    edge = {"ruth": Fraction("1.573401947"), "aba864": Fraction("3.142177180")}[integrator]
+    inside, outside = (
+        nh.sweep("sho", integrator, [float(edge) * (1 + shift)], t_end=20000 * float(edge) * (1 + shift))
+        for shift in (-1e-4, 1e-4)
+    )
+    assert inside.status.item() == "ok"
+    assert outside.status.item() == "diverged"
+
+
+def test_a_run_that_leaves_does_not_disturb_its_neighbours():
+    counts = [5, 4001, 13, 800]
+    mixed, calm = batch("henon_heiles", "ruth", steps=counts), batch("henon_heiles", "ruth", steps=[4001, 800])
+    assert mixed.left_at.astype(bool).tolist() == [True, False, True, False]
+    assert np.array_equal(mixed.max_energy_error[[1, 3]], calm.max_energy_error)
+
+
+def test_a_zero_energy_start_is_refused_because_the_error_is_relative():
+    sound = nh.systems["sho"]
+    still = System(
+        name="still", label="at rest", V=sound.V, grad_V=sound.grad_V, q0=("0",), p0=("0",), t_end="1",
+        units=sound.units, source="none",
+    )  # fmt: skip
+    with pytest.raises(SettingError, match=r"still.*must not be 0"):
+        nh.integrate(still, "ruth", 0.1)
+
+
+def test_a_system_of_ones_own_needs_no_registration():
+    """A quartic oscillator in three dimensions; a fourth-order method halves its step: error down by 2^4."""
+    quartic = System(
+        name="quartic", label="quartic", V=lambda q: sum(x**4 for x in q) / 4, grad_V=lambda q: tuple(x**3 for x in q),
+        q0=("1", "0.5", "0.25"), p0=("0", "0.5", "1"), t_end="20", units=dict.fromkeys(("q", "p", "t", "energy"), "1"),
+        source="test",
+    )  # fmt: skip
+    errors = nh.sweep(quartic, replace(nh.integrators["aba864"], name="mine"), [0.1, 0.05], precision="extended")
+    assert np.log2(errors.max_energy_error[0] / errors.max_energy_error[1]).item() == pytest.approx(4, abs=0.3)

@@ -1,0 +1,131 @@
+"""Compiled code: found again without the compiler, and made again when what it depends on changes."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from fractions import Fraction
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import nearharmonic as nh
+from nearharmonic.core import native
+from nearharmonic.engine.batch import integrate_batch, kernel_of
+from nearharmonic.engine.settings import Numerics
+from nearharmonic.experiments.sixth_order import kernels
+
+OSCILLATOR = nh.systems["sho"]
+
+
+@pytest.fixture
+def own_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("NEARHARMONIC_CACHE_DIR", str(tmp_path))
+    kernel_of.cache_clear()
+    yield tmp_path
+    kernel_of.cache_clear()
+
+
+def worst(system):
+    kernel_of.cache_clear()
+    paths = integrate_batch(system, nh.integrators["ruth"], t_end=Fraction(10), steps=[50], samples=2)
+    return paths.max_energy_error[0]
+
+
+def test_a_second_process_finds_the_kernel_and_does_not_load_the_compiler(own_cache):
+    worst(OSCILLATOR)
+    text = "import sys, nearharmonic as nh; print(nh.sweep('sho', 'ruth', [0.2]).steps.item(), 'numba' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["2500", "False"]
+
+
+def kernels_in(folder):
+    return list(folder.glob("advance-*.kernel"))
+
+
+def test_a_kernel_is_made_once_and_a_comment_changes_nothing(own_cache):
+    worst(OSCILLATOR)
+    files = set(own_cache.iterdir())
+    worst(replace(OSCILLATOR, label="the same formulas"))
+    assert set(own_cache.iterdir()) == files
+    assert len(kernels_in(own_cache)) == 1
+
+
+def test_the_scheduler_of_lanes_is_compiled_once_for_all_precisions_and_widths(own_cache):
+    worst(OSCILLATOR)
+    kernel_of(OSCILLATOR, Numerics(precision="extended", width=4))
+    assert len(kernels_in(own_cache)) == 2
+    assert len(list(own_cache.glob("run-*.kernel"))) == 1
+
+
+def test_a_changed_formula_is_never_served_old_code(own_cache):
+    stiff = replace(OSCILLATOR, V=lambda q: 2 * q[0] * q[0], grad_V=lambda q: (4 * q[0],))
+    first, second = worst(OSCILLATOR), worst(stiff)
+    assert len(kernels_in(own_cache)) == 2
+    assert second > 10 * first
+    assert worst(OSCILLATOR) == first
+
+
+def test_an_array_of_the_wrong_kind_is_refused_before_the_call(own_cache):
+    advance = kernel_of(OSCILLATOR).advance()
+    with pytest.raises(TypeError, match="contiguous float64 array of 1 dimensions"):
+        advance(1, 3, False, np.zeros(32, dtype=np.float32), np.zeros(32), np.zeros(88))
+
+
+def test_the_kernels_of_both_searches_are_found_again_without_the_compiler():
+    text = """
+import sys
+import numpy as np
+from nearharmonic.experiments.derivation.conditions import Equations
+from nearharmonic.experiments.derivation.starts import sample
+from nearharmonic.experiments.sixth_order.conditions import NystromEquations
+from nearharmonic.experiments.sixth_order.cascade import assessed
+from nearharmonic.experiments.sixth_order.kernels import kernels
+print(len(sample(Equations(5, 6), starts=20, seed=1)), np.isfinite(assessed(NystromEquations(7, "kick", 6),
+    np.full((1, 6), 0.1))).all(), "numba" in sys.modules)
+"""
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True)
+    assert done.stdout.split()[1:] == ["True", "False"]
+    assert int(done.stdout.split()[0]) > 0
+
+
+@pytest.mark.parametrize("module", ["kernels", "iteration", "word_sums", "criterion", "conditions"])
+def test_an_edit_of_the_criterion_or_of_other_compiled_text_changes_the_key_of_the_searchs_kernels(
+    tmp_path, monkeypatch, module
+):
+    for source in Path(kernels.__file__).parent.glob("*.py"):
+        shutil.copy(source, tmp_path)
+    monkeypatch.setattr(kernels, "__file__", str(tmp_path / "kernels.py"))
+    before = kernels.key()
+    with (tmp_path / f"{module}.py").open("a") as file:
+        file.write("ANHARMONICITY = 0.2\n")
+    assert kernels.key() != before
+
+
+@pytest.mark.parametrize("compiler", ["numba", "llvmlite"])
+def test_another_version_of_a_compiler_has_another_key(monkeypatch, compiler):
+    before = native.code_key()
+    monkeypatch.setattr(native, "version", lambda name: "0.0" if name == compiler else version(name))
+    native.core_digest.cache_clear()
+    after = native.code_key()
+    native.core_digest.cache_clear()
+    assert after != before
+
+
+@pytest.mark.parametrize("processor", ["x86-64-v3", "generic"])
+def test_code_for_another_processor_computes_the_same_bits(own_cache, monkeypatch, processor):
+    here = integrate_batch(OSCILLATOR, nh.integrators["aba864"], t_end=Fraction(50), steps=[170, 90], samples=20)
+    monkeypatch.setenv("NUMBA_CPU_NAME", processor)
+    for cached in (native.processor, native.core_digest, kernel_of):
+        cached.cache_clear()
+    there = integrate_batch(OSCILLATOR, nh.integrators["aba864"], t_end=Fraction(50), steps=[170, 90], samples=20)
+    for cached in (native.processor, native.core_digest):
+        cached.cache_clear()
+    assert len(kernels_in(own_cache)) == 2
+    assert np.array_equal(here.q, there.q)
+    assert np.array_equal(here.max_energy_error, there.max_energy_error)

@@ -1,0 +1,126 @@
+"""Settings of the arithmetic, and the exact coefficients and starts that runs share."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+import nearharmonic as nh
+from nearharmonic.engine.batch import coefficients, integrate_batch, kernel_of, sample_marks
+from nearharmonic.engine.settings import Numerics
+from nearharmonic.errors import SettingError
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"precision": "doubel"}, "precision = 'doubel' is not allowed.*Did you mean 'double'"),
+        ({"summation": "kahan"}, "summation = 'kahan' is not allowed: one of compensated, plain"),
+        ({"width": 0}, "width = 0 is not allowed: a whole number from 1 to 64"),
+        ({"width": 8.0}, r"width = 8\.0 is not allowed"),
+        ({"look": 0}, "look = 0 is not allowed"),
+    ],
+)
+def test_numerics_that_make_no_sense_are_refused(change, words):
+    with pytest.raises(SettingError, match=words):
+        Numerics(**change)
+
+
+def test_numerics_with_one_compiled_code_are_one_in_compiled_form():
+    """Double-double is compensated always; how often to look and rounded coefficients are arguments of a call."""
+    extended = Numerics(precision="extended")
+    for other in ({"summation": "plain"}, {"look": 5}, {"double_coefficients": True}):
+        assert Numerics(precision="extended", **other).compiled == extended.compiled
+    kinds = [
+        Numerics(**how)
+        for how in ({}, {"summation": "plain"}, {"precision": "extended"}, {"width": 1}, {"every_step": False})
+    ]
+    assert len({kind.compiled for kind in kinds}) == 5
+
+
+def test_a_batch_that_looks_more_often_loads_no_other_kernel():
+    settings = {"t_end": Fraction(3), "steps": [6], "samples": 2}
+    for look in (None, 2, 3):
+        before = kernel_of.cache_info().misses
+        numerics = Numerics(width=1, every_step=False, look=look)
+        integrate_batch(nh.systems["sho"], nh.integrators["ruth"], numerics=numerics, **settings)
+        assert look is None or kernel_of.cache_info().misses == before
+
+
+def expected(tableau, operator, tau):
+    row = tableau.kick if operator == "kick" else tableau.drift
+    exact = [(-1 if operator == "kick" else 1) * Fraction(text) * tau for text in row]
+    return exact + [Fraction(0)] * (tableau.stages + 1 - len(exact))
+
+
+def test_coefficients_are_exact_products_rounded_once_whatever_was_asked_before():
+    """Twice through methods, roles, steps and parts, so that each follows each other one; to u/2 or (u/2)^2."""
+    own, other = nh.integrators["babps9o7h"], nh.integrators["aba864"]
+    taus = [Fraction(9, 10), Fraction(-1, 3), Fraction(10, 9)]
+    for tableau in (own, own.role("drift"), other, own):
+        for parts in (1, 2, 1):
+            rows = coefficients(tableau, taus, parts)
+            for operator, row in zip(("drift", "kick"), rows, strict=True):
+                assert row.shape == (3, tableau.stages + 1, parts)
+                for i, tau in enumerate(taus):
+                    for found, exact in zip(row[i], expected(tableau, operator, tau), strict=True):
+                        assert found[0] == float(exact)
+                        assert abs(sum(map(Fraction, found)) - exact) <= abs(exact) / 2 ** (53 * parts)
+
+
+def test_what_a_caller_does_to_coefficients_or_states_does_not_reach_later_runs():
+    tableau, sho = nh.integrators["ruth"], nh.systems["sho"]
+    settings = {"t_end": Fraction(3), "steps": [6], "samples": 2}
+    before = integrate_batch(sho, tableau, **settings)
+    for row in coefficients(tableau, [Fraction(1, 2)], 1):
+        row[:] = 9.0
+    kept = before.q.copy()
+    before.q[:] = before.p[:] = 5.0
+    assert np.array_equal(integrate_batch(sho, tableau, **settings).q, kept)
+
+
+def test_runs_start_from_the_initial_values_with_the_digits_that_their_summation_keeps():
+    """0.3 and 0.4 are no doubles; twice through every arithmetic, so that each follows each other one."""
+    settings = {"t_end": Fraction(3), "steps": [6, 7], "samples": 2}
+    for how in ({}, {"summation": "plain"}, {"precision": "extended", "summation": "plain"}, {}):
+        numerics = Numerics(**how, width=1)
+        found = integrate_batch(nh.systems["henon_heiles"], nh.integrators["ruth"], numerics=numerics, **settings)
+        for high, low, i, decimal in ((found.q, found.q_low, 0, "0.3"), (found.p, found.p_low, 1, "0.4")):
+            first = set(zip(high[:, 0, i].tolist(), low[:, 0, i].tolist(), strict=True))
+            rest = float(Fraction(decimal) - Fraction(float(decimal)))
+            assert first == {(float(decimal), 0.0 if how == {"summation": "plain"} else rest)}
+
+
+def test_a_start_may_be_an_array_that_cannot_be_written_to():
+    start = np.array([[0.25, 0.0, 0.5, 0.0]])
+    start.flags.writeable = False
+    settings = {"t_end": Fraction(3), "steps": [6], "samples": 2}
+    found = integrate_batch(nh.systems["sho"], nh.integrators["ruth"], start=start, **settings)
+    assert (found.q[0, 0, 0], found.p[0, 0, 0], found.energy[0]) == (0.25, 0.5, 0.15625)
+
+
+@pytest.mark.parametrize("samples", [1, 2, 3, 10, 200])
+def test_samples_lie_evenly_from_the_first_to_the_last_step(samples):
+    steps = np.array([1, 2, 7, 100])
+    marks = sample_marks(steps, samples)
+    for n, row in zip(steps.tolist(), marks.tolist(), strict=True):
+        kept = [m for m in row if m >= 0]
+        count = min(max(samples, 2), n + 1)
+        assert kept == [k * n // (count - 1) for k in range(count)]
+        assert row[len(kept) :] == [-1] * (len(row) - len(kept))
+    assert marks.shape[1] == min(max(samples, 2), 101)
+
+
+@pytest.mark.parametrize("numerics", [Numerics(), Numerics(precision="extended", width=1)])
+def test_a_single_sample_is_the_end_of_the_run(numerics):
+    """With all that is measured over the steps; a run of one sample did not come back before."""
+    steps = {"t_end": Fraction(40), "steps": [100, 1, 17], "numerics": numerics}
+    one, two = (integrate_batch(nh.systems["henon_heiles"], nh.integrators["ruth"], samples=n, **steps) for n in (1, 2))
+    assert one.marks.tolist() == [[100], [1], [17]]
+    for name in ("q", "q_low", "p", "p_low", "energy_error", "block_max", "block_mean"):
+        assert np.array_equal(getattr(one, name)[:, 0], getattr(two, name)[:, 1], equal_nan=True)
+    for name in ("max_energy_error", "mean_energy_error", "done", "left_at", "evaluations"):
+        assert np.array_equal(getattr(one, name), getattr(two, name))
+    assert nh.integrate("sho", "ruth", 0.5, t_end=9, samples=1).t.values.tolist() == [9.0]

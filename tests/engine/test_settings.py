@@ -1,0 +1,87 @@
+"""The checks that functions and configs share: what passes, and in which words the rest is refused."""
+
+from __future__ import annotations
+
+from decimal import Decimal
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from nearharmonic.engine.grid import steps_of
+from nearharmonic.engine.settings import (
+    checked_first,
+    checked_precision,
+    checked_samples,
+    checked_summation,
+    checked_t_end,
+    checked_tau,
+)
+from nearharmonic.errors import SettingError
+
+
+@pytest.mark.parametrize("value", [0.25, "0.25", "2.5e-1", np.float64(0.25), np.float32(0.25), Decimal("0.25")])
+def test_a_positive_number_passes_in_any_guise(value):
+    assert checked_tau(value) == 0.25
+    assert checked_t_end(value) == "0.25"
+
+
+@pytest.mark.parametrize(
+    "value",
+    [0, -1, -0.0, float("nan"), float("inf"), "nan", "-inf", "", "ten", "1e-400", 10**400, True, None, [1], 1j, b"1"],
+)
+def test_anything_else_is_refused_with_key_value_and_what_is_allowed(value):
+    for check, key in ((checked_tau, "tau"), (checked_t_end, "t_end")):
+        with pytest.raises(SettingError) as refusal:
+            check(value)
+        assert str(refusal.value) == f"{key} = {value!r} is not allowed: a finite number above 0"
+
+
+def test_t_end_keeps_all_its_digits():
+    assert checked_t_end("87660.123456789012345678901") == "87660.123456789012345678901"
+
+
+@pytest.mark.parametrize("value", [0, -1, 1.5, "3", True, None, 10**8])
+def test_samples_is_a_whole_number_within_memory(value):
+    with pytest.raises(SettingError, match="a whole number from 1 to 10000000"):
+        checked_samples(value)
+
+
+def test_samples_may_be_a_numpy_integer():
+    assert checked_samples(np.int64(7)) == 7
+
+
+@pytest.mark.parametrize(
+    ("check", "value", "nearest"),
+    [
+        (checked_precision, "doubel", "double"),
+        (checked_summation, "compensate", "compensated"),
+        (checked_first, "kik", "kick"),
+    ],
+)
+def test_a_misspelt_choice_names_its_nearest_match(check, value, nearest):
+    with pytest.raises(SettingError, match=f"{value}.*Did you mean '{nearest}'"):
+        check(value)
+
+
+def test_first_may_be_left_to_the_tableau():
+    assert checked_first(None) is None
+
+
+@pytest.mark.parametrize(
+    ("t_end", "tau", "steps"),
+    [("500", 0.25, 2000), ("500", 0.3, 1667), ("1", 3.0, 1), ("500", 400.0, 1), ("500", 300.0, 2)],
+)
+def test_steps_are_rounded_to_the_nearest_whole_number_and_at_least_one(t_end, tau, steps):
+    assert steps_of(t_end, tau) == steps
+
+
+def test_the_division_into_steps_is_exact():
+    tau = 1e-6
+    assert steps_of("1000", tau) == round(Fraction(1000) / Fraction(tau))
+
+
+@pytest.mark.parametrize(("tau", "number"), [(1e-9, "500000000000"), (5e-324, r"1\.012e\+326")])
+def test_too_many_steps_are_refused_with_their_number(tau, number):
+    with pytest.raises(SettingError, match=f"tau = {tau}.* {number} steps, and one run takes at most 1000000000"):
+        steps_of("500", tau)

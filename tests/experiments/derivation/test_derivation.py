@@ -1,0 +1,255 @@
+"""Derived coefficients against closed forms, matrix products, other counts of the same solutions, and the print."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from fractions import Fraction
+from math import comb, factorial
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mpmath import cbrt, mp, mpf
+
+from nearharmonic.exact.krawczyk import prove
+from nearharmonic.experiments.derivation.conditions import Equations, agreeing_decimals, polish
+from nearharmonic.experiments.derivation.elimination import eliminate, reduced_system
+from nearharmonic.experiments.derivation.families import PRINTED, UNIQUE, agreement
+from nearharmonic.experiments.derivation.isolated import _root, solve
+from nearharmonic.experiments.derivation.starts import sample, search
+from nearharmonic.integrators import integrators
+
+SEED = 20150106
+
+
+@st.composite
+def points(draw):
+    """Random conditions with random rational unknowns of three decimals."""
+    stages = draw(st.integers(3, 9))
+    order = draw(st.integers(3, 10))
+    x = draw(st.lists(st.integers(-2000, 2000), min_size=stages - 1, max_size=stages - 1))
+    return Equations(stages, order, draw(st.sampled_from(["kick", "drift"]))), [Fraction(n, 1000) for n in x]
+
+
+def multiplied(a, b, length):
+    total = [Fraction(0)] * length
+    for i, c in enumerate(a):
+        for j, d in enumerate(b[: length - i]):
+            total[i + j] += c * d
+    return total
+
+
+def position(equations, x, length):
+    """q_b from (1, -1) by products of 2x2 matrices of polynomials in tau, the rows written out from the definition."""
+    outer, inner = equations.rows(x)
+    zero, one = [Fraction(0)] * length, [Fraction(1)] + [Fraction(0)] * (length - 1)
+    K = [[one, zero], [zero, one]]
+    for n in range(2 * equations.stages + 1):
+        c = outer[n // 2] if n % 2 == 0 else inner[n // 2]
+        linear = [Fraction(0), c] + [Fraction(0)] * (length - 2)
+        drifts = (n % 2 == 0) == (equations.first == "drift")
+        shear = [[one, linear], [zero, one]] if drifts else [[one, zero], [[-v for v in linear], one]]
+        K = [
+            [
+                [a + b for a, b in zip(*(multiplied(shear[i][k], K[k][j], length) for k in range(2)), strict=True)]
+                for j in range(2)
+            ]
+            for i in range(2)
+        ]
+    return [a - b for a, b in zip(K[0][0], K[0][1], strict=True)]
+
+
+# --- the equations ---------------------------------------------------------------------------------------------------
+
+
+@given(points())
+def test_the_errors_are_those_of_the_product_of_matrices_in_exact_arithmetic(case):
+    equations, x = case
+    zeta = position(equations, x, 11)
+    exact = [(1, -1, -1, 1)[n % 4] - factorial(n) * zeta[n] for n in range(1, 11)]
+    assert equations.errors(x, 10) == exact
+    assert equations.residuals(x) == exact[2 : equations.harmonic_order]
+
+
+@given(points())
+def test_the_first_two_errors_vanish_for_any_symmetric_rows_of_sum_one(case):
+    equations, x = case
+    outer, inner = equations.rows(x)
+    assert (sum(outer), sum(inner)) == (1, 1)
+    assert (outer, inner) == (outer[::-1], inner[::-1])
+    assert (len(outer), len(inner)) == (equations.stages + 1, equations.stages)
+    assert equations.errors(x, 2) == [0, 0]
+    assert equations.unknowns_of(outer, inner) == x
+
+
+@given(points())
+def test_the_jacobian_is_the_limit_of_exact_differences(case):
+    equations, x = case
+    h = Fraction(1, 10**30)
+    jacobian = equations.jacobian(x)
+    for j in range(equations.unknowns):
+        ahead, behind = (equations.residuals([c + s * h * (i == j) for i, c in enumerate(x)]) for s in (1, -1))
+        for i, (a, b) in enumerate(zip(ahead, behind, strict=True)):
+            # The truncation of a central difference is h^2 times a third derivative, here below 10! 2^10 20^10.
+            assert abs((a - b) / (2 * h) - jacobian[i][j]) < Fraction(1, 10**38)
+
+
+@pytest.mark.parametrize("name", [*UNIQUE, *PRINTED])
+def test_every_printed_set_solves_the_position_conditions_of_its_role_and_the_next_order_not(name):
+    tableau = integrators[name]
+    equations = Equations(tableau.stages, tableau.harmonic_order, tableau.first)
+    errors = equations.errors(equations.tableau_unknowns(tableau), tableau.harmonic_order + 1)
+    # 76 decimals, times factorials and coefficients: the worst of the ten leaves 3e-74.
+    assert max(map(abs, errors[:-1])) < Fraction(1, 10**73)
+    assert abs(errors[-1]) > Fraction(1, 10**4)
+
+
+@pytest.mark.parametrize("name", ["babps6o5h", "babps8o7h", "babps9o7h", "babs7o7h"])
+def test_a_solution_of_odd_order_does_not_solve_the_conditions_of_the_other_role(name):
+    # The paper tells BAB from BAB' by this; both kinds solve the position of the kick-first role.
+    tableau = integrators[name]
+    other = Equations(tableau.stages, tableau.harmonic_order, "drift")
+    errors = other.errors(other.tableau_unknowns(tableau), tableau.harmonic_order)
+    assert max(map(abs, errors[:-1])) < Fraction(1, 10**73)
+    assert abs(errors[-1]) > Fraction(1, 10**4)
+
+
+def test_four_sets_of_the_print_are_fixed_by_their_conditions_and_six_are_not():
+    assert UNIQUE == ("abas5o6h", "abas5o6h_b", "abas5o6h_c", "babs6o7h")
+    assert PRINTED == ("babs6o5h", "babps6o5h", "babs7o7h", "babps7o6h", "babps8o7h", "babps9o7h")
+
+
+# --- all solutions of the isolated cases -----------------------------------------------------------------------------
+
+
+def test_three_stages_give_ruth_and_nothing_else():
+    only = solve(Equations(3, 4), starts=200, seed=SEED)
+    assert only.complete
+    assert (only.complex_solutions, only.real_solutions) == (3, 1)
+    with mp.workdps(140):
+        u = 1 / (2 - cbrt(2))  # Nielsen 2015, Eq. 15
+        expected = [u / 2, u]
+        derived = [mpf(only.roots[0].outer[0]), mpf(only.roots[0].inner[0])]
+        assert max(abs(a - b) for a, b in zip(expected, derived, strict=True)) < mpf(10) ** -128
+
+
+def test_five_stages_have_four_real_solutions_of_ten_complex_ones(five):
+    assert (five.complex_solutions, five.real_solutions, len(five.roots), five.complete) == (10, 4, 4, True)
+    assert all(root.proved and root.eliminated and root.hits > 0 for root in five.roots)
+    assert not five.unfinished
+
+
+def test_six_stages_have_three_real_solutions_of_fifteen_complex_ones(six):
+    assert (six.complex_solutions, six.real_solutions, len(six.roots), six.complete) == (15, 3, 3, True)
+    assert all(root.proved and root.eliminated and root.hits > 0 for root in six.roots)
+
+
+def test_seven_stages_have_nine_real_solutions_of_thirty_five_complex_ones():
+    seven = solve(Equations(7, 8), starts=4096, seed=SEED)
+    assert (seven.complex_solutions, seven.real_solutions, len(seven.roots), seven.complete) == (35, 9, 9, True)
+
+
+def test_the_fourth_solution_is_the_one_known_from_an_earlier_search(five):
+    fourth = five.roots[-1]
+    known = (0.72146062, -0.33882062, 1.46833461, -2.20334733)
+    derived = [float(c) for c in (*fourth.outer[:2], *fourth.inner[:2])]
+    assert derived == pytest.approx(known, abs=5e-9)  # known to eight decimals
+
+
+@pytest.mark.parametrize("name", UNIQUE)
+def test_the_isolated_sets_of_the_print_come_out_to_all_its_digits(name, five, six):
+    found = agreement(name, [five, six])
+    assert found.root is not None
+    assert found.decimals == 76
+
+
+def test_a_changed_digit_of_the_print_is_found(five):
+    tableau = integrators["abas5o6h"]
+    text = list(tableau.drift[0])
+    text[40] = str((int(text[40]) + 1) % 10)
+    wrong = replace(tableau, digits=30, drift=("".join(text), *tableau.drift[1:-1], "".join(text)))
+    root = next(r for r in five.roots if r.outer[0].startswith("0.1558"))
+    assert agreeing_decimals(wrong, root.outer, root.inner) == 30
+    assert agreeing_decimals(tableau, root.outer, root.inner) == 76
+
+
+@pytest.mark.parametrize("stages", [3, 4, 5, 6, 7, 8])
+def test_bezout_counts_binomials(stages):
+    half = (stages - 1) // 2
+    assert reduced_system(Equations(stages, stages + 1)).complex_solutions == comb(stages, half)
+    if stages % 2 == 0:
+        assert reduced_system(Equations(stages, stages + 1, "drift")).complex_solutions == comb(stages, half + 1)
+
+
+def test_the_eliminant_has_the_real_roots_that_a_root_finder_sees():
+    eliminated = eliminate(Equations(6, 7))
+    assert eliminated.simple
+    roots = np.roots([float(c) for c in reversed(eliminated.eliminant)])
+    # Simple roots of a polynomial of degree 15: in double within 1e-6, and no complex pair lies that close to the axis.
+    real = roots[np.abs(roots.imag) < 1e-6]
+    assert len(roots) == eliminated.complex_solutions
+    assert len(real) == eliminated.real_solutions
+
+
+@pytest.mark.parametrize("first", ["kick", "drift"])
+def test_elimination_and_search_find_the_same_solutions_for_both_roles(first):
+    equations = Equations(6, 7, first)
+    # The drift-first case has eight real solutions; rarely hit ones need some thousand starts.
+    found = search(equations, starts=20000, seed=SEED, bound=20.0)
+    exact = np.array([[float(c) for c in start] for start in eliminate(equations).starts])
+    distances = np.abs(found.points[:, None, :] - exact[None, :, :]).max(axis=2)
+    assert distances.shape[0] <= distances.shape[1]
+    assert distances.min(axis=1).max() < 1e-8
+    if first == "kick":
+        assert distances.shape == (3, 3)
+
+
+def test_solutions_come_most_often_hit_first():
+    found = search(Equations(5, 6), starts=2000, seed=SEED)
+    assert list(found.hits) == sorted(found.hits, reverse=True)
+    assert sum(found.hits) == found.converged == len(sample(Equations(5, 6), starts=2000, seed=SEED, box=2.5))
+
+
+def test_a_solution_that_is_counted_but_not_found_leaves_the_set_incomplete(monkeypatch):
+    exact = eliminate(Equations(5, 6))
+    more = replace(exact, real_solutions=exact.real_solutions + 1)
+    monkeypatch.setattr("nearharmonic.experiments.derivation.isolated.eliminate", lambda _: more)
+    assert not solve(Equations(5, 6), starts=500, seed=SEED).complete
+    assert not solve(Equations(5, 6), starts=500, seed=SEED, exact=False).complete
+
+
+# --- proofs and digits -----------------------------------------------------------------------------------------------
+
+
+def test_the_proof_bounds_the_distance_to_the_solution():
+    equations = Equations(5, 6)
+    start = [float(c) for c in equations.tableau_unknowns(integrators["abas5o6h"])]
+    near, exact = polish(equations, start, digits=40), polish(equations, start, digits=120)
+    proof = prove(equations.residuals, equations.jacobian, near.unknowns, radius="1e-30")
+    assert proof.proved
+    with mp.workdps(120):
+        apart = max(abs(a - b) for a, b in zip(near.unknowns, exact.unknowns, strict=True))
+    assert apart <= proof.distance < mpf(10) ** -30
+
+
+def test_no_proof_where_there_is_no_solution():
+    equations = Equations(5, 6)
+    shifted = [c + Fraction(1, 10**8) for c in equations.tableau_unknowns(integrators["abas5o6h"])]
+    assert not prove(equations.residuals, equations.jacobian, shifted, radius="1e-9").proved
+    ruth = Equations(3, 4)
+    assert not prove(ruth.residuals, ruth.jacobian, [Fraction(0), Fraction(0)], radius="1e-3").proved
+
+
+def test_no_digits_are_written_where_newton_finds_no_solution():
+    lost = polish(Equations(4, 5), [0.3, 0.2, 0.4], digits=50)
+    assert not lost.converged
+    assert (lost.unknowns, lost.outer, lost.inner) == ((), (), ())
+    assert lost.residual > 0
+
+
+def test_a_candidate_that_does_not_converge_is_reported_with_the_residual_reached():
+    outcome = _root(Equations(4, 5), [0.3, 0.2, 0.4], digits=50, hits=1, eliminated=False)
+    assert isinstance(outcome, str)
+    assert re.fullmatch(r"\(0\.3\d+, .*\): Newton's method reached a residual of \d.*, not 1e-50", outcome)

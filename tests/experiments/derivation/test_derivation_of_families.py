@@ -1,0 +1,193 @@
+"""Families of solutions, the paper's route, the growth with stages, and the derivation as a whole."""
+
+from __future__ import annotations
+
+import tomllib
+from fractions import Fraction
+from math import isnan
+
+import pytest
+import tomli_w
+from mpmath import mpf
+
+from nearharmonic.engine.trajectory import sweep
+from nearharmonic.errors import SettingError, UnknownNameError
+from nearharmonic.exact.newton import rank_and_pivots
+from nearharmonic.experiments.derivation import run
+from nearharmonic.experiments.derivation.conditions import Equations, polish
+from nearharmonic.experiments.derivation.elimination import eliminate
+from nearharmonic.experiments.derivation.families import PRINTED, UNIQUE, printed_point, rank_printed
+from nearharmonic.experiments.derivation.isolated import reach
+from nearharmonic.experiments.derivation.run import derivation, plain
+from nearharmonic.experiments.derivation.settings import DerivationSettings
+from nearharmonic.experiments.derivation.simplex import minimise, promising_starts
+from nearharmonic.experiments.derivation.starts import sample, search
+from nearharmonic.experiments.derivation.tables import compare
+from nearharmonic.integrators import integrators
+from nearharmonic.output.job import covered
+from nearharmonic.output.provenance import task
+from nearharmonic.theory.oscillator import harmonic_energy_error
+
+SEED = 20150106
+
+
+# --- families --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "free"),
+    [("babs6o5h", 2), ("babps6o5h", 2), ("babs7o7h", 1), ("babps7o6h", 2), ("babps8o7h", 2), ("babps9o7h", 3)],
+)
+def test_the_other_sets_lie_in_families_and_are_printed_to_their_digits(name, free):
+    point = printed_point(name)
+    # Half of 2s + 1 coefficients less two sums, less lambda - 2 conditions, if these are independent.
+    tableau = integrators[name]
+    assert point.free_parameters == free == tableau.stages - 1 - (tableau.harmonic_order - 2)
+    assert point.proof.proved
+    assert point.continued.converged
+    assert point.continued.residual < mpf(10) ** -128
+    # One coefficient of BAB's8o7H is printed ten units of its last decimal off.
+    assert point.decimals == (75 if name == "babps8o7h" else 76)
+
+
+def test_the_rank_drops_where_two_unknowns_act_alike():
+    # With every coefficient but the centres 0 the step is Strang's, and outer unknowns cannot be told from inner ones.
+    rank, pivots = rank_and_pivots(Equations(7, 8).jacobian, [Fraction(0)] * 6)
+    assert rank == len(pivots) < 6
+
+
+def test_the_least_sum_of_a_family_is_not_where_its_printed_set_lies():
+    (ranking,) = rank_printed(["babs7o7h"], starts=1000, seed=SEED)
+    assert ranking.members > 50
+    # Numbers of the printed set itself, from its strings.
+    tableau = integrators["babs7o7h"]
+    assert ranking.sum_of_absolute_values == pytest.approx(sum(abs(float(c)) for c in tableau.kick + tableau.drift))
+    assert ranking.smaller_sum < 0.05
+    assert min(ranking.sum_slope, ranking.higher_slope) > 1e-3
+    assert ranking.nearest < 0.1
+
+
+def test_members_of_a_family_solve_its_conditions():
+    equations = Equations(8, 7)
+    members = sample(equations, starts=300, seed=SEED)
+    assert len(members) > 30
+    # Double precision: rounding of 1e-16 times 7! and coefficients up to 10.
+    assert max(max(map(abs, equations.residuals(x))) for x in members.tolist()) < 1e-7
+
+
+# --- the simplex, growth and the whole -------------------------------------------------------------------------------
+
+
+def test_the_simplex_reaches_the_root_that_newton_reaches():
+    equations = Equations(5, 6)
+    start = [float(c) + 0.03 for c in equations.tableau_unknowns(integrators["abas5o6h_c"])]
+    outcome = minimise(equations, start, seed=1, bits=256, digits=40, evaluations=20_000)
+    assert outcome.converged
+    assert outcome.kappa_max < mpf(10) ** -40
+    exact = polish(equations, start, digits=60)
+    assert max(abs(a - b) for a, b in zip(outcome.unknowns, exact.unknowns, strict=True)) < mpf(10) ** -36
+
+
+def test_a_random_start_that_a_short_run_finds_promising_leads_the_simplex_to_a_root(five):
+    """One in a few hundred random points; nothing of a root is known to the simplex."""
+    (start, *_) = promising_starts(five.equations, starts=200, seed=1)
+    outcome = minimise(five.equations, start, seed=1, bits=192, digits=30, evaluations=40_000)
+    assert outcome.converged
+    roots = [five.equations.unknowns_of(root.outer, root.inner) for root in five.roots]
+    apart = [max(abs(a - mpf(b)) for a, b in zip(outcome.unknowns, root, strict=True)) for root in roots]
+    assert min(apart) < mpf("1e-25")
+
+
+def test_a_simplex_that_runs_out_of_evaluations_gives_its_residual_and_no_digits():
+    outcome = minimise(Equations(5, 6), [0.1, 0.2, 0.3, 0.4], seed=1, bits=128, evaluations=300)
+    assert not outcome.converged
+    assert outcome.unknowns == ()
+    assert outcome.kappa_max > mpf(10) ** -20
+    assert 300 <= outcome.evaluations < 320
+
+
+def test_from_five_stages_on_every_stage_adds_one_harmonic_order_and_two_powers():
+    reached = reach(range(3, 8), starts=2000, seed=SEED)
+    assert [r.harmonic_order for r in reached] == [4, 4, 6, 7, 8]
+    assert [r.lambda_max for r in reached] == [6, 8, 10, 12, 14]
+    assert all(r.proved_largest for r in reached)
+
+
+FEW = DerivationSettings(
+    seed=3, starts=300, family_starts=50, growth_starts=100, growth_stages=(3, 4), simplex_stages=()
+)
+
+
+@pytest.fixture(scope="module")
+def twice():
+    """Two derivations with the same settings, and what they reported."""
+    lines = []
+    return [derivation(FEW, digits=60, report=lines.append) for _ in range(2)], lines
+
+
+def test_the_same_seed_gives_the_same_table_and_progress_is_reported(twice):
+    runs, lines = twice
+    first, second = ({k: v for k, v in plain(run).items() if k != "seconds"} for run in runs)
+    assert first == second
+    assert {a.name: a.decimals for a in runs[0].agreements} == dict.fromkeys(UNIQUE, 60)
+    assert any("starts" in line for line in lines)
+    other = search(Equations(5, 6), starts=300, seed=4)
+    assert other.hits != search(Equations(5, 6), starts=300, seed=3).hits
+
+
+def test_what_is_derived_is_tabulated_and_documented(twice, monkeypatch):
+    (found, _), _ = twice
+    asked = {}
+    monkeypatch.setattr(run, "derivation", lambda settings, **more: asked.update(more, settings=settings) or found)
+    with covered(task("experiments.derivation.run:derive", settings=FEW)):
+        made = run.derive(FEW, print)
+    assert asked == {"settings": FEW, "report": print}
+    printed = made["table4_derived"].rows
+    assert len({row[0] for row in printed}) == len(UNIQUE) + len(PRINTED)
+    fixed = {integrators[name].label for name in UNIQUE}
+    # Derived to 60 decimals; where the next ones of the print are zeros it agrees further.
+    assert all(60 <= row[-1] < 65 for row in printed if row[0] in fixed)
+    rows = {stem: len(made[stem].rows) for stem in made if stem not in {"document", "table4_derived"}}
+    # 4 + 3 + 9 real solutions of three cases, six sets in families; 4 solutions in 2 roles at 3 step sizes.
+    assert rows == {
+        "derived_solutions": 16, "derived_counts": 3, "derived_families": 6, "derived_orders": 2, "derived_routes": 3,
+        "derived_errors": 24,
+    }  # fmt: skip
+    text = tomli_w.dumps(made["document"])
+    assert tomllib.loads(text) == made["document"]
+    assert "seconds" not in text
+    assert len(made["document"]["isolated"]) == 3
+
+
+def test_the_fourth_solution_has_the_largest_errors_of_the_four(five):
+    errors = {(e.solution, e.first): e for e in compare(five, [0.05], t_end=20.0)}
+    for first in ("drift", "kick"):
+        by_solution = [errors[n, first] for n in range(4)]
+        assert max(by_solution, key=lambda e: e.harmonic_oscillator).solution == 3
+        assert max(by_solution, key=lambda e: e.henon_heiles).solution == 3
+    assert not any(isnan(x) for e in errors.values() for x in e.henon_heiles)
+    # Solution 1 is the registered set A: five stages of 0.05 are a step of 0.25.
+    registered = sweep("henon_heiles", "abas5o6h", [0.25], t_end=20.0).max_energy_error.values[0]
+    assert errors[1, "drift"].henon_heiles[0] == pytest.approx(registered, rel=1e-9)
+    assert errors[1, "drift"].harmonic_oscillator[0] == pytest.approx(float(harmonic_energy_error("abas5o6h", 0.25)))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: Equations(2, 3), r"stages = 2 is not allowed: an integer >= 3"),
+        (lambda: Equations(5, 6, "both"), r"first = 'both' is not allowed: it is 'drift' or 'kick'"),
+        (lambda: search(Equations(5, 5), starts=10, seed=1), r"harmonic_order = 5 is not allowed: 6, which leaves"),
+        (lambda: sample(Equations(5, 7), starts=10, seed=1), r"harmonic_order = 7 is not allowed: at most 6"),
+        (lambda: sample(Equations(5, 5), starts=0, seed=1), r"starts = 0 is not allowed: an integer >= 1"),
+        (lambda: eliminate(Equations(5, 5)), r"harmonic_order = 5 is not allowed: 6, which alone"),
+    ],
+)
+def test_a_case_that_makes_no_sense_is_refused(call, message):
+    with pytest.raises(SettingError, match=message):
+        call()
+
+
+def test_an_unknown_printed_set_is_refused():
+    with pytest.raises(UnknownNameError, match="babps8o7"):
+        printed_point("babps8o7")

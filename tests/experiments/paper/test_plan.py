@@ -1,0 +1,189 @@
+"""The plan: grids, shards, steps, precision and what is left out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+from itertools import pairwise
+
+import pytest
+from mpmath import mp, mpf
+
+from nearharmonic.engine.grid import evaluations_of, shard, tau_grid
+from nearharmonic.engine.settings import Sweep
+from nearharmonic.errors import NearharmonicError, SettingError
+from nearharmonic.experiments.paper.plan import check_sweep, plan, runs_of, shards_of
+from nearharmonic.integrators import integrators
+
+SHO = Sweep(
+    system="sho",
+    t_end="500",
+    lowest=1e-4,
+    highest=1.0,
+    points_per_decade=40,
+    precision=("double", "extended"),
+    summation="compensated",
+    samples=500,
+    shards=2,
+)
+HENON_HEILES = replace(SHO, system="henon_heiles", precision=("double",))
+
+
+def config(*sweeps, methods=("ruth", "babs7o7h")):
+    return sweeps, methods
+
+
+def harmonic_energy_error(tableau, tau):
+    """max |H/H0 - 1| of the ellipse that one step conserves, from the product of its shears in 40 digits."""
+    with mp.workdps(40):
+        K = mp.eye(2)
+        operators = [c for pair in zip(tableau.outer, (*tableau.inner, "0"), strict=True) for c in pair][:-1]
+        for i, c in enumerate(operators):
+            drifts = (tableau.first == "drift") == (i % 2 == 0)
+            shear = mpf(c) * mpf(tau)
+            K = (mp.matrix([[1, shear], [0, 1]]) if drifts else mp.matrix([[1, 0], [-shear, 1]])) * K
+        return abs(-K[1, 0] / K[0, 1] - 1)
+
+
+def test_a_grid_runs_from_its_lowest_to_its_highest_in_equal_ratios():
+    grid = tau_grid(1e-4, 1.0, 40)
+    assert (len(grid), grid[0], grid[-1]) == (161, 1e-4, 1.0)
+    for a, b in pairwise(grid):
+        assert b / a == pytest.approx(10 ** (1 / 40), rel=1e-5)  # six significant digits in each
+
+
+def test_a_grid_reaches_a_highest_that_is_itself_rounded():
+    assert tau_grid(0.01, 158.489, 40)[-1] == 158.489  # below 10^2.2 = 158.48932
+
+
+def test_a_grid_stops_below_a_highest_between_its_points():
+    assert tau_grid(1.0, 99.0, 1) == (1.0, 10.0)
+
+
+def test_a_grid_may_be_a_single_step_size():
+    assert tau_grid(0.3, 0.3, 40) == (0.3,)
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 161])
+def test_shards_share_the_grid_without_gap_or_overlap(count):
+    grid = tau_grid(1e-4, 1.0, 40)
+    shards = [shard(grid, index, count) for index in range(count)]
+    assert sorted(tau for part in shards for tau in part) == list(grid)
+
+
+def test_two_shards_cost_the_same_within_one_step_of_the_grid():
+    costs = [
+        sum(run.steps[i] for run in runs_of(HENON_HEILES, "aba864", k) for i in range(len(run.steps))) for k in (0, 1)
+    ]
+    assert 1 <= costs[0] / costs[1] <= 10 ** (1 / 40) * 1.001  # each pair of neighbours differs by this ratio
+
+
+def test_one_shard_for_each_step_size_gives_runs_of_one_step_size():
+    fine = replace(HENON_HEILES, shards=1000)
+    count = shards_of(fine, "ruth")
+    assert count == 161
+    assert all(len(run.steps) == 1 for index in range(count) for run in runs_of(fine, "ruth", index))
+
+
+@pytest.mark.parametrize("name", ["ruth", "babps9o7h"])
+def test_steps_cover_the_interval_as_closely_as_whole_steps_can(name):
+    stages = integrators[name].stages
+    for index in (0, 1):
+        (run,) = runs_of(HENON_HEILES, name, index)
+        for tau, steps in zip(run.tau_per_stage, run.steps, strict=True):
+            off = abs(Fraction(run.t_end) - steps * Fraction(tau * stages))
+            assert off <= Fraction(tau * stages) / 2
+
+
+@pytest.mark.parametrize("name", ["ruth", "aba864", "abas5o6h", "babs7o7h"])
+def test_extended_precision_covers_exactly_the_step_sizes_near_the_double_floor(name):
+    tableau, limit = integrators[name], 1e-13  # two decades above a floor of 1e-15
+    extended = {
+        tau
+        for index in (0, 1)
+        for run in runs_of(SHO, name, index)
+        if run.precision == "extended"
+        for tau in run.tau_per_stage
+    }
+    grid = tau_grid(SHO.lowest, SHO.highest, SHO.points_per_decade)
+    last = max(extended)
+    first_left_out = grid[grid.index(last) + 1]
+    assert extended == {tau for tau in grid if tau <= last}
+    assert harmonic_energy_error(tableau, last * tableau.stages) < limit
+    assert harmonic_energy_error(tableau, first_left_out * tableau.stages) >= limit
+
+
+def test_extended_precision_covers_the_whole_grid_where_nothing_foretells_the_error():
+    both = replace(HENON_HEILES, precision=("double", "extended"))
+    double, extended = runs_of(both, "ruth", 0)
+    assert double.tau_per_stage == extended.tau_per_stage
+
+
+def test_extended_precision_alone_covers_the_whole_grid():
+    alone = replace(SHO, precision=("extended",), shards=1)
+    (run,) = runs_of(alone, "ruth", 0)
+    assert run.tau_per_stage == tau_grid(SHO.lowest, SHO.highest, SHO.points_per_decade)
+    assert {row.reason for row in plan(*config(alone)).omissions}.isdisjoint(
+        {"in double, the error is over 100 times the rounding floor"}
+    )
+
+
+def test_a_shard_with_no_step_size_near_the_floor_has_no_extended_run():
+    coarse = replace(SHO, lowest=0.1)
+    assert [run.precision for run in runs_of(coarse, "ruth", 0)] == ["double"]
+
+
+def test_step_sizes_that_round_to_the_same_steps_share_a_shard_and_stand_together():
+    short = replace(HENON_HEILES, t_end="5")  # one to five steps at the coarse end: many coincide
+    seen = {}
+    for index in range(shards_of(short, "ruth")):
+        (run,) = runs_of(short, "ruth", index)
+        assert list(run.steps) == sorted(run.steps, reverse=True)
+        for steps in run.steps:
+            assert seen.setdefault(steps, index) == index
+    repeated = [row for row in plan(*config(short)).omissions if "neighbour" in row.reason and row.integrator == "ruth"]
+    assert sum(row.runs for row in repeated) == 161 - len(seen)
+
+
+def test_runs_and_omissions_add_up_to_the_whole_product():
+    made = plan(*config(SHO, HENON_HEILES))
+    extended = sum(len(run.steps) for run in made.runs if run.precision == "extended")
+    left_out = sum(row.runs for row in made.omissions if row.what == "runs in extended precision")
+    assert extended + left_out == 2 * 161
+    assert sum(len(run.steps) for run in made.runs if run.precision == "double") == 4 * 161
+
+
+@pytest.mark.parametrize("name", ["ruth", "babs7o7h"])
+@pytest.mark.parametrize("steps", [1, 2, 5])
+def test_evaluations_count_the_kicks_that_are_left_when_neighbours_merge(name, steps):
+    tableau = integrators[name]
+    other = {"kick": "drift", "drift": "kick"}[tableau.first]
+    one_step = [tableau.first, other] * tableau.stages + [tableau.first]
+    merged = [operator for i, operator in enumerate(one_step * steps) if i % len(one_step) or not i]
+    assert evaluations_of(tableau, steps) == merged.count("kick")
+
+
+def test_the_force_handed_on_from_step_to_step_is_what_a_kick_first_method_saves():
+    (row,) = plan(*config(replace(HENON_HEILES, lowest=0.1, highest=0.1, t_end="70"), methods=("babs7o7h",))).omissions
+    assert (row.runs, row.evaluations) == (1, 99)  # 100 steps of 7 x 0.1: 800 kicks are made with 701 forces
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"lowest": 1e-9}, "would take 166666666667 steps"),
+        ({"lowest": 1e-300, "highest": 1e-299}, "steps"),
+        ({"points_per_decade": 10**6}, "may have 10000"),
+        ({"lowest": 4e-7, "points_per_decade": 1500}, "force evaluations"),
+        ({"samples": 10**7}, "add shards"),
+    ],
+)
+def test_more_than_a_machine_has_is_refused_with_the_number(change, says):
+    with pytest.raises(SettingError, match=says):
+        check_sweep(replace(HENON_HEILES, **change), ("ruth", "babs7o7h"))
+
+
+def test_the_most_steps_of_a_method_are_those_of_the_fewest_stages():
+    check_sweep(replace(HENON_HEILES, lowest=1e-7, highest=1e-7), ("babs7o7h",))  # 500 / 7e-7 = 7.1e8
+    with pytest.raises(NearharmonicError, match="1666666667 steps"):
+        check_sweep(replace(HENON_HEILES, lowest=1e-7, highest=1e-7), ("babs7o7h", "ruth"))

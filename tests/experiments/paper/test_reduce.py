@@ -1,0 +1,297 @@
+"""The numbers of a cube: each reduction against a closed form or a cube made by hand, whatever the shards."""
+
+from __future__ import annotations
+
+import math
+
+import mpmath
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from nearharmonic.engine.settings import Sweep
+from nearharmonic.experiments.paper.plan import runs_of, shards_of
+from nearharmonic.experiments.paper.reduce import assembled, harmonic_terms, numbers_of
+from nearharmonic.experiments.paper.reductions import Runs
+from nearharmonic.experiments.paper.reductions import reduced as reduced_runs
+from nearharmonic.experiments.paper.run import integrate_run
+from nearharmonic.integrators import integrators
+from nearharmonic.output.store import write
+from nearharmonic.systems import systems
+
+
+def numbers(variables):
+    """What a run file holds over tau_per_stage alone."""
+    return xr.Dataset({name: value for name, value in variables.items() if value[0] == ("tau_per_stage",)})
+
+
+def reduced(runs, system, stages):
+    """The reductions of the runs in a Dataset, by a method of so many stages."""
+    variables = {str(name): (value.dims, value.values, value.attrs) for name, value in runs.variables.items()}
+    (tableau,) = (integrators[name] for name in ("ruth",) if integrators[name].stages == stages)
+    return xr.Dataset(reduced_runs(Runs(variables=variables, system=system, tableau=tableau)))
+
+
+def sweep(system, **changes):
+    wanted = {
+        "t_end": "5", "lowest": 0.03, "highest": 1.0, "points_per_decade": 4, "precision": ("double",),
+        "summation": "compensated", "samples": 20, "shards": 1,
+    }  # fmt: skip
+    return Sweep(system=system, **(wanted | changes))
+
+
+def runs_in_memory(asked, methods):
+    """``runs[integrator][precision]``, a dataset for each shard, as they come from the integration."""
+    runs = {name: {} for name in methods}
+    for name in methods:
+        for index in range(shards_of(asked, name)):
+            for run in runs_of(asked, name, index):
+                runs[name].setdefault(run.precision, []).append(numbers(integrate_run(run)))
+    return runs
+
+
+def runs_in_files(asked, methods, folder):
+    """The same through files, as the rules pass them on."""
+    runs = {}
+    for name in methods:
+        paths = [folder / f"{asked.shards}/{name}/{index}.h5" for index in range(shards_of(asked, name))]
+        for index, path in enumerate(paths):
+            parts = {run.precision: integrate_run(run) for run in runs_of(asked, name, index)}
+            write(path, parts.pop("double", {}), {"settings": f"shard {index}"}, groups=parts)
+        runs[name] = numbers_of(paths)
+    return runs
+
+
+def assert_same_bits(one, other):
+    """Equal names, dimensions, types, values and attributes; NaN is equal to NaN, and nothing is close to anything."""
+    assert set(one.variables) == set(other.variables)
+    for name, variable in one.variables.items():
+        assert (variable.dims, variable.dtype) == (other[name].dims, other[name].dtype), name
+        exact = {"equal_nan": True} if variable.dtype.kind == "f" else {}
+        assert np.array_equal(variable.values, other[name].values, **exact), name
+        assert variable.attrs == other[name].attrs, name
+    assert one.attrs == other.attrs
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    samples=st.integers(2, 60),
+    shards=st.integers(2, 7),
+    lowest=st.floats(0.01, 0.3),
+    decades=st.floats(0.1, 1.5),
+    precision=st.sampled_from([("double",), ("double", "extended")]),
+)
+@example(samples=20, shards=3, lowest=0.03, decades=1.5, precision=("double", "extended"))
+@example(samples=20, shards=5, lowest=0.03, decades=1.5, precision=("double",))
+def test_a_cube_does_not_depend_on_the_number_of_shards(samples, shards, lowest, decades, precision):
+    asked = {"samples": samples, "lowest": lowest, "highest": lowest * 10**decades, "precision": precision}
+    whole, parted = (
+        assembled("sho", runs_in_memory(sweep("sho", shards=count, **asked), ("ruth", "babps9o7h")))
+        for count in (1, shards)
+    )
+    assert_same_bits(whole, parted)
+
+
+def test_shards_read_from_files_make_one_cube_with_its_perihelion(tmp_path):
+    """About a tenth to three times as many steps as samples, 8 to 380, the coarsest ending early."""
+    asked = {"t_end": "8766", "lowest": 7.6, "highest": 380.0, "points_per_decade": 5, "samples": 100}
+    cubes = [
+        assembled("kepler", runs_in_files(sweep("kepler", shards=count, **asked), ("aba864",), tmp_path))
+        for count in (1, 3, 5)
+    ]
+    assert {"ok", "diverged"} == set(cubes[0].status.values.ravel())
+    for parted in cubes[1:]:
+        assert_same_bits(cubes[0], parted)
+
+
+def test_a_method_that_is_nowhere_near_the_floor_has_its_cube_in_extended_precision_alone():
+    made = assembled("sho", runs_in_memory(sweep("sho", lowest=0.1, precision=("extended",)), ("ruth",)))
+    assert made.sizes == {"integrator": 1, "tau_per_stage": 5}
+    assert (made.max_energy_error > 0).all()
+
+
+def test_the_coordinate_tau_is_the_step_as_used():
+    """[0, 5] takes 4, 2 and 1 steps of three times 0.4, 0.8 and 1.6."""
+    (run,) = runs_of(sweep("sho", lowest=0.4, highest=1.6, points_per_decade=1 / math.log10(2)), "ruth", 0)
+    made = assembled("sho", {"ruth": {"double": [numbers(integrate_run(run))]}})
+    assert made.tau_per_stage.values.tolist() == [0.4, 0.8, 1.6]
+    assert made.tau.values.tolist() == [[1.25, 2.5, 5.0]]
+    assert made.steps.values.tolist() == [[4, 2, 1]]
+    assert made.evaluations.values.tolist() == [[12, 6, 3]]
+
+
+#: Mercury's period in hours, from NASA's aphelion (km), minimum velocity (km/s) and GM (km^3/s^2).
+PERIOD = 2 * math.pi * math.sqrt((1 / (2 / 69.82e6 - 38.86**2 / 1.32712e11)) ** 3 / 1.32712e11) / 3600
+
+
+def turning(rate, *, samples=60, t_end=8000.0):
+    """What a run file holds of two runs whose Laplace-Runge-Lenz vector turns by ``rate`` rad/h; the second left."""
+    t = np.linspace(0, t_end, samples)
+    angle = np.angle(np.exp(1j * (math.pi + rate * t)))
+    over, each = ("tau_per_stage", "sample"), ("tau_per_stage",)
+    return xr.Dataset(
+        {
+            "t": (over, np.tile(t, (2, 1))),
+            "perihelion_angle": (over, np.tile(angle, (2, 1))),
+            **{f"block_{name}": (over, np.ones((2, samples))) for name in ("max_energy_error", "mean_energy_error")},
+            "block_steps": (over, np.ones((2, samples), dtype=int)),
+            "tau": (each, [24.5, 50.0]),
+            "steps": (each, [samples, 3 * samples]),
+            "evaluations": (each, [3 * samples, 7]),
+            "status": (each, ["ok", "diverged"]),
+            "diverged_at": (each, [0, 2]),
+        },
+        coords={"tau_per_stage": [8.0, 17.0]},
+    )
+
+
+@pytest.mark.parametrize("rate", [2e-4, -2e-4, 0.01])
+def test_a_perihelion_that_turns_with_the_planet_advances_by_the_angle_of_one_period(rate):
+    """Counterclockwise is positive, as the orbit; 0.01 rad/h is a turn of 1.4 rad from sample to sample."""
+    made = reduced(turning(rate), systems["kepler"], 3)
+    assert made.perihelion_advance.values == pytest.approx([rate * PERIOD, np.nan], rel=1e-10, nan_ok=True)
+    assert abs(made.perihelion_advance_interval[0]) < 1e-10
+    assert np.isnan(made.perihelion_advance_interval[1])
+    assert {made[f"perihelion_advance{end}"].attrs["units"] for end in ("", "_interval")} == {"rad"}
+
+
+def test_the_interval_of_the_advance_is_that_of_the_slope_times_the_period():
+    """A perihelion that swings by +-a about rest has residuals n a^2, over n - 2, and times squared n (n^2 - 1)/12."""
+    run, a = turning(0.0, samples=40, t_end=39.0).isel(tau_per_stage=[0]), 0.01
+    run["perihelion_angle"] = run.perihelion_angle * 0 + a * xr.DataArray([1, -1, -1, 1] * 10, dims="sample")
+    deviation = math.sqrt(40 * a**2 / 38 / (40 * (40**2 - 1) / 12))
+    made = reduced(run, systems["kepler"], 3)
+    assert abs(made.perihelion_advance.item()) < 1e-14
+    # 2.024394 is Student's t_0.975 for 38 degrees of freedom, from tables.
+    assert made.perihelion_advance_interval.item() == pytest.approx(2.024394 * deviation * PERIOD, rel=1e-6)
+
+
+def test_evaluations_per_orbit_are_those_of_the_step_as_used():
+    made = reduced(turning(0.0), systems["kepler"], 3)
+    np.testing.assert_allclose(made.evaluations_per_orbit, [3 * PERIOD / 24.5, 3 * PERIOD / 50.0], rtol=1e-13)
+
+
+def test_reduced_numbers_have_no_samples_and_say_their_units():
+    made = reduced(turning(1e-4), systems["kepler"], 3)
+    assert set(made.sizes) == {"tau_per_stage"}
+    numbers = set(made.data_vars) - {"tau", "steps", "evaluations", "status", "diverged_at"}
+    assert len(numbers) == 5
+    assert all({"units", "long_name"} <= set(made[name].attrs) for name in numbers)
+
+
+def part(tau_per_stage, errors, *, steps=7):
+    """Reduced numbers of one shard, made by hand: 10 times the step size is the step as used."""
+    each, count = ("tau_per_stage",), len(tau_per_stage)
+    whole = dict.fromkeys(("steps", "evaluations", "diverged_at"), (each, np.full(count, steps), {"units": "1"}))
+    return xr.Dataset(
+        {
+            "tau": (each, 10 * np.array(tau_per_stage), {"units": "1"}),
+            "max_energy_error": (each, np.array(errors), {"units": "1"}),
+            "status": (each, ["ok"] * count, {"units": "1", "long_name": "ok or not"}),
+            **whole,
+        },
+        coords={"tau_per_stage": list(tau_per_stage)},
+        attrs={"settings": "of one shard"},
+    )
+
+
+GRID = [0.001, 0.01, 0.02, 0.04]
+
+
+@pytest.fixture
+def layered():
+    """Slopes 2 and 1 in double; in extended 4, for the finest two step sizes of one method, not the first by name."""
+    double = {"ruth": [1e-15, 1e-8, 4e-8, 16e-8], "aba864": [1e-15, 1e-8, 2e-8, 4e-8]}
+    parts = {name: {"double": [part(GRID[1::2], e[1::2]), part(GRID[::2], e[::2])]} for name, e in double.items()}
+    parts["ruth"]["extended"] = [part(GRID[:2], [1e-20, 1e-16], steps=9)]
+    return assembled("sho", parts)
+
+
+def test_what_the_plan_left_out_is_filled_in_as_skipped(layered):
+    assert layered.max_energy_error.dims == ("precision", "integrator", "tau_per_stage")
+    assert layered.precision.values.tolist() == ["double", "extended"]
+    made, missing = (layered.sel(precision="extended", integrator=name) for name in ("ruth", "aba864"))
+    assert made.status.values.tolist() == ["ok", "ok", "skipped", "skipped"]
+    assert missing.status.values.tolist() == ["skipped"] * 4
+    for name in ("steps", "evaluations", "diverged_at"):
+        assert layered[name].dtype.kind == "i"
+        assert made[name].values.tolist() == [9, 9, 0, 0]
+        assert missing[name].values.tolist() == [0] * 4
+    for name in ("tau", "max_energy_error"):
+        assert np.isnan(made[name]).values.tolist() == [False, False, True, True]
+        assert np.isnan(missing[name]).all()
+
+
+def test_methods_keep_their_order_and_step_sizes_ascend(layered):
+    assert layered.integrator.values.tolist() == ["ruth", "aba864"]
+    assert layered.label.values.tolist() == [integrators[name].label for name in ("ruth", "aba864")]
+    assert layered.tau_per_stage.values.tolist() == GRID
+    errors = layered.max_energy_error.sel(precision="double", integrator="ruth")
+    assert errors.values.tolist() == [1e-15, 1e-8, 4e-8, 16e-8]
+
+
+def test_observed_orders_are_those_of_double_precision(layered):
+    assert layered.observed_order.dims == ("integrator",)
+    np.testing.assert_allclose(layered.observed_order, [2, 1], atol=1e-9)
+
+
+def test_one_precision_makes_no_dimension_and_shards_of_one_method_are_put_in_order():
+    shards = [part(GRID[1::2], [2.0, 4.0]), part(GRID[::2], [1.0, 3.0])]
+    made = assembled("henon_heiles", {"ruth": {"double": shards}})
+    assert made.tau_per_stage.values.tolist() == GRID
+    assert made.max_energy_error.values.tolist() == [[1.0, 2.0, 3.0, 4.0]]
+    assert made.max_energy_error.dims == ("integrator", "tau_per_stage")
+    assert "skipped" not in made.status.attrs["long_name"]
+
+
+def test_a_cube_says_what_it_is_of_and_not_what_one_shard_was(layered):
+    assert layered.attrs == {"system": "sho", "system_label": "simple harmonic oscillator"}
+    assert layered.status.attrs["long_name"].startswith("ok or not; or skipped")
+    assert {name: layered[name].attrs["units"] for name in layered.coords} == dict.fromkeys(layered.coords, "1")
+    made = assembled("kepler", {"ruth": {"double": [part(GRID, [1e-15] * 4)]}})
+    assert made.attrs["system"] == "kepler"
+    assert made.attrs["orbital_period"] == pytest.approx(PERIOD, rel=1e-13)
+    assert made.tau_per_stage.attrs["units"] == "h"
+
+
+def taylor_errors(tableau, highest):
+    """|x^(l)(0) - l! c_l| for l = 1 ... highest, c_l mpmath's Taylor coefficients of the position after one step."""
+
+    def position(tau):
+        q, p = mpmath.mpf(1), mpmath.mpf(-1)
+        operators = [x for pair in zip(tableau.outer, (*tableau.inner, "0"), strict=True) for x in pair][:-1]
+        for i, x in enumerate(operators):
+            if (tableau.first == "drift") == (i % 2 == 0):
+                q += mpmath.mpf(x) * tau * p
+            else:
+                p -= mpmath.mpf(x) * tau * q
+        return q
+
+    with mpmath.workdps(200):
+        made, exact = (mpmath.taylor(f, 0, highest) for f in (position, lambda t: mpmath.cos(t) - mpmath.sin(t)))
+        return [float(abs(a - b) * mpmath.factorial(n)) for n, (a, b) in enumerate(zip(made, exact, strict=True))][1:]
+
+
+def test_the_terms_of_the_leapfrog_are_those_found_by_hand():
+    """From (1, -1), drift first q = 1 - tau - tau^2/2 + tau^3/4, kick first the same without the last; exactly
+    1 - t - t^2/2 + t^3/6 + ...: kappa_3 = 3! (1/4 - 1/6) = 1/2; kick first there is no third term."""
+    terms = harmonic_terms(["leapfrog"])
+    assert terms.order.values.tolist() == [1, 2, 3]
+    assert terms.kappa.sel(integrator="leapfrog", first="drift").values.tolist() == [0, 0, 0.5]
+    assert terms.kappa.sel(integrator="leapfrog", first="kick").values == pytest.approx([0, 0, np.nan], nan_ok=True)
+
+
+def test_terms_stand_at_their_method_composition_and_order():
+    terms = harmonic_terms(["ruth", "babs7o7h"])
+    assert terms.kappa.shape == (2, 2, 15)
+    for name, reach in (("ruth", {"drift": 7, "kick": 6}), ("babs7o7h", {"drift": 15, "kick": 14})):
+        for first, highest in reach.items():
+            found = terms.kappa.sel(integrator=name, first=first).values
+            expected = taylor_errors(integrators[name].role(first), highest)
+            # mpmath's differences keep more than half of 200 digits, and printed digits leave 1e-60 of a zero.
+            np.testing.assert_allclose(found[:highest], expected, rtol=1e-14, atol=1e-50)
+            assert np.isnan(found[highest:]).all()
+    assert terms.label.values.tolist() == [integrators[name].label for name in ("ruth", "babs7o7h")]
+    assert all({"units", "long_name"} <= set(v.attrs) for v in terms.variables.values())

@@ -1,0 +1,63 @@
+"""Maxima and means over every step, from blocks of steps that were made by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from nearharmonic.experiments.paper import reductions
+from nearharmonic.experiments.paper.reductions import Runs
+from nearharmonic.integrators import integrators
+from nearharmonic.systems import systems
+
+
+def number(name, blocks):
+    """The result of the reduction ``name`` of the runs ``blocks``."""
+    variables = {str(key): (value.dims, value.values, {}) for key, value in blocks.variables.items()}
+    runs = Runs(variables=variables, system=systems["sho"], tableau=integrators["ruth"])
+    return getattr(reductions, name)(runs)[name][1]
+
+
+def mean_energy_error(blocks):
+    return number("mean_energy_error", blocks)
+
+
+def max_energy_error(blocks):
+    return number("max_energy_error", blocks)
+
+
+def blocks(**changes):
+    """Four runs: four steps in blocks of 3 and 1; nine in blocks of 1, 3 and 5; one that is shorter; one that left."""
+    nan = np.nan
+    values = {
+        "block_steps": [[0, 3, 1, 0], [0, 1, 3, 5], [0, 2, 0, 0], [0, 3, 3, 3]],
+        "block_mean_energy_error": [[0, 2, 8, nan], [0, 1, 2, 4], [0, 0.5, nan, nan], [0, 1, nan, nan]],
+        "block_max_energy_error": [[0, 4, 8, nan], [0, 1, 16, 4], [0, 0.75, nan, nan], [0, 1, nan, nan]],
+    }
+    runs = {name: (("tau_per_stage", "sample"), np.array(rows)) for name, rows in (values | changes).items()}
+    status = ["ok", "ok", "ok", "diverged"]
+    return xr.Dataset(runs | {"steps": ("tau_per_stage", [4, 9, 2, 9]), "status": ("tau_per_stage", status)})
+
+
+def test_a_mean_over_every_step_weights_blocks_by_their_length():
+    """(3 x 2 + 1 x 8) / 4; (1 + 3 x 2 + 5 x 4) / 9; half: sums of powers of two, exact."""
+    assert mean_energy_error(blocks()).tolist() == [3.5, 3.0, 0.5, np.inf]
+
+
+def test_a_maximum_over_every_step_is_the_largest_of_the_blocks():
+    assert max_energy_error(blocks()).tolist() == [8.0, 16.0, 0.75, np.inf]
+
+
+def test_a_mean_is_the_same_bits_in_longer_company():
+    random = np.random.default_rng(1)
+    for length in (3, 9, 100, 200):
+        mean = random.uniform(0, 1, (1, length))
+        steps = random.integers(1, 7, (1, length))
+        alone = xr.Dataset({
+            "block_mean_energy_error": (("tau_per_stage", "sample"), mean),
+            "block_steps": (("tau_per_stage", "sample"), steps),
+            "steps": ("tau_per_stage", steps.sum(axis=1)),
+            "status": ("tau_per_stage", ["ok"]),
+        })  # fmt: skip
+        padded = alone.pad(sample=(0, 300), constant_values={"block_mean_energy_error": np.nan, "block_steps": 0})
+        assert mean_energy_error(alone).item() == mean_energy_error(padded).item()

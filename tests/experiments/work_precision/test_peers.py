@@ -1,0 +1,310 @@
+"""Other libraries on the same systems: named when missing, fair when there, their errors those of closed forms."""
+
+from __future__ import annotations
+
+import ctypes
+import dataclasses
+import sys
+from fractions import Fraction
+from importlib.util import find_spec
+from math import inf, sqrt
+
+import numpy as np
+import pytest
+from mpmath import mpf
+
+from nearharmonic.engine.reference import reference
+from nearharmonic.errors import SystemDefinitionError
+from nearharmonic.experiments.work_precision.curve import MODES, Curve
+from nearharmonic.experiments.work_precision.peers import LIBRARIES, PEERS
+from nearharmonic.experiments.work_precision.peers.measure import energy_errors, missing, peer_curve, quiet
+from nearharmonic.experiments.work_precision.peers.numpy import numpy_splitting
+from nearharmonic.experiments.work_precision.peers.peer import Attempt, Peer
+from nearharmonic.experiments.work_precision.peers.rebound import _Setup, compiled_force
+from nearharmonic.experiments.work_precision.settings import WorkPrecisionSettings
+from nearharmonic.integrators import integrators
+from nearharmonic.systems import Parameter, System, systems
+from nearharmonic.systems.source import velocity, velocity_text
+from oracles import oscillator_state
+
+RELATIVISTIC = System(
+    name="fast",
+    label="fast",
+    V=lambda q: q[0] * q[0] / 2,
+    grad_V=lambda q: q,
+    T=lambda p: (1 + p[0] * p[0]) ** 2,
+    grad_T=lambda p: (4 * p[0] * (1 + p[0] * p[0]),),
+    q0=("1",),
+    p0=("0",),
+    t_end="5",
+    units={"q": "1", "p": "1", "t": "1", "energy": "1"},
+    source="made up",
+)
+
+
+@pytest.mark.parametrize("library", [name for name in LIBRARIES if name != "numpy"])
+def test_a_library_that_is_missing_is_named_not_skipped(library, monkeypatch):
+    monkeypatch.setitem(sys.modules, library, None)  # what Python itself does to forbid an import
+    assert missing(library) == "not installed"
+    for peer in PEERS.values():
+        if peer.module == library:
+            curve = peer_curve(peer, systems["sho"], "5", (0.1, 1.0), None, 1.0)
+            assert (curve.method, curve.status, curve.points) == (peer.name, "not installed", [])
+
+
+def test_a_library_that_is_broken_says_how(monkeypatch, tmp_path):
+    (tmp_path / "heyoka.py").write_text("raise ImportError('libsomething.so: cannot open')")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "heyoka", raising=False)
+    assert missing("heyoka") == "cannot be imported: libsomething.so: cannot open"
+
+
+def test_all_solvers_are_timed_unless_the_config_names_libraries():
+    assert WorkPrecisionSettings().solvers() == list(PEERS)
+    assert WorkPrecisionSettings(peers=("heyoka",)).solvers() == [n for n, p in PEERS.items() if p.module == "heyoka"]
+
+
+def test_methods_in_numpy_end_where_the_matrix_power_ends():
+    for name in ("aba864", "babps9o7h"):  # a drift first and a kick first
+        states, evaluations = numpy_splitting(integrators[name])(systems["sho"], 5.0, 0.25).path()
+        q, p = oscillator_state(integrators[name], mpf(5) / 20, 20)
+        # 20 steps of up to 20 roundings of 1e-16 each.
+        assert states[-1] == pytest.approx([float(q), float(p)], abs=400 * 1.2e-16)
+        assert len(states) == 21
+        assert evaluations == integrators[name].stages * 20 + 1
+
+
+def test_what_is_timed_is_what_is_measured():
+    attempt = numpy_splitting(integrators["aba864"])(systems["henon_heiles"], 5.0, 0.25)
+    assert np.concatenate(attempt.run()).tolist() == attempt.path()[0][-1].tolist()
+
+
+def test_energy_errors_are_taken_over_every_state_but_the_first():
+    states = np.array([[1.0, 0.0], [1.0, 1.0], [2.0, 0.0]])  # H = 1/2, 1, 2
+    assert energy_errors(systems["sho"], states) == (3.0, 2.0)
+    assert energy_errors(systems["sho"], np.array([[1.0, 0.0], [np.nan, 0.0]])) == (inf, inf)
+
+
+def test_the_written_velocity_is_hamiltons():
+    for system in systems.values():
+        d = system.dimension
+        q, p = (tuple(0.3 + 0.1 * i + shift for i in range(d)) for shift in (0.0, 0.5))
+        constants = [float(Fraction(parameter.value)) for parameter in system.parameters.values()]
+        expected = [*system.grad_T(p), *(-force for force in system.grad_V(q, *constants))]
+        # The same operations in the same order: equal, but for how the constants fold.
+        assert velocity(system)(*q, *p) == pytest.approx(expected, rel=4e-16)
+
+
+def test_the_written_velocity_calls_the_functions_it_is_given():
+    called = []
+    made = velocity(systems["kepler"], {"sqrt": lambda x: called.append(x) or sqrt(x)})
+    made(3.0, 4.0, 0.0, 0.0)
+    assert called == [25.0]
+
+
+def test_a_formula_that_branches_is_refused():
+    forked = System(
+        **{
+            name: getattr(RELATIVISTIC, name) for name in ("name", "label", "V", "q0", "p0", "t_end", "units", "source")
+        },
+        grad_V=lambda q: q if q[0] else (0,),
+    )
+    with pytest.raises(SystemDefinitionError, match="fast: grad_V uses a value as a condition"):
+        velocity_text(forked)
+
+
+def test_no_two_peers_look_alike():
+    from nearharmonic.experiments.work_precision.figure import _line
+
+    looks = [_line(Curve(method=name, label=name, kind="peer")) for name in PEERS]
+    for key in ("color", "marker"):
+        assert len({look[key] for look in looks}) == len(PEERS)
+
+
+def fake(path, knob="tolerance", settings=(1e-2, 1e-4, 1e-6), **more):
+    """A peer of numpy, which is always there, whose path is ``path(setting)``."""
+    return Peer(
+        name="fake", label="Fake", module="numpy", knob=knob, settings=settings,
+        attempt=lambda system, t_end, setting: Attempt(run=lambda: None, path=lambda: path(setting)), **more,
+    )  # fmt: skip
+
+
+def oscillator_path(setting):
+    return np.array([[1.0, 0.0], [1.0, sqrt(setting)]]), 7.0  # |dH/H0| = setting
+
+
+def test_each_setting_is_a_point_with_its_errors_and_cost():
+    curve = peer_curve(fake(oscillator_path), systems["sho"], "5", (0.1, 1.0), reference(systems["sho"], "5"), 1.0)
+    assert curve.status == "ok"
+    assert [(p.tolerance, p.evaluations, p.steps) for p in curve.points] == [(t, 7.0, 1) for t in (1e-2, 1e-4, 1e-6)]
+    assert [p.max_energy_error for p in curve.points] == pytest.approx([1e-2, 1e-4, 1e-6], rel=1e-9)
+    assert all(p.position_error == pytest.approx(1 - np.cos(5.0), rel=1e-14) for p in curve.points)
+    assert all("trajectory" in p.calls for p in curve.points)
+
+
+def test_a_run_that_breaks_down_is_infinitely_far_off_and_is_not_timed():
+    def path(setting):
+        if setting > 1e-3:
+            raise ZeroDivisionError
+        return oscillator_path(setting)
+
+    first, second, _ = peer_curve(fake(path), systems["sho"], "5", (0.1, 1.0), None, 1.0).points
+    assert (first.max_energy_error, first.calls) == (inf, {})
+    assert second.max_energy_error < inf
+
+
+def test_refining_ends_where_a_run_takes_too_long_and_says_so():
+    def path(setting):
+        if setting < 1e-3:
+            raise TimeoutError
+        return oscillator_path(setting)
+
+    curve = peer_curve(fake(path), systems["sho"], "5", (0.1, 1.0), None, 0.5)
+    assert [p.tolerance for p in curve.points] == [1e-2]
+    assert curve.status == "stopped where a run took longer than 0.5 s"
+
+
+def test_a_coarse_run_that_goes_astray_for_long_does_not_end_the_refining(monkeypatch):
+    clock = iter(range(0, 100, 10))  # each path seems to take ten seconds
+    monkeypatch.setattr("nearharmonic.experiments.work_precision.peers.measure.time.perf_counter", lambda: next(clock))
+
+    def path(setting):
+        return oscillator_path(setting if setting < 1e-1 else inf)
+
+    curve = peer_curve(fake(path, settings=(1.0, 1e-2, 1e-4)), systems["sho"], "5", (0.1, 1.0), None, 0.5)
+    assert [(p.tolerance, p.max_energy_error) for p in curve.points] == [(1.0, inf)]
+    assert curve.status.startswith("stopped")
+
+
+def test_refining_ends_where_rounding_takes_over():
+    settings = (1e-6, 1e-12, 1e-12, 1e-13)
+    curve = peer_curve(fake(oscillator_path, settings=settings), systems["sho"], "5", (0.1, 1.0), None, 1.0)
+    assert len(curve.points) == 3
+
+
+def test_a_peer_of_accelerations_is_refused_where_they_depend_on_momenta():
+    curve = peer_curve(fake(oscillator_path, quadratic_only=True), RELATIVISTIC, "5", (0.1, 1.0), None, 1.0)
+    assert curve.status == "does not fit: it requires T = p.p/2"
+
+
+def test_steps_per_stage_go_from_coarse_to_fine():
+    peer = fake(oscillator_path, knob="step", settings=(), stages=10)
+    curve = peer_curve(peer, systems["sho"], "5", (0.1, 1.0), None, 1.0)
+    assert curve.points[0].tau_per_stage == pytest.approx(0.5, rel=1e-12)  # one step over [0, 5], ten stages
+    assert all(point.tau == 5.0 for point in curve.points)
+
+
+@pytest.mark.parametrize("name", [name for name, peer in PEERS.items() if find_spec(peer.module)])
+@pytest.mark.parametrize("system", ["sho", "kepler"])
+def test_installed_peers_converge_to_the_exact_position(name, system):
+    t_end = {"sho": "5", "kepler": "2000"}[system]
+    ranges = {"sho": (0.02, 0.3), "kepler": (2.0, 60.0)}[system]
+    curve = peer_curve(PEERS[name], systems[system], t_end, ranges, reference(systems[system], t_end), 5.0)
+    errors = [point.position_error for point in curve.points]
+    # From the coarsest to the finest setting each gains three decades at least: 1e-3 to 1e-9 of a tolerance, and 30 in
+    # step size to the fourth power, leave more.
+    assert min(errors) < 1e-3 * min(1.0, errors[0]) or min(errors) < 1e-12
+
+
+@pytest.mark.skipif(find_spec("heyoka") is None, reason="heyoka is optional")
+def test_a_modulus_reaches_a_library_that_has_none():
+    """V = |q|^3 / 3 from q = -1: heyoka's energy error at a tolerance of 1e-15 is rounding."""
+    cubic = System(
+        name="cubic", label="cubic", V=lambda q: abs(q[0]) ** 3 / 3, grad_V=lambda q: (q[0] * abs(q[0]),),
+        q0=("-1",), p0=("0",), t_end="1", units=RELATIVISTIC.units, source="made up",
+    )  # fmt: skip
+    with quiet():  # its imports warn
+        states, _ = PEERS["heyoka"].attempt(cubic, 1.0, 1e-15).path()
+    assert states[-1][0] > -0.7
+    assert max(energy_errors(cubic, states)) < 4e-15
+
+
+needs_rebound = pytest.mark.skipif(not find_spec("rebound"), reason="rebound is not installed")
+
+
+@needs_rebound
+def test_rebound_takes_gravity_from_its_own_code_whatever_the_system_is_called():
+    """A star and a planet with G the parameter GM; a force compiled by numba acts on a single particle."""
+    heavy = Parameter(value="2.5", unit="1", meaning="gravitational constant times mass")
+    planet = dataclasses.replace(systems["kepler"], name="planet", parameters={"GM": heavy})
+    made = _Setup(planet, 1.0, "ias15", {}, 0).simulation(ctypes.c_double())[0]
+    assert (made.N, made.G, made.gravity) == (2, 2.5, "basic")
+    made = _Setup(systems["sho"], 1.0, "ias15", {}, 0).simulation(ctypes.c_double())[0]
+    assert (made.N, made.gravity) == (1, "none")
+
+
+@needs_rebound
+def test_the_compiled_force_is_that_of_henon_and_heiles():
+    import rebound
+
+    x, y, count = 0.3, -0.2, ctypes.c_double(4.0)
+    simulation = rebound.Simulation()
+    simulation.add(m=1.0, x=x, y=y, z=0.7, vx=0.5, vy=0.6)
+    simulation.particles[0].az = 0.9
+    simulation.extras = ctypes.addressof(count)
+    force = compiled_force(systems["henon_heiles"]).ctypes
+    force(ctypes.cast(ctypes.byref(simulation), *force.argtypes))
+    body = simulation.particles[0]
+    # V = (x^2 + y^2)/2 + x^2 y - y^3/3 by hand; a rounding or two of numbers below 1.
+    assert [body.ax, body.ay] == pytest.approx([-x - 2 * x * y, -y - x * x + y * y], abs=2e-16)
+    assert (body.x, body.y, body.z, body.vx, body.vy, body.az, count.value) == (x, y, 0.7, 0.5, 0.6, 0.9, 5.0)
+
+
+@needs_rebound
+@pytest.mark.parametrize("name", ["henon_heiles", "kepler"])
+def test_rebounds_leapfrog_of_order_8_takes_17_forces_a_step(name):
+    # A composition of 17 leapfrogs, each with one force.
+    states, evaluations = PEERS["rebound_leapfrog8"].attempt(systems[name], 5.0, 0.5).path()
+    assert (len(states), evaluations) == (11, 10 * PEERS["rebound_leapfrog8"].stages) == (11, 170)
+
+
+@needs_rebound
+@pytest.mark.parametrize("name", ["rebound_ias15", "rebound_leapfrog8"])
+@pytest.mark.parametrize("system", ["henon_heiles", "kepler"])
+def test_rebound_starts_anew_each_time_it_is_timed(name, system):
+    attempt = PEERS[name].attempt(systems[system], 5.0, {"rebound_ias15": 1e-6, "rebound_leapfrog8": 0.5}[name])
+    ends = []
+    for _ in range(2):
+        body = attempt.run()
+        ends.append([body.x, body.y, body.vx, body.vy])
+    # One simulation run twice, and another one run step by step, in the same arithmetic.
+    assert ends == [attempt.path()[0][-1].tolist()] * 2
+
+
+@needs_rebound
+def test_rebound_calls_no_python_while_it_integrates():
+    def calls(step):
+        run, seen = PEERS["rebound_leapfrog8"].attempt(systems["henon_heiles"], 50.0, step).run, []
+        sys.setprofile(lambda frame, event, argument: seen.append(event))
+        try:
+            run()
+        finally:
+            sys.setprofile(None)
+        return len(seen)
+
+    calls(5.0)  # whatever a first run imports
+    assert calls(5.0) == calls(0.5)
+
+
+@pytest.mark.skipif(not find_spec("heyoka"), reason="heyoka is not installed")
+@pytest.mark.parametrize("name", ["heyoka", "heyoka_fast_math"])
+def test_each_lane_of_heyoka_ends_where_the_oscillator_ends(name):
+    with quiet():  # its imports warn
+        attempt = PEERS[name].attempt(systems["sho"], 5.0, 1e-15)
+    for _ in range(2):  # it starts anew each time
+        states = attempt.lanes()
+        assert states.shape == (2, MODES["lanes"])
+        assert states == pytest.approx(np.array([[np.cos(5.0)], [-np.sin(5.0)]]).repeat(8, axis=1), abs=1e-14)
+
+
+def test_lanes_are_timed_where_a_library_has_them_and_nowhere_else():
+    def peer(lanes):
+        return dataclasses.replace(
+            fake(oscillator_path),
+            attempt=lambda *_: Attempt(run=lambda: "one", path=lambda: oscillator_path(1e-6), lanes=lanes),
+        )
+
+    for lanes, modes in ((None, {"trajectory"}), (lambda: "eight", {"trajectory", "lanes"})):
+        (point, *_) = peer_curve(peer(lanes), systems["sho"], "5", (0.1, 1.0), None, 1.0).points
+        assert set(point.calls) == modes
+        assert [point.calls[mode]() for mode in sorted(modes, reverse=True)] == ["one", "eight"][: len(modes)]

@@ -1,0 +1,213 @@
+"""Methods for an error bound: choices of this package and of other libraries, their text, and bad questions."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+
+from nearharmonic.errors import NearharmonicError, ResultFileError, SystemDefinitionError
+from nearharmonic.experiments.work_precision.curve import Curve, Point
+from nearharmonic.experiments.work_precision.recommend.choices import recommend
+from nearharmonic.experiments.work_precision.run import variables
+from nearharmonic.integrators import integrators
+from nearharmonic.listing import recommendation_lines, registry_lines
+from nearharmonic.output import store
+from nearharmonic.systems import systems
+from nearharmonic.systems.user_file import load_system
+
+QUARTIC = """
+from nearharmonic.systems import System
+
+SYSTEM = System(
+    name="quartic",
+    label="quartic oscillator",
+    V=lambda q: sum(x**4 for x in q) / 4,
+    grad_V=lambda q: tuple(x**3 for x in q),
+    q0=("1", "0.5"),
+    p0=("0", "1"),
+    t_end="10",
+    units={"q": "1", "p": "1", "t": "1", "energy": "1"},
+    source="made up for this test",
+)
+"""
+
+
+@pytest.fixture(autouse=True)
+def few(monkeypatch):
+    """Three methods instead of all: what is asked here does not depend on their number."""
+    chosen = {name: integrators[name] for name in ("ruth", "aba864", "srkn_a14")}
+    monkeypatch.setattr("nearharmonic.experiments.work_precision.recommend.choices.integrators", chosen)
+    return chosen
+
+
+def made(method, errors, times, status="ok", tolerances=(1e-3, 1e-6, 1e-9)):
+    """A curve of another library: its settings with their errors and times."""
+    points = [
+        Point(
+            tolerance=tolerance,
+            evaluations=100.0 * (i + 1),
+            max_energy_error=error,
+            mean_energy_error=error / 2,
+            times={"trajectory": [3 * time, time]},
+        )
+        for i, (tolerance, error, time) in enumerate(zip(tolerances, errors, times, strict=bool(errors)))
+    ]
+    return Curve(method=method, label=method.upper(), kind="peer", status=status, points=points)
+
+
+def written(folder, curves, t_end="500"):
+    """``folder`` with a file of timings of ``curves`` on the oscillator."""
+    problems = {"sho": {"system": "sho", "t_end": t_end, "measures": ["max", "mean"], "reference": ""}}
+    facts = {"measured": "2026-01-02T03:04:05+00:00", "cpu": "Fast 9", "problems": json.dumps(problems)}
+    store.write(folder / "cubes/work_precision.h5", {}, facts, groups={"sho": variables(curves, "1")})
+    return folder
+
+
+@pytest.fixture
+def results(tmp_path):
+    """Timings of two libraries, the second of which errs again at its finest setting; a third is absent."""
+    curves = [
+        made("theirs", [2e-6, 2e-9, 2e-12], [1e-9, 3e-9, 2e-9]),
+        made("lucky", [1e-10, 1e-10, 1e-7], [1e-9, 2e-9, 3e-9]),
+        made("absent", [], [], status="not installed"),
+    ]
+    return written(tmp_path, curves)
+
+
+def choice_of(found, method):
+    return next(choice for choice in found.choices if choice.method == method)
+
+
+def test_other_libraries_are_taken_from_the_timings_that_are_there(results, few):
+    found = recommend("sho", "1e-6", results=results)
+    assert {choice.method for choice in found.choices} == {*few, "theirs", "lucky", "absent"}
+    assert found.choices[0].method == "lucky"
+    assert found.t_end == "500"
+    assert f"other libraries: {results}/cubes/work_precision.h5, measured 2026-01-02T03:04:05+00:00 on Fast 9" in (
+        found.basis
+    )
+
+
+@pytest.mark.parametrize(
+    ("error", "tolerance", "time"),
+    [(1e-5, 1e-3, 1e-9), (1e-6, 1e-9, 2e-9), (2e-9, 1e-9, 2e-9), (2e-12, 1e-9, 2e-9)],
+)
+def test_another_library_keeps_the_fastest_setting_that_was_run_and_meets_the_error(results, error, tolerance, time):
+    theirs = choice_of(recommend("sho", error, results=results), "theirs")
+    assert (theirs.status, theirs.tolerance, theirs.time) == ("met", tolerance, time)
+
+
+def test_a_setting_is_no_choice_if_a_finer_one_misses_the_error(results):
+    found = recommend("sho", 1e-9, results=results)
+    assert choice_of(found, "lucky").status == "missed"
+    text = "\n".join(recommendation_lines(found))
+    assert "not at any setting timed: LUCKY (1.0e-10 at tolerance 0.001, but not at all finer ones)" in text
+
+
+def test_a_coarse_setting_that_meets_the_error_by_luck_is_passed_over(tmp_path):
+    patchy = made("patchy", [1e-10, 1e-3, 1e-10], [1e-9, 2e-9, 3e-9])
+    choice = choice_of(recommend("sho", 1e-9, results=written(tmp_path, [patchy])), "patchy")
+    assert (choice.status, choice.tolerance) == ("met", 1e-9)
+
+
+def test_timings_over_another_interval_are_left_out(tmp_path):
+    found = recommend("sho", 1e-6, results=written(tmp_path, [made("theirs", [1e-9] * 3, [1e-9] * 3)], t_end="50"))
+    assert "theirs" not in {choice.method for choice in found.choices}
+    assert "has no timings of this measure over this interval" in found.basis
+
+
+def test_the_text_has_setting_evaluations_time_ratio_and_error_of_each_method(results):
+    text = list(recommendation_lines(recommend("sho", 1e-7, measure="mean", results=results)))
+    assert text[0] == "simple harmonic oscillator, t = 500: mean of |H - H0|/|H0| <= 1e-07"
+    assert text[1].split() == ["method", "tau", "evaluations", "ms", "ratio", "error"]
+    assert text[2].split() == ["1.", "LUCKY*", "tolerance", "0.001", "100", "1e-06", "1.00", "5.0e-11"]
+    assert text[3].split() == ["2.", "THEIRS*", "tolerance", "1e-09", "300", "2e-06", "2.00", "1.0e-12"]
+    assert "not run: ABSENT (not installed)" in text
+    assert text[-2] == "* another library, as its users use it"
+    assert "on Fast 9" in text[-1]
+
+
+def test_an_error_that_nobody_reaches_is_said_with_the_budget_and_the_best_there_is(results):
+    found = recommend("sho", 1e-20, results=results)
+    assert found.ranked == ()
+    text = "\n".join(recommendation_lines(found))
+    assert "no method reaches this error within 200000 evaluations" in text
+    assert re.search(r"not within 200000 evaluations: Ruth \(\d\.\de-\d+ at tau 0\.\d+ at best\); ", text)
+    assert "not at any setting timed: THEIRS (2.0e-12 at tolerance 1e-09 at best); LUCKY" in text
+
+
+def test_without_timings_methods_are_measured_and_other_libraries_named_as_missing(tmp_path, few):
+    found = recommend("sho", 1e-6, results=tmp_path)
+    assert {choice.method for choice in found.choices} == set(few)
+    assert found.ranked[0].status == "met"
+    assert found.basis.startswith("measured on the spot")
+    assert f"other libraries: not timed ({tmp_path}/cubes/work_precision.h5 does not exist" in found.basis
+
+
+def test_a_measure_that_the_timings_lack_is_measured(results):
+    found = recommend("sho", 1e-6, measure="position", results=results)
+    assert "has no timings of this measure" in found.basis
+    assert choice_of(found, "aba864").status == "met"
+
+
+def test_a_system_of_ones_own_is_measured_on_the_spot(tmp_path):
+    (tmp_path / "quartic.py").write_text(QUARTIC)
+    found = recommend(str(tmp_path / "quartic.py"), 1e-6, measure="position", results=tmp_path)
+    assert found.system.name == "quartic"
+    assert "not timed for a system of your own" in found.basis
+    assert "aba864" in [choice.method for choice in found.ranked]
+
+
+def test_a_method_that_does_not_fit_the_system_is_named_with_the_reason(tmp_path):
+    found = recommend("relativistic_oscillator", 1e-3, results=tmp_path)
+    assert choice_of(found, "srkn_a14").status == "not run"
+    assert "not run: SRKN 14a (does not fit: it requires a quadratic kinetic energy)" in recommendation_lines(found)
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (None, "no such file. A system of your own is a Python file that defines SYSTEM"),
+        ("x = 1", "does not define SYSTEM, a nearharmonic.systems.System; it has None"),
+        ("SYSTEM = 3", "does not define SYSTEM, a nearharmonic.systems.System; it has 3"),
+        ("1 / 0", "cannot be run: ZeroDivisionError: division by zero"),
+        ("def", "cannot be run: SyntaxError"),
+        (QUARTIC.replace('"10"', '"ten"'), "quartic: t_end = 'ten' is not a finite decimal number"),
+    ],
+)
+def test_a_file_that_is_no_system_is_refused(tmp_path, content, says):
+    if content is not None:
+        (tmp_path / "mine.py").write_text(content)
+    with pytest.raises(SystemDefinitionError, match=re.escape(says)):
+        load_system(tmp_path / "mine.py")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ({"system": "keplr"}, "unknown system 'keplr'. Did you mean 'kepler'?"),
+        ({"error": "tiny"}, "error = 'tiny' is not allowed: a finite number above 0"),
+        ({"error": "-1"}, "error = '-1' is not allowed"),
+        ({"measure": "maximum"}, "measure = 'maximum' is not allowed: one of max, mean, position. Did you mean 'max'?"),
+    ],
+)
+def test_a_bad_question_is_refused_before_anything_is_measured(arguments, says, tmp_path):
+    asked = {"system": "sho", "error": "1e-9", "measure": "max"} | arguments
+    system, error = asked.pop("system"), asked.pop("error")
+    with pytest.raises(NearharmonicError, match=re.escape(says)):
+        recommend(system, error, results=tmp_path, **asked)
+
+
+def test_broken_timings_are_named_and_not_measured_around(tmp_path):
+    (tmp_path / "cubes").mkdir()
+    (tmp_path / "cubes/work_precision.h5").write_bytes(b"not HDF5")
+    with pytest.raises(ResultFileError, match="is truncated or no HDF5 file"):
+        recommend("sho", 1e-9, results=tmp_path)
+
+
+def test_every_integrator_and_system_is_listed():
+    for kind, registry in (("integrators", integrators), ("systems", systems)):
+        names = [line.split()[0] for line in registry_lines(kind)]
+        assert names == ["name", *registry]

@@ -1,0 +1,394 @@
+"""Curves of time against error: where they cross a target, exact positions, fair repeats, and the file they live in."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from fractions import Fraction
+from math import inf, isnan, nan
+
+import mpmath
+import pytest
+from mpmath import cos, mpf
+
+from nearharmonic.core import kernel
+from nearharmonic.engine import reference as reference_module
+from nearharmonic.engine.batch import kernel_of
+from nearharmonic.engine.reference import position_t_end, reference
+from nearharmonic.engine.settings import Numerics, Sweep
+from nearharmonic.errors import SettingError, SystemDefinitionError
+from nearharmonic.experiments.work_precision.clock import Patience, interleaved, pinned, processor, summary
+from nearharmonic.experiments.work_precision.curve import (
+    MODES,
+    Curve,
+    Point,
+    cross,
+    crossing,
+    for_good,
+    ns_per_evaluation,
+    ranking,
+)
+from nearharmonic.experiments.work_precision.own import grid, splitting_curve, warm_up
+from nearharmonic.experiments.work_precision.run import clock, curves_of, curves_on, problems, variables
+from nearharmonic.experiments.work_precision.settings import WorkPrecisionSettings
+from nearharmonic.experiments.work_precision.tables import markdown, rows, table
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY
+from nearharmonic.output import store
+from nearharmonic.output.table import save
+from nearharmonic.systems import Parameter, System, systems
+from oracles import kepler_state, oscillator_state
+
+
+def power_law(order=4, constant=3.0, points=9):
+    """Errors constant * tau^order at tau = 1, 1/2, 1/4, ...; cost 1/tau: every crossing has a closed form."""
+    taus = [2.0**-i for i in range(points)]
+    return [constant * tau**order for tau in taus], [1 / tau for tau in taus]
+
+
+@pytest.mark.parametrize("target", [1e-1, 1e-3, 1e-6])
+def test_a_power_law_is_crossed_where_its_formula_says(target):
+    errors, costs = power_law()
+    status, (cost,) = cross(errors, [costs], target)
+    assert status == "reached"
+    # Straight lines through logarithms are exact on a power law, up to rounding of log and exp.
+    assert cost == pytest.approx((3.0 / target) ** 0.25, rel=1e-13)
+
+
+def test_a_target_that_a_point_meets_exactly_costs_what_that_point_costs():
+    errors, costs = power_law()
+    assert cross(errors, [costs], errors[4])[1][0] == pytest.approx(costs[4], rel=1e-13)
+
+
+def test_a_lucky_coarse_step_does_not_count():
+    assert cross([1e-9, 1e-2, 1e-4, 1e-6], [[1.0, 2.0, 4.0, 8.0]], 1e-4) == ("reached", (4.0,))
+
+
+def test_a_curve_that_rounding_lifts_again_still_reaches_its_least_error():
+    status, (cost,) = cross([1e-2, 1e-12, 1e-11], [[1.0, 2.0, 4.0]], 1e-12)
+    assert (status, cost) == ("reached", pytest.approx(2.0, rel=1e-12))
+
+
+def test_what_is_good_enough_from_the_start_is_an_upper_bound():
+    assert cross([1e-4, 1e-6], [[1.0, 2.0]], 1e-3) == ("below throughout", (1.0,))
+
+
+def test_what_never_gets_there_costs_nothing_that_can_be_named():
+    for errors in ([1e-2, 1e-3], [inf, inf], [nan], []):
+        status, (cost,) = cross(errors, [[1.0] * len(errors)], 1e-6)
+        assert status == "not reached"
+        assert isnan(cost)
+
+
+def test_no_line_is_drawn_from_a_run_that_failed():
+    assert cross([inf, 1e-7], [[1.0, 2.0]], 1e-6) == ("reached", (2.0,))
+
+
+def test_an_error_of_zero_is_below_every_target():
+    assert cross([1e-2, 0.0], [[1.0, 2.0]], 1e-12) == ("reached", (2.0,))
+
+
+def test_a_finer_setting_that_costs_less_is_taken():
+    assert cross([1e-2, 1e-4, 1e-8], [[5.0, 4.0, 1.0], [50.0, 40.0, 10.0]], 1e-3)[1] == (1.0, 10.0)
+
+
+def test_errors_for_good_never_rise_and_end_at_the_least():
+    assert for_good([1.0, 1e-5, 1e-2, nan, 1e-6, 5e-5]) == [inf, inf, inf, inf, 1e-6]
+
+
+def made(method, errors, times, kind="splitting", **more):
+    """A curve whose point i has the error errors[i], taken in times[i] seconds by 1000 times as many evaluations."""
+    points = [
+        Point(
+            tau=1.0 / (i + 1),
+            evaluations=1e6 * time,
+            max_energy_error=error,
+            mean_energy_error=error / 2,
+            position_error=10 * error,
+            times={"trajectory": [3 * time, time, 2 * time]},
+        )
+        for i, (error, time) in enumerate(zip(errors, times, strict=True))
+    ]
+    return Curve(method=method, label=method.upper(), kind=kind, points=points, **more)
+
+
+def test_the_ranking_goes_by_time_and_ends_with_those_that_fail():
+    slow = made("slow", [1e-2, 1e-9], [1e-3, 1e-2])
+    fast = made("fast", [1e-2, 1e-9], [1e-5, 1e-4])
+    never = made("never", [1e-2, 1e-3], [1e-6, 1e-5])
+    order = [curve.method for curve, _ in ranking([never, slow, fast], "max", 1e-6)]
+    assert order == ["fast", "slow", "never"]
+
+
+def test_each_measure_reads_its_own_error_and_the_least_time():
+    curve = made("one", [1e-3, 1e-6], [1e-5, 1e-4])
+    assert crossing(curve, "max", 1e-6).time == pytest.approx(1e-4, rel=1e-12)
+    assert crossing(curve, "mean", 5e-7).time == pytest.approx(1e-4, rel=1e-12)
+    assert crossing(curve, "position", 1e-6).status == "not reached"
+    assert ns_per_evaluation(curve) == pytest.approx(1e3, rel=1e-12)
+
+
+def test_a_point_that_was_not_timed_in_a_mode_is_no_part_of_its_curve():
+    curve = made("one", [1e-3, 1e-6], [1e-5, 1e-4])
+    assert crossing(curve, "max", 1e-4, mode="lanes").status == "not reached"
+    assert isnan(ns_per_evaluation(curve, "lanes"))
+
+
+def test_positions_of_oscillator_and_planet_are_those_of_the_closed_forms():
+    sho, kepler = reference(systems["sho"], "500"), reference(systems["kepler"], "87660")
+    planet = systems["kepler"]
+    exact = kepler_state(planet.q0[0], planet.p0[1], planet.parameters["GM"].value, 87660)
+    for found, expected in ((sho.q, [cos(mpf(500))]), (kepler.q, exact[:2])):
+        for (high, low), value in zip(found, expected, strict=True):
+            assert abs(mpf(high) + mpf(low) - value) < mpf(10) ** -29  # two doubles hold 32 digits of at most 70
+    assert (sho.scale, kepler.scale) == (1.0, 69.82)
+
+
+def test_the_reference_of_a_copy_is_that_of_its_own_start_and_parameters():
+    """Copies keep the closed form: sin t from (0, 1); Mercury around a star of twice the mass."""
+    struck = dataclasses.replace(systems["sho"], q0=("0",), p0=("1",))
+    assert reference(struck, "20").error([float(mpmath.sin(20))]) < 1e-15
+    heavy = Parameter(value="3.43989504", unit="1e18 km3 h-2", meaning="gravitational constant times mass")
+    near = dataclasses.replace(systems["kepler"], p0=("0", "0.2"), parameters={"GM": heavy})
+    exact = reference(near, "5000")
+    expected = kepler_state("69.82", "0.2", "3.43989504", 5000)
+    assert exact.source == "closed form in 40 digits"
+    assert exact.error([float(x) for x in expected[:2]]) < 1e-15
+
+
+def test_a_copy_with_another_potential_is_not_given_the_closed_form_of_the_original():
+    """It is followed numerically: cos 2t."""
+    stiffer = dataclasses.replace(systems["sho"], V=lambda q: 2 * q[0] * q[0], grad_V=lambda q: (4 * q[0],))
+    assert reference(stiffer, "3").error([float(cos(mpf(6)))]) < 1e-15
+
+
+@pytest.mark.parametrize("position", [lambda t: cos(t) + 1, lambda t: cos(2 * t), lambda t: cos(t) + mpmath.sin(t)])
+def test_a_closed_form_that_is_none_is_refused(position):
+    """From another point, with another period, with another velocity at the start."""
+    with pytest.raises(SystemDefinitionError, match="spring: exact_position contradicts"):
+        reference(spring(exact_position=lambda _, t: (position(t),)), "20")
+
+
+def test_an_orbit_without_a_closed_form_of_its_own_is_followed_numerically():
+    """A hyperbola from its perihelion: x = a (e - cosh F), y = b sinh F, and e sinh F - F proportional to time."""
+    fast = dataclasses.replace(systems["kepler"], p0=("0", "0.333"))
+    exact = reference(fast, "500")
+    assert "double-double" in exact.source
+    r, GM = mpf("69.82"), mpf("1.71994752")
+    e = r * mpf("0.333") ** 2 / GM - 1
+    a = r / (e - 1)
+    F = mpmath.findroot(lambda F: e * mpmath.sinh(F) - F - mpmath.sqrt(GM / a**3) * 500, 1)
+    expected = a * (e - mpmath.cosh(F)), a * mpmath.sqrt(e * e - 1) * mpmath.sinh(F)
+    assert e > 3
+    assert exact.error([float(x) for x in expected]) < 1e-15
+
+
+def spring(name="spring", **more):
+    settings = {
+        "name": name,
+        "label": name,
+        "V": lambda q: q[0] * q[0] / 2,
+        "grad_V": lambda q: (q[0],),
+        "q0": ("1",),
+        "p0": ("0",),
+        "t_end": "20",
+        "units": {"q": "1", "p": "1", "t": "1", "energy": "1"},
+        "source": "Hooke",
+    }
+    return System(**(settings | more))
+
+
+def test_a_system_without_a_closed_form_is_followed_in_extended_precision():
+    found = reference(spring(), "20")
+    error = abs(mpf(found.q[0, 0]) + mpf(found.q[0, 1]) - cos(mpf(20)))
+    # The error that the reference states, which rests on order 6, to a factor of 3; and far below that of a double.
+    assert error < 3 * max(found.uncertainty, 1e-30)
+    assert found.uncertainty < 1e-17
+
+
+def test_a_system_of_ones_own_does_not_get_a_closed_form_by_its_name():
+    stiffer = spring("sho", V=lambda q: 2 * q[0] * q[0], grad_V=lambda q: (4 * q[0],))
+    assert reference(stiffer, "3").error([float(cos(mpf(6)))]) < 1e-15
+
+
+def test_an_orbit_that_cannot_be_followed_is_refused(monkeypatch):
+    monkeypatch.setattr(reference_module, "FIRST_STEPS", 4)
+    monkeypatch.setattr(reference_module, "MOST_STEPS", 8)
+    with pytest.raises(SettingError, match=r"t_end = '20' is not allowed: the orbit of spring cannot be followed"):
+        reference(spring(), "20")
+
+
+def test_position_errors_are_relative_and_infinite_where_there_is_no_number():
+    exact = reference(systems["kepler"], "87660")
+    assert exact.error(exact.q[:, 0] + [69.82, 0.0], exact.q[:, 1]) == pytest.approx(1.0, rel=1e-15)
+    assert exact.error([nan, 0.0]) == inf
+
+
+def test_chaos_gets_a_shorter_interval_for_positions_and_only_there():
+    assert [(p.name, p.t_end, p.measures) for p in problems(systems["henon_heiles"], "500")] == [
+        ("henon_heiles", "500", ("max", "mean")),
+        ("henon_heiles_position", "20", ("position",)),
+    ]
+    assert [p.measures for p in problems(systems["henon_heiles"], "20")] == [("max", "mean", "position")]
+    assert [p.t_end for p in problems(systems["kepler"], "87660")] == ["87660"]
+    assert position_t_end(spring("henon_heiles"), "500") == "500"
+
+
+def test_the_grid_runs_from_coarse_to_fine_once_through_each_number_of_steps():
+    points = grid(integrators["ruth"], "10", 1e-3, 10.0, 10, 1000)
+    steps = [n for _, n in points]
+    assert steps == sorted(set(steps))
+    assert steps[0] == 1
+    assert 3 * steps[-1] <= 1000 < 3 * steps[-1] * 10**0.15
+
+
+#: Each coefficient is rounded by up to 1.1e-16 of itself, which shifts the phase at t = 20 by no more than twice that
+#: part of t; sums are compensated.
+PHASE = 20 * 2.2e-16
+
+
+def test_errors_of_a_curve_are_those_of_the_matrix_power():
+    tableau = integrators["aba864"]
+    curve = splitting_curve(systems["sho"], tableau, "20", [(0.1, 29), (0.05, 57)], reference(systems["sho"], "20"))
+    for point, steps in zip(curve.points, (29, 57), strict=True):
+        q, _ = oscillator_state(tableau, mpf(20) / steps, steps)
+        assert point.position_error == pytest.approx(float(abs(q - cos(mpf(20)))), abs=PHASE)
+        assert point.evaluations == 7 * steps
+
+
+def test_every_mode_of_a_curve_moves_the_same_trajectory():
+    curve = splitting_curve(systems["sho"], integrators["ruth"], "20", [(0.1, 67)], None)
+    states = {mode: call().copy() for mode, call in curve.points[0].calls.items()}
+    assert set(states) == {"trajectory", "lanes", "energy"}
+    q, _ = oscillator_state(integrators["ruth"], mpf(20) / 67, 67)
+    assert states["trajectory"][0] == pytest.approx(float(q), abs=PHASE)
+    assert states["energy"][0] == states["trajectory"][0]
+    assert set(states["lanes"][:8]) == {states["trajectory"][0]}
+    assert curve.points[0].calls["trajectory"]()[0] == states["trajectory"][0]  # each call begins at the start
+
+
+def test_what_is_timed_compiles_one_scheduler_and_the_inner_kernel_of_each_mode(monkeypatch):
+    asked = []
+    monkeypatch.setattr(kernel, "native", lambda name, *more: asked.append(name))
+    stiff = spring("stiff")
+    warm_up(stiff)
+    # The kernel of whole calls, which has a scheduler, and for each mode the loop over steps alone.
+    assert sorted(name.partition("-")[0] for name in asked) == ["advance"] * (len(MODES) + 1) + ["begin", "run"]
+    # The code is that of whole kernels, so that one cache serves both.
+    compiled = set(asked)
+    for mode, width in MODES.items():
+        kernel_of(stiff, Numerics(width=width, every_step=mode == "energy")).advance()
+    assert {name for name in asked if name.startswith("advance")} <= compiled
+    assert len({name for name in compiled if name.startswith("advance")}) == len(MODES) + 1
+
+
+def test_a_nystrom_method_is_refused_where_the_kinetic_energy_is_not_quadratic():
+    nystrom = next(t for t in integrators.values() if t.requires == QUADRATIC_KINETIC_ENERGY)
+    light = spring(T=lambda p: p[0] ** 4 / 4, grad_T=lambda p: (p[0] ** 3,))
+    curve = splitting_curve(light, nystrom, "20", [(0.1, 10)], None)
+    assert (curve.points, curve.status) == ([], "does not fit: it requires a quadratic kinetic energy")
+
+
+def test_repeats_take_turns():
+    seen = []
+    interleaved([lambda: seen.append("a"), lambda: seen.append("b")], Patience(least=2, most=3, seconds=inf))
+    assert seen == ["a", "b"] * 3
+
+
+def test_patience_ends_with_the_time_but_not_before_the_least_number():
+    patience = Patience(least=3, most=9, seconds=1.0, longest=10.0)
+    assert patience.goes_on([])
+    assert patience.goes_on([4.0, 4.0])  # over the time, under the least number
+    assert patience.goes_on([11.0])  # over the longest, but once is no repeat
+    assert not patience.goes_on([4.0, 7.0])
+    assert not patience.goes_on([0.4, 0.4, 0.4])
+    assert patience.goes_on([0.1] * 8)
+    assert not patience.goes_on([0.1] * 9)
+
+
+def test_quartiles_are_kept():
+    assert summary([4.0, 1.0, 2.0, 3.0, 5.0]) == (1.0, 2.0, 3.0, 4.0)
+    assert all(map(isnan, summary([])))
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="the system cannot pin")
+def test_pinning_keeps_to_one_core_and_gives_the_others_back():
+    before = os.sched_getaffinity(0)
+    with pinned() as core:
+        assert os.sched_getaffinity(0) == {core}
+    assert os.sched_getaffinity(0) == before
+
+
+def test_the_processor_is_named_with_its_clock_and_vectors(tmp_path):
+    (tmp_path / "cpuinfo").write_text("model name\t: Fast 9\ncpu MHz\t\t: 2500.0\nflags\t\t: sse avx2 avx512f\n")
+    assert processor(tmp_path / "cpuinfo") == "Fast 9, 2.50 GHz, AVX-512"
+    assert processor(tmp_path / "none")
+
+
+def test_times_are_per_trajectory(monkeypatch):
+    monkeypatch.setattr(
+        "nearharmonic.experiments.work_precision.run.interleaved", lambda calls: [[8.0, 16.0] for _ in calls]
+    )
+    point = Point(calls={"trajectory": lambda: None, "lanes": lambda: None, "energy": lambda: None})
+    clock([Curve(method="m", label="m", kind="splitting", points=[point])], ("lanes", "trajectory"))
+    assert point.times == {"lanes": [1.0, 2.0], "trajectory": [8.0, 16.0]}
+
+
+def test_the_file_gives_back_what_was_measured(tmp_path):
+    first = made("first", [1e-3, 1e-6, 1e-9], [1e-5, 1e-4, 1e-3], setup=1e-4)
+    empty = Curve(method="absent", label="Absent", kind="peer", status="not installed")
+    store.write(tmp_path / "times.h5", {}, {"problems": "{}"}, groups={"sho": variables([first, empty], "s")})
+    group = store.read(tmp_path / "times.h5", "sho")
+    back, absent = curves_of(group)
+    assert (back.label, back.kind, back.setup, absent.status, absent.points) == (
+        "FIRST", "splitting", 1e-4, "not installed", []
+    )  # fmt: skip
+    assert [p.max_energy_error for p in back.points] == [1e-3, 1e-6, 1e-9]
+    assert [p.times["trajectory"] for p in back.points] == [[1e-5], [1e-4], [1e-3]]
+    assert group.repeats_trajectory.sel(solver="first").values.tolist() == [3, 3, 3]
+    assert group.time_trajectory.sel(solver="first", quartile="median").values.tolist() == [2e-5, 2e-4, 2e-3]
+    assert crossing(back, "max", 1e-7).time == crossing(first, "max", 1e-7).time
+
+
+def test_the_table_says_who_wins_what_is_missing_and_whence_the_times_are(tmp_path):
+    curves = [
+        made("ours", [1e-2, 1e-7], [1e-5, 1e-4]),
+        made("theirs", [1e-4, 1e-13], [5e-5, 6e-5], kind="peer"),
+        Curve(method="absent", label="Absent", kind="peer", status="not installed"),
+    ]
+    facts = {"measured": "today", "cpu": "Fast 9", "pinned_core": "1", "load_average": "0", "clock": "c"}
+    page = markdown("toy", [("20", ("max",), curves)], facts)
+    assert "1e-12: **a peer wins**: THEIRS" in page
+    assert "- Absent: not installed" in page
+    assert "Fast 9" in page
+    lines = list(rows("toy", "20", ("max",), curves))
+    assert [(row.method, row.rank) for row in lines if row.target == 1e-12] == [
+        ("theirs", 1),
+        ("ours", 0),
+        ("absent", 0),
+    ]
+    save(table("toy", lines), [tmp_path / "table.csv"])
+    assert len((tmp_path / "table.csv").read_text().splitlines()) == 1 + 4 * 3
+
+
+def test_a_small_measurement_has_every_method_and_every_mode():
+    sweep = Sweep(
+        system="sho", t_end="5", lowest=0.05, highest=0.5, points_per_decade=4, precision=("double",),
+        summation="compensated", samples=2, shards=1,
+    )  # fmt: skip
+    settings = WorkPrecisionSettings(points_per_decade=4, evaluations=200, peers=("numpy",), longest=1.0)
+    (problem,) = problems(systems["sho"], "5")
+    (ours, theirs, _), exact = curves_on(problem, [integrators["aba864"]], sweep, settings)
+    assert exact is not None
+    assert all(set(p.times) == {"trajectory", "lanes", "energy"} for p in ours.points)
+    assert all(set(p.times) == {"trajectory"} for p in theirs.points if p.max_energy_error < inf)
+    for point in ours.points:
+        # The same method at the same step: plain numpy adds no more than rounding.
+        twins = [p for p in theirs.points if p.steps == point.steps]
+        assert all(t.max_energy_error == pytest.approx(point.max_energy_error, rel=1e-6, abs=1e-13) for t in twins)
+
+
+def test_fractions_of_the_interval_are_compared_as_numbers():
+    assert len(problems(systems["sho"], "20.0")) == 1
+    assert Fraction(position_t_end(systems["henon_heiles"], "9")) == 9
+    assert mpmath.mp.dps == 60  # no computation here leaves another precision behind

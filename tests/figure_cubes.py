@@ -1,0 +1,245 @@
+"""Small cubes made by hand for the tests of figures: every curve has numbers of its own, so that it can be told apart.
+
+Labels are not the names that the package would give, so that a figure that ignores the cube's labels is noticed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from nearharmonic.experiments.paper.substeps import substeps
+from nearharmonic.experiments.work_precision.curve import Curve, Point
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.systems import systems
+
+#: Two hollow markers and a filled one.
+METHODS = ("ruth", "aba104", "babps9o7h")
+TAU = np.geomspace(1e-3, 1, 25)
+FACTS = {"measured": "today", "cpu": "Fast 9", "pinned_core": "1", "load_average": "0.5", "clock": "c"}
+
+
+def label(method):
+    return f"label of {method}"
+
+
+def powers(*shape, seed, low=-9, high=-1):
+    """Powers of ten with random exponents between ``low`` and ``high``: no two alike."""
+    return 10 ** np.random.default_rng(seed).uniform(low, high, shape)
+
+
+def named(methods):
+    return {"integrator": list(methods), "label": ("integrator", [label(m) for m in methods])}
+
+
+def emptied(cube, *kept):
+    """``cube`` with NaN in all its floating-point variables but those in ``kept``."""
+    lost = [v for v in cube.data_vars if cube[v].dtype.kind == "f" and v not in kept]
+    return cube.assign({v: cube[v] * np.nan for v in lost})
+
+
+def errors(methods=METHODS, precision=False, unit="1"):
+    """Energy errors as Figures 1, 3 and 5 show them; where there is no number to draw, see :data:`GAPS`."""
+    shape = (2, len(methods), TAU.size)
+    largest, mean = powers(*shape, seed=1), powers(*shape, seed=2)
+    for values in (largest, mean):
+        for index, value in GAPS.items():
+            values[:, :, index] = value
+    dims = ("precision", "integrator", "tau_per_stage")
+    cube = xr.Dataset(
+        {"max_energy_error": (dims, largest), "mean_energy_error": (dims, mean)},
+        coords={
+            **named(methods),
+            "precision": ["double", "extended"],
+            "tau_per_stage": ("tau_per_stage", TAU, {"units": unit}),
+        },
+    )
+    return cube if precision else cube.isel(precision=0, drop=True)
+
+
+#: Index of a step size -> what stands there: not computed, an error of zero, diverged.
+GAPS = {0: np.nan, 7: 0.0, 11: np.nan, TAU.size - 1: np.inf}
+
+
+def advances(methods=METHODS):
+    """Perihelion advances of either sign: twelve beyond their interval, one equal to it, the rest below or no number.
+
+    The period is not that of Mercury, so that it must be read.
+    """
+    shape = (len(methods), TAU.size)
+    advance = powers(*shape, seed=3) * np.where(np.arange(TAU.size) % 2, 1, -1)
+    interval = abs(advance) * powers(*shape, seed=4, low=-1.5, high=-0.1)
+    interval[:, 12:] *= 50
+    interval[:, 12] = abs(advance[:, 12])
+    advance[:, 3], interval[:, 4], advance[:, 5], interval[:, 5] = np.nan, np.nan, np.inf, np.nan
+    dims = ("integrator", "tau_per_stage")
+    evaluations = np.array([[(3 + i) * 500 / tau for tau in TAU] for i in range(len(methods))])
+    return xr.Dataset(
+        {
+            "perihelion_advance": (dims, advance),
+            "perihelion_advance_interval": (dims, interval),
+            "evaluations_per_orbit": (dims, evaluations),
+        },
+        coords={**named(methods), "tau_per_stage": TAU},
+        attrs={"orbital_period": 2000.0},
+    )
+
+
+def terms(methods=METHODS):
+    """Error terms kappa up to order 9 (drift first) or 8 (kick first).
+
+    Orders 1, 2 and 4 vanish for drift first, orders 1 to 3 and 6 for kick first; 5 is just above the limit of 1e-30 for
+    either.
+    """
+    kappa = powers(len(methods), 2, 9, seed=5, low=-6, high=1)
+    kappa[:, 0, [0, 1, 3]], kappa[:, 1, [0, 1, 2, 5]] = 1e-76, 9.9e-31
+    kappa[:, 0, 4], kappa[:, 1, 4] = 1.01e-30, 1.02e-30
+    kappa[:, 1, 8] = np.nan
+    return xr.Dataset(
+        {"kappa": (("integrator", "first", "order"), kappa)},
+        coords={**named(methods), "first": ["drift", "kick"], "order": np.arange(1, 10)},
+    )
+
+
+#: Four pairs of drift and kick whose signs make every kind of dot; a kick first, or a drift first.
+TOY_KICK = ("0.7", "-0.3", "0.1", "0.1", "-0.3", "0.7")
+TOY_DRIFT = ("0.4", "-0.2", "0.6", "-0.2", "0.4")
+
+
+def toy(first):
+    rows = {"kick": TOY_KICK, "drift": TOY_DRIFT} if first == "kick" else {"kick": TOY_DRIFT, "drift": TOY_KICK}
+    return Tableau(name="toy", label=f"Toy of {first}", order=2, first=first, source="none", digits=10, **rows)
+
+
+def toy_panels(tau=0.3):
+    """Substeps of the harmonic oscillator in panels A (drift first) and B (kick first)."""
+    window = ((-1.5, 1.5), (-1.5, 1.6))
+    return {
+        letter: substeps(toy(first), systems["sho"], start=(0.0, 1.0), tau=tau, window=window)
+        for letter, first in (("A", "drift"), ("B", "kick"))
+    }
+
+
+def traces(methods=METHODS):
+    """Traces that leave the panel, and up to three gaps a method: [2.5, 2.6], [3.5, 4.5] and from 6 on, per step."""
+    tau = np.linspace(0, 2.4, 49)
+    trace = powers(len(methods), tau.size, seed=6, low=-1, high=1)
+    edges = np.full((2, len(methods), 3), np.nan)
+    edges[:, :, 0] = [[2.5], [2.6]]
+    edges[:, 1:, 1] = [[3.5], [4.5]]
+    edges[:, 2:, 2] = [[6.0], [np.inf]]
+    edges += np.arange(len(methods))[:, None] / 8
+    growth = 0.0123 * (1 + np.arange(len(methods)))[:, None] * np.ones(3)
+    growth[0] = np.inf
+    over = ("integrator", "gap")
+    return xr.Dataset(
+        {
+            "half_trace": (("integrator", "tau_per_stage"), trace),
+            "start": (over, edges[0]),
+            "end": (over, edges[1]),
+            "growth_per_step": (over, growth),
+            "growth_per_time": (over, growth / 7),
+        },
+        coords={**named(methods), "stages": ("integrator", np.arange(len(methods)) + 2), "tau_per_stage": tau},
+    )
+
+
+def amplitudes(methods=METHODS):
+    """Errors of the relativistic oscillator at amplitudes of which two are near, but not at, 0.03 and 1."""
+    amplitude = [0.004, 0.031, 0.2, 1.02, 7.0]
+    shape = (2, len(amplitude), len(methods), TAU.size)
+    dims = ("roles", "amplitude", "integrator", "tau_per_stage")
+    return xr.Dataset(
+        {
+            "max_energy_error": (dims, powers(*shape, seed=7)),
+            "mean_energy_error": (dims, powers(*shape, seed=8)),
+            "relative_error": (dims[:-1], powers(*shape[:-1], seed=9, low=-3, high=1)),
+        },
+        coords={**named(methods), "roles": ["own", "exchanged"], "amplitude": amplitude, "tau_per_stage": TAU},
+        attrs={"compared_at": 0.07},
+    )
+
+
+def ensembles(methods=METHODS):
+    """Henon-Heiles maps on three surfaces, five step sizes and three quantiles; escapes just below and above 1 %."""
+    energy, tau = [1 / 24, 1 / 8, 1 / 6], np.array([0.1, 0.2, 0.3, 0.4, 0.5])
+    shape = (len(methods), len(energy), tau.size)
+    error = powers(*shape, 3, seed=10, low=-7.9, high=-0.1)
+    escaped = np.zeros(shape)
+    escaped[:, 0, 1], escaped[:, 0, 2], escaped[:, 2, 4] = 0.01, 0.011, 1.0
+    return xr.Dataset(
+        {
+            "energy_error": (("integrator", "energy", "tau_per_stage", "quantile"), error),
+            "escaped": (("integrator", "energy", "tau_per_stage"), escaped),
+            "linear_limit": ("integrator", 0.27 + 0.04 * np.arange(len(methods))),
+        },
+        coords={**named(methods), "energy": energy, "tau_per_stage": tau, "quantile": [0.25, 0.5, 1.0]},
+    )
+
+
+#: What :func:`orbits` holds of an orbit: (step, eccentricity) of one lost, one whose perihelion is lost, one not run.
+LOST, TURNED, NOT_RUN = (1, 5), (2, 5), (5, 1)
+
+
+def orbits(methods=METHODS):
+    """Kepler maps over six step sizes, two of them of as many steps, and six eccentricities from a circle on."""
+    eccentricity = 1 - np.geomspace(1, 0.01, 6)
+    shape = (len(methods), 6, eccentricity.size)
+    error = powers(*shape, seed=11, low=-9.9, high=-0.1)
+    advance = powers(*shape, seed=12, low=-9.9, high=-0.1) * np.where(np.arange(6) % 2, 1, -1)
+    kept = np.full(shape, 20.0)
+    error[:, *LOST], advance[:, *LOST], kept[:, *LOST] = np.inf, np.nan, 3.5
+    advance[:, *TURNED] = np.nan
+    for values in (error, advance, kept):
+        values[:, *NOT_RUN] = np.nan
+    advance[:, :, 0] = np.nan
+    steps = np.array([[10.0, 20.0, 20.0, 40.0, 80.0, 160.0]] * len(methods))
+    for values in (error, advance, kept):
+        values[:, 2] = values[:, 1] if values is not advance else values[:, 2]
+    dims = ("integrator", "tau_per_stage", "eccentricity")
+    stages = 3 + np.arange(len(methods))
+    contour = powers(len(methods), eccentricity.size, seed=13, low=1.8, high=2.5)
+    contour[:, -1] = np.nan
+    return xr.Dataset(
+        {
+            "energy_error": (dims, error),
+            "perihelion_advance": (dims, advance),
+            "orbits_kept": (dims, kept),
+            "evaluations_per_orbit": (dims[:2], steps * stages[:, None]),
+            "evaluations_for_contour": (("integrator", "eccentricity"), contour),
+        },
+        coords={**named(methods), "tau_per_stage": 1 / (3 * steps[0]), "eccentricity": eccentricity},
+    )
+
+
+def rounding(methods=METHODS):
+    """Root mean squares of energy error and lag by four sources, their exponents and intervals."""
+    sources, time = ["plain", "compensated", "extended", "coefficients"], np.geomspace(10, 1000, 8)
+    both = ("integrator", "source")
+    variables = {}
+    for i, variable in enumerate(("energy_error", "lag")):
+        numbers = powers(len(methods), 4, time.size, seed=14 + i, low=-15, high=-5)
+        variables[f"{variable}_rms"] = ((*both, "sample"), numbers)
+        exponent = np.random.default_rng(16 + i).uniform(0.3, 1.7, (len(methods), 4))
+        variables[f"{variable}_exponent"] = (both, exponent)
+        variables[f"{variable}_interval"] = (both, exponent / 10)
+    times = np.array([time * (1 + i / 5) for i in range(len(methods))])
+    variables["time"] = (("integrator", "sample"), times)
+    return xr.Dataset(variables, coords=named(methods) | {"source": sources})
+
+
+def timed(method, measured, times, kind="splitting", lanes=(), **more):
+    """A curve whose point i has the error ``measured[i]`` after ``times[i]`` s at best, in lanes ``lanes[i]``.
+
+    The mean error is half of the largest, the error of the position ten times that.
+    """
+    points = [
+        Point(
+            max_energy_error=error,
+            mean_energy_error=error / 2,
+            position_error=10 * error,
+            times={"trajectory": [3 * time, time, 2 * time]} | ({"lanes": [2 * lanes[i], lanes[i]]} if lanes else {}),
+        )
+        for i, (error, time) in enumerate(zip(measured, times, strict=True))
+    ]
+    return Curve(method=method, label=label(method), kind=kind, points=points, **more)

@@ -1,0 +1,90 @@
+"""A file that is replaced: whole at every moment, whatever happens to the process that writes it."""
+
+from __future__ import annotations
+
+import os
+import platform
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from nearharmonic.output.atomic import replacing, write_text
+
+
+def names(folder):
+    return [path.name for path in folder.iterdir()]
+
+
+def stopped(place, stop):
+    with replacing(place) as part:
+        part.write_text("half of the n")
+        raise stop
+
+
+def test_the_old_content_stays_until_the_new_one_is_complete(tmp_path):
+    place = tmp_path / "table.csv"
+    place.write_text("old")
+    with replacing(place) as part:
+        part.write_text("new")
+        assert place.read_text() == "old"
+    assert place.read_text() == "new"
+    assert names(tmp_path) == ["table.csv"]
+
+
+@pytest.mark.parametrize("stop", [OSError("disk full"), KeyboardInterrupt(), SystemExit(1)])
+def test_a_block_that_raises_leaves_the_old_content_and_nothing_else(tmp_path, stop):
+    place = tmp_path / "table.csv"
+    place.write_text("old")
+    with pytest.raises(type(stop)):
+        stopped(place, stop)
+    assert place.read_text() == "old"
+    assert names(tmp_path) == ["table.csv"]
+
+
+def test_a_file_that_was_not_there_is_not_there_after_a_failure(tmp_path):
+    with pytest.raises(OSError, match="disk full"):
+        stopped(tmp_path / "table.csv", OSError("disk full"))
+    assert names(tmp_path) == []
+
+
+def test_the_folder_is_made_and_text_is_utf_8(tmp_path):
+    place = tmp_path / "results" / "tables" / "table.md"
+    write_text(place, "τ, Hénon\n")
+    assert place.read_bytes() == b"\xcf\x84, H\xc3\xa9non\n"
+
+
+def test_no_two_processes_on_no_two_machines_write_to_one_name(tmp_path, monkeypatch):
+    parts = set()
+    for host in ("first", "second"):
+        for process in (17, 170):
+            monkeypatch.setattr(platform, "node", lambda host=host: host)
+            monkeypatch.setattr(os, "getpid", lambda process=process: process)
+            for place in (tmp_path / "fig1.pdf", tmp_path / "fig1.png"):
+                with replacing(place) as part:
+                    part.touch()
+                assert part.parent == place.parent  # a move from another file system would be a copy
+                assert part.name.startswith(".")
+                parts.add(part)
+    assert len(parts) == 2 * 2 * 2
+
+
+def test_a_killed_process_leaves_the_old_content_and_a_hidden_file_that_hinders_nobody(tmp_path):
+    place = tmp_path / "table.csv"
+    place.write_text("old")
+    killed = (
+        "import os, signal, sys\n"
+        "from nearharmonic.output.atomic import replacing\n"
+        "with replacing(sys.argv[1]) as part:\n"
+        "    part.write_text('half of the n')\n"
+        "    os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", killed, place], check=False)
+    assert done.returncode == -signal.SIGKILL
+    assert place.read_text() == "old"
+    (left,) = [name for name in names(tmp_path) if name != "table.csv"]
+    assert left.startswith(".table.csv.")
+    assert left.endswith(".part")
+    write_text(place, "new")
+    assert place.read_text() == "new"

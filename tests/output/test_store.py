@@ -1,0 +1,180 @@
+"""Result files: whole or absent, the same bytes twice, named dimensions, plain words about broken ones."""
+
+from __future__ import annotations
+
+import h5py
+import numpy as np
+import pytest
+import xarray as xr
+
+from nearharmonic.errors import NearharmonicError, ResultFileError
+from nearharmonic.output import store
+
+
+def described(dims, values, units="1", long_name="something"):
+    return tuple(dims), values, {"units": units, "long_name": long_name}
+
+
+@pytest.fixture
+def variables():
+    random = np.random.default_rng(1)
+    return {
+        "tau_per_stage": described(["tau_per_stage"], np.array([0.1, 0.2, 0.4]), "h", "step size per stage"),
+        "q": described(["tau_per_stage", "sample", "component"], random.normal(size=(3, 500, 2)), "1e6 km", "position"),
+        "steps": described(["tau_per_stage"], np.array([4, 2, 1]), "1", "steps"),
+        "status": described(["tau_per_stage"], np.array(["ok", "ok", "diverged"]), "1", "how the run ended"),
+        "energy": described([], -0.5, "1", "energy"),
+    }
+
+
+def test_what_is_written_is_read_back_bit_for_bit(tmp_path, variables):
+    path = tmp_path / "runs" / "0.h5"
+    store.write(path, variables, {"code_digest": "abc", "count": 3})
+    found = store.read(path)
+    for name, (dims, values, attributes) in variables.items():
+        assert found[name].dims == dims
+        np.testing.assert_array_equal(found[name].values, values, strict=False)
+        assert found[name].attrs == attributes
+    assert (found.attrs["code_digest"], found.attrs["count"]) == ("abc", 3)
+
+
+def test_h5py_and_xarray_both_see_named_dimensions(tmp_path, variables):
+    store.write(tmp_path / "0.h5", variables, {}, {"extended": variables})
+    with h5py.File(tmp_path / "0.h5") as file:
+        for q in (file["q"], file["extended/q"]):
+            names = [dimension[0].name.rpartition("/")[2] for dimension in q.dims]
+            assert names == ["tau_per_stage", "sample", "component"]
+    with xr.open_dataset(tmp_path / "0.h5", engine="h5netcdf") as dataset:
+        assert dict(dataset.sizes) == {"tau_per_stage": 3, "sample": 500, "component": 2}
+        assert list(dataset.coords) == ["tau_per_stage"]
+
+
+def test_the_same_numbers_give_the_same_bytes(tmp_path, variables, monkeypatch):
+    store.write(tmp_path / "a.h5", variables, {"code": "x"}, {"extended": variables})
+    monkeypatch.setattr("time.time", lambda: 4e9)
+    store.write(tmp_path / "b.h5", variables, {"code": "x"}, {"extended": variables})
+    assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
+
+
+def test_large_arrays_are_compressed_and_small_ones_are_not(tmp_path, variables):
+    store.write(tmp_path / "0.h5", variables, {})
+    with h5py.File(tmp_path / "0.h5") as file:
+        assert (file["q"].compression, file["q"].shuffle) == ("gzip", True)
+        assert file["steps"].compression is None
+
+
+def test_chunks_stay_small_enough_to_be_cached(tmp_path):
+    large = {"q": described(["tau_per_stage", "sample"], np.zeros((40, 10_000)))}
+    store.write(tmp_path / "0.h5", large, {})
+    with h5py.File(tmp_path / "0.h5") as file:
+        assert file["q"].chunks == (13, 10_000)  # 13 rows of 80 kB fit into 1 MiB
+
+
+def test_a_group_has_dimensions_of_its_own(tmp_path, variables):
+    shorter = {"tau_per_stage": described(["tau_per_stage"], np.array([0.1]), "h", "step size per stage")}
+    store.write(tmp_path / "0.h5", variables, {}, {"extended": shorter})
+    assert store.groups_of(tmp_path / "0.h5") == ("extended",)
+    assert store.read(tmp_path / "0.h5", "extended").sizes == {"tau_per_stage": 1}
+    assert store.read(tmp_path / "0.h5").sizes["tau_per_stage"] == 3
+
+
+def test_runs_are_sorted_by_precision(tmp_path, variables):
+    store.write(tmp_path / "0.h5", variables, {}, {"extended": variables})
+    store.write(tmp_path / "1.h5", variables, {})
+    store.write(tmp_path / "2.h5", {}, {}, {"extended": variables})
+    found = store.read_precisions([tmp_path / f"{i}.h5" for i in range(3)], ["tau_per_stage"])
+    assert {precision: len(parts) for precision, parts in found.items()} == {"double": 2, "extended": 2}
+    alone = {name for name, (dimensions, _, _) in variables.items() if set(dimensions) <= {"tau_per_stage"}}
+    assert alone
+    assert all(set(part.variables) == alone for parts in found.values() for part in parts)
+
+
+def test_a_dataset_keeps_its_attributes_and_coordinates(tmp_path, variables):
+    store.write(tmp_path / "0.h5", variables, {})
+    cube = store.read(tmp_path / "0.h5").assign_attrs(orbital_period=2111.8)
+    store.write_dataset(tmp_path / "1.h5", cube, {"code_digest": "abc"})
+    again = store.read(tmp_path / "1.h5")
+    assert again.equals(cube)
+    assert (again.attrs["orbital_period"], again.attrs["code_digest"]) == (2111.8, "abc")
+
+
+@pytest.mark.parametrize("lost", ["units", "long_name"])
+def test_a_variable_without_units_or_meaning_is_refused_and_leaves_no_file(tmp_path, variables, lost):
+    del variables["q"][2][lost]
+    with pytest.raises(NearharmonicError, match=f"'q' has no {lost}"):
+        store.write(tmp_path / "0.h5", variables, {})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_lengths_that_contradict_a_dimension_are_refused(tmp_path, variables):
+    variables["steps"] = described(["tau_per_stage"], np.arange(5))
+    with pytest.raises(NearharmonicError, match="'steps' of shape"):
+        store.write(tmp_path / "0.h5", variables, {})
+
+
+def test_a_file_is_replaced_at_once_so_that_its_readers_keep_the_old_one(tmp_path, variables):
+    store.write(tmp_path / "0.h5", variables, {})
+    with (tmp_path / "0.h5").open("rb") as reader:
+        before = (tmp_path / "0.h5").read_bytes()
+        store.write(tmp_path / "0.h5", variables, {"changed": "yes"})
+        assert reader.read() == before
+    assert (tmp_path / "0.h5").read_bytes() != before
+
+
+def test_a_write_that_is_interrupted_leaves_the_old_file_and_nothing_else(tmp_path, variables, monkeypatch):
+    store.write(tmp_path / "0.h5", variables, {})
+    before = (tmp_path / "0.h5").read_bytes()
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(store, "_filters", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        store.write(tmp_path / "0.h5", variables, {"changed": "yes"})
+    assert [p.name for p in tmp_path.iterdir()] == ["0.h5"]
+    assert (tmp_path / "0.h5").read_bytes() == before
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.01, 0.5, 0.99])
+def test_a_truncated_file_is_named_with_the_command_that_makes_it_again(tmp_path, variables, kept, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = "results/paper/runs/sho/ruth/0.h5"
+    store.write(path, variables, {})
+    whole = (tmp_path / path).read_bytes()
+    (tmp_path / path).write_bytes(whole[: int(kept * len(whole))])
+    with pytest.raises(ResultFileError) as refusal:
+        store.read(path)
+    assert str(refusal.value) == f"{path} is truncated or no HDF5 file. Make it again: snakemake -j2 --force {path}"
+
+
+def test_a_file_whose_data_are_damaged_is_named(tmp_path, variables):
+    path = tmp_path / "0.h5"
+    store.write(path, variables, {})
+    with h5py.File(path) as file:
+        offset, size = file["q"].id.get_chunk_info(0).byte_offset, file["q"].id.get_chunk_info(0).size
+    damaged = bytearray(path.read_bytes())
+    damaged[offset : offset + size] = bytes(size)
+    path.write_bytes(damaged)
+    with pytest.raises(ResultFileError, match="cannot be read"):
+        store.read(path)
+
+
+def test_a_foreign_file_is_named(tmp_path):
+    with h5py.File(tmp_path / "0.h5", "w") as file:
+        file["q"] = [1.0]
+    with pytest.raises(ResultFileError, match=r"0\.h5 is an HDF5 file, but not one of ours"):
+        store.read(tmp_path / "0.h5")
+
+
+def test_a_missing_file_and_a_missing_group_are_named(tmp_path, variables):
+    with pytest.raises(ResultFileError, match="does not exist"):
+        store.attributes_of(tmp_path / "0.h5")
+    store.write(tmp_path / "0.h5", variables, {})
+    with pytest.raises(ResultFileError, match="no readable group 'extended'"):
+        store.read(tmp_path / "0.h5", "extended")
+
+
+def test_the_command_names_the_config_of_the_results():
+    assert store.command_for("results/smoke/cubes/sho.h5") == (
+        "snakemake -j2 --configfile config/smoke.yaml --force results/smoke/cubes/sho.h5"
+    )

@@ -1,0 +1,65 @@
+"""The files of each target on the tiny config, below results/tiny/, logs left out: written down here, not asked for."""
+
+from __future__ import annotations
+
+METHODS = ("ruth", "babs7o7h")
+#: Of figure 2.
+DECOMPOSED = ("aba864", "babs7o7h")
+SYSTEMS = ("sho", "henon_heiles", "kepler")
+
+
+def figures(*stems):
+    return {f"figures/{stem}.{suffix}" for stem in stems for suffix in ("pdf", "svg", "png")}
+
+
+def tables(*stems):
+    return {f"tables/{stem}.{suffix}" for stem in stems for suffix in ("csv", "md", "tex")}
+
+
+def cubes(*stems):
+    return {f"cubes/{stem}.h5" for stem in stems}
+
+
+_PAPER_TABLES = (
+    "table1_structure", "table2_recursion", "table2_values", "table3_even_orders", "table4_coefficients", "integrators",
+)  # fmt: skip
+_DERIVED_TABLES = (
+    "table4_derived", "derived_solutions", "derived_counts", "derived_families", "derived_orders", "derived_routes",
+    "derived_errors",
+)  # fmt: skip
+_ENSEMBLES = ("henon_heiles", "kepler", "rounding")
+
+FIGURES = {
+    "fig1": figures("fig1_sho"),
+    "fig2": figures("fig2_decomposition"),
+    "fig3": figures("fig3_henon_heiles"),
+    "fig4": figures("fig4_perihelion"),
+    "fig5": figures("fig5_kepler"),
+    "fig6": figures("fig6_substeps"),
+}
+#: Target -> the files that it stands for.
+TARGETS = FIGURES | {
+    "figures": set().union(*FIGURES.values()),
+    "tables": {"tables/skipped.csv"} | tables(*_PAPER_TABLES),
+    "derive": {"derived/coefficients.toml"} | tables(*_DERIVED_TABLES),
+    "beyond": {"derived/sixth_order.toml"}
+    | tables("sixth_order_counts", "sixth_order_ranking", "sixth_order_measured"),
+    "stability": cubes("linear_stability", "structure", "kinetic_energy", *(f"stability_{name}" for name in _ENSEMBLES))
+    | figures(
+        "henon_heiles_stability", "kepler_stability", "rounding_growth", "linear_stability", "kinetic_energy",
+    )
+    | tables(*(f"stability_{name}" for name in _ENSEMBLES), "linear_stability", "structure", "kinetic_energy"),
+    "work_precision": cubes("work_precision")
+    | figures(*(f"work_precision_{system}" for system in SYSTEMS))
+    | {f"tables/work_precision_{system}.{suffix}" for system in SYSTEMS for suffix in ("csv", "md")},
+}  # fmt: skip
+TARGETS["all"] = TARGETS["figures"] | TARGETS["tables"] | {"manifest.json"}
+TARGETS["everything"] = set().union(*TARGETS.values())
+
+#: What is made on the way to the targets.
+RUNS = {f"runs/{system}/{method}/{shard}.h5" for system in SYSTEMS for method in METHODS for shard in (0, 1)}
+CUBES = cubes(*SYSTEMS, "sho_terms")
+ENSEMBLES = cubes(*(f"stability_{name}" for name in _ENSEMBLES)) | {
+    f"runs/stability/{name}/{method}.h5" for name in _ENSEMBLES for method in METHODS
+}
+MADE = TARGETS["everything"] | RUNS | CUBES | ENSEMBLES

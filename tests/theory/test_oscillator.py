@@ -1,0 +1,266 @@
+"""The exact decomposition of a harmonic step against stepping, matrix products and other people's numbers."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from itertools import pairwise
+from math import inf, prod
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mpmath import cos, mp, mpf, sin, taylor
+
+from nearharmonic.errors import SettingError, UnknownNameError
+from nearharmonic.integrators import BENCHMARKED, integrators
+from nearharmonic.theory.oscillator import (
+    harmonic_energy_error,
+    kappa,
+    lambda_max,
+    stability_trace,
+    step_polynomials,
+)
+from random_tableaus import tableaus
+
+TEN = pytest.mark.parametrize("name", BENCHMARKED)
+ROLES = pytest.mark.parametrize("first", ["drift", "kick"])
+
+
+def operators(tableau):
+    """(operator, coefficient) in the order of one step."""
+    inner = "kick" if tableau.first == "drift" else "drift"
+    yield tableau.first, tableau.outer[0]
+    for i in range(tableau.stages):
+        yield inner, tableau.inner[i]
+        yield tableau.first, tableau.outer[i + 1]
+
+
+def step(tableau, tau, q, p, number):
+    """One step of the harmonic oscillator from (q, p), in the arithmetic of ``number``."""
+    for operator, coefficient in operators(tableau):
+        if operator == "drift":
+            q += number(coefficient) * tau * p
+        else:
+            p -= number(coefficient) * tau * q
+    return q, p
+
+
+def value(polynomial, tau):
+    return sum(coefficient * tau**power for power, coefficient in enumerate(polynomial))
+
+
+# --- the step matrix -------------------------------------------------------------------------------------------------
+
+
+@given(tableaus(), st.fractions(-3, 3, max_denominator=50))
+def test_the_polynomials_are_the_step_itself_in_exact_arithmetic(tableau, tau):
+    K = step_polynomials(tableau)
+    assert (value(K.K11, tau), value(K.K21, tau)) == step(tableau, tau, 1, 0, Fraction)
+    assert (value(K.K12, tau), value(K.K22, tau)) == step(tableau, tau, 0, 1, Fraction)
+
+
+@given(tableaus(), st.fractions(-3, 3, max_denominator=50))
+def test_a_step_is_symplectic_and_runs_back(tableau, tau):
+    K11, K12, K21, K22 = (value(polynomial, tau) for polynomial in step_polynomials(tableau))
+    assert K11 * K22 - K12 * K21 == 1
+    back = tuple(value(polynomial, -tau) for polynomial in step_polynomials(tableau))
+    assert back == (K22, -K12, -K21, K11)
+
+
+@given(tableaus())
+def test_exchanging_roles_keeps_the_even_orders_exactly_and_exchanges_the_odd_ones(tableau):
+    # Why lines and circles of the paper's Fig. 2 meet at even orders.
+    own, other = (
+        step_polynomials(tableau),
+        step_polynomials(tableau, first={"drift": "kick"}.get(tableau.first, "drift")),
+    )
+    assert other.K11 == own.K11 == own.K22
+    assert [-c for c in other.K12] == list(own.K21)
+
+
+@given(tableaus())
+def test_the_highest_term_is_the_product_of_all_coefficients_at_lambda_max(tableau):
+    K, highest = step_polynomials(tableau), lambda_max(tableau)
+    zeta = [a - b for a, b in zip(K.K11, K.K12, strict=True)]
+    assert all(c == 0 for c in zeta[highest + 1 :])
+    coefficients = [Fraction(c) for _, c in operators(tableau)]
+    reaching_q = coefficients if tableau.first == "drift" else coefficients[:-1]
+    assert abs(zeta[highest]) == abs(prod(reaching_q))
+
+
+# --- kappa -----------------------------------------------------------------------------------------------------------
+
+
+@TEN
+@ROLES
+def test_kappa_is_the_taylor_coefficient_of_the_position_after_one_step(name, first):
+    tableau = integrators[name].role(first)
+    highest = lambda_max(tableau)
+    with mp.workdps(40):
+        steps = taylor(lambda tau: step(tableau, tau, mpf(1), mpf(-1), mpf)[0], 0, highest)
+        exact = taylor(lambda t: cos(t) - sin(t), 0, highest)
+        for power, error in enumerate(kappa(name, highest, first=first), start=1):
+            scale = mp.factorial(power)
+            # Numerical differentiation to 40 digits; what cancels is as large as the larger of the two terms.
+            size = scale * (abs(steps[power]) + abs(exact[power]))
+            assert abs(error - scale * abs(steps[power] - exact[power])) < size * mpf(10) ** -30
+
+
+@TEN
+@ROLES
+def test_no_term_of_the_step_is_left_beyond_lambda_max(name, first):
+    highest = lambda_max(name, first=first)
+    assert highest == 2 * integrators[name].stages + (first == "drift")
+    assert kappa(name, highest + 3, first=first)[highest:] == [1, 1, 1]
+    assert kappa(name, highest, first=first)[-1] != 1
+
+
+@TEN
+def test_both_compositions_meet_at_even_orders_and_nowhere_else_that_counts(name):
+    highest = 2 * integrators[name].stages
+    drift, kick = (kappa(name, highest, first=first) for first in ("drift", "kick"))
+    assert drift[1::2] == kick[1::2]
+    apart = [abs(a - b) / (a + b) for a, b in zip(drift[0::2], kick[0::2], strict=True) if a + b > 1e-30]
+    assert apart
+    assert min(apart) > 1e-4
+
+
+def test_kappa_takes_a_name_or_a_tableau_and_its_own_role_by_default():
+    tableau = integrators["babs7o7h"]
+    assert kappa("babs7o7h", 9) == kappa(tableau, 9) == kappa(tableau, 9, first="kick")
+    assert kappa("babs7o7h", 9) != kappa(tableau, 9, first="drift")
+
+
+def test_kappa_keeps_ten_digits_more_than_the_coefficients_have_whatever_the_working_precision():
+    # kappa_8 of this method is 1e-3, so that 86 digits are 1e-89 of it; the reference is the step matrix, exact.
+    zeta = step_polynomials("babps9o7h").K11[8]
+    with mp.workdps(15):
+        rounded = kappa("babps9o7h", 8)[7]
+    with mp.workdps(150):
+        exact = abs(1 - mp.factorial(8) * mpf(zeta.numerator) / zeta.denominator)
+        assert abs(rounded - exact) < exact * mpf(10) ** -86
+
+
+@pytest.mark.parametrize("highest", [0, -1, 2.0, True, "7", None])
+def test_a_highest_order_below_one_or_no_integer_is_refused(highest):
+    with pytest.raises(SettingError, match=r"highest = .* is not allowed: an integer >= 1"):
+        kappa("ruth", highest)
+
+
+def test_an_unknown_integrator_is_refused_with_its_nearest_match():
+    with pytest.raises(UnknownNameError, match=r"unknown integrator 'aba846'\. Did you mean 'aba864'\?"):
+        kappa("aba846", 3)
+
+
+# --- closed forms ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "published"),
+    [
+        ("ruth", 6.6e-4),
+        ("s5odr4", 4.6e-4),
+        ("aba104", 1.2e-4),
+        ("aba864", 1.5e-5),
+        ("aba1064", 2.1e-5),
+        ("yoshida_s7o6a", 5.4e-4),
+        ("abas5o6h", 1.2e-6),
+        ("babps8o7h", 6.6e-8),
+        ("babps9o7h", 5.8e-8),
+        ("babs7o7h", 3.1e-8),
+    ],
+)
+def test_energy_errors_at_a_tenth_per_stage_agree_with_an_earlier_implementation(name, published):
+    # Known to two digits, and one of the ten is rounded up: half a unit of 1.2 is 4 %.
+    assert harmonic_energy_error(name, mpf("0.1") * integrators[name].stages) == pytest.approx(published, rel=0.05)
+
+
+@TEN
+@pytest.mark.parametrize("tau_per_stage", [0.02, 0.1, 0.3])
+def test_the_closed_form_is_the_maximum_over_many_steps(name, tau_per_stage):
+    # 4000 steps come within about pi/4000 of the angle of the maximum: short of it by 1e-6; and 30 digits see it.
+    tableau = integrators[name]
+    tau = tau_per_stage * tableau.stages
+    expected = harmonic_energy_error(name, tau)
+    with mp.workdps(30):
+        q, p, largest = mpf(1), mpf(0), mpf(0)
+        K11, K21 = step(tableau, mpf(tau), mpf(1), mpf(0), mpf)
+        K12, K22 = step(tableau, mpf(tau), mpf(0), mpf(1), mpf)
+        for _ in range(4000):
+            q, p = K11 * q + K12 * p, K21 * q + K22 * p
+            largest = max(largest, abs(q * q + p * p - 1))
+    if expected == inf:
+        assert largest > 1e3
+    else:
+        assert largest == pytest.approx(float(expected), rel=1e-5)
+        assert largest <= expected * (1 + mpf(10) ** -12)
+
+
+FIRST_GAPS = {
+    "ruth": (1.573401947, inf),
+    "s5odr4": (2.720974539, None),
+    "aba104": (3.089617987, 3.2005),
+    "aba864": (3.142177180, 3.1738),
+    "aba1064": (3.146107336, 3.1539),
+    "yoshida_s7o6a": (2.269057996, 2.3278),
+    "abas5o6h": (3.069226671, 3.2201),
+    "babs7o7h": (3.140769602, 3.14152),
+    "babps8o7h": (3.139720728, 3.14288),
+    "babps9o7h": (3.140827789, 3.14217),
+}
+
+
+@TEN
+def test_the_first_stability_gap_opens_and_closes_where_it_is_known_to(name):
+    # Edges known to 9 and to 4 or 5 decimals: within one unit of the last one.
+    start, end = FIRST_GAPS[name]
+    for tau, stable in ((start - 1e-9, True), (start + 1e-9, False)):
+        assert (abs(stability_trace(name, tau)) <= 2) == stable
+        assert (harmonic_energy_error(name, tau) < inf) == stable
+    if end == inf:
+        assert all(abs(stability_trace(name, start * 1.01**n)) > 2 for n in range(1, 400))
+    elif end is not None:
+        assert abs(stability_trace(name, end - 1e-4)) > 2
+        assert abs(stability_trace(name, end + 1e-4)) <= 2
+
+
+def count_roots(polynomial, end):
+    """Number of distinct real roots in (0, end), by Sturm's theorem; ascending coefficients, not all multiples of x."""
+    p = list(polynomial)
+    while p[-1] == 0:
+        p.pop()
+    chain = [p, [n * c for n, c in enumerate(p)][1:]]
+    while len(chain[-1]) > 1:
+        remainder, divisor = list(chain[-2]), chain[-1]
+        while len(remainder) >= len(divisor):
+            factor, shift = remainder[-1] / divisor[-1], len(remainder) - len(divisor)
+            for n, c in enumerate(divisor):
+                remainder[shift + n] -= factor * c
+            remainder.pop()
+        chain.append([-c for c in remainder])
+    signs = [[q > 0 for q in (value(link, x) for link in chain)] for x in (0, end)]
+    at_zero, at_end = (sum(a != b for a, b in pairwise(row)) for row in signs)
+    return at_zero - at_end
+
+
+@TEN
+def test_no_narrower_gap_opens_before_the_known_one(name):
+    # The trace leaves [-2, 2] only where K11^2 - 1 = K12 K21 changes sign: all its roots are counted, none scanned for.
+    K, start = step_polynomials(name), mpf(FIRST_GAPS[name][0])
+    with mp.workdps(300):
+        rows = [[mpf(c.numerator) / c.denominator for c in entry[1::2]] for entry in (K.K12, K.K21)]
+        assert sum(count_roots(row, (start - mpf("1e-9")) ** 2) for row in rows) == 0
+        assert sum(count_roots(row, (start + mpf("1e-9")) ** 2) for row in rows) == 1
+
+
+@TEN
+def test_the_trace_of_a_small_step_is_that_of_the_exact_rotation(name):
+    # The phase error of an order-4 method is O(tau^5): of the trace, O(tau^6), with constants below 1e3 / 6!.
+    with mp.workdps(50):
+        assert abs(stability_trace(name, mpf("1e-4")) - 2 * cos(mpf("1e-4"))) < mpf("1e-23")
+
+
+@pytest.mark.parametrize("tau", [0, -0.1, inf, float("nan"), "quick", None])
+def test_a_step_size_that_is_no_finite_number_above_zero_is_refused(tau):
+    with pytest.raises(SettingError, match=r"tau = .* is not allowed: a finite number above 0"):
+        harmonic_energy_error("ruth", tau)

@@ -1,0 +1,267 @@
+"""Every target ran to its end: every file is there, can be read, and holds what its rule was asked for."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import tomllib
+import xml.etree.ElementTree as ET
+from dataclasses import asdict
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import yaml
+from matplotlib.image import imread
+
+from nearharmonic.config import load
+from nearharmonic.output.store import groups_of, read
+from nearharmonic.output.style import style_of
+from targets import DECOMPOSED, MADE, METHODS, SYSTEMS, TARGETS
+
+pytestmark = pytest.mark.slow  # runs whole workflows
+
+TINY = ("--configfile", "config/tiny.yaml")
+RESULTS = "results/tiny/"
+#: tabulate's LaTeX escapes, the longest first.
+ESCAPES = [(r"\textasciitilde{}", "~"), (r"\textbackslash{}", "\\"), (r"\ensuremath{<}", "<"), (r"\ensuremath{>}", ">"),
+           (r"\^{}", "^"), *((f"\\{mark}", mark) for mark in "&%$#_{}")]  # fmt: skip
+
+PICTURES = sorted(name[8:-4] for name in MADE if name.endswith(".png"))
+#: Table -> a column that no other table has, or the set of columns.
+COLUMNS = {
+    "derived_counts": "complex solutions", "derived_errors": "max error, Henon-Heiles", "derived_families": "set",
+    "derived_orders": "lambda_max", "derived_routes": "restarts", "derived_solutions": "half of the outer row",
+    "integrators": "generalised order", "kinetic_energy": "decline to A = 1", "linear_stability": "stable to",
+    "sixth_order_counts": "distinct solutions", "sixth_order_measured": "rank by maximum",
+    "sixth_order_ranking": "nystrom_error", "stability_henon_heiles": "share_of_linear_limit",
+    "stability_kepler": "e_0.000", "stability_rounding": "brouwer", "structure": "symplectic defect",
+    "table1_structure": "ABA d value", "table2_recursion": "tau^1", "table2_values": "tau^1",
+    "table3_even_orders": "tau^4 as printed", "table4_coefficients": "printed", "table4_derived": "agreeing decimals",
+}  # fmt: skip
+
+
+def text_of(finished, name):
+    return (finished.folder / RESULTS / name).read_text(encoding="utf-8")
+
+
+def test_every_file_is_there_and_no_other(finished):
+    folder = finished.folder / RESULTS
+    files = {str(path.relative_to(folder)): path for path in folder.rglob("*") if path.is_file()}
+    assert {name for name in files if not name.startswith("logs/")} == MADE
+    assert all(files[name].stat().st_size > 0 for name in MADE)
+
+
+def test_each_target_stands_for_its_files(finished):
+    done = finished.snakemake(*TARGETS, "-n", "--forceall", "--quiet", "host", *TINY)
+    assert done.returncode == 0, done.stdout
+    blocks = dict(re.findall(r"^(?:local)?rule (\w+):\n((?: .*\n)+)", done.stdout, re.MULTILINE))
+    assert set(blocks) >= set(TARGETS)
+    for name, files in TARGETS.items():
+        (listed,) = re.findall(r"^ +input: (.*)$", blocks[name], re.MULTILINE)
+        assert {file.removeprefix(RESULTS) for file in listed.split(", ")} == files, name
+
+
+def test_what_snakemake_says_of_a_finished_run_needs_no_number_of_cores(finished):
+    """--summary, --list-changes and --report; by the first, every rule has run and none has to run again."""
+    summary = finished.snakemake("everything", "--summary", *TINY)
+    assert summary.returncode == 0, summary.stdout
+    rows = list(csv.DictReader(summary.stdout[summary.stdout.index("output_file") :].splitlines(), delimiter="\t"))
+    assert {(row["status"], row["plan"]) for row in rows} == {("ok", "no update")}
+    files = {row["output_file"].removeprefix(RESULTS) for row in rows}
+    assert {name for name in files if not name.startswith("logs/compile/")} == MADE
+    rules = re.findall(r"^\w+$", finished.snakemake("--list-rules", *TINY).stdout, re.MULTILINE)
+    assert {row["rule"] for row in rows} == set(rules) - set(TARGETS)
+    changes = finished.snakemake("everything", "--list-changes", "code", *TINY)
+    assert changes.returncode == 0, changes.stdout
+    assert RESULTS not in changes.stdout
+    report = finished.snakemake("everything", "--report", "x.html", *TINY)
+    assert report.returncode == 0, report.stdout
+    page = (finished.folder / "x.html").read_text(encoding="utf-8")
+    assert all(f"{stem}.png" in page for stem in PICTURES)
+
+
+def cells(line):
+    return [cell.strip() for cell in line]
+
+
+def markdown(text):
+    lines = [
+        line.strip().removeprefix("|").removesuffix("|").split("|") for line in text.splitlines() if line[:1] == "|"
+    ]
+    return [cells(line) for line in [lines[0], *lines[2:]]]
+
+
+def latex(text):
+    def plain(cell):
+        for escaped, mark in ESCAPES:
+            cell = cell.replace(escaped, mark)
+        return cell
+
+    lines = [line.rstrip().removesuffix("\\\\") for line in text.splitlines() if line.rstrip().endswith("\\\\")]
+    return [cells(plain(cell) for cell in re.split(r"(?<!\\)&", line)) for line in lines]
+
+
+def same(cell, shown):
+    """Whether ``shown`` is the CSV table's ``cell``, or its number to four digits."""
+    try:
+        return shown in (cell.strip(), f"{float(cell):.4g}")
+    except ValueError:
+        return shown == cell.strip()
+
+
+@pytest.mark.parametrize("stem", sorted(name[7:-4] for name in MADE if name.endswith(".tex")))
+def test_a_table_has_rows_and_says_the_same_in_csv_markdown_and_latex(finished, stem):
+    header, *rows = table = list(csv.reader(text_of(finished, f"tables/{stem}.csv").splitlines()))
+    assert rows
+    assert all(header)
+    assert COLUMNS[stem] in header
+    for shown in (markdown(text_of(finished, f"tables/{stem}.md")), latex(text_of(finished, f"tables/{stem}.tex"))):
+        assert [len(line) for line in shown] == [len(line) for line in table] == [len(header)] * (1 + len(rows))
+        for line, shown_line in zip(table, shown, strict=True):
+            assert all(map(same, line, shown_line)), (line, shown_line)
+    # Under it stands a sentence of what it is; the methods of the config are in it, if it is one of methods.
+    assert text_of(finished, f"tables/{stem}.md").splitlines()[0].endswith((".", ";"))
+    if header[0] == "integrator" or header[:2] == ["system", "integrator"]:
+        assert set(METHODS) <= {row[header.index("integrator")] for row in rows}
+
+
+def test_tables_2_and_3_are_those_of_ruths_method_with_the_kick_first(finished):
+    """w = 1/(2 - 2^(1/3)): the first drift is w, the first kick w/2; without a kick there is no tau^2."""
+    w = 1 / (2 - 2 ** (1 / 3))
+    _, _, symbols = csv.reader(text_of(finished, "tables/table2_recursion.csv").splitlines()[:3])
+    assert symbols[:4] == ["1", "Q[0,0]", "c_1 p_a / m", "D_1 Qbar[0,0]"]
+    _, start, first = csv.reader(text_of(finished, "tables/table2_values.csv").splitlines()[:3])
+    assert start[:2] == ["0", "1.0"]
+    assert list(map(float, first[1:4])) == pytest.approx([1, w, -w * w / 2], rel=1e-14)
+    _, _, first = csv.reader(text_of(finished, "tables/table3_even_orders.csv").splitlines()[:3])
+    assert float(first[2]) == pytest.approx(-w * w / 2, rel=1e-14)
+
+
+def test_the_tables_of_timings_have_rows_of_every_method_and_peer(finished):
+    for system in SYSTEMS:
+        rows = list(csv.DictReader(text_of(finished, f"tables/work_precision_{system}.csv").splitlines()))
+        assert {row["system"] for row in rows} == {system}
+        ends = {"sho": ("20", "20"), "henon_heiles": ("25", "20"), "kepler": ("4383", "4383")}[system]
+        intervals = {(row["measure"], row["t_end"]) for row in rows}
+        assert intervals == {("max", ends[0]), ("mean", ends[0]), ("position", ends[1])}
+        assert {*METHODS, "aba864", "numpy_aba864", "numpy_babps9o7h"} == {row["method"] for row in rows}
+        page = text_of(finished, f"tables/work_precision_{system}.md")
+        assert all(f"| {label} |" in page for label in ("Ruth", "BABs7o7H", "ABA864"))
+
+
+def test_no_two_figures_are_one(finished):
+    assert len({(finished.folder / RESULTS / f"figures/{stem}.png").read_bytes() for stem in PICTURES}) == len(PICTURES)
+
+
+@pytest.mark.parametrize("stem", PICTURES)
+def test_a_figure_shows_its_methods_in_each_of_its_files(finished, stem):
+    place = finished.folder / RESULTS / "figures"
+    page = (place / f"{stem}.pdf").read_bytes()
+    assert page.startswith(b"%PDF")
+    assert page.rstrip().endswith(b"%%EOF")
+    drawing = (place / f"{stem}.svg").read_text(encoding="utf-8")
+    ET.fromstring(drawing)
+    # Ink, and more colours than black, white and what lies between: an empty frame has neither.
+    pixels = imread(place / f"{stem}.png")[..., :3]
+    assert (pixels.min(axis=2) < 0.9).mean() > 0.01
+    assert (np.ptp(pixels, axis=2) > 0.2).mean() > 1e-4
+    if stem in ("henon_heiles_stability", "fig6_substeps", "linear_stability"):
+        return  # maps, paths and panels: a method has a place there, not a colour
+    methods = DECOMPOSED if stem == "fig2_decomposition" else METHODS
+    assert all(style_of(name).colour in drawing for name in methods)
+
+
+def test_the_documents_hold_coefficients_and_where_they_come_from(finished):
+    for name, key in (("coefficients", "isolated"), ("sixth_order", "method")):
+        document = tomllib.loads(text_of(finished, f"derived/{name}.toml"))
+        assert {"package_version", "code_digest", "settings", "coefficients_digest"} <= set(document["provenance"])
+        assert document[key]
+
+
+def expected_settings(finished):
+    """File -> what it has to say about the settings that it was made with: the config, read without Snakemake."""
+    given = yaml.safe_load((finished.folder / "config/tiny.yaml").read_text(encoding="utf-8"))
+    sweeps = {sweep.system: json.loads(json.dumps(asdict(sweep))) for sweep in load(given).sweeps}
+    methods = {"integrators": list(METHODS)}
+    found = {f"cubes/{system}.h5": {"sweep": sweep} | methods for system, sweep in sweeps.items()}
+    for name in ("sho_terms", "linear_stability", "kinetic_energy", "structure"):
+        found[f"cubes/{name}.h5"] = dict(methods)
+    found["cubes/sho_terms.h5"]["integrators"] = list(DECOMPOSED)
+    found["cubes/structure.h5"]["t_end"] = {"sho": "20", "henon_heiles": "25", "kepler": "4383"} | {
+        "relativistic_oscillator": "500"
+    }
+    found["cubes/work_precision.h5"] = {
+        "methods": [*METHODS, *given["work_precision"]["integrators"]], "sweeps": list(sweeps.values()),
+    }  # fmt: skip
+    for name in given["stability"]:
+        found[f"cubes/stability_{name}.h5"] = dict(methods)
+        found |= {f"runs/stability/{name}/{method}.h5": {"integrator": method} for method in METHODS}
+    for system, sweep in sweeps.items():
+        for method in METHODS:
+            for shard in (0, 1):
+                found[f"runs/{system}/{method}/{shard}.h5"] = {"sweep": sweep, "integrator": method, "shard": shard}
+    return found
+
+
+def test_the_settings_of_an_ensemble_are_those_of_the_config(finished):
+    given = yaml.safe_load((finished.folder / "config/tiny.yaml").read_text(encoding="utf-8"))["stability"]
+    for name, section in given.items():
+        for method in METHODS:
+            path = finished.folder / RESULTS / f"runs/stability/{name}/{method}.h5"
+            settings = json.loads(read(path).attrs["settings"])["settings"]
+            for key, value in section.items():
+                members = value if isinstance(value, dict) else {"": value}
+                for member, asked in members.items():
+                    stored = settings[key][member] if member else settings[key]
+                    numbers = [one if isinstance(one, list) else [one] for one in (stored, asked)]
+                    assert [Fraction(str(x)) for x in numbers[0]] == [Fraction(str(x)) for x in numbers[1]], (name, key)
+
+
+def test_every_cube_and_run_was_made_with_the_settings_of_the_config(finished):
+    expected = expected_settings(finished)
+    assert set(expected) == {name for name in MADE if name.endswith(".h5")}
+    for name, settings in expected.items():
+        stored = json.loads(read(finished.folder / RESULTS / name).attrs["settings"])
+        assert {key: stored.get(key) for key in settings} == settings, name
+
+
+def test_every_number_of_a_cube_is_there_for_each_method(finished):
+    for name in sorted(MADE):
+        if not name.startswith("cubes/"):
+            continue
+        place = finished.folder / RESULTS / name
+        numbers, found = set(), set()
+        for group in (None, *groups_of(place)):
+            data = read(place, group)
+            if "integrator" in data.dims:
+                methods = DECOMPOSED if name == "cubes/sho_terms.h5" else METHODS
+                assert data.integrator.values.tolist() == list(methods), name
+            # Positions may be timed on an interval of their own.
+            system = str(group).removesuffix("_position")
+            for key, values in data.data_vars.items():
+                if values.dtype.kind == "f":
+                    numbers.add((system, key))
+                    if np.isfinite(values).any():
+                        found.add((system, key))
+        assert {key for _, key in numbers - found} <= {"tolerance"}, name  # which only adaptive peers have
+
+
+def test_cubes_cover_the_grid_of_their_system(finished):
+    """The step sizes of the config, each method's of both shards: none lost, none twice."""
+    given = yaml.safe_load((finished.folder / "config/tiny.yaml").read_text(encoding="utf-8"))
+    for system, section in given["systems"].items():
+        low, high, count = (section["tau_per_stage"][key] for key in ("lowest", "highest", "points_per_decade"))
+        grid = [low * 10 ** (i / count) for i in range(100) if low * 10 ** (i / count) <= high * 1.0002]
+        cube = read(finished.folder / RESULTS / f"cubes/{system}.h5")
+        assert cube.tau_per_stage.values == pytest.approx(grid, rel=1e-5), system
+        assert ("precision" in cube.dims) == (system == "sho")
+        steps, status = cube.steps, cube.status
+        if system == "sho":
+            assert "ok" in status.sel(precision="extended")
+            steps, status = (values.sel(precision="double") for values in (steps, status))
+        assert set(np.unique(status)) <= {"ok", "diverged"}, system
+        for method, stages in (("ruth", 3), ("babs7o7h", 7)):
+            taken = [max(1, round(section["t_end"] / (tau * stages))) for tau in cube.tau_per_stage.values]
+            assert steps.sel(integrator=method).values.tolist() == taken, (system, method)

@@ -1,0 +1,144 @@
+"""What the default target made: contents of files, the laziness of a second run, and broken files named."""
+
+from __future__ import annotations
+
+import csv
+import json
+from hashlib import sha256
+
+import h5py
+import numpy as np
+import pytest
+import xarray as xr
+
+from targets import CUBES, RUNS, SYSTEMS, TARGETS
+
+pytestmark = pytest.mark.slow  # runs whole workflows
+
+TINY = ("--configfile", "config/tiny.yaml")
+
+
+def results(finished):
+    return finished.folder / "results/tiny"
+
+
+def test_every_variable_of_every_file_has_units_and_a_meaning(finished):
+    def check(name, member):
+        if isinstance(member, h5py.Dataset) and not member.attrs.get("NAME", b"").startswith(b"This is a netCDF dim"):
+            assert {"units", "long_name"} <= set(member.attrs), name
+
+    for path in results(finished).rglob("*.h5"):
+        with h5py.File(path) as file:
+            file.visititems(check)
+
+
+def test_every_file_says_where_it_comes_from(finished):
+    for path in results(finished).rglob("*.h5"):
+        with h5py.File(path) as file:
+            assert json.loads(file.attrs["settings"])
+            for key in ("package_version", "code_digest", "coefficients_digest", "numpy_version", "numba_version"):
+                assert file.attrs[key]
+
+
+def test_the_cube_holds_the_maximum_over_the_blocks_of_its_run_files(finished):
+    with xr.open_dataset(results(finished) / "cubes/henon_heiles.h5", engine="h5netcdf") as cube:
+        for shard in (0, 1):
+            with h5py.File(results(finished) / f"runs/henon_heiles/babs7o7h/{shard}.h5") as run:
+                for tau, status, blocks in zip(
+                    run["tau_per_stage"][:], run["status"].asstr()[:], run["block_max_energy_error"][:], strict=True
+                ):
+                    expected = np.nanmax(blocks) if status == "ok" else np.inf
+                    assert cube.max_energy_error.sel(integrator="babs7o7h", tau_per_stage=tau).item() == expected
+
+
+def test_the_manifest_holds_the_digest_of_every_output_of_the_default_target(finished):
+    digests = json.loads((results(finished) / "manifest.json").read_text())["sha256"]
+    assert set(digests) == TARGETS["all"] - {"manifest.json"} | RUNS | CUBES
+    for name, digest in digests.items():
+        assert sha256((results(finished) / name).read_bytes()).hexdigest() == digest
+
+
+def test_what_was_left_out_is_a_table_with_reasons(finished):
+    with (results(finished) / "tables/skipped.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    reasons = {row["reason"] for row in rows}
+    assert {"it left its energy surface", "figures 4 and 5 share one pass", "it closed the step before"} <= reasons
+    assert all(int(row["runs"]) > 0 for row in rows)
+
+
+def test_nothing_is_left_half_written(finished):
+    assert list(results(finished).rglob(".*")) == []
+
+
+def test_each_job_has_a_log(finished):
+    logs = {path.relative_to(results(finished) / "logs").parts[0] for path in results(finished).rglob("*.log")}
+    assert {"compile", "integrate", "reduce", "figures", "tables"} <= logs
+
+
+def test_a_second_run_has_nothing_to_do(finished):
+    assert "Nothing to be done" in finished.snakemake("everything", "-j2", *TINY).stdout
+
+
+def test_the_same_run_gives_the_same_bytes(finished):
+    names = ["results/tiny/runs/kepler/ruth/0.h5", "results/tiny/cubes/sho_terms.h5"]
+    before = [(finished.folder / name).read_bytes() for name in names]
+    assert finished.snakemake(*names, "--force", "-j2", *TINY).returncode == 0
+    assert [(finished.folder / name).read_bytes() for name in names] == before
+    assert finished.snakemake("-j2", *TINY).returncode == 0
+
+
+def jobs_after_edit(finished, module, more, *arguments):
+    """The jobs of a dry run with the text ``more`` at the end of ``module``, which is then mended."""
+    path = finished.folder / "src/nearharmonic" / module
+    original = path.read_text()
+    try:
+        path.write_text(original + more)
+        return finished.jobs(*arguments)
+    finally:
+        path.write_text(original)
+
+
+@pytest.mark.parametrize(
+    ("module", "reruns"),
+    [
+        ("systems/kepler.py", {"compile": 1, "integrate": 4, "reduce": 1, "draw_kepler": 1, "skipped": 1}),
+        (
+            "experiments/paper/run.py",
+            {"integrate": 12, "reduce": 3, **{f"draw_{name}": 1 for name in SYSTEMS}, "skipped": 1},
+        ),
+        (
+            "experiments/paper/reduce.py",
+            {"reduce": 3, "decompose": 1, **{f"draw_{name}": 1 for name in (*SYSTEMS, "sho_terms")}, "skipped": 1},
+        ),
+        ("experiments/paper/figures/fig3_henon_heiles.py", {"draw_henon_heiles": 1}),
+        ("output/style.py", {f"draw_{name}": 1 for name in (*SYSTEMS, "sho_terms", "substeps")}),
+    ],
+)
+def test_an_edit_runs_what_depends_on_it_and_nothing_else(finished, module, reruns):
+    jobs = jobs_after_edit(finished, module, "_EDITED = 1\n", *TINY)
+    assert jobs == {**reruns, "manifest": 1, "all": 1}
+
+
+@pytest.mark.parametrize("module", ["systems/kepler.py", "experiments/paper/reduce.py", "errors.py"])
+def test_a_comment_runs_nothing(finished, module):
+    assert jobs_after_edit(finished, module, "# a comment\n", *TINY) == {}
+
+
+def test_an_edit_of_coefficients_runs_their_method_and_nothing_else(finished):
+    swapped = 'TABLEAUS = tuple(tableau.role("kick") for tableau in TABLEAUS)\n'
+    jobs = jobs_after_edit(finished, "integrators/forest_ruth_1990.py", swapped, "results/tiny/cubes/sho.h5", *TINY)
+    assert jobs == {"integrate": 2, "reduce": 1}
+
+
+@pytest.mark.parametrize("content", [b"", b"not HDF5", None])
+def test_a_broken_result_is_named_with_the_command_that_makes_it_again(finished, content):
+    name = "results/tiny/runs/sho/ruth/0.h5"
+    whole = (finished.folder / name).read_bytes()
+    (finished.folder / name).write_bytes(whole[: len(whole) // 2] if content is None else content)
+    broken = finished.snakemake("-j2", *TINY)
+    assert broken.returncode == 1
+    command = f"snakemake -j2 --configfile config/tiny.yaml --force {name}"
+    assert f"{name} is truncated or no HDF5 file. Make it again: {command}" in broken.stdout
+    assert finished.snakemake(*command.split()[1:]).returncode == 0
+    assert (finished.folder / name).read_bytes() == whole
+    assert finished.snakemake("-j2", *TINY).returncode == 0

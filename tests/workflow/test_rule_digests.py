@@ -1,0 +1,142 @@
+"""The digest of each rule covers the code that its function reaches: found again by importing it, and by bytecode."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from contextlib import contextmanager
+from modulefinder import ModuleFinder
+from pathlib import Path
+
+import pytest
+
+from nearharmonic.output import sources
+from nearharmonic.output.declarations import figures_of
+from nearharmonic.output.provenance import code_digest
+from nearharmonic.output.sources import closure
+from nearharmonic.systems import systems
+
+RULES = Path(__file__).parents[2] / "workflow/rules"
+ENSEMBLES = ("henon_heiles", "kepler", "rounding")
+#: Imports each module by itself and tells what came with it, in one process.
+IMPORTER = """
+import importlib, json, sys
+
+pytestmark = pytest.mark.slow  # runs whole workflows
+found = {}
+for module in sys.argv[1:]:
+    for name in [name for name in sys.modules if name.split(".")[0] == "nearharmonic"]:
+        del sys.modules[name]
+    importlib.import_module(module)
+    found[module] = [name for name in sys.modules if name.startswith("nearharmonic.")]
+print(json.dumps(found))
+"""
+
+
+def tasks():
+    """The modules of the functions that rules name, and of the figures that they draw."""
+    text = "\n".join(path.read_text(encoding="utf-8") for path in RULES.glob("*.smk"))
+    named = re.findall(r'\btask\(\s*f?"([\w.{}]+):\w+"', text)
+    assert len(named) == len(re.findall(r"\btask\(", text)) - len(re.findall(r"task\(one\.function\)", text))
+    every = {name.replace("{wildcards.ensemble}", ensemble) for name in named for ensemble in ENSEMBLES}
+    return sorted(
+        f"nearharmonic.{module}"
+        for module in every | {one.function.partition(":")[0] for one in figures_of("experiments", systems, _cubes())}
+    )
+
+
+def _cubes():
+    return ["sho_terms", "linear_stability", "kinetic_energy", *(f"stability_{name}" for name in ENSEMBLES)]
+
+
+@pytest.fixture(scope="module")
+def package(tmp_path_factory):
+    """A copy of the package whose root imports nothing, so that what comes with a module is what that asks for."""
+    root = tmp_path_factory.mktemp("copy") / "nearharmonic"
+    shutil.copytree(sources.ROOT, root, ignore=shutil.ignore_patterns("__pycache__"))
+    (root / "__init__.py").write_text('__version__ = "0"\n')
+    return root
+
+
+@pytest.fixture(scope="module")
+def covered(package):
+    """Module of a task -> the modules that its digest covers."""
+    return {task: set(closure(task, root=package)) for task in tasks()}
+
+
+@contextmanager
+def edited(package, module):
+    """One line of code more in a module."""
+    path = sources.path_of(module, package)
+    text = path.read_bytes()
+    path.write_bytes(text + b"\n_EDITED = 1\n")
+    yield
+    path.write_bytes(text)
+
+
+def test_a_digest_changes_with_each_module_that_it_covers_and_with_no_other(package, covered):
+    everything = {*sources.closure(*covered, root=package)}
+    for module in everything:
+        before = sources.module_digest(module, root=package)
+        with edited(package, module):
+            assert sources.module_digest(module, root=package) != before, module
+    for i, (task, modules) in enumerate(covered.items()):
+        inside, outside = sorted(modules), sorted(everything - modules)
+        before = code_digest(task, root=package)
+        with edited(package, inside[7 * i % len(inside)]):
+            assert code_digest(task, root=package) != before, task
+        with edited(package, outside[7 * i % len(outside)]):
+            assert code_digest(task, root=package) == before, task
+
+
+def test_there_is_a_task_for_every_rule_that_runs_a_script():
+    scripts = sum(path.read_text(encoding="utf-8").count("scripts/task.py") for path in RULES.glob("*.smk"))
+    assert scripts >= 18
+    assert len(tasks()) >= 20
+
+
+def test_whatever_comes_with_the_function_is_covered_by_the_digest_of_its_rule(package, covered):
+    done = subprocess.run(
+        [sys.executable, "-c", IMPORTER, *covered],
+        cwd=package.parent,
+        env={"PYTHONPATH": str(package.parent), "PATH": "", "HOME": str(package.parent)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    for task, modules in json.loads(done.stdout).items():
+        assert set(modules) <= covered[task], task
+
+
+def test_what_no_line_of_its_code_imports_is_not_covered(package, covered):
+    for task, modules in covered.items():
+        finder = ModuleFinder(path=[str(package.parent)])
+        path = sources.path_of(task, package)
+        script = package.parent / "script.py"
+        script.write_text(f"import {task}\n")
+        finder.run_script(str(script))
+        assert path.is_file()
+        assert modules <= {name for name in finder.modules if name.startswith("nearharmonic.")}, task
+
+
+def test_a_comment_or_a_reworded_docstring_in_any_module_changes_no_digest(package):
+    before = {task: code_digest(task, root=package) for task in tasks()}
+    for path in package.rglob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        path.write_text("# a comment\n" + re.sub(r'^"""', '"""Reworded: ', text, count=1), encoding="utf-8")
+    assert {task: code_digest(task, root=package) for task in before} == before
+
+
+@pytest.mark.parametrize("system", [*systems])
+def test_an_edit_of_one_system_changes_what_names_it_and_leaves_the_others_alone(package, system):
+    module = "nearharmonic.experiments.paper.run"
+    before = {name: code_digest(module, systems.module_of(name), root=package) for name in systems}
+    path = sources.path_of(systems.module_of(system), package)
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text + "\n_EDITED = 1\n", encoding="utf-8")
+    after = {name: code_digest(module, systems.module_of(name), root=package) for name in systems}
+    path.write_text(text, encoding="utf-8")
+    assert {name for name in systems if before[name] != after[name]} == {system}

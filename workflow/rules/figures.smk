@@ -1,0 +1,36 @@
+"""Figures: one job draws all that are declared of a cube, which it reads once; each figure is a target of its name."""
+
+
+def drawn(one):
+    """The files of a figure, its picture marked for the report."""
+    *vector, png = FIGURE(one.stem)
+    labels = {"figure": one.target}
+    return [*vector, report(png, caption="../report/figures.rst", category=one.category, labels=labels)]
+
+
+for _cube in dict.fromkeys(one.cube for one in FIGURES):
+    _figures = [one for one in FIGURES if one.cube == _cube]
+
+    rule:
+        name:
+            f"draw_{_cube or 'substeps'}"
+        input:
+            **({"cube": CUBE(_cube)} if _cube else {}),
+        output:
+            **{one.stem: drawn(one) for one in _figures},
+        log:
+            LOG(f"figures/{_cube or 'substeps'}"),
+        params:
+            tasks={one.stem: task(one.function) for one in _figures},
+            captions={one.stem: one.caption for one in _figures},
+        script:
+            "../scripts/draw.py"
+
+
+for _figure in FIGURES:
+
+    rule:
+        name:
+            _figure.target
+        input:
+            FIGURE(_figure.stem),

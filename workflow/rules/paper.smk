@@ -1,0 +1,130 @@
+"""The paper: runs, cubes, figures, and tables of coefficients and of what was left out."""
+
+from nearharmonic.experiments.paper.plan import shards_of
+from nearharmonic.experiments.paper.tables import STEMS
+
+PAPER_FIGURES = figures_of("experiments.paper", CONFIG.systems, ["sho_terms"])
+FIGURES += PAPER_FIGURES
+SWEEPS = {sweep.system: sweep for sweep in CONFIG.sweeps}
+PAPER_TABLES = {stem: TABLE(stem) for stem in STEMS}
+TABLE_FILES = [f"{RESULTS}/tables/skipped.csv", *PAPER_TABLES.values()]
+
+
+def run_files(system):
+    """The run files of each method on one system, by method."""
+    folder = f"{RESULTS}/runs/{system}"
+    return {
+        name: [f"{folder}/{name}/{shard}.h5" for shard in range(shards_of(SWEEPS[system], name))]
+        for name in CONFIG.integrators
+    }
+
+
+rule compile:
+    # Once for each system, so that the jobs that fan out find the kernels and do not compile them side by side.
+    output:
+        touch(f"{RESULTS}/logs/compile/{{system}}.done"),
+    log:
+        LOG("compile/{system}"),
+    priority: 1  # all runs wait for these
+    params:
+        task=lambda wildcards: task(
+            "engine.trajectory:warm_up", system=wildcards.system, precisions=SWEEPS[wildcards.system].precision
+        ),
+    script:
+        "../scripts/task.py"
+
+
+rule integrate:
+    input:
+        ancient(f"{RESULTS}/logs/compile/{{system}}.done"),
+    output:
+        run=f"{RESULTS}/runs/{{system}}/{{integrator}}/{{shard}}.h5",
+    log:
+        LOG("integrate/{system}/{integrator}/{shard}"),
+    params:
+        task=lambda wildcards: task(
+            "experiments.paper.run:integrate",
+            sweep=SWEEPS[wildcards.system],
+            integrator=wildcards.integrator,
+            shard=int(wildcards.shard),
+        ),
+    script:
+        "../scripts/task.py"
+
+
+rule reduce:
+    input:
+        unpack(lambda wildcards: run_files(wildcards.system)),
+    output:
+        cube=CUBE("{system}"),
+    log:
+        LOG("reduce/{system}"),
+    params:
+        task=lambda wildcards: task(
+            "experiments.paper.reduce:reduce", sweep=SWEEPS[wildcards.system], integrators=CONFIG.integrators
+        ),
+    script:
+        "../scripts/task.py"
+
+
+rule decompose:
+    output:
+        cube=CUBE("sho_terms"),
+    log:
+        LOG("reduce/sho_terms"),
+    params:
+        task=task("experiments.paper.reduce:decompose", integrators=CONFIG.decomposed),
+    script:
+        "../scripts/task.py"
+
+
+rule skipped:
+    input:
+        **{system: CUBE(system) for system in SWEEPS},
+    output:
+        table=f"{RESULTS}/tables/skipped.csv",
+    log:
+        LOG("tables/skipped"),
+    params:
+        task=task("experiments.paper.omissions:table", sweeps=CONFIG.sweeps, integrators=CONFIG.integrators),
+    script:
+        "../scripts/task.py"
+
+
+rule paper_tables:
+    output:
+        **PAPER_TABLES,
+    log:
+        LOG("tables/paper_tables"),
+    params:
+        task=task("experiments.paper.tables:paper_tables", integrators=CONFIG.compared),
+    script:
+        "../scripts/task.py"
+
+
+rule figures:
+    input:
+        [FIGURE(one.stem) for one in PAPER_FIGURES],
+
+
+rule tables:
+    input:
+        TABLE_FILES,
+
+
+rule manifest:
+    input:
+        files=[
+            *(path for system in SWEEPS for paths in run_files(system).values() for path in paths),
+            *map(CUBE, [*SWEEPS, "sho_terms"]),
+            *rules.figures.input,
+            *rules.tables.input,
+        ],
+    output:
+        manifest=f"{RESULTS}/manifest.json",
+    log:
+        LOG("manifest"),
+    params:
+        task=task("output.provenance:manifest", folder=RESULTS),
+    script:
+        "../scripts/task.py"

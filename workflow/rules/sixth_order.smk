@@ -1,0 +1,26 @@
+"""Beyond the paper: methods of order six with a harmonic order, searched for, ranked and measured."""
+
+
+rule search_sixth_order:
+    output:
+        document=f"{RESULTS}/derived/sixth_order.toml",
+        sixth_order_counts=TABLE("sixth_order_counts"),
+        sixth_order_ranking=TABLE("sixth_order_ranking"),
+        sixth_order_measured=TABLE("sixth_order_measured"),
+    log:
+        LOG("sixth_order"),
+    threads: 2
+    params:
+        task=task("experiments.sixth_order.run:search", settings=CONFIG.beyond, integrators=CONFIG.integrators),
+    script:
+        "../scripts/task.py"
+
+
+rule sixth_order:
+    input:
+        rules.search_sixth_order.output,
+
+
+rule beyond:  # the target's former name
+    input:
+        rules.sixth_order.input,

@@ -1,0 +1,3 @@
+from nearharmonic.output.job import draw
+
+draw(snakemake)
