@@ -1,10 +1,16 @@
-"""Multiprecision is reset after each test, and kernels are compiled once per session."""
+"""Multiprecision is reset after each test; tests that share a workflow run in one process."""
 
 from __future__ import annotations
+
+from pathlib import PurePosixPath
 
 import mpmath
 import pytest
 from hypothesis import settings
+from xdist.scheduler.loadscope import LoadScopeScheduling
+
+#: Their tests read the one project in which ``everything`` has run.
+FINISHED = {"test_derive", "test_everything", "test_results", "test_work_precision"}
 
 # A busy machine is no fault: tests have no deadline of their own.
 settings.register_profile("shared", deadline=None)
@@ -15,3 +21,18 @@ settings.load_profile("shared")
 def _working_precision():
     with mpmath.workdps(60):
         yield
+
+
+class OneProcessAWorkflow(LoadScopeScheduling):
+    """Tests go to processes one by one, but those of a file of tests/workflow together, and those of FINISHED."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        file = PurePosixPath(nodeid.partition("::")[0])
+        if file.parent.name != "workflow":
+            return nodeid
+        return "finished" if file.stem in FINISHED else str(file)
+
+
+# Not marks named xdist_group: pytest 9.2 does not let xdist 3.8 put the groups into the names of tests.
+def pytest_xdist_make_scheduler(config, log):
+    return OneProcessAWorkflow(config, log)

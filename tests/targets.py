@@ -27,6 +27,9 @@ _DERIVED_TABLES = (
     "table4_derived", "derived_solutions", "derived_counts", "derived_families", "derived_orders", "derived_routes",
     "derived_errors",
 )  # fmt: skip
+STABILITY_FIGURES = (
+    "henon_heiles_stability", "kepler_stability", "rounding_growth", "linear_stability", "kinetic_energy",
+)  # fmt: skip
 _ENSEMBLES = ("henon_heiles", "kepler", "rounding")
 
 FIGURES = {
@@ -45,14 +48,14 @@ TARGETS = FIGURES | {
     "beyond": {"derived/sixth_order.toml"}
     | tables("sixth_order_counts", "sixth_order_ranking", "sixth_order_measured"),
     "stability": cubes("linear_stability", "structure", "kinetic_energy", *(f"stability_{name}" for name in _ENSEMBLES))
-    | figures(
-        "henon_heiles_stability", "kepler_stability", "rounding_growth", "linear_stability", "kinetic_energy",
-    )
+    | figures(*STABILITY_FIGURES)
     | tables(*(f"stability_{name}" for name in _ENSEMBLES), "linear_stability", "structure", "kinetic_energy"),
+    **{name: figures(name) for name in STABILITY_FIGURES},
     "work_precision": cubes("work_precision")
     | figures(*(f"work_precision_{system}" for system in SYSTEMS))
     | {f"tables/work_precision_{system}.{suffix}" for system in SYSTEMS for suffix in ("csv", "md")},
 }  # fmt: skip
+TARGETS["sixth_order"] = TARGETS["beyond"]
 TARGETS["all"] = TARGETS["figures"] | TARGETS["tables"] | {"manifest.json"}
 TARGETS["everything"] = set().union(*TARGETS.values())
 

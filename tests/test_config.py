@@ -10,8 +10,9 @@ import pytest
 import yaml
 from jsonschema import Draft202012Validator
 
-from nearharmonic.config import key_table, load, schema
+from nearharmonic.config import load
 from nearharmonic.errors import NearharmonicError
+from nearharmonic.schema import key_table, schema
 
 ROOT = Path(__file__).parents[1]
 SCHEMA = schema()

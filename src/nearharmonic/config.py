@@ -1,11 +1,7 @@
-"""The config: its keys, in one family of frozen types, and how a mapping of YAML becomes one.
-
-``python -m nearharmonic.config`` writes what is generated from the types: the JSON schema and the table of keys.
-"""
+"""The config: its keys, in one family of frozen types, and how a mapping of YAML becomes one."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
@@ -23,8 +19,6 @@ from nearharmonic.experiments.work_precision.settings import WorkPrecisionSettin
 from nearharmonic.integrators import integrators
 from nearharmonic.systems import systems
 
-#: The generated files, from the root of the project.
-SCHEMA, KEYS = Path("workflow/schemas/config.schema.yaml"), Path("config/README.md")
 #: Characters of a name: file systems take 255 bytes.
 LONGEST_NAME = 100
 
@@ -168,7 +162,7 @@ def _typed(mapping: Mapping[str, Any]) -> Config:
         if isinstance(value, bool) or value is None:  # pydantic takes True for 1, and None for a key not given
             raise bad_setting(_dotted(path), value, _place(path)[1])
     try:
-        return cast("Config", _adapter().validate_python(mapping))
+        return cast("Config", adapter().validate_python(mapping))
     except ValidationError as faults:
         # A stray or missing key counts as a fault of the section that it stands in.
         inside = {"missing", "unexpected_keyword_argument"}
@@ -188,7 +182,8 @@ def _leaves(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[tupl
 
 
 @cache
-def _adapter() -> Any:
+def adapter() -> Any:
+    """Pydantic's reader of :class:`Config`; made when first asked for, which takes a tenth of a second."""
     from pydantic import TypeAdapter
 
     return TypeAdapter(Config)
@@ -286,66 +281,3 @@ def _refuse_duplicates(path: Path) -> None:
                 waiting.append(value)
         elif isinstance(node, yaml.SequenceNode):
             waiting += node.value
-
-
-def schema() -> dict[str, Any]:
-    """Return the JSON schema of configs; besides the standard's words ``unit`` and ``allowed``, as errors tell it."""
-    found = _adapter().json_schema()
-    definitions = found.pop("$defs")
-    inlined: dict[str, Any] = _inlined(found, definitions)
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema"} | inlined
-
-
-def _inlined(member: Any, definitions: Mapping[str, Any]) -> Any:
-    """``member`` of a schema with references written out, and without the titles that repeat the keys."""
-    if isinstance(member, list):
-        return [_inlined(part, definitions) for part in member]
-    if not isinstance(member, Mapping):
-        return member
-    whole = dict(definitions[member["$ref"].rpartition("/")[2]]) if "$ref" in member else {}
-    whole |= {key: value for key, value in member.items() if key != "$ref"}
-    options = [part for part in whole.pop("anyOf", []) if part.get("type") != "null"]
-    for option in options:
-        whole = {**option, **{key: value for key, value in whole.items() if value is not None}}
-    if "properties" in whole:
-        whole.setdefault("allowed", f"the keys {' and '.join(', '.join(whole['properties']).rsplit(', ', 1))}")
-    kept = {
-        key: ({name: _inlined(part, definitions) for name, part in value.items()} if key == "properties" else value)
-        for key, value in whole.items()
-        if key != "title"
-    }
-    return {key: value if key == "properties" else _inlined(value, definitions) for key, value in kept.items()}
-
-
-def key_table(described: Mapping[str, Any]) -> str:
-    """Return the keys of the schema ``described`` as a Markdown table, one line a key."""
-    lines = ["| key | default | allowed | unit | meaning |", "|---|---|---|---|---|"]
-    for key, member, required in _keys(described, ""):
-        default = "required" if required else str(member.get("default", "")).replace("'", "")
-        cells = (f"`{key}`", default, member["allowed"], member.get("unit", ""), member["description"])
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
-
-
-def _keys(described: Mapping[str, Any], above: str) -> Iterator[tuple[str, Mapping[str, Any], bool]]:
-    for key, member in described.get("properties", {}).items():
-        yield above + key, member, key in described.get("required", ())
-        yield from _keys(member, f"{above}{key}.")
-        other = member.get("additionalProperties")
-        if isinstance(other, Mapping):
-            yield from _keys(other, f"{above}{key}.<name>.")
-
-
-def write_generated(root: Path = Path()) -> None:
-    """Write the schema, and the table of keys into the page that has one, below the folder ``root``."""
-    import yaml
-
-    described = schema()
-    (root / SCHEMA).write_text(yaml.safe_dump(described, sort_keys=False, width=110), encoding="utf-8")
-    page = (root / KEYS).read_text(encoding="utf-8")
-    before = page.partition("| key |")[0]
-    (root / KEYS).write_text(f"{before}{key_table(described)}\n", encoding="utf-8")
-
-
-if __name__ == "__main__":
-    write_generated(Path(sys.argv[1]) if len(sys.argv) > 1 else Path())

@@ -119,7 +119,7 @@ def test_a_figure_that_cannot_be_drawn_leaves_the_old_files_and_nothing_half_wri
 
 #: Modules that write files which no other process reads as results: a job's log, and the compiled kernels, which have
 #: names of their own and are checked when read.
-OTHER_FILES = {"output/job.py", "core", "config.py"}
+OTHER_FILES = {"output/job.py", "core"}
 
 
 def writes(node):

@@ -94,7 +94,7 @@ print(len(sample(Equations(5, 6), starts=20, seed=1)), np.isfinite(assessed(Nyst
     assert int(done.stdout.split()[0]) > 0
 
 
-@pytest.mark.parametrize("module", ["kernels", "iteration", "word_sums", "criterion", "conditions"])
+@pytest.mark.parametrize("module", ["kernels", "compiled_text", "criterion", "conditions"])
 def test_an_edit_of_the_criterion_or_of_other_compiled_text_changes_the_key_of_the_searchs_kernels(
     tmp_path, monkeypatch, module
 ):

@@ -7,14 +7,6 @@ import pytest
 from workflow_project import TINY, Project
 
 
-def pytest_collection_modifyitems(items):
-    """Let one process run all tests of the finished workflow, and begin with them: they take longest."""
-    finished = [item for item in items if "finished" in getattr(item, "fixturenames", ())]
-    for item in finished:
-        item.add_marker(pytest.mark.xdist_group("finished"))
-    items[:] = [*finished, *(item for item in items if item not in set(finished))]
-
-
 @pytest.fixture(scope="module")
 def project(tmp_path_factory):
     return Project(tmp_path_factory.mktemp("project"))

@@ -20,8 +20,6 @@ from nearharmonic.output.store import groups_of, read
 from nearharmonic.output.style import style_of
 from targets import DECOMPOSED, MADE, METHODS, SYSTEMS, TARGETS
 
-pytestmark = pytest.mark.slow  # runs whole workflows
-
 TINY = ("--configfile", "config/tiny.yaml")
 RESULTS = "results/tiny/"
 #: tabulate's LaTeX escapes, the longest first.

@@ -76,8 +76,6 @@ from __future__ import annotations
 from nearharmonic.experiments.added.settings import AddedSettings
 from nearharmonic.output.table import Table
 
-pytestmark = pytest.mark.slow  # runs whole workflows
-
 
 def count(settings: AddedSettings) -> dict[str, Table]:
     """Count."""
@@ -104,7 +102,7 @@ rule added:
 CONFIG = {
     "name": "added",
     "integrators": ["ruth", "aba864"],
-    "systems": {"quartic": {"tau_per_stage": {"lowest": 0.1, "highest": 0.4, "points_per_decade": 4}}},
+    "systems": {"quartic": {"tau_per_stage": {"lowest": 0.025, "highest": 0.1, "points_per_decade": 4}}},
     "samples": 10,
     "added": {"repeats": 2},
 }

@@ -13,8 +13,6 @@ import xarray as xr
 
 from targets import CUBES, RUNS, SYSTEMS, TARGETS
 
-pytestmark = pytest.mark.slow  # runs whole workflows
-
 TINY = ("--configfile", "config/tiny.yaml")
 
 

@@ -25,7 +25,6 @@ ENSEMBLES = ("henon_heiles", "kepler", "rounding")
 IMPORTER = """
 import importlib, json, sys
 
-pytestmark = pytest.mark.slow  # runs whole workflows
 found = {}
 for module in sys.argv[1:]:
     for name in [name for name in sys.modules if name.split(".")[0] == "nearharmonic"]:

@@ -36,7 +36,7 @@ rule compile:
 
 rule integrate:
     input:
-        ancient(f"{RESULTS}/logs/compile/{{system}}.done"),
+        f"{RESULTS}/logs/compile/{{system}}.done",
     output:
         run=f"{RESULTS}/runs/{{system}}/{{integrator}}/{{shard}}.h5",
     log:

@@ -14,6 +14,7 @@ from nearharmonic.errors import NearharmonicError
 from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.experiments.sixth_order import run, tables
 from nearharmonic.experiments.sixth_order.cascade import candidates_of, find_solutions, winners
+from nearharmonic.experiments.sixth_order.compiled_text import word_sums
 from nearharmonic.experiments.sixth_order.conditions import NystromEquations, WordTable, alternating
 from nearharmonic.experiments.sixth_order.criterion import TAU_PER_STAGE, criterion_of, system_of
 from nearharmonic.experiments.sixth_order.kernels import kernels
@@ -27,7 +28,6 @@ from nearharmonic.experiments.sixth_order.registration import (
     tableau_of_solution,
 )
 from nearharmonic.experiments.sixth_order.settings import SixthOrderSettings
-from nearharmonic.experiments.sixth_order.word_sums import word_sums
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.nearharmonic_2026 import TABLEAUS
 from nearharmonic.output.job import covered

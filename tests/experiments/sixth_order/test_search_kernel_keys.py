@@ -41,7 +41,7 @@ for root in sys.argv[1:]:
 def test_an_edit_of_the_search_or_of_its_criterion_compiles_the_kernels_of_the_search_again(tmp_path):
     kernels()  # in the cache from here on, if no other test has put them there
     roots = []
-    for module in (None, "word_sums", "criterion", "kernels"):
+    for module in (None, "compiled_text", "criterion", "kernels"):
         roots.append(tmp_path / str(module))
         package = roots[-1] / "nearharmonic"
         shutil.copytree(Path(nh.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
@@ -19,6 +19,7 @@ from nearharmonic.systems import System, henon_heiles, sho
 if TYPE_CHECKING:
     import xarray as xr
 
+Array = np.ndarray[Any, np.dtype[Any]]
 Point = tuple[float, float]
 #: (lowest, highest) q and (lowest, highest) p of the grid that carries the Hamiltonian.
 Window = tuple[Point, Point]
@@ -74,8 +75,6 @@ def substeps(
         SettingError: a tau or start that is not usable, fewer than one iteration, a component that the system lacks or
             that pulls the others along, a window without area.
     """
-    import xarray as xr
-
     tau = checked_tau(tau)
     complaint = next(_complaints(system, start, iterations, component, window), None)
     if complaint is not None:
@@ -95,37 +94,45 @@ def substeps(
         around = plane.hamiltonian(q_grid[None, :], p_grid[:, None])
         error = (energy - energy[0, 0]) / abs(energy[0, 0])
     signs = np.sign(np.array([*pairs, (0.0, 0.0)])).astype(np.int8)
-    kind = ["initial", *["substep"] * (len(pairs) - 1), "final"]
-    along, over = ("iteration", "substep"), ("p_grid", "q_grid")
-    units = system.units
+    found = _dataset(system.units, (q, p, energy, error), signs, (q_grid, p_grid, around))
+    found["max_energy_error"] = ((), largest, {"units": "1"})
+    found["left_at"] = ((), left_at, {"units": "1"})
+    return found.assign_attrs(
+        integrator=tableau.name,
+        label=tableau.label,
+        first=tableau.first,
+        system=system.name,
+        system_label=system.label,
+        component=component,
+        tau=tau,
+        followed=FOLLOWED,
+    )
+
+
+def _dataset(units: Mapping[str, str], path: Sequence[Array], signs: Array, around: Sequence[Array]) -> xr.Dataset:
+    """What is drawn: ``path`` is q, p, H and its error over (iteration, substep), ``around`` the H of a grid."""
+    import xarray as xr
+
+    q, p, energy, error = path
+    q_grid, p_grid, hamiltonian = around
+    iterations, substeps = q.shape
+    along = ("iteration", "substep")
     return xr.Dataset(
         {
             "q": (along, q, {"units": units["q"], "long_name": "position"}),
             "p": (along, p, {"units": units["p"], "long_name": "momentum"}),
             "H": (along, energy, {"units": units["energy"], "long_name": "Hamiltonian"}),
             "energy_error": (along, error, {"units": "1"}),
-            "max_energy_error": ((), largest, {"units": "1"}),
-            "left_at": ((), left_at, {"units": "1"}),
             "next_drift_sign": ("substep", signs[:, 0], {"units": "1"}),
             "next_kick_sign": ("substep", signs[:, 1], {"units": "1"}),
-            "kind": ("substep", kind),
-            "hamiltonian": (over, around, {"units": units["energy"]}),
+            "kind": ("substep", ["initial", *["substep"] * (substeps - 2), "final"]),
+            "hamiltonian": (("p_grid", "q_grid"), hamiltonian, {"units": units["energy"]}),
         },
         coords={
             "iteration": ("iteration", np.arange(1, iterations + 1)),
-            "substep": ("substep", np.arange(len(kind))),
+            "substep": ("substep", np.arange(substeps)),
             "q_grid": ("q_grid", q_grid, {"units": units["q"], "long_name": "position"}),
             "p_grid": ("p_grid", p_grid, {"units": units["p"], "long_name": "momentum"}),
-        },
-        attrs={
-            "integrator": tableau.name,
-            "label": tableau.label,
-            "first": tableau.first,
-            "system": system.name,
-            "system_label": system.label,
-            "component": component,
-            "tau": tau,
-            "followed": FOLLOWED,
         },
     )
 

@@ -102,16 +102,16 @@ def kernels() -> Kernels:
 
 def key() -> str:
     """Digest of the text of the functions, and of the modules that it takes constants from."""
-    modules = ("kernels", "iteration", "word_sums", "criterion", "conditions")
+    modules = ("kernels", "compiled_text", "criterion", "conditions")
     return code_key(sources=[Path(__file__).with_name(f"{module}.py") for module in modules])
 
 
 def _compiled(name: str) -> Callable[..., None]:
     def make() -> tuple[str, bytes]:
         from nearharmonic.core.compile import machine_code
-        from nearharmonic.experiments.sixth_order import iteration
+        from nearharmonic.experiments.sixth_order import compiled_text
 
-        return machine_code(getattr(iteration, name), SIGNATURES[name])
+        return machine_code(getattr(compiled_text, name), SIGNATURES[name])
 
     return native(f"{name}-{key()}", SIGNATURES[name], make)
 
