@@ -77,13 +77,13 @@ def test_a_comment_or_a_docstring_is_no_edit(package):
     path.write_text("# a comment\n" + text.replace('"""', '"""Reworded. ', 1) + "\n# and another\n", encoding="utf-8")
     for docstring in ("class Added:", "def added():"):
         first, second = (f'{docstring}\n    """{words}"""\n    x = 1\n' for words in ("One.", "Another, longer."))
-        assert len({sources._parsed(text.encode()).digest for text in (first, second)}) == 1
+        assert len({sources.parsed(text.encode()).digest for text in (first, second)}) == 1
     assert digests(package) == before
 
 
 def test_a_string_that_is_no_docstring_is_code(package):
     names = ["x = 'a'\n", "x = 'b'\n", "def f():\n    x = 1\n    'a'\n", "def f():\n    x = 1\n    'b'\n"]
-    assert len({sources._parsed(text.encode()).digest for text in names}) == 4
+    assert len({sources.parsed(text.encode()).digest for text in names}) == 4
 
 
 def test_the_same_code_has_the_same_digest_wherever_it_lies(package):

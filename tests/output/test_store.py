@@ -49,6 +49,18 @@ def test_h5py_and_xarray_both_see_named_dimensions(tmp_path, variables):
         assert list(dataset.coords) == ["tau_per_stage"]
 
 
+@pytest.mark.parametrize("group", [None, "extended"])
+def test_the_reader_finds_what_xarray_finds_by_itself(tmp_path, variables, group):
+    bare = {name: variable for name, variable in variables.items() if name != "tau_per_stage"}  # a dimension alone
+    store.write(tmp_path / "0.h5", variables, {"count": 3}, {"extended": bare})
+    found = store.read(tmp_path / "0.h5", group)
+    with xr.open_dataset(tmp_path / "0.h5", engine="h5netcdf", group=group) as dataset:
+        xr.testing.assert_identical(found.drop_attrs(deep=False), dataset.load().drop_attrs(deep=False))
+        assert {name: v.dtype for name, v in found.variables.items()} == dict(dataset.dtypes) | {
+            name: v.dtype for name, v in dataset.coords.items()
+        }
+
+
 def test_the_same_numbers_give_the_same_bytes(tmp_path, variables, monkeypatch):
     store.write(tmp_path / "a.h5", variables, {"code": "x"}, {"extended": variables})
     monkeypatch.setattr("time.time", lambda: 4e9)

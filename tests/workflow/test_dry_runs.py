@@ -37,6 +37,12 @@ def test_the_target_figures_makes_all_six(project):
     assert sum(count for name, count in jobs.items() if name.startswith("draw_")) == 5
 
 
+def test_the_linter_asks_for_environments_and_for_nothing_else(project):
+    asked = project.snakemake("--lint").stdout
+    titles = {line.strip() for line in asked.splitlines() if line.startswith("    * ")}
+    assert titles == {"* Specify a conda environment or container for each rule.:"}  # common.smk says why none does
+
+
 def test_one_shard_for_each_step_size_works(project):
     assert project.jobs("fig3", "--config", "shards=1000")["integrate"] == 10 * 161
 

@@ -1,9 +1,16 @@
-"""The config, checked before any rule exists, and how rules name their files and their work."""
+"""The config, checked before any rule exists, and how rules name their files and their work.
+
+No rule names an environment of its own, as ``snakemake --lint`` asks for: all run in the one that the package is
+installed in, whose versions ``constraints.txt`` pins and every result file records.
+"""
+
+from importlib.util import find_spec
 
 from snakemake.exceptions import WorkflowError
 
 from nearharmonic.config import load
 from nearharmonic.errors import NearharmonicError
+from nearharmonic.experiments.paper.plan import shards_of
 from nearharmonic.output.declarations import figures_of
 from nearharmonic.output.provenance import task
 
@@ -13,6 +20,7 @@ except NearharmonicError as error:
     raise WorkflowError(str(error)) from None
 
 RESULTS = f"results/{CONFIG.name}"
+SWEEPS = {sweep.system: sweep for sweep in CONFIG.sweeps}
 FIGURES = []  # each experiment adds those that it declares
 
 
@@ -40,3 +48,19 @@ def FIGURE(stem):
 def LOG(stem):
     """The log file of a job."""
     return f"{RESULTS}/logs/{stem}.log"
+
+
+def run_files(system):
+    """The run files of each method on one system, by method."""
+    folder = f"{RESULTS}/runs/{system}"
+    return {
+        name: [f"{folder}/{name}/{shard}.h5" for shard in range(shards_of(SWEEPS[system], name))]
+        for name in CONFIG.integrators
+    }
+
+
+def installed():
+    """Which of the libraries are there: one that is installed later on is to be timed as well."""
+    from nearharmonic.experiments.work_precision.peers import LIBRARIES
+
+    return {library: find_spec(library) is not None for library in LIBRARIES}

@@ -1,22 +1,11 @@
 """The paper: runs, cubes, figures, and tables of coefficients and of what was left out."""
 
-from nearharmonic.experiments.paper.plan import shards_of
 from nearharmonic.experiments.paper.tables import STEMS
 
 PAPER_FIGURES = figures_of("experiments.paper", CONFIG.systems, ["sho_terms"])
 FIGURES += PAPER_FIGURES
-SWEEPS = {sweep.system: sweep for sweep in CONFIG.sweeps}
 PAPER_TABLES = {stem: TABLE(stem) for stem in STEMS}
 TABLE_FILES = [f"{RESULTS}/tables/skipped.csv", *PAPER_TABLES.values()]
-
-
-def run_files(system):
-    """The run files of each method on one system, by method."""
-    folder = f"{RESULTS}/runs/{system}"
-    return {
-        name: [f"{folder}/{name}/{shard}.h5" for shard in range(shards_of(SWEEPS[system], name))]
-        for name in CONFIG.integrators
-    }
 
 
 rule compile:
@@ -26,6 +15,8 @@ rule compile:
     log:
         LOG("compile/{system}"),
     priority: 1  # all runs wait for these
+    resources:
+        compiler=1,  # of which the profile has one: the first system's kernel is half of the others'
     params:
         task=lambda wildcards: task(
             "engine.trajectory:warm_up", system=wildcards.system, precisions=SWEEPS[wildcards.system].precision

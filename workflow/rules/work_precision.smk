@@ -1,7 +1,6 @@
 """Run time against error. One job measures everything and holds all cores, so that nothing runs beside it."""
 
 import os
-from importlib.util import find_spec
 
 try:
     ALL_CORES = workflow.cores
@@ -13,13 +12,6 @@ WORK_PRECISION_FILES = [
     *(FIGURE(f"work_precision_{system}") for system in CONFIG.systems),
     *expand(f"{RESULTS}/tables/work_precision_{{system}}.{{suffix}}", system=CONFIG.systems, suffix=["csv", "md"]),
 ]
-
-
-def installed():
-    """Which of the libraries are there: one that is installed later on is to be timed as well."""
-    from nearharmonic.experiments.work_precision.peers import LIBRARIES
-
-    return {library: find_spec(library) is not None for library in LIBRARIES}
 
 
 rule work_precision_times:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 import traceback
@@ -16,7 +17,6 @@ from nearharmonic.integrators import integrators
 from nearharmonic.output.atomic import write_text
 from nearharmonic.output.dataset import Contents
 from nearharmonic.output.provenance import function_of, named_in, provenance
-from nearharmonic.output.sources import closure
 from nearharmonic.systems import systems
 
 Places = Sequence[str]
@@ -39,7 +39,7 @@ def run(snakemake: Any) -> None:
     SystemExit
         Any error, with status 1 and one message.
     """
-    with logged(snakemake.log[0]):
+    with logged(snakemake.log[0]), undisturbed():
         task = snakemake.params.task
         function = function_of(task)
         offered = {"threads": snakemake.threads, "report": _report}
@@ -69,11 +69,22 @@ def draw(snakemake: Any) -> None:
     """
     from nearharmonic.output.store import read
 
-    with logged(snakemake.log[0]):
+    with logged(snakemake.log[0]), undisturbed():
         shown = [read(snakemake.input.cube)] if hasattr(snakemake.input, "cube") else []
         for stem, task in snakemake.params.tasks.items():
             with covered(task):
                 write(function_of(task)(*shown), list(getattr(snakemake.output, stem)), provenance(task))
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Search for cyclic garbage rarely inside the block, and not at all behind it, where the process ends.
+
+    Of a process that lives for a second, the searches take a tenth, and the last one of all another tenth.
+    """
+    gc.set_threshold(200_000)
+    yield
+    gc.freeze()
 
 
 @contextmanager
@@ -86,8 +97,7 @@ def covered(task: Mapping[str, Any]) -> Iterator[None]:
         Inside, on the look-up of a system or an integrator that is neither among the settings nor in a module that the
         function reaches.
     """
-    reached = set(closure(f"nearharmonic.{task['function'].partition(':')[0]}"))
-    named = named_in(task["settings"])
+    named, reached = named_in(task["settings"]), task["modules"]
     with systems.restricted(named, reached), integrators.restricted(named, reached):
         yield
 

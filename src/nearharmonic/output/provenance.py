@@ -43,9 +43,10 @@ def task(function: str, **settings: Any) -> Task:
     Returns
     -------
     dict
-        ``function``, ``settings``, ``code`` (SHA-256, hex) and ``coefficients`` (SHA-256, hex). ``code`` covers the
-        module of the function, all modules that it reaches, the modules of the systems that the settings name, and the
-        versions of numpy, numba and llvmlite. ``coefficients`` covers the integrators that the settings name.
+        ``function``, ``settings``, ``modules`` (dotted names of the function's own and of all that it reaches),
+        ``code`` (SHA-256, hex) and ``coefficients`` (SHA-256, hex). ``code`` covers these modules, those of the systems
+        that the settings name, and the versions of numpy, numba and llvmlite. ``coefficients`` covers the integrators
+        that the settings name.
 
     Raises
     ------
@@ -59,6 +60,7 @@ def task(function: str, **settings: Any) -> Task:
     return {
         "function": function,
         "settings": settings,
+        "modules": closure(module),
         "code": code_digest(module, *map(systems.module_of, problems)),
         "coefficients": coefficients_digest(methods),
     }

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+import atexit
+import json
+import sys
+from collections.abc import Callable, Iterator
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from nearharmonic.core import disk
 from nearharmonic.errors import NearharmonicError
 
 PACKAGE = "nearharmonic"
 ROOT = Path(__file__).parents[1]
+#: Source files that are remembered before those of other versions are forgotten: 150 bytes each.
+MOST_REMEMBERED = 3000
 
 
 class Source(NamedTuple):
@@ -27,30 +33,34 @@ def closure(*modules: str, root: Path | None = None) -> tuple[str, ...]:
 
     The package's own ``__init__`` is left out: it imports all layers to name them, and computes nothing.
 
+    Parameters
+    ----------
+    *modules : str
+        Dotted names within the package.
+    root : Path, optional
+        Folder of a package, read anew; by default the one that is running, whose files count as they were when they
+        were first asked for.
+
     Raises
     ------
     NearharmonicError
         The package has no such module.
     """
-    folder = ROOT if root is None else root
+    files = _files(root)
     found: set[str] = set()
     waiting = list(modules)
     while waiting:
         module = waiting.pop()
         if module == PACKAGE or module in found:
             continue
-        path = path_of(module, folder)
-        if not path.is_file():
-            message = f"no module {module!r} in {folder}"
-            raise NearharmonicError(message)
         found.add(module)
-        waiting += [module.rpartition(".")[0], *_imported(module, folder)]
+        waiting += [module.rpartition(".")[0], *files.imported(module)]
     return tuple(sorted(found))
 
 
 def module_digest(module: str, root: Path | None = None) -> str:
     """Return the SHA-256 of the syntax tree of ``module`` without docstrings, and hence without comments."""
-    return _source(path_of(module, ROOT if root is None else root)).digest
+    return _files(root).source(module).digest
 
 
 def path_of(module: str, root: Path) -> Path:
@@ -59,26 +69,97 @@ def path_of(module: str, root: Path) -> Path:
     return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
 
 
-def _imported(module: str, root: Path) -> Iterator[str]:
-    """The modules among the names that ``module`` imports; a name may also be that of a function or class."""
-    path = path_of(module, root)
-    package = (module if path.name == "__init__.py" else module.rpartition(".")[0]).split(".")
-    for written in _source(path).imports:
-        name = written.lstrip(".")
-        level = len(written) - len(name)
-        if level:
-            name = ".".join([*package[: len(package) - level + 1], *([name] if name else [])])
-        if name.split(".")[0] == PACKAGE:
-            yield from (place for place in (name, name.rpartition(".")[0]) if place and path_of(place, root).is_file())
+class _Files:
+    """The modules below the folder of a package, each read once."""
+
+    def __init__(self, root: Path, parse: Callable[[bytes], Source]) -> None:
+        self._root, self._parse = root, parse
+        self._sources: dict[str, Source] = {}
+        self._imported: dict[str, list[str]] = {}
+        self._is_module: dict[str, bool] = {}
+
+    def source(self, module: str) -> Source:
+        if module not in self._sources:
+            path = path_of(module, self._root)
+            if not path.is_file():
+                message = f"no module {module!r} in {self._root}"
+                raise NearharmonicError(message)
+            self._sources[module] = self._parse(path.read_bytes())
+        return self._sources[module]
+
+    def imported(self, module: str) -> list[str]:
+        """The modules among the names that ``module`` imports; a name may also be that of a function or class."""
+        if module not in self._imported:
+            self._imported[module] = [
+                place
+                for name in self._absolute(module)
+                for place in (name, name.rpartition(".")[0])
+                if place and self._exists(place)
+            ]
+        return self._imported[module]
+
+    def _absolute(self, module: str) -> Iterator[str]:
+        """The dotted names within the package that ``module`` imports."""
+        inside = path_of(module, self._root).name == "__init__.py"
+        package = (module if inside else module.rpartition(".")[0]).split(".")
+        for written in self.source(module).imports:
+            name = written.lstrip(".")
+            level = len(written) - len(name)
+            if level:
+                name = ".".join([*package[: len(package) - level + 1], *([name] if name else [])])
+            if name.split(".")[0] == PACKAGE:
+                yield name
+
+    def _exists(self, module: str) -> bool:
+        if module not in self._is_module:
+            self._is_module[module] = path_of(module, self._root).is_file()
+        return self._is_module[module]
 
 
-def _source(path: Path) -> Source:
-    return _parsed(path.read_bytes())
+def _files(root: Path | None) -> _Files:
+    return _running() if root is None else _Files(root, parsed)
 
 
 @cache
-def _parsed(content: bytes) -> Source:
-    tree = ast.parse(content)
+def _running() -> _Files:
+    return _Files(ROOT, Remembered().parsed)
+
+
+class Remembered:
+    """What was parsed before, by the text's SHA-256: parsing the package takes half a second, looking it up 10 ms.
+
+    It lies beside the compiled kernels, in the folder that only the user can write to, and is written when the process
+    ends. A text counts as another if this module, which makes the digests, or Python has changed.
+    """
+
+    def __init__(self) -> None:
+        version = sha256(Path(__file__).read_bytes() + sys.version.encode()).hexdigest()
+        self._place = disk.place_of(f"sources-{version[:32]}")
+        kept = disk.read(self._place) if self._place else None
+        self._known: dict[str, list[Any]] = json.loads(kept[1]) if kept else {}
+        self._met: dict[str, Source] = {}
+
+    def parsed(self, text: bytes) -> Source:
+        """Return the same as the function :func:`parsed`."""
+        key = sha256(text).hexdigest()
+        if key in self._known:
+            digest, imports = self._known[key]
+            return Source(digest, tuple(imports))
+        if not self._met:
+            atexit.register(self.keep)
+        return self._met.setdefault(key, parsed(text))
+
+    def keep(self) -> None:
+        """Write all that is known to the disk, or only what is new once that is more than a few packages hold."""
+        if self._place:
+            known = self._known if len(self._known) < MOST_REMEMBERED else {}
+            disk.write(self._place, "sources", json.dumps({**known, **self._met}).encode())
+
+
+@cache
+def parsed(text: bytes) -> Source:
+    """Return digest and imports of a source file."""
+    tree = ast.parse(text)
     imports = tuple(sorted(_imports(tree)))
     return Source(_digest(tree), imports)
 

@@ -21,6 +21,9 @@ Variables = Mapping[str, Variable]
 
 #: The attribute that tells a file of ours from any other HDF5 file.
 FORMAT_KEY, FORMAT = "format", "nearharmonic 1"
+#: Attributes that make dimension scales of HDF5 datasets, and the name of one that is no variable.
+SCALES = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST"}
+BARE_DIMENSION = b"This is a netCDF dimension but not a netCDF variable"
 #: Level 1 is as small as 4 within a percent on trajectories, whose low bits are noise, and half the time.
 GZIP_LEVEL = 1
 #: Bytes: below this a filter costs more room (chunk index) than it saves.
@@ -116,18 +119,45 @@ def read(
         The file is missing, truncated or not one of ours, or lacks the group; the message holds the command that makes
         it again.
     """
+    with _opened(path) as file:
+        return _dataset(file, path, group, dimensions)
+
+
+def _dataset(
+    file: Any, path: str | os.PathLike[str], group: str | None, dimensions: Collection[str] | None
+) -> xr.Dataset:
     import xarray as xr
 
-    attributes = attributes_of(path)
     try:
-        with xr.open_dataset(path, engine="h5netcdf", group=group, decode_times=False) as dataset:
-            wanted = dataset
-            if dimensions is not None:
-                other = [name for name, v in dataset.variables.items() if not set(v.dims) <= set(dimensions)]
-                wanted = dataset.drop_vars(other)
-            return wanted.load().assign_attrs(attributes)
+        return xr.Dataset(_variables(file if group is None else file[group], dimensions), attrs=_attributes(file))
     except (OSError, KeyError, ValueError, RuntimeError) as error:
         raise _unusable(path, "cannot be read" if group is None else f"has no readable group {group!r}") from error
+
+
+def _variables(group: Any, dimensions: Collection[str] | None) -> dict[str, Variable]:
+    """The variables of a file or group that have no other ``dimensions``.
+
+    xarray reads the same through h5netcdf, at 3 ms a variable, most of them for shapes and filters that nobody asks
+    for: ten times what this takes, on the tens of small variables that a run file has.
+    """
+    import h5py
+
+    found: dict[str, Variable] = {}
+    for name, member in group.items():
+        if not isinstance(member, h5py.Dataset) or member.attrs.get("NAME", b"").startswith(BARE_DIMENSION):
+            continue
+        dims = (name,) if member.is_scale else tuple(axis[0].name.rpartition("/")[2] for axis in member.dims)
+        if dimensions is None or set(dims) <= set(dimensions):
+            values = np.array(member.asstr()[()], dtype=str) if member.dtype == object else member[()]
+            found[name] = (dims, values, _attributes(member))
+    return found
+
+
+def _attributes(member: Any) -> dict[str, Any]:
+    """The attributes of a file, group or variable, those of HDF5 and netCDF themselves left out."""
+    named = {name: value for name, value in member.attrs.items() if not name.startswith("_") and name not in SCALES}
+    # netCDF holds every number as an array; one of length 1 is the number.
+    return {name: value.item() if getattr(value, "size", 0) == 1 else value for name, value in named.items()}
 
 
 def read_precisions(
@@ -149,10 +179,11 @@ def read_precisions(
     """
     found: dict[str, list[xr.Dataset]] = {}
     for path in paths:
-        for group in (None, *groups_of(path)):
-            runs = read(path, group, dimensions)
-            if runs.data_vars:
-                found.setdefault(group or "double", []).append(runs)
+        with _opened(path) as file:
+            for group in (None, *_groups(file)):
+                runs = _dataset(file, path, group, dimensions)
+                if runs.data_vars:
+                    found.setdefault(group or "double", []).append(runs)
     return found
 
 
@@ -163,17 +194,19 @@ def attributes_of(path: str | os.PathLike[str]) -> dict[str, Any]:
         ResultFileError: a file that is missing, truncated or not one of ours.
     """
     with _opened(path) as file:
-        named = {name: value for name, value in file.attrs.items() if not name.startswith("_")}
-    # netCDF holds every number as an array; one of length 1 is the number.
-    return {name: value.item() if getattr(value, "size", 0) == 1 else value for name, value in named.items()}
+        return _attributes(file)
 
 
 def groups_of(path: str | os.PathLike[str]) -> tuple[str, ...]:
     """Names of the groups below the root of ``path``; raises ResultFileError as :func:`read` does."""
+    with _opened(path) as file:
+        return _groups(file)
+
+
+def _groups(file: Any) -> tuple[str, ...]:
     import h5py
 
-    with _opened(path) as file:
-        return tuple(name for name, member in file.items() if isinstance(member, h5py.Group))
+    return tuple(name for name, member in file.items() if isinstance(member, h5py.Group))
 
 
 def _opened(path: str | os.PathLike[str]) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import groupby
 from math import ceil, floor, log10
 from typing import Any
@@ -162,10 +163,11 @@ def plan(sweeps: Sequence[Sweep], methods: Sequence[str]) -> Plan:
 Point = tuple[float, int]
 
 
-def _points(sweep: Sweep, tableau: Tableau) -> list[Point]:
+@cache
+def _points(sweep: Sweep, tableau: Tableau) -> tuple[Point, ...]:
     """(tau_per_stage, steps) over the grid."""
     grid = tau_grid(sweep.lowest, sweep.highest, sweep.points_per_decade)
-    return [(tau, steps_of(sweep.t_end, tau * tableau.stages)) for tau in grid]
+    return tuple((tau, steps_of(sweep.t_end, tau * tableau.stages)) for tau in grid)
 
 
 def _distinct(sweep: Sweep, tableau: Tableau) -> list[list[Point]]:
