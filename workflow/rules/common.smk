@@ -1,6 +1,6 @@
 """The config, checked before any rule exists, and how rules name their files and their work.
 
-No rule names an environment of its own, as ``snakemake --lint`` asks for: all run in the one that the package is
+Rules name no environments of their own, as ``snakemake --lint`` asks for. They all run in the one that the package is
 installed in, whose versions ``constraints.txt`` pins and every result file records.
 """
 

@@ -165,7 +165,7 @@ def parsed(text: bytes) -> Source:
 
 
 def _digest(tree: ast.Module) -> str:
-    for node in ast.walk(tree):
+    for node in [*_statements(tree)]:
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) and ast.get_docstring(
             node, clean=False
         ):
@@ -176,7 +176,7 @@ def _digest(tree: ast.Module) -> str:
 def _imports(tree: ast.AST) -> set[str]:
     """Names that are imported anywhere but for the type checker alone; a relative one keeps its dots."""
     names: set[str] = set()
-    for node in _executed(tree):
+    for node in _statements(tree, skip=_is_for_type_checker):
         if isinstance(node, ast.Import):
             names.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -186,10 +186,16 @@ def _imports(tree: ast.AST) -> set[str]:
     return names
 
 
-def _executed(tree: ast.AST) -> Iterator[ast.AST]:
-    """The nodes of ``tree`` except what stands under ``if TYPE_CHECKING``."""
-    for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
-            continue
-        yield node
-        yield from _executed(node)
+def _is_for_type_checker(node: ast.AST) -> bool:
+    return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+
+
+def _statements(tree: ast.AST, skip: Callable[[ast.AST], bool] = lambda _: False) -> Iterator[ast.AST]:
+    """``tree`` and the statements in it, at any depth; expressions, which are most nodes, are not looked into."""
+    waiting = [tree]
+    while waiting:
+        node = waiting.pop()
+        if not skip(node):
+            yield node
+            for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+                waiting += getattr(node, part, ())
