@@ -13,6 +13,7 @@ rule derive_coefficients:
         derived_errors=TABLE("derived_errors"),
     log:
         LOG("derive"),
+    priority: 1  # the longest job on one core: begun first, it leaves none idle at the end
     params:
         task=task("experiments.derivation.run:derive", settings=CONFIG.derive),
     script:

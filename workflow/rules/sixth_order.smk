@@ -10,6 +10,7 @@ rule search_sixth_order:
     log:
         LOG("sixth_order"),
     threads: 2
+    priority: 2  # two cores are free together at the start, and then no more until the end
     params:
         task=task("experiments.sixth_order.run:search", settings=CONFIG.beyond, integrators=CONFIG.integrators),
     script:

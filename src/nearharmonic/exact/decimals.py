@@ -10,24 +10,24 @@ from mpmath import inf, mpf, nstr
 from mpmath.libmp import to_rational
 
 #: A number of mpmath in its current precision, or what mixes with it: int, float, Fraction or an interval.
-Number = Any
+BigFloat = Any
 
 
-def as_mpf(number: Number) -> Number:
+def as_mpf(number: BigFloat) -> BigFloat:
     """``number`` rounded to mpmath's current precision: a Fraction has no other way there."""
     if isinstance(number, Fraction):
         return mpf(number.numerator) / number.denominator
     return mpf(number)
 
 
-def as_fraction(number: Number) -> Fraction:
+def as_fraction(number: BigFloat) -> Fraction:
     """The rational number that an mpf, a float or a decimal string stands for, without rounding."""
     if isinstance(number, mpf):
         return Fraction(*to_rational(number._mpf_))
     return Fraction(number)
 
 
-def fixed_point(number: Number, places: int) -> str:
+def fixed_point(number: BigFloat, places: int) -> str:
     """``number`` rounded to ``places`` decimals, ties to even, all of them written; "inf" for infinity.
 
     Parameters
@@ -44,7 +44,7 @@ def fixed_point(number: Number, places: int) -> str:
     return f"{'-' if scaled < 0 else ''}{digits[:-places]}.{digits[-places:]}"
 
 
-def significant(number: Number, digits: int) -> str:
+def significant(number: BigFloat, digits: int) -> str:
     """``number`` with ``digits`` significant digits, all of them written; "0" and "inf" for these two."""
     if number == inf:
         return "inf"

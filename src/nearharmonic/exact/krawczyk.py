@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from mpmath import iv, matrix, mp, mpf
 
-from nearharmonic.exact.decimals import Number
+from nearharmonic.exact.decimals import BigFloat
 from nearharmonic.exact.newton import Function, Jacobian
 
 #: Digits carried beyond those of the radius.
@@ -23,14 +23,14 @@ class Proof:
     """
 
     proved: bool
-    radius: Number
-    distance: Number
+    radius: BigFloat
+    distance: BigFloat
 
 
 def prove(
     function: Function,
     jacobian: Jacobian,
-    point: Sequence[Number],
+    point: Sequence[BigFloat],
     *,
     radius: str = "1e-70",
     fixed: Sequence[int] = (),
@@ -79,11 +79,11 @@ def prove(
         return Proof(proved, mpf(radius), distance)
 
 
-def _columns(rows: Sequence[Sequence[Number]], chosen: Sequence[int]) -> list[list[Number]]:
+def _columns(rows: Sequence[Sequence[BigFloat]], chosen: Sequence[int]) -> list[list[BigFloat]]:
     return [[row[j] for j in chosen] for row in rows]
 
 
-def _interval(number: Number) -> Number:
+def _interval(number: BigFloat) -> BigFloat:
     """``number`` (int, Fraction or mpf) enclosed; a decimal fraction has no finite binary form."""
     if hasattr(number, "numerator"):
         return iv.mpf(number.numerator) / number.denominator

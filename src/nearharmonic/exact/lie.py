@@ -22,7 +22,7 @@ from nearharmonic.exact.words import LETTERS
 
 #: An element of the free Lie algebra, written out in words.
 Element = dict[str, int]
-Vector = list[Fraction]
+Components = list[Fraction]
 
 
 class Condition(NamedTuple):
@@ -79,12 +79,12 @@ def conditions(degree: int, *, quadratic: bool) -> tuple[Condition, ...]:
     return tuple(found)
 
 
-def _on_lyndon_words(x: Element, degree: int) -> Vector:
+def _on_lyndon_words(x: Element, degree: int) -> Components:
     return [Fraction(x.get(word, 0)) for word in lyndon_words(degree)]
 
 
 @cache
-def _to_basis(degree: int) -> list[Vector]:
+def _to_basis(degree: int) -> list[Components]:
     """The matrix that turns coefficients on Lyndon words into coordinates in the Lyndon basis.
 
     A bracketing begins with its own word, all others in it being larger: the inverse is unit triangular.
@@ -131,7 +131,7 @@ def _ideal(degree: int) -> tuple[Element, ...]:
 def _independent(candidates: Sequence[Element], degree: int) -> list[Element]:
     """Those of ``candidates`` that are no combination of the ones before."""
     chosen: list[Element] = []
-    echelon: list[tuple[int, Vector]] = []
+    echelon: list[tuple[int, Components]] = []
     for x in candidates:
         row = _on_lyndon_words(x, degree)
         for pivot, other in echelon:
@@ -145,12 +145,12 @@ def _independent(candidates: Sequence[Element], degree: int) -> list[Element]:
     return chosen
 
 
-def _orthogonal_complement(vectors: Sequence[Vector], size: int) -> list[Vector]:
+def _orthogonal_complement(vectors: Sequence[Components], size: int) -> list[Components]:
     """Orthogonal vectors that span all that is orthogonal to ``vectors``, by Gram and Schmidt, exact."""
     units = [[Fraction(i == j) for j in range(size)] for i in range(size)]
     if not vectors:
         return units
-    found: list[tuple[Vector, Fraction]] = []
+    found: list[tuple[Components, Fraction]] = []
     for count, vector in enumerate([*vectors, *units]):
         rest = vector
         for other, square in found:
@@ -162,9 +162,9 @@ def _orthogonal_complement(vectors: Sequence[Vector], size: int) -> list[Vector]
     return [vector for vector, _ in found[len(vectors) :]]
 
 
-def _matrix_vector(matrix: Sequence[Vector], vector: Vector) -> Vector:
+def _matrix_vector(matrix: Sequence[Components], vector: Components) -> Components:
     return [_dot(row, vector) for row in matrix]
 
 
-def _dot(x: Vector, y: Vector) -> Fraction:
+def _dot(x: Components, y: Components) -> Fraction:
     return sum((a * b for a, b in zip(x, y, strict=True) if a and b), Fraction(0))

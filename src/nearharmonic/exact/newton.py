@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 from mpmath import lu_solve, matrix, mp, mpf
 
-from nearharmonic.exact.decimals import Number, as_mpf
+from nearharmonic.exact.decimals import BigFloat, as_mpf
 
 #: The values of a function at a point.
-Function = Callable[[Sequence[Number]], Sequence[Number]]
+Function = Callable[[Sequence[BigFloat]], Sequence[BigFloat]]
 #: Its derivatives there: one row per value, one column per unknown.
-Jacobian = Callable[[Sequence[Number]], Sequence[Sequence[Number]]]
+Jacobian = Callable[[Sequence[BigFloat]], Sequence[Sequence[BigFloat]]]
 
 #: Digits carried beyond those asked for: conditions multiply rounding by up to lambda! times the coefficients' powers.
 GUARD = 30
@@ -29,16 +29,16 @@ class Limit:
     """
 
     converged: bool
-    residual: Number
-    correction: Number
+    residual: BigFloat
+    correction: BigFloat
     iterations: int
-    point: tuple[Number, ...]
+    point: tuple[BigFloat, ...]
 
 
 def newton(
     function: Function,
     jacobian: Jacobian,
-    start: Sequence[Number],
+    start: Sequence[BigFloat],
     *,
     digits: int,
     fixed: Sequence[int] = (),
@@ -80,7 +80,7 @@ def newton(
         return Limit(bool(correction < tolerance and residual < tolerance), residual, correction, used, tuple(x))
 
 
-def rank_and_pivots(jacobian: Jacobian, x: Sequence[Number], *, digits: int = 60) -> tuple[int, tuple[int, ...]]:
+def rank_and_pivots(jacobian: Jacobian, x: Sequence[BigFloat], *, digits: int = 60) -> tuple[int, tuple[int, ...]]:
     """Rank of the Jacobian at ``x``, and the unknowns that the values fix best: elimination with full pivoting.
 
     A pivot counts as zero when it is below 10^-(``digits``/2) of the largest.
@@ -103,8 +103,8 @@ def rank_and_pivots(jacobian: Jacobian, x: Sequence[Number], *, digits: int = 60
 
 
 def _shortest_step(
-    values: Sequence[Number], rows: Sequence[Sequence[Number]], moving: Sequence[int]
-) -> list[Number] | None:
+    values: Sequence[BigFloat], rows: Sequence[Sequence[BigFloat]], moving: Sequence[int]
+) -> list[BigFloat] | None:
     """The shortest solution of J step = -values among the ``moving`` unknowns; None where J has no full rank."""
     J = matrix([[row[j] for j in moving] for row in rows])
     try:

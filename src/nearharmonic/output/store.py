@@ -11,13 +11,10 @@ import numpy as np
 
 from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.output.atomic import replacing
+from nearharmonic.output.dataset import Variable, Variables
 
 if TYPE_CHECKING:
     import xarray as xr
-
-#: One variable as xarray takes it: names of its dimensions, values, attributes (``units`` and ``long_name`` at least).
-Variable = tuple[tuple[str, ...], Any, Mapping[str, Any]]
-Variables = Mapping[str, Variable]
 
 #: The attribute that tells a file of ours from any other HDF5 file.
 FORMAT_KEY, FORMAT = "format", "nearharmonic 1"

@@ -19,7 +19,6 @@ SUFFIXES = ("csv", "md", "tex")
 SHOWN = 4
 
 Cell = Any
-Row = Sequence[Cell]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +41,7 @@ class Table:
     """
 
     header: Sequence[str]
-    rows: Sequence[Row]
+    rows: Sequence[Sequence[Cell]]
     caption: str
 
     def __post_init__(self) -> None:

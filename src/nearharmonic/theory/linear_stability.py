@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from mpmath import acosh, inf, isinf, mp, mpf, sqrt
 
-from nearharmonic.exact.decimals import Number, as_mpf
+from nearharmonic.exact.decimals import BigFloat, as_mpf
 from nearharmonic.exact.polynomials import (
     Polynomial,
     by_parity,
@@ -38,13 +38,13 @@ _SECTIONS = 60
 class Growth(NamedTuple):
     """The largest Lyapunov exponent in a gap: ``per_step`` at step size ``at``, ``per_time`` at ``at_time``; mpf."""
 
-    per_step: Number
-    at: Number
-    per_time: Number
-    at_time: Number
+    per_step: BigFloat
+    at: BigFloat
+    per_time: BigFloat
+    at_time: BigFloat
 
 
-def stability_gaps(integrator: str | Tableau, *, first: First | None = None) -> list[tuple[Number, Number]]:
+def stability_gaps(integrator: str | Tableau, *, first: First | None = None) -> list[tuple[BigFloat, BigFloat]]:
     """The intervals (start, end) of step sizes with |tr K| > 2, in ascending order, as mpf to 30 digits.
 
     The last one ends at infinity. Where the trace only touches 2 there is no interval.
@@ -59,7 +59,7 @@ def stability_gaps(integrator: str | Tableau, *, first: First | None = None) -> 
     return list(zip(edges[0::2], edges[1::2], strict=True))
 
 
-def touching_points(integrator: str | Tableau, *, first: First | None = None) -> list[Number]:
+def touching_points(integrator: str | Tableau, *, first: First | None = None) -> list[BigFloat]:
     """The step sizes at which |tr K| reaches 2 without passing it, in ascending order, as mpf to 30 digits.
 
     The rows and columns of K hold +-1 and 0 there, or one entry more: no growth, but none of the margin left.
@@ -72,7 +72,7 @@ def touching_points(integrator: str | Tableau, *, first: First | None = None) ->
     return _step_sizes(touching)
 
 
-def stability_limit(integrator: str | Tableau, *, first: First | None = None) -> Number:
+def stability_limit(integrator: str | Tableau, *, first: First | None = None) -> BigFloat:
     """The step size up to which every smaller one is stable: where the first gap opens, as mpf to 30 digits.
 
     Raises:
@@ -82,7 +82,7 @@ def stability_limit(integrator: str | Tableau, *, first: First | None = None) ->
     return stability_gaps(integrator, first=first)[0][0]
 
 
-def stability_end(integrator: str | Tableau, *, first: First | None = None) -> Number:
+def stability_end(integrator: str | Tableau, *, first: First | None = None) -> BigFloat:
     """The step size beyond which no larger one is stable: where the last gap opens, as mpf to 30 digits.
 
     Raises:
@@ -92,7 +92,7 @@ def stability_end(integrator: str | Tableau, *, first: First | None = None) -> N
     return stability_gaps(integrator, first=first)[-1][0]
 
 
-def growth_rate(integrator: str | Tableau, tau: Number, *, first: First | None = None) -> Number:
+def growth_rate(integrator: str | Tableau, tau: BigFloat, *, first: First | None = None) -> BigFloat:
     """The larger Lyapunov exponent of a step: ln of the larger |eigenvalue| of K, arcosh(|tr K|/2); 0 where stable.
 
     Raises:
@@ -103,7 +103,7 @@ def growth_rate(integrator: str | Tableau, tau: Number, *, first: First | None =
     return acosh(half) if half > 1 else mpf(0)
 
 
-def largest_growth(integrator: str | Tableau, gap: tuple[Number, Number], *, first: First | None = None) -> Growth:
+def largest_growth(integrator: str | Tableau, gap: tuple[BigFloat, BigFloat], *, first: First | None = None) -> Growth:
     """The largest growth inside ``gap``, one of :func:`stability_gaps`, as mpf to about 12 digits.
 
     Per step it is largest at a root of d tr/d tau, all of which are found exactly; per unit of time it is searched for
@@ -117,7 +117,7 @@ def largest_growth(integrator: str | Tableau, gap: tuple[Number, Number], *, fir
     with mp.workdps(EDGE_DIGITS):
         inside = [x for x in _extrema(tableau) if start < x < end]
 
-        def per_time(tau: Number) -> Number:
+        def per_time(tau: BigFloat) -> BigFloat:
             return growth_rate(tableau, tau) / tau
 
         if isinf(end):
@@ -147,7 +147,7 @@ def _special_squares(tableau: Tableau) -> tuple[tuple[Fraction, ...], tuple[Frac
 
 
 @lru_cache(maxsize=256)
-def _extrema(tableau: Tableau) -> list[Number]:
+def _extrema(tableau: Tableau) -> list[BigFloat]:
     """The step sizes at which the trace is stationary, ascending."""
     return _step_sizes(tuple(positive_roots(derivative(_trace(tableau)))))
 
@@ -157,12 +157,12 @@ def _trace(tableau: Tableau) -> Polynomial:
     return whole([a + b for a, b in zip(K.K11, K.K22, strict=True)][0::2])
 
 
-def _step_sizes(squares: tuple[Fraction, ...]) -> list[Number]:
+def _step_sizes(squares: tuple[Fraction, ...]) -> list[BigFloat]:
     with mp.workdps(EDGE_DIGITS):
         return [sqrt(as_mpf(x)) for x in squares]
 
 
-def _highest(function: Callable[[Number], Number], low: Number, high: Number) -> Number:
+def _highest(function: Callable[[BigFloat], BigFloat], low: BigFloat, high: BigFloat) -> BigFloat:
     """Where ``function``, with one maximum in [low, high], is largest, by golden section."""
     ratio = (sqrt(mpf(5)) - 1) / 2
     left, right = high - ratio * (high - low), low + ratio * (high - low)

@@ -17,7 +17,7 @@ from typing import Literal, NamedTuple
 from mpmath import inf, isfinite, mp, mpf
 
 from nearharmonic.errors import bad_setting
-from nearharmonic.exact.decimals import Number, as_mpf
+from nearharmonic.exact.decimals import BigFloat, as_mpf
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import First, Tableau
 
@@ -49,7 +49,7 @@ MOST_TERMS = 1000
 
 def kappa(
     integrator: str | Tableau, highest: int, *, first: First | None = None, variable: Variable = "position"
-) -> list[Number]:
+) -> list[BigFloat]:
     """Error terms [kappa_1, ..., kappa_highest] of one step (Nielsen 2015, Eq. 17), as mpf.
 
     kappa_l = |x^(l)(0) - l! zeta_l|, where zeta_l is the coefficient of tau^l in the new position (or momentum, which
@@ -117,7 +117,7 @@ def step_polynomials(integrator: str | Tableau, *, first: First | None = None) -
     return _step_polynomials(tableau_of(integrator, first))
 
 
-def stability_trace(integrator: str | Tableau, tau: Number, *, first: First | None = None) -> Number:
+def stability_trace(integrator: str | Tableau, tau: BigFloat, *, first: First | None = None) -> BigFloat:
     """Trace of the step matrix at ``tau``, as mpf: steps are stable while it lies in [-2, 2] and 2 cos(tau) is exact.
 
     Raises:
@@ -129,7 +129,7 @@ def stability_trace(integrator: str | Tableau, tau: Number, *, first: First | No
         return _value(closed_form.trace, step)
 
 
-def harmonic_energy_error(integrator: str | Tableau, tau: Number, *, first: First | None = None) -> Number:
+def harmonic_energy_error(integrator: str | Tableau, tau: BigFloat, *, first: First | None = None) -> BigFloat:
     """Supremum of |H - H0|/H0 over arbitrarily many steps of size ``tau`` from (q, p) = (1, 0), as mpf.
 
     A symmetric step conserves -K21 q^2 + K12 p^2, an ellipse whose other axis is p^2 = -K21/K12: the supremum is
@@ -150,9 +150,9 @@ def harmonic_energy_error(integrator: str | Tableau, tau: Number, *, first: Firs
 class _ClosedForm(NamedTuple):
     """Polynomials in tau^2, rounded once; the powers of tau that K12 and the defect have in common cancel."""
 
-    trace: tuple[Number, ...]  # K11 + K22
-    K12: tuple[Number, ...]  # K12 / tau
-    defect: tuple[Number, ...]  # (K12 + K21) / tau, summed before rounding: it is tiny where the energy error is
+    trace: tuple[BigFloat, ...]  # K11 + K22
+    K12: tuple[BigFloat, ...]  # K12 / tau
+    defect: tuple[BigFloat, ...]  # (K12 + K21) / tau, summed before rounding: it is tiny where the energy error is
 
 
 @lru_cache(maxsize=256)
@@ -205,7 +205,7 @@ def tableau_of(integrator: str | Tableau, first: First | None = None) -> Tableau
     return (integrator if isinstance(integrator, Tableau) else integrators[integrator]).role(first)
 
 
-def _step_size(tau: Number) -> Number:
+def _step_size(tau: BigFloat) -> BigFloat:
     with mp.workdps(CLOSED_FORM_DIGITS):
         try:
             step = mpf(tau)
@@ -217,7 +217,7 @@ def _step_size(tau: Number) -> Number:
     return step
 
 
-def _value(coefficients: tuple[Number, ...], tau: Number) -> Number:
+def _value(coefficients: tuple[BigFloat, ...], tau: BigFloat) -> BigFloat:
     """A polynomial in tau^2, by Horner's rule."""
     square, total = tau * tau, mpf(0)
     for coefficient in reversed(coefficients):

@@ -22,7 +22,7 @@ from nearharmonic.errors import TableauError
 from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.theory.oscillator import tableau_of
 
-Row = list[Fraction]
+Powers = list[Fraction]
 
 
 class ClosedSums(NamedTuple):
@@ -38,7 +38,7 @@ class ClosedSums(NamedTuple):
     tau4_as_printed: Fraction
 
 
-def position_rows(integrator: str | Tableau, *, first: First | None = None) -> list[Row]:
+def position_rows(integrator: str | Tableau, *, first: First | None = None) -> list[Powers]:
     """Q_(h,lambda) of Table 2 for h = 0, 1, ... (s drifts for BAB, s + 1 for ABA) and lambda = 0, ..., lambda_max.
 
     Raises:
@@ -64,7 +64,7 @@ def position_rows(integrator: str | Tableau, *, first: First | None = None) -> l
     return rows
 
 
-def momentum_row(integrator: str | Tableau, *, first: First | None = None) -> Row:
+def momentum_row(integrator: str | Tableau, *, first: First | None = None) -> Powers:
     """What each power of tau contributes to the new momentum: the last line of Eq. 6.
 
     It is read off the last drift, p = (q_h - q_(h-1)) / (tau c_h), and kicked once more for BAB. Odd powers are in
@@ -104,7 +104,7 @@ def closed_sums(integrator: str | Tableau, *, first: First | None = None) -> lis
     return [ClosedSums(Fraction(1), tau2[h], tau4(h, h), tau4(h, h - 1)) for h in range(len(c) + 1)]
 
 
-def kicks_and_drifts(tableau: Tableau) -> tuple[Row, Row]:
+def kicks_and_drifts(tableau: Tableau) -> tuple[Powers, Powers]:
     """The drifts c_1, c_2, ... and, for each, the kick d_1, d_2, ... just before it: 0 before the first one of ABA."""
     kicks, drifts = [Fraction(d) for d in tableau.kick], [Fraction(c) for c in tableau.drift]
     return (kicks[: len(drifts)] if tableau.first == "kick" else [Fraction(0), *kicks]), drifts

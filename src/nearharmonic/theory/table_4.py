@@ -11,7 +11,6 @@ from nearharmonic.integrators.tableau import Tableau
 #: The sets of Table 4 by name, in its order.
 SETS: Mapping[str, Tableau] = {tableau.name: tableau for tableau in TABLEAUS}
 
-Header = tuple[str, ...]
 Rows = list[tuple[str | int, ...]]
 
 
@@ -25,7 +24,7 @@ def independent(tableau: Tableau) -> Iterator[tuple[str, int, str]]:
             yield symbol, i + 1, row[i]
 
 
-def table_4(derived: Mapping[str, Tableau] | None = None) -> tuple[Header, Rows]:
+def table_4(derived: Mapping[str, Tableau] | None = None) -> tuple[tuple[str, ...], Rows]:
     """Return Table 4, and beside it what was derived.
 
     Parameters
@@ -50,5 +49,5 @@ def table_4(derived: Mapping[str, Tableau] | None = None) -> tuple[Header, Rows]
                 other = others[k][2] if others is not None else ""
                 row += (other, decimals_in_common(value, other) if other else "not derived")
             rows.append(row)
-    header: Header = ("set", "coefficient", "printed")
+    header: tuple[str, ...] = ("set", "coefficient", "printed")
     return (header if derived is None else (*header, "derived", "agreeing decimals")), rows

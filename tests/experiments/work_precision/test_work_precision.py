@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import os
 from fractions import Fraction
 from math import inf, isnan, nan
 
@@ -12,12 +10,9 @@ import pytest
 from mpmath import cos, mpf
 
 from nearharmonic.core import kernel
-from nearharmonic.engine import reference as reference_module
 from nearharmonic.engine.batch import kernel_of
 from nearharmonic.engine.reference import position_t_end, reference
 from nearharmonic.engine.settings import Numerics, Sweep
-from nearharmonic.errors import SettingError, SystemDefinitionError
-from nearharmonic.experiments.work_precision.clock import Patience, interleaved, pinned, processor, summary
 from nearharmonic.experiments.work_precision.curve import (
     MODES,
     Curve,
@@ -36,8 +31,9 @@ from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY
 from nearharmonic.output import store
 from nearharmonic.output.table import save
-from nearharmonic.systems import Parameter, System, systems
-from oracles import kepler_state, oscillator_state
+from nearharmonic.systems import systems
+from oracles import oscillator_state
+from own_systems import spring
 
 
 def power_law(order=4, constant=3.0, points=9):
@@ -134,96 +130,6 @@ def test_a_point_that_was_not_timed_in_a_mode_is_no_part_of_its_curve():
     assert isnan(ns_per_evaluation(curve, "lanes"))
 
 
-def test_positions_of_oscillator_and_planet_are_those_of_the_closed_forms():
-    sho, kepler = reference(systems["sho"], "500"), reference(systems["kepler"], "87660")
-    planet = systems["kepler"]
-    exact = kepler_state(planet.q0[0], planet.p0[1], planet.parameters["GM"].value, 87660)
-    for found, expected in ((sho.q, [cos(mpf(500))]), (kepler.q, exact[:2])):
-        for (high, low), value in zip(found, expected, strict=True):
-            assert abs(mpf(high) + mpf(low) - value) < mpf(10) ** -29  # two doubles hold 32 digits of at most 70
-    assert (sho.scale, kepler.scale) == (1.0, 69.82)
-
-
-def test_the_reference_of_a_copy_is_that_of_its_own_start_and_parameters():
-    """Copies keep the closed form: sin t from (0, 1); Mercury around a star of twice the mass."""
-    struck = dataclasses.replace(systems["sho"], q0=("0",), p0=("1",))
-    assert reference(struck, "20").error([float(mpmath.sin(20))]) < 1e-15
-    heavy = Parameter(value="3.43989504", unit="1e18 km3 h-2", meaning="gravitational constant times mass")
-    near = dataclasses.replace(systems["kepler"], p0=("0", "0.2"), parameters={"GM": heavy})
-    exact = reference(near, "5000")
-    expected = kepler_state("69.82", "0.2", "3.43989504", 5000)
-    assert exact.source == "closed form in 40 digits"
-    assert exact.error([float(x) for x in expected[:2]]) < 1e-15
-
-
-def test_a_copy_with_another_potential_is_not_given_the_closed_form_of_the_original():
-    """It is followed numerically: cos 2t."""
-    stiffer = dataclasses.replace(systems["sho"], V=lambda q: 2 * q[0] * q[0], grad_V=lambda q: (4 * q[0],))
-    assert reference(stiffer, "3").error([float(cos(mpf(6)))]) < 1e-15
-
-
-@pytest.mark.parametrize("position", [lambda t: cos(t) + 1, lambda t: cos(2 * t), lambda t: cos(t) + mpmath.sin(t)])
-def test_a_closed_form_that_is_none_is_refused(position):
-    """From another point, with another period, with another velocity at the start."""
-    with pytest.raises(SystemDefinitionError, match="spring: exact_position contradicts"):
-        reference(spring(exact_position=lambda _, t: (position(t),)), "20")
-
-
-def test_an_orbit_without_a_closed_form_of_its_own_is_followed_numerically():
-    """A hyperbola from its perihelion: x = a (e - cosh F), y = b sinh F, and e sinh F - F proportional to time."""
-    fast = dataclasses.replace(systems["kepler"], p0=("0", "0.333"))
-    exact = reference(fast, "500")
-    assert "double-double" in exact.source
-    r, GM = mpf("69.82"), mpf("1.71994752")
-    e = r * mpf("0.333") ** 2 / GM - 1
-    a = r / (e - 1)
-    F = mpmath.findroot(lambda F: e * mpmath.sinh(F) - F - mpmath.sqrt(GM / a**3) * 500, 1)
-    expected = a * (e - mpmath.cosh(F)), a * mpmath.sqrt(e * e - 1) * mpmath.sinh(F)
-    assert e > 3
-    assert exact.error([float(x) for x in expected]) < 1e-15
-
-
-def spring(name="spring", **more):
-    settings = {
-        "name": name,
-        "label": name,
-        "V": lambda q: q[0] * q[0] / 2,
-        "grad_V": lambda q: (q[0],),
-        "q0": ("1",),
-        "p0": ("0",),
-        "t_end": "20",
-        "units": {"q": "1", "p": "1", "t": "1", "energy": "1"},
-        "source": "Hooke",
-    }
-    return System(**(settings | more))
-
-
-def test_a_system_without_a_closed_form_is_followed_in_extended_precision():
-    found = reference(spring(), "20")
-    error = abs(mpf(found.q[0, 0]) + mpf(found.q[0, 1]) - cos(mpf(20)))
-    # The error that the reference states, which rests on order 6, to a factor of 3; and far below that of a double.
-    assert error < 3 * max(found.uncertainty, 1e-30)
-    assert found.uncertainty < 1e-17
-
-
-def test_a_system_of_ones_own_does_not_get_a_closed_form_by_its_name():
-    stiffer = spring("sho", V=lambda q: 2 * q[0] * q[0], grad_V=lambda q: (4 * q[0],))
-    assert reference(stiffer, "3").error([float(cos(mpf(6)))]) < 1e-15
-
-
-def test_an_orbit_that_cannot_be_followed_is_refused(monkeypatch):
-    monkeypatch.setattr(reference_module, "FIRST_STEPS", 4)
-    monkeypatch.setattr(reference_module, "MOST_STEPS", 8)
-    with pytest.raises(SettingError, match=r"t_end = '20' is not allowed: the orbit of spring cannot be followed"):
-        reference(spring(), "20")
-
-
-def test_position_errors_are_relative_and_infinite_where_there_is_no_number():
-    exact = reference(systems["kepler"], "87660")
-    assert exact.error(exact.q[:, 0] + [69.82, 0.0], exact.q[:, 1]) == pytest.approx(1.0, rel=1e-15)
-    assert exact.error([nan, 0.0]) == inf
-
-
 def test_chaos_gets_a_shorter_interval_for_positions_and_only_there():
     assert [(p.name, p.t_end, p.measures) for p in problems(systems["henon_heiles"], "500")] == [
         ("henon_heiles", "500", ("max", "mean")),
@@ -231,7 +137,6 @@ def test_chaos_gets_a_shorter_interval_for_positions_and_only_there():
     ]
     assert [p.measures for p in problems(systems["henon_heiles"], "20")] == [("max", "mean", "position")]
     assert [p.t_end for p in problems(systems["kepler"], "87660")] == ["87660"]
-    assert position_t_end(spring("henon_heiles"), "500") == "500"
 
 
 def test_the_grid_runs_from_coarse_to_fine_once_through_each_number_of_steps():
@@ -287,42 +192,6 @@ def test_a_nystrom_method_is_refused_where_the_kinetic_energy_is_not_quadratic()
     light = spring(T=lambda p: p[0] ** 4 / 4, grad_T=lambda p: (p[0] ** 3,))
     curve = splitting_curve(light, nystrom, "20", [(0.1, 10)], None)
     assert (curve.points, curve.status) == ([], "does not fit: it requires a quadratic kinetic energy")
-
-
-def test_repeats_take_turns():
-    seen = []
-    interleaved([lambda: seen.append("a"), lambda: seen.append("b")], Patience(least=2, most=3, seconds=inf))
-    assert seen == ["a", "b"] * 3
-
-
-def test_patience_ends_with_the_time_but_not_before_the_least_number():
-    patience = Patience(least=3, most=9, seconds=1.0, longest=10.0)
-    assert patience.goes_on([])
-    assert patience.goes_on([4.0, 4.0])  # over the time, under the least number
-    assert patience.goes_on([11.0])  # over the longest, but once is no repeat
-    assert not patience.goes_on([4.0, 7.0])
-    assert not patience.goes_on([0.4, 0.4, 0.4])
-    assert patience.goes_on([0.1] * 8)
-    assert not patience.goes_on([0.1] * 9)
-
-
-def test_quartiles_are_kept():
-    assert summary([4.0, 1.0, 2.0, 3.0, 5.0]) == (1.0, 2.0, 3.0, 4.0)
-    assert all(map(isnan, summary([])))
-
-
-@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="the system cannot pin")
-def test_pinning_keeps_to_one_core_and_gives_the_others_back():
-    before = os.sched_getaffinity(0)
-    with pinned() as core:
-        assert os.sched_getaffinity(0) == {core}
-    assert os.sched_getaffinity(0) == before
-
-
-def test_the_processor_is_named_with_its_clock_and_vectors(tmp_path):
-    (tmp_path / "cpuinfo").write_text("model name\t: Fast 9\ncpu MHz\t\t: 2500.0\nflags\t\t: sse avx2 avx512f\n")
-    assert processor(tmp_path / "cpuinfo") == "Fast 9, 2.50 GHz, AVX-512"
-    assert processor(tmp_path / "none")
 
 
 def test_times_are_per_trajectory(monkeypatch):

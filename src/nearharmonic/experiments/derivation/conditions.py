@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import factorial
-from typing import Any
 
 from mpmath import mp
 
 from nearharmonic.errors import bad_setting
-from nearharmonic.exact.decimals import Number, decimals_in_common, fixed_point
+from nearharmonic.exact.decimals import BigFloat, decimals_in_common, fixed_point
 from nearharmonic.exact.newton import GUARD, newton
 from nearharmonic.integrators.tableau import First, Tableau
 
-Numbers = list[Any]
+Numbers = list[BigFloat]
 
 #: q(t) = cos t - sin t from q = -p = 1 (Nielsen 2015, Eq. 12 with a = -b = 1): its derivatives at 0 by order modulo 4.
 DERIVATIVES = (1, -1, -1, 1)
@@ -68,12 +67,12 @@ class Equations:
         """Dimension of the solution set where the conditions are independent; 0 for isolated solutions."""
         return self.unknowns - self.conditions
 
-    def rows(self, x: Sequence[Any]) -> tuple[Numbers, Numbers]:
+    def rows(self, x: Sequence[BigFloat]) -> tuple[Numbers, Numbers]:
         """The outer row (s + 1 values) and the inner row (s values) for the unknowns ``x``."""
         cut = self.outer_unknowns
         return _closed(list(x[:cut]), self.stages + 1), _closed(list(x[cut:]), self.stages)
 
-    def unknowns_of(self, outer: Sequence[Any], inner: Sequence[Any]) -> Numbers:
+    def unknowns_of(self, outer: Sequence[BigFloat], inner: Sequence[BigFloat]) -> Numbers:
         """The unknowns of two rows: the inverse of :meth:`rows`."""
         cut = self.outer_unknowns
         return [*outer[:cut], *inner[: self.unknowns - cut]]
@@ -82,16 +81,16 @@ class Equations:
         """The unknowns of ``tableau`` in its own role, exact."""
         return self.unknowns_of(*tableau.rows_exact())
 
-    def residuals(self, x: Sequence[Any]) -> Numbers:
+    def residuals(self, x: Sequence[BigFloat]) -> Numbers:
         """Signed kappa_3, ..., kappa_lambda: q^(l)(0) - l! zeta_l."""
         return self.errors(x, self.harmonic_order)[LOWEST_CONDITION - 1 :]
 
-    def errors(self, x: Sequence[Any], highest: int) -> Numbers:
+    def errors(self, x: Sequence[BigFloat], highest: int) -> Numbers:
         """Signed kappa_1, ..., kappa_highest, of which this case makes those up to its harmonic order vanish."""
         zeta = self._positions(self._operators(x), highest)[-1][0]
         return [DERIVATIVES[n % 4] - factorial(n) * zeta[n] for n in range(1, highest + 1)]
 
-    def jacobian(self, x: Sequence[Any]) -> list[Numbers]:
+    def jacobian(self, x: Sequence[BigFloat]) -> list[Numbers]:
         """Derivatives of the residuals: one row per condition, one column per unknown."""
         operators, highest = self._operators(x), self.harmonic_order
         before = self._positions(operators, highest)
@@ -114,7 +113,7 @@ class Equations:
         columns = [*_folded(gradients[0::2]), *_folded(gradients[1::2])]
         return [list(row) for row in zip(*columns, strict=True)]
 
-    def _operators(self, x: Sequence[Any]) -> list[tuple[bool, Any]]:
+    def _operators(self, x: Sequence[BigFloat]) -> list[tuple[bool, BigFloat]]:
         """(whether it drifts, coefficient) in the order of one step."""
         outer, inner = self.rows(x)
         drifts = self.first == "drift"
@@ -124,7 +123,7 @@ class Equations:
         return operators
 
     @staticmethod
-    def _positions(operators: Sequence[tuple[bool, Any]], highest: int) -> list[tuple[Numbers, Numbers]]:
+    def _positions(operators: Sequence[tuple[bool, BigFloat]], highest: int) -> list[tuple[Numbers, Numbers]]:
         """(q, p) by powers of tau before each operator and after the last, from (1, -1)."""
         zero = operators[0][1] * 0
         q, p = [zero + 1] + [zero] * highest, [zero - 1] + [zero] * highest
@@ -146,16 +145,16 @@ class PolishedSolution:
     """
 
     converged: bool
-    residual: Number
-    correction: Number
+    residual: BigFloat
+    correction: BigFloat
     iterations: int
-    unknowns: tuple[Number, ...]
+    unknowns: tuple[BigFloat, ...]
     outer: tuple[str, ...]
     inner: tuple[str, ...]
 
 
 def polish(
-    equations: Equations, start: Sequence[Any], *, digits: int = 128, fixed: Sequence[int] = ()
+    equations: Equations, start: Sequence[BigFloat], *, digits: int = 128, fixed: Sequence[int] = ()
 ) -> PolishedSolution:
     """The solution near ``start``, its rows to ``digits`` decimals, with the unknowns of the indices ``fixed`` kept."""
     limit = newton(equations.residuals, equations.jacobian, start, digits=digits, fixed=fixed)

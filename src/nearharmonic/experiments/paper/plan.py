@@ -160,17 +160,17 @@ def plan(sweeps: Sequence[Sweep], methods: Sequence[str]) -> Plan:
     return Plan(runs=tuple(runs), omissions=tuple(_omissions(sweeps, methods)))
 
 
-Point = tuple[float, int]
+GridPoint = tuple[float, int]
 
 
 @cache
-def _points(sweep: Sweep, tableau: Tableau) -> tuple[Point, ...]:
+def _points(sweep: Sweep, tableau: Tableau) -> tuple[GridPoint, ...]:
     """(tau_per_stage, steps) over the grid."""
     grid = tau_grid(sweep.lowest, sweep.highest, sweep.points_per_decade)
     return tuple((tau, steps_of(sweep.t_end, tau * tableau.stages)) for tau in grid)
 
 
-def _distinct(sweep: Sweep, tableau: Tableau) -> list[list[Point]]:
+def _distinct(sweep: Sweep, tableau: Tableau) -> list[list[GridPoint]]:
     """The grid in groups that one computation serves: those with the same number of steps."""
     return [list(group) for _, group in groupby(_points(sweep, tableau), key=lambda point: point[1])]
 

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Array = np.ndarray[Any, np.dtype[Any]]
-Point = tuple[float, float]
+State = tuple[float, float]
 #: (lowest, highest) q and (lowest, highest) p of the grid that carries the Hamiltonian.
-Window = tuple[Point, Point]
+Window = tuple[State, State]
 
 #: Points per axis of that grid: contours look smooth in print.
 GRID = 161
@@ -53,7 +53,7 @@ def substeps(
     tableau: Tableau,
     system: System,
     *,
-    start: Point,
+    start: State,
     tau: float,
     iterations: int = 2,
     component: int = 0,
@@ -162,7 +162,7 @@ class _Plane:
         return not any(g for i, g in enumerate(gradient) if i != self._component)
 
 
-def _walk(start: Point, pairs: list[Point], plane: _Plane, tau: float, *, drift_first: bool) -> list[Point]:
+def _walk(start: State, pairs: list[State], plane: _Plane, tau: float, *, drift_first: bool) -> list[State]:
     """``start`` and the state after each (drift, kick) pair: Eq. 3 if ``drift_first``, else Eq. 4."""
     q, p = start
     points = [start]
@@ -177,7 +177,7 @@ def _walk(start: Point, pairs: list[Point], plane: _Plane, tau: float, *, drift_
     return points
 
 
-def _follow(walk: Callable[[Point], list[Point]], start: Point, plane: _Plane, limit: float) -> tuple[float, int]:
+def _follow(walk: Callable[[State], list[State]], start: State, plane: _Plane, limit: float) -> tuple[float, int]:
     """Largest |dH/H0| after each of FOLLOWED iterations and 0, or inf and the iteration that left the surface."""
     reference = plane.hamiltonian(*start)
     state, largest = start, 0.0
@@ -200,7 +200,7 @@ def _window_around(points: np.ndarray[Any, np.dtype[np.float64]]) -> Window:
 
 
 def _complaints(
-    system: System, start: Point, iterations: int, component: int, window: Window | None
+    system: System, start: State, iterations: int, component: int, window: Window | None
 ) -> Iterator[tuple[str, object, str]]:
     """Key, value and what is allowed, for each setting that cannot be used."""
     if len(start) != 2 or not all(math.isfinite(x) for x in start):

@@ -29,7 +29,7 @@ HOW = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class RankedTime:
     """One line of the CSV table: a method, an error, and what it costs; times in ms, NaN where there is none."""
 
     system: str
@@ -73,13 +73,13 @@ def time_to_error(system: str, cube: str) -> dict[str, Table | str]:
     }
 
 
-def rows(system: str, t_end: str, measures: Sequence[str], curves: Sequence[Curve]) -> Iterator[Row]:
+def rows(system: str, t_end: str, measures: Sequence[str], curves: Sequence[Curve]) -> Iterator[RankedTime]:
     """Every method at every target, the fastest first; a method without a curve has its reason in ``method_status``."""
     for measure in measures:
         for target in TARGETS:
             for rank, (curve, found) in enumerate(ranking(curves, measure, target), start=1):
                 more = {mode: crossing(curve, measure, target, mode).time for mode in ("lanes", "energy")}
-                yield Row(
+                yield RankedTime(
                     system=system,
                     t_end=t_end,
                     measure=measure,
@@ -99,18 +99,18 @@ def rows(system: str, t_end: str, measures: Sequence[str], curves: Sequence[Curv
                 )
 
 
-def table(label: str, lines: Sequence[Row]) -> Table:
+def table(label: str, lines: Sequence[RankedTime]) -> Table:
     """Return lines as a table of text, floats to six digits.
 
     Parameters
     ----------
     label : str
         The system, as a title has it.
-    lines : sequence of Row
+    lines : sequence of RankedTime
         From :func:`rows`.
     """
     return Table(
-        header=[field.name for field in fields(Row)],
+        header=[field.name for field in fields(RankedTime)],
         rows=[[f"{cell:.6g}" if isinstance(cell, float) else str(cell) for cell in astuple(line)] for line in lines],
         caption=f"{label}: time and evaluations to reach an error.",
     )

@@ -1,0 +1,42 @@
+"""Methods for quadratic kinetic energy, taken apart for tests: equations, unknowns, operators, sums over words."""
+
+from __future__ import annotations
+
+from mpmath import eye, matrix, mpf
+
+from nearharmonic.experiments.sixth_order.conditions import NystromEquations
+
+
+def equations_of(tableau):
+    return NystromEquations(tableau.stages, tableau.first, tableau.harmonic_order)
+
+
+def unknowns_of(tableau):
+    return equations_of(tableau).unknowns_of(tableau.outer, tableau.inner)
+
+
+def operators_of(tableau):
+    """(letter, coefficient) in the order of application, from the decimal strings."""
+    letters = "AB" if tableau.first == "drift" else "BA"
+    step = [None] * (2 * tableau.stages + 1)
+    step[0::2] = [(letters[0], mpf(c)) for c in tableau.outer]
+    step[1::2] = [(letters[1], mpf(c)) for c in tableau.inner]
+    return step
+
+
+def word_sum(word, operators):
+    """S(word): with the letters as matrices that have ones above the diagonal where they stand in the word, the corner.
+
+    A product of such matrices reaches the corner only along the whole word, letter by letter.
+    """
+    n, product = len(word), eye(len(word) + 1)
+    for letter, c in operators:
+        X = matrix(n + 1, n + 1)
+        for i in range(n):
+            X[i, i + 1] = int(word[i] == letter)
+        exponential, power = eye(n + 1), eye(n + 1)
+        for k in range(1, n + 1):
+            power = power * X * c / k
+            exponential += power
+        product = product * exponential
+    return product[0, n]
