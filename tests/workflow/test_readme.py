@@ -131,4 +131,7 @@ def test_readme_compares_with_other_libraries_as_the_tables_of_times_do():
             )
             assert float(cell.strip(" *")) == pytest.approx(theirs / ours, rel=0.11), (system, mode, i)
             assert ("**" in cell) == (theirs < ours)
-            assert table["heyoka, fast_math"][i][0] == theirs
+            # README names the one exception.
+            exception = (system, mode, i) == ("Hénon-Heiles system", "one trajectory", 0)
+            fastest = "rebound leapfrog, order 8" if exception else "heyoka, fast_math"
+            assert table[fastest][i][0] == theirs
