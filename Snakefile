@@ -43,8 +43,7 @@ rule everything:
         rules.work_precision.input,
 
 
-# The modules and rules that are loaded by now stay to the end: a dry run spends a fifth of its time on looking whether
-# they are garbage.
+# The garbage collector skips all modules and rules loaded so far: scanning them takes a fifth of a dry run.
 gc.freeze()
 
 

@@ -17,7 +17,7 @@ from nearharmonic.core import arithmetic
 from nearharmonic.core.native import target_machine
 from nearharmonic.core.number import Constant
 from nearharmonic.core.rules import Physics, Rules
-from nearharmonic.core.tracing import Double, DoubleDouble, Emitted
+from nearharmonic.core.tracing import Double, DoubleDouble, LLVMValue
 from nearharmonic.systems import System
 from nearharmonic.systems.gradients import Multiprecision
 from nearharmonic.systems.source import velocity
@@ -142,7 +142,7 @@ def compiled(tree, kind, lanes):
     for i in range(4):
         value = builder.load(place(source, i))
         value.align = 8
-        rows.append(Emitted(builder, value))
+        rows.append(LLVMValue(builder, value))
     q = (
         (DoubleDouble(*rows[:2]), DoubleDouble(*rows[2:]))
         if kind is DoubleDouble
@@ -264,7 +264,7 @@ def test_a_constant_component_and_energy_are_numbers_of_the_kernel(extended):
     )  # fmt: skip
     rules = Rules(physics, extended=extended, compensated=True)
     builder = ir.IRBuilder(ir.Function(ir.Module(), ir.FunctionType(ir.VoidType(), []), "f").append_basic_block())
-    state = [Emitted(builder, ir.Constant(ir.DoubleType(), float(i))) for i in range(8)]
+    state = [LLVMValue(builder, ir.Constant(ir.DoubleType(), float(i))) for i in range(8)]
     rest = float(Fraction(1, 10) - Fraction(0.1))
     force = [entry.value.constant for entry in rules.force(state)]
     assert force == ([0.0, 0.1, 0.0, rest] if extended else [0.0, 0.1])

@@ -2,7 +2,7 @@
 
 A :class:`Record` of ``count`` entries and ``width`` lanes is the LLVM array ``[count x <width x double>]`` (width 1:
 ``[count x double]``). It has no operators: intrinsics made by :func:`record_function` unpack it into
-:class:`~nearharmonic.core.tracing.Emitted` values, run plain Python on them, and pack the result.
+:class:`~nearharmonic.core.tracing.LLVMValue` values, run plain Python on them, and pack the result.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic, models, register_model
 
-from nearharmonic.core.tracing import Emitted
+from nearharmonic.core.tracing import LLVMValue
 
 
 class Record(types.Type):
@@ -36,11 +36,11 @@ class _RecordModel(models.PrimitiveModel):  # type: ignore[misc]
         super().__init__(dmm, fe_type, ir.ArrayType(fe_type.entry, fe_type.count))
 
 
-def _unpack(builder: ir.IRBuilder, kind: Record, value: ir.Value) -> list[Emitted]:
-    return [Emitted(builder, builder.extract_value(value, i)) for i in range(kind.count)]
+def _unpack(builder: ir.IRBuilder, kind: Record, value: ir.Value) -> list[LLVMValue]:
+    return [LLVMValue(builder, builder.extract_value(value, i)) for i in range(kind.count)]
 
 
-def _pack(builder: ir.IRBuilder, kind: Record, entries: Sequence[Emitted]) -> ir.Value:
+def _pack(builder: ir.IRBuilder, kind: Record, entries: Sequence[LLVMValue]) -> ir.Value:
     value = ir.Constant(ir.ArrayType(kind.entry, kind.count), ir.Undefined)
     for i, entry in enumerate(entries):
         value = builder.insert_value(value, entry.value, i)
@@ -52,13 +52,13 @@ def _pointer(context: Any, builder: ir.IRBuilder, array: types.Array, value: ir.
     return builder.gep(data, [offset])
 
 
-def _load(builder: ir.IRBuilder, kind: Record, data: ir.Value) -> list[Emitted]:
+def _load(builder: ir.IRBuilder, kind: Record, data: ir.Value) -> list[LLVMValue]:
     entries = []
     for i in range(kind.count):
         place = builder.gep(data, [ir.Constant(ir.IntType(64), i * kind.width)])
         value = builder.load(builder.bitcast(place, kind.entry.as_pointer()))
         value.align = 8
-        entries.append(Emitted(builder, value))
+        entries.append(LLVMValue(builder, value))
     return entries
 
 
@@ -93,7 +93,7 @@ def record_storer(kind: Record) -> Callable[..., Any]:
     return store  # type: ignore[no-any-return]
 
 
-def record_function(rule: Callable[..., Sequence[Emitted]], result: Record, *arguments: Record) -> Callable[..., Any]:
+def record_function(rule: Callable[..., Sequence[LLVMValue]], result: Record, *arguments: Record) -> Callable[..., Any]:
     """An intrinsic (records) -> record whose code ``rule`` writes: lists of entries in, a list of entries out."""
     return _function(lambda builder, entries: _pack(builder, result, rule(*entries)), result, arguments)
 

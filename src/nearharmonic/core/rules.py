@@ -12,9 +12,9 @@ from llvmlite import ir
 from nearharmonic.core import arithmetic
 from nearharmonic.core.layout import ENERGY, ENERGY_LOW, LIMIT, TALLY, TOTAL, TOTAL_CARRY, WORST
 from nearharmonic.core.number import Constant, scalar, vector
-from nearharmonic.core.tracing import Double, DoubleDouble, Emitted
+from nearharmonic.core.tracing import Double, DoubleDouble, LLVMValue
 
-Entries = list[Emitted]
+Entries = list[LLVMValue]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +30,7 @@ class Physics:
     dimension: int
 
 
-def _pairs(entries: Entries, dimension: int) -> list[tuple[Emitted, Emitted]]:
+def _pairs(entries: Entries, dimension: int) -> list[tuple[LLVMValue, LLVMValue]]:
     return list(zip(entries[:dimension], entries[dimension : 2 * dimension], strict=True))
 
 
@@ -47,10 +47,10 @@ class Rules:
         """Doubles per coefficient and per rate."""
         return 2 if self.extended else 1
 
-    def numbers(self, pairs: list[tuple[Emitted, Emitted]]) -> tuple[Any, ...]:
+    def numbers(self, pairs: list[tuple[LLVMValue, LLVMValue]]) -> tuple[Any, ...]:
         return tuple(DoubleDouble(*pair) if self.extended else Double(pair[0]) for pair in pairs)
 
-    def flat(self, components: tuple[Any, ...], like: Emitted) -> Entries:
+    def flat(self, components: tuple[Any, ...], like: LLVMValue) -> Entries:
         """The components of a gradient as carriers, one or two each; constants become carriers as ``like`` is."""
         kind = DoubleDouble if self.extended else Double
         numbers: list[Any] = [kind.of(x, like) if isinstance(x, Constant) else x for x in components]
@@ -58,7 +58,7 @@ class Rules:
             return [n.high for n in numbers] + [n.low for n in numbers]
         return [n.carrier for n in numbers]
 
-    def update(self, pairs: list[tuple[Emitted, Emitted]], coefficient: Entries, rates: Entries) -> Entries:
+    def update(self, pairs: list[tuple[LLVMValue, LLVMValue]], coefficient: Entries, rates: Entries) -> Entries:
         if self.extended:
             step = (coefficient[0], coefficient[1])
             rate_pairs = _pairs(rates, len(pairs))
@@ -119,7 +119,7 @@ def fingerprint(rules: Rules) -> str:
     module = ir.Module()
     function = ir.Function(module, ir.FunctionType(ir.VoidType(), [double] * (count + TALLY + rules.parts)), "formulas")
     builder = ir.IRBuilder(function.append_basic_block())
-    entries = [Emitted(builder, argument) for argument in function.args]
+    entries = [LLVMValue(builder, argument) for argument in function.args]
     state, tally, step = entries[:count], entries[count : count + TALLY], entries[count + TALLY :]
     results = [*rules.kick(state, step, rules.force(state)), *rules.drift(state, step), *rules.measure(state, tally)]
     text = f"{module}\n{[str(result.value) for result in results]}"

@@ -1,6 +1,6 @@
 """Numbers that write machine code: a system's plain Python formulas, called once while a kernel is built.
 
-:class:`Emitted` is one LLVM value (a double, or a vector of doubles in SIMD lanes); each operation on it is one
+:class:`LLVMValue` is one LLVM value (a double, or a vector of doubles in SIMD lanes); each operation on it is one
 instruction. :class:`Double` and :class:`DoubleDouble` are what the physics sees. Because the formulas are *called*,
 not parsed, they may use loops over components, ``sum`` and their own functions; operations on constants alone are
 exact. A formula cannot branch on a value.
@@ -16,7 +16,7 @@ from nearharmonic.core import arithmetic
 from nearharmonic.core.number import Constant, Number
 
 
-class Emitted:
+class LLVMValue:
     """One LLVM value of type ``double`` or ``<n x double>``; a carrier for :mod:`nearharmonic.core.arithmetic`."""
 
     __slots__ = ("builder", "value")
@@ -24,55 +24,55 @@ class Emitted:
     def __init__(self, builder: ir.IRBuilder, value: ir.Value) -> None:
         self.builder, self.value = builder, value
 
-    def constant(self, number: float) -> Emitted:
+    def constant(self, number: float) -> LLVMValue:
         """``number`` in every lane."""
         kind = self.value.type
         literal = [number] * kind.count if isinstance(kind, ir.VectorType) else number
-        return Emitted(self.builder, ir.Constant(kind, literal))
+        return LLVMValue(self.builder, ir.Constant(kind, literal))
 
-    def _intrinsic(self, name: str, *operands: Emitted) -> Emitted:
+    def _intrinsic(self, name: str, *operands: LLVMValue) -> LLVMValue:
         kind = self.value.type
         suffix = f"v{kind.count}f64" if isinstance(kind, ir.VectorType) else "f64"
         signature = ir.FunctionType(kind, [kind] * len(operands))
         module, symbol = self.builder.module, f"llvm.{name}.{suffix}"
         function = module.globals.get(symbol) or ir.Function(module, signature, symbol)
-        return Emitted(self.builder, self.builder.call(function, [x.value for x in operands]))
+        return LLVMValue(self.builder, self.builder.call(function, [x.value for x in operands]))
 
-    def __add__(self, other: Emitted) -> Emitted:
-        return Emitted(self.builder, self.builder.fadd(self.value, other.value))
+    def __add__(self, other: LLVMValue) -> LLVMValue:
+        return LLVMValue(self.builder, self.builder.fadd(self.value, other.value))
 
-    def __sub__(self, other: Emitted) -> Emitted:
-        return Emitted(self.builder, self.builder.fsub(self.value, other.value))
+    def __sub__(self, other: LLVMValue) -> LLVMValue:
+        return LLVMValue(self.builder, self.builder.fsub(self.value, other.value))
 
-    def __mul__(self, other: Emitted) -> Emitted:
-        return Emitted(self.builder, self.builder.fmul(self.value, other.value))
+    def __mul__(self, other: LLVMValue) -> LLVMValue:
+        return LLVMValue(self.builder, self.builder.fmul(self.value, other.value))
 
-    def __truediv__(self, other: Emitted) -> Emitted:
-        return Emitted(self.builder, self.builder.fdiv(self.value, other.value))
+    def __truediv__(self, other: LLVMValue) -> LLVMValue:
+        return LLVMValue(self.builder, self.builder.fdiv(self.value, other.value))
 
-    def __neg__(self) -> Emitted:
-        return Emitted(self.builder, self.builder.fneg(self.value))
+    def __neg__(self) -> LLVMValue:
+        return LLVMValue(self.builder, self.builder.fneg(self.value))
 
-    def fma(self, factor: Emitted, addend: Emitted) -> Emitted:
+    def fma(self, factor: LLVMValue, addend: LLVMValue) -> LLVMValue:
         return self._intrinsic("fma", self, factor, addend)
 
-    def sqrt(self) -> Emitted:
+    def sqrt(self) -> LLVMValue:
         return self._intrinsic("sqrt", self)
 
-    def absolute(self) -> Emitted:
+    def absolute(self) -> LLVMValue:
         return self._intrinsic("fabs", self)
 
-    def times_sign(self, other: Emitted) -> Emitted:
+    def times_sign(self, other: LLVMValue) -> LLVMValue:
         """Return -self where other < 0, else self."""
         negative = self.builder.fcmp_ordered("<", other.value, other.constant(0.0).value)
-        return Emitted(self.builder, self.builder.select(negative, self.builder.fneg(self.value), self.value))
+        return LLVMValue(self.builder, self.builder.select(negative, self.builder.fneg(self.value), self.value))
 
-    def larger(self, other: Emitted) -> Emitted:
+    def larger(self, other: LLVMValue) -> LLVMValue:
         """self where self > other, else other: a NaN in self is dropped, so finiteness needs a test of its own."""
         where = self.builder.fcmp_ordered(">", self.value, other.value)
-        return Emitted(self.builder, self.builder.select(where, self.value, other.value))
+        return LLVMValue(self.builder, self.builder.select(where, self.value, other.value))
 
-    def any_not_within(self, bound: Emitted) -> ir.Value:
+    def any_not_within(self, bound: LLVMValue) -> ir.Value:
         """One bit: whether in any lane self <= bound fails, as it does for a NaN."""
         outside = self.builder.fcmp_unordered(">", self.value, bound.value)
         if not isinstance(self.value.type, ir.VectorType):

@@ -50,10 +50,12 @@ def _positive(key: str, value: object) -> Decimal:
 
 
 def checked_tau(tau: object, key: str = "tau") -> float:
-    """``tau`` as a float, if it is a finite number above 0 (or the decimal string of one).
+    """Return ``tau`` as a float, if it is a finite number above 0 (or the decimal string of one).
 
-    Raises:
-        SettingError: zero, negative, NaN, infinite, a bool or no number at all.
+    Raises
+    ------
+    SettingError
+        Zero, negative, NaN, infinite, a bool or no number at all.
     """
     if type(tau) is float and 0 < tau < inf:
         return tau
@@ -61,10 +63,12 @@ def checked_tau(tau: object, key: str = "tau") -> float:
 
 
 def checked_t_end(t_end: object, key: str = "t_end") -> str:
-    """``t_end`` as a plain decimal string, if it is a finite number above 0 (or the decimal string of one).
+    """Return ``t_end`` as a plain decimal string, if it is a finite number above 0 (or the decimal string of one).
 
-    Raises:
-        SettingError: zero, negative, NaN, infinite, a bool or no number at all.
+    Raises
+    ------
+    SettingError
+        Zero, negative, NaN, infinite, a bool or no number at all.
     """
     return format(_positive(key, t_end).normalize(), "f")
 
@@ -76,19 +80,23 @@ def _count(key: str, value: object, most: int) -> int:
 
 
 def checked_samples(samples: object, key: str = "samples") -> int:
-    """``samples`` as an int, if it is a whole number from 1 to :data:`MOST_SAMPLES`.
+    """Return ``samples`` as an int, if it is a whole number from 1 to :data:`MOST_SAMPLES`.
 
-    Raises:
-        SettingError: anything else.
+    Raises
+    ------
+    SettingError
+        Anything else.
     """
     return _count(key, samples, MOST_SAMPLES)
 
 
 def one_of(key: str, value: object, allowed: Sequence[str]) -> str:
-    """``value``, if it is among ``allowed``.
+    """Return ``value``, the setting named ``key``, if it is among ``allowed``.
 
-    Raises:
-        SettingError: anything else; it says the nearest match.
+    Raises
+    ------
+    SettingError
+        Anything else; it says the nearest match.
     """
     if isinstance(value, str) and value in allowed:
         return value
@@ -98,12 +106,24 @@ def one_of(key: str, value: object, allowed: Sequence[str]) -> str:
 
 
 def checked_precision(precision: object, key: str = "precision") -> str:
-    """``precision``, if it is one of :data:`PRECISIONS`; raises SettingError otherwise."""
+    """Return ``precision``, if it is one of :data:`PRECISIONS`.
+
+    Raises
+    ------
+    SettingError
+        Anything else.
+    """
     return one_of(key, precision, PRECISIONS)
 
 
 def checked_summation(summation: object, key: str = "summation") -> str:
-    """``summation``, if it is one of :data:`SUMMATIONS`; raises SettingError otherwise."""
+    """Return ``summation``, if it is one of :data:`SUMMATIONS`.
+
+    Raises
+    ------
+    SettingError
+        Anything else.
+    """
     return one_of(key, summation, SUMMATIONS)
 
 
@@ -163,7 +183,13 @@ class Numerics:
 
 
 def checked_first(first: object, key: str = "first") -> str | None:
-    """``first``, if it is None (the tableau's own) or one of :data:`OPERATORS`; raises SettingError otherwise."""
+    """Return ``first``, if it is None (the tableau's own) or one of :data:`OPERATORS`.
+
+    Raises
+    ------
+    SettingError
+        Anything else.
+    """
     return None if first is None else one_of(key, first, OPERATORS)
 
 

@@ -39,7 +39,7 @@ def run(snakemake: Any) -> None:
     SystemExit
         Any error, with status 1 and one message.
     """
-    with logged(snakemake.log[0]), undisturbed():
+    with logged(snakemake.log[0]), rarely_collected():
         task = snakemake.params.task
         function = function_of(task)
         offered = {"threads": snakemake.threads, "report": _report}
@@ -69,7 +69,7 @@ def draw(snakemake: Any) -> None:
     """
     from nearharmonic.output.store import read
 
-    with logged(snakemake.log[0]), undisturbed():
+    with logged(snakemake.log[0]), rarely_collected():
         shown = [read(snakemake.input.cube)] if hasattr(snakemake.input, "cube") else []
         for stem, task in snakemake.params.tasks.items():
             with covered(task):
@@ -77,10 +77,10 @@ def draw(snakemake: Any) -> None:
 
 
 @contextmanager
-def undisturbed() -> Iterator[None]:
-    """Search for cyclic garbage rarely inside the block, and not at all behind it, where the process ends.
+def rarely_collected() -> Iterator[None]:
+    """Run the garbage collector rarely inside the block, and never after it.
 
-    Of a process that lives for a second, the searches take a tenth, and the last one of all another tenth.
+    In a process of one second the collections take a tenth of the time, and the last one, at exit, another tenth.
     """
     gc.set_threshold(200_000)
     yield

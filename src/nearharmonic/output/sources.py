@@ -17,8 +17,8 @@ from nearharmonic.errors import NearharmonicError
 
 PACKAGE = "nearharmonic"
 ROOT = Path(__file__).parents[1]
-#: Source files that are remembered before those of other versions are forgotten: 150 bytes each.
-MOST_REMEMBERED = 3000
+#: Entries of the cache on disk, 150 bytes each. Beyond this number it is started afresh.
+MOST_CACHED = 3000
 
 
 class Source(NamedTuple):
@@ -70,7 +70,7 @@ def path_of(module: str, root: Path) -> Path:
 
 
 class _Files:
-    """The modules below the folder of a package, each read once."""
+    """The modules of a package, each read once."""
 
     def __init__(self, root: Path, parse: Callable[[bytes], Source]) -> None:
         self._root, self._parse = root, parse
@@ -122,14 +122,15 @@ def _files(root: Path | None) -> _Files:
 
 @cache
 def _running() -> _Files:
-    return _Files(ROOT, Remembered().parsed)
+    return _Files(ROOT, SourceCache().parsed)
 
 
-class Remembered:
-    """What was parsed before, by the text's SHA-256: parsing the package takes half a second, looking it up 10 ms.
+class SourceCache:
+    """Parsed sources by the SHA-256 of their text, kept on disk from process to process.
 
-    It lies beside the compiled kernels, in the folder that only the user can write to, and is written when the process
-    ends. A text counts as another if this module, which makes the digests, or Python has changed.
+    Parsing the package takes 0.3 s, reading the cache 10 ms. The file is in the folder of compiled code, which only the
+    user can write to. Its name depends on the text of this module and on the version of Python. It is written when the
+    process ends.
     """
 
     def __init__(self) -> None:
@@ -140,7 +141,7 @@ class Remembered:
         self._met: dict[str, Source] = {}
 
     def parsed(self, text: bytes) -> Source:
-        """Return the same as the function :func:`parsed`."""
+        """Return what the function :func:`parsed` returns."""
         key = sha256(text).hexdigest()
         if key in self._known:
             digest, imports = self._known[key]
@@ -150,9 +151,9 @@ class Remembered:
         return self._met.setdefault(key, parsed(text))
 
     def keep(self) -> None:
-        """Write all that is known to the disk, or only what is new once that is more than a few packages hold."""
+        """Write the cache: all entries, or the new ones alone if there are more than :data:`MOST_CACHED`."""
         if self._place:
-            known = self._known if len(self._known) < MOST_REMEMBERED else {}
+            known = self._known if len(self._known) < MOST_CACHED else {}
             disk.write(self._place, "sources", json.dumps({**known, **self._met}).encode())
 
 
@@ -191,7 +192,7 @@ def _is_for_type_checker(node: ast.AST) -> bool:
 
 
 def _statements(tree: ast.AST, skip: Callable[[ast.AST], bool] = lambda _: False) -> Iterator[ast.AST]:
-    """``tree`` and the statements in it, at any depth; expressions, which are most nodes, are not looked into."""
+    """Yield ``tree`` and all statements in it, at any depth. Expressions, which are most nodes, are not visited."""
     waiting = [tree]
     while waiting:
         node = waiting.pop()

@@ -10,7 +10,7 @@ from nearharmonic.core.number import Constant, Number, vector
 from nearharmonic.systems.system import System
 
 
-class Written(Number):
+class SourceTracer(Number):
     """A symbolic number that records each arithmetic operation as one line of Python source.
 
     ``name`` is a variable, to which the last of ``lines`` or an argument of the function gives its value.
@@ -21,12 +21,12 @@ class Written(Number):
     def __init__(self, name: str, lines: list[str]) -> None:
         self.name, self.lines = name, lines
 
-    def _line(self, expression: str) -> Written:
+    def _line(self, expression: str) -> SourceTracer:
         name = f"v{len(self.lines)}"
         self.lines.append(f"{name} = {expression}")
-        return Written(name, self.lines)
+        return SourceTracer(name, self.lines)
 
-    def _add(self, other: Written | Constant) -> Written:
+    def _add(self, other: SourceTracer | Constant) -> SourceTracer:
         # sum() begins with 0; a line for it would be a line that no user writes.
         return self if isinstance(other, Constant) and not other else self._line(f"{self.name} + {_text(other)}")
 
@@ -38,31 +38,31 @@ class Written(Number):
         operand = self._operand(other)
         return NotImplemented if operand is None else self._line(f"{_text(operand)} - {self.name}")
 
-    def _multiply(self, other: Written | Constant) -> Written:
+    def _multiply(self, other: SourceTracer | Constant) -> SourceTracer:
         return self._line(f"{self.name} * {_text(other)}")
 
-    def _divide(self, other: Written | Constant) -> Written:
+    def _divide(self, other: SourceTracer | Constant) -> SourceTracer:
         return self._line(f"{self.name} / {_text(other)}")
 
-    def _divide_into(self, other: Constant) -> Written:
+    def _divide_into(self, other: Constant) -> SourceTracer:
         return self._line(f"{_text(other)} / {self.name}")
 
-    def __neg__(self) -> Written:
+    def __neg__(self) -> SourceTracer:
         return self._line(f"-{self.name}")
 
-    def __abs__(self) -> Written:
+    def __abs__(self) -> SourceTracer:
         return self._line(f"abs({self.name})")
 
-    def whole_power(self, exponent: int) -> Written:
+    def whole_power(self, exponent: int) -> SourceTracer:
         """Return the ``exponent``-th power in one line, which libraries differentiate as a power."""
         return self._line(f"{self.name} ** {exponent}")
 
-    def sqrt(self) -> Written:
+    def sqrt(self) -> SourceTracer:
         return self._line(f"sqrt({self.name})")
 
 
-def _text(value: Written | Constant) -> str:
-    return value.name if isinstance(value, Written) else repr(float(value))
+def _text(value: SourceTracer | Constant) -> str:
+    return value.name if isinstance(value, SourceTracer) else repr(float(value))
 
 
 def _function(name: str, arguments: str, lines: list[str], results: list[str]) -> str:
@@ -80,7 +80,7 @@ def velocity_text(system: System) -> str:
     """
     lines: list[str] = []
     names = [f"{letter}{i}" for letter in "qp" for i in range(system.dimension)]
-    entries = [Written(name, lines) for name in names]
+    entries = [SourceTracer(name, lines) for name in names]
     q, p = tuple(entries[: system.dimension]), tuple(entries[system.dimension :])
     velocity, force = vector(system, "grad_T", p), vector(system, "grad_V", q, *system.constants(Constant))
     results = [*map(_text, velocity), *(f"-{_text(component)}" for component in force)]

@@ -24,14 +24,25 @@ LOWEST_CONDITION = 3
 
 @dataclass(frozen=True)
 class Equations:
-    """kappa_3 = ... = kappa_lambda = 0 (Nielsen 2015, Eq. 17) for the position after one symmetric step.
+    """The equations kappa_3 = ... = kappa_lambda = 0 (Nielsen 2015, Eq. 17) for the position after one symmetric step.
 
     The ``unknowns`` are the first half of the outer row and then that of the inner row, each without its innermost
-    value, which the sum of the row gives. ``first`` names the operator of the outer row. Unknowns may be mpf, Fraction,
-    float or mpmath's intervals; results are of the same kind.
+    value, which the sum of the row gives. Unknowns may be mpf, Fraction, float or mpmath's intervals; results are of
+    the same kind.
 
-    Raises:
-        SettingError: fewer than 3 stages, or a harmonic order below 3.
+    Parameters
+    ----------
+    stages : int
+        Number s of stages, at least 3.
+    harmonic_order : int
+        Harmonic order lambda, at least 3.
+    first : {"kick", "drift"}
+        Operator of the outer row.
+
+    Raises
+    ------
+    SettingError
+        Fewer than 3 stages, a harmonic order below 3, or an unknown operator.
     """
 
     stages: int

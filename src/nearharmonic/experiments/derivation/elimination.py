@@ -76,10 +76,22 @@ class Elimination:
 
 
 def eliminate(equations: Equations) -> Elimination:
-    """All real solutions of ``equations`` for position, exactly (5, 6, 7, 8 stages: 0.01, 0.01, 0.3, 2 s).
+    """Return all real solutions of ``equations`` for position, exactly (5, 6, 7, 8 stages: 0.01, 0.01, 0.3, 2 s).
 
-    Raises:
-        SettingError: a harmonic order other than stages + 1, which alone leaves isolated solutions.
+    Parameters
+    ----------
+    equations : Equations
+        A case with nothing left free.
+
+    Returns
+    -------
+    Elimination
+        How many solutions there are, complex and real, and starts for Newton's method towards the real ones.
+
+    Raises
+    ------
+    SettingError
+        A harmonic order other than stages + 1, which alone leaves isolated solutions.
     """
     system = reduced_system(equations)
     ring = Quotient(system.conditions, system.weights)
@@ -108,10 +120,12 @@ def eliminate(equations: Equations) -> Elimination:
 
 
 def reduced_system(equations: Equations) -> ReducedSystem:
-    """The polynomial conditions in y that ``equations`` amount to.
+    """Return the polynomial conditions in y that ``equations`` amount to.
 
-    Raises:
-        SettingError: a harmonic order other than stages + 1.
+    Raises
+    ------
+    SettingError
+        A harmonic order other than stages + 1.
     """
     s = equations.stages
     if equations.harmonic_order != s + 1:

@@ -48,7 +48,7 @@ SOLVE = least_squares_signature(
 
 
 @dataclass(frozen=True)
-class Found:
+class SearchResult:
     """Solutions in double, most often hit first: ``points`` (solution, unknown), ``hits`` how many starts led there."""
 
     points: Any
@@ -65,14 +65,33 @@ def search(
     box: float = 2.5,
     bound: float = 10.0,
     report: Callable[[str], None] = lambda _: None,
-) -> Found:
-    """The isolated solutions that ``starts`` random points lead to, with duplicates merged.
+) -> SearchResult:
+    """Return the isolated solutions that ``starts`` random points lead to, with duplicates merged.
 
-    Unknowns start uniformly in [-box, box]; solutions with an unknown beyond ``bound`` are dropped. The same seed gives
-    the same solutions in the same order.
+    Parameters
+    ----------
+    equations : Equations
+        As many conditions as unknowns.
+    starts : int
+        Number of random points, at least 1.
+    seed : int
+        The same seed gives the same solutions in the same order.
+    box : float
+        Unknowns, which are pure numbers, start uniformly in [-box, box].
+    bound : float
+        Solutions with an unknown beyond it in absolute value are dropped.
+    report : callable
+        Takes a line on the progress, after each batch of starts.
 
-    Raises:
-        SettingError: less than one start, or no isolated solutions: a free parameter is left.
+    Returns
+    -------
+    SearchResult
+        The solutions, most often hit first.
+
+    Raises
+    ------
+    SettingError
+        Less than one start, or no isolated solutions: a free parameter is left.
     """
     if equations.free_parameters != 0:
         key = "harmonic_order"
@@ -80,7 +99,7 @@ def search(
     points = sample(equations, starts=starts, seed=seed, box=box, bound=bound, report=report)
     merged, hits = _merged(points)
     order = sorted(range(len(hits)), key=lambda i: (-hits[i], tuple(merged[i])))
-    return Found(merged[order], tuple(hits[i] for i in order), starts, len(points))
+    return SearchResult(merged[order], tuple(hits[i] for i in order), starts, len(points))
 
 
 def sample(
@@ -92,13 +111,25 @@ def sample(
     bound: float = 10.0,
     report: Callable[[str], None] = lambda _: None,
 ) -> Any:
-    """Points (solution, unknown) where the conditions hold, one per start that converged within ``bound``.
+    """Return points where the conditions hold, one per start that converged within ``bound``.
 
     With free parameters left, a start goes to a point near it by steps of least length: dense where the solution set
     faces the box, and no uniform sample of it.
 
-    Raises:
-        SettingError: ``starts`` is no integer >= 1, or more conditions than unknowns.
+    Parameters
+    ----------
+    equations, starts, seed, box, bound, report
+        As for :func:`search`, but free parameters may be left.
+
+    Returns
+    -------
+    (solution, unknown) array of float
+        The points, in the order of their starts.
+
+    Raises
+    ------
+    SettingError
+        ``starts`` is no integer >= 1, or more conditions than unknowns.
     """
     if isinstance(starts, bool) or not isinstance(starts, int) or starts < 1:
         key = "starts"

@@ -74,9 +74,18 @@ class Plan:
 def check_sweep(sweep: Sweep, methods: Sequence[str]) -> None:
     """Refuse what takes more steps, runs or memory than a machine has; keys are named as in a config.
 
-    Raises:
-        SettingError: too many steps in a run, step sizes in the grid, evaluations in all, or bytes in a job; a method
-            that does not fit the system.
+    Parameters
+    ----------
+    sweep : Sweep
+        The runs of every method on one system.
+    methods : sequence of str
+        Names of the methods.
+
+    Raises
+    ------
+    SettingError
+        Too many steps in a run, step sizes in the grid, evaluations in all, or bytes in a job; a method that does not
+        fit the system.
     """
     tableaus = [integrators[name] for name in methods]
     for tableau in tableaus:

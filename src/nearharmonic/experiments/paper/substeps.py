@@ -59,34 +59,55 @@ def substeps(
     component: int = 0,
     window: Window | None = None,
 ) -> xr.Dataset:
-    """Every substep of ``iterations`` steps of size ``tau`` from ``start`` = (q, p), one degree of freedom, in doubles.
+    """Return every substep of some steps in doubles, of one degree of freedom.
 
-    ``component`` names the coordinate that moves; the others and their momenta are zero and must stay so. ``window``
-    is the part of the phase plane that carries the Hamiltonian; without it, the path and a margin.
+    Parameters
+    ----------
+    tableau, system
+        The method, and what it is applied to.
+    start : (float, float)
+        q and p of the coordinate that moves, in the system's units.
+    tau : float
+        Step size, in the system's unit of time.
+    iterations : int
+        Number of steps.
+    component : int
+        The coordinate that moves; the others and their momenta are zero and must stay so.
+    window : ((float, float), (float, float)), optional
+        The part of the phase plane that carries the Hamiltonian; by default the path and a margin.
 
-    The Dataset has q, p, H and ``energy_error`` (relative to ``start``, signed) over (iteration, substep): substep 0 is
-    the initial and substep s + 1 the final position, and substep i the state after the i-th pair of drift and kick, the
-    shorter row being filled up with a zero. Over substep: ``kind`` ("initial", "substep", "final") and
-    ``next_drift_sign``, ``next_kick_sign``, the signs (-1, 0, 1) of pair i + 1, 0 also where no pair follows. Over
-    (p_grid, q_grid): ``hamiltonian``. Scalars: ``max_energy_error`` after any of :data:`FOLLOWED` iterations, inf if
-    one of them leaves the energy surface, and ``left_at``, the number of that iteration, else 0.
+    Returns
+    -------
+    xr.Dataset
+        What :func:`_dataset` describes, and ``max_energy_error`` after any of :data:`FOLLOWED` iterations, inf if one
+        of them leaves the energy surface, and ``left_at``, the number of that iteration, else 0.
 
-    Raises:
-        SettingError: a tau or start that is not usable, fewer than one iteration, a component that the system lacks or
-            that pulls the others along, a window without area.
+    Raises
+    ------
+    SettingError
+        A tau or start that is not usable, fewer than one iteration, a component that the system lacks or that pulls the
+        others along, a window without area.
     """
     tau = checked_tau(tau)
     complaint = next(_complaints(system, start, iterations, component, window), None)
     if complaint is not None:
         raise bad_setting(*complaint)
-    plane = _Plane(system, component)
+    found = _followed(tableau, _Plane(system, component), (start, tau, iterations), window, system)
+    names = {"integrator": tableau.name, "label": tableau.label, "first": tableau.first}
+    told = {"system": system.name, "system_label": system.label, "component": component}
+    return found.assign_attrs(names | told | {"tau": tau, "followed": FOLLOWED})
+
+
+def _followed(
+    tableau: Tableau, plane: _Plane, settings: tuple[State, float, int], window: Window | None, system: System
+) -> xr.Dataset:
+    start, tau, iterations = settings
     pairs = list(zip_longest(map(float, tableau.drift), map(float, tableau.kick), fillvalue=0.0))
     walk = partial(_walk, pairs=pairs, plane=plane, tau=tau, drift_first=tableau.first == "drift")
     path = [walk(start)]
     while len(path) < iterations:
         path.append(walk(path[-1][-1]))
     points = np.array(path)
-    largest, left_at = _follow(walk, start, plane, system.surface_limit)
     q, p = points[..., 0], points[..., 1]
     q_grid, p_grid = (np.linspace(low, high, GRID) for low, high in window or _window_around(points))
     with np.errstate(over="ignore", invalid="ignore"):  # a path may leave for infinity
@@ -95,22 +116,21 @@ def substeps(
         error = (energy - energy[0, 0]) / abs(energy[0, 0])
     signs = np.sign(np.array([*pairs, (0.0, 0.0)])).astype(np.int8)
     found = _dataset(system.units, (q, p, energy, error), signs, (q_grid, p_grid, around))
+    largest, left_at = _follow(walk, start, plane, system.surface_limit)
     found["max_energy_error"] = ((), largest, {"units": "1"})
     found["left_at"] = ((), left_at, {"units": "1"})
-    return found.assign_attrs(
-        integrator=tableau.name,
-        label=tableau.label,
-        first=tableau.first,
-        system=system.name,
-        system_label=system.label,
-        component=component,
-        tau=tau,
-        followed=FOLLOWED,
-    )
+    return found
 
 
 def _dataset(units: Mapping[str, str], path: Sequence[Array], signs: Array, around: Sequence[Array]) -> xr.Dataset:
-    """What is drawn: ``path`` is q, p, H and its error over (iteration, substep), ``around`` the H of a grid."""
+    """What is drawn, from q, p, H and its error along the ``path`` and from the H of a grid ``around`` it.
+
+    q, p, H and ``energy_error`` (relative to the start, signed) over (iteration, substep): substep 0 is the initial and
+    substep s + 1 the final position, and substep i the state after the i-th pair of drift and kick, the shorter row
+    being filled up with a zero. Over substep: ``kind`` ("initial", "substep", "final") and ``next_drift_sign``,
+    ``next_kick_sign``, the signs (-1, 0, 1) of pair i + 1, 0 also where no pair follows. Over (p_grid, q_grid):
+    ``hamiltonian``.
+    """
     import xarray as xr
 
     q, p, energy, error = path

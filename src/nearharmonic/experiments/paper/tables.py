@@ -205,13 +205,25 @@ OVERVIEW = (
 
 
 def overview(*names: str) -> Columns:
-    """One row for each of ``names``, or for every registered method: what decides between them, nothing integrated.
+    """Return one row for each method: what decides between them, nothing integrated.
 
     Errors are powers of tau, with norms as :func:`nearharmonic.theory.order.leading_errors` defines them; an effective
     error is s norm^(1/order), which allows for the cost of s stages. Edges of stability have 12 decimals.
 
-    Raises:
-        UnknownNameError: no integrator has one of the names.
+    Parameters
+    ----------
+    *names : str
+        Names of the methods; every registered one if none is given.
+
+    Returns
+    -------
+    Columns
+        :data:`OVERVIEW` and the rows, in the order of the names.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has one of the names.
     """
     return OVERVIEW, [_overview_row(methods_by_name[name]) for name in names or methods_by_name]
 

@@ -77,9 +77,20 @@ class NystromEquations:
 
     The unknowns x are the first half of the outer row but for its last value, then that of the inner row: s - 1 in all.
 
-    Raises:
-        SettingError: a number of stages that is not among ``STAGES``, an unknown operator, or a harmonic order below 6
-            or beyond what the number of coefficients allows.
+    Parameters
+    ----------
+    stages : int
+        Number s of stages, one of ``STAGES``.
+    first : {"drift", "kick"}
+        Operator of the outer row.
+    harmonic_order : int
+        Harmonic order lambda_H, from 6 to s - 1.
+
+    Raises
+    ------
+    SettingError
+        A number of stages that is not among ``STAGES``, an unknown operator, or a harmonic order below 6 or beyond what
+        the number of coefficients allows.
     """
 
     stages: int
