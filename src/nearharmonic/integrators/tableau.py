@@ -24,7 +24,7 @@ _DECIMAL = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 
 
 def palindrome(*half: str, centre: str | None = None) -> Row:
-    """The row that reads ``half`` forwards, ``centre`` once if the row has an odd length, and ``half`` backwards."""
+    """Return the row that reads ``half`` forwards, ``centre`` once if its length is odd, and ``half`` backwards."""
     return (*half, *(() if centre is None else (centre,)), *reversed(half))
 
 
@@ -35,15 +35,38 @@ class Tableau:
     One step of size tau applies ``outer[0], inner[0], outer[1], ..., inner[s-1], outer[s]``, where ``outer`` (s + 1
     values) is the row of the operator named by ``first`` and ``inner`` (s values) the row of the other one.
 
-    ``order`` is the order for any separable H (for T = p.p/2 only, if ``requires`` says so). ``harmonic_order`` and
-    ``generalised_order`` are what the source claims beyond that, or None: the order lambda_H to which it solved for the
-    harmonic oscillator (Nielsen 2015, Eq. 17), and the orders (r1, r2, ...) in tau of the errors of size
-    epsilon tau^r1, epsilon^2 tau^r2, ... for H = H_A + epsilon H_B (Blanes et al. 2013). ``digits`` counts the decimals
-    that the source guarantees. ``benchmarked`` marks the ten methods of Nielsen's figures.
+    Parameters
+    ----------
+    name, label : str
+        Name in settings, and in figures and tables.
+    order : int
+        Order for any separable H (for T = p.p/2 only, if ``requires`` says so).
+    first : {"drift", "kick"}
+        Operator that comes first and last in a step.
+    kick, drift : tuple of str
+        Coefficients of the two operators in units of tau, s + 1 for the one named by ``first`` and s for the other.
+    source : str
+        Where the coefficients come from.
+    digits : int
+        Number of decimals that the source guarantees.
+    requires : str, optional
+        What the method asks of a system: :data:`QUADRATIC_KINETIC_ENERGY`, or nothing.
+    note : str
+        A remark.
+    benchmarked : bool
+        Whether this is one of the ten methods of Nielsen's figures.
+    harmonic_order : int, optional
+        Order lambda_H to which the source claims to have solved for the harmonic oscillator (Nielsen 2015, Eq. 17), or
+        None.
+    generalised_order : tuple of int, optional
+        Orders (r1, r2, ...) in tau that the source claims for the errors of size epsilon tau^r1, epsilon^2 tau^r2, ...
+        for H = H_A + epsilon H_B (Blanes et al. 2013), or None.
 
-    Raises:
-        TableauError: a coefficient that is no decimal number, a row of the wrong length, one that is no palindrome, or
-            one whose sum differs from 1 by more than one unit of the last guaranteed decimal per coefficient.
+    Raises
+    ------
+    TableauError
+        A coefficient that is no decimal number, a row of the wrong length, one that is no palindrome, or one whose sum
+        differs from 1 by more than one unit of the last guaranteed decimal per coefficient.
     """
 
     name: str
@@ -117,13 +140,20 @@ class Tableau:
         return self.first == "kick"
 
     def role(self, first: First | None) -> Tableau:
-        """The tableau whose outer row is given to the operator ``first``; None leaves the roles as declared.
+        """Return the tableau whose outer row is given to the operator ``first``.
 
         A tableau with swapped roles keeps its order for separable H, but not what the source claims beyond it; one that
         requires a quadratic kinetic energy keeps order 2 for certain, for any separable H.
 
-        Raises:
-            SettingError: ``first`` is neither "drift", "kick" nor None.
+        Parameters
+        ----------
+        first : {"drift", "kick"} or None
+            Operator of the outer row; None leaves the roles as declared.
+
+        Raises
+        ------
+        SettingError
+            ``first`` is neither "drift", "kick" nor None.
         """
         if first is None or first == self.first:
             return self
@@ -138,19 +168,19 @@ class Tableau:
         )  # fmt: skip
 
     def rows_exact(self) -> tuple[tuple[Fraction, ...], tuple[Fraction, ...]]:
-        """The outer and the inner row as the exact rational numbers that the strings denote."""
+        """Return the outer and the inner row as the exact rational numbers that the strings denote."""
         return tuple(map(Fraction, self.outer)), tuple(map(Fraction, self.inner))
 
     def rows_double(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """The outer and the inner row, each coefficient rounded once to the nearest double."""
+        """Return the outer and the inner row, each coefficient rounded once to the nearest double."""
         return tuple(map(float, self.outer)), tuple(map(float, self.inner))
 
     def rows_double_double(self) -> tuple[tuple[tuple[float, float], ...], tuple[tuple[float, float], ...]]:
-        """The outer and the inner row as pairs (nearest double, nearest double to the rest), about 32 digits."""
+        """Return the outer and the inner row as pairs (nearest double, nearest double to the rest), about 32 digits."""
         outer, inner = (tuple(rounded_pair(*c.as_integer_ratio()) for c in row) for row in self.rows_exact())
         return outer, inner
 
     def digest(self) -> str:
-        """SHA-256, in hex, of what determines the numbers of a run: the operator that comes first and both rows."""
+        """Return the SHA-256, in hex, of what determines the numbers of a run: the first operator and both rows."""
         text = "\n".join((self.first, " ".join(self.outer), " ".join(self.inner)))
         return sha256(text.encode()).hexdigest()

@@ -45,13 +45,28 @@ class Growth(NamedTuple):
 
 
 def stability_gaps(integrator: str | Tableau, *, first: First | None = None) -> list[tuple[BigFloat, BigFloat]]:
-    """The intervals (start, end) of step sizes with |tr K| > 2, in ascending order, as mpf to 30 digits.
+    """Return the intervals of step sizes with |tr K| > 2, in ascending order.
 
-    The last one ends at infinity. Where the trace only touches 2 there is no interval.
+    Where the trace only touches 2 there is no interval.
 
-    Raises:
-        UnknownNameError: no integrator has this name.
-        SettingError: ``first`` is no operator.
+    Parameters
+    ----------
+    integrator : str or Tableau
+        Method, or its name.
+    first : {"drift", "kick"}, optional
+        Operator to which the outer row is given; None leaves it as declared.
+
+    Returns
+    -------
+    list of (mpf, mpf)
+        Start and end of each, to 30 digits, in units in which m = k = 1; the last one ends at infinity.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``first`` is no operator.
     """
     crossing, _ = _special_squares(tableau_of(integrator, first))
     # The oscillator is stable for small steps and the trace is unbounded for large ones: the edges alternate.
@@ -60,58 +75,131 @@ def stability_gaps(integrator: str | Tableau, *, first: First | None = None) -> 
 
 
 def touching_points(integrator: str | Tableau, *, first: First | None = None) -> list[BigFloat]:
-    """The step sizes at which |tr K| reaches 2 without passing it, in ascending order, as mpf to 30 digits.
+    """Return the step sizes at which |tr K| reaches 2 without passing it, in ascending order.
 
     The rows and columns of K hold +-1 and 0 there, or one entry more: no growth, but none of the margin left.
 
-    Raises:
-        UnknownNameError: no integrator has this name.
-        SettingError: ``first`` is no operator.
+    Parameters
+    ----------
+    integrator, first
+        As for :func:`stability_gaps`.
+
+    Returns
+    -------
+    list of mpf
+        To 30 digits.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``first`` is no operator.
     """
     _, touching = _special_squares(tableau_of(integrator, first))
     return _step_sizes(touching)
 
 
 def stability_limit(integrator: str | Tableau, *, first: First | None = None) -> BigFloat:
-    """The step size up to which every smaller one is stable: where the first gap opens, as mpf to 30 digits.
+    """Return the step size up to which every smaller one is stable: where the first gap opens.
 
-    Raises:
-        UnknownNameError: no integrator has this name.
-        SettingError: ``first`` is no operator.
+    Parameters
+    ----------
+    integrator, first
+        As for :func:`stability_gaps`.
+
+    Returns
+    -------
+    mpf
+        To 30 digits.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``first`` is no operator.
     """
     return stability_gaps(integrator, first=first)[0][0]
 
 
 def stability_end(integrator: str | Tableau, *, first: First | None = None) -> BigFloat:
-    """The step size beyond which no larger one is stable: where the last gap opens, as mpf to 30 digits.
+    """Return the step size beyond which no larger one is stable: where the last gap opens.
 
-    Raises:
-        UnknownNameError: no integrator has this name.
-        SettingError: ``first`` is no operator.
+    Parameters
+    ----------
+    integrator, first
+        As for :func:`stability_gaps`.
+
+    Returns
+    -------
+    mpf
+        To 30 digits.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``first`` is no operator.
     """
     return stability_gaps(integrator, first=first)[-1][0]
 
 
 def growth_rate(integrator: str | Tableau, tau: BigFloat, *, first: First | None = None) -> BigFloat:
-    """The larger Lyapunov exponent of a step: ln of the larger |eigenvalue| of K, arcosh(|tr K|/2); 0 where stable.
+    """Return the larger Lyapunov exponent of a step: ln of the larger |eigenvalue| of K, arcosh(|tr K|/2).
 
-    Raises:
-        UnknownNameError: no integrator has this name.
-        SettingError: ``tau`` is no finite number above 0, or ``first`` no operator.
+    Parameters
+    ----------
+    integrator : str or Tableau
+        Method, or its name.
+    tau : mpf
+        Step size, in units in which m = k = 1.
+    first : {"drift", "kick"}, optional
+        As for :func:`stability_gaps`.
+
+    Returns
+    -------
+    mpf
+        Exponent per step; 0 where the step is stable.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``tau`` is no finite number above 0, or ``first`` no operator.
     """
     half = abs(stability_trace(integrator, tau, first=first)) / 2
     return acosh(half) if half > 1 else mpf(0)
 
 
 def largest_growth(integrator: str | Tableau, gap: tuple[BigFloat, BigFloat], *, first: First | None = None) -> Growth:
-    """The largest growth inside ``gap``, one of :func:`stability_gaps`, as mpf to about 12 digits.
+    """Return the largest growth inside a gap, per step and per unit of time.
 
     Per step it is largest at a root of d tr/d tau, all of which are found exactly; per unit of time it is searched for
-    between the neighbours of that point. In the last gap the growth per step has no bound: inf, at inf.
+    between the neighbours of that point.
 
-    Raises:
-        UnknownNameError: no integrator has this name.
-        SettingError: ``first`` is no operator.
+    Parameters
+    ----------
+    integrator : str or Tableau
+        Method, or its name.
+    gap : (mpf, mpf)
+        One of :func:`stability_gaps`.
+    first : {"drift", "kick"}, optional
+        As for :func:`stability_gaps`.
+
+    Returns
+    -------
+    Growth
+        To about 12 digits. In the last gap the growth per step has no bound: inf, at inf.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``first`` is no operator.
     """
     tableau, (start, end) = tableau_of(integrator, first), gap
     with mp.workdps(EDGE_DIGITS):

@@ -70,43 +70,80 @@ class HarmonicOrders(NamedTuple):
 
 
 def order_of(integrator: str | Tableau, *, first: First | None = None, highest: int = HIGHEST) -> int:
-    """Order for every separable H = T(p) + V(q); ``highest`` if it is that or more.
+    """Return the order for every separable H = T(p) + V(q); ``highest`` if it is that or more.
 
-    Raises:
-        UnknownNameError: no integrator has this name.
-        SettingError: ``first`` is no operator, or ``highest`` no integer >= 1.
+    Parameters
+    ----------
+    integrator : str or Tableau
+        Method, or its name.
+    first : {"drift", "kick"}, optional
+        Operator to which the outer row is given; None leaves it as declared.
+    highest : int
+        Order up to which conditions are examined.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``first`` is no operator, or ``highest`` no integer >= 1.
     """
     return _order(tableau_of(integrator, first), _integer("highest", highest), quadratic=False)
 
 
 def nystrom_order_of(integrator: str | Tableau, *, first: First | None = None, highest: int = HIGHEST) -> int:
-    """Order for every H = T(p) + V(q) with quadratic T; ``highest`` if it is that or more.
+    """Return the order for every H = T(p) + V(q) with quadratic T; ``highest`` if it is that or more.
 
-    Raises:
-        UnknownNameError: no integrator has this name.
-        SettingError: ``first`` is no operator, or ``highest`` no integer >= 1.
+    Parameters
+    ----------
+    integrator, first, highest
+        As for :func:`order_of`.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``first`` is no operator, or ``highest`` no integer >= 1.
     """
     return _order(tableau_of(integrator, first), _integer("highest", highest), quadratic=True)
 
 
 def harmonic_order_of(integrator: str | Tableau, *, first: First | None = None) -> int:
-    """Harmonic order lambda_H: on the harmonic oscillator one step has the exact position up to tau^lambda_H.
+    """Return the harmonic order lambda_H.
 
-    That is Nielsen's: kappa_1 to kappa_lambda_H vanish (2015, Eq. 17).
+    On the harmonic oscillator one step has the exact position up to tau^lambda_H. That is Nielsen's:
+    kappa_1 to kappa_lambda_H vanish (2015, Eq. 17).
 
-    Raises:
-        UnknownNameError: no integrator has this name.
-        SettingError: ``first`` is no operator.
+    Parameters
+    ----------
+    integrator, first
+        As for :func:`order_of`.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``first`` is no operator.
     """
     return harmonic_orders_of(integrator, first=first).position
 
 
 def harmonic_orders_of(integrator: str | Tableau, *, first: First | None = None) -> HarmonicOrders:
-    """All four orders that the harmonic oscillator shows.
+    """Return all four orders that the harmonic oscillator shows.
 
-    Raises:
-        UnknownNameError: no integrator has this name.
-        SettingError: ``first`` is no operator.
+    Parameters
+    ----------
+    integrator, first
+        As for :func:`order_of`.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``first`` is no operator.
     """
     tableau = tableau_of(integrator, first)
     E = _matrix_errors(tableau)
@@ -121,15 +158,23 @@ def harmonic_orders_of(integrator: str | Tableau, *, first: First | None = None)
 
 
 def generalised_order_of(integrator: str | Tableau, *, first: First | None = None) -> tuple[int, ...]:
-    """Generalised order (r1, r2, ..., rm) for H = T(p) + epsilon V(q), the kick being the small part.
+    """Return the generalised order (r1, r2, ..., rm) for H = T(p) + epsilon V(q), the kick being the small part.
 
     The error is O(epsilon tau^(r1 + 1) + epsilon^2 tau^(r2 + 1) + ...), and from epsilon^m on O(tau^(rm + 1)): rm is
     the order. Blanes et al. (2013), section 2. No r exceeds the one before it, past which its errors would not show,
     and r1 is at most 2s, as for the s nodes of a quadrature.
 
-    Raises:
-        UnknownNameError: no integrator has this name.
-        SettingError: ``first`` is no operator.
+    Parameters
+    ----------
+    integrator, first
+        As for :func:`order_of`.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``first`` is no operator.
     """
     tableau = tableau_of(integrator, first)
     highest = 2 * tableau.stages
@@ -142,15 +187,23 @@ def generalised_order_of(integrator: str | Tableau, *, first: First | None = Non
 
 
 def leading_errors(integrator: str | Tableau, *, first: First | None = None, highest: int = HIGHEST) -> LeadingErrors:
-    """The leading error terms of a step.
+    """Return the leading error terms of a step.
 
     Norms of the first two are Euclidean, of the coordinates in the Lyndon basis (A < B, A drifts, B kicks) with its
     standard bracketing; for quadratic kinetic energy that of the smallest equivalent error, so that it is at most the
     former where both have the same degree.
 
-    Raises:
-        UnknownNameError: no integrator has this name.
-        SettingError: ``first`` is no operator, ``highest`` no integer >= 1, or an order is larger than ``highest``.
+    Parameters
+    ----------
+    integrator, first, highest
+        As for :func:`order_of`.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``first`` is no operator, ``highest`` no integer >= 1, or an order is larger than ``highest``.
     """
     tableau = tableau_of(integrator, first)
     terms = []
@@ -165,13 +218,25 @@ def leading_errors(integrator: str | Tableau, *, first: First | None = None, hig
 
 
 def error_norm(integrator: str | Tableau, degree: int, *, quadratic: bool = False, first: First | None = None) -> float:
-    """Norm of the error term tau^``degree``, of any degree, as :func:`leading_errors` measures it.
+    """Return the norm of the error term tau^``degree``, as :func:`leading_errors` measures it.
 
     Below the order this is what the printed digits leave of zero.
 
-    Raises:
-        UnknownNameError: no integrator has this name.
-        SettingError: ``first`` is no operator, or ``degree`` no integer >= 1.
+    Parameters
+    ----------
+    integrator, first
+        As for :func:`order_of`.
+    degree : int
+        Any power of tau from 1.
+    quadratic : bool
+        Whether T is quadratic.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``first`` is no operator, or ``degree`` no integer >= 1.
     """
     tableau = tableau_of(integrator, first)
     errors = _errors(tableau, _integer("degree", degree))
@@ -181,7 +246,7 @@ def error_norm(integrator: str | Tableau, degree: int, *, quadratic: bool = Fals
 
 @lru_cache(maxsize=1024)
 def tolerance(tableau: Tableau, degree: int) -> Fraction:
-    """What guaranteed digits allow a condition of ``degree`` to be off by: the bound above."""
+    """Return what guaranteed digits allow a condition of ``degree`` to be off by: the bound above."""
     count = 2 * tableau.stages + 1
     return count * Fraction(1, 10**tableau.digits) * _size(tableau) ** (degree - 1) * Fraction(3, 2) ** degree
 
@@ -193,7 +258,7 @@ def _size(tableau: Tableau) -> Fraction:
 
 
 def operators_of(tableau: Tableau) -> list[Operator]:
-    """The operators of one step in the order of their application, as letters A (drift) and B (kick)."""
+    """Return the operators of one step in the order of their application, as letters A (drift) and B (kick)."""
     outer, inner = tableau.rows_exact()
     letters = "AB" if tableau.first == "drift" else "BA"
     pairs = [((letters[0], a), (letters[1], b)) for a, b in zip(outer, inner, strict=False)]

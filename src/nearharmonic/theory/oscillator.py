@@ -50,18 +50,36 @@ MOST_TERMS = 1000
 def kappa(
     integrator: str | Tableau, highest: int, *, first: First | None = None, variable: Variable = "position"
 ) -> list[BigFloat]:
-    """Error terms [kappa_1, ..., kappa_highest] of one step (Nielsen 2015, Eq. 17), as mpf.
+    """Return the error terms [kappa_1, ..., kappa_highest] of one step (Nielsen 2015, Eq. 17).
 
     kappa_l = |x^(l)(0) - l! zeta_l|, where zeta_l is the coefficient of tau^l in the new position (or momentum, which
-    the paper leaves aside) and x(t) the exact one, both from q_a = -p_a = 1. ``first`` names the operator that the
-    outer row is given to; None leaves it as declared. The values are exact for the printed coefficients, then rounded
-    to ten digits more than these have: one that vanishes for the true coefficients shows what the printed digits leave
-    of it. Past :func:`lambda_max` no term of the step is left and kappa_l = 1.
+    the paper leaves aside) and x(t) the exact one, both from q_a = -p_a = 1. The values are exact for the printed
+    coefficients, then rounded to ten digits more than these have: one that vanishes for the true coefficients shows
+    what the printed digits leave of it.
 
-    Raises:
-        UnknownNameError: no integrator has this name.
-        SettingError: ``highest`` is no integer from 1 to :data:`MOST_TERMS`, ``first`` no operator, or ``variable``
-            none of the two.
+    Parameters
+    ----------
+    integrator : str or Tableau
+        Method, or its name.
+    highest : int
+        Number of terms; past :func:`lambda_max` no term of the step is left and kappa_l = 1.
+    first : {"drift", "kick"}, optional
+        Operator to which the outer row is given; None leaves it as declared.
+    variable : {"position", "momentum"}
+        What of the new state is decomposed.
+
+    Returns
+    -------
+    list of mpf
+        ``highest`` terms, kappa_1 first.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``highest`` is no integer from 1 to :data:`MOST_TERMS`, ``first`` no operator, or
+        ``variable`` none of the two.
     """
     if isinstance(highest, bool) or not isinstance(highest, Integral) or not 1 <= highest <= MOST_TERMS:
         key = "highest"
@@ -75,13 +93,24 @@ def kappa(
 def zeta(
     integrator: str | Tableau, *, first: First | None = None, variable: Variable = "position"
 ) -> tuple[Fraction, ...]:
-    """Contributions (zeta_0, ..., zeta_lambda_max) of each order to the new position or momentum (Nielsen 2015, Eq. 7).
+    """Return what each order contributes to the new position or momentum (Nielsen 2015, Eq. 7).
 
-    Exact, from q_a = -p_a = 1 and m = k = 1.
+    Parameters
+    ----------
+    integrator, first, variable
+        As for :func:`kappa`.
 
-    Raises:
-        UnknownNameError: no integrator has this name.
-        SettingError: ``first`` is no operator, or ``variable`` neither "position" nor "momentum".
+    Returns
+    -------
+    tuple of Fraction
+        (zeta_0, ..., zeta_lambda_max), exact, from q_a = -p_a = 1 and m = k = 1.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``first`` is no operator, or ``variable`` neither "position" nor "momentum".
     """
     tableau = tableau_of(integrator, first)
     highest = lambda_max(tableau, variable=variable)
@@ -91,13 +120,21 @@ def zeta(
 
 
 def lambda_max(integrator: str | Tableau, *, first: First | None = None, variable: Variable = "position") -> int:
-    """Highest power of tau in the new position: 2s if the kick comes first (BAB), 2s + 1 for the drift (ABA).
+    """Return the highest power of tau in the new position: 2s if the kick is first (BAB), 2s + 1 if the drift is (ABA).
 
     In the new momentum the two are exchanged.
 
-    Raises:
-        UnknownNameError: no integrator has this name.
-        SettingError: ``first`` is no operator, or ``variable`` neither "position" nor "momentum".
+    Parameters
+    ----------
+    integrator, first, variable
+        As for :func:`kappa`.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``first`` is no operator, or ``variable`` neither "position" nor "momentum".
     """
     if variable not in {"position", "momentum"}:
         key = "variable"
@@ -108,21 +145,46 @@ def lambda_max(integrator: str | Tableau, *, first: First | None = None, variabl
 
 
 def step_polynomials(integrator: str | Tableau, *, first: First | None = None) -> StepPolynomials:
-    """The step matrix of the harmonic oscillator, exact.
+    """Return the step matrix of the harmonic oscillator, exact.
 
-    Raises:
-        UnknownNameError: no integrator has this name.
-        SettingError: ``first`` is no operator.
+    Parameters
+    ----------
+    integrator, first
+        As for :func:`kappa`.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``first`` is no operator.
     """
     return _step_polynomials(tableau_of(integrator, first))
 
 
 def stability_trace(integrator: str | Tableau, tau: BigFloat, *, first: First | None = None) -> BigFloat:
-    """Trace of the step matrix at ``tau``, as mpf: steps are stable while it lies in [-2, 2] and 2 cos(tau) is exact.
+    """Return the trace of the step matrix: steps are stable while it lies in [-2, 2], and 2 cos(tau) is exact.
 
-    Raises:
-        UnknownNameError: no integrator has this name.
-        SettingError: ``tau`` is no finite number above 0, or ``first`` no operator.
+    Parameters
+    ----------
+    integrator : str or Tableau
+        Method, or its name.
+    tau : mpf
+        Step size, in units in which m = k = 1.
+    first : {"drift", "kick"}, optional
+        As for :func:`kappa`.
+
+    Returns
+    -------
+    mpf
+        The trace at ``tau``.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``tau`` is no finite number above 0, or ``first`` no operator.
     """
     closed_form, step = _closed_form(tableau_of(integrator, first)), _step_size(tau)
     with mp.workdps(CLOSED_FORM_DIGITS):
@@ -130,14 +192,27 @@ def stability_trace(integrator: str | Tableau, tau: BigFloat, *, first: First | 
 
 
 def harmonic_energy_error(integrator: str | Tableau, tau: BigFloat, *, first: First | None = None) -> BigFloat:
-    """Supremum of |H - H0|/H0 over arbitrarily many steps of size ``tau`` from (q, p) = (1, 0), as mpf.
+    """Return the supremum of |H - H0|/H0 over arbitrarily many steps of size ``tau`` from (q, p) = (1, 0).
 
     A symmetric step conserves -K21 q^2 + K12 p^2, an ellipse whose other axis is p^2 = -K21/K12: the supremum is
-    |-K21/K12 - 1|. Where the trace leaves [-2, 2] the error grows without bound: inf.
+    |-K21/K12 - 1|.
 
-    Raises:
-        UnknownNameError: no integrator has this name.
-        SettingError: ``tau`` is no finite number above 0, or ``first`` no operator.
+    Parameters
+    ----------
+    integrator, tau, first
+        As for :func:`stability_trace`.
+
+    Returns
+    -------
+    mpf
+        The supremum; inf where the trace leaves [-2, 2], for there the error grows without bound.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``tau`` is no finite number above 0, or ``first`` no operator.
     """
     closed_form, step = _closed_form(tableau_of(integrator, first)), _step_size(tau)
     with mp.workdps(CLOSED_FORM_DIGITS):
@@ -196,11 +271,19 @@ def _errors(terms: Sequence[Fraction], highest: int, variable: Variable) -> Iter
 
 
 def tableau_of(integrator: str | Tableau, first: First | None = None) -> Tableau:
-    """The tableau of this name, or the one given, with its outer row given to the operator ``first``.
+    """Return the tableau of this name, or the one given, with its outer row given to the operator ``first``.
 
-    Raises:
-        UnknownNameError: no integrator has this name.
-        SettingError: ``first`` is no operator.
+    Parameters
+    ----------
+    integrator, first
+        As for :func:`kappa`.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``first`` is no operator.
     """
     return (integrator if isinstance(integrator, Tableau) else integrators[integrator]).role(first)
 

@@ -39,12 +39,28 @@ class ClosedSums(NamedTuple):
 
 
 def position_rows(integrator: str | Tableau, *, first: First | None = None) -> list[Powers]:
-    """Q_(h,lambda) of Table 2 for h = 0, 1, ... (s drifts for BAB, s + 1 for ABA) and lambda = 0, ..., lambda_max.
+    """Return Q_(h,lambda) of Table 2, what each power of tau contributes to the position after drift h.
 
-    Raises:
-        UnknownNameError: no integrator has this name.
-        SettingError: ``first`` is no operator.
-        TableauError: a drift before the last is 0, by which the recursion divides.
+    Parameters
+    ----------
+    integrator : str or Tableau
+        Method, or its name.
+    first : {"drift", "kick"}, optional
+        Operator to which the outer row is given; None leaves it as declared.
+
+    Returns
+    -------
+    list of list of Fraction
+        A row for h = 0, 1, ... (s drifts for BAB, s + 1 for ABA), in it lambda = 0, ..., lambda_max.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``first`` is no operator.
+    TableauError
+        A drift before the last is 0, by which the recursion divides.
     """
     tableau = tableau_of(integrator, first)
     kicks, drifts = kicks_and_drifts(tableau)
@@ -65,15 +81,28 @@ def position_rows(integrator: str | Tableau, *, first: First | None = None) -> l
 
 
 def momentum_row(integrator: str | Tableau, *, first: First | None = None) -> Powers:
-    """What each power of tau contributes to the new momentum: the last line of Eq. 6.
+    """Return what each power of tau contributes to the new momentum: the last line of Eq. 6.
 
-    It is read off the last drift, p = (q_h - q_(h-1)) / (tau c_h), and kicked once more for BAB. Odd powers are in
-    units of q_a, even ones in units of p_a.
+    It is read off the last drift, p = (q_h - q_(h-1)) / (tau c_h), and kicked once more for BAB.
 
-    Raises:
-        UnknownNameError: no integrator has this name.
-        SettingError: ``first`` is no operator.
-        TableauError: a drift is 0.
+    Parameters
+    ----------
+    integrator, first
+        As for :func:`position_rows`.
+
+    Returns
+    -------
+    list of Fraction
+        By power of tau: odd ones in units of q_a, even ones in units of p_a.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``first`` is no operator.
+    TableauError
+        A drift is 0.
     """
     tableau = tableau_of(integrator, first)
     before, last = position_rows(tableau)[-2:]
@@ -89,11 +118,19 @@ def momentum_row(integrator: str | Tableau, *, first: First | None = None) -> Po
 
 
 def closed_sums(integrator: str | Tableau, *, first: First | None = None) -> list[ClosedSums]:
-    """The rows h = 0, 1, ... of Table 3.
+    """Return the rows h = 0, 1, ... of Table 3.
 
-    Raises:
-        UnknownNameError: no integrator has this name.
-        SettingError: ``first`` is no operator.
+    Parameters
+    ----------
+    integrator, first
+        As for :func:`position_rows`.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``first`` is no operator.
     """
     d, c = kicks_and_drifts(tableau_of(integrator, first))
     tau2 = [-_sum(c[i] * _sum(d[: i + 1]) for i in range(h)) for h in range(len(c) + 1)]
@@ -105,7 +142,13 @@ def closed_sums(integrator: str | Tableau, *, first: First | None = None) -> lis
 
 
 def kicks_and_drifts(tableau: Tableau) -> tuple[Powers, Powers]:
-    """The drifts c_1, c_2, ... and, for each, the kick d_1, d_2, ... just before it: 0 before the first one of ABA."""
+    """Return the drifts and, for each, the kick just before it.
+
+    Returns
+    -------
+    kicks, drifts : list of Fraction
+        d_1, d_2, ..., with 0 before the first drift of ABA; and c_1, c_2, ...
+    """
     kicks, drifts = [Fraction(d) for d in tableau.kick], [Fraction(c) for c in tableau.drift]
     return (kicks[: len(drifts)] if tableau.first == "kick" else [Fraction(0), *kicks]), drifts
 
