@@ -20,7 +20,7 @@ from nearharmonic.experiments.derivation.families import PRINTED, UNIQUE, printe
 from nearharmonic.experiments.derivation.isolated import reach
 from nearharmonic.experiments.derivation.run import derivation, plain
 from nearharmonic.experiments.derivation.settings import DerivationSettings
-from nearharmonic.experiments.derivation.simplex import minimise, promising_starts
+from nearharmonic.experiments.derivation.simplex import _Objective, minimise, promising_starts
 from nearharmonic.experiments.derivation.starts import sample, search
 from nearharmonic.experiments.derivation.tables import compare
 from nearharmonic.integrators import integrators
@@ -86,6 +86,16 @@ def test_the_simplex_reaches_the_root_that_newton_reaches():
     assert outcome.kappa_max < mpf(10) ** -40
     exact = polish(equations, start, digits=60)
     assert max(abs(a - b) for a, b in zip(outcome.unknowns, exact.unknowns, strict=True)) < mpf(10) ** -36
+
+
+@pytest.mark.parametrize("first", ["kick", "drift"])
+@pytest.mark.parametrize(("stages", "order"), [(5, 6), (6, 7), (7, 8)])
+def test_the_simplex_descends_on_the_largest_of_the_errors(stages, order, first):
+    equations = Equations(stages, order, first)
+    x = [Fraction(2 * i + 3, 32) * (-1) ** (i // 2) for i in range(equations.unknowns)]
+    found = Fraction(int(_Objective(equations, 200)([int(c * 2**200) for c in x])), 2**200)
+    # Some sixty products are cut off at 2^-200 each, and the last power of tau is multiplied by 8!, below 2^16.
+    assert abs(found - max(map(abs, equations.errors(x, order)))) < Fraction(1, 2**176)
 
 
 def test_a_random_start_that_a_short_run_finds_promising_leads_the_simplex_to_a_root(five):
