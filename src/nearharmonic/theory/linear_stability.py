@@ -79,22 +79,12 @@ def touching_points(integrator: str | Tableau, *, first: First | None = None) ->
 
     The rows and columns of K hold +-1 and 0 there, or one entry more: no growth, but none of the margin left.
 
-    Parameters
-    ----------
-    integrator, first
-        As for :func:`stability_gaps`.
+    Arguments and errors are those of :func:`stability_gaps`.
 
     Returns
     -------
     list of mpf
         To 30 digits.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator.
     """
     _, touching = _special_squares(tableau_of(integrator, first))
     return _step_sizes(touching)
@@ -103,22 +93,12 @@ def touching_points(integrator: str | Tableau, *, first: First | None = None) ->
 def stability_limit(integrator: str | Tableau, *, first: First | None = None) -> BigFloat:
     """Return the step size up to which every smaller one is stable: where the first gap opens.
 
-    Parameters
-    ----------
-    integrator, first
-        As for :func:`stability_gaps`.
+    Arguments and errors are those of :func:`stability_gaps`.
 
     Returns
     -------
     mpf
         To 30 digits.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator.
     """
     return stability_gaps(integrator, first=first)[0][0]
 
@@ -126,22 +106,12 @@ def stability_limit(integrator: str | Tableau, *, first: First | None = None) ->
 def stability_end(integrator: str | Tableau, *, first: First | None = None) -> BigFloat:
     """Return the step size beyond which no larger one is stable: where the last gap opens.
 
-    Parameters
-    ----------
-    integrator, first
-        As for :func:`stability_gaps`.
+    Arguments and errors are those of :func:`stability_gaps`.
 
     Returns
     -------
     mpf
         To 30 digits.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator.
     """
     return stability_gaps(integrator, first=first)[-1][0]
 

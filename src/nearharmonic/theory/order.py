@@ -115,17 +115,7 @@ def harmonic_order_of(integrator: str | Tableau, *, first: First | None = None) 
     On the harmonic oscillator one step has the exact position up to tau^lambda_H. That is Nielsen's:
     kappa_1 to kappa_lambda_H vanish (2015, Eq. 17).
 
-    Parameters
-    ----------
-    integrator, first
-        As for :func:`order_of`.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator.
+    Arguments and errors are those of :func:`order_of`.
     """
     return harmonic_orders_of(integrator, first=first).position
 
@@ -133,17 +123,7 @@ def harmonic_order_of(integrator: str | Tableau, *, first: First | None = None) 
 def harmonic_orders_of(integrator: str | Tableau, *, first: First | None = None) -> HarmonicOrders:
     """Return all four orders that the harmonic oscillator shows.
 
-    Parameters
-    ----------
-    integrator, first
-        As for :func:`order_of`.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator.
+    Arguments and errors are those of :func:`order_of`.
     """
     tableau = tableau_of(integrator, first)
     E = _matrix_errors(tableau)
@@ -164,17 +144,7 @@ def generalised_order_of(integrator: str | Tableau, *, first: First | None = Non
     the order. Blanes et al. (2013), section 2. No r exceeds the one before it, past which its errors would not show,
     and r1 is at most 2s, as for the s nodes of a quadrature.
 
-    Parameters
-    ----------
-    integrator, first
-        As for :func:`order_of`.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator.
+    Arguments and errors are those of :func:`order_of`.
     """
     tableau = tableau_of(integrator, first)
     highest = 2 * tableau.stages

@@ -147,17 +147,7 @@ def lambda_max(integrator: str | Tableau, *, first: First | None = None, variabl
 def step_polynomials(integrator: str | Tableau, *, first: First | None = None) -> StepPolynomials:
     """Return the step matrix of the harmonic oscillator, exact.
 
-    Parameters
-    ----------
-    integrator, first
-        As for :func:`kappa`.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator.
+    Arguments and errors are those of :func:`kappa`.
     """
     return _step_polynomials(tableau_of(integrator, first))
 
@@ -273,17 +263,7 @@ def _errors(terms: Sequence[Fraction], highest: int, variable: Variable) -> Iter
 def tableau_of(integrator: str | Tableau, first: First | None = None) -> Tableau:
     """Return the tableau of this name, or the one given, with its outer row given to the operator ``first``.
 
-    Parameters
-    ----------
-    integrator, first
-        As for :func:`kappa`.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator.
+    Arguments and errors are those of :func:`kappa`.
     """
     return (integrator if isinstance(integrator, Tableau) else integrators[integrator]).role(first)
 

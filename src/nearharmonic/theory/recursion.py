@@ -85,22 +85,12 @@ def momentum_row(integrator: str | Tableau, *, first: First | None = None) -> Po
 
     It is read off the last drift, p = (q_h - q_(h-1)) / (tau c_h), and kicked once more for BAB.
 
-    Parameters
-    ----------
-    integrator, first
-        As for :func:`position_rows`.
+    Arguments and errors are those of :func:`position_rows`.
 
     Returns
     -------
     list of Fraction
         By power of tau: odd ones in units of q_a, even ones in units of p_a.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator.
     TableauError
         A drift is 0.
     """
@@ -120,17 +110,7 @@ def momentum_row(integrator: str | Tableau, *, first: First | None = None) -> Po
 def closed_sums(integrator: str | Tableau, *, first: First | None = None) -> list[ClosedSums]:
     """Return the rows h = 0, 1, ... of Table 3.
 
-    Parameters
-    ----------
-    integrator, first
-        As for :func:`position_rows`.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator.
+    Arguments and errors are those of :func:`position_rows`.
     """
     d, c = kicks_and_drifts(tableau_of(integrator, first))
     tau2 = [-_sum(c[i] * _sum(d[: i + 1]) for i in range(h)) for h in range(len(c) + 1)]
