@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 
 import numpy as np
@@ -124,3 +125,14 @@ def test_a_single_sample_is_the_end_of_the_run(numerics):
     for name in ("max_energy_error", "mean_energy_error", "done", "left_at", "evaluations"):
         assert np.array_equal(getattr(one, name), getattr(two, name))
     assert nh.integrate("sho", "ruth", 0.5, t_end=9, samples=1).t.values.tolist() == [9.0]
+
+
+def test_runs_in_threads_side_by_side_are_those_one_after_another():
+    steps = [list(range(20_000 + i, 20_016 + i)) for i in range(8)]
+
+    def errors(count):
+        return nh.sweep("sho", "aba864", [500 / n for n in count]).mean_energy_error.values
+
+    one_by_one = [errors(count) for count in steps]
+    with ThreadPoolExecutor(4) as pool:
+        assert all(map(np.array_equal, pool.map(errors, steps), one_by_one))

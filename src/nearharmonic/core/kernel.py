@@ -10,11 +10,12 @@ the tally: largest and summed |H - H0| of the block, the sum's carry, the latest
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from nearharmonic.core.layout import ADVANCE, BEGIN, RUN
+from nearharmonic.core.layout import ADVANCE, BEGIN, RUN, workspace
 from nearharmonic.core.native import code_key, native
 from nearharmonic.core.rules import Physics, Rules, fingerprint
 
@@ -31,7 +32,7 @@ class Kernel:
     returns before ``count`` when a lane's energy error passes its limit.
 
     ``run`` passes a queue of runs through the lanes: its arguments are :data:`nearharmonic.core.layout.RUN` without the
-    addresses.
+    addresses in front and without the workspace at the end.
     """
 
     width: int
@@ -66,8 +67,41 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, ev
         dimension=physics.dimension,
         parts=rules.parts,
         advance=lambda: advance,
-        run=lambda *given: run(advance.address, begin.address, *given),
+        run=_in_own_workspace(run, advance, begin, rules.parts, width),
     )
+
+
+class _Workspaces(threading.local):
+    """Work arrays of the calls of one thread, with their addresses: converting them anew takes 10 microseconds."""
+
+    def __init__(self) -> None:
+        self.kept: dict[tuple[int, int], tuple[Any, list[Any]]] = {}
+
+
+def _in_own_workspace(run: Any, advance: Any, begin: Any, parts: int, width: int) -> Callable[..., None]:
+    """``run`` without its first and last arguments, which do not change from call to call."""
+    workspaces = _Workspaces()
+
+    def call(order: Any, marks: Any, scheme: Any, start: Any, limit: float, look: int, stages: int, *more: Any) -> None:
+        shape, kept = (start.shape[1], stages), workspaces.kept
+        if shape not in kept:
+            arrays = workspace(*shape, parts=parts, width=width)
+            kept[shape] = arrays, run.place(*arrays)
+        run(
+            advance.address,
+            begin.address,
+            order,
+            marks,
+            scheme,
+            start,
+            limit,
+            look,
+            stages,
+            *more,
+            placed=kept[shape][1],
+        )
+
+    return call
 
 
 def inner(

@@ -126,7 +126,7 @@ RUN = Signature(
 )
 
 
-def workspace(size: int, parts: int, width: int, stages: int) -> tuple[NDArray[Any], ...]:
+def workspace(size: int, stages: int, *, parts: int, width: int) -> tuple[NDArray[Any], ...]:
     """The flat arrays that ``run`` works in: two row blocks, drifts, kicks; and per lane its run, step and sample."""
     rows = (size + TALLY) * width
     coefficients = (stages + 1) * parts * width

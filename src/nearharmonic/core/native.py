@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import version
@@ -137,24 +137,48 @@ class NativeFunction:
         result = _KINDS[signature.result][0] if signature.result else None
         self._function = ctypes.CFUNCTYPE(result, *kinds)(address)
 
-    def __call__(self, *given: Any) -> Any:
+    def __call__(self, *given: Any, placed: Sequence[Any] = ()) -> Any:
         """Call the function.
+
+        Parameters
+        ----------
+        *given
+            The arguments; without the last ones if these come as ``placed``.
+        placed : sequence
+            What :meth:`place` returned for the last arguments.
 
         Raises
         ------
         TypeError
             An array of another type or number of dimensions, or one that is not contiguous.
         """
-        flat: list[Any] = []
-        for (argument, kind), value in zip(self._flat, _members(self._arguments, given), strict=True):
-            if not argument.dimensions:
-                flat.append(value)
-                continue
-            if value.dtype != kind or value.ndim != argument.dimensions or not value.flags.c_contiguous:
-                message = f"expected a contiguous {kind} array of {argument.dimensions} dimensions"
-                raise TypeError(f"{argument.name}: {message}")
-            flat += [_place(value), *value.shape]
-        return self._function(*flat)
+        if placed:
+            return self._function(*_converted(zip(self._flat, given, strict=False)), *placed)
+        return self._function(*_converted(zip(self._flat, _members(self._arguments, given), strict=True)))
+
+    def place(self, *last: Any) -> list[Any]:
+        """Return the last arguments as C takes them, for many calls. Their arrays must outlive the calls.
+
+        Raises
+        ------
+        TypeError
+            As for a call.
+        """
+        return _converted(zip(self._flat[-len(last) :], last, strict=True))
+
+
+def _converted(pairs: Iterable[tuple[tuple[Argument, Any], Any]]) -> list[Any]:
+    """Arguments with their kinds and values, as C takes them: a number, or an address and the lengths of an array."""
+    flat: list[Any] = []
+    for (argument, kind), value in pairs:
+        if not argument.dimensions:
+            flat.append(value)
+            continue
+        if value.dtype != kind or value.ndim != argument.dimensions or not value.flags.c_contiguous:
+            message = f"expected a contiguous {kind} array of {argument.dimensions} dimensions"
+            raise TypeError(f"{argument.name}: {message}")
+        flat += [_place(value), *value.shape]
+    return flat
 
 
 def _members(arguments: Iterable[Argument | Group], given: Iterable[Any]) -> list[Any]:

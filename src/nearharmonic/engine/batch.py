@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearharmonic.core.arithmetic import rounded_pair
-from nearharmonic.core.layout import FAR, workspace
+from nearharmonic.core.layout import FAR
 from nearharmonic.core.number import Constant
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import bad_setting
@@ -242,7 +242,7 @@ def integrate_batch(
     kernel.run(
         np.argsort(-count, kind="stable"), marks, scheme, start,
         system.surface_limit, FAR if look is None else look, stages, tableau.first == "kick",
-        drift, kick, states, *blocks, energy, left_at, *workspace(start.shape[1], kernel.parts, kernel.width, stages),
+        drift, kick, states, *blocks, energy, left_at,
     )  # fmt: skip
     if not numerics.every_step:
         blocks[2] = np.nan  # sums over looks are no means over steps
@@ -287,11 +287,14 @@ def _trajectories(
     d = system.dimension
     left = left_at > 0
     done = np.where(left, left_at, steps)
-    unknown = np.isnan(total)
-    mean = np.add.reduce(np.where(unknown, 0, total), axis=1) / steps
-    mean[unknown.all(axis=1)] = np.nan
+    mean = np.add.reduce(total, axis=1) / steps
+    if np.isnan(mean).any():  # blocks without a step, or behind the end of a run, count for nothing
+        unknown = np.isnan(total)
+        mean = np.add.reduce(np.where(unknown, 0, total), axis=1) / steps
+        mean[unknown.all(axis=1)] = np.nan
     largest = np.fmax.reduce(worst, axis=1)  # which passes NaN over
-    mean[left] = largest[left] = np.inf
+    if left.any():
+        mean[left] = largest[left] = np.inf
     return Trajectories(
         marks=marks,
         q=states[:, :, :d],

@@ -8,7 +8,7 @@ from fractions import Fraction
 from math import floor, log10
 from typing import TypeVar
 
-from nearharmonic.engine.settings import MOST_STEPS
+from nearharmonic.engine.settings import MOST_STEPS, exact_decimal
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau
 from nearharmonic.systems.system import System
@@ -47,7 +47,7 @@ def steps_of(t_end: str, tau: float, key: str = "tau", given: object = None) -> 
     SettingError
         More than :data:`~nearharmonic.engine.settings.MOST_STEPS` steps.
     """
-    steps = max(1, round(Fraction(t_end) / Fraction(tau)))
+    steps = max(1, round(exact_decimal(t_end) / Fraction(tau)))
     if steps > MOST_STEPS:
         number = f"{Decimal(steps):.4g}" if steps > 10**15 else str(steps)
         allowed = f"t_end = {t_end} would take {number} steps, and one run takes at most {MOST_STEPS}"
