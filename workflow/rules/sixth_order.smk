@@ -9,8 +9,8 @@ rule search_sixth_order:
         sixth_order_measured=TABLE("sixth_order_measured"),
     log:
         LOG("sixth_order"),
-    threads: 2
     priority: 2  # two cores are free together at the start, and then no more until the end
+    threads: 2
     params:
         task=task("experiments.sixth_order.run:search", settings=CONFIG.beyond, integrators=CONFIG.integrators),
     script:
