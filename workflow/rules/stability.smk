@@ -27,6 +27,8 @@ rule stability_compile:
     log:
         LOG("stability/{ensemble}/compile"),
     priority: 1  # all runs wait for these
+    resources:
+        compiler=1,  # as in the rule compile
     params:
         task=lambda wildcards: task(f"experiments.stability.{wildcards.ensemble}.run:warm_up"),
     script:

@@ -2,14 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
+from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.dataset import method_coordinates
+from nearharmonic.output.store import read
+from nearharmonic.output.table import Table
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+def cube_and_table(
+    assemble: Callable[[Sequence[Tableau], Mapping[str, xr.Dataset]], xr.Dataset],
+    tabulate: Callable[[xr.Dataset], Table],
+    names: Sequence[str],
+    runs: Mapping[str, str],
+) -> dict[str, Any]:
+    """Return the ``cube`` of an ensemble and its ``table``.
+
+    Parameters
+    ----------
+    assemble : callable
+        Makes the cube from the methods and from the runs of each, by name.
+    tabulate : callable
+        Makes the table from the cube.
+    names : sequence of str
+        Names of the methods, in the order of the cube.
+    runs : mapping
+        Path of the run file of each method.
+    """
+    cube = assemble([integrators[name] for name in names], {name: read(path) for name, path in runs.items()})
+    return {"cube": cube, "table": tabulate(cube)}
 
 
 def stacked(methods: Sequence[Tableau], runs: Mapping[str, xr.Dataset]) -> xr.Dataset:

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from nearharmonic.experiments.stability.ensembles import stacked
+from nearharmonic.experiments.stability.ensembles import cube_and_table, stacked
 from nearharmonic.experiments.stability.henon_heiles.run import TOLERATED
 from nearharmonic.experiments.stability.henon_heiles.tables import henon_heiles_table
-from nearharmonic.integrators import integrators as registry
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.dataset import described, variable
-from nearharmonic.output.store import read
 from nearharmonic.theory.linear_stability import stability_limit
 
 if TYPE_CHECKING:
@@ -21,20 +19,8 @@ if TYPE_CHECKING:
 
 
 def reduce(integrators: Sequence[str], settings: EnsembleSettings, **runs: str) -> dict[str, Any]:
-    """Return the ``cube`` of the ensembles and its ``table``.
-
-    Parameters
-    ----------
-    integrators : sequence of str
-        Names of the methods, in the order of the cube.
-    settings : EnsembleSettings
-        What the runs were asked; it goes into the files beside the numbers.
-    **runs : str
-        Path of the run file of each method.
-    """
-    methods = [registry[name] for name in integrators]
-    cube = henon_heiles_cube(methods, {name: read(path) for name, path in runs.items()})
-    return {"cube": cube, "table": henon_heiles_table(cube)}
+    """Return what :func:`cube_and_table` does; ``settings`` go into the files beside the numbers."""
+    return cube_and_table(henon_heiles_cube, henon_heiles_table, integrators, runs)
 
 
 def henon_heiles_cube(methods: Sequence[Tableau], runs: Mapping[str, xr.Dataset]) -> xr.Dataset:

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from nearharmonic.experiments.stability.ensembles import stacked
+from nearharmonic.experiments.stability.ensembles import cube_and_table, stacked
 from nearharmonic.experiments.stability.kepler.tables import kepler_table
-from nearharmonic.integrators import integrators as registry
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.dataset import described
-from nearharmonic.output.store import read
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -19,20 +17,8 @@ if TYPE_CHECKING:
 
 
 def reduce(integrators: Sequence[str], settings: MapSettings, **runs: str) -> dict[str, Any]:
-    """Return the ``cube`` of the maps and its ``table``.
-
-    Parameters
-    ----------
-    integrators : sequence of str
-        Names of the methods, in the order of the cube.
-    settings : MapSettings
-        What the runs were asked; it goes into the files beside the numbers.
-    **runs : str
-        Path of the run file of each method.
-    """
-    methods = [registry[name] for name in integrators]
-    cube = kepler_cube(methods, {name: read(path) for name, path in runs.items()})
-    return {"cube": cube, "table": kepler_table(cube)}
+    """Return what :func:`cube_and_table` does; ``settings`` go into the files beside the numbers."""
+    return cube_and_table(kepler_cube, kepler_table, integrators, runs)
 
 
 def kepler_cube(methods: Sequence[Tableau], runs: Mapping[str, xr.Dataset]) -> xr.Dataset:

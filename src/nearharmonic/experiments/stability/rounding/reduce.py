@@ -8,12 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nearharmonic.engine.statistics import Floats, jackknife_interval
-from nearharmonic.experiments.stability.ensembles import stacked
+from nearharmonic.experiments.stability.ensembles import cube_and_table, stacked
 from nearharmonic.experiments.stability.rounding.tables import rounding_table
-from nearharmonic.integrators import integrators as registry
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.dataset import described, variable
-from nearharmonic.output.store import read
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,20 +22,8 @@ QUANTITIES = {"energy_error": "energy error", "lag": "lag along the track"}
 
 
 def reduce(integrators: Sequence[str], settings: RoundingSettings, **runs: str) -> dict[str, Any]:
-    """Return the ``cube`` of the errors by rounding and its ``table``.
-
-    Parameters
-    ----------
-    integrators : sequence of str
-        Names of the methods, in the order of the cube.
-    settings : RoundingSettings
-        What the runs were asked; it goes into the files beside the numbers.
-    **runs : str
-        Path of the run file of each method.
-    """
-    methods = [registry[name] for name in integrators]
-    cube = rounding_cube(methods, {name: read(path) for name, path in runs.items()})
-    return {"cube": cube, "table": rounding_table(cube)}
+    """Return what :func:`cube_and_table` does; ``settings`` go into the files beside the numbers."""
+    return cube_and_table(rounding_cube, rounding_table, integrators, runs)
 
 
 def rounding_cube(methods: Sequence[Tableau], runs: Mapping[str, xr.Dataset]) -> xr.Dataset:
