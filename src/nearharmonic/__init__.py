@@ -9,8 +9,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from nearharmonic.engine.trajectory import integrate, sweep
-
-# The registries are the packages of their names; the function integrate, bound here, hides the module that defines it.
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators
 from nearharmonic.systems import systems

@@ -87,19 +87,8 @@ def _in_own_workspace(run: Any, advance: Any, begin: Any, parts: int, width: int
         if shape not in kept:
             arrays = workspace(*shape, parts=parts, width=width)
             kept[shape] = arrays, run.place(*arrays)
-        run(
-            advance.address,
-            begin.address,
-            order,
-            marks,
-            scheme,
-            start,
-            limit,
-            look,
-            stages,
-            *more,
-            placed=kept[shape][1],
-        )
+        places = advance.address, begin.address
+        run(*places, order, marks, scheme, start, limit, look, stages, *more, placed=kept[shape][1])
 
     return call
 
