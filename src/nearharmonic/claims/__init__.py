@@ -1,0 +1,1 @@
+"""Statements of the paper, each with a verdict computed from the results, and the page that shows them."""

@@ -1,0 +1,1 @@
+"""The subcommands of ``nearharmonic``, one module each."""
