@@ -33,7 +33,7 @@ def test_timings_that_cannot_be_read_are_bad_input(capsys, tmp_path):
     (tmp_path / "cubes").mkdir()
     (tmp_path / "cubes/work_precision.h5").write_bytes(b"not HDF5")
     assert main(["recommend", "sho", "--error", "1e-6", "--results", str(tmp_path)]) == 2
-    assert "is truncated or no HDF5 file" in capsys.readouterr().err
+    assert "is truncated or no result file" in capsys.readouterr().err
 
 
 def test_list_prints_one_kind_or_both(capsys):

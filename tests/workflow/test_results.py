@@ -136,7 +136,7 @@ def test_a_broken_result_is_named_with_the_command_that_makes_it_again(finished,
     broken = finished.snakemake("-j2", *TINY)
     assert broken.returncode == 1
     command = f"snakemake -j2 --configfile config/tiny.yaml --force {name}"
-    assert f"{name} is truncated or no HDF5 file. Make it again: {command}" in broken.stdout
+    assert f"{name} is truncated or no result file. Make it again: {command}" in broken.stdout
     assert finished.snakemake(*command.split()[1:]).returncode == 0
     assert (finished.folder / name).read_bytes() == whole
     assert finished.snakemake("-j2", *TINY).returncode == 0

@@ -1,9 +1,14 @@
-"""Result files, the only module that opens HDF5: netCDF-4 conventions, the same bytes for the same numbers."""
+"""Result files, the only module that opens HDF5: netCDF-4 conventions, the same bytes for the same numbers.
+
+A file ends in a line with the SHA-256 of all that stands before it, which HDF5 passes over. It is compared before the
+file is opened: on a damaged file the HDF5 library may fail anywhere, return other numbers, or loop for ever.
+"""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Collection, Iterable, Mapping
+from hashlib import file_digest, sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +28,14 @@ SCALES = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST"}
 BARE_DIMENSION = b"This is a netCDF dimension but not a netCDF variable"
 #: Level 1 is as small as 4 within a percent on trajectories, whose low bits are noise, and half the time.
 GZIP_LEVEL = 1
-#: Bytes: below this a filter costs more room (chunk index) than it saves.
+#: The first bytes of any HDF5 file.
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+#: The last line of a file begins so; the digest and a line feed follow.
+SEAL = b"\nnearharmonic sha256 "
+SEALED = len(SEAL) + 2 * sha256().digest_size + len(b"\n")
+#: Bytes that are hashed at a time.
+PIECE = 2**20
+#: Bytes: below this compression costs more room (chunk index) than it saves.
 WORTH_COMPRESSING = 1024
 #: Bytes: HDF5 caches chunks up to this size, larger ones are unpacked again at every partial read.
 LARGEST_CHUNK = 2**20
@@ -57,11 +69,15 @@ def write(
     """
     import h5netcdf
 
-    with replacing(path) as part, h5netcdf.File(part, "w") as file:
-        file.attrs.update({FORMAT_KEY: FORMAT, "Conventions": "CF-1.11", **attributes})
-        _fill(file, variables)
-        for name, members in (groups or {}).items():
-            _fill(file.create_group(name), members)
+    with replacing(path) as part:
+        with h5netcdf.File(part, "w") as file:
+            file.attrs.update({FORMAT_KEY: FORMAT, "Conventions": "CF-1.11", **attributes})
+            _fill(file, variables)
+            for name, members in (groups or {}).items():
+                _fill(file.create_group(name), members)
+        with part.open("r+b") as file:
+            digest = file_digest(file, "sha256").hexdigest()
+            file.write(_seal(digest))
 
 
 def _fill(group: Any, variables: Variables) -> None:
@@ -76,6 +92,10 @@ def _fill(group: Any, variables: Variables) -> None:
         if len(shape) != len(dims) or any(sizes.setdefault(d, n) != n for d, n in zip(dims, shape, strict=True)):
             message = f"variable {name!r} of shape {shape} does not fit its dimensions {dims}, of lengths {sizes}"
             raise NearharmonicError(message)
+    for name, size in sizes.items():
+        if name not in variables and size:
+            # The scale that h5netcdf would make of a dimension without coordinate, but with a checksum.
+            group._h5group.create_dataset(name, (size,), ">f4", track_order=True, **_checksum((size,)))
     group.dimensions = sizes
     for name, (dims, _, attributes) in variables.items():
         values = arrays[name]
@@ -95,12 +115,18 @@ def _text_type() -> Any:
 
 
 def _filters(values: np.ndarray) -> dict[str, Any]:
-    """Compression for arrays that gain by it; chunks keep the trailing axes whole."""
+    """A checksum, and compression for arrays that gain by it; chunks keep the trailing axes whole."""
     if values.nbytes < WORTH_COMPRESSING:
-        return {}
+        return _checksum(values.shape)
     row = values.nbytes // values.shape[0]
     rows = min(values.shape[0], max(1, LARGEST_CHUNK // row))
-    return {"compression": "gzip", "compression_opts": GZIP_LEVEL, "shuffle": True, "chunks": (rows, *values.shape[1:])}
+    packed = {"compression": "gzip", "compression_opts": GZIP_LEVEL, "shuffle": True}
+    return {**_checksum((rows, *values.shape[1:])), **packed}
+
+
+def _checksum(chunk: tuple[int, ...]) -> dict[str, Any]:
+    """The checksum of HDF5 over each chunk; single numbers and empty arrays have no chunks."""
+    return {"fletcher32": True, "chunks": chunk} if chunk and all(chunk) else {}
 
 
 def write_dataset(path: str | os.PathLike[str], dataset: xr.Dataset, attributes: Mapping[str, Any]) -> None:
@@ -230,16 +256,38 @@ def _groups(file: Any) -> tuple[str, ...]:
 def _opened(path: str | os.PathLike[str]) -> Any:
     import h5py
 
-    if not Path(path).is_file():
-        raise _unusable(path, "does not exist")
-    try:
-        file = h5py.File(path, "r")
-    except OSError as error:
-        raise _unusable(path, "is truncated or no HDF5 file") from error
+    complaint = _complaint(Path(path))
+    if complaint:
+        raise _unusable(path, complaint)
+    file = h5py.File(path, "r")
     if str(file.attrs.get(FORMAT_KEY)) != FORMAT:
         file.close()
-        raise _unusable(path, f"is an HDF5 file, but not one of ours (no attribute {FORMAT_KEY} = {FORMAT!r})")
+        raise _unusable(path, f"has another format (attribute {FORMAT_KEY} is not {FORMAT!r})")
     return file
+
+
+def _complaint(path: Path) -> str:
+    """What keeps a file from being opened; nothing of it is read as HDF5."""
+    try:
+        with path.open("rb") as file:
+            signed = file.read(len(SIGNATURE)) == SIGNATURE
+            size = file.seek(0, os.SEEK_END) - SEALED
+            if size < 0 or not signed:
+                return "is truncated or no result file"
+            digest = sha256()
+            file.seek(0)
+            for start in range(0, size, PIECE):
+                digest.update(file.read(min(PIECE, size - start)))
+            seal = file.read()
+    except OSError as error:
+        return "does not exist" if isinstance(error, FileNotFoundError) else f"cannot be read ({error.strerror})"
+    if not seal.startswith(SEAL):
+        return "is truncated or no result file"
+    return "" if seal == _seal(digest.hexdigest()) else "is damaged: its bytes are not those that were written"
+
+
+def _seal(digest: str) -> bytes:
+    return SEAL + digest.encode() + b"\n"
 
 
 def _unusable(path: str | os.PathLike[str], complaint: str) -> ResultFileError:

@@ -203,7 +203,7 @@ def test_a_bad_question_is_refused_before_anything_is_measured(arguments, says, 
 def test_broken_timings_are_named_and_not_measured_around(tmp_path):
     (tmp_path / "cubes").mkdir()
     (tmp_path / "cubes/work_precision.h5").write_bytes(b"not HDF5")
-    with pytest.raises(ResultFileError, match="is truncated or no HDF5 file"):
+    with pytest.raises(ResultFileError, match="is truncated or no result file"):
         recommend("sho", 1e-9, results=tmp_path)
 
 
