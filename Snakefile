@@ -1,14 +1,12 @@
 """The paper from its config to its figures: config -> plan -> integrate -> reduce -> render."""
 
 import gc
-import time
 
 from snakemake.utils import min_version
 
 from nearharmonic.experiments.paper.omissions import summary_line
 
 min_version("9.0")
-STARTED = time.time()
 
 
 # Snakemake merges configs, and systems of the default would leak into another: one that is given stands alone.
@@ -24,12 +22,12 @@ include: "workflow/rules/sixth_order.smk"
 include: "workflow/rules/work_precision.smk"
 include: "workflow/rules/stability.smk"
 include: "workflow/rules/figures.smk"
+include: "workflow/rules/record.smk"
 
 
 rule all:
     default_target: True
     input:
-        f"{RESULTS}/manifest.json",
         rules.figures.input,
         rules.tables.input,
 
@@ -47,8 +45,16 @@ rule everything:
 gc.freeze()
 
 
+onstart:
+    record_start()
+
+
 onsuccess:
+    record_end(exit_status=0)
     # Only a run that made the table again has something new to say.
-    _skipped = Path(f"{RESULTS}/tables/skipped.csv")
-    if _skipped.is_file() and _skipped.stat().st_mtime >= STARTED:
-        print(summary_line(_skipped))
+    if THIS_RUN.made("tables/skipped.csv"):
+        print(summary_line(f"{RESULTS}/tables/skipped.csv"))
+
+
+onerror:
+    record_end(exit_status=1)

@@ -101,21 +101,3 @@ rule figures:
 rule tables:
     input:
         TABLE_FILES,
-
-
-rule manifest:
-    input:
-        files=[
-            *(path for system in SWEEPS for paths in run_files(system).values() for path in paths),
-            *map(CUBE, [*SWEEPS, "sho_terms"]),
-            *rules.figures.input,
-            *rules.tables.input,
-        ],
-    output:
-        manifest=f"{RESULTS}/manifest.json",
-    log:
-        LOG("manifest"),
-    params:
-        task=task("output.provenance:manifest", folder=RESULTS),
-    script:
-        "../scripts/task.py"

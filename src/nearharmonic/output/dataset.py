@@ -108,9 +108,11 @@ def assembled(variables: Variables, coordinates: Collection[str], attributes: Ma
 class Contents:
     """What one HDF5 file holds: variables of its root, attributes of the file, and groups of variables.
 
-    Each group has dimensions of its own.
+    Each group has dimensions of its own. ``evaluations`` counts the force evaluations that it took to make; it goes to
+    the record of the run and not into the file.
     """
 
     variables: Variables
     attributes: Mapping[str, Any] = field(default_factory=dict)
     groups: Mapping[str, Variables] = field(default_factory=dict)
+    evaluations: int = 0

@@ -17,6 +17,9 @@ from nearharmonic.integrators import integrators
 from nearharmonic.output.atomic import write_text
 from nearharmonic.output.dataset import Contents
 from nearharmonic.output.provenance import function_of, named_in, provenance
+from nearharmonic.output.receipts import WHOLE, Receipt
+from nearharmonic.output.table import Table, save_document
+from nearharmonic.output.table import save as save_table
 from nearharmonic.systems import systems
 
 Places = Sequence[str]
@@ -45,11 +48,15 @@ def run(snakemake: Any) -> None:
         offered = {"threads": snakemake.threads, "report": _report}
         extra = {name: value for name, value in offered.items() if name in signature(function).parameters}
         inputs = {name: _plain(value) for name, value in snakemake.input.items()}
+        receipt = Receipt(snakemake.log[0])
         with covered(task):
             results = function(**task["settings"], **inputs, **extra)
             origin = provenance(task)
-            for name, places in snakemake.output.items():
-                write(results[name], [places] if isinstance(places, str) else list(places), origin)
+            for name, made in snakemake.output.items():
+                places = [made] if isinstance(made, str) else list(made)
+                write(results[name], places, origin)
+                receipt.add(places, task, **_remarks(function, results[name]))
+        receipt.write()
 
 
 def draw(snakemake: Any) -> None:
@@ -71,9 +78,22 @@ def draw(snakemake: Any) -> None:
 
     with logged(snakemake.log[0]), rarely_collected():
         shown = [read(snakemake.input.cube)] if hasattr(snakemake.input, "cube") else []
+        receipt = Receipt(snakemake.log[0])
         for stem, task in snakemake.params.tasks.items():
+            places = list(getattr(snakemake.output, stem))
             with covered(task):
-                write(function_of(task)(*shown), list(getattr(snakemake.output, stem)), provenance(task))
+                write(function_of(task)(*shown), places, provenance(task))
+            receipt.add(places, task)
+        receipt.write()
+
+
+def _remarks(function: Any, result: Any) -> dict[str, Any]:
+    """What a receipt says of a result beside its task."""
+    if hasattr(function, "measures_time"):
+        return {"volatile": [WHOLE]}
+    if isinstance(result, Contents):
+        return {"evaluations": result.evaluations}
+    return {"volatile": result.volatile} if isinstance(result, Table) else {}
 
 
 @contextmanager
@@ -116,12 +136,12 @@ def write(result: Any, places: Places, origin: Mapping[str, str]) -> None:
     origin : mapping
         Provenance, as attributes of HDF5 files and as a section of TOML files.
     """
-    from nearharmonic.output import store, table
+    from nearharmonic.output import store
 
     if isinstance(result, Contents):
         store.write(places[0], result.variables, {**result.attributes, **origin}, groups=result.groups)
-    elif isinstance(result, table.Table):
-        table.save(result, places)
+    elif isinstance(result, Table):
+        save_table(result, places)
     elif isinstance(result, str):
         write_text(places[0], result)
     elif hasattr(result, "data_vars"):  # a Dataset is a mapping as well
@@ -131,7 +151,7 @@ def write(result: Any, places: Places, origin: Mapping[str, str]) -> None:
 
         save(result, places)
     else:
-        table.save_document({"provenance": dict(origin), **result}, places[0])
+        save_document({"provenance": dict(origin), **result}, places[0])
 
 
 @contextmanager

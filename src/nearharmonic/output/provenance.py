@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
-import platform
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, fields, is_dataclass
-from datetime import UTC, datetime
 from functools import cache
-from hashlib import file_digest, sha256
+from hashlib import sha256
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -44,9 +41,9 @@ def task(function: str, **settings: Any) -> Task:
     -------
     dict
         ``function``, ``settings``, ``modules`` (dotted names of the function's own and of all that it reaches),
-        ``code`` (SHA-256, hex) and ``coefficients`` (SHA-256, hex). ``code`` covers these modules, those of the systems
-        that the settings name, and the versions of numpy, numba and llvmlite. ``coefficients`` covers the integrators
-        that the settings name.
+        ``code`` (SHA-256, hex), ``coefficients`` (SHA-256, hex), and the names of the ``systems`` and ``integrators``
+        that the settings hold. ``code`` covers these modules, those of these systems, and the versions of numpy, numba
+        and llvmlite. ``coefficients`` covers these integrators.
 
     Raises
     ------
@@ -63,6 +60,8 @@ def task(function: str, **settings: Any) -> Task:
         "modules": closure(module),
         "code": code_digest(module, *map(systems.module_of, problems)),
         "coefficients": coefficients_digest(methods),
+        "systems": problems,
+        "integrators": [method.name for method in methods],
     }
 
 
@@ -148,34 +147,3 @@ def library_version(library: str) -> str:
     from importlib.metadata import version
 
     return version(library)
-
-
-def manifest(files: Iterable[str | os.PathLike[str]], folder: str | os.PathLike[str]) -> dict[str, str]:
-    """Say when and where result files were made, and the SHA-256 of each.
-
-    Parameters
-    ----------
-    files : iterable of path
-        Result files.
-    folder : path
-        The folder that their names are relative to.
-
-    Returns
-    -------
-    dict
-        ``manifest``, a JSON text.
-    """
-    told = {
-        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
-        "host": platform.node(),
-        "platform": platform.platform(),
-        "python": platform.python_version(),
-        "versions": {PACKAGE: library_version(PACKAGE), **{library: library_version(library) for library in LIBRARIES}},
-        "sha256": {os.path.relpath(path, folder): _file_digest(path) for path in sorted(map(Path, files))},
-    }
-    return {"manifest": json.dumps(told, indent=1) + "\n"}
-
-
-def _file_digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return file_digest(file, "sha256").hexdigest()

@@ -33,6 +33,8 @@ class Table:
         Cells (strings, integers and floats), as many a row as the header has names.
     caption : str
         One sentence above the table in Markdown, and a comment in LaTeX.
+    volatile : sequence of str
+        Columns of measured times, which differ from run to run.
 
     Raises
     ------
@@ -43,6 +45,7 @@ class Table:
     header: Sequence[str]
     rows: Sequence[Sequence[Cell]]
     caption: str
+    volatile: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         for i, row in enumerate(self.rows):

@@ -178,7 +178,8 @@ def routes(cases: Sequence[IsolatedSolutions], simplex: Sequence[SimplexRun], se
             "adaptive simplex, 2048 bits", run.stages, start, reached, nstr(run.outcome.kappa_max, 2), agrees,
             run.outcome.evaluations, run.outcome.restarts, run.outcome.seconds,
         ))  # fmt: skip
-    return Table(header=header, rows=rows, caption="Two routes to the coefficients; seconds are of this run.")
+    caption = "Two routes to the coefficients; seconds are of this run."
+    return Table(header=header, rows=rows, caption=caption, volatile=["seconds"])
 
 
 def solution_errors(rows: Sequence[SolutionErrors]) -> Table:

@@ -58,13 +58,19 @@ def totals(rows: Sequence[Omission], cubes: Mapping[str, xr.Dataset]) -> list[Om
     ]
 
 
-def summary_line(path: str | os.PathLike[str]) -> str:
-    """The totals of the table at ``path`` in one line."""
+def evaluations_in(path: str | os.PathLike[str]) -> tuple[int, int, dict[str, int]]:
+    """Return the totals of the table at ``path``: evaluations done, of the full grid, and saved by reason."""
     with Path(path).open(encoding="utf-8", newline="") as file:
         rows = [row for row in csv.DictReader(file) if row["system"] == ALL]
     count: dict[tuple[str, str], int] = {(row["what"], row["reason"]): int(row["evaluations"]) for row in rows}
-    done, full = count[DONE, ""], count[FULL, FULL_GRID]
-    shares = (f"{number / full:.2g} ({reason})" for (what, reason), number in count.items() if what == SAVED)
+    saved = {reason: number for (what, reason), number in count.items() if what == SAVED}
+    return count[DONE, ""], count[FULL, FULL_GRID], saved
+
+
+def summary_line(path: str | os.PathLike[str]) -> str:
+    """The totals of the table at ``path`` in one line."""
+    done, full, saved = evaluations_in(path)
+    shares = (f"{number / full:.2g} ({reason})" for reason, number in saved.items())
     return (
         f"{done:.3g} force evaluations done, {done / full:.2g} of the {full:.3g} of the full grid; "
         f"saved: {', '.join(shares)}; {os.fspath(path)}"

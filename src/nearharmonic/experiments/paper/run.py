@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.engine.trajectory import sampled
 from nearharmonic.experiments.paper.plan import Run, runs_of
@@ -29,7 +31,14 @@ def integrate(sweep: Sweep, integrator: str, shard: int) -> dict[str, Contents]:
         ``run``: the runs in double precision in the root of a file, those in extended precision in a group.
     """
     parts = {run.precision: integrate_run(run) for run in runs_of(sweep, integrator, shard)}
-    return {"run": Contents(variables=parts.pop("double", {}), groups=parts)}
+    made = sum(_evaluations(variables) for variables in parts.values())
+    return {"run": Contents(variables=parts.pop("double", {}), groups=parts, evaluations=made)}
+
+
+def _evaluations(variables: Variables) -> int:
+    """Force evaluations of runs; step sizes that round to one number of steps share a run."""
+    _, first = np.unique(variables["steps"][1], return_index=True)
+    return int(np.asarray(variables["evaluations"][1])[first].sum())
 
 
 def integrate_run(run: Run) -> Variables:

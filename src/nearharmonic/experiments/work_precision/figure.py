@@ -16,6 +16,7 @@ from nearharmonic.experiments.work_precision.curve import MEASURES, Curve, Part,
 from nearharmonic.experiments.work_precision.peers import PEERS
 from nearharmonic.experiments.work_precision.run import read_parts
 from nearharmonic.integrators import BENCHMARKED
+from nearharmonic.output.receipts import measures_time
 from nearharmonic.output.style import house_style, log_scale, mark_every, new_figure, panel_letter, style_of
 from nearharmonic.systems import systems
 
@@ -37,6 +38,7 @@ _PEER_COLOURS = ("#303030", "#6e6e6e", "#8c6d46", "#3e6b6b", "#7a5a86", "#a06060
 _PEER_MARKERS = ("x", "+", "*", "1", "2", "3", "4", "|", "_")
 
 
+@measures_time
 def work_precision(system: str, cube: str) -> dict[str, Figure]:
     """Draw what was measured on one system.
 

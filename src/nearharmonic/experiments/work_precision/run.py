@@ -23,6 +23,7 @@ from nearharmonic.experiments.work_precision.settings import WorkPrecisionSettin
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.dataset import Contents, Variables, coordinate, variable
+from nearharmonic.output.receipts import measures_time
 from nearharmonic.systems import systems
 from nearharmonic.systems.system import System
 
@@ -52,6 +53,7 @@ class Problem:
     measures: tuple[str, ...]
 
 
+@measures_time
 def measure(
     sweeps: Sequence[Sweep], methods: Sequence[str], settings: WorkPrecisionSettings, installed: Mapping[str, bool]
 ) -> dict[str, Contents]:

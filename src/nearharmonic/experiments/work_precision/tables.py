@@ -8,6 +8,7 @@ from math import isfinite
 
 from nearharmonic.experiments.work_precision.curve import Crossing, Curve, Part, crossing, ns_per_evaluation, ranking
 from nearharmonic.experiments.work_precision.run import read_parts
+from nearharmonic.output.receipts import measures_time
 from nearharmonic.output.table import Table
 from nearharmonic.systems import systems
 
@@ -50,6 +51,7 @@ class RankedTime:
     method_status: str
 
 
+@measures_time
 def time_to_error(system: str, cube: str) -> dict[str, Table | str]:
     """Tell what it costs each method to reach an error on one system.
 

@@ -1,0 +1,134 @@
+"""The history of a folder of results: one line of JSON for each run of the workflow that did work.
+
+A run that starts leaves a marker. It is taken away when the run ends, and the next start closes the markers of runs
+that are no more as "killed".
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from nearharmonic.output.atomic import write_text
+
+HISTORY = "history.jsonl"
+MARKERS = Path("logs", "running")
+
+
+def runs_of(folder: Path) -> list[dict[str, Any]]:
+    """Return the runs in the history of ``folder``, oldest first; lines that are no JSON objects are passed over."""
+    try:
+        lines = (folder / HISTORY).read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return []
+    return [run for run in map(_parsed, lines) if run]
+
+
+def running_in(folder: Path) -> list[dict[str, Any]]:
+    """Return the runs that have begun and not ended, oldest first; some may have been killed."""
+    found = (_parsed(_text(place)) for place in sorted((folder / MARKERS).glob("*.json")))
+    return [run for run in found if run]
+
+
+def _text(place: Path) -> str:
+    try:
+        return place.read_text(encoding="utf-8")
+    except OSError:  # a run that just ended
+        return ""
+
+
+def _parsed(line: str) -> dict[str, Any] | None:
+    try:
+        run = json.loads(line)
+    except ValueError:
+        return None
+    return run if isinstance(run, dict) and "id" in run else None
+
+
+def append(folder: Path, run: Mapping[str, Any]) -> None:
+    """Append ``run`` to the history of ``folder`` in one write, which no other writer can come between.
+
+    A line that an earlier writer left unfinished, at a loss of power say, is ended first.
+
+    Raises
+    ------
+    OSError
+        The history cannot be written.
+    """
+    place = folder / HISTORY
+    line = json.dumps(run, ensure_ascii=False, allow_nan=False) + "\n"
+    unfinished = place.is_file() and place.stat().st_size and place.read_bytes()[-1:] != b"\n"
+    file = os.open(place, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
+    try:
+        os.write(file, (("\n" if unfinished else "") + line).encode())
+    finally:
+        os.close(file)
+
+
+def mark(folder: Path, run: Mapping[str, Any]) -> None:
+    """Leave the marker of a run that starts: ``run``, with the process that it is.
+
+    Raises
+    ------
+    OSError
+        The marker cannot be written.
+    """
+    write_text(folder / MARKERS / f"{run['id']}.json", json.dumps({**run, "process": _this_process()}) + "\n")
+
+
+def unmark(folder: Path, run: str) -> None:
+    """Take away the marker of the run with this id."""
+    (folder / MARKERS / f"{run}.json").unlink(missing_ok=True)
+
+
+def close_killed(folder: Path) -> list[str]:
+    """Append the runs of ``folder`` whose process is no more, as "killed".
+
+    Returns
+    -------
+    list of str
+        Their ids. The marker of a run on another machine stays: whether it lives cannot be seen from here.
+
+    Raises
+    ------
+    OSError
+        The history cannot be written.
+    """
+    closed = []
+    for run, place in _dead(folder):
+        claimed = place.with_name(f".{place.name}.{os.getpid()}")
+        try:
+            place.rename(claimed)  # of two that start at once, one closes it
+        except FileNotFoundError:
+            continue
+        append(folder, {key: value for key, value in run.items() if key != "process"} | {"status": "killed"})
+        claimed.unlink()
+        closed.append(str(run["id"]))
+    return closed
+
+
+def _dead(folder: Path) -> Iterator[tuple[dict[str, Any], Path]]:
+    for run in running_in(folder):
+        process = run.get("process", {})
+        if process.get("host") == platform.node() and not _alive(process):
+            yield run, folder / MARKERS / f"{run['id']}.json"
+
+
+def _this_process() -> dict[str, Any]:
+    import psutil
+
+    return {"host": platform.node(), "number": os.getpid(), "created": psutil.Process().create_time()}
+
+
+def _alive(process: Mapping[str, Any]) -> bool:
+    """Whether a process runs; a later one may have been given its number."""
+    import psutil
+
+    try:
+        return bool(abs(psutil.Process(process["number"]).create_time() - process["created"]) < 1)
+    except psutil.NoSuchProcess:
+        return False

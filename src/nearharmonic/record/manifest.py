@@ -1,0 +1,88 @@
+"""The manifest of a folder of results: size, digest and origin of every file, as the job left it that made it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from nearharmonic.errors import ResultFileError
+from nearharmonic.output.atomic import write_text
+from nearharmonic.output.receipts import measured, receipts_in
+from nearharmonic.output.store import command_for
+from nearharmonic.record.history import HISTORY
+
+MANIFEST = "manifest.json"
+FORMAT = "nearharmonic manifest 1"
+#: What no manifest lists: it changes with every run.
+LEFT_OUT = (HISTORY, MANIFEST)
+LOGS = "logs"
+
+
+def read(folder: Path) -> dict[str, Any]:
+    """Return the manifest of ``folder``: ``format``, ``files`` by name, and names of those ``changed``.
+
+    Raises
+    ------
+    ResultFileError
+        It is missing or no manifest; the message names the command that makes it again.
+    """
+    place = folder / MANIFEST
+    try:
+        found = json.loads(place.read_text(encoding="utf-8"))
+        if found["format"] == FORMAT and all(e["sha256"] and e["size"] >= 0 for e in found["files"].values()):
+            return dict(found)
+        complaint = f"has another format than {FORMAT!r}"
+    except FileNotFoundError:
+        complaint = "does not exist"
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        complaint = "is damaged"
+    message = f"{place} {complaint}. Make it again: {command_for(folder / 'report.html')}"
+    raise ResultFileError(message)
+
+
+def write(folder: Path) -> list[str]:
+    """Write the manifest of ``folder`` from its receipts, and from the manifest before it where a receipt is lost.
+
+    Returns
+    -------
+    list of str
+        Names of files whose bytes are not those that their job wrote, sorted. Their entries keep the digest of what
+        the job wrote.
+
+    Raises
+    ------
+    OSError
+        The manifest cannot be written.
+    """
+    try:
+        entries: dict[str, dict[str, Any]] = dict(read(folder)["files"])
+    except ResultFileError:
+        entries = {}
+    for receipt in receipts_in(folder):
+        entries.update(receipt)
+    there = set(names_in(folder))
+    entries = {name: entries[name] for name in sorted(entries) if name in there}
+    changed = [name for name, entry in entries.items() if _is_changed(folder / name, entry)]
+    for entry in entries.values():
+        entry.pop("modified", None)  # a clock, of use on this machine alone
+    document = {"format": FORMAT, "files": entries, "changed": changed}
+    write_text(folder / MANIFEST, json.dumps(document, indent=1) + "\n")
+    return changed
+
+
+def names_in(folder: Path) -> Iterator[str]:
+    """Yield the names of all files that a manifest is to list, those of unfinished writers left out."""
+    for place in sorted(folder.rglob("*")):
+        name = place.relative_to(folder)
+        if name.parts[0] != LOGS and str(name) not in LEFT_OUT and not place.name.endswith(".part") and place.is_file():
+            yield name.as_posix()
+
+
+def _is_changed(place: Path, entry: dict[str, Any]) -> bool:
+    """Whether a file differs from what its job wrote; one of the same size and time counts as the same."""
+    state = place.stat()
+    if (state.st_size, state.st_mtime_ns) == (entry["size"], entry.get("modified")):
+        return False
+    return bool(measured(place)["sha256"] != entry["sha256"])
