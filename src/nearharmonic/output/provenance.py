@@ -50,19 +50,40 @@ def task(function: str, **settings: Any) -> Task:
     NearharmonicError
         The package has no such module.
     """
-    module = f"{PACKAGE}.{function.partition(':')[0]}"
     named = named_in(settings)
     problems = [name for name in systems if name in named]
-    methods = [integrators[name] for name in integrators if name in named]
+    methods = [name for name in integrators if name in named]
     return {
         "function": function,
         "settings": settings,
-        "modules": closure(module),
-        "code": code_digest(module, *map(systems.module_of, problems)),
-        "coefficients": coefficients_digest(methods),
+        "modules": closure(_module_of(function)),
+        **digests(function, problems, methods),
         "systems": problems,
-        "integrators": [method.name for method in methods],
+        "integrators": methods,
     }
+
+
+def digests(function: str, problems: Iterable[str], methods: Iterable[str]) -> dict[str, str]:
+    """Return ``code`` and ``coefficients`` of a task from its function and the names of its systems and integrators.
+
+    Raises
+    ------
+    NearharmonicError
+        There is no such module, system or integrator.
+    """
+    return {
+        "code": code_digest(_module_of(function), *map(systems.module_of, problems)),
+        "coefficients": coefficients_digest(integrators[name] for name in methods),
+    }
+
+
+def settings_text(task: Mapping[str, Any]) -> str:
+    """Return the settings of ``task`` as JSON."""
+    return json.dumps(task["settings"], sort_keys=True, default=asdict)
+
+
+def _module_of(function: str) -> str:
+    return f"{PACKAGE}.{function.partition(':')[0]}"
 
 
 def function_of(task: Mapping[str, Any]) -> Any:
@@ -129,7 +150,7 @@ def provenance(task: Mapping[str, Any]) -> dict[str, str]:
     return {
         "package_version": library_version(PACKAGE),
         "code_digest": task["code"],
-        "settings": json.dumps(task["settings"], sort_keys=True, default=asdict),
+        "settings": settings_text(task),
         "coefficients_digest": task["coefficients"],
         **{f"{library}_version": library_version(library) for library in LIBRARIES},
     }
