@@ -1,7 +1,9 @@
 """The record of this run: history.jsonl and manifest.json. They are no outputs of rules, since any target adds to them."""
 
+import os
 import sys
 
+from nearharmonic.record.adopt import ADOPTING, check_jobs
 from nearharmonic.record.workflow_run import WorkflowRun
 
 THIS_RUN = WorkflowRun(RESULTS, CONFIG, sources=workflow.basedir)
@@ -9,6 +11,8 @@ THIS_RUN = WorkflowRun(RESULTS, CONFIG, sources=workflow.basedir)
 
 def record_start():
     """Leave a marker, and hand the id of the run to its jobs."""
+    if workflow.touch and ADOPTING in os.environ:
+        check_jobs(Path(RESULTS), workflow.dag.jobs)
     if not workflow.touch:
         THIS_RUN.begin(sys.argv, sorted(workflow.dag_settings.targets) or ["all"], workflow.cores)
 

@@ -82,6 +82,11 @@ def settings_text(task: Mapping[str, Any]) -> str:
     return json.dumps(task["settings"], sort_keys=True, default=asdict)
 
 
+def settings_digest(task: Mapping[str, Any]) -> str:
+    """Return the SHA-256 of the settings of ``task``."""
+    return sha256(settings_text(task).encode()).hexdigest()
+
+
 def _module_of(function: str) -> str:
     return f"{PACKAGE}.{function.partition(':')[0]}"
 

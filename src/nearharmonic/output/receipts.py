@@ -9,12 +9,12 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from hashlib import file_digest, sha256
+from hashlib import file_digest
 from pathlib import Path
 from typing import Any, TypeVar
 
 from nearharmonic.output.atomic import write_text
-from nearharmonic.output.provenance import settings_text
+from nearharmonic.output.provenance import settings_digest
 
 Measuring = TypeVar("Measuring", bound=Callable[..., Any])
 
@@ -67,7 +67,7 @@ class Receipt:
                 "function": task["function"],
                 "code": task["code"],
                 "coefficients": task["coefficients"],
-                "settings": sha256(settings_text(task).encode()).hexdigest(),
+                "settings": settings_digest(task),
                 "systems": list(task["systems"]),
                 "integrators": list(task["integrators"]),
                 "volatile": list(volatile),

@@ -1,0 +1,110 @@
+"""Results from elsewhere, taken as up to date: after every file, the code and the settings were found to be the same."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from nearharmonic.errors import NearharmonicError, ResultFileError
+from nearharmonic.output.provenance import settings_digest
+from nearharmonic.record import manifest
+from nearharmonic.record.verify import faults
+
+#: Environment variable that tells the workflow to compare its jobs with the manifest before it touches a file.
+ADOPTING = "NEARHARMONIC_ADOPTING"
+
+
+def adopt(folder: Path) -> int:
+    """Take the results in ``folder``, ``results/<name>`` of this working directory, as up to date.
+
+    Snakemake then sees files of today, made by the jobs of this workflow with these settings, and runs none of them.
+
+    Returns
+    -------
+    int
+        Number of files.
+
+    Raises
+    ------
+    NearharmonicError
+        The results are not what their manifest says, this code, config or folder is not theirs, or Snakemake fails;
+        the message gives the reason.
+    """
+    if folder.resolve().parent != Path("results").resolve() or not Path("Snakefile").is_file():
+        message = f"{folder} is not in results/ of the folder of the workflow: copy it there, and adopt it from there"
+        raise NearharmonicError(message)
+    found = faults(folder)
+    if found:
+        more = f" ({len(found)} faults in all: nearharmonic verify {folder})" if len(found) > 1 else ""
+        raise ResultFileError(f"{folder} is not adopted: {found[0]}{more}")
+    names = manifest.read(folder)["files"]
+    command = [sys.executable, "-m", "snakemake", "--touch", "--forceall", "-j1", "--quiet", "all"]
+    files = [f"results/{folder.name}/{name}" for name in names]
+    done = subprocess.run(
+        [*command, *_config_of(folder.name), "--", *files],
+        env={**os.environ, ADOPTING: "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode:
+        said = next((line for line in done.stderr.splitlines() if folder.name in line), done.stderr.strip()[-400:])
+        message = f"{folder} is not adopted: {said.strip()}"
+        raise NearharmonicError(message)
+    return len(files)
+
+
+def _config_of(name: str) -> list[str]:
+    """The option of Snakemake for the config that writes to ``results/<name>``; none for the default config."""
+    import yaml
+
+    known = {}
+    for place in sorted(Path("config").glob("*.yaml")):
+        document = yaml.safe_load(place.read_text(encoding="utf-8"))
+        if isinstance(document, Mapping):
+            known[document.get("name")] = place
+    if name not in known:
+        message = f"results/{name} is not adopted: no file in config/ has the name {name!r}"
+        raise NearharmonicError(message)
+    return [] if known[name] == Path("config/config.yaml") else ["--configfile", str(known[name])]
+
+
+def check_jobs(folder: Path, jobs: Iterable[Any]) -> None:
+    """Compare the jobs of a workflow with the manifest of ``folder``, before their files are touched.
+
+    Parameters
+    ----------
+    folder : path
+        Folder of results.
+    jobs : iterable of snakemake.jobs.Job
+        Jobs with ``output``, and ``params.task`` or ``params.tasks``.
+
+    Raises
+    ------
+    NearharmonicError
+        A file that a job makes was made with other settings, code or coefficients.
+    """
+    entries = manifest.read(folder)["files"]
+    for path, task in (pair for job in jobs for pair in _made_by(job)):
+        name = Path(path).relative_to(folder).as_posix()
+        entry = entries.get(name)
+        here = {"settings": settings_digest(task), "code": task["code"], "coefficients": task["coefficients"]}
+        differs = ["file"] if entry is None else [what for what in here if here[what] != entry[what]]
+        if differs:
+            says = "is not among the results" if entry is None else f"was made with other {' and '.join(differs)}"
+            message = f"{path} {says}; a run of the workflow brings it up to date"
+            raise NearharmonicError(message)
+
+
+def _made_by(job: Any) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Each file that a job makes below the results, logs left out, and its task."""
+    params = dict(job.params.items())
+    for name, made in job.output.items():
+        task = params["tasks"][name] if "tasks" in params else params.get("task")
+        for path in [made] if isinstance(made, str) else made:
+            if task is not None and manifest.LOGS not in Path(path).parts:
+                yield str(path), task
