@@ -1,24 +1,33 @@
-"""The command: what it prints, and its exit status: 0 yes, 1 no, 2 bad input, with one message."""
+"""The command line: subcommands and their formats, and the exit status: 0 yes, 1 no, 2 bad input, with one message."""
 
 from __future__ import annotations
 
+import csv
+import io
+import json
 import os
+import resource
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from nearharmonic.cli import main
+import nearharmonic as nh
+from nearharmonic import answers, commands
+from nearharmonic.answers import Answer
+from nearharmonic.cli import command_names, main
+from nearharmonic.errors import NearharmonicError
 
 ROOT = Path(__file__).parents[1]
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
 
 
 def test_recommend_prints_a_ranking_and_its_basis(capsys, tmp_path):
     assert main(["recommend", "sho", "--error", "1e-6", "--results", str(tmp_path)]) == 0
     out = capsys.readouterr().out
     assert out.startswith("simple harmonic oscillator, t = 500: maximum of |H - H0|/|H0| <= 1e-06\n")
-    assert "  1. " in out
+    assert "\n     1  " in out
     assert "Based on: measured on the spot" in out
 
 
@@ -36,15 +45,46 @@ def test_timings_that_cannot_be_read_are_bad_input(capsys, tmp_path):
     assert "is truncated or no result file" in capsys.readouterr().err
 
 
-def test_list_prints_one_kind_or_both(capsys):
+def rows_of(capsys, *arguments):
+    """What a command prints as CSV, as a mapping for each row."""
+    assert main([*arguments, "--format", "csv"]) == 0
+    return list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+
+
+def test_list_prints_one_kind_or_both_in_the_order_of_the_registries(capsys):
+    one = [row["name"] for row in rows_of(capsys, "list", "systems")]
+    other = [row["name"] for row in rows_of(capsys, "list", "integrators")]
+    both = [row["name"] for row in rows_of(capsys, "list")]
+    assert one == list(nh.systems)
+    assert other == list(nh.integrators)
+    assert both == other + one
+
+
+def test_a_format_is_that_of_the_same_rows(capsys):
+    rows = rows_of(capsys, "list", "systems")
+    assert main(["list", "systems", "--format", "json"]) == 0
+    assert [{k: str(v) for k, v in row.items()} for row in json.loads(capsys.readouterr().out)] == rows
     assert main(["list", "systems"]) == 0
-    systems = capsys.readouterr().out
-    assert "kepler" in systems
-    assert "aba864" not in systems
-    assert main(["list"]) == 0
-    both = capsys.readouterr().out
-    assert "aba864" in both
-    assert both.endswith(systems)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split()[:2] == ["name", "label"]
+    assert [line.split()[0] for line in lines[1:]] == [row["name"] for row in rows]
+
+
+def test_json_has_null_for_what_is_no_finite_number():
+    answer = Answer(header=["a", "b"], rows=[[float("nan"), 1.5]], document={"x": [float("inf"), {"y": -float("inf")}]})
+    assert json.loads(answers.printed(answer, "json"), parse_constant=pytest.fail) == {"x": [None, {"y": None}]}
+    plain = Answer(header=["a", "b"], rows=[[float("nan"), 1.5]])
+    assert json.loads(answers.printed(plain, "json"), parse_constant=pytest.fail) == [{"a": None, "b": 1.5}]
+
+
+def test_an_empty_answer_prints_its_header_as_csv_an_empty_list_as_json_and_its_notes_as_a_table():
+    answer = Answer(header=["a", "b"], rows=[], notes=["no run"])
+    assert [answers.printed(answer, form) for form in ("csv", "json", "table")] == ["a,b\n", "[]\n", "no run\n"]
+
+
+def test_an_answer_with_a_short_row_is_refused():
+    with pytest.raises(NearharmonicError, match="row 1 of an answer has 1 cells under 2 names"):
+        Answer(header=["a", "b"], rows=[[1, 2], [3]])
 
 
 @pytest.mark.parametrize(
@@ -55,9 +95,13 @@ def test_list_prints_one_kind_or_both(capsys):
         (["recommend", "kepler", "--error", "1e-9", "--measure", "men"], "Did you mean 'mean'?"),
         (["recommend", "nowhere/mine.py", "--error", "1e-9"], "nowhere/mine.py: no such file"),
         (["recommend", "kepler"], "the following arguments are required: --error"),
-        (["recomend"], "invalid choice: 'recomend'"),
-        (["list", "planets"], "invalid choice: 'planets'"),
-        ([], "the following arguments are required: command"),
+        (["recomend"], "unknown command 'recomend'. Did you mean 'recommend'?"),
+        (["list", "system"], "kind = 'system' is not allowed: one of integrators, systems. Did you mean 'systems'?"),
+        (["list", "--formt", "json"], "unrecognized arguments: --formt. Did you mean '--format'?"),
+        (["list", "--format", "jsn"], "Did you mean 'json'?"),
+        (["list", "systems", "planets"], "unrecognized arguments: planets"),
+        (["--frob"], "unrecognized arguments: --frob"),
+        ([], "a command is missing: one of "),
     ],
 )
 def test_bad_input_ends_with_status_2_and_one_message(arguments, says, capsys):
@@ -69,6 +113,62 @@ def test_bad_input_ends_with_status_2_and_one_message(arguments, says, capsys):
     assert err.count("\n") == 1
 
 
+def test_the_version_is_that_of_the_package(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"nearharmonic {nh.__version__}\n"
+
+
+def test_help_names_every_command_and_each_has_help_of_its_own(capsys):
+    assert main(["--help"]) == 0
+    overview = capsys.readouterr().out
+    for name in command_names():
+        assert f"\n  {name} " in overview
+        assert main([name, "--help"]) == 0
+        assert capsys.readouterr().out.startswith(f"usage: nearharmonic {name} ")
+
+
+@pytest.fixture
+def folder_of_commands(tmp_path, monkeypatch):
+    """A folder beside that of the commands, whose files are commands as well."""
+    monkeypatch.setattr(commands, "__path__", [*commands.__path__, str(tmp_path)])
+    yield tmp_path
+    for path in tmp_path.glob("*.py"):
+        sys.modules.pop(f"{commands.__name__}.{path.stem}", None)
+
+
+COMMAND = """
+from nearharmonic.answers import Answer
+HELP = "say no"
+def arguments(parser): parser.add_argument("--sort")
+def answer(chosen): {body}
+"""
+
+
+def test_a_new_file_is_a_new_command(folder_of_commands, capsys):
+    body = "return Answer(header=['sort'], rows=[[chosen.sort]], status=1)"
+    (folder_of_commands / "say_no.py").write_text(COMMAND.format(body=body))
+    assert main(["--help"]) == 0
+    assert "say-no     say no\n" in capsys.readouterr().out
+    for given in (["--sort", "-tau_per_stage"], ["--sort=-tau_per_stage"]):
+        assert main(["say-no", *given]) == 1
+        assert capsys.readouterr().out.split() == ["sort", "-tau_per_stage"]
+
+
+@pytest.mark.parametrize(
+    ("raised", "status", "says"),
+    [("KeyboardInterrupt", 130, ""), ("PermissionError(13, 'Permission denied', 'x.png')", 2, "Permission denied")],
+)
+def test_an_interrupt_is_quiet_and_a_file_that_cannot_be_written_is_one_message(
+    raised, status, says, folder_of_commands, capsys
+):
+    (folder_of_commands / "fail.py").write_text(COMMAND.format(body=f"raise {raised}"))
+    assert main(["fail"]) == status
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert says in err
+    assert err.count("\n") == bool(says)
+
+
 def test_the_command_is_installed_under_its_name():
     import tomllib
 
@@ -76,9 +176,30 @@ def test_the_command_is_installed_under_its_name():
     assert project["scripts"] == {"nearharmonic": "nearharmonic.cli:main"}
 
 
-def test_a_reader_that_has_seen_enough_is_no_error():
-    command = f"{sys.executable} -m nearharmonic.cli list | head -n 1"
-    environment = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
-    done = subprocess.run(command, shell=True, env=environment, capture_output=True, text=True, check=False)
-    assert done.stdout.split()[:2] == ["name", "label"]
-    assert done.stderr == ""
+@pytest.mark.parametrize("arguments", ["list", "--help", "list --format json"])
+def test_a_reader_that_has_seen_enough_is_no_error(arguments):
+    command = f"set -o pipefail; {sys.executable} -m nearharmonic.cli {arguments} | head -c 1"
+    done = subprocess.run(["bash", "-c", command], env=ENVIRONMENT, capture_output=True, text=True, check=False)
+    assert (done.stdout != "", done.stderr, done.returncode) == (True, "", 0)
+
+
+def cpu_seconds(*arguments):
+    """The least CPU time of three processes."""
+    times = []
+    for _ in range(3):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        subprocess.run([sys.executable, *arguments], env=ENVIRONMENT, stdout=subprocess.DEVNULL, check=True)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        times.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+    return min(times)
+
+
+def test_help_loads_no_library_that_is_slow_to_load():
+    text = "import sys; from nearharmonic.cli import main; main(['--help']); print(*sys.modules, file=sys.stderr)"
+    done = subprocess.run([sys.executable, "-c", text], env=ENVIRONMENT, capture_output=True, text=True, check=True)
+    loaded = {name.partition(".")[0] for name in done.stderr.split()}
+    assert not loaded & {"numpy", "xarray", "pandas", "h5py", "matplotlib", "numba", "tabulate", "rocrate", "bokeh"}
+
+
+def test_help_takes_no_more_than_0_15_s_of_cpu_beyond_the_interpreter():
+    assert cpu_seconds("-m", "nearharmonic.cli", "--help") - cpu_seconds("-c", "pass") < 0.15

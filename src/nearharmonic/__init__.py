@@ -6,27 +6,38 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from nearharmonic.engine.trajectory import integrate, sweep
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.integrators import integrators
-from nearharmonic.systems import systems
 
 if TYPE_CHECKING:
+    from nearharmonic.engine.trajectory import integrate as integrate
+    from nearharmonic.engine.trajectory import sweep as sweep
+    from nearharmonic.integrators import integrators as integrators
+    from nearharmonic.systems import systems as systems
     from nearharmonic.theory.oscillator import kappa as kappa
 
 __all__ = ["NearharmonicError", "__version__", "integrate", "integrators", "kappa", "sweep", "systems"]
 
 __version__ = "0.1.0"
 
+#: Where the names are that are loaded when they are first asked for: numpy takes longer than a command that needs none.
+_MODULES = {
+    "integrate": "engine.trajectory",
+    "integrators": "integrators",
+    "kappa": "theory.oscillator",
+    "sweep": "engine.trajectory",
+    "systems": "systems",
+}
+
 
 def __getattr__(name: str) -> Any:
-    if name == "kappa":  # mpmath is loaded by those who ask for multiprecision
-        from nearharmonic.theory.oscillator import kappa
-
-        return kappa
-    raise AttributeError(f"module 'nearharmonic' has no attribute {name!r}")
+    if name not in _MODULES:
+        raise AttributeError(f"module 'nearharmonic' has no attribute {name!r}")
+    found = getattr(import_module(f"nearharmonic.{_MODULES[name]}"), name)
+    globals()[name] = found
+    return found
 
 
 def __dir__() -> list[str]:

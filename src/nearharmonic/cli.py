@@ -1,37 +1,89 @@
-"""The command ``nearharmonic``: which method for which error, and what there is."""
+"""The command ``nearharmonic``: it finds the subcommands, reads the command line and prints one answer or one error."""
 
 from __future__ import annotations
 
 import argparse
 import os
+import pkgutil
+import re
 import sys
-from collections.abc import Iterable, Sequence
-from typing import NoReturn
+from collections.abc import Sequence
+from difflib import get_close_matches
+from importlib import import_module
+from typing import Any, NoReturn
 
-from nearharmonic.errors import NearharmonicError, SettingError
-from nearharmonic.experiments.work_precision.curve import MEASURES
+from nearharmonic import __version__, commands
+from nearharmonic.errors import NearharmonicError, SettingError, unknown_name
+
+PROGRAM = "nearharmonic"
+#: Exit status of a process that the user has interrupted: 128 and the number of the signal.
+INTERRUPTED = 130
+
+#: The name of a column with a minus, which argparse would take for an option.
+_DESCENDING = re.compile(r"-[a-z_]\w{2,}")
 
 
 class _Parser(argparse.ArgumentParser):
     """An argument parser that raises its complaints as errors of the package, for one message and one exit status."""
 
     def error(self, message: str) -> NoReturn:
-        hint = f"{message}. See: {self.prog} --help"
-        raise SettingError(hint)
+        given = re.match(r"unrecognized arguments: (--[\w-]+)", message)
+        nearest = get_close_matches(given[1], re.findall(r"--[\w-]+", self.format_usage()), n=1) if given else []
+        hint = f". Did you mean {nearest[0]!r}?" if nearest else "."
+        raise SettingError(f"{message}{hint} See: {self.prog} --help")
 
 
-def parser() -> argparse.ArgumentParser:
-    """The arguments of the command."""
-    top = _Parser(prog="nearharmonic", description="Near-harmonic symplectic integrators, timed against their error.")
-    commands = top.add_subparsers(dest="command", metavar="command", required=True)
-    rank = commands.add_parser("recommend", help="rank methods by the time to reach an error")
-    rank.add_argument("system", help="name of a system, or a Python file that defines SYSTEM")
-    rank.add_argument("--error", required=True, help="the error that is allowed, such as 1e-9")
-    rank.add_argument("--measure", default="max", help=f"one of {', '.join(MEASURES)} (default max)")
-    rank.add_argument("--results", default="results/paper", help="folder with timings (default results/paper)")
-    listing = commands.add_parser("list", help="list the integrators or the systems")
-    listing.add_argument("kind", nargs="?", choices=("integrators", "systems"), help="both if not given")
+def command_names() -> tuple[str, ...]:
+    """Return the names of the subcommands: those of the modules of :mod:`nearharmonic.commands`, sorted."""
+    return tuple(sorted(info.name.replace("_", "-") for info in pkgutil.iter_modules(commands.__path__)))
+
+
+def _module_of(command: str) -> Any:
+    return import_module(f"{commands.__name__}.{command.replace('-', '_')}")
+
+
+def _overview() -> str:
+    width = max(map(len, command_names()))
+    lines = [f"  {name:<{width}}  {_module_of(name).HELP}" for name in command_names()]
+    return "\n".join(["commands:", *lines, "", f"Exit status: 0 yes, 1 no, 2 bad input. See: {PROGRAM} COMMAND --help"])
+
+
+def _top_parser(words: Sequence[str]) -> argparse.ArgumentParser:
+    top = _Parser(
+        prog=PROGRAM,
+        description="Near-harmonic symplectic integrators: which there are, and what their runs have shown.",
+        # Only who asks for help has every command imported.
+        epilog=_overview() if {"-h", "--help"} & set(words[:1]) else None,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    top.add_argument("--version", action="version", version=f"{PROGRAM} {__version__}")
+    top.add_argument("command", nargs="?", help="one of those below")
+    top.add_argument("words", nargs=argparse.REMAINDER, metavar="...", help="its own arguments")
     return top
+
+
+def _parser_of(command: str) -> argparse.ArgumentParser:
+    """The parser of one subcommand."""
+    from nearharmonic.answers import FORMATS
+
+    module = _module_of(command)
+    help_text = f"{module.HELP[0].upper()}{module.HELP[1:]}."
+    parser = _Parser(prog=f"{PROGRAM} {command}", description=help_text, allow_abbrev=False)
+    module.arguments(parser)
+    parser.add_argument("--format", default="table", metavar="FORMAT", help=f"{', '.join(FORMATS)} (default table)")
+    return parser
+
+
+def _joined(words: Sequence[str]) -> list[str]:
+    """``words`` with ``--sort -column`` as ``--sort=-column``, the only form that argparse understands."""
+    joined: list[str] = []
+    for word in words:
+        if _DESCENDING.fullmatch(word) and joined and re.fullmatch(r"--[\w-]+", joined[-1]):
+            joined[-1] += f"={word}"
+        else:
+            joined.append(word)
+    return joined
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -45,40 +97,42 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit status: 0 yes, 1 no method meets the error bound, 2 bad input, of which one message is printed.
+        Exit status: 0 yes, 1 no, 2 bad input, of which one message is printed; 130 if the user interrupts.
     """
     try:
-        chosen = parser().parse_args(arguments)
-        return _recommend(chosen) if chosen.command == "recommend" else _list(chosen.kind)
-    except NearharmonicError as error:
-        sys.stderr.write(f"nearharmonic: {error}\n")
-        return 2
-
-
-def _print(lines: Iterable[str]) -> None:
-    try:
-        for line in lines:
-            sys.stdout.write(f"{line}\n")
+        status = _run(sys.argv[1:] if arguments is None else list(arguments))
         sys.stdout.flush()
+    except NearharmonicError as error:
+        sys.stderr.write(f"{PROGRAM}: {error}\n")
+        return 2
     except BrokenPipeError:  # the reader, such as head, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except OSError as error:
+        sys.stderr.write(f"{PROGRAM}: {error}\n")
+        return 2
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    return status
 
 
-def _recommend(chosen: argparse.Namespace) -> int:
-    from nearharmonic.experiments.work_precision.recommend.choices import recommend
-    from nearharmonic.listing import recommendation_lines
+def _run(words: Sequence[str]) -> int:
+    try:
+        top = _top_parser(words).parse_args(words)
+        if top.command is None:
+            raise SettingError(f"a command is missing: one of {', '.join(command_names())}. See: {PROGRAM} --help")
+        if top.command not in command_names():
+            raise unknown_name("command", top.command, command_names())
+        chosen = _parser_of(top.command).parse_args(_joined(top.words))
+    except SystemExit as end:  # --help and --version are printed by argparse
+        return int(end.code or 0)
+    from nearharmonic.answers import FORMATS, printed
+    from nearharmonic.engine.settings import one_of
 
-    found = recommend(chosen.system, chosen.error, measure=chosen.measure, results=chosen.results)
-    _print(recommendation_lines(found))
-    return 0 if found.ranked else 1
-
-
-def _list(kind: str | None) -> int:
-    from nearharmonic.listing import registry_lines
-
-    for each in (kind,) if kind else ("integrators", "systems"):
-        _print(registry_lines(each))
-    return 0
+    form = one_of("format", chosen.format, FORMATS)
+    answer = _module_of(top.command).answer(chosen)
+    sys.stdout.write(printed(answer, form))
+    return int(answer.status)
 
 
 if __name__ == "__main__":

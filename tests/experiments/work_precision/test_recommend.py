@@ -7,14 +7,14 @@ import re
 
 import pytest
 
+from nearharmonic.answers import printed
+from nearharmonic.commands.recommend import ranking
 from nearharmonic.errors import NearharmonicError, ResultFileError, SystemDefinitionError
 from nearharmonic.experiments.work_precision.curve import Curve, Point
 from nearharmonic.experiments.work_precision.recommend.choices import recommend
 from nearharmonic.experiments.work_precision.run import variables
 from nearharmonic.integrators import integrators
-from nearharmonic.listing import recommendation_lines, registry_lines
 from nearharmonic.output import store
-from nearharmonic.systems import systems
 from nearharmonic.systems.user_file import load_system
 
 QUARTIC = """
@@ -80,6 +80,10 @@ def choice_of(found, method):
     return next(choice for choice in found.choices if choice.method == method)
 
 
+def text_of(found):
+    return printed(ranking(found), "table")
+
+
 def test_other_libraries_are_taken_from_the_timings_that_are_there(results, few):
     found = recommend("sho", "1e-6", results=results)
     assert {choice.method for choice in found.choices} == {*few, "theirs", "lucky", "absent"}
@@ -102,7 +106,7 @@ def test_another_library_keeps_the_fastest_setting_that_was_run_and_meets_the_er
 def test_a_setting_is_no_choice_if_a_finer_one_misses_the_error(results):
     found = recommend("sho", 1e-9, results=results)
     assert choice_of(found, "lucky").status == "missed"
-    text = "\n".join(recommendation_lines(found))
+    text = text_of(found)
     assert "not at any setting timed: LUCKY (1.0e-10 at tolerance 0.001, but not at all finer ones)" in text
 
 
@@ -119,23 +123,30 @@ def test_timings_over_another_interval_are_left_out(tmp_path):
 
 
 def test_the_text_has_setting_evaluations_time_ratio_and_error_of_each_method(results):
-    text = list(recommendation_lines(recommend("sho", 1e-7, measure="mean", results=results)))
+    text = text_of(recommend("sho", 1e-7, measure="mean", results=results)).splitlines()
     assert text[0] == "simple harmonic oscillator, t = 500: mean of |H - H0|/|H0| <= 1e-07"
-    assert text[1].split() == ["method", "tau", "evaluations", "ms", "ratio", "error"]
-    assert text[2].split() == ["1.", "LUCKY*", "tolerance", "0.001", "100", "1e-06", "1.00", "5.0e-11"]
-    assert text[3].split() == ["2.", "THEIRS*", "tolerance", "1e-09", "300", "2e-06", "2.00", "1.0e-12"]
+    assert text[1].split() == ["rank", "method", "kind", "tau", "tolerance", "evaluations", "ms", "ratio", "error"]
+    assert text[2].split() == ["1", "LUCKY", "peer", "-", "0.001", "100", "1e-06", "1", "5e-11"]
+    assert text[3].split() == ["2", "THEIRS", "peer", "-", "1e-09", "300", "2e-06", "2", "1e-12"]
     assert "not run: ABSENT (not installed)" in text
-    assert text[-2] == "* another library, as its users use it"
+    assert text[-2] == "peer: another library, as its users use it"
     assert "on Fast 9" in text[-1]
 
 
 def test_an_error_that_nobody_reaches_is_said_with_the_budget_and_the_best_there_is(results):
     found = recommend("sho", 1e-20, results=results)
     assert found.ranked == ()
-    text = "\n".join(recommendation_lines(found))
+    text = text_of(found)
     assert "no method reaches this error within 200000 evaluations" in text
     assert re.search(r"not within 200000 evaluations: Ruth \(\d\.\de-\d+ at tau 0\.\d+ at best\); ", text)
     assert "not at any setting timed: THEIRS (2.0e-12 at tolerance 1e-09 at best); LUCKY" in text
+
+
+def test_json_holds_every_choice_and_no_infinity(results):
+    told = json.loads(printed(ranking(recommend("sho", 1e-7, results=results)), "json"), parse_constant=pytest.fail)
+    assert {choice["method"]: choice["status"] for choice in told["choices"]}["absent"] == "not run"
+    assert told["choices"][0]["tau"] is None
+    assert told["system"] == "sho"
 
 
 def test_without_timings_methods_are_measured_and_other_libraries_named_as_missing(tmp_path, few):
@@ -163,7 +174,7 @@ def test_a_system_of_ones_own_is_measured_on_the_spot(tmp_path):
 def test_a_method_that_does_not_fit_the_system_is_named_with_the_reason(tmp_path):
     found = recommend("relativistic_oscillator", 1e-3, results=tmp_path)
     assert choice_of(found, "srkn_a14").status == "not run"
-    assert "not run: SRKN 14a (does not fit: it requires a quadratic kinetic energy)" in recommendation_lines(found)
+    assert "not run: SRKN 14a (does not fit: it requires a quadratic kinetic energy)" in text_of(found)
 
 
 @pytest.mark.parametrize(
@@ -205,9 +216,3 @@ def test_broken_timings_are_named_and_not_measured_around(tmp_path):
     (tmp_path / "cubes/work_precision.h5").write_bytes(b"not HDF5")
     with pytest.raises(ResultFileError, match="is truncated or no result file"):
         recommend("sho", 1e-9, results=tmp_path)
-
-
-def test_every_integrator_and_system_is_listed():
-    for kind, registry in (("integrators", integrators), ("systems", systems)):
-        names = [line.split()[0] for line in registry_lines(kind)]
-        assert names == ["name", *registry]

@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 
 import nearharmonic as nh
 from nearharmonic.cli import main
+from nearharmonic.commands.recommend import printed_step
 from nearharmonic.integrators import integrators
-from nearharmonic.listing import printed_step
 from nearharmonic.systems import systems
 from nearharmonic.theory.oscillator import harmonic_energy_error
 
-#: Rank, label, two spaces, step; evaluations, milliseconds, ratio and error come after.
-ROW = re.compile(r"^ +(\d+)\. +(\S.*?) {2,}([-+.e\d]+) +(\d+) +([.e\d]+) +([.\d]+) +(\S+)$")
+#: Rank, label, two spaces, kind, step, no tolerance; evaluations, milliseconds, ratio and error come after.
+ROW = re.compile(r"^ +(\d+) +(\S.*?) {2,}splitting +([-+.e\d]+) +- +(\d+) +([.e\d]+) +([.\d]+) +(\S+)$")
 
 #: The methods that an interpolation between six step sizes a decade recommended at steps that miss the error, by
 #: factors of 3 to 46, with two that it did not.

@@ -1,0 +1,123 @@
+"""What a command answers, and how an answer is printed: as aligned columns, as JSON, or as CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+from nearharmonic.errors import NearharmonicError
+
+FORMATS = ("table", "json", "csv")
+#: Significant digits of a float in a table: those that the step sizes of a grid have.
+SHOWN = 6
+
+#: Text, whole number, float, truth value, or None where there is nothing to say.
+Cell = Any
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """What a command found.
+
+    Attributes
+    ----------
+    header : sequence of str
+        Names of the columns.
+    rows : sequence of sequences
+        Cells (text, whole numbers, floats, truth values, None), as many a row as the header has names.
+    document : object
+        What JSON shows: nested mappings, sequences and cells. If None, a list with an object for each row.
+    status : int
+        Exit status: 0 yes, an empty answer included; 1 no.
+    title : str
+        Line above the table, if any.
+    notes : sequence of str
+        Lines below the table. JSON and CSV leave title and notes out.
+    digits : int
+        Significant digits of the floats of the table; JSON and CSV keep them all.
+
+    Raises
+    ------
+    NearharmonicError
+        A row is not as long as the header.
+    """
+
+    header: Sequence[str]
+    rows: Sequence[Sequence[Cell]]
+    document: Any = None
+    status: int = 0
+    title: str = ""
+    notes: Sequence[str] = ()
+    digits: int = SHOWN
+
+    def __post_init__(self) -> None:
+        for i, row in enumerate(self.rows):
+            if len(row) != len(self.header):
+                message = f"row {i} of an answer has {len(row)} cells under {len(self.header)} names: {list(row)}"
+                raise NearharmonicError(message)
+
+
+def printed(answer: Answer, form: str) -> str:
+    """Return the text of ``answer`` in one of :data:`FORMATS`, with a line end unless it is empty."""
+    text = {"table": _table, "json": _json, "csv": _csv}[form](answer)
+    return text if text.endswith("\n") or not text else f"{text}\n"
+
+
+def _table(answer: Answer) -> str:
+    lines = [answer.title] if answer.title else []
+    if answer.rows:
+        from tabulate import tabulate
+
+        cells = [[_shown(cell, answer.digits) for cell in row] for row in answer.rows]
+        right = [all(_is_number(row[i]) for row in answer.rows) for i in range(len(answer.header))]
+        aligned = tabulate(
+            cells,
+            list(answer.header),
+            tablefmt="plain",
+            disable_numparse=True,
+            colalign=["right" if numbers else "left" for numbers in right],
+        )
+        lines += [line.rstrip() for line in aligned.splitlines()]
+    return "\n".join([*lines, *answer.notes])
+
+
+def _is_number(cell: Cell) -> bool:
+    return cell is None or (isinstance(cell, int | float) and not isinstance(cell, bool))
+
+
+def _shown(cell: Cell, digits: int) -> str:
+    """A cell for people: floats short, truth in words, a dash for nothing."""
+    if cell is None or cell == "":
+        return "-"
+    if isinstance(cell, bool):
+        return "yes" if cell else "no"
+    return f"{cell:.{digits}g}" if isinstance(cell, float) else str(cell)
+
+
+def _csv(answer: Answer) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([answer.header, *answer.rows])
+    return text.getvalue()
+
+
+def _json(answer: Answer) -> str:
+    document = answer.document
+    if document is None:
+        document = [dict(zip(answer.header, row, strict=True)) for row in answer.rows]
+    return json.dumps(_without_infinities(document), indent=1, ensure_ascii=False, allow_nan=False)
+
+
+def _without_infinities(value: Any) -> Any:
+    """``value`` with null for every float that JSON has no word for."""
+    if isinstance(value, float):
+        return value if isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {str(key): _without_infinities(member) for key, member in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_infinities(member) for member in value]
+    return value

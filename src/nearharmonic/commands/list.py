@@ -1,0 +1,61 @@
+"""``nearharmonic list``: the integrators and the systems that there are."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from nearharmonic.answers import Answer
+
+HELP = "list the integrators or the systems"
+KINDS = ("integrators", "systems")
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command to ``parser``."""
+    parser.add_argument("kind", nargs="?", help=f"{' or '.join(KINDS)}; both if not given")
+
+
+def answer(chosen: argparse.Namespace) -> Answer:
+    """Return a row for each integrator or system, in the order of the registries."""
+    from nearharmonic.engine.settings import one_of
+
+    kinds = KINDS if chosen.kind is None else (one_of("kind", chosen.kind, KINDS),)
+    found = [described for kind in kinds for described in (_integrators() if kind == "integrators" else _systems())]
+    names = dict.fromkeys(name for described in found for name in described if name != "source")
+    header = [*(name for name in names if name != "kind" or len(kinds) > 1), "source"]
+    return Answer(header=header, rows=[[described.get(name) for name in header] for described in found])
+
+
+def _integrators() -> list[dict[str, Any]]:
+    from nearharmonic.integrators import integrators
+
+    return [
+        {
+            "kind": "integrator",
+            "name": t.name,
+            "label": t.label,
+            "stages": t.stages,
+            "order": t.order,
+            "first": t.first,
+            "source": f"{t.source}; requires a {t.requires}" if t.requires else t.source,
+        }
+        for t in integrators.values()
+    ]
+
+
+def _systems() -> list[dict[str, Any]]:
+    from nearharmonic.systems import systems
+
+    return [
+        {
+            "kind": "system",
+            "name": s.name,
+            "label": s.label,
+            "coordinates": s.dimension,
+            "t_end": s.t_end,
+            "unit of t": s.units["t"],
+            "source": s.source,
+        }
+        for s in systems.values()
+    ]
