@@ -10,7 +10,7 @@ from hypothesis import settings
 from xdist.scheduler.loadscope import LoadScopeScheduling
 
 #: Their tests read the one project in which ``everything`` has run.
-FINISHED = {"test_derive", "test_everything", "test_results", "test_work_precision"}
+FINISHED = {"test_adopt", "test_derive", "test_everything", "test_results", "test_work_precision"}
 
 # A busy machine is no fault: tests have no deadline of their own.
 settings.register_profile("shared", deadline=None)

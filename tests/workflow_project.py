@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).parents[1]
 TINY = ("--configfile", "config/tiny.yaml")
@@ -24,15 +26,29 @@ class Project:
 
     def snakemake(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         """``snakemake`` with ``arguments``; what it prints is in ``stdout``, errors included."""
-        return subprocess.run(
-            [sys.executable, "-m", "snakemake", *arguments],
-            cwd=self.folder,
-            env={**os.environ, "PYTHONPATH": str(self.folder / "src")},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            check=False,
-        )
+        return self._run("snakemake", *arguments, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+
+    def nearharmonic(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        """The command ``nearharmonic`` with ``arguments``."""
+        return self._run("nearharmonic.cli", *arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+    def _run(self, module: str, *arguments: str, **streams: int) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", module, *arguments]
+        environment = {**os.environ, "PYTHONPATH": str(self.folder / "src")}
+        return subprocess.run(command, cwd=self.folder, env=environment, text=True, check=False, **streams)
+
+    @property
+    def results(self) -> Path:
+        """The folder of results of the tiny config."""
+        return self.folder / "results/tiny"
+
+    def history(self) -> list[dict[str, Any]]:
+        """The runs of the tiny config."""
+        return [json.loads(line) for line in (self.results / "history.jsonl").read_text().splitlines()]
+
+    def manifest(self) -> dict[str, Any]:
+        """The manifest of the tiny config."""
+        return json.loads((self.results / "manifest.json").read_text())
 
     def jobs(self, *arguments: str) -> dict[str, int]:
         """What a dry run with ``arguments``, targets first, would do: rule -> number of jobs."""

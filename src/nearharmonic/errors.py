@@ -32,6 +32,10 @@ class CompiledCodeError(NearharmonicError):
     """Machine code that cannot be loaded."""
 
 
+class RefusedError(NearharmonicError):
+    """What was asked for is not done, since the results are not what they ought to be: an answer, no bad input."""
+
+
 class ResultFileError(NearharmonicError):
     """A result file that is missing, truncated, or not one of ours."""
 

@@ -171,7 +171,9 @@ def test_every_flipped_bit_is_found_before_the_file_is_opened(tmp_path, variable
         damaged = bytearray(whole)
         damaged[place] ^= 1 << int(random.integers(8))
         path.write_bytes(damaged)
-        with pytest.raises(ResultFileError, match=r"0\.h5 is (damaged|truncated).* Make it again: snakemake -j2 --force"):
+        with pytest.raises(
+            ResultFileError, match=r"0\.h5 is (damaged|truncated).* Make it again: snakemake -j2 --force"
+        ):
             store.read(path)
 
 
@@ -179,7 +181,9 @@ def test_every_numeric_array_carries_a_checksum(tmp_path, variables):
     store.write(tmp_path / "0.h5", variables, {}, {"extended": {"q": variables["q"]}})
     found = {}
     with h5py.File(tmp_path / "0.h5") as file:
-        file.visititems(lambda name, member: found.update({name: member.fletcher32} if hasattr(member, "dtype") else {}))
+        file.visititems(
+            lambda name, member: found.update({name: member.fletcher32} if hasattr(member, "dtype") else {})
+        )
     words = {"status"}  # variable-length strings are on the file's heap, which the digest of the file covers
     numbers = {"energy"}  # one number has no chunk
     bare = {"sample", "component", "extended/tau_per_stage", "extended/sample", "extended/component"}

@@ -79,6 +79,19 @@ def _count(key: str, value: object, most: int) -> int:
     return int(value)
 
 
+def whole_number(text: str, key: str) -> int:
+    """Return a whole number of at least 0 that was given as text.
+
+    Raises
+    ------
+    SettingError
+        It is not written in digits alone.
+    """
+    if not text.isdecimal():
+        raise bad_setting(key, text, "a whole number of at least 0")
+    return int(text)
+
+
 def checked_samples(samples: object, key: str = "samples") -> int:
     """Return ``samples`` as an int, if it is a whole number from 1 to :data:`MOST_SAMPLES`.
 

@@ -1,15 +1,16 @@
-"""Results from elsewhere, taken as up to date: after every file, the code and the settings were found to be the same."""
+"""Results from elsewhere, taken as up to date once every file, the code and the settings were found to be the same."""
 
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from nearharmonic.errors import NearharmonicError, ResultFileError
+from nearharmonic.errors import RefusedError
 from nearharmonic.output.provenance import settings_digest
 from nearharmonic.record import manifest
 from nearharmonic.record.verify import faults
@@ -30,19 +31,19 @@ def adopt(folder: Path) -> int:
 
     Raises
     ------
-    NearharmonicError
+    RefusedError
         The results are not what their manifest says, this code, config or folder is not theirs, or Snakemake fails;
         the message gives the reason.
     """
     if folder.resolve().parent != Path("results").resolve() or not Path("Snakefile").is_file():
         message = f"{folder} is not in results/ of the folder of the workflow: copy it there, and adopt it from there"
-        raise NearharmonicError(message)
+        raise RefusedError(message)
     found = faults(folder)
     if found:
         more = f" ({len(found)} faults in all: nearharmonic verify {folder})" if len(found) > 1 else ""
-        raise ResultFileError(f"{folder} is not adopted: {found[0]}{more}")
+        raise RefusedError(f"{folder} is not adopted: {found[0]}{more}")
     names = manifest.read(folder)["files"]
-    command = [sys.executable, "-m", "snakemake", "--touch", "--forceall", "-j1", "--quiet", "all"]
+    command = [sys.executable, "-m", "snakemake", "--touch", "--forceall", "-j1", "--quiet", "rules"]
     files = [f"results/{folder.name}/{name}" for name in names]
     done = subprocess.run(
         [*command, *_config_of(folder.name), "--", *files],
@@ -52,9 +53,9 @@ def adopt(folder: Path) -> int:
         check=False,
     )
     if done.returncode:
-        said = next((line for line in done.stderr.splitlines() if folder.name in line), done.stderr.strip()[-400:])
-        message = f"{folder} is not adopted: {said.strip()}"
-        raise NearharmonicError(message)
+        reason = re.search(r"RefusedError in .*\n(.*)", done.stderr)
+        message = f"{folder} is not adopted: {reason[1] if reason else done.stderr.strip()[-1000:]}"
+        raise RefusedError(message)
     return len(files)
 
 
@@ -69,7 +70,7 @@ def _config_of(name: str) -> list[str]:
             known[document.get("name")] = place
     if name not in known:
         message = f"results/{name} is not adopted: no file in config/ has the name {name!r}"
-        raise NearharmonicError(message)
+        raise RefusedError(message)
     return [] if known[name] == Path("config/config.yaml") else ["--configfile", str(known[name])]
 
 
@@ -85,7 +86,7 @@ def check_jobs(folder: Path, jobs: Iterable[Any]) -> None:
 
     Raises
     ------
-    NearharmonicError
+    RefusedError
         A file that a job makes was made with other settings, code or coefficients.
     """
     entries = manifest.read(folder)["files"]
@@ -97,7 +98,7 @@ def check_jobs(folder: Path, jobs: Iterable[Any]) -> None:
         if differs:
             says = "is not among the results" if entry is None else f"was made with other {' and '.join(differs)}"
             message = f"{path} {says}; a run of the workflow brings it up to date"
-            raise NearharmonicError(message)
+            raise RefusedError(message)
 
 
 def _made_by(job: Any) -> Iterator[tuple[str, Mapping[str, Any]]]:

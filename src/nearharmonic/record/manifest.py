@@ -11,6 +11,7 @@ from nearharmonic.errors import ResultFileError
 from nearharmonic.output.atomic import write_text
 from nearharmonic.output.receipts import measured, receipts_in
 from nearharmonic.output.store import command_for
+from nearharmonic.record.fingerprint import digest_of
 from nearharmonic.record.history import HISTORY
 
 MANIFEST = "manifest.json"
@@ -23,6 +24,8 @@ LOGS = "logs"
 def read(folder: Path) -> dict[str, Any]:
     """Return the manifest of ``folder``: ``format``, ``files`` by name, and names of those ``changed``.
 
+    Its own SHA-256, over these three, is compared and left out.
+
     Raises
     ------
     ResultFileError
@@ -31,12 +34,12 @@ def read(folder: Path) -> dict[str, Any]:
     place = folder / MANIFEST
     try:
         found = json.loads(place.read_text(encoding="utf-8"))
-        if found["format"] == FORMAT and all(e["sha256"] and e["size"] >= 0 for e in found["files"].values()):
+        if found.pop("sha256") == digest_of(found):
             return dict(found)
-        complaint = f"has another format than {FORMAT!r}"
+        complaint = "is damaged"
     except FileNotFoundError:
         complaint = "does not exist"
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
         complaint = "is damaged"
     message = f"{place} {complaint}. Make it again: {command_for(folder / 'report.html')}"
     raise ResultFileError(message)
@@ -68,7 +71,7 @@ def write(folder: Path) -> list[str]:
     for entry in entries.values():
         entry.pop("modified", None)  # a clock, of use on this machine alone
     document = {"format": FORMAT, "files": entries, "changed": changed}
-    write_text(folder / MANIFEST, json.dumps(document, indent=1) + "\n")
+    write_text(folder / MANIFEST, json.dumps({**document, "sha256": digest_of(document)}, indent=1) + "\n")
     return changed
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -69,22 +70,32 @@ def _of_files(folder: Path, entries: Entries) -> Iterator[Fault]:
 
 
 def _of_origins(folder: Path, entries: Entries) -> Iterator[Fault]:
-    """A fault for each group of files whose function, systems or methods are not here as they were."""
-    groups: dict[tuple[Any, ...], list[str]] = {}
+    """A fault for each function whose code, systems or methods are not here as they were for some of its files."""
+    made_otherwise: dict[tuple[str, str], list[str]] = {}
     for name, entry in entries.items():
-        made_by = entry["function"], tuple(entry["systems"]), tuple(entry["integrators"])
-        groups.setdefault((*made_by, entry["code"], entry["coefficients"]), []).append(name)
-    for (function, systems, methods, code, coefficients), names in groups.items():
-        recorded = {"code": code, "coefficients": coefficients}
-        try:
-            here = digests(function, systems, methods)
-            differs = [what for what in recorded if here[what] != recorded[what]]
-        except NearharmonicError as error:
-            differs = [f"code, of which something is not here ({error})"]
+        differs = _difference(
+            entry["function"], tuple(entry["systems"]), tuple(entry["integrators"]), **_recorded(entry)
+        )
         if differs:
-            others = f" (and {len(names) - 1} more)" if len(names) > 1 else ""
-            says = f"was made with other {' and '.join(differs)}{others}, by {function}"
-            yield Fault(file=names[0], says=says, mend=f"Make what is out of date again: {_plain_command(folder)}")
+            made_otherwise.setdefault((entry["function"], differs), []).append(name)
+    for (function, differs), names in made_otherwise.items():
+        others = f" (and {len(names) - 1} more)" if len(names) > 1 else ""
+        says = f"was made with other {differs}{others}, by {function}"
+        yield Fault(file=names[0], says=says, mend=f"Make what is out of date again: {_plain_command(folder)}")
+
+
+def _recorded(entry: Mapping[str, Any]) -> dict[str, str]:
+    return {what: entry[what] for what in ("code", "coefficients")}
+
+
+@cache
+def _difference(function: str, problems: tuple[str, ...], methods: tuple[str, ...], **recorded: str) -> str:
+    """What is not as recorded, in words."""
+    try:
+        here = digests(function, problems, methods)
+    except NearharmonicError as error:
+        return f"code, of which something is not here ({error})"
+    return " and ".join(what for what in recorded if here[what] != recorded[what])
 
 
 def _plain_command(folder: Path) -> str:

@@ -1,0 +1,71 @@
+"""``nearharmonic verify``: whether results are what their record says."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from nearharmonic.answers import Answer
+
+HELP = "check every file of a result, or of an archive, against its record, and this code against the recorded"
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command to ``parser``."""
+    parser.add_argument("result", help="a folder of results, its name below results/, or an archive (.zip)")
+    parser.add_argument("--rerun", metavar="N", default="0", help="integrate N runs again and compare every bit")
+    parser.add_argument("--seed", metavar="N", default="1", help="which runs are drawn (default 1)")
+
+
+def answer(chosen: argparse.Namespace) -> Answer:
+    """Return a row for each fault; the status is 0 if there is none."""
+    if chosen.result.endswith(".zip"):
+        return _of_archive(Path(chosen.result))
+    from nearharmonic.engine.settings import whole_number
+    from nearharmonic.record.folders import folder_of
+    from nearharmonic.record.verify import extent, faults
+
+    number, seed = whole_number(chosen.rerun, "rerun"), whole_number(chosen.seed, "seed")
+    folder = folder_of(chosen.result)
+    found = [vars(fault) for fault in faults(folder)]
+    notes = [] if found else ["{} files, {} bytes: each as its job wrote it, by this code".format(*extent(folder))]
+    if number and not found:
+        found, says = _run_again(folder, number, seed)
+        notes.append(says)
+    return _answer(str(folder), found, notes)
+
+
+def _run_again(folder: Path, number: int, seed: int) -> tuple[list[dict[str, Any]], str]:
+    from nearharmonic.output.store import command_for
+    from nearharmonic.record.rerun import rerun
+
+    runs = rerun(folder, number, seed)
+    found = [
+        {
+            "file": run.file,
+            "says": f"{run.precision} run at tau_per_stage = {run.tau_per_stage:g} has other {', '.join(run.differs)}",
+            "mend": f"Make it again: {command_for(folder / run.file)}",
+        }
+        for run in runs
+        if run.differs
+    ]
+    return found, f"{len(runs)} runs integrated again: {len(runs) - len(found)} have the same bits"
+
+
+def _of_archive(path: Path) -> Answer:
+    from nearharmonic.record.crate_check import faults_of_archive
+
+    found = [{"file": "", "says": says, "mend": ""} for says in faults_of_archive(path)]
+    return _answer(str(path), found, [] if found else ["each file in the archive is as it was written"])
+
+
+def _answer(result: str, found: list[dict[str, Any]], notes: list[str]) -> Answer:
+    return Answer(
+        header=["file", "fault", "mend"],
+        rows=[[fault["file"], fault["says"], fault["mend"]] for fault in found],
+        document={"result": result, "faults": found, "notes": notes},
+        status=1 if found else 0,
+        title=f"{result}: {len(found)} faults" if found else f"{result}: no fault",
+        notes=notes,
+    )

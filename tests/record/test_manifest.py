@@ -1,0 +1,171 @@
+"""The manifest: every file as its job left it; what changed without a job is reported and never blessed."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from hashlib import sha256
+
+import pytest
+
+from nearharmonic.errors import ResultFileError
+from nearharmonic.output.provenance import task
+from nearharmonic.output.receipts import Receipt, folder_of
+from nearharmonic.record import manifest
+
+TASK = task("experiments.paper.reduce:decompose", integrators=["ruth"])
+
+
+@pytest.fixture
+def results(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("NEARHARMONIC_RUN", "first")
+    folder = tmp_path / "results/paper"
+    for name in ("cubes", "tables", "logs/reduce"):
+        (folder / name).mkdir(parents=True)
+    return folder
+
+
+def make(folder, name, content, log="logs/reduce/a.log", **remarks):
+    """A file, and the receipt of the job that made it."""
+    (folder / name).write_bytes(content)
+    receipt = Receipt(f"results/paper/{log}")
+    receipt.add([f"results/paper/{name}"], TASK, **remarks)
+    receipt.write()
+
+
+def test_it_holds_size_digest_and_origin_of_each_file(results):
+    make(results, "cubes/a.h5", b"numbers", volatile=["seconds"], evaluations=7)
+    assert manifest.write(results) == []
+    found = manifest.read(results)
+    assert found["files"] == {
+        "cubes/a.h5": {
+            "size": 7,
+            "sha256": sha256(b"numbers").hexdigest(),
+            "function": "experiments.paper.reduce:decompose",
+            "code": TASK["code"],
+            "coefficients": TASK["coefficients"],
+            "settings": sha256(b'{"integrators": ["ruth"]}').hexdigest(),
+            "systems": [],
+            "integrators": ["ruth"],
+            "volatile": ["seconds"],
+            "evaluations": 7,
+            "run": "first",
+        }
+    }
+    assert found["changed"] == []
+
+
+def test_files_of_other_targets_stay_when_one_target_runs_again(results, monkeypatch):
+    make(results, "cubes/a.h5", b"one", log="logs/reduce/a.log")
+    make(results, "cubes/b.h5", b"two", log="logs/reduce/b.log")
+    manifest.write(results)
+    monkeypatch.setenv("NEARHARMONIC_RUN", "second")
+    make(results, "cubes/b.h5", b"three", log="logs/reduce/b.log")
+    manifest.write(results)
+    files = manifest.read(results)["files"]
+    assert {name: entry["run"] for name, entry in files.items()} == {"cubes/a.h5": "first", "cubes/b.h5": "second"}
+    assert files["cubes/b.h5"]["sha256"] == sha256(b"three").hexdigest()
+
+
+def test_a_lost_receipt_is_made_up_for_by_the_manifest_before(results):
+    make(results, "cubes/a.h5", b"one")
+    manifest.write(results)
+    shutil.rmtree(results / "logs")
+    assert manifest.write(results) == []
+    assert list(manifest.read(results)["files"]) == ["cubes/a.h5"]
+
+
+@pytest.mark.parametrize("receipts", ["kept", "lost"])
+def test_a_file_that_changed_without_a_job_is_reported_and_not_blessed(results, receipts):
+    make(results, "cubes/a.h5", b"numbers")
+    manifest.write(results)
+    (results / "cubes/a.h5").write_bytes(b"Numbers")
+    if receipts == "lost":
+        shutil.rmtree(results / "logs")
+    for _ in range(2):
+        assert manifest.write(results) == ["cubes/a.h5"]
+        found = manifest.read(results)
+        assert found["changed"] == ["cubes/a.h5"]
+        assert found["files"]["cubes/a.h5"]["sha256"] == sha256(b"numbers").hexdigest()
+
+
+def test_a_file_with_another_time_and_the_same_bytes_has_not_changed(results):
+    make(results, "cubes/a.h5", b"numbers")
+    os.utime(results / "cubes/a.h5", (1, 1))
+    assert manifest.write(results) == []
+
+
+def test_a_file_that_no_job_made_is_not_listed(results):
+    make(results, "cubes/a.h5", b"numbers")
+    (results / "cubes/mine.h5").write_bytes(b"?")
+    manifest.write(results)
+    assert list(manifest.read(results)["files"]) == ["cubes/a.h5"]
+
+
+def test_a_file_that_is_gone_is_no_longer_listed(results):
+    make(results, "cubes/a.h5", b"numbers")
+    manifest.write(results)
+    (results / "cubes/a.h5").unlink()
+    manifest.write(results)
+    assert manifest.read(results)["files"] == {}
+
+
+def test_history_manifest_logs_and_unfinished_files_have_no_place_in_it(results):
+    make(results, "cubes/a.h5", b"numbers")
+    manifest.write(results)
+    (results / "history.jsonl").write_text("{}\n")
+    (results / "cubes/.a.h5.host.1.part").write_bytes(b"nu")
+    assert list(manifest.names_in(results)) == ["cubes/a.h5"]
+
+
+@pytest.mark.parametrize(
+    "damage", ["", "{}", "[1]", '{"format": "x", "files": {}}', '{"format": "nearharmonic manifest 1"}']
+)
+def test_a_damaged_manifest_is_named_with_the_command_that_makes_it_again(results, damage):
+    (results / "manifest.json").write_text(damage)
+    with pytest.raises(ResultFileError, match=r"manifest\.json is damaged.* snakemake -j2 --force"):
+        manifest.read(results)
+
+
+def test_a_missing_manifest_is_named(results):
+    with pytest.raises(ResultFileError, match=r"manifest\.json does not exist\. Make it again"):
+        manifest.read(results)
+
+
+def test_a_damaged_receipt_is_passed_over(results):
+    make(results, "cubes/a.h5", b"numbers")
+    for name, text in {"b": "{", "c": "[]", "d": '{"x": 1}'}.items():
+        (results / f"logs/{name}.json").write_text(text)
+    manifest.write(results)
+    assert list(manifest.read(results)["files"]) == ["cubes/a.h5"]
+
+
+def test_no_clock_stands_in_the_manifest(results):
+    make(results, "cubes/a.h5", b"numbers")
+    manifest.write(results)
+    before = (results / "manifest.json").read_bytes()
+    os.utime(results / "cubes/a.h5", (1, 1))
+    make(results, "cubes/a.h5", b"numbers")
+    manifest.write(results)
+    assert (results / "manifest.json").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("log", "folder"),
+    [
+        ("results/paper/logs/reduce/sho.log", "results/paper"),
+        ("results/logs/logs/derive.log", "results/logs"),
+        ("results/paper/logs/integrate/logs/ruth/0.log", "results/paper"),
+        ("/somewhere/results/paper/logs/derive.log", "/somewhere/results/paper"),
+        ("/somewhere/else/logs/derive.log", "/somewhere/else"),
+    ],
+)
+def test_the_folder_of_results_follows_from_the_log(log, folder):
+    assert str(folder_of(log)) == folder
+
+
+def test_a_receipt_that_cannot_be_written_costs_a_warning(results, capsys):
+    (results / "logs/reduce/a.json").mkdir()
+    make(results, "cubes/a.h5", b"numbers")
+    assert "warning: no receipt" in capsys.readouterr().out

@@ -1,0 +1,77 @@
+"""Results of every target: all of them recorded and verified, and taken over elsewhere."""
+
+from __future__ import annotations
+
+import shutil
+
+import pytest
+
+from targets import MADE
+from workflow_project import TINY, Project
+
+
+def test_after_everything_each_file_is_in_the_manifest_and_verified(finished):
+    assert finished.snakemake("everything", "-j2", *TINY).returncode == 0
+    assert set(finished.manifest()["files"]) == MADE
+    verified = finished.nearharmonic("verify", "tiny", "--rerun", "3")
+    assert verified.returncode == 0, verified.stdout + verified.stderr
+    assert "3 runs integrated again: 3 have the same bits" in verified.stdout
+
+
+def test_measured_times_are_marked(finished):
+    files = finished.manifest()["files"]
+    volatile = {name: entry["volatile"] for name, entry in files.items() if entry["volatile"]}
+    whole = {name for name, columns in volatile.items() if columns == ["*"]}
+    assert whole == {name for name in MADE if "work_precision" in name}
+    assert {name: volatile[name] for name in volatile.keys() - whole} == {
+        f"tables/derived_routes.{suffix}": ["seconds"] for suffix in ("csv", "md", "tex")
+    }
+
+
+def test_the_evaluations_of_a_whole_run_are_those_of_the_table_of_what_was_skipped(finished):
+    """Counted here by the jobs, there from the cubes."""
+    run = next(run for run in finished.history() if run["targets"] == ["everything"])
+    rows = (finished.results / "tables/skipped.csv").read_text().splitlines()
+    count = {tuple(row.split(",")[2:4]): int(row.rpartition(",")[2]) for row in rows if row.startswith("all,all,")}
+    assert run["evaluations"] == count["all", "done"]
+    assert run["evaluations"] + run["evaluations_skipped"] == count["all", "full grid"]
+
+
+def test_results_that_were_copied_are_adopted_and_nothing_runs_again(finished, tmp_path):
+    copy = Project(tmp_path / "copy")
+    shutil.copytree(finished.folder / "src", copy.folder / "src", dirs_exist_ok=True)
+    without_logs = shutil.ignore_patterns("logs")
+    shutil.copytree(finished.results, copy.results, ignore=without_logs, copy_function=shutil.copy)
+    assert copy.jobs("everything", *TINY) != {}
+    adopted = copy.nearharmonic("adopt", "tiny")
+    assert adopted.returncode == 0, adopted.stderr
+    assert copy.jobs("everything", *TINY) == {}
+    assert copy.nearharmonic("verify", "tiny").returncode == 0
+    edited = copy.folder / "src/nearharmonic/experiments/paper/reduce.py"
+    edited.write_text(edited.read_text() + "_EDITED = 1\n")
+    assert copy.jobs("results/tiny/cubes/sho.h5", *TINY) == {"reduce": 1}
+
+
+@pytest.mark.parametrize("fault", ["a flipped bit", "another setting", "no config"])
+def test_results_that_are_not_what_they_seem_are_refused_with_the_reason(finished, tmp_path, fault):
+    copy = Project(tmp_path / "copy")
+    without_logs = shutil.ignore_patterns("logs")
+    shutil.copytree(finished.results, copy.results, ignore=without_logs, copy_function=shutil.copy)
+    config = copy.folder / "config/tiny.yaml"
+    if fault == "a flipped bit":
+        place = copy.results / "figures/fig1_sho.png"
+        place.write_bytes(place.read_bytes()[:-1] + b"?")
+        reason = "figures/fig1_sho.png is damaged"
+    elif fault == "another setting":
+        config.write_text(config.read_text().replace("t_end: 25", "t_end: 26"))
+        reason = "was made with other settings"
+    else:
+        config.unlink()
+        reason = "no file in config/ has the name 'tiny'"
+    refused = copy.nearharmonic("adopt", "tiny")
+    assert refused.returncode == 1
+    assert reason in refused.stderr
+    assert not (copy.folder / ".snakemake/metadata").is_dir() or not list(
+        (copy.folder / ".snakemake/metadata").iterdir()
+    )
+    assert (copy.results / "manifest.json").read_bytes() == (finished.results / "manifest.json").read_bytes()

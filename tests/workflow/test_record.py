@@ -1,0 +1,185 @@
+"""The record of real runs of the workflow: history and manifest, what fails and what is killed."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from hashlib import sha256
+
+import pytest
+
+from targets import METHODS, SYSTEMS
+from workflow_project import TINY, Project
+
+COMMAND = ("-j2", "--quiet", "rules", *TINY)
+
+
+@pytest.fixture(scope="module")
+def fresh(tmp_path_factory):
+    """A project under version control in which nothing has run."""
+    project = Project(tmp_path_factory.mktemp("fresh"))
+    author = ("-c", "user.name=a", "-c", "user.email=a@example.org")
+    (project.folder / ".gitignore").write_text("results/\n.snakemake/\n__pycache__/\n")
+    for words in (("init", "-q"), ("add", "."), (*author, "commit", "-qm", "all")):
+        subprocess.run(["git", *words], cwd=project.folder, check=True)
+    return project
+
+
+def test_a_run_is_remembered_with_all_that_made_it(fresh):
+    assert fresh.snakemake("fig2", "fig6", *COMMAND).returncode == 0
+    (run,) = fresh.history()
+    head = subprocess.run(["git", "rev-parse", "HEAD"], cwd=fresh.folder, capture_output=True, text=True, check=True)
+    assert (run["status"], run["exit_status"], run["targets"]) == ("ok", 0, ["fig2", "fig6"])
+    assert (run["commit"], run["dirty"]) == (head.stdout.strip(), False)
+    assert run["cores"] == 2
+    assert run["command"][1:] == ["fig2", "fig6", *COMMAND]
+    assert run["config"]["integrators"] == list(METHODS)
+    assert set(run["config"]["systems"]) == set(SYSTEMS)
+    assert run["config"]["stability"]["rounding"]["seed"] == 1  # a default that the file does not hold
+    assert re.fullmatch(r"\d{8}T\d{6}Z-[0-9a-f]{8}", run["id"])
+    for key in ("work", "config_digest", "code_digest", "coefficients_digest"):
+        assert re.fullmatch("[0-9a-f]{64}", run[key])
+    assert run["start"] < run["end"]
+    assert 0 < run["cpu_seconds"] < 20 * run["duration"]
+    assert {
+        "python", "numpy", "numba", "llvmlite", "mpmath", "xarray", "h5py", "h5netcdf", "matplotlib", "snakemake",
+    } <= set(run["versions"])  # fmt: skip
+    assert run["versions"]["python"] == ".".join(map(str, sys.version_info[:3]))
+    assert run["cpu"]["model"]
+    assert "cx16" in run["cpu"]["features"] or "neon" in run["cpu"]["features"]
+    # The decomposition, and a job for each of the two figures; no run of a step size.
+    assert (run["jobs_run"], run["jobs_reused"], run["evaluations"], run["evaluations_skipped"]) == (3, 0, 0, None)
+
+
+def test_the_manifest_covers_what_the_target_made_and_nothing_else(fresh):
+    names = {
+        "cubes/sho_terms.h5",
+        *(f"figures/{s}.{e}" for s in ("fig2_decomposition", "fig6_substeps") for e in ("pdf", "svg", "png")),
+    }
+    files = fresh.manifest()["files"]
+    assert set(files) == names
+    for name, entry in files.items():
+        content = (fresh.results / name).read_bytes()
+        assert (entry["sha256"], entry["size"]) == (sha256(content).hexdigest(), len(content))
+        assert entry["run"] == fresh.history()[0]["id"]
+
+
+def test_a_run_with_nothing_to_do_leaves_no_trace(fresh):
+    before = (fresh.results / "history.jsonl").read_bytes(), (fresh.results / "manifest.json").read_bytes()
+    assert "Nothing to be done" in fresh.snakemake("fig2", "fig6", *COMMAND).stdout
+    assert fresh.snakemake("fig1", "-n", *COMMAND).returncode == 0
+    assert ((fresh.results / "history.jsonl").read_bytes(), (fresh.results / "manifest.json").read_bytes()) == before
+
+
+def test_the_same_work_has_the_same_digest_and_another_id(fresh):
+    assert fresh.snakemake("fig2", "--forceall", *COMMAND).returncode == 0
+    first, second = fresh.history()
+    assert first["work"] == second["work"]
+    assert first["id"] != second["id"]
+    assert (second["jobs_run"], second["jobs_reused"]) == (2, 0)
+
+
+def test_a_second_target_adds_to_the_manifest_and_reuses_what_is_there(fresh):
+    assert fresh.snakemake("results/tiny/runs/sho/ruth/0.h5", "fig2", *COMMAND).returncode == 0
+    run = fresh.history()[-1]
+    files = fresh.manifest()["files"]
+    assert {"runs/sho/ruth/0.h5", "cubes/sho_terms.h5", "figures/fig6_substeps.png"} <= set(files)
+    assert files["runs/sho/ruth/0.h5"]["run"] == run["id"] != files["cubes/sho_terms.h5"]["run"]
+    assert (run["jobs_run"], run["jobs_reused"]) == (2, 2)  # compile and integrate; decompose and draw
+    assert run["evaluations"] > 0
+
+
+def test_another_config_is_other_work(fresh):
+    place = fresh.folder / "config/tiny.yaml"
+    text = place.read_text()
+    place.write_text(text.replace("samples: 20", "samples: 21"))
+    try:
+        assert fresh.snakemake("results/tiny/runs/sho/ruth/0.h5", *COMMAND).returncode == 0
+    finally:
+        place.write_text(text)
+    before, after = fresh.history()[-2:]
+    assert after["config"]["samples"] == 21
+    assert after["dirty"] is True
+    assert before["work"] != after["work"]
+    assert before["config_digest"] != after["config_digest"]
+    assert before["code_digest"] == after["code_digest"]
+
+
+def test_a_run_that_fails_is_remembered_as_failed(fresh):
+    (fresh.results / "cubes/sho_terms.h5").write_bytes(b"damaged")
+    failed = fresh.snakemake("fig2", *COMMAND)
+    assert failed.returncode == 1
+    assert (fresh.history()[-1]["status"], fresh.history()[-1]["exit_status"]) == ("failed", 1)
+    assert "changed since their jobs wrote them: cubes/sho_terms.h5" in failed.stdout
+    assert fresh.manifest()["changed"] == ["cubes/sho_terms.h5"]
+    verified = fresh.nearharmonic("verify", "tiny")
+    assert verified.returncode == 1
+    assert "cubes/sho_terms.h5  is damaged" in verified.stdout
+    mend = re.search(r"Make it again: (snakemake .* --force results/tiny/cubes/sho_terms.h5)", verified.stdout)
+    assert fresh.snakemake(*mend[1].split()[1:]).returncode == 0
+    assert fresh.manifest()["changed"] == []
+
+
+def test_a_killed_run_is_closed_by_the_next_start_and_nothing_of_it_is_taken_for_good(fresh):
+    shutil.rmtree(fresh.results / "runs", ignore_errors=True)
+    before = len(fresh.history())
+    process = subprocess.Popen(
+        [sys.executable, "-m", "snakemake", "fig3", *COMMAND],
+        cwd=fresh.folder,
+        env={**os.environ, "PYTHONPATH": str(fresh.folder / "src")},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    markers = fresh.results / "logs/running"
+    deadline = time.monotonic() + 60
+    while not list(markers.glob("*.json")):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    (marker,) = markers.glob("*.json")
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    assert len(fresh.history()) == before
+    assert fresh.snakemake("--unlock", *TINY).returncode == 0
+    assert fresh.snakemake("fig3", *COMMAND).returncode == 0
+    killed, run = fresh.history()[before:]
+    assert (killed["id"], killed["status"], killed["end"]) == (marker.stem, "killed", None)
+    assert killed["targets"] == run["targets"] == ["fig3"]
+    assert run["status"] == "ok"
+    assert list(markers.iterdir()) == []
+
+
+def test_what_fails_in_the_record_is_one_warning_and_costs_no_result(fresh):
+    """No git, and a history that cannot be written; as root, permissions do not stop a writer, a folder does."""
+    history = fresh.results / "history.jsonl"
+    kept = history.read_bytes()
+    history.unlink()
+    history.mkdir()
+    programs = fresh.folder / "programs"
+    programs.mkdir()
+    for name in ("bash", "cc", "gcc"):
+        if shutil.which(name):
+            (programs / name).symlink_to(shutil.which(name))
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", "snakemake", "fig2", "--forceall", *COMMAND],
+            cwd=fresh.folder,
+            env={**os.environ, "PYTHONPATH": str(fresh.folder / "src"), "PATH": str(programs)},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    finally:
+        history.rmdir()
+        history.write_bytes(kept)
+    assert done.returncode == 0, done.stderr
+    warnings = [line for line in done.stderr.splitlines() if line.startswith("nearharmonic: warning")]
+    assert len(warnings) == 2
+    assert warnings[0] == "nearharmonic: warning: the commit is not recorded: git is not installed"
+    assert warnings[1].startswith("nearharmonic: warning: the history is not written: IsADirectoryError")
+    assert "cubes/sho_terms.h5" in fresh.manifest()["files"]
