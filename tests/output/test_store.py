@@ -160,7 +160,7 @@ def test_a_truncated_file_is_named_with_the_command_that_makes_it_again(tmp_path
 
 
 def test_every_flipped_bit_is_found_before_the_file_is_opened(tmp_path, variables, monkeypatch):
-    """Some flips of the structure make HDF5 loop for ever, others change a number that no checksum of a chunk covers."""
+    """Some flips of the structure make HDF5 loop for ever, others change what no checksum of a chunk covers."""
     path = tmp_path / "0.h5"
     store.write(path, variables, {"code_digest": "abc"}, {"extended": variables})
     whole = path.read_bytes()
