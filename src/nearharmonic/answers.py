@@ -91,8 +91,8 @@ def _is_number(cell: Cell) -> bool:
 
 
 def _shown(cell: Cell, digits: int) -> str:
-    """A cell for people: floats short, truth in words, a dash for nothing."""
-    if cell is None or cell == "":
+    """A cell for people: floats short, truth in words, a dash for nothing and for NaN."""
+    if cell is None or cell == "" or cell != cell:  # NaN alone is not equal to itself
         return "-"
     if isinstance(cell, bool):
         return "yes" if cell else "no"
