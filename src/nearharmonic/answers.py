@@ -7,7 +7,7 @@ import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import isfinite, isnan
 from typing import Any
 
 from nearharmonic.errors import NearharmonicError
@@ -38,8 +38,8 @@ class Answer:
         Line above the table, if any.
     notes : sequence of str
         Lines below the table. JSON and CSV leave title and notes out.
-    digits : int
-        Significant digits of the floats of the table; JSON and CSV keep them all.
+    digits : int or None
+        Significant digits of the floats of the table, None for all; JSON and CSV keep them all.
 
     Raises
     ------
@@ -53,7 +53,7 @@ class Answer:
     status: int = 0
     title: str = ""
     notes: Sequence[str] = ()
-    digits: int = SHOWN
+    digits: int | None = SHOWN
 
     def __post_init__(self) -> None:
         for i, row in enumerate(self.rows):
@@ -90,13 +90,13 @@ def _is_number(cell: Cell) -> bool:
     return cell is None or (isinstance(cell, int | float) and not isinstance(cell, bool))
 
 
-def _shown(cell: Cell, digits: int) -> str:
-    """A cell for people: floats short, truth in words, a dash for nothing."""
-    if cell is None or cell == "":
+def _shown(cell: Cell, digits: int | None) -> str:
+    """A cell for people: floats short, truth in words, a dash for nothing and for NaN."""
+    if cell is None or cell == "" or (isinstance(cell, float) and isnan(cell)):
         return "-"
     if isinstance(cell, bool):
         return "yes" if cell else "no"
-    return f"{cell:.{digits}g}" if isinstance(cell, float) else str(cell)
+    return f"{cell:.{digits}g}" if isinstance(cell, float) and digits else str(cell)
 
 
 def _csv(answer: Answer) -> str:

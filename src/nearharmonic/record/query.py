@@ -1,0 +1,196 @@
+"""Single runs as rows: the cubes of systems taken apart, chosen by a condition, sorted."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nearharmonic.errors import NearharmonicError, unknown_name
+from nearharmonic.output import store
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Columns of every system, in the order in which they are shown; what a system adds comes behind.
+COLUMNS = (
+    "system", "integrator", "precision", "tau", "tau_per_stage", "steps", "evaluations", "max_energy_error",
+    "mean_energy_error", "status", "diverged_at", "label",
+)  # fmt: skip
+#: Those among them that hold text.
+TEXTS = {"result", "system", "integrator", "precision", "status", "label"}
+#: Dimensions of a cube of runs; the precision is left out where there is one alone.
+DIMENSIONS = ("integrator", "precision", "tau_per_stage")
+#: Status of a cell that was never run.
+SKIPPED = "skipped"
+
+Columns = dict[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class RunTable:
+    """Runs, one a row.
+
+    Attributes
+    ----------
+    columns : dict of str to ndarray
+        Numbers or texts of each run, all of the same length; NaN or an empty text where a system has no such number.
+    units : dict
+        ``units[system][column]``: the unit of a column, if it has one.
+    """
+
+    columns: Columns
+    units: dict[str, dict[str, str]]
+
+    @property
+    def rows(self) -> int:
+        """Number of runs."""
+        return len(self.columns["system"])
+
+    def taken(self, rows: Any) -> RunTable:
+        """Return these rows, given as a mask or as indices."""
+        return RunTable({name: values[rows] for name, values in self.columns.items()}, self.units)
+
+
+def run_table(folders: Mapping[str, Path]) -> RunTable:
+    """Return every run of some results, sorted by result, system, integrator, precision and step size.
+
+    Parameters
+    ----------
+    folders : mapping of str to Path
+        Folders of results by name; if there are several, the column ``result`` with their names comes first.
+
+    Returns
+    -------
+    RunTable
+        A row for each step size of each cube of a system. Where step sizes round to the same number of steps, the rows
+        show one and the same run. Cells that were never run are left out.
+
+    Raises
+    ------
+    ResultFileError
+        A cube that cannot be read.
+    """
+    parts: list[Columns] = []
+    units: dict[str, dict[str, str]] = {}
+    for result, folder in folders.items():
+        for path in system_cubes(folder):
+            part, its_units = runs_of_cube(path)
+            rows = len(part["system"])
+            parts.append({"result": np.full(rows, result), **part} if len(folders) > 1 else part)
+            units |= dict.fromkeys(part["system"][:1].tolist(), its_units)
+    leading = ("result", *COLUMNS) if len(folders) > 1 else COLUMNS
+    extra = sorted({name for part in parts for name in part} - set(leading))
+    return RunTable({name: _stacked(name, parts) for name in (*leading, *extra)}, units)
+
+
+def system_cubes(folder: Path) -> Iterator[Path]:
+    """Yield the files in ``folder`` that hold the runs of a system, sorted."""
+    for path in sorted(folder.glob("cubes/*.h5")):
+        attributes = store.attributes_of(path)
+        # The cube of the kinetic energies names a system, too, but keeps no single run.
+        if "system" in attributes and "sweep" in settings_of(attributes):
+            yield path
+
+
+def settings_of(attributes: Any) -> dict[str, Any]:
+    """Return the settings that a file was made with, from its attributes; empty if it has none."""
+    try:
+        found = json.loads(attributes.get("settings", "{}"))
+    except ValueError:
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def layered(cube: xr.Dataset) -> xr.Dataset:
+    """Return the cube of a system with the dimension ``precision``, which one of a single precision lacks."""
+    if "precision" in cube.dims or "tau_per_stage" not in cube.dims:
+        return cube
+    only = (settings_of(cube.attrs).get("sweep", {}).get("precision") or ["double"])[0]
+    over_runs = [name for name, values in cube.data_vars.items() if "tau_per_stage" in values.dims]
+    return cube.drop_vars(over_runs).merge(cube[over_runs].expand_dims(precision=[only]))
+
+
+def runs_of_cube(path: Path) -> tuple[Columns, dict[str, str]]:
+    """Return the columns of the runs in the cube of one system, and the units of those that have one.
+
+    Raises
+    ------
+    ResultFileError
+        The cube cannot be read, or lacks something that every cube of a system has.
+    """
+    cube = store.read(path)
+    missing = [name for name in COLUMNS if name not in cube.variables and name not in {"system", "precision"}]
+    if missing:
+        message = f"{path} has no {' and no '.join(missing)}. Make it again: {store.command_for(path)}"
+        raise NearharmonicError(message)
+    cube = layered(cube).sortby(["integrator", "precision", "tau_per_stage"])
+    shape = tuple(cube.sizes[dimension] for dimension in DIMENSIONS)
+    names = [name for name in cube.data_vars if set(cube[name].dims) == set(DIMENSIONS)]
+    arrays = {str(name): cube[name].transpose(*DIMENSIONS).values for name in names}
+    ran = (arrays["status"] != SKIPPED) & (arrays["steps"] > 0)
+    columns: Columns = {}
+    for axis, name in enumerate(DIMENSIONS):
+        columns[name] = _along(axis, cube[name].values, shape)[ran]
+    columns["label"] = _along(0, cube["label"].values, shape)[ran]
+    columns["system"] = np.full(int(ran.sum()), cube.attrs["system"])
+    columns |= {name: values[ran] for name, values in arrays.items()}
+    # xarray keeps the texts of an index as objects, which compare a hundred times more slowly.
+    columns = {name: values.astype(str) if name in TEXTS else values for name, values in columns.items()}
+    units = {name: str(cube[name].attrs.get("units", "1")) for name in (*arrays, "tau_per_stage")}
+    return columns, {name: unit for name, unit in units.items() if unit != "1"}
+
+
+def _along(axis: int, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """``values`` of one dimension, repeated over the others."""
+    return np.broadcast_to(values.reshape([-1 if i == axis else 1 for i in range(len(shape))]), shape)
+
+
+def _stacked(name: str, parts: Sequence[Columns]) -> np.ndarray:
+    """The column ``name`` of all ``parts`` below each other."""
+    held = [part[name] for part in parts if name in part]
+    if not held:
+        return np.array([], dtype=str if name in TEXTS else float)
+    empty: Any = "" if held[0].dtype.kind == "U" else np.nan
+    return np.concatenate([part[name] if name in part else np.full(len(part["system"]), empty) for part in parts])
+
+
+def order_by(key: str, columns: Columns) -> np.ndarray:
+    """Return the indices of the rows sorted by a column; rows with equal values stay in the order they have.
+
+    Parameters
+    ----------
+    key : str
+        Name of a column; a minus before it sorts from the largest. NaN comes last in either direction.
+    columns : dict of str to ndarray
+        All columns.
+
+    Raises
+    ------
+    UnknownNameError
+        There is no such column.
+    """
+    name = key.removeprefix("-")
+    values = column_of(name, columns)
+    if name == key:
+        return np.argsort(values, kind="stable")
+    if values.dtype.kind == "U":
+        _, values = np.unique(values, return_inverse=True)
+    return np.argsort(-values, kind="stable")
+
+
+def column_of(name: str, columns: Columns) -> np.ndarray:
+    """Return the column ``name``.
+
+    Raises
+    ------
+    UnknownNameError
+        There is no such column; it says the nearest match.
+    """
+    if name not in columns:
+        raise unknown_name("column", name, columns)
+    return columns[name]

@@ -1,0 +1,167 @@
+"""One run of a result: its numbers, the files that hold it, and the lines of Python that make it again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from math import log
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nearharmonic.engine.settings import checked_tau, one_of
+from nearharmonic.errors import bad_setting, unknown_name
+from nearharmonic.output import store
+from nearharmonic.record.query import COLUMNS, Columns, runs_of_cube, settings_of, system_cubes
+from nearharmonic.systems import systems
+
+#: Relative spacing of a grid of one step size: the digits that a person would type.
+LEAST_SPACING = 1e-3
+
+
+@dataclass(frozen=True, kw_only=True)
+class SingleRun:
+    """One run and all that its result tells of it.
+
+    Attributes
+    ----------
+    cells : dict
+        Its cell of the cube: numbers and texts by name.
+    units : dict of str to str
+        Units of those numbers that have one.
+    system_units : dict of str to str
+        Units of t, q, p and the energy of the system; empty if this package has no such system.
+    settings : dict
+        The sweep that it is part of, as the cube's attributes hold it.
+    cube : Path
+        File of the cube.
+    file : Path or None
+        File of the trajectory; None if there is none.
+    samples : int or None
+        States that this file keeps of the run; None without a file.
+    origin : dict of str to str
+        Attributes of the file of the trajectory, or of the cube without one: versions and digests.
+    """
+
+    cells: dict[str, Any]
+    units: dict[str, str]
+    system_units: dict[str, str]
+    settings: dict[str, Any]
+    cube: Path
+    file: Path | None
+    samples: int | None
+    origin: dict[str, str]
+
+
+def single_run(
+    folder: Path, system: str, integrator: str, tau: object, *, precision: str | None = None, per_stage: bool = False
+) -> SingleRun:
+    """Return the run of a result whose step size is nearest to the one asked for.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the result.
+    system, integrator : str
+        Names, as the result has them.
+    tau : float or str
+        Step size in the system's unit of time; with ``per_stage`` the step size per stage.
+    precision : str, optional
+        Arithmetic of the run; double, or the only one that there is, by default.
+    per_stage : bool
+        Whether ``tau`` is divided by the number of stages.
+
+    Raises
+    ------
+    UnknownNameError
+        The result has no such system or integrator.
+    SettingError
+        No run of this precision, or none within the spacing of the grid from ``tau``.
+    """
+    cubes = {str(store.attributes_of(path)["system"]): path for path in system_cubes(folder)}
+    if system not in cubes:
+        raise unknown_name("system", system, cubes)
+    columns, units = runs_of_cube(cubes[system])
+    columns = _of(columns, "integrator", _known(columns["integrator"], integrator))
+    present = list(dict.fromkeys(columns["precision"].tolist()))
+    asked = present[0] if precision is None else one_of("precision", precision, present)
+    columns = _of(columns, "precision", asked)
+    row = _nearest(columns["tau_per_stage" if per_stage else "tau"], checked_tau(tau), f"{integrator} on {system}")
+    cells = {name: columns[name][row].item() for name in (*COLUMNS, *sorted(set(columns) - set(COLUMNS)))}
+    attributes = store.attributes_of(cubes[system])
+    file, samples = _trajectory(folder, cells)
+    return SingleRun(
+        cells=cells,
+        units=units,
+        system_units=dict(systems[system].units) if system in systems else {},
+        settings=settings_of(attributes)["sweep"],
+        cube=cubes[system],
+        file=file,
+        samples=samples,
+        origin=_origin(attributes if file is None else store.attributes_of(file)),
+    )
+
+
+def _known(integrators: np.ndarray, name: str) -> str:
+    if name not in integrators:
+        raise unknown_name("integrator", name, dict.fromkeys(integrators.tolist()))
+    return name
+
+
+def _of(columns: Columns, name: str, value: str) -> Columns:
+    chosen = columns[name] == value
+    return {key: values[chosen] for key, values in columns.items()}
+
+
+def _nearest(taus: np.ndarray, asked: float, whose: str) -> int:
+    """The index of the step nearest to ``asked`` in the logarithm, if one lies within the spacing around it."""
+    logarithms = np.log(taus)
+    distances = abs(logarithms - log(asked))
+    row = int(distances.argmin())
+    gaps = abs(np.diff(np.sort(logarithms)))
+    spacing = max(LEAST_SPACING, float(gaps.max(initial=0.0)))
+    if distances[row] > spacing:
+        near = np.sort(taus[np.argsort(distances, kind="stable")[:2]]).tolist()
+        allowed = f"the runs of {whose} have steps from {taus.min():.6g} to {taus.max():.6g}, the nearest"
+        raise bad_setting("tau", asked, f"{allowed} {' and '.join(f'{tau:.6g}' for tau in near)}")
+    return row
+
+
+def _trajectory(folder: Path, cells: Mapping[str, Any]) -> tuple[Path | None, int | None]:
+    """The run file that holds the run, and how many of its states."""
+    group = None if cells["precision"] == "double" else cells["precision"]
+    for path in sorted(folder.glob(f"runs/{cells['system']}/{cells['integrator']}/*.h5")):
+        if group is not None and group not in store.groups_of(path):
+            continue
+        runs = store.read(path, group, dimensions=("tau_per_stage", "sample"))
+        (rows,) = np.nonzero(runs["tau_per_stage"].values == cells["tau_per_stage"])
+        if rows.size:
+            return path, int(np.isfinite(runs["t"].values[rows[0]]).sum())
+    return None, None
+
+
+def _origin(attributes: Mapping[str, Any]) -> dict[str, str]:
+    return {name: str(value) for name, value in attributes.items() if name.endswith(("_version", "_digest"))}
+
+
+def python_lines(run: SingleRun) -> list[str]:
+    """Return the lines of Python that make a run again; the number that they print is that of the cube, bit for bit."""
+    cells, settings = run.cells, run.settings
+    return [
+        "import nearharmonic as nh",
+        "",
+        "run = nh.integrate(",
+        f'    "{cells["system"]}", "{cells["integrator"]}", tau={cells["tau"]!r}, t_end="{settings["t_end"]}",',
+        f'    precision="{cells["precision"]}", summation="{settings["summation"]}", samples={settings["samples"]},',
+        ")",
+        f"print(run.max_energy_error.item())  # {cells['max_energy_error']!r}",
+    ]
+
+
+def files_of(run: SingleRun, folder: Path, manifest: Mapping[str, Any]) -> Iterator[tuple[str, str, dict[str, Any]]]:
+    """Yield (what it is, path below the result, entry of the manifest, empty if it has none) of the files of a run."""
+    for what, path in (("cube", run.cube), ("run file", run.file)):
+        if path is not None:
+            name = path.relative_to(folder).as_posix()
+            yield what, name, manifest.get("files", {}).get(name, {})
