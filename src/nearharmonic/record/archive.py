@@ -25,6 +25,8 @@ from nearharmonic.record.software import DOCUMENTS, document
 
 #: Folder of a result whose files an archive holds only on request: the trajectories.
 RUNS = "runs"
+#: Files of a result that its manifest does not list.
+RECORD = ("history.jsonl", "manifest.json")
 #: The date of every member, the earliest that a zip file can hold.
 DATE = (1980, 1, 1, 0, 0, 0)
 
@@ -62,10 +64,11 @@ def faults(folder: Path) -> list[str]:
     """
     from nearharmonic.record import verify
 
-    found = list(verify.faults(folder))
-    if not found and not history.runs_of(folder):
-        found = [f"{folder / 'history.jsonl'} holds no run: nothing says with which settings {folder.name} was made"]
-    return found
+    return list(verify.faults(folder)) or ([] if history.runs_of(folder) else [_no_history(folder)])
+
+
+def _no_history(folder: Path) -> str:
+    return f"{folder / 'history.jsonl'} holds no run, so that nothing says with which settings {folder.name} was made"
 
 
 def save(
@@ -98,40 +101,54 @@ def save(
         The manifest or the history is missing, or a file is missing or differs from what the manifest records.
     """
     result = Path(folder).resolve()
-    target = _target(result, place)
+    zipped = target(result, place)
     members = _members(result, with_runs=with_runs)
     try:
-        with replacing(target) as part:
+        with replacing(zipped) as part:
             _write(part, members)
             seal.close(part)
     except OSError as error:
-        message = f"{target} cannot be written: {error}"
+        message = f"{zipped} cannot be written: {error}"
         raise SettingError(message) from error
-    return target
+    return zipped
 
 
-def _target(result: Path, place: str | os.PathLike[str] | None) -> Path:
-    target = Path(f"{result.name}.zip" if place is None else place)
-    if target.suffix != ".zip" or target.is_dir():
-        raise bad_setting("-o", str(target), "a file with the ending .zip")
-    if target.resolve().is_relative_to(result):
-        raise bad_setting("-o", str(target), f"a file outside of {result.name}, which it archives")
-    return target
+def target(folder: str | os.PathLike[str], place: str | os.PathLike[str] | None) -> Path:
+    """Return the file that an archive of the result in ``folder`` is written to.
+
+    Parameters
+    ----------
+    folder
+        Folder of the result.
+    place
+        A file with the ending ``.zip``; None stands for the name of the result in the working directory.
+
+    Raises
+    ------
+    SettingError
+        ``place`` has another ending, or it is a folder, or it lies in ``folder``.
+    """
+    result = Path(folder).resolve()
+    zipped = Path(f"{result.name}.zip" if place is None else place)
+    if zipped.suffix != ".zip" or zipped.is_dir():
+        raise bad_setting("-o", str(zipped), "a file with the ending .zip")
+    if zipped.resolve().is_relative_to(result):
+        raise bad_setting("-o", str(zipped), f"a file outside of {result.name}, which it archives")
+    return zipped
 
 
 def _members(result: Path, *, with_runs: bool) -> list[Member]:
     """Every member of the archive, sorted by path."""
     runs = history.runs_of(result)
     if not runs:
-        message = f"{result / 'history.jsonl'} holds no run: nothing says with which settings {result.name} was made"
-        raise ResultFileError(message)
+        raise ResultFileError(_no_history(result))
     recorded = manifest.read(result)["files"]
     taken = {path: entry for path, entry in recorded.items() if with_runs or PurePosixPath(path).parts[0] != RUNS}
     left_out = len(recorded) - len(taken)
     configs, texts = _configs(runs)
     members = [_result_file(result, path, entry) for path, entry in taken.items()]
     members += [Member.of_bytes(path, text, _ADDED["config"]) for path, text in texts.items()]
-    members += [Member.of_bytes(name, _content(result / name), _ADDED[name]) for name in ("history.jsonl", "manifest.json")]
+    members += [Member.of_bytes(name, _content(result / name), _ADDED[name]) for name in RECORD]
     members += [Member.of_bytes(name, document(name), _ADDED[name]) for name in DOCUMENTS]
     text = readme(result.name, members, runs, left_out)
     members.append(Member.of_bytes("README.md", text, _ADDED["README.md"]))
@@ -190,7 +207,7 @@ def _write(place: Path, members: Sequence[Member]) -> None:
                     digest.update(chunk)
                     copy.write(chunk)
             if digest.hexdigest() != member.sha256:
-                message = f"{member.source} is not the file that the manifest records: see `nearharmonic verify`"
+                message = f"{member.path} is not the file that the manifest records: see `nearharmonic verify`"
                 raise ResultFileError(message)
 
 

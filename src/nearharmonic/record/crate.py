@@ -83,7 +83,12 @@ def format_of(path: str) -> tuple[str, str]:
 
 def published(runs: Sequence[Run]) -> str:
     """Return when the newest of ``runs`` (oldest first) ended; for a killed run, which has no end, when it started."""
-    return str(runs[-1]["end"] or runs[-1]["start"])
+    return _moment(runs[-1]["end"] or runs[-1]["start"])
+
+
+def _moment(utc: str) -> str:
+    """``utc`` with the offset in numbers, as validators of the profile ask."""
+    return utc.removesuffix("Z") + "+00:00"
 
 
 def metadata(
@@ -166,10 +171,14 @@ def _publication(crate: Any, reference: Mapping[str, Any]) -> Any:
     for author in reference["authors"]:
         name = f"{author['given-names']} {author['family-names']}"
         authors.append(_add(crate, f"#{name.lower().replace(' ', '-')}", type="Person", name=name))
-    published = str(reference["year"])
     return _add(
-        crate, reference["url"], type="ScholarlyArticle", name=reference["title"], datePublished=published, author=authors
-    )  # fmt: skip
+        crate,
+        reference["url"],
+        type="ScholarlyArticle",
+        name=reference["title"],
+        datePublished=str(reference["year"]),
+        author=authors,
+    )
 
 
 def _operator(crate: Any) -> Any:
@@ -196,14 +205,14 @@ def _add_action(crate: Any, run: Run, cited: Mapping[str, Any], config: Any, mad
         type="CreateAction",
         name=f"Run {run['id']} of the workflow",
         description=_run_in_words(run),
-        startTime=run["start"],
+        startTime=_moment(run["start"]),
         actionStatus={"@id": f"http://schema.org/{'Completed' if done else 'Failed'}ActionStatus"},
         instrument=_instrument(crate, run, cited),
         object=config,
         agent=_operator(crate),
     )
     if run["end"]:
-        action["endTime"] = run["end"]
+        action["endTime"] = _moment(run["end"])
     if not done:
         killed = run["status"] == "killed"
         action["error"] = "killed before its end" if killed else f"exit status {run['exit_status']}"
@@ -216,7 +225,8 @@ def _run_in_words(run: Run) -> str:
     words = [f"{' '.join(run['command'])}: {run['status']}"]
     words += [f"targets {', '.join(run['targets'])}"] if run["targets"] else []
     words += [f"{run['duration']:.1f} s on {run['cores']} cores"] if run["duration"] is not None else []
-    words += [f"{run['jobs_run']} jobs run, {run['jobs_reused']} reused", str(run["platform"])]
+    words += [f"{run['jobs_run']} jobs run, {run['jobs_reused']} reused"] if run["jobs_run"] is not None else []
+    words.append(str(run["platform"]))
     return "; ".join(words)
 
 

@@ -55,7 +55,7 @@ def faults_of_archive(path: str | os.PathLike[str]) -> list[str]:
         raise ResultFileError(message) from error
     if not sealed:
         return [f"{place} is not an archive of `nearharmonic archive`, or its end is missing or damaged"]
-    broken = [] if whole else [f"{place} is damaged: its bytes do not have the digest at its end; archive the result again"]
+    broken = [] if whole else [f"{place} is damaged: its bytes do not have the digest at its end"]
     try:
         return broken + list(_faults_of_members(place))
     except _UNREADABLE as error:
@@ -106,10 +106,8 @@ def _described(archive: ZipFile) -> dict[str, tuple[int, str]]:
     """Size and digest of each file that the metadata describe, by its path in the archive."""
     graph = _document(archive, METADATA).get("@graph")
     entities = [entity for entity in graph if isinstance(entity, Mapping)] if isinstance(graph, list) else []
-    files = [entity for entity in entities if entity.get("@type") == "File"]
-    return {
-        unquote(str(entity["@id"])): (int(str(entity.get("contentSize"))), str(entity.get("sha256"))) for entity in files
-    }
+    files = (entity for entity in entities if entity.get("@type") == "File")
+    return {unquote(str(file["@id"])): (int(str(file.get("contentSize"))), str(file.get("sha256"))) for file in files}
 
 
 def _faults_against_manifest(archive: ZipFile, digests: Mapping[str, tuple[int, str] | None]) -> Iterator[str]:

@@ -11,7 +11,7 @@ from nearharmonic.record.crate import Member, Run
 #: What stands where in an archive; folders and files that it does not hold are not named.
 PLACES = {
     "report.html": "the page: claims, figures, tables, history; opens in a browser without a network",
-    "cubes": "HDF5 cubes of errors and derived quantities; xarray with the engine h5netcdf opens them, and so does h5py",
+    "cubes": "HDF5 cubes of errors and derived quantities; xarray opens them with the engine h5netcdf",
     "tables": "tables as CSV (every digit), Markdown and LaTeX; `tables/claims.json` holds the claims",
     "figures": "figures as PDF, SVG and PNG",
     "derived": "coefficients that the workflow derived",
@@ -56,8 +56,8 @@ def readme(result: str, members: Sequence[Member], runs: Sequence[Run], left_out
         "| --- | --- |",
         *rows,
         "",
-        "The archive is an RO-Crate 1.1 with the profile Process Run Crate 0.5. `ro-crate-metadata.json` gives the size "
-        "and the SHA-256 of each file, and for each run its settings, its software and its files.",
+        "The archive is an RO-Crate 1.1 with the profile Process Run Crate 0.5. `ro-crate-metadata.json` gives the "
+        "size and the SHA-256 of each file, and for each run its settings, its software and its files.",
         "",
         *(_left_out(left_out) if left_out else ()),
         "- Check the archive: `nearharmonic verify FILE.zip`.",

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any
@@ -72,6 +73,6 @@ def citation() -> dict[str, Any]:
     return said
 
 
-def homepage(cited: dict[str, Any]) -> str:
+def homepage(cited: Mapping[str, Any]) -> str:
     """Return the address of the software, or of the paper that it reproduces if the citation file has no other."""
     return str(cited.get("repository-code") or cited.get("url") or cited["references"][0]["url"])
