@@ -154,6 +154,12 @@ def test_an_extra_file_is_found_under_a_seal_that_is_right(place):
     assert faults_of_archive(place) == ["tables/extra.csv in little.zip is not described in ro-crate-metadata.json"]
 
 
+def test_a_name_with_a_line_end_is_told_in_one_line(place):
+    sealed_again(place, lambda contents: [*contents, ("tables/\n\x1b[2J.csv", b"1\n")])
+    (found,) = faults_of_archive(place)
+    assert found.startswith(r"tables/\n\x1b[2J.csv in little.zip")
+
+
 @pytest.mark.filterwarnings("ignore:Duplicate name")
 def test_a_file_that_is_there_twice_is_found_under_a_seal_that_is_right(place):
     sealed_again(place, lambda contents: [*contents, ("LICENSE", b"none")])

@@ -68,7 +68,7 @@ def faults(folder: Path) -> list[str]:
 
 
 def _no_history(folder: Path) -> str:
-    return f"{folder / 'history.jsonl'} holds no run, so that nothing says with which settings {folder.name} was made"
+    return f"{folder / 'history.jsonl'} holds no run, so that the settings behind {folder.resolve().name} are unknown"
 
 
 def save(

@@ -57,9 +57,15 @@ def faults_of_archive(path: str | os.PathLike[str]) -> list[str]:
         return [f"{place} is not an archive of `nearharmonic archive`, or its end is missing or damaged"]
     broken = [] if whole else [f"{place} is damaged: its bytes do not have the digest at its end"]
     try:
-        return broken + list(_faults_of_members(place))
+        found = list(_faults_of_members(place))
     except _UNREADABLE as error:
-        return broken or [f"{place} cannot be read: {error}"]
+        found = [] if broken else [f"{place} cannot be read: {error}"]
+    return [_one_line(sentence) for sentence in broken + found]
+
+
+def _one_line(sentence: str) -> str:
+    """``sentence`` with escapes for what a damaged name can hold: line ends and control characters."""
+    return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in sentence)
 
 
 def _faults_of_members(place: Path) -> Iterator[str]:

@@ -42,7 +42,8 @@ def document(name: str) -> bytes:
     ResultFileError
         Neither has it.
     """
-    for place in (_SOURCE_TREE / name, _installed(name)):
+    in_tree = _SOURCE_TREE / name if (_SOURCE_TREE / "pyproject.toml").is_file() else None
+    for place in (in_tree, _installed(name)):
         if place is not None and place.is_file():
             return place.read_bytes()
     message = f"{name} is missing from this installation of nearharmonic: install it from its source tree or its wheel"
