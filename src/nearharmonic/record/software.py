@@ -1,0 +1,79 @@
+"""What an archive says about the software: its licence, its citation file, the libraries beneath it.
+
+``LICENSE`` and ``CITATION.cff`` stand at the top of the source tree. A wheel carries copies among its licence files.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+from typing import Any
+
+import nearharmonic
+from nearharmonic.errors import ResultFileError
+
+#: Home pages of the libraries whose versions the history keeps.
+HOMES = {
+    "bokeh": "https://bokeh.org",
+    "gmpy2": "https://github.com/gmpy2/gmpy2",
+    "h5netcdf": "https://h5netcdf.org",
+    "h5py": "https://www.h5py.org",
+    "llvmlite": "https://llvmlite.readthedocs.io",
+    "matplotlib": "https://matplotlib.org",
+    "mpmath": "https://mpmath.org",
+    "numba": "https://numba.pydata.org",
+    "numpy": "https://numpy.org",
+    "python": "https://www.python.org",
+    "snakemake": "https://snakemake.github.io",
+    "xarray": "https://xarray.dev",
+}
+#: The documents of the software that go into an archive.
+DOCUMENTS = ("CITATION.cff", "LICENSE")
+
+_SOURCE_TREE = Path(nearharmonic.__file__).parents[2]
+
+
+def document(name: str) -> bytes:
+    """Return the file ``name``, one of :data:`DOCUMENTS`, from the source tree or else from the installed package.
+
+    Raises
+    ------
+    ResultFileError
+        Neither has it.
+    """
+    in_tree = _SOURCE_TREE / name if (_SOURCE_TREE / "pyproject.toml").is_file() else None
+    for place in (in_tree, _installed(name)):
+        if place is not None and place.is_file():
+            return place.read_bytes()
+    message = f"{name} is missing from this installation of nearharmonic: install it from its source tree or its wheel"
+    raise ResultFileError(message)
+
+
+def _installed(name: str) -> Path | None:
+    """The file ``name`` among the metadata of the installed package."""
+    try:
+        files = distribution("nearharmonic").files or []
+    except PackageNotFoundError:
+        return None
+    found = [file for file in files if file.name == name and any(part.endswith(".dist-info") for part in file.parts)]
+    return Path(str(found[0].locate())) if found else None
+
+
+def citation() -> dict[str, Any]:
+    """Return what ``CITATION.cff`` says: ``title``, ``version``, ``license``, ``references`` and the rest.
+
+    Raises
+    ------
+    ResultFileError
+        The file is missing.
+    """
+    import yaml
+
+    said: dict[str, Any] = yaml.safe_load(document("CITATION.cff"))
+    return said
+
+
+def homepage(cited: Mapping[str, Any]) -> str:
+    """Return the address of the software, or of the paper that it reproduces if the citation file has no other."""
+    return str(cited.get("repository-code") or cited.get("url") or cited["references"][0]["url"])
