@@ -19,6 +19,7 @@ if not workflow.overwrite_configfiles:
 
 include: "workflow/rules/common.smk"
 include: "workflow/rules/paper.smk"
+include: "workflow/rules/claims.smk"
 include: "workflow/rules/derivation.smk"
 include: "workflow/rules/sixth_order.smk"
 include: "workflow/rules/work_precision.smk"
@@ -32,6 +33,7 @@ rule all:
         f"{RESULTS}/manifest.json",
         rules.figures.input,
         rules.tables.input,
+        rules.claims.output,
 
 
 rule everything:
