@@ -17,6 +17,7 @@ if not workflow.overwrite_configfiles:
 
 include: "workflow/rules/common.smk"
 include: "workflow/rules/paper.smk"
+include: "workflow/rules/claims.smk"
 include: "workflow/rules/derivation.smk"
 include: "workflow/rules/sixth_order.smk"
 include: "workflow/rules/work_precision.smk"
@@ -30,6 +31,7 @@ rule all:
     input:
         rules.figures.input,
         rules.tables.input,
+        rules.claims.output,
 
 
 rule everything:

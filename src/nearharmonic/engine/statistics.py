@@ -42,19 +42,32 @@ def observed_order(tau: xr.DataArray, error: xr.DataArray, dimension: str = "tau
     import xarray as xr
 
     def slope(x: Any, y: Any) -> float:
-        finite = np.isfinite(y) & (y > 0) & np.isfinite(x)
-        if not finite.any():
-            return float("nan")
-        near_floor = finite & (y < PLATEAU * max(y[finite].min(), np.finfo(float).eps / 2))
-        from_tau = x[near_floor].max(initial=0.0)
-        usable = np.flatnonzero(finite & (x > from_tau) & (y < ASYMPTOTIC))
-        usable = usable[np.argsort(x[usable])][:SLOPE_POINTS]
+        usable = truncation(x, y)
         if usable.size < 3:
             return float("nan")
         return float(np.polyfit(np.log(x[usable]), np.log(y[usable]), 1)[0])
 
     fitted: xr.DataArray = xr.apply_ufunc(slope, tau, error, input_core_dims=[[dimension], [dimension]], vectorize=True)
     return fitted.assign_attrs(units="1", long_name="observed order: slope of the maximum energy error above round-off")
+
+
+def truncation(tau: Floats, error: Floats) -> NDArray[np.intp]:
+    """Return the indices of the smallest errors that are truncation, by increasing step size, at most half a decade.
+
+    Left out are all points up to the largest step size whose error is within a factor of 100 of the curve's lowest, and
+    errors above 1e-4.
+
+    Parameters
+    ----------
+    tau, error : array of shape (n,)
+        Step sizes and errors, in any order.
+    """
+    finite = np.isfinite(error) & (error > 0) & np.isfinite(tau)
+    if not finite.any():
+        return np.zeros(0, dtype=np.intp)
+    near_floor = finite & (error < PLATEAU * max(error[finite].min(), np.finfo(float).eps / 2))
+    usable = np.flatnonzero(finite & (tau > tau[near_floor].max(initial=0.0)) & (error < ASYMPTOTIC))
+    return usable[np.argsort(tau[usable])][:SLOPE_POINTS]
 
 
 def linear_trend(t: Any, angle: Any) -> tuple[float, float]:

@@ -1,0 +1,178 @@
+"""Curves of errors over step sizes: where they are truncation, how steep they are, over which steps one is the lower.
+
+Statements about curves are decided at every step size of a range. Unless a statement says otherwise it is the range of
+:func:`compared`: from the first step size at which every curve is clear of rounding to the last before one of them
+passes :data:`LOST`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from math import sqrt
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nearharmonic.claims.claim import Decision, either
+from nearharmonic.claims.results import Undecided, short
+from nearharmonic.engine.statistics import PLATEAU, line_fit, truncation
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+#: A run whose energy is off by more than 1 % is no integration that anyone would keep.
+LOST = 0.01
+#: A part of a range counts from half a decade on, the width that observed orders are fitted to.
+PART = sqrt(10)
+#: Step sizes at least, for a statement about a range.
+FEWEST = 3
+
+RANGE = (
+    "at every step size from where all curves compared are 100 times their lowest point, so that they are truncation "
+    "and not rounding, to where the first passes 1 %; in part: over half a decade or more in one piece, the width that "
+    "orders are fitted to"
+)
+
+
+class Range(NamedTuple):
+    """Step sizes per stage, which of them a statement is about, and their unit."""
+
+    x: Floats
+    asked: Bools
+    unit: str
+
+    def words(self, chosen: Bools | None = None) -> str:
+        """The longest piece of those asked for at which ``chosen`` is true, all by default."""
+        low, high = self.longest(self.asked if chosen is None else chosen)
+        return f"τ/s = {short(low)} to {short(high)}{self.unit}"
+
+    def longest(self, chosen: Bools) -> tuple[float, float]:
+        """Lowest and highest step size of the longest piece, in decades, without a gap; (1, 0) if there is none."""
+        pieces = list(_pieces(self.x[self.asked], chosen[self.asked]))
+        return max(pieces, key=lambda piece: piece[1] / piece[0], default=(1.0, 0.0))
+
+
+def _pieces(x: Floats, chosen: Bools) -> Iterator[tuple[float, float]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(int)))
+    for start, stop in edges.reshape(-1, 2):
+        yield float(x[start]), float(x[stop - 1])
+
+
+class Curves:
+    """The runs of one system over step sizes.
+
+    Parameters
+    ----------
+    cube : xarray.Dataset
+        Its cube; of one with precisions the double runs, as it has all step sizes.
+    """
+
+    def __init__(self, cube: xr.Dataset) -> None:
+        self.cube = cube.sel(precision="double") if "precision" in cube.dims else cube
+        self.x: Floats = cube["tau_per_stage"].values
+        unit = cube["tau_per_stage"].attrs.get("units", "1")
+        self.unit = "" if unit == "1" else f" {unit}"
+        self.names = [str(name) for name in cube["integrator"].values]
+
+    def of(self, name: str, variable: str = "max_energy_error") -> Any:
+        """Return a variable of a method over the step sizes.
+
+        Raises
+        ------
+        Undecided
+            The cube has no such method.
+        """
+        if name not in self.names:
+            message = f"the results do not have the method {name}"
+            raise Undecided(message)
+        return self.cube[variable].values[self.names.index(name)]
+
+    def errors(self, names: Sequence[str], variable: str = "max_energy_error") -> Floats:
+        """Return a row of errors for each method; infinite where the run diverged."""
+        rows = np.array([self.of(name, variable) for name in names])
+        return np.where(np.isnan(rows), np.inf, rows)
+
+    def compared(self, *rows: Floats, kept: Floats | None = None) -> Range:
+        """Return the range over which all ``rows`` of errors, or tables of them, may be compared.
+
+        It ends where one of ``kept`` passes 1 %; those are all of them by default.
+
+        Raises
+        ------
+        Undecided
+            It has fewer than three step sizes.
+        """
+        every = np.concatenate([np.atleast_2d(one) for one in rows])
+        floors = np.maximum(every.min(axis=1, keepdims=True), np.finfo(float).eps / 2)
+        low = self.x[(every < PLATEAU * floors).any(axis=0)].max(initial=0.0)
+        high = self.x[(np.atleast_2d(every if kept is None else kept) > LOST).any(axis=0)].min(initial=np.inf)
+        asked = (self.x > low) & (self.x < high)
+        if asked.sum() < FEWEST:
+            message = "the results have fewer than three step sizes at which all curves are truncation"
+            raise Undecided(message)
+        return Range(self.x, asked, self.unit)
+
+
+def over(asked: Range, good: Bools, value: str = "") -> Decision:
+    """Say that a statement holds at every step size of a range, over a part of half a decade or more, or fails."""
+    count = int(asked.asked.sum())
+    tail = f"; {value}" if value else ""
+    if good[asked.asked].all():
+        return Decision("holds", f"{asked.words()}, all {count} step sizes{tail}")
+    low, high = asked.longest(good)
+    share = f"{int((good & asked.asked).sum())} of {count} step sizes of {asked.words()}"
+    if high >= PART * low:
+        return Decision("holds in part", f"{asked.words(good)}, in one piece; {share}{tail}")
+    return Decision("fails", f"{share}{tail}")
+
+
+class Slope(NamedTuple):
+    """Slope of log(error) against log(tau), half the width of its 95 % interval, and the step sizes per stage."""
+
+    value: float
+    interval: float
+    low: float
+    high: float
+
+
+#: How far a slope with its interval may be from an order.
+SLOPE_TOLERANCE = 0.1
+SLOPE = (
+    "the slope of log(maximum error) over the half decade above rounding, with its whole 95 % interval, within 0.1 of "
+    "the order: orders of symmetric methods are even, so that 1 would decide, and the next term of the error, smaller "
+    "by up to the 0.05 of (tau omega)^2 in these fits, bends a slope by about twice that"
+)
+
+
+def slope(curves: Curves, name: str) -> Slope:
+    """Fit the observed order of a method, over the points that :func:`nearharmonic.engine.statistics.truncation` takes.
+
+    Raises
+    ------
+    Undecided
+        Fewer than three of them.
+    """
+    tau, error = curves.of(name, "tau"), curves.of(name)
+    points = truncation(tau, error)
+    if points.size < FEWEST:
+        message = f"the runs of {name} have fewer than three step sizes between rounding and an error of 1e-4"
+        raise Undecided(message)
+    x = np.log(tau[points])
+    value, interval = line_fit(x - x.mean(), np.log(error[points]))
+    return Slope(value, interval, float(curves.x[points[0]]), float(curves.x[points[-1]]))
+
+
+def orders(curves: Curves, expected: dict[str, int]) -> Decision:
+    """Decide whether each method has its order as a slope."""
+    found = {name: slope(curves, name) for name in expected}
+    off = [name for name, one in found.items() if abs(one.value - expected[name]) + one.interval > SLOPE_TOLERANCE]
+    listed = ", ".join(f"{name} {one.value:.3f} ± {one.interval:.3f}" for name, one in found.items())
+    low, high = min(one.low for one in found.values()), max(one.high for one in found.values())
+    value = f"{listed}; fitted within τ/s = {short(low)} to {short(high)}{curves.unit}"
+    if off and len(off) < len(found):
+        return Decision("holds in part", f"not {', '.join(off)}: {value}")
+    return either(not off, value)

@@ -1,0 +1,77 @@
+"""Figure 3: the Hénon-Heiles system."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+
+from nearharmonic.claims.claim import Decision, claim, either
+from nearharmonic.claims.curves import FEWEST, LOST, SLOPE, Curves, Floats, Range, orders, over
+from nearharmonic.claims.results import Results, Undecided, short
+from nearharmonic.systems import henon_heiles
+
+CUBE = ("cubes/henon_heiles.h5",)
+DESCENDING = ("babps8o7h", "babps9o7h")
+ORDERS = {
+    "ruth": 4, "s5odr4": 4, "aba104": 4, "aba864": 4, "aba1064": 4, "yoshida_s7o6a": 6, "abas5o6h": 4, "babs7o7h": 4,
+    "babps8o7h": 4, "babps9o7h": 4,
+}  # fmt: skip
+
+
+@claim(
+    id="henon-heiles-energy",
+    paper="Section 4.B, below Eq. 18",
+    statement="H = 1/8 for q = (0.3, 0), p = (0, 0.4)",
+    threshold="exact, in rational arithmetic, from the initial values that are integrated",
+)
+def henon_heiles_energy(_: Results) -> Decision:
+    system = henon_heiles.SYSTEM
+    q, p = system.start(Fraction)
+    energy = system.energy(q, p, ())
+    return either(energy == Fraction(1, 8), f"H = {energy}")
+
+
+@claim(
+    id="fig-3-orders",
+    paper="Figure 3",
+    statement="Small steps show the general order: six for Yosh s7o6 A, four for the others",
+    threshold=SLOPE,
+    needs=CUBE,
+)
+def fig_3_orders(results: Results) -> Decision:
+    return orders(Curves(results.cube("henon_heiles")), ORDERS)
+
+
+@claim(
+    id="fig-3-sixth-order-descent",
+    paper="Section 4.B, text to Figure 3",
+    statement="Especially BAB's8o7H and BAB's9o7H exhibit a sixth order descent of error for large tau",
+    threshold="slopes of both, fitted to a quarter of a decade on either side of a step size, above 5, half way "
+    "between 4 and 6; at every step size of the decade that ends where the error passes 1 %; in part: over half a "
+    "decade or more in one piece",
+    needs=CUBE,
+)
+def fig_3_descent(results: Results) -> Decision:
+    curves = Curves(results.cube("henon_heiles"))
+    errors = curves.errors(DESCENDING)
+    end = curves.x[(errors > LOST).any(axis=0)].min(initial=np.inf)
+    local = np.array([_local_slopes(curves, name) for name in DESCENDING])
+    asked = Range(curves.x, np.isfinite(local).all(axis=0) & (curves.x > end / 10) & (curves.x < end), curves.unit)
+    if asked.asked.sum() < FEWEST:
+        message = "the results have fewer than three step sizes in the decade below an error of 1 %"
+        raise Undecided(message)
+    steep = np.all(local > 5, axis=0)
+    told = f"slopes of both at the others down to {short(float(local[:, asked.asked].min()))}"
+    return over(asked, steep, "" if steep[asked.asked].all() else told)
+
+
+def _local_slopes(curves: Curves, name: str) -> Floats:
+    """The slope around each step size, NaN where fewer than three errors around it are finite or one is not."""
+    tau, error = curves.of(name, "tau"), curves.errors([name])[0]
+    found = np.full(curves.x.size, np.nan)
+    for i, x in enumerate(curves.x):
+        near = np.abs(np.log10(curves.x / x)) <= 0.25
+        if near.sum() >= FEWEST and np.isfinite(error[near]).all():
+            found[i] = np.polyfit(np.log(tau[near]), np.log(error[near]), 1)[0]
+    return found

@@ -1,0 +1,186 @@
+"""Figures 1 and 2: the simple harmonic oscillator, its observed orders and its error terms."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from nearharmonic.claims.claim import Decision, claim, counted, either
+from nearharmonic.claims.curves import LOST, SLOPE, Curves, Range, orders, over, slope
+from nearharmonic.claims.results import Results, Undecided, short
+
+CUBE = ("cubes/sho.h5",)
+TERMS = ("cubes/sho_terms.h5",)
+SIXTH = ("abas5o6h", "babs7o7h", "babps8o7h", "babps9o7h")
+FOURTH = ("ruth", "s5odr4", "aba104", "aba864", "aba1064")
+#: An error term that vanishes for the true coefficients is below this for the printed ones, and any other above it.
+VANISHED = 1e-30
+ZERO = "a term vanishes below 1e-30: the printed 76 decimals leave up to 1e-70 of one, those of other methods 1e-37"
+
+
+@claim(
+    id="fig-1-sixth-order",
+    paper="Section 4.B, text to Figure 1",
+    statement="ABAs5o6H, BABs7o7H, BAB's8o7H and BAB's9o7H behave as sixth order integrators on the oscillator",
+    threshold=SLOPE,
+    needs=CUBE,
+)
+def fig_1_sixth_order(results: Results) -> Decision:
+    return orders(Curves(results.cube("sho")), dict.fromkeys(SIXTH, 6))
+
+
+@claim(
+    id="fig-1-fourth-order",
+    paper="Section 4.B, text to Figure 1",
+    statement="The slopes of the lines read the integrator order: four for Ruth, s5odr4, ABA104, ABA864 and ABA1064",
+    threshold=SLOPE,
+    needs=CUBE,
+)
+def fig_1_fourth_order(results: Results) -> Decision:
+    return orders(Curves(results.cube("sho")), dict.fromkeys(FOURTH, 4))
+
+
+@claim(
+    id="fig-1-yoshida",
+    paper="Section 4.B, text to Figure 1",
+    statement="The slopes of the lines read the integrator order: six for Yosh s7o6 A",
+    threshold=SLOPE,
+    needs=CUBE,
+)
+def fig_1_yoshida(results: Results) -> Decision:
+    return orders(Curves(results.cube("sho")), {"yoshida_s7o6a": 6})
+
+
+@claim(
+    id="kappa-0-and-1",
+    paper="Section 3, last paragraph",
+    statement="kappa_1 is always 0 if the coefficients of each row sum to 1",
+    threshold=f"for each method and composition of Figure 2 {ZERO}; their rows sum to 1",
+    needs=TERMS,
+)
+def kappa_1(results: Results) -> Decision:
+    terms = results.cube("sho_terms")["kappa"].sel(order=1).values
+    sums = [abs(sum(map(float, row)) - 1) for m in _methods(results) for row in (m.kick, m.drift)]
+    good = [*(terms < VANISHED).ravel(), *(off < 1e-14 for off in sums)]
+    return counted(good, f"largest term {short(float(terms.max()), 1)}, largest sum off by {short(max(sums), 1)}")
+
+
+def _methods(results: Results) -> list[Any]:
+    return [results.method(str(name)) for name in results.cube("sho_terms")["integrator"].values]
+
+
+def _terms(results: Results, name: str, first: str | None = None) -> Any:
+    """The terms of one composition as far as they reach, the method's own by default; kappa_1 at index 0."""
+    kappa = results.cube("sho_terms")["kappa"]
+    if name not in kappa["integrator"].values:
+        message = f"Figure 2 of these results does not have the method {name}"
+        raise Undecided(message)
+    row = kappa.sel(integrator=name, first=first or results.method(name).first).values
+    return row[np.isfinite(row)]
+
+
+@claim(
+    id="fig-2-even-orders-meet",
+    paper="Figure 2, caption",
+    statement="Terms of the ABA and the BAB composition intersect exactly at even orders",
+    threshold="equal to one unit in the last place of a double, or both vanished below 1e-30",
+    needs=TERMS,
+)
+def fig_2_even_orders(results: Results) -> Decision:
+    kappa = results.cube("sho_terms")["kappa"]
+    one, other = (kappa.sel(first=first, order=kappa["order"] % 2 == 0).values for first in ("drift", "kick"))
+    reached = np.isfinite(one) & np.isfinite(other)
+    vanished = (one < VANISHED) & (other < VANISHED)
+    same = (np.abs(one - other) <= np.spacing(np.maximum(np.abs(one), np.abs(other)))) | vanished
+    good = same[reached]
+    odd = kappa.sel(order=(kappa["order"] % 2 == 1) & (kappa["order"] > 3)).values
+    value = f"{int(good.sum())} of {good.size} even terms"
+    return counted(
+        list(good), f"{value}; odd ones differ, by up to {short(float(np.nanmax(np.abs(np.diff(odd, axis=1)))))}"
+    )
+
+
+@claim(
+    id="fig-2-more-terms-as-aba",
+    paper="Section 4.B, text to Figure 2",
+    statement="The obtained BAB methods have more error terms when implemented as ABA methods",
+    threshold=f"more terms that do not vanish, for each BAB method of Figure 2; {ZERO}",
+    needs=TERMS,
+)
+def fig_2_more_terms(results: Results) -> Decision:
+    names = [m.name for m in _methods(results) if m.first == "kick"]
+    counts = {name: [int((_terms(results, name, f) > VANISHED).sum()) for f in ("drift", "kick")] for name in names}
+    if not counts:
+        message = "Figure 2 of these results has no BAB method"
+        raise Undecided(message)
+    good = [aba > bab for aba, bab in counts.values()]
+    return counted(good, ", ".join(f"{name} {aba} against {bab}" for name, (aba, bab) in counts.items()))
+
+
+@claim(
+    id="fig-2-kappa-7",
+    paper="Section 4.B, text to Figure 2",
+    statement="kappa_7 vanishes for BAB's8o7H as BAB, as opposed to ABAs5o6H",
+    threshold=ZERO,
+    needs=TERMS,
+)
+def fig_2_kappa_7(results: Results) -> Decision:
+    bab, aba = _terms(results, "babps8o7h")[6], _terms(results, "abas5o6h")[6]
+    return counted([bab < VANISHED, aba > VANISHED], f"{short(bab, 1)} for BAB's8o7H, {short(aba)} for ABAs5o6H")
+
+
+@claim(
+    id="fig-2-reads-order",
+    paper="Section 4.B, text to Figure 2",
+    statement="The largest lambda with no integration error reads the integration order on the oscillator",
+    threshold=f"the last of the terms that vanish from the first on, against the slope of Figure 1, within 0.1; {ZERO}",
+    needs=(*TERMS, *CUBE),
+)
+def fig_2_reads_order(results: Results) -> Decision:
+    curves, told, good = Curves(results.cube("sho")), [], []
+    for name in (m.name for m in _methods(results) if m.name in curves.names):
+        last = int(np.argmax([*(_terms(results, name) >= VANISHED), True]))
+        found = slope(curves, name).value
+        good.append(abs(found - last) <= 0.1)
+        told.append(f"{name} {last} against {found:.2f}")
+    if not good:
+        message = "Figures 1 and 2 of these results have no method in common"
+        raise Undecided(message)
+    return counted(good, f"{sum(good)} of {len(good)}: {', '.join(told)}")
+
+
+@claim(
+    id="fig-2-yoshida-diverges",
+    paper="Section 4.B, text to Figure 2",
+    statement="Stage-optimized integrators of higher order, Yosh s7o6 A, have rapidly diverging higher order terms",
+    threshold="its largest term at least ten times that of each new method; a term that a step lacks counts 1",
+    needs=TERMS,
+)
+def fig_2_yoshida_diverges(results: Results) -> Decision:
+    largest = {name: float(_terms(results, name).max()) for name in ("yoshida_s7o6a", *SIXTH)}
+    theirs = largest.pop("yoshida_s7o6a")
+    value = (
+        f"{short(theirs)} against at most {short(max(largest.values()))}, of {max(largest, key=largest.__getitem__)}"
+    )
+    return either(theirs >= 10 * max(largest.values()), value)
+
+
+@claim(
+    id="fig-2-large-steps",
+    paper="Section 4.B, text to Figure 2",
+    statement="Stage-optimized integrators of higher order are not suitable for the oscillator with large time steps",
+    threshold="the maximum error of Yosh s7o6 A above that of each fourth order method with five stages or more at "
+    "every step size per stage from 0.1, a sixtieth of a period, to where the first of these passes 1 %",
+    needs=CUBE,
+)
+def fig_2_large_steps(results: Results) -> Decision:
+    curves = Curves(results.cube("sho"))
+    others = [*FOURTH[1:], *SIXTH]
+    theirs, rest = curves.errors(["yoshida_s7o6a"])[0], curves.errors(others)
+    end = curves.x[(rest > LOST).any(axis=0)].min(initial=np.inf)
+    asked = Range(curves.x, (curves.x >= 0.1) & (curves.x < end), curves.unit)
+    if not asked.asked.any():
+        message = "the results have no step size from 0.1 at which the others are below 1 %"
+        raise Undecided(message)
+    return over(asked, theirs > rest.max(axis=0))

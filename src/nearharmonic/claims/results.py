@@ -1,0 +1,137 @@
+"""What statements are decided on: the files of one folder of results, each read once, and the methods themselves."""
+
+from __future__ import annotations
+
+import csv
+import os
+import tomllib
+from collections.abc import Mapping, Sequence
+from functools import cache, cached_property
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from nearharmonic.errors import ResultFileError
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.output.store import command_for, read
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+class Undecided(Exception):
+    """The results lack what a statement is about; the message says what."""
+
+
+class Results:
+    """A folder of results.
+
+    Parameters
+    ----------
+    folder : path
+        The folder ``results/<name>``.
+    methods : mapping of str to Tableau, optional
+        The methods that statements are about, by name; the registered ones by default.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str], methods: Mapping[str, Tableau] | None = None) -> None:
+        self.folder = Path(folder)
+        self.methods: Mapping[str, Tableau] = integrators if methods is None else methods
+        self._cubes: dict[str, xr.Dataset] = {}
+        self._rows: dict[str, list[dict[str, str]]] = {}
+
+    def has(self, name: str) -> bool:
+        """Whether the file ``name``, relative to the folder, is there."""
+        return (self.folder / name).is_file()
+
+    def cube(self, stem: str) -> xr.Dataset:
+        """Return the cube of this name.
+
+        Raises
+        ------
+        ResultFileError
+            It is missing or damaged.
+        """
+        if stem not in self._cubes:
+            self._cubes[stem] = read(self.folder / f"cubes/{stem}.h5")
+        return self._cubes[stem]
+
+    def rows(self, stem: str) -> list[dict[str, str]]:
+        """Return the rows of the table of this name, each cell a text by the name of its column.
+
+        Raises
+        ------
+        ResultFileError
+            It is missing, has no row, or one with more or fewer cells than the header.
+        """
+        if stem not in self._rows:
+            path = self.folder / f"tables/{stem}.csv"
+            try:
+                with path.open(encoding="utf-8", newline="") as file:
+                    header, first, *rest = csv.reader(file)
+                self._rows[stem] = [dict(zip(header, row, strict=True)) for row in (first, *rest)]
+            except (OSError, ValueError) as error:  # a header that is not there and bytes that are no text as well
+                raise unusable(path) from error
+        return self._rows[stem]
+
+    @cached_property
+    def derived(self) -> dict[str, Any]:
+        """The document ``derived/coefficients.toml``.
+
+        Raises
+        ------
+        ResultFileError
+            It is missing, or no TOML.
+        """
+        path = self.folder / "derived/coefficients.toml"
+        try:
+            with path.open("rb") as file:
+                return tomllib.load(file)
+        except (OSError, ValueError) as error:
+            raise unusable(path) from error
+
+    def method(self, name: str) -> Tableau:
+        """Return a method by its name.
+
+        Raises
+        ------
+        Undecided
+            It is not among the methods.
+        """
+        if name not in self.methods:
+            message = f"the method {name} is not among those that are looked at"
+            raise Undecided(message)
+        return self.methods[name]
+
+    @cache  # noqa: B019 - there is one object for each job
+    def panels(self) -> dict[str, xr.Dataset]:
+        """Return the panels of Figure 6, by letter."""
+        from nearharmonic.experiments.paper.substeps import paper_panels
+
+        return paper_panels()
+
+
+def unusable(path: Path) -> ResultFileError:
+    """The error for a result file that is missing or no text of its kind."""
+    return ResultFileError(f"{path} is missing or damaged. Make it again: {command_for(path)}")
+
+
+def only(rows: Sequence[Mapping[str, str]], key: str, value: str) -> Mapping[str, str]:
+    """Return the row with ``value`` under ``key``.
+
+    Raises
+    ------
+    Undecided
+        There is none.
+    """
+    found = [row for row in rows if row[key] == value]
+    if not found:
+        message = f"the table has no {key} {value}"
+        raise Undecided(message)
+    return found[0]
+
+
+def short(number: float, digits: int = 3) -> str:
+    """A number for a reader: ``digits`` significant ones, in words if it is not finite."""
+    return f"{number:.{digits}g}" if isfinite(number) else "beyond all bounds"

@@ -1,0 +1,19 @@
+"""The statements of the paper that numbers decide; cubes of other targets count as far as they are there."""
+
+from nearharmonic.integrators import integrators
+
+
+rule claims:
+    input:
+        # By position: the job looks for them, and for those of other targets, in the folder.
+        [CUBE(stem) for stem in (*SWEEPS, "sho_terms")],
+        list(PAPER_TABLES.values()),
+    output:
+        table=multiext(f"{RESULTS}/tables/claims", ".csv", ".md"),
+        document=f"{RESULTS}/tables/claims.json",
+    log:
+        LOG("tables/claims"),
+    params:
+        task=task("claims.table:decided", folder=RESULTS, integrators=list(integrators)),
+    script:
+        "../scripts/task.py"
