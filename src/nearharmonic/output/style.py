@@ -1,19 +1,12 @@
-"""House style of the figures: one colour and marker per method, axes that print, files with the same bytes every time.
-
-A method is told apart twice: by colour, and by marker with its filling for grey print and colour-blind readers. Filled
-markers are the methods of Nielsen (2015), hollow ones those it compares with. Line dashes are left free for each
-figure's own distinction (extended precision, composition).
-"""
+"""House style of the figures: one look per method, axes that print, files with the same bytes every time."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 from typing import Any
-from zlib import crc32
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
@@ -24,6 +17,12 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from nearharmonic.output.atomic import replacing
+from nearharmonic.output.palette import Style, style_of
+
+__all__ = [
+    "SETTINGS", "Style", "house_style", "log_scale", "log_ticks", "mark_every", "method_handles", "new_figure",
+    "panel_letter", "save", "style_of",
+]  # fmt: skip
 
 #: matplotlib settings of every figure: the fonts that matplotlib ships, so that all machines draw alike.
 SETTINGS: Any = {
@@ -49,77 +48,6 @@ SETTINGS: Any = {
 
 #: What a file says about its making must not hold the clock.
 _METADATA: dict[str, dict[str, Any]] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {}}
-
-
-@dataclass(frozen=True)
-class Style:
-    """How one method is drawn in all figures."""
-
-    colour: str
-    marker: str
-    filled: bool = False
-
-    def line(self, **changes: Any) -> dict[str, Any]:
-        """Keywords of ``Axes.plot`` for a curve of this method, some of them changed."""
-        face = self.colour if self.filled else "white"
-        return {"color": self.colour, "marker": self.marker, "markerfacecolor": face} | changes
-
-    def points(self, **changes: Any) -> dict[str, Any]:
-        """Keywords of ``Axes.plot`` for markers without a line."""
-        return self.line(linestyle="none") | changes
-
-
-# Chosen by search: at least 3:1 contrast with white, and 13 CIELAB units between any two colours as a reader with
-# deuteranopia, protanopia or tritanopia sees them (Machado et al. 2009, doi:10.1109/TVCG.2009.113).
-_STYLES = {
-    "ruth": Style("#6b6b6b", "o"),
-    "s5odr4": Style("#806515", "s"),
-    "aba104": Style("#00a070", "^"),
-    "aba864": Style("#4a90e2", "D"),
-    "aba1064": Style("#8e3fb5", "v"),
-    "yoshida_s7o6a": Style("#e0569b", "p"),
-    "abas5o6h": Style("#e86a10", "o", filled=True),
-    "babs7o7h": Style("#0b3c8c", "s", filled=True),
-    "babps8o7h": Style("#8b0000", "^", filled=True),
-    "babps9o7h": Style("#000000", "D", filled=True),
-    # The rest of Nielsen's Table 4, which the paper's figures leave out.
-    "abas5o6h_b": Style("#8a4b08", "P", filled=True),
-    "abas5o6h_c": Style("#c1440e", "X", filled=True),
-    "babs6o7h": Style("#2b5fa5", "P", filled=True),
-    "babs6o5h": Style("#14746f", "X", filled=True),
-    "babps6o5h": Style("#9d174d", "P", filled=True),
-    "babps7o6h": Style("#5b21b6", "X", filled=True),
-    # Methods that the paper left out: a colour for each source, a marker for each method.
-    "leapfrog": Style("#707070", "<"),
-    "blanes_moan_s6o4": Style("#3a3a9c", "<"),
-    "srkn_b6": Style("#3a3a9c", ">"),
-    "srkn_b11": Style("#3a3a9c", "h"),
-    "srkn_a14": Style("#3a3a9c", "*"),
-    "mclachlan_s4": Style("#1f7a7a", "<"),
-    "mclachlan_s5": Style("#1f7a7a", ">"),
-    "mclachlan_sb3a4": Style("#1f7a7a", "h"),
-    "mclachlan_sb3a5": Style("#1f7a7a", "*"),
-    "mclachlan_ss5": Style("#1f7a7a", "8"),
-    "pefrl": Style("#a0408f", "<"),
-    "vefrl": Style("#a0408f", ">"),
-    "efrl": Style("#a0408f", "h"),
-    "omelyan_p5": Style("#a0408f", "*"),
-    "omelyan_v5": Style("#a0408f", "8"),
-    "s9odr6a": Style("#2e6e2e", "<"),
-    "s15odr8": Style("#2e6e2e", ">"),
-}
-
-_SPARE_COLOURS = ("#2a8f80", "#8a8a2e", "#332288", "#aa4499", "#cc6677", "#117733", "#5d5d5d")
-_SPARE_MARKERS = ("<", ">", "*", "h", "d", "8")
-
-
-def style_of(integrator: str) -> Style:
-    """The style of a method by its id; one that the table does not hold gets its own from a hash of the id."""
-    if integrator in _STYLES:
-        return _STYLES[integrator]
-    rest, colour = divmod(crc32(integrator.encode()), len(_SPARE_COLOURS))
-    rest, marker = divmod(rest, len(_SPARE_MARKERS))
-    return Style(_SPARE_COLOURS[colour], _SPARE_MARKERS[marker], filled=rest % 2 == 1)
 
 
 #: Decorator: draw in the house style and leave the caller's matplotlib settings as they were.

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from nearharmonic.experiments.paper.figures.levels import LARGEST_ERROR
 from nearharmonic.output.declarations import figure
 from nearharmonic.output.style import (
     house_style,
@@ -26,9 +27,6 @@ PANELS = (
     ("A", "max_energy_error", "maximum over all steps", r"$\max\,|\Delta H/H_0|$"),
     ("B", "mean_energy_error", "mean over all steps", r"$\mathrm{mean}\,|\Delta H/H_0|$"),
 )
-
-#: An error of ten times the energy is no trajectory any more; the axis ends there.
-_LARGEST_ERROR = 10.0
 
 
 @figure(
@@ -92,8 +90,8 @@ def _scale(axes: Axes) -> None:
     """Make the axes, shared by both panels, logarithmic and wide enough for all that was drawn in either."""
     axes.margins(x=0.02, y=0.03)
     log_scale(axes, "xy")
-    if axes.get_ylim()[1] > _LARGEST_ERROR:
-        axes.set_ylim(top=_LARGEST_ERROR)
+    if axes.get_ylim()[1] > LARGEST_ERROR:
+        axes.set_ylim(top=LARGEST_ERROR)
 
 
 def _slope_guide(axes: Axes) -> None:

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 
+from nearharmonic.experiments.paper.figures.levels import SATISFIED_BELOW
 from nearharmonic.output.declarations import figure
 from nearharmonic.output.style import (
     Style,
@@ -22,9 +23,6 @@ from nearharmonic.output.style import (
 
 if TYPE_CHECKING:
     import xarray as xr
-
-#: An error term below this is an order condition met to the digits of the coefficients: the least exact ones carry 39.
-SATISFIED_BELOW = 1e-30
 
 
 @figure(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from math import pi
 from typing import TYPE_CHECKING, Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from nearharmonic.experiments.paper.figures.levels import MERCURY_RELATIVISTIC_ADVANCE, arcseconds_per_century
 from nearharmonic.output.declarations import figure
 from nearharmonic.output.style import (
     log_scale,
@@ -21,12 +21,6 @@ from nearharmonic.output.style import (
 
 if TYPE_CHECKING:
     import xarray as xr
-
-#: Arcseconds per century, from general relativity: Nobili & Will (1986), doi:10.1038/320039a0.
-MERCURY_RELATIVISTIC_ADVANCE = 42.98
-
-_ARCSECONDS_PER_RADIAN = 180 * 3600 / pi
-_HOURS_PER_CENTURY = 36525 * 24
 
 
 @figure(
@@ -57,8 +51,7 @@ def fig4_perihelion(cube: xr.Dataset) -> Figure:
     log_scale(axes, "xy")
     axes.set_xlabel("force evaluations per orbit")
     axes.set_ylabel("|perihelion advance|  (rad per orbit)")
-    orbits_per_century = _HOURS_PER_CENTURY / float(cube.attrs["orbital_period"])
-    _add_century_axis(axes, _ARCSECONDS_PER_RADIAN * orbits_per_century)
+    _add_century_axis(axes, arcseconds_per_century(float(cube.attrs["orbital_period"])))
     handles = method_handles(names, map(str, cube["label"].values))
     handles.append(Line2D([], [], color="#404040", linestyle="none", marker="x", markersize=4, label="includes zero"))
     drawn.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.995), ncols=4, columnspacing=1.8)
@@ -83,20 +76,20 @@ def _draw_method(axes: Axes, runs: xr.Dataset, name: str, position: int, methods
     axes.plot(evaluations, unknown.values, **style.points(marker="x", markersize=4, alpha=0.5))
 
 
-def _add_century_axis(axes: Axes, arcseconds_per_century: float) -> None:
-    """A second axis, ``arcseconds_per_century`` per rad/orbit, and the relativistic advance as a line."""
+def _add_century_axis(axes: Axes, arcseconds: float) -> None:
+    """A second axis, ``arcseconds`` per century for 1 rad/orbit, and the relativistic advance as a line."""
 
     def to_century(y: Any) -> Any:
-        return y * arcseconds_per_century
+        return y * arcseconds
 
     def to_orbit(y: Any) -> Any:
-        return y / arcseconds_per_century
+        return y / arcseconds
 
     century = axes.secondary_yaxis("right", functions=(to_century, to_orbit))
     century.set_ylabel("|perihelion advance|  (arcseconds per century)")
     log_ticks(century.yaxis)
     axes.tick_params(axis="y", which="both", right=False)
-    level = MERCURY_RELATIVISTIC_ADVANCE / arcseconds_per_century
+    level = MERCURY_RELATIVISTIC_ADVANCE / arcseconds
     axes.axhline(level, color="#404040", linestyle=(0, (6, 3)), linewidth=0.9, zorder=1.5)
     axes.annotate(
         f"general relativity: {MERCURY_RELATIVISTIC_ADVANCE}″ per century",
