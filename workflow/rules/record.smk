@@ -2,7 +2,9 @@
 
 import os
 import sys
+from types import SimpleNamespace
 
+from nearharmonic.output.job import run
 from nearharmonic.record.adopt import ADOPTING, check_jobs
 from nearharmonic.record.workflow_run import WorkflowRun
 
@@ -27,4 +29,16 @@ def record_end(exit_status):
 
 
 def refresh():
-    """Make claims and page again if this run made results that they do not know yet."""
+    """Make claims and page again if this run made results after them: those of other targets than theirs."""
+    from nearharmonic.claims.table import FILES
+
+    if THIS_RUN.outdates("tables/claims.json", shown=FILES):
+        again(rules.claims, LOG("tables/claims"))
+    if THIS_RUN.outdates("report.html"):
+        again(rules.report, LOG("report"))
+
+
+def again(rule, log):
+    """Carry out the job of a rule in this process."""
+    inputs = SimpleNamespace(items=list)  # these rules look for their inputs in the folder
+    run(SimpleNamespace(input=inputs, output=rule.output, params=rule.params, log=[log], threads=1))

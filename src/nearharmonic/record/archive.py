@@ -64,7 +64,7 @@ def faults(folder: Path) -> list[str]:
     """
     from nearharmonic.record import verify
 
-    return list(verify.faults(folder)) or ([] if history.runs_of(folder) else [_no_history(folder)])
+    return [str(fault) for fault in verify.faults(folder)] or ([] if history.runs_of(folder) else [_no_history(folder)])
 
 
 def _no_history(folder: Path) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import secrets
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -120,13 +120,27 @@ class WorkflowRun:
         """Whether a job of this run made the file ``name``."""
         return any(name in receipt and receipt[name]["run"] == self.id for receipt in receipts_in(self._folder))
 
-    def is_newer_than(self, name: str) -> bool:
-        """Whether a job of this run ended after the file ``name`` was made; that file has to be there."""
-        shown = self._folder / name
-        if not shown.is_file():
+    def outdates(self, name: str, shown: Collection[str] | None = None) -> bool:
+        """Whether a job of this run made something after the file ``name`` was made, if that is there.
+
+        Parameters
+        ----------
+        name : str
+            A file that shows what other files hold.
+        shown : collection of str, optional
+            Those other files; all but ``name`` by default.
+        """
+        place = self._folder / name
+        if not place.is_file():
             return False
-        made = shown.stat().st_mtime_ns
-        return any(e["run"] == self.id and e["modified"] > made for r in receipts_in(self._folder) for e in r.values())
+        made = place.stat().st_mtime_ns
+        newer = (
+            other
+            for receipt in receipts_in(self._folder)
+            for other, entry in receipt.items()
+            if entry["run"] == self.id and entry["modified"] > made
+        )
+        return any(other != name and (shown is None or other in shown) for other in newer)
 
     def _evaluations(self) -> dict[str, int | None]:
         made = sum(e["evaluations"] for r in receipts_in(self._folder) for e in r.values() if e["run"] == self.id)
