@@ -74,6 +74,8 @@ def write_result(folder: Path, files: dict[str, tuple[bytes, str]] | None = None
     (folder / "logs" / "reduce.log").write_text("not archived")
     manifest = {"format": "nearharmonic manifest 1", "changed": []}
     manifest["files"] = {path: entry(*made) for path, made in sorted(files.items())}
+    text = json.dumps(manifest, sort_keys=True, ensure_ascii=False)
+    manifest["sha256"] = hashlib.sha256(text.encode()).hexdigest()
     (folder / "manifest.json").write_text(json.dumps(manifest, indent=1))
     (folder / "history.jsonl").write_text("".join(json.dumps(line) + "\n" for line in HISTORY))
     return folder

@@ -146,6 +146,7 @@ def write_manifest(folder, run=None, volatile=(("tables/methods.csv", ["seconds"
             "volatile": dict(volatile).get(name, []),
         }
     told = {"format": "nearharmonic manifest 1", "files": files, "changed": []}
+    told["sha256"] = sha256(json.dumps(told, sort_keys=True, ensure_ascii=False).encode()).hexdigest()
     (folder / "manifest.json").write_text(json.dumps(told))
     return folder
 

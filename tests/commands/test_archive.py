@@ -9,7 +9,7 @@ import pytest
 import finished_results
 from nearharmonic.cli import main
 from nearharmonic.record import verify
-from nearharmonic.record.crate_check import faults_of_archive
+from nearharmonic.record.archive.check import faults_of_archive
 
 
 @pytest.fixture(autouse=True)

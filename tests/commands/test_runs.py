@@ -142,7 +142,7 @@ def test_a_bad_question_is_refused(project, arguments, says, capsys):
 def test_a_damaged_cube_is_named_with_the_command_that_makes_it_again(project, capsys):
     (project / "cubes/sho.h5").write_bytes(b"no HDF5")
     assert main(["runs", "paper"]) == 2
-    assert "cubes/sho.h5 is truncated or no HDF5 file. Make it again: snakemake" in capsys.readouterr().err
+    assert "cubes/sho.h5 is truncated or no result file. Make it again: snakemake" in capsys.readouterr().err
 
 
 def test_a_million_runs_are_filtered_and_sorted_in_three_seconds(project, capsys):

@@ -10,7 +10,6 @@ import pytest
 from nearharmonic.output.provenance import task
 from nearharmonic.output.receipts import Receipt
 from nearharmonic.record import manifest, verify
-from nearharmonic.record.fingerprint import digest_of
 from nearharmonic.record.verify import faults
 
 TASK = task("experiments.paper.run:integrate", system="sho", integrator="ruth")
@@ -92,7 +91,7 @@ def edit(results, **changes):
     document = manifest.read(results)
     for entry in document["files"].values():
         entry.update(changes)
-    place.write_text(json.dumps({**document, "sha256": digest_of(document)}))
+    place.write_text(manifest.sealed(document))
     verify._difference.cache_clear()
 
 

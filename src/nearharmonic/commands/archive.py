@@ -18,13 +18,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def answer(chosen: argparse.Namespace) -> Answer:
     """Return where the archive is and how large it is; its status is 1 if the result cannot be archived, with why."""
-    from nearharmonic.record import archive
+    from nearharmonic.record.archive import pack
     from nearharmonic.record.folders import folder_of
 
     folder = folder_of(chosen.result)
-    place = archive.target(folder, chosen.output)
-    reasons = archive.faults(folder)
+    place = pack.target(folder, chosen.output)
+    reasons = pack.faults(folder)
     if reasons:
         return Answer(header=["fault"], rows=[[reason] for reason in reasons], status=1)
-    saved = archive.save(folder, place, with_runs=chosen.with_runs)
+    saved = pack.save(folder, place, with_runs=chosen.with_runs)
     return Answer(header=["archive", "bytes"], rows=[[str(saved), saved.stat().st_size]])

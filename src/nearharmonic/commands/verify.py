@@ -54,7 +54,7 @@ def _run_again(folder: Path, number: int, seed: int) -> tuple[list[dict[str, Any
 
 
 def _of_archive(path: Path) -> Answer:
-    from nearharmonic.record.crate_check import faults_of_archive
+    from nearharmonic.record.archive.check import faults_of_archive
 
     found = [{"file": "", "says": says, "mend": ""} for says in faults_of_archive(path)]
     return _answer(str(path), found, [] if found else ["each file in the archive is as it was written"])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -71,8 +71,13 @@ def write(folder: Path) -> list[str]:
     for entry in entries.values():
         entry.pop("modified", None)  # a clock, of use on this machine alone
     document = {"format": FORMAT, "files": entries, "changed": changed}
-    write_text(folder / MANIFEST, json.dumps({**document, "sha256": digest_of(document)}, indent=1) + "\n")
+    write_text(folder / MANIFEST, sealed(document))
     return changed
+
+
+def sealed(document: Mapping[str, Any]) -> str:
+    """Return the text of a manifest: ``document`` and, at its end, the SHA-256 of it."""
+    return json.dumps({**document, "sha256": digest_of(document)}, indent=1) + "\n"
 
 
 def names_in(folder: Path) -> Iterator[str]:

@@ -14,9 +14,9 @@ from urllib.parse import unquote
 from zipfile import ZIP_STORED, BadZipFile, ZipFile
 
 from nearharmonic.errors import ResultFileError
-from nearharmonic.record import seal
-from nearharmonic.record.archive import RUNS
-from nearharmonic.record.crate import METADATA
+from nearharmonic.record.archive import seal
+from nearharmonic.record.archive.metadata import METADATA
+from nearharmonic.record.archive.pack import RUNS
 
 _CHUNK = 1 << 20
 #: What the reading of a damaged zip file or of damaged JSON raises.

@@ -18,10 +18,11 @@ from zipfile import ZIP_STORED, ZipFile, ZipInfo
 
 from nearharmonic.errors import ResultFileError, SettingError, bad_setting
 from nearharmonic.output.atomic import replacing
-from nearharmonic.record import history, manifest, seal
-from nearharmonic.record.crate import METADATA, Member, Run, format_of, metadata
-from nearharmonic.record.readme import readme
-from nearharmonic.record.software import DOCUMENTS, document
+from nearharmonic.record import history, manifest
+from nearharmonic.record.archive import seal
+from nearharmonic.record.archive.metadata import METADATA, Member, Run, format_of, metadata
+from nearharmonic.record.archive.readme import readme
+from nearharmonic.record.archive.software import DOCUMENTS, document
 
 #: Folder of a result whose files an archive holds only on request: the trajectories.
 RUNS = "runs"

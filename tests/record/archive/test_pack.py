@@ -16,7 +16,8 @@ import pytest
 import finished_results
 from finished_results import FILES, HISTORY, KILLED, NEWER, OLDER
 from nearharmonic.errors import ResultFileError, SettingError
-from nearharmonic.record import archive, software, verify
+from nearharmonic.record import verify
+from nearharmonic.record.archive import pack, software
 
 ROOT = Path(__file__).parents[2]
 ADDED = {
@@ -52,7 +53,7 @@ def references(value):
 
 
 def test_an_archive_holds_the_result_but_its_trajectories_and_its_logs(result, tmp_path):
-    held = contents(archive.save(result, tmp_path / "little.zip"))
+    held = contents(pack.save(result, tmp_path / "little.zip"))
     (older,) = {name for name in held if name.startswith("config-")}
     assert set(held) == (FILES.keys() - TRAJECTORIES) | ADDED | {older}
     assert {path: held[path] for path in FILES.keys() - TRAJECTORIES} == {
@@ -67,19 +68,19 @@ def test_an_archive_holds_the_result_but_its_trajectories_and_its_logs(result, t
 
 
 def test_trajectories_are_added_on_request(result, tmp_path):
-    held = contents(archive.save(result, tmp_path / "little.zip", with_runs=True))
+    held = contents(pack.save(result, tmp_path / "little.zip", with_runs=True))
     assert set(held) > TRAJECTORIES
     assert b"not in this archive" not in held["README.md"]
 
 
 def test_readme_and_description_tell_that_trajectories_are_left_out(result, tmp_path):
-    place = archive.save(result, tmp_path / "little.zip")
+    place = pack.save(result, tmp_path / "little.zip")
     assert b"Trajectories, below `runs/` in `manifest.json`, are not in this archive" in contents(place)["README.md"]
     assert "Trajectories are left out" in graph(place)["./"]["description"]
 
 
 def test_every_file_is_described_with_its_size_and_digest(result, tmp_path):
-    place = archive.save(result, tmp_path / "little.zip", with_runs=True)
+    place = pack.save(result, tmp_path / "little.zip", with_runs=True)
     described = graph(place)
     for name, content in contents(place).items():
         if name != "ro-crate-metadata.json":
@@ -91,7 +92,7 @@ def test_every_file_is_described_with_its_size_and_digest(result, tmp_path):
 
 
 def test_an_action_tells_what_its_run_took_and_made(result, tmp_path):
-    described = graph(archive.save(result, tmp_path / "little.zip"))
+    described = graph(pack.save(result, tmp_path / "little.zip"))
     older, newer = described[f"#run-{OLDER}"], described[f"#run-{NEWER}"]
     assert older["result"] == {"@id": "cubes/sho.h5"}
     assert "cubes/kepler.h5" in references(newer["result"])
@@ -105,7 +106,7 @@ def test_an_action_tells_what_its_run_took_and_made(result, tmp_path):
 
 
 def test_the_software_of_a_run_has_its_version_its_commit_and_its_libraries(result, tmp_path):
-    described = graph(archive.save(result, tmp_path / "little.zip"))
+    described = graph(pack.save(result, tmp_path / "little.zip"))
     tools = {name: described[described[f"#run-{name}"]["instrument"]["@id"]] for name in (OLDER, KILLED, NEWER)}
     assert tools[NEWER]["version"] == f"0.1.0+{finished_results.COMMIT}"
     assert tools[OLDER]["version"] == f"0.1.0+{finished_results.COMMIT}.dirty"
@@ -117,7 +118,7 @@ def test_the_software_of_a_run_has_its_version_its_commit_and_its_libraries(resu
 
 
 def test_a_killed_run_has_failed_and_has_no_end(result, tmp_path):
-    action = graph(archive.save(result, tmp_path / "little.zip"))[f"#run-{KILLED}"]
+    action = graph(pack.save(result, tmp_path / "little.zip"))[f"#run-{KILLED}"]
     assert action["actionStatus"]["@id"].endswith("/FailedActionStatus")
     assert action["error"] == "killed before its end"
     assert not {"endTime", "result"} & action.keys()
@@ -127,20 +128,20 @@ def test_a_run_that_failed_tells_its_exit_status(result, tmp_path):
     failed = HISTORY[-1] | {"id": "20261122T090000Z-00000003", "status": "failed", "exit_status": 1}
     with (result / "history.jsonl").open("a") as lines:
         lines.write(json.dumps(failed) + "\n")
-    action = graph(archive.save(result, tmp_path / "little.zip"))["#run-20261122T090000Z-00000003"]
+    action = graph(pack.save(result, tmp_path / "little.zip"))["#run-20261122T090000Z-00000003"]
     assert action["actionStatus"]["@id"].endswith("/FailedActionStatus")
     assert action["error"] == "exit status 1"
 
 
 SAVE = (
     "import sys\n"
-    "from nearharmonic.record import archive\n"
-    "archive.save(sys.argv[1], sys.argv[2], with_runs=True)\n"
+    "from nearharmonic.record.archive import pack\n"
+    "pack.save(sys.argv[1], sys.argv[2], with_runs=True)\n"
 )  # fmt: skip
 
 
 def test_the_same_result_gives_the_same_bytes_anywhere_and_at_any_time(result, tmp_path):
-    first = archive.save(result, tmp_path / "first.zip", with_runs=True)
+    first = pack.save(result, tmp_path / "first.zip", with_runs=True)
     copy = shutil.copytree(result, tmp_path / "elsewhere" / "little")
     for path in copy.rglob("*"):
         os.utime(path, (1, 1))
@@ -151,7 +152,7 @@ def test_the_same_result_gives_the_same_bytes_anywhere_and_at_any_time(result, t
 
 
 def test_members_are_sorted_carry_one_date_and_are_stored(result, tmp_path):
-    with ZipFile(archive.save(result, tmp_path / "little.zip")) as zipped:
+    with ZipFile(pack.save(result, tmp_path / "little.zip")) as zipped:
         members = zipped.infolist()
     assert [member.filename for member in members] == sorted(member.filename for member in members)
     assert {member.date_time for member in members} == {(1980, 1, 1, 0, 0, 0)}
@@ -166,24 +167,24 @@ def test_a_file_that_changes_while_it_is_archived_leaves_the_old_archive_and_not
     damaged = result / "cubes" / "kepler.h5"
     damaged.unlink() if content is None else damaged.write_bytes(content)
     with pytest.raises(ResultFileError, match=r"kepler\.h5"):
-        archive.save(result, place)
+        pack.save(result, place)
     assert place.read_bytes() == b"old"
     assert [path.name for path in place.parent.iterdir()] == ["little.zip"]
 
 
 def test_a_result_that_differs_from_its_manifest_is_refused(result, monkeypatch):
     monkeypatch.setattr(verify, "faults", lambda folder: [f"{folder.name}: cubes/kepler.h5 differs"])
-    assert archive.faults(result) == ["little: cubes/kepler.h5 differs"]
+    assert pack.faults(result) == ["little: cubes/kepler.h5 differs"]
 
 
 def test_a_result_without_a_history_is_refused(result, tmp_path, monkeypatch):
     monkeypatch.setattr(verify, "faults", lambda _: [])
-    assert archive.faults(result) == []
+    assert pack.faults(result) == []
     (result / "history.jsonl").write_text("")
-    (reason,) = archive.faults(result)
+    (reason,) = pack.faults(result)
     assert "history.jsonl holds no run" in reason
     with pytest.raises(ResultFileError, match="holds no run"):
-        archive.save(result, tmp_path / "little.zip")
+        pack.save(result, tmp_path / "little.zip")
 
 
 @pytest.mark.parametrize("place", ["little.tar", "little", "results/little/little.zip", "folder.zip"])
@@ -191,18 +192,18 @@ def test_an_archive_is_a_zip_file_outside_of_its_result(result, tmp_path, monkey
     monkeypatch.chdir(tmp_path)
     (tmp_path / "folder.zip").mkdir()
     with pytest.raises(SettingError, match=r"-o = .* is not allowed: a file"):
-        archive.save(result, place)
+        pack.save(result, place)
 
 
 def test_a_place_that_cannot_be_written_is_bad_input(result, tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(SettingError, match="cannot be written"):
-        archive.save(result, tmp_path / "file" / "little.zip")
+        pack.save(result, tmp_path / "file" / "little.zip")
 
 
 def test_an_archive_has_the_name_of_its_result_unless_told(result, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert archive.save("results/little").resolve() == tmp_path / "little.zip"
+    assert pack.save("results/little").resolve() == tmp_path / "little.zip"
 
 
 @pytest.mark.parametrize("name", software.DOCUMENTS)

@@ -11,8 +11,8 @@ import pytest
 
 import finished_results
 from nearharmonic.errors import ResultFileError
-from nearharmonic.record import archive, seal
-from nearharmonic.record.crate_check import faults_of_archive
+from nearharmonic.record.archive import pack, seal
+from nearharmonic.record.archive.check import faults_of_archive
 
 #: Enough to hit a stretch of 1/200 of the file that nothing protects with probability 1 - (199/200)**4000 = 1 - 2e-9.
 FLIPS = 4000
@@ -22,7 +22,7 @@ FLIPS = 4000
 def whole(tmp_path_factory):
     """The bytes of a small archive."""
     folder = tmp_path_factory.mktemp("archive")
-    place = archive.save(finished_results.write_result(folder / "little"), folder / "little.zip", with_runs=True)
+    place = pack.save(finished_results.write_result(folder / "little"), folder / "little.zip", with_runs=True)
     assert faults_of_archive(place) == []
     return place.read_bytes()
 

@@ -18,7 +18,7 @@ import pytest
 from rocrate.rocrate import ROCrate
 
 import finished_results
-from nearharmonic.record import archive
+from nearharmonic.record.archive import pack
 
 #: Properties and types of the archive that the JSON-LD context of RO-Crate 1.1 defines.
 CONTEXT_1_1 = {
@@ -36,7 +36,7 @@ STATUSES = {
 def crate(tmp_path_factory):
     """The archive as ``rocrate`` reads it (``library``), its ``document``, its ``graph`` and its ``names``."""
     folder = tmp_path_factory.mktemp("crate")
-    place = archive.save(finished_results.write_result(folder / "little"), folder / "little.zip", with_runs=True)
+    place = pack.save(finished_results.write_result(folder / "little"), folder / "little.zip", with_runs=True)
     with ZipFile(place) as zipped:
         document = json.loads(zipped.read("ro-crate-metadata.json"))
         names = zipped.namelist()

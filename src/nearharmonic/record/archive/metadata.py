@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from nearharmonic.record.software import HOMES, citation, homepage
+from nearharmonic.record.archive.software import HOMES, citation, homepage
 
 #: Name of the metadata in the archive.
 METADATA = "ro-crate-metadata.json"

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import PurePosixPath
 
-from nearharmonic.record.crate import Member, Run
+from nearharmonic.record.archive.metadata import Member, Run
 
 #: What stands where in an archive; folders and files that it does not hold are not named.
 PLACES = {
