@@ -19,7 +19,7 @@ from nearharmonic.errors import ResultFileError, SettingError
 from nearharmonic.record import verify
 from nearharmonic.record.archive import pack, software
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 ADDED = {
     "CITATION.cff",
     "LICENSE",
