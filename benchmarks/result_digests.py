@@ -4,8 +4,8 @@
     python benchmarks/result_digests.py results/smoke --against before.json
 
 A digest covers the values of one dataset of an HDF5 file (type, shape and bytes, whatever its attributes), or the text
-of one table. Attributes hold provenance, which every change of the code changes. Files of timings are left out, and so
-are the columns of seconds of tables that hold other things as well.
+of one table. Attributes hold provenance, which every change of the code changes. Files and columns of measured times,
+as the manifest of the results names them, are left out. ``nearharmonic compare`` says by how much two results differ.
 """
 
 from __future__ import annotations
@@ -21,24 +21,22 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-#: Stems of files that hold measured times throughout.
-TIMED = ("work_precision",)
-#: Columns of measured times in tables that hold other things as well.
-TIMED_COLUMNS = ("seconds",)
+WHOLE = "*"
 
 
 def digests(folder: Path) -> dict[str, str]:
     """SHA-256 by name: ``file:dataset`` for each dataset below ``folder``, ``file`` for each table."""
+    files = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))["files"]
     found: dict[str, str] = {}
-    for path in sorted(folder.rglob("*")):
-        name = str(path.relative_to(folder))
-        if not path.is_file() or path.stem.startswith(TIMED):
+    for name, entry in sorted(files.items()):
+        path, volatile = folder / name, entry["volatile"]
+        if WHOLE in volatile:
             continue
         if path.suffix == ".h5":
-            found |= {f"{name}:{key}": digest for key, digest in _datasets(path)}
+            found |= {f"{name}:{key}": digest for key, digest in _datasets(path) if key not in volatile}
         elif path.suffix == ".csv":
-            found[name] = sha256(_untimed(path).encode()).hexdigest()
-        elif path.suffix in {".md", ".tex"} and not _is_timed(path.with_suffix(".csv")):
+            found[name] = sha256(_without(volatile, path).encode()).hexdigest()
+        elif path.suffix in {".md", ".tex"} and not volatile:
             found[name] = sha256(path.read_bytes()).hexdigest()
     return found
 
@@ -55,18 +53,11 @@ def _datasets(path: Path) -> Iterator[tuple[str, str]]:
             yield name, sha256(described + np.asarray(values).tobytes()).hexdigest()
 
 
-def _is_timed(table: Path) -> bool:
-    if not table.is_file():
-        return False
-    with table.open(encoding="utf-8", newline="") as file:
-        return any(column in TIMED_COLUMNS for column in next(csv.reader(file), []))
-
-
-def _untimed(table: Path) -> str:
-    """The text of a CSV table without its columns of measured times."""
+def _without(columns: list[str], table: Path) -> str:
+    """The text of a CSV table without some columns."""
     with table.open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(file)
-    kept = [i for i, column in enumerate(header) if column not in TIMED_COLUMNS]
+    kept = [i for i, column in enumerate(header) if column not in columns]
     return "\n".join(",".join(row[i] for i in kept) for row in [header, *rows])
 
 

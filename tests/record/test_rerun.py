@@ -1,0 +1,83 @@
+"""Runs integrated again have the bits of their files, and a bit that differs is named."""
+
+from __future__ import annotations
+
+import h5py
+import numpy as np
+import pytest
+
+from nearharmonic.engine.settings import Sweep
+from nearharmonic.errors import ResultFileError
+from nearharmonic.output import store
+from nearharmonic.output.job import write
+from nearharmonic.output.provenance import function_of, provenance, task
+from nearharmonic.output.receipts import Receipt
+from nearharmonic.record import manifest
+from nearharmonic.record.rerun import rerun
+
+SWEEP = Sweep(
+    system="sho", t_end="10", lowest=0.003, highest=1.5, points_per_decade=5, precision=("double", "extended"),
+    summation="compensated", samples=20, shards=2,
+)  # fmt: skip
+
+
+@pytest.fixture
+def results(tmp_path, monkeypatch):
+    """Two run files, as the workflow makes them."""
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "results/paper"
+    (folder / "logs").mkdir(parents=True)
+    for shard in (0, 1):
+        described = task("experiments.paper.run:integrate", sweep=SWEEP, integrator="babs7o7h", shard=shard)
+        place = f"results/paper/runs/sho/babs7o7h/{shard}.h5"
+        write(function_of(described)(**described["settings"])["run"], [place], provenance(described))
+        receipt = Receipt(f"results/paper/logs/{shard}.log")
+        receipt.add([place], described)
+        receipt.write()
+    manifest.write(folder)
+    return folder
+
+
+def sizes(folder):
+    """Runs in each precision of all files."""
+    found = []
+    for path in sorted(folder.rglob("*.h5")):
+        with h5py.File(path) as file:
+            found += [len(group["tau_per_stage"]) for group in (file, file.get("extended")) if group]
+    return found
+
+
+def test_every_run_has_the_same_bits_again(results):
+    """Alone as well as in lanes beside others, and short ones, which have fewer samples."""
+    again = rerun(results, 1000)
+    assert len(again) == sum(sizes(results)) > 6
+    assert {run.precision for run in again} == {"double", "extended"}
+    assert [run.differs for run in again] == [()] * len(again)
+
+
+def test_as_many_are_drawn_as_asked_for_and_the_seed_says_which(results):
+    assert len(rerun(results, 3)) == 3
+    assert rerun(results, 3, seed=1) == rerun(results, 3, seed=1)
+    assert len({tuple((r.file, r.precision, r.tau_per_stage) for r in rerun(results, 3, seed=s)) for s in range(6)}) > 1
+
+
+@pytest.mark.parametrize("name", ["q", "max_energy_error", "steps", "block_steps"])
+def test_a_number_that_differs_in_its_last_bit_is_named(results, name):
+    place = next(p for p in sorted((results / "runs").rglob("*.h5")) if store.groups_of(p))
+    kept = store.read(place)
+    values = kept[name].values
+    first = values.reshape(-1)[:1]
+    first[:] = first + 1 if values.dtype.kind == "i" else np.nextafter(first, np.inf)
+    groups = {"extended": {n: (v.dims, v.values, v.attrs) for n, v in store.read(place, "extended").variables.items()}}
+    root = {n: (v.dims, v.values, v.attrs) for n, v in kept.variables.items()}
+    store.write(place, root, {k: v for k, v in kept.attrs.items() if k not in {"format", "Conventions"}}, groups)
+    differing = [run for run in rerun(results, 1000) if run.differs]
+    assert [(run.file, run.precision, run.differs) for run in differing] == [
+        (place.relative_to(results).as_posix(), "double", (name,))
+    ]
+
+
+def test_a_damaged_run_file_is_named(results):
+    (results / "runs/sho/babs7o7h/0.h5").write_bytes(b"?")
+    with pytest.raises(ResultFileError, match=r"0\.h5 is truncated or no result file"):
+        rerun(results, 1)
