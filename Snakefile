@@ -33,7 +33,7 @@ rule all:
         f"{RESULTS}/manifest.json",
         rules.figures.input,
         rules.tables.input,
-        rules.claims.output,
+        rules.claims.input,
 
 
 rule everything:
