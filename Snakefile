@@ -31,7 +31,7 @@ rule all:
     input:
         rules.figures.input,
         rules.tables.input,
-        rules.claims.output,
+        rules.claims.input,
 
 
 rule everything:

@@ -55,8 +55,10 @@ TARGETS = FIGURES | {
     | figures(*(f"work_precision_{system}" for system in SYSTEMS))
     | {f"tables/work_precision_{system}.{suffix}" for system in SYSTEMS for suffix in ("csv", "md")},
 }  # fmt: skip
+TARGETS["claims"] = {f"tables/claims.{suffix}" for suffix in ("csv", "md", "json")}
 TARGETS["sixth_order"] = TARGETS["beyond"]
-TARGETS["all"] = TARGETS["figures"] | TARGETS["tables"]
+TARGETS["report"] = {"report.html"}
+TARGETS["all"] = TARGETS["figures"] | TARGETS["tables"] | TARGETS["claims"] | TARGETS["report"]
 TARGETS["everything"] = set().union(*TARGETS.values())
 
 #: What is made on the way to the targets.

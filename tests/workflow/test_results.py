@@ -91,14 +91,23 @@ def jobs_after_edit(finished, module, more, *arguments):
 @pytest.mark.parametrize(
     ("module", "reruns"),
     [
-        ("systems/kepler.py", {"compile": 1, "integrate": 4, "reduce": 1, "draw_kepler": 1, "skipped": 1}),
+        (
+            "systems/kepler.py",
+            {"compile": 1, "integrate": 4, "reduce": 1, "draw_kepler": 1, "skipped": 1, "decide_claims": 1},
+        ),
         (
             "experiments/paper/run.py",
-            {"integrate": 12, "reduce": 3, **{f"draw_{name}": 1 for name in SYSTEMS}, "skipped": 1},
+            {"integrate": 12, "reduce": 3, **{f"draw_{name}": 1 for name in SYSTEMS}, "skipped": 1, "decide_claims": 1},
         ),
         (
             "experiments/paper/reduce.py",
-            {"reduce": 3, "decompose": 1, **{f"draw_{name}": 1 for name in (*SYSTEMS, "sho_terms")}, "skipped": 1},
+            {
+                **{f"draw_{name}": 1 for name in (*SYSTEMS, "sho_terms")},
+                "reduce": 3,
+                "decompose": 1,
+                "skipped": 1,
+                "decide_claims": 1,
+            },
         ),
         ("experiments/paper/figures/fig3_henon_heiles.py", {"draw_henon_heiles": 1}),
         ("output/style.py", {f"draw_{name}": 1 for name in (*SYSTEMS, "sho_terms", "substeps")}),

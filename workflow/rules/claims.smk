@@ -3,7 +3,7 @@
 from nearharmonic.integrators import integrators
 
 
-rule claims:
+rule decide_claims:
     input:
         # By position: the job looks for them, and for those of other targets, in the folder.
         [CUBE(stem) for stem in (*SWEEPS, "sho_terms")],
@@ -17,3 +17,8 @@ rule claims:
         task=task("claims.table:decided", folder=RESULTS, integrators=list(integrators)),
     script:
         "../scripts/task.py"
+
+
+rule claims:
+    input:
+        rules.decide_claims.output,

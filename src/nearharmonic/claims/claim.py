@@ -70,10 +70,10 @@ class Claim:
             return self.decide(results)
         except Undecided as reason:
             return Decision("not decided here", str(reason))
-        except NearharmonicError:
-            raise
         except (ArithmeticError, LookupError, TypeError, ValueError) as error:
-            message = f"{' or '.join(self.needs) or self.id} lacks what {self.id!r} is decided on, or holds no numbers"
+            if isinstance(error, NearharmonicError) or not self.needs:
+                raise
+            message = f"{' or '.join(self.needs)} lacks what {self.id!r} is decided on, or holds no numbers"
             raise ResultFileError(f"{message}. Make it again: snakemake -j2 --force {self.target}") from error
 
 

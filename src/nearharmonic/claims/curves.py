@@ -27,7 +27,7 @@ Bools = NDArray[np.bool_]
 #: A run whose energy is off by more than 1 % is no integration that anyone would keep.
 LOST = 0.01
 #: A part of a range counts from half a decade on, the width that observed orders are fitted to.
-PART = sqrt(10)
+PART = sqrt(10) * (1 - 1e-9)  # step sizes that are half a decade apart are so but for rounding
 #: Step sizes at least, for a statement about a range.
 FEWEST = 3
 
@@ -107,7 +107,7 @@ class Curves:
             It has fewer than three step sizes.
         """
         every = np.concatenate([np.atleast_2d(one) for one in rows])
-        floors = np.maximum(every.min(axis=1, keepdims=True), np.finfo(float).eps / 2)
+        floors = np.maximum(every.min(axis=1, keepdims=True, initial=np.inf), np.finfo(float).eps / 2)
         low = self.x[(every < PLATEAU * floors).any(axis=0)].max(initial=0.0)
         high = self.x[(np.atleast_2d(every if kept is None else kept) > LOST).any(axis=0)].min(initial=np.inf)
         asked = (self.x > low) & (self.x < high)

@@ -46,7 +46,7 @@ def fig_3_orders(results: Results) -> Decision:
 @claim(
     id="fig-3-sixth-order-descent",
     paper="Section 4.B, text to Figure 3",
-    statement="Especially BAB's8o7H and BAB's9o7H exhibit a sixth order descent of error for large tau",
+    statement="Especially BAB's8o7H and BAB's9o7H exhibit a sixth order descent of error for large τ",
     threshold="slopes of both, fitted to a quarter of a decade on either side of a step size, above 5, half way "
     "between 4 and 6; at every step size of the decade that ends where the error passes 1 %; in part: over half a "
     "decade or more in one piece",

@@ -112,12 +112,12 @@ def s5odr4_source(results: Results) -> Decision:
 )
 def yoshida_a_smallest(results: Results) -> Decision:
     ours = error_norm(results.method("yoshida_s7o6a"), 7)
-    others = {letter: error_norm(_composed(letter), 7) for letter in YOSHIDA}
+    others = {letter: error_norm(composed(letter), 7) for letter in YOSHIDA}
     listed = ", ".join(f"{letter} {short(norm)}" for letter, norm in {"A": ours, **others}.items())
     return either(ours < min(others.values()), listed)
 
 
-def _composed(letter: str) -> Tableau:
+def composed(letter: str) -> Tableau:
     """The composition of seven leapfrog steps with the weights of one of Yoshida's solutions."""
     with mp.workdps(30):
         outer = [mpf(w) for w in YOSHIDA[letter]]

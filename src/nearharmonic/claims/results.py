@@ -132,6 +132,12 @@ def only(rows: Sequence[Mapping[str, str]], key: str, value: str) -> Mapping[str
     return found[0]
 
 
+_SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+
+
 def short(number: float, digits: int = 3) -> str:
     """A number for a reader: ``digits`` significant ones, in words if it is not finite."""
-    return f"{number:.{digits}g}" if isfinite(number) else "beyond all bounds"
+    if not isfinite(number):
+        return "beyond all bounds"
+    mantissa, _, exponent = f"{number:.{digits}g}".partition("e")
+    return f"{mantissa} × 10{str(int(exponent)).translate(_SUPERSCRIPTS)}" if exponent else mantissa

@@ -45,7 +45,7 @@ def floor_of_double(results: Results) -> Decision:
         raise Undecided(message)
     double, extended = (cube["max_energy_error"].sel(precision=one).values for one in ("double", "extended"))
     known = np.isfinite(double) & np.isfinite(extended)
-    off = np.abs(double - extended)[known]
+    off = np.abs(double[known] - extended[known])
     if off.size == 0:
         message = "no run of the oscillator in extended precision is known"
         raise Undecided(message)
