@@ -24,6 +24,7 @@ include: "workflow/rules/sixth_order.smk"
 include: "workflow/rules/work_precision.smk"
 include: "workflow/rules/stability.smk"
 include: "workflow/rules/figures.smk"
+include: "workflow/rules/report.smk"
 
 
 rule all:
@@ -32,6 +33,7 @@ rule all:
         f"{RESULTS}/manifest.json",
         rules.figures.input,
         rules.tables.input,
+        rules.report.output,
 
 
 rule everything:
