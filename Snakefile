@@ -23,6 +23,7 @@ include: "workflow/rules/sixth_order.smk"
 include: "workflow/rules/work_precision.smk"
 include: "workflow/rules/stability.smk"
 include: "workflow/rules/figures.smk"
+include: "workflow/rules/report.smk"
 include: "workflow/rules/record.smk"
 
 
@@ -32,6 +33,7 @@ rule all:
         rules.figures.input,
         rules.tables.input,
         rules.claims.input,
+        rules.report.input,
 
 
 rule everything:

@@ -10,7 +10,7 @@ import yaml
 from nearharmonic.config import load
 from nearharmonic.experiments.paper.plan import plan
 from nearharmonic.output.store import read_precisions
-from targets import METHODS, figures
+from targets import METHODS, RECORD, figures
 
 TINY = ("--configfile", "config/tiny.yaml")
 LINE = "force evaluations done"

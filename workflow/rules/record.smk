@@ -33,9 +33,9 @@ def refresh():
     from nearharmonic.claims.table import FILES
 
     if THIS_RUN.outdates("tables/claims.json", shown=FILES):
-        again(rules.claims, LOG("tables/claims"))
+        again(rules.decide_claims, LOG("tables/claims"))
     if THIS_RUN.outdates("report.html"):
-        again(rules.report, LOG("report"))
+        again(rules.page, LOG("report"))
 
 
 def again(rule, log):

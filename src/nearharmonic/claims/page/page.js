@@ -1,0 +1,66 @@
+"use strict";
+(() => {
+  const page = document.documentElement;
+  const read = (id) => JSON.parse(document.getElementById(id).textContent);
+  const roots = read("roots");
+  const shown = new Map(); // the plots, by the ids of their elements
+
+  // What a method draws carries its name among its tags.
+  const show = (method, visible) => {
+    for (const plot of shown.values())
+      for (const renderer of plot.renderers)
+        if (renderer.tags.includes(method)) renderer.visible = visible;
+  };
+  const press = (button, pressed) => {
+    button.setAttribute("aria-pressed", String(pressed));
+    show(button.dataset.method, pressed);
+  };
+
+  const zoom = (range, factor) => {
+    const logarithmic = range.tags.includes("log");
+    const [there, back] = logarithmic ? [Math.log, Math.exp] : [(x) => x, (x) => x];
+    const [low, high] = [there(range.start), there(range.end)];
+    const middle = (low + high) / 2;
+    const half = ((high - low) / 2) * factor;
+    range.setv({ start: back(middle - half), end: back(middle + half) });
+  };
+  const ranges = (figure) => {
+    const plots = [...figure.querySelectorAll(".plot")].map((element) => shown.get(element.id));
+    return new Set(plots.flatMap((plot) => [plot.x_range, plot.y_range]).filter((range) => range.type === "Range1d"));
+  };
+
+  const connect = () => {
+    const methods = [...document.querySelectorAll("button.method")];
+    for (const button of methods)
+      button.addEventListener("click", () => press(button, button.getAttribute("aria-pressed") !== "true"));
+    document.querySelector("button.all")?.addEventListener("click", () => methods.forEach((button) => press(button, true)));
+    for (const button of document.querySelectorAll("button[data-zoom]"))
+      button.addEventListener("click", () => {
+        for (const range of ranges(button.closest(".figure")))
+          if (button.dataset.zoom === "reset") range.reset();
+          else zoom(range, button.dataset.zoom === "in" ? 0.5 : 2);
+      });
+  };
+
+  // A link to a table opens it.
+  const unfold = () => {
+    const target = location.hash.length > 1 && document.getElementById(decodeURIComponent(location.hash.slice(1)));
+    if (target instanceof HTMLDetailsElement) target.open = true;
+  };
+  addEventListener("hashchange", unfold);
+  unfold();
+
+  page.classList.add("live-page");
+  const placed = Object.fromEntries(Object.entries(roots).map(([element, model]) => [model, element]));
+  Bokeh.embed
+    .embed_items({ page: read("plots") }, [{ docid: "page", roots: placed, root_ids: Object.values(roots) }])
+    .then(() => {
+      for (const root of Bokeh.documents[0].roots()) shown.set(root.name, root);
+      connect();
+      page.dataset.ready = "";
+    })
+    .catch((error) => {
+      page.classList.remove("live-page"); // the static pictures stand in
+      throw error;
+    });
+})();

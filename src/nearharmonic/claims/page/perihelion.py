@@ -1,0 +1,88 @@
+"""Advance of the perihelion that a method causes, against force evaluations per orbit, as Figure 4 has it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nearharmonic.claims.page import panels
+from nearharmonic.claims.page.models import Field, Model
+from nearharmonic.claims.page.panels import Panel
+from nearharmonic.experiments.paper.figures.levels import MERCURY_RELATIVISTIC_ADVANCE, arcseconds_per_century
+from nearharmonic.output.palette import style_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_X, _Y = "per_orbit", "advance"
+_TEXT = "|perihelion advance| (rad per orbit)"
+
+
+def perihelion(cube: xr.Dataset) -> list[Panel]:
+    """Draw |perihelion_advance| of ``cube``, dimensions (integrator, tau_per_stage), with its 95 % interval.
+
+    Runs whose interval includes zero are crosses without a line. The dashed line is what general relativity explains.
+    """
+    century = arcseconds_per_century(float(cube.attrs["orbital_period"]))
+    unit = cube["tau_per_stage"].attrs.get("units", "1")
+    advance = abs(cube["perihelion_advance"].values)
+    ranges = (
+        panels.span([cube["evaluations_per_orbit"].values], logarithmic=True),
+        panels.span([advance[np.isfinite(cube["perihelion_advance_interval"].values)]], logarithmic=True),
+    )
+    plot = panels.new_plot("", ranges, ("force evaluations per orbit", _TEXT), height=460)
+    _add_relativity(plot, MERCURY_RELATIVISTIC_ADVANCE / century)
+    methods = cube.sizes["integrator"]
+    dots = [dot for turn in range(methods) for dot in _draw(plot, cube.isel(integrator=turn), (turn, methods), century)]
+    rows = [
+        ("method", "$name"),
+        ("evaluations per orbit", f"@{_X}{{%.5g}}"),
+        ("|advance|", f"@{_Y}{{%.4e}} ± @interval{{%.1e}} rad per orbit"),
+        ("", "@arcseconds{%.4g}″ per century"),
+        ("τ/s", f"@tau_per_stage{{%.6g}}{'' if unit == '1' else f' {unit}'}"),
+        ("evaluations", "@evaluations{0,0}"),
+        ("status", "@status"),
+    ]
+    panels.add_hover(plot, dots, rows)
+    return [Panel(caption="advance of the perihelion", plot=plot)]
+
+
+def _draw(plot: Model, runs: xr.Dataset, turn: tuple[int, int], century: float) -> list[Model]:
+    """Draw the runs of one method; return the renderers that a hover looks at."""
+    method, label = str(runs["integrator"].item()), str(runs["label"].item())
+    advance = panels.drawable(abs(runs["perihelion_advance"].values))
+    interval = np.array(runs["perihelion_advance_interval"].values, dtype=float)
+    there = np.isfinite(advance) & np.isfinite(interval)
+    columns: dict[str, Any] = {
+        _X: runs["evaluations_per_orbit"].values,
+        _Y: advance,
+        "interval": interval,
+        "arcseconds": advance * century,
+        "tau_per_stage": runs["tau_per_stage"].values,
+        "evaluations": runs["evaluations"].values if "evaluations" in runs else np.full(advance.size, np.nan),
+        "status": runs["status"].values.astype(str) if "status" in runs else np.full(advance.size, "ok"),
+    }
+    columns = {name: values[there] for name, values in columns.items()}
+    known = columns["interval"] < columns[_Y]
+    line = {_X: columns[_X], _Y: np.where(known, columns[_Y], np.nan)}
+    panels.add_line(plot, panels.source_of(**line), (_X, _Y), method, line_width=1.0)
+    middle, half = columns[_Y][known], columns["interval"][known]
+    bars = panels.source_of(**{_X: columns[_X][known], "low": middle - half, "high": middle + half})
+    ends = {"x0": Field(_X), "x1": Field(_X), "y0": Field("low"), "y1": Field("high")}
+    panels.add(plot, bars, Model("Segment", **ends, line_color=style_of(method).colour), method)
+    found = [panels.marked({name: values[known] for name, values in columns.items()}, (_X, _Y), turn)]
+    found.append({name: values[~known] for name, values in columns.items()})
+    cross = {"marker": "x", "angle": 0.0, "size": 5, "line_alpha": 0.5}
+    return [
+        panels.add_markers(plot, panels.source_of(**shown), (_X, _Y), method, label, **look)
+        for shown, look in zip(found, ({}, cross), strict=True)
+    ]
+
+
+def _add_relativity(plot: Model, level: float) -> None:
+    plot["center"].append(Model("Span", location=level, dimension="width", line_color="#404040", line_dash=[6, 3]))
+    text = f"general relativity: {MERCURY_RELATIVISTIC_ADVANCE}″ per century"
+    at = {"x": plot["x_range"]["end"], "y": level, "x_offset": -8, "y_offset": 4}
+    look = {"text_align": "right", "text_font_size": "12px", "text_color": "#404040", "text_font": panels.FONT}
+    plot["center"].append(Model("Label", text=text, background_fill_color="#ffffff", **at, **look))

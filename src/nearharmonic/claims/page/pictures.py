@@ -1,0 +1,45 @@
+"""Static pictures inside the page: SVG files made small, as data that an img element shows by itself."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+#: What repeats or says nothing in the SVG files of matplotlib, and what stands for it. A hundredth of a point is kept.
+_SHORTER = (
+    (re.compile(r"<\?xml.*?\?>|<!DOCTYPE.*?>|<metadata>.*?</metadata>|<!--.*?-->", re.DOTALL), ""),
+    (re.compile(r'<g id="[^"]*"'), "<g"),
+    (re.compile(r'xlink:href="#'), 'href="#'),
+    # The outline that a <use> repeats has the style of its stroke itself.
+    (re.compile(r'(<use [^>]*?) style="fill: (#\w+); stroke: [^"]*"/>'), r'\1 fill="\2"/>'),
+    (re.compile(r'(<use [^>]*?) style="stroke: [^"]*"/>'), r"\1/>"),
+    (re.compile(r'(?<=[ \n"])(-?\d+\.\d\d)\d+'), r"\1"),
+    (re.compile(r"\s*\n\s*"), " "),
+    (re.compile(r"> <"), "><"),
+)
+#: A path from its start along straight lines: the letter of each may be left out.
+_STRAIGHT = re.compile(r"M [^A-Za-z\"]+(?:L [^A-Za-z\"]+)+")
+#: Lines that follow each other and look the same, such as bars of errors: one path serves all.
+_ALIKE = re.compile(r'<path d="[^"]*"( clip-path="[^"]*" style="fill: none; [^"]*")/>(?:<path d="[^"]*"\1/>)+')
+_OUTLINE = re.compile(r'd="([^"]*)"')
+#: Characters that end a data URI or an attribute in single quotes, or mean something in them.
+_ESCAPED = str.maketrans({"%": "%25", "#": "%23", "&": "%26", "'": "%27"})
+
+
+def shorter(svg: str) -> str:
+    """Return the text of an SVG file of matplotlib without what does not show."""
+    for pattern, replacement in _SHORTER:
+        svg = pattern.sub(replacement, svg)
+    svg = _STRAIGHT.sub(lambda path: path[0].replace("L ", ""), svg)
+    return _ALIKE.sub(lambda run: f'<path d="{"".join(_OUTLINE.findall(run[0]))}"{run[1]}/>', svg).strip()
+
+
+def picture(path: Path) -> str:
+    """Return an SVG file as a data URI for an attribute in single quotes.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    """
+    return "data:image/svg+xml," + shorter(path.read_text(encoding="utf-8")).translate(_ESCAPED)

@@ -1,0 +1,136 @@
+"""What the page shows of a folder of results: its claims, tables, figures and runs, read as plain files."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from fnmatch import fnmatch
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from nearharmonic.claims.page.tables import ShownTable, tables_of
+from nearharmonic.errors import ResultFileError
+from nearharmonic.experiments.paper.omissions import ALL, DONE, FULL, SAVED
+from nearharmonic.output.declarations import Declaration, figures_of
+from nearharmonic.output.store import attributes_of, command_for
+from nearharmonic.record import history, manifest
+
+#: Verdicts in the order of the page, each with the name of its look.
+VERDICTS = {"holds": "holds", "holds in part": "part", "fails": "fails", "not decided here": "open"}
+
+
+class Results:
+    """A folder of results.
+
+    Parameters
+    ----------
+    folder : Path
+        ``results/<name>``.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    @cached_property
+    def claims(self) -> list[dict[str, Any]]:
+        """The objects of ``tables/claims.json``.
+
+        Raises
+        ------
+        ResultFileError
+            The file is missing or holds something else; the message names the command that makes it again.
+        """
+        place = self.folder / "tables" / "claims.json"
+        try:
+            found = json.loads(place.read_text(encoding="utf-8"))
+            if all(claim["verdict"] in VERDICTS for claim in found):
+                return list(found)
+            complaint = f"has a verdict that is none of {', '.join(VERDICTS)}"
+        except FileNotFoundError:
+            complaint = "does not exist"
+        except (OSError, ValueError, KeyError, TypeError):
+            complaint = "is damaged"
+        message = f"{place} {complaint}. Make it again: {command_for(place)}"
+        raise ResultFileError(message)
+
+    @cached_property
+    def figures(self) -> list[Declaration]:
+        """The declared figures that have been drawn, those with a number first."""
+        cubes = [path.stem for path in sorted((self.folder / "cubes").glob("*.h5"))]
+        drawn = [one for one in figures_of("experiments", cubes, cubes) if self.picture(one.stem).is_file()]
+        distinct = {one.stem: one for one in drawn}.values()
+        return sorted(distinct, key=lambda one: (number_of(one) is None, number_of(one) or 0, one.stem))
+
+    def picture(self, stem: str) -> Path:
+        """The place of the SVG file of a figure."""
+        return self.folder / "figures" / f"{stem}.svg"
+
+    def cube(self, name: str) -> Path:
+        """The place of a cube."""
+        return self.folder / "cubes" / f"{name}.h5"
+
+    @cached_property
+    def labels(self) -> dict[str, str]:
+        """Labels of the systems that have a cube, by name."""
+        attributes = {place.stem: attributes_of(place) for place in sorted((self.folder / "cubes").glob("*.h5"))}
+        return {stem: told["system_label"] for stem, told in attributes.items() if "system_label" in told}
+
+    def stems(self, folder: str, suffix: str, patterns: Sequence[str]) -> list[str]:
+        """Names of the files below ``folder`` that match one of ``patterns``, sorted by pattern and name."""
+        found = sorted(path.stem for path in (self.folder / folder).glob(f"*{suffix}"))
+        return list(dict.fromkeys(stem for pattern in patterns for stem in found if fnmatch(stem, pattern)))
+
+    def tables(self, patterns: Sequence[str], without: Sequence[str] = ()) -> list[ShownTable]:
+        """Read the tables whose file names match one of ``patterns`` and none of ``without``.
+
+        Two never have the same anchor.
+        """
+        stems = [stem for stem in self.stems("tables", ".csv", patterns) if not any(fnmatch(stem, o) for o in without)]
+        found = [one for stem in stems for one in tables_of(self.folder, stem)]
+        taken: set[str] = set()
+        for i, one in enumerate(found):
+            if one.anchor in taken:
+                found[i] = replace(one, anchor=f"{one.anchor}-{i}")
+            taken.add(found[i].anchor)
+        return found
+
+    @cached_property
+    def saving(self) -> dict[str, Any]:
+        """The totals of ``tables/skipped.csv``: evaluations done and of the full grid, and the saving by reason."""
+        with (self.folder / "tables" / "skipped.csv").open(encoding="utf-8", newline="") as file:
+            rows = [row for row in csv.DictReader(file) if row["system"] == ALL]
+        count = {row["what"]: row for row in rows if row["what"] in {DONE, FULL}}
+        full = int(count[FULL]["evaluations"])
+        return {
+            "runs": int(count[DONE]["runs"]),
+            "done": int(count[DONE]["evaluations"]),
+            "full": full,
+            "saved": [(row["reason"], int(row["evaluations"])) for row in rows if row["what"] == SAVED],
+        }
+
+    @cached_property
+    def changed(self) -> list[str]:
+        """Files that differ from what their jobs wrote, as the manifest of the last finished run has it."""
+        try:
+            return [str(name) for name in manifest.read(self.folder).get("changed", [])]
+        except ResultFileError:
+            return []
+
+    @cached_property
+    def finished(self) -> list[dict[str, Any]]:
+        """The lines of the history, oldest first."""
+        return history.runs_of(self.folder)
+
+    def run(self, identity: str | None) -> dict[str, Any] | None:
+        """The run with this id, going on or finished; None if nothing is recorded of it."""
+        runs = [*history.running_in(self.folder), *reversed(self.finished)]
+        return next((run for run in runs if run["id"] == identity), None)
+
+
+def number_of(figure: Declaration) -> int | None:
+    """Its number in the paper, None if it has none."""
+    digits = figure.target.removeprefix("fig")
+    return int(digits) if digits.isdigit() else None

@@ -1,0 +1,80 @@
+"""Tables of the page, from the CSV files of the results, or from their Markdown where that is a document of its own."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from nearharmonic.claims.page import wording
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShownTable:
+    """A table of the page.
+
+    Attributes
+    ----------
+    anchor : str
+        Id of its element: "table-4" for the paper's Table 4.
+    caption : str
+        What it shows.
+    header : sequence of str
+        Names of the columns.
+    rows : sequence of sequences of str
+        Cells as readers see them.
+    file : str
+        The file that holds every digit, relative to the folder of results.
+    """
+
+    anchor: str
+    caption: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    file: str
+
+
+def tables_of(folder: Path, stem: str) -> list[ShownTable]:
+    """Read the table ``tables/<stem>.csv``, with the caption above its Markdown.
+
+    Where the Markdown has headings, it is a digest of a long table, and its own tables are returned.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    """
+    place = folder / "tables" / f"{stem}.csv"
+    markdown = place.with_suffix(".md")
+    said = markdown.read_text(encoding="utf-8").splitlines() if markdown.is_file() else []
+    file, anchor = f"tables/{stem}.csv", _anchor_of(stem)
+    if said and said[0].startswith("# "):
+        return [
+            ShownTable(anchor=anchor, caption=f"{said[0][2:]}; {caption}", header=header, rows=rows, file=file)
+            for caption, header, rows in _digests(said)
+        ]
+    header, *rows = list(csv.reader(place.read_text(encoding="utf-8").splitlines()))
+    caption = said[0] if said else stem.replace("_", " ").capitalize()
+    shown = [[wording.cell(text) for text in row] for row in rows]
+    return [ShownTable(anchor=anchor, caption=caption, header=header, rows=shown, file=file)]
+
+
+def _digests(lines: Iterable[str]) -> Iterator[tuple[str, list[str], list[list[str]]]]:
+    """The tables of a Markdown text, each with the heading that it stands under."""
+    heading, rows = "", []
+    for line in [*lines, ""]:
+        if line.startswith("|"):
+            rows.append([cell.strip().strip("*`") for cell in line.strip("| ").split("|")])
+            continue
+        if rows:
+            yield heading, rows[0], rows[2:]
+            rows = []
+        if line.startswith("## "):
+            heading = line[3:].strip()
+
+
+def _anchor_of(stem: str) -> str:
+    name, _, rest = stem.partition("_")
+    digits = name.removeprefix("table")
+    return f"table-{digits}" if digits.isdigit() and rest != "derived" else f"table-{stem}"

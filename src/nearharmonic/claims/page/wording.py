@@ -1,0 +1,108 @@
+"""Numbers, times and verdicts in the words of the page."""
+
+from __future__ import annotations
+
+import re
+from datetime import datetime
+from typing import Any
+
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+#: A number as Python writes a float; one of more digits is a decimal that is exact on purpose.
+_FLOAT = re.compile(r"-?\d+(\.\d+)?(e[+-]?\d+)?")
+_MOST_DIGITS_OF_A_FLOAT = 17
+#: Digits that a reader sees of a float.
+_SHOWN = 4
+#: Figures and tables that the text of a claim names.
+_NAMED = re.compile(r"\b(Figures?|Figs?\.|Tables?)\s+(\d+(?:(?:,\s*|\s*(?:and|to|-|–)\s*)\d+)*)")
+
+
+def scientific(number: float, digits: int = 3) -> str:
+    """Return ``number`` to so many digits, with a power of ten where it is large or small: 4.16 × 10⁹."""
+    text = f"{number:.{digits}g}"
+    mantissa, _, exponent = text.partition("e")
+    return f"{mantissa} × {power_of_ten(int(exponent))}" if exponent else text
+
+
+def power_of_ten(exponent: int) -> str:
+    """Return a power of ten: 10⁻³⁰."""
+    return f"10{str(exponent).translate(_SUPERSCRIPTS)}"
+
+
+def cell(text: str) -> str:
+    """Return a cell of a CSV file as readers see it: a float to four digits, anything else as it is."""
+    if not _FLOAT.fullmatch(text) or ("." not in text and "e" not in text):
+        return text
+    digits = re.sub(r"e.*|\D", "", text).lstrip("0")
+    return f"{float(text):.{_SHOWN}g}" if _SHOWN < len(digits) <= _MOST_DIGITS_OF_A_FLOAT else text
+
+
+def is_number(text: str) -> bool:
+    """Whether a cell holds a number, nan or an infinity."""
+    return bool(_FLOAT.fullmatch(text)) or text in {"nan", "inf", "-inf"}
+
+
+def seconds(number: float | None) -> str:
+    """Return a duration in seconds in the units that people use, "not known" for None."""
+    if number is None:
+        return "not known"
+    if number < 60:
+        return f"{number:.3g} s"
+    minutes, rest = divmod(round(number), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s"
+
+
+def moment(stamp: str | None) -> str:
+    """Return a time stamp in UTC to the second, "not known" if it is none."""
+    try:
+        return f"{datetime.fromisoformat(stamp or ''):%Y-%m-%d %H:%M:%S} UTC"
+    except ValueError:
+        return "not known"
+
+
+def percent(share: float) -> str:
+    """Return a share as a percentage of two digits, "below 0.01 %" if it is that small."""
+    return f"{100 * share:.2g} %" if share >= 1e-4 or share == 0 else "below 0.01 %"
+
+
+def counted(number: int, one: str, more: str = "") -> str:
+    """Return ``number`` with its noun: 1 claim, 2 claims."""
+    return f"{number} {one if number == 1 else more or one + 's'}"
+
+
+def linked(text: str, anchors: set[str]) -> list[tuple[str, str]]:
+    """Split the place of a claim in the paper into pieces (text, anchor).
+
+    Parameters
+    ----------
+    text : str
+        Such as "Section IV, Figures 1, 3 and 5".
+    anchors : set of str
+        What the page has, such as "figure-1" and "table-4".
+
+    Returns
+    -------
+    list of (str, str)
+        Each number of a figure or table that the page has stands alone with its anchor, the rest with "".
+    """
+    pieces: list[tuple[str, str]] = []
+    end = 0
+    for named in _NAMED.finditer(text):
+        kind = "table" if named[1].startswith("Table") else "figure"
+        for number in re.finditer(r"\d+", text[: named.end(2)][named.start(2) :]):
+            anchor = f"{kind}-{number[0]}"
+            if anchor not in anchors:
+                continue
+            begin, stop = named.start(2) + number.start(), named.start(2) + number.end()
+            first = number.start() == 0
+            begin = named.start() if first else begin
+            pieces += [(text[end:begin], ""), (text[begin:stop], anchor)]
+            end = stop
+    return [piece for piece in [*pieces, (text[end:], "")] if piece[0]]
+
+
+def told(value: Any) -> str:
+    """Return a value of a run's record as text: "not known" for None."""
+    if value is None or value == "":
+        return "not known"
+    return " ".join(map(str, value)) if isinstance(value, list) else str(value)

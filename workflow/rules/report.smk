@@ -1,0 +1,25 @@
+"""The page of results: one file with claims, figures, tables and history, to look at without a network."""
+
+from nearharmonic.claims.page.assets import digest
+
+
+rule page:
+    input:
+        cubes=map(CUBE, [*SWEEPS, "sho_terms"]),
+        claims=f"{RESULTS}/tables/claims.json",
+        figures=rules.figures.input,
+        tables=rules.tables.input,
+    output:
+        page=f"{RESULTS}/report.html",
+    log:
+        LOG("report"),
+    params:
+        assets=digest(),  # template, style and script are no code
+        task=task("claims.page.page:page", folder=RESULTS),
+    script:
+        "../scripts/task.py"
+
+
+rule report:
+    input:
+        rules.page.output,
