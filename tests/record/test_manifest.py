@@ -128,6 +128,17 @@ def test_a_damaged_manifest_is_named_with_the_command_that_makes_it_again(result
         manifest.read(results)
 
 
+@pytest.mark.parametrize("name", ["/etc/passwd", "../smoke/cubes/a.h5", "cubes/../../a"])
+def test_a_manifest_names_no_file_outside_of_its_folder(results, name):
+    make(results, "cubes/a.h5", b"numbers")
+    manifest.write(results)
+    document = manifest.read(results)
+    document["files"][name] = document["files"].pop("cubes/a.h5")
+    (results / "manifest.json").write_text(manifest.sealed(document))
+    with pytest.raises(ResultFileError, match="is damaged"):
+        manifest.read(results)
+
+
 def test_a_missing_manifest_is_named(results):
     with pytest.raises(ResultFileError, match=r"manifest\.json does not exist\. Make it again"):
         manifest.read(results)

@@ -115,7 +115,7 @@ def jobs_after_edit(finished, module, more, *arguments):
 )
 def test_an_edit_runs_what_depends_on_it_and_nothing_else(finished, module, reruns):
     jobs = jobs_after_edit(finished, module, "_EDITED = 1\n", *TINY)
-    assert jobs == {**reruns, "all": 1}
+    assert jobs == {**reruns, "page": 1, "all": 1}
 
 
 @pytest.mark.parametrize("module", ["systems/kepler.py", "experiments/paper/reduce.py", "errors.py"])

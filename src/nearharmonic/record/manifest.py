@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from nearharmonic.errors import ResultFileError
@@ -34,7 +34,7 @@ def read(folder: Path) -> dict[str, Any]:
     place = folder / MANIFEST
     try:
         found = json.loads(place.read_text(encoding="utf-8"))
-        if found.pop("sha256") == digest_of(found):
+        if found.pop("sha256") == digest_of(found) and all(map(_is_inside, found["files"])):
             return dict(found)
         complaint = "is damaged"
     except FileNotFoundError:
@@ -43,6 +43,12 @@ def read(folder: Path) -> dict[str, Any]:
         complaint = "is damaged"
     message = f"{place} {complaint}. Make it again: {command_for(folder / 'report.html')}"
     raise ResultFileError(message)
+
+
+def _is_inside(name: str) -> bool:
+    """Whether a file of this name is in the folder of results: a manifest from elsewhere could name any other."""
+    path = PurePosixPath(name)
+    return not path.is_absolute() and ".." not in path.parts
 
 
 def write(folder: Path) -> list[str]:
