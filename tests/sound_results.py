@@ -133,7 +133,8 @@ def _derived_tables():
             )
         ],
         "structure": [
-            {"return error": "1e-16", "return bound": "1e-13"}, {"return error": "2e-15", "return bound": "1e-13"},
+            {"return error": error, "return bound": "1e-13", "symplectic defect": "1e-24", "symplectic walk": "1e-22"}
+            for error in ("1e-16", "2e-15")
         ],
     }  # fmt: skip
 

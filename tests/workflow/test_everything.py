@@ -15,6 +15,7 @@ import pytest
 import yaml
 from matplotlib.image import imread
 
+from nearharmonic.claims.table import decided
 from nearharmonic.config import load
 from nearharmonic.output.store import groups_of, read
 from nearharmonic.output.style import style_of
@@ -59,6 +60,17 @@ def test_each_target_stands_for_its_files(finished):
     for name, files in TARGETS.items():
         (listed,) = re.findall(r"^ +input: (.*)$", blocks[name], re.MULTILINE)
         assert {file.removeprefix(RESULTS) for file in listed.split(", ")} == files, name
+
+
+def test_statements_are_decided_on_what_is_there(finished):
+    """The job ran before the other targets; after them no statement lacks a file, and few lack methods or steps."""
+    before = json.loads(text_of(finished, "tables/claims.json"))
+    after = json.loads(decided(finished.folder / RESULTS)["document"])
+    assert [entry["id"] for entry in before] == [entry["id"] for entry in after]
+    undecided = {entry["id"]: entry["value"] for entry in after if entry["verdict"] == "not decided here"}
+    assert [value for value in undecided.values() if "is not there" in value] == []
+    assert {"fig-1-sixth-order", "fig-5-best-mean"} <= set(undecided)
+    assert {"table-4-c3", "five-stage-solutions", "time-reversible", "compensated-summation"}.isdisjoint(undecided)
 
 
 def test_what_snakemake_says_of_a_finished_run_needs_no_number_of_cores(finished):

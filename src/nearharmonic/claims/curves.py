@@ -31,11 +31,14 @@ PART = sqrt(10) * (1 - 1e-9)  # step sizes that are half a decade apart are so b
 #: Step sizes at least, for a statement about a range.
 FEWEST = 3
 
-RANGE = (
-    "at every step size from where all curves compared are 100 times their lowest point, so that they are truncation "
-    "and not rounding, to where the first passes 1 %; in part: over half a decade or more in one piece, the width that "
-    "orders are fitted to"
-)
+
+def range_words(end: str = "the first of them") -> str:
+    """Say on which step sizes a statement is decided, the last by the curve ``end``, and when it holds in part."""
+    return (
+        "at every step size from where all curves compared are 100 times their lowest point, which is rounding, to "
+        f"where the maximum error of {end} passes 1 %; in part: over half a decade or more in one piece, the width "
+        "that orders are fitted to"
+    )
 
 
 class Range(NamedTuple):
@@ -144,7 +147,7 @@ SLOPE_TOLERANCE = 0.1
 SLOPE = (
     "the slope of log(maximum error) over the half decade above rounding, with its whole 95 % interval, within 0.1 of "
     "the order: orders of symmetric methods are even, so that 1 would decide, and the next term of the error, smaller "
-    "by up to the 0.05 of (tau omega)^2 in these fits, bends a slope by about twice that"
+    "by up to the 0.06 of (tau omega)^2 in these fits, bends a slope by about twice that"
 )
 
 

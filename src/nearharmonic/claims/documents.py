@@ -88,9 +88,13 @@ def page(entries: Sequence[Entry]) -> str:
         told = (entry["paper"], entry["statement"], f"**{entry['verdict']}**", entry["value"])
         lines.append(f"| `{entry['id']}` | {' | '.join(map(_cell, told))} |")
     lines += ["", "## How each is decided", ""]
+    alike: dict[str, list[Entry]] = {}
     for entry in entries:
-        files = f" From {', '.join(f'`{name}`' for name in entry['needs'])}." if entry["needs"] else ""
-        lines.append(f"- `{entry['id']}`: {entry['threshold']}.{files}")
+        alike.setdefault(entry["threshold"], []).append(entry)
+    for threshold, same in alike.items():
+        files = ", ".join(f"`{name}`" for name in dict.fromkeys(name for entry in same for name in entry["needs"]))
+        ids = ", ".join(f"`{entry['id']}`" for entry in same)
+        lines.append(f"- {ids}: {threshold}.{f' From {files}.' if files else ''}")
     return "\n".join([*lines, ""])
 
 

@@ -76,8 +76,8 @@ def simplex_reaches(results: Results) -> Decision:
     id="picked-by-sum-and-next-term",
     paper="Section 3, last paragraph",
     statement="Sets that are not unique are picked by the sum of absolute values and higher order errors",
-    threshold="no member found of the same family is better in both and in the next but one term: then the choice "
-    "follows from no weighing of the criteria",
+    threshold="no member found of the same family is better by every criterion, so that some weighing of them may "
+    "have led to the choice",
     needs=("tables/derived_families.csv",),
     target="derive",
 )

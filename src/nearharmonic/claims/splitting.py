@@ -103,6 +103,22 @@ def time_reversible(results: Results) -> Decision:
 
 
 @claim(
+    id="symplectic",
+    paper="Section 1",
+    statement="The integrators preserve the symplectic structure",
+    threshold="J^T Omega J - Omega, J the tangent map of a run in double-double, within what a random walk of its "
+    "roundings gives",
+    needs=("tables/structure.csv",),
+    target="stability",
+)
+def symplectic(results: Results) -> Decision:
+    rows = results.rows("structure")
+    shares = [float(row["symplectic defect"]) / float(row["symplectic walk"]) for row in rows]
+    value = f"{sum(share <= 1 for share in shares)} of {len(rows)} runs within it; worst {short(max(shares))} of it"
+    return counted([share <= 1 for share in shares], value)
+
+
+@claim(
     id="first-same-as-last",
     paper="Section 2, above Table 1",
     statement="A symmetric method of k pairs of coefficients costs s = k - 1 derivative evaluations a step",
