@@ -135,12 +135,13 @@ def runs_of_cube(path: Path) -> tuple[Columns, dict[str, str]]:
     ran = (arrays["status"] != SKIPPED) & (arrays["steps"] > 0)
     columns: Columns = {}
     for axis, name in enumerate(DIMENSIONS):
-        columns[name] = _along(axis, cube[name].values, shape)[ran]
+        # xarray keeps the texts of an index as objects, which compare a hundred times more slowly.
+        values = cube[name].values.astype(str) if name in TEXTS else cube[name].values
+        columns[name] = _along(axis, values, shape)[ran]
     columns["label"] = _along(0, cube["label"].values, shape)[ran]
     columns["system"] = np.full(int(ran.sum()), cube.attrs["system"])
     columns |= {name: values[ran] for name, values in arrays.items()}
-    # xarray keeps the texts of an index as objects, which compare a hundred times more slowly.
-    columns = {name: values.astype(str) if name in TEXTS else values for name, values in columns.items()}
+    columns |= {name: values.astype(str, copy=False) for name, values in columns.items() if name in TEXTS}
     units = {name: str(cube[name].attrs.get("units", "1")) for name in (*arrays, "tau_per_stage")}
     return columns, {name: unit for name, unit in units.items() if unit != "1"}
 
