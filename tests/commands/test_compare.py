@@ -6,7 +6,6 @@ import csv
 import json
 import math
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -14,23 +13,12 @@ import pytest
 import yaml
 
 import result_folder
-from artists import NO_LINE, SOLID, dashes, lines_of
 from nearharmonic.cli import main
 from nearharmonic.config import load
 from nearharmonic.output import store
-from nearharmonic.record.overlay import overlay
-from nearharmonic.record.query import layered
-from result_folder import CLAIMS, SWEEPS, VERSIONS, config, history_line, write_claims, write_history, write_manifest
+from result_folder import CLAIMS, VERSIONS, config, history_line, write_claims, write_history, write_manifest
 
 ROOT = Path(__file__).parents[2]
-
-
-@pytest.fixture
-def copy(project):
-    """A copy of the result paper, under the name copy, for a test to change."""
-    place = project.with_name("copy")
-    shutil.copytree(project, place)
-    return place
 
 
 def compared(capsys, a="paper", b="copy", *more):
@@ -235,16 +223,6 @@ def test_a_damaged_file_is_named(copy, capsys):
     assert "cubes/sho.h5 is truncated or no HDF5 file. Make it again" in capsys.readouterr().err
 
 
-@pytest.fixture
-def other(project):
-    """A result of other methods, grids, intervals and precisions than paper; kepler is not among its systems."""
-    sweeps = [
-        replace(SWEEPS[0], t_end="20", lowest=0.02, points_per_decade=3, shards=1),
-        replace(SWEEPS[2], t_end="20", precision=("double",), highest=0.5),
-    ]
-    return result_folder.build(project.with_name("other"), sweeps=sweeps, methods=("babps9o7h", "aba104"))
-
-
 def test_results_of_other_configs_compare_on_what_they_have_in_common(other, capsys):
     found = differences(capsys, "paper", "other")
     where = {d["where"]: d for d in found}
@@ -272,36 +250,6 @@ def test_results_of_a_config_of_the_project_compare_with_others(project, path, c
     assert compared(capsys, "config", "config", "--figure", "both.png")[0] == 0
 
 
-def test_the_figure_shows_the_first_solid_and_the_second_dashed(other, project):
-    pairs = {}
-    for system in ("henon_heiles", "sho"):
-        cubes = [layered(store.read(folder / f"cubes/{system}.h5")) for folder in (project, other)]
-        pairs[system] = [cube.sel(precision="double") for cube in cubes]
-    panels = overlay(["paper", "other"], pairs).axes
-    assert len(panels) == 4
-    for i, (system, cubes) in enumerate(pairs.items()):
-        for j, variable in enumerate(("max_energy_error", "mean_energy_error")):
-            axes = panels[2 * i + j]
-            assert axes.get_title(loc="left").startswith(cubes[0].attrs["system_label"]), system
-            seen = 0
-            for cube, expected in zip(cubes, ([SOLID, NO_LINE], [(4.0, 2.0)]), strict=True):
-                for name in cube.integrator.values:
-                    lines = lines_of(axes, cube.tau_per_stage.values, cube[variable].sel(integrator=name).values)
-                    looks = [d if d in (SOLID, NO_LINE) else tuple(x / line.get_linewidth() for x in d)
-                             for line in lines for d in [dashes(line)]]  # fmt: skip
-                    assert looks == expected, name
-                    seen += len(lines)
-            assert seen == len(axes.get_lines())
-
-
-@pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])
-def test_the_figure_is_written(copy, tmp_path, suffix, capsys):
-    place = tmp_path / f"sub/both.{suffix}"
-    status, told = compared(capsys, "paper", "copy", "--figure", str(place))
-    assert (status, told["figure"]) == (0, str(place))
-    assert place.stat().st_size > 1000
-
-
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
@@ -317,9 +265,3 @@ def test_a_bad_question_is_refused(copy, arguments, says, capsys):
     assert out == ""
     assert says in err
     assert err.count("\n") == 1
-
-
-def test_results_without_a_system_in_common_have_no_figure(copy, capsys):
-    shutil.rmtree(copy / "cubes")
-    assert main(["compare", "paper", "copy", "--figure", "both.png"]) == 2
-    assert "no figure: paper and copy have no system in common" in capsys.readouterr().err
