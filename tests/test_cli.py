@@ -183,6 +183,25 @@ def test_a_reader_that_has_seen_enough_is_no_error(arguments):
     assert (done.stdout != "", done.stderr, done.returncode) == (True, "", 0)
 
 
+def test_the_status_of_an_answer_is_that_of_the_answer_also_if_nobody_reads_it(folder_of_commands):
+    body = "return Answer(header=['a'], rows=[['x' * 10**6]], status=1)"
+    (folder_of_commands / "say_no.py").write_text(COMMAND.format(body=body))
+    lines = ["import sys", "from nearharmonic import cli, commands"]
+    lines += [f"commands.__path__.append({str(folder_of_commands)!r})", "sys.exit(cli.main(['say-no']))"]
+    (folder_of_commands / "script.txt").write_text("\n".join(lines))
+    command = f"set -o pipefail; {sys.executable} {folder_of_commands}/script.txt | head -c 1"
+    done = subprocess.run(["bash", "-c", command], env=ENVIRONMENT, capture_output=True, text=True, check=False)
+    assert (done.stderr, done.returncode) == ("", 1)
+
+
+def test_a_terminal_without_the_letters_of_a_name_shows_question_marks():
+    command = [sys.executable, "-m", "nearharmonic.cli", "list", "systems"]
+    environment = {**ENVIRONMENT, "PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert "H?non-Heiles" in done.stdout
+    assert done.stderr == ""
+
+
 def cpu_seconds(*arguments):
     """The least CPU time of three processes."""
     times = []

@@ -100,20 +100,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Exit status: 0 yes, 1 no, 2 bad input, of which one message is printed; 130 if the user interrupts.
     """
     try:
-        status = _run(sys.argv[1:] if arguments is None else list(arguments))
-        sys.stdout.flush()
+        return _run(sys.argv[1:] if arguments is None else list(arguments))
     except NearharmonicError as error:
         sys.stderr.write(f"{PROGRAM}: {error}\n")
         return 2
-    except BrokenPipeError:  # the reader, such as head, has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
     except OSError as error:
         sys.stderr.write(f"{PROGRAM}: {error}\n")
         return 2
     except KeyboardInterrupt:
         return INTERRUPTED
-    return status
 
 
 def _run(words: Sequence[str]) -> int:
@@ -124,15 +119,26 @@ def _run(words: Sequence[str]) -> int:
         if top.command not in command_names():
             raise unknown_name("command", top.command, command_names())
         chosen = _parser_of(top.command).parse_args(_joined(top.words))
-    except SystemExit as end:  # --help and --version are printed by argparse
+    except SystemExit as end:  # argparse has printed the help or the version
+        _write("")
         return int(end.code or 0)
     from nearharmonic.answers import FORMATS, printed
     from nearharmonic.engine.settings import one_of
 
     form = one_of("format", chosen.format, FORMATS)
     answer = _module_of(top.command).answer(chosen)
-    sys.stdout.write(printed(answer, form))
+    _write(printed(answer, form))
     return int(answer.status)
+
+
+def _write(text: str) -> None:
+    """Print ``text``; letters that the terminal does not have become question marks."""
+    encoding = sys.stdout.encoding or "utf-8"
+    try:
+        sys.stdout.write(text.encode(encoding, "replace").decode(encoding))
+        sys.stdout.flush()
+    except BrokenPipeError:  # the reader, such as head, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 if __name__ == "__main__":

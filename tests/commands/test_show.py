@@ -104,6 +104,15 @@ def test_a_run_that_is_not_there_is_refused_with_what_is_near(project, arguments
     assert says in err
 
 
+def test_a_cube_without_settings_is_shown_with_lines_that_leave_them_out(project, capsys):
+    with h5py.File(project / "cubes/kepler.h5", "r+") as file:
+        del file.attrs["settings"]
+    told = shown(capsys, "kepler", "ruth", "30")
+    assert told["settings"] == {}
+    assert "t_end" not in told["python"]
+    compile(told["python"], "shown", "exec")
+
+
 def test_results_without_trajectories_or_manifest_say_so(project, capsys):
     shutil.rmtree(project / "runs")
     (project / "manifest.json").unlink()

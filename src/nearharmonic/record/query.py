@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.errors import NearharmonicError, unknown_name
+from nearharmonic.errors import ResultFileError, unknown_name
 from nearharmonic.output import store
 
 if TYPE_CHECKING:
@@ -89,11 +89,12 @@ def run_table(folders: Mapping[str, Path]) -> RunTable:
 
 
 def system_cubes(folder: Path) -> Iterator[Path]:
-    """Yield the files in ``folder`` that hold the runs of a system, sorted."""
+    """Yield the files in ``folder`` that hold the runs of a system, sorted: those named after it.
+
+    Other cubes, such as that of the kinetic energies, name a system as well, but keep no single runs.
+    """
     for path in sorted(folder.glob("cubes/*.h5")):
-        attributes = store.attributes_of(path)
-        # The cube of the kinetic energies names a system, too, but keeps no single run.
-        if "system" in attributes and "sweep" in settings_of(attributes):
+        if store.attributes_of(path).get("system") == path.stem:
             yield path
 
 
@@ -127,7 +128,7 @@ def runs_of_cube(path: Path) -> tuple[Columns, dict[str, str]]:
     missing = [name for name in COLUMNS if name not in cube.variables and name not in {"system", "precision"}]
     if missing:
         message = f"{path} has no {' and no '.join(missing)}. Make it again: {store.command_for(path)}"
-        raise NearharmonicError(message)
+        raise ResultFileError(message)
     cube = layered(cube).sortby(["integrator", "precision", "tau_per_stage"])
     shape = tuple(cube.sizes[dimension] for dimension in DIMENSIONS)
     names = [name for name in cube.data_vars if set(cube[name].dims) == set(DIMENSIONS)]
@@ -135,12 +136,13 @@ def runs_of_cube(path: Path) -> tuple[Columns, dict[str, str]]:
     ran = (arrays["status"] != SKIPPED) & (arrays["steps"] > 0)
     columns: Columns = {}
     for axis, name in enumerate(DIMENSIONS):
-        columns[name] = _along(axis, cube[name].values, shape)[ran]
+        # xarray keeps the texts of an index as objects, which compare a hundred times more slowly.
+        values = cube[name].values.astype(str) if name in TEXTS else cube[name].values
+        columns[name] = _along(axis, values, shape)[ran]
     columns["label"] = _along(0, cube["label"].values, shape)[ran]
     columns["system"] = np.full(int(ran.sum()), cube.attrs["system"])
     columns |= {name: values[ran] for name, values in arrays.items()}
-    # xarray keeps the texts of an index as objects, which compare a hundred times more slowly.
-    columns = {name: values.astype(str) if name in TEXTS else values for name, values in columns.items()}
+    columns |= {name: values.astype(str, copy=False) for name, values in columns.items() if name in TEXTS}
     units = {name: str(cube[name].attrs.get("units", "1")) for name in (*arrays, "tau_per_stage")}
     return columns, {name: unit for name, unit in units.items() if unit != "1"}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import log
@@ -79,7 +80,7 @@ def single_run(
     SettingError
         No run of this precision, or none within the spacing of the grid from ``tau``.
     """
-    cubes = {str(store.attributes_of(path)["system"]): path for path in system_cubes(folder)}
+    cubes = {path.stem: path for path in system_cubes(folder)}
     if system not in cubes:
         raise unknown_name("system", system, cubes)
     columns, units = runs_of_cube(cubes[system])
@@ -95,7 +96,7 @@ def single_run(
         cells=cells,
         units=units,
         system_units=dict(systems[system].units) if system in systems else {},
-        settings=settings_of(attributes)["sweep"],
+        settings=settings_of(attributes).get("sweep", {}),
         cube=cubes[system],
         file=file,
         samples=samples,
@@ -148,12 +149,14 @@ def _origin(attributes: Mapping[str, Any]) -> dict[str, str]:
 def python_lines(run: SingleRun) -> list[str]:
     """Return the lines of Python that make a run again; the number that they print is that of the cube, bit for bit."""
     cells, settings = run.cells, run.settings
+    given = {name: settings[name] for name in ("t_end", "summation", "samples") if name in settings}
+    more = ", ".join(f"{name}={json.dumps(value)}" for name, value in given.items())
     return [
         "import nearharmonic as nh",
         "",
         "run = nh.integrate(",
-        f'    "{cells["system"]}", "{cells["integrator"]}", tau={cells["tau"]!r}, t_end="{settings["t_end"]}",',
-        f'    precision="{cells["precision"]}", summation="{settings["summation"]}", samples={settings["samples"]},',
+        f'    "{cells["system"]}", "{cells["integrator"]}", tau={cells["tau"]!r}, precision="{cells["precision"]}",',
+        *([f"    {more},"] if more else []),
         ")",
         f"print(run.max_energy_error.item())  # {cells['max_energy_error']!r}",
     ]
