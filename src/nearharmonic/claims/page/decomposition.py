@@ -31,8 +31,8 @@ def decomposition(terms: xr.Dataset) -> list[Panel]:
     labels = [str(label) for label in terms["label"].values]
     along = panels.span([order], logarithmic=False)
     remain = panels.span([kappa[kappa >= SATISFIED_BELOW]], logarithmic=True)
-    upper = panels.new_plot("A  error terms that remain: lines BAB, circles ABA", (along, remain), ("order, λ", "κ"))
-    lower = panels.new_plot(_vanishing(), (along, panels.span([[0, 1]], logarithmic=False)), ("order, λ", ""))
+    upper = panels.new_plot((along, remain), ("order, λ", "κ"))
+    lower = panels.new_plot((along, panels.span([[0, 1]], logarithmic=False)), ("order, λ", ""))
     _use_categories(lower, labels)
     for plot in (upper, lower):
         plot["below"][0]["ticker"] = Model("SingleIntervalTicker", interval=2, num_minor_ticks=2)
@@ -46,11 +46,11 @@ def decomposition(terms: xr.Dataset) -> list[Panel]:
             bars.append(_draw_vanishing(lower, order, values, (method, label, composition)))
     panels.add_hover(upper, dots, _ROWS)
     panels.add_hover(lower, bars, _ROWS)
-    return [Panel(caption="error terms that remain", plot=upper), Panel(caption="error terms that vanish", plot=lower)]
-
-
-def _vanishing() -> str:
-    return f"B  error terms that vanish, κ below {power_of_ten(round(log10(SATISFIED_BELOW)))}"
+    limit = power_of_ten(round(log10(SATISFIED_BELOW)))
+    return [
+        Panel(title="A. Error terms that remain: line BAB, circles ABA", plot=upper),
+        Panel(title=f"B. Error terms that vanish, κ below {limit}: bar BAB, circles ABA", plot=lower),
+    ]
 
 
 def _use_categories(plot: Model, labels: list[str]) -> None:

@@ -25,7 +25,7 @@ def durations(runs: Sequence[Mapping[str, Any]]) -> list[Panel]:
     along = panels.span([[i - 0.6 for i in number], [i + 0.6 for i in number]], logarithmic=False)
     upward = panels.span([[0, *seconds]], logarithmic=False)
     upward["start"] = 0.0
-    plot = panels.new_plot("", (along, upward), ("run, oldest first", "duration (s)"), height=260)
+    plot = panels.new_plot((along, upward), ("run, oldest first", "duration (s)"), height=260)
     plot["below"][0]["ticker"] = Model("SingleIntervalTicker", interval=max(1, len(chosen) // 10), num_minor_ticks=0)
     source = panels.source_of(
         number=number,
@@ -46,4 +46,4 @@ def durations(runs: Sequence[Mapping[str, Any]]) -> list[Panel]:
         ("jobs run", "@jobs"),
     ]
     panels.add_hover(plot, [bars], [*rows, ("status", "@status")])
-    return [Panel(caption="durations of the runs", plot=plot)]
+    return [Panel(title="", plot=plot)]

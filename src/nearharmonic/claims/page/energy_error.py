@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 #: Variable -> what the panel shows, and its y axis.
 PANELS = {
-    "max_energy_error": ("maximum over all steps", "max |ΔH/H₀|"),
-    "mean_energy_error": ("mean over all steps", "mean |ΔH/H₀|"),
+    "max_energy_error": ("A. Maximum over all steps", "max |ΔH/H₀|"),
+    "mean_energy_error": ("B. Mean over all steps", "mean |ΔH/H₀|"),
 }
 #: The crosses stand at this share of the upper end of the axis.
 _EDGE = 0.8
@@ -49,10 +49,7 @@ class _Profile:
         )
         self._edge = ranges[1]["end"] * _EDGE
         x_label = "step size per stage, τ/s" + (f" ({unit})" if self._unit else "")
-        self._plots = {
-            name: panels.new_plot(f"{letter}  {says}", ranges, (x_label, y_label))
-            for letter, (name, (says, y_label)) in zip("AB", PANELS.items(), strict=True)
-        }
+        self._plots = {name: panels.new_plot(ranges, (x_label, y_label)) for name, (_, y_label) in PANELS.items()}
         self._dots: dict[str, list[Any]] = {name: [] for name in PANELS}
         self._crosses: dict[str, list[Any]] = {name: [] for name in PANELS}
 
@@ -91,7 +88,7 @@ class _Profile:
             for renderers, field in ((self._dots[name], f"@{name}{{%.4e}}"), (self._crosses[name], "∞")):
                 rows = [("method", "$name"), ("τ/s", f"@x{{%.6g}}{self._unit}"), (PANELS[name][1], field)]
                 panels.add_hover(plot, renderers, [*rows, ("evaluations", "@evaluations{0,0}"), ("status", "@status")])
-        return [Panel(caption=PANELS[name][0], plot=plot) for name, plot in self._plots.items()]
+        return [Panel(title=PANELS[name][0], plot=plot) for name, plot in self._plots.items()]
 
 
 def _columns(runs: xr.Dataset) -> dict[str, Any]:

@@ -54,11 +54,6 @@ class ShownFigure:
     methods: dict[str, str] = field(default_factory=dict)
 
     @property
-    def notes(self) -> bool:
-        """Whether the captions of the panels say more than their titles."""
-        return len(self.panels) > 2
-
-    @property
     def plots(self) -> dict[str, Any]:
         """The plots by the ids of the elements that they go to."""
         return {f"{self.anchor}-panel-{i}": panel.plot for i, panel in enumerate(self.panels, start=1)}

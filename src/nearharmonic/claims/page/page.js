@@ -29,6 +29,13 @@
     return new Set(plots.flatMap((plot) => [plot.x_range, plot.y_range]).filter((range) => range.type === "Range1d"));
   };
 
+  // A finger on a plot scrolls the page, a mouse draws a rectangle to zoom.
+  const leaveFingers = () => {
+    if (!matchMedia("(pointer: coarse)").matches) return;
+    for (const plot of shown.values())
+      for (const tool of plot.toolbar.tools) if (tool.type === "BoxZoomTool") tool.active = false;
+  };
+
   const connect = () => {
     const methods = [...document.querySelectorAll("button.method")];
     for (const button of methods)
@@ -57,6 +64,7 @@
     .then(() => {
       for (const root of Bokeh.documents[0].roots()) shown.set(root.name, root);
       connect();
+      leaveFingers();
       page.dataset.ready = "";
     })
     .catch((error) => {

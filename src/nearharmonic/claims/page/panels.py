@@ -41,10 +41,21 @@ _AXIS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Panel:
-    """A panel of a figure: what it shows, in words, and its plot."""
+    """A panel of a figure.
 
-    caption: str
+    Attributes
+    ----------
+    title : str
+        Its letter, if it has one, and what it shows.
+    plot : Model
+        The plot; its title stands in HTML, where a long one is wrapped.
+    note : str
+        What the panel states below the plot.
+    """
+
+    title: str
     plot: Model
+    note: str = ""
 
 
 def span(values: Iterable[Any], logarithmic: bool, highest: float = np.inf) -> Model:
@@ -76,15 +87,14 @@ def exactly(low: float, high: float, logarithmic: bool = False) -> Model:
     return Model("Range1d", start=low, end=high, tags=[_LOGARITHMIC] if logarithmic else [])
 
 
-def new_plot(title: str, ranges: tuple[Model, Model], labels: tuple[str, str], height: int = 460) -> Model:
+def new_plot(ranges: tuple[Model, Model], labels: tuple[str, str], height: int = 460) -> Model:
     """Return an empty plot whose axes are logarithmic where their ranges, x and y, are, named by ``labels``."""
     tools = [Model(kind) for kind in ("BoxZoomTool", "PanTool", "WheelZoomTool", "SaveTool", "ResetTool")]
     axes = [_axis(one, label) for one, label in zip(ranges, labels, strict=True)]
     scales = [Model("LogScale" if _is_logarithmic(one) else "LinearScale") for one in ranges]
-    heading = {"title": Model("Title", text=title, text_font=FONT, text_color="#222222")} if title else {"title": None}
     return Model(
         "Plot",
-        **heading,
+        title=None,
         x_range=ranges[0],
         y_range=ranges[1],
         x_scale=scales[0],

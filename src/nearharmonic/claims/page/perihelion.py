@@ -31,7 +31,7 @@ def perihelion(cube: xr.Dataset) -> list[Panel]:
         panels.span([cube["evaluations_per_orbit"].values], logarithmic=True),
         panels.span([advance[np.isfinite(cube["perihelion_advance_interval"].values)]], logarithmic=True),
     )
-    plot = panels.new_plot("", ranges, ("force evaluations per orbit", _TEXT), height=460)
+    plot = panels.new_plot(ranges, ("force evaluations per orbit", _TEXT), height=460)
     _add_relativity(plot, MERCURY_RELATIVISTIC_ADVANCE / century)
     methods = cube.sizes["integrator"]
     dots = [dot for turn in range(methods) for dot in _draw(plot, cube.isel(integrator=turn), (turn, methods), century)]
@@ -45,7 +45,7 @@ def perihelion(cube: xr.Dataset) -> list[Panel]:
         ("status", "@status"),
     ]
     panels.add_hover(plot, dots, rows)
-    return [Panel(caption="advance of the perihelion", plot=plot)]
+    return [Panel(title="", plot=plot)]
 
 
 def _draw(plot: Model, runs: xr.Dataset, turn: tuple[int, int], century: float) -> list[Model]:

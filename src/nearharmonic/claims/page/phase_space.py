@@ -54,11 +54,11 @@ def phase_space(paths: dict[str, xr.Dataset]) -> list[Panel]:
             edges = [path[name].values[[0, -1]].tolist() for name in ("q_grid", "p_grid")]
             ranges[system] = (panels.exactly(*edges[0]), panels.exactly(*edges[1]))
             around[system] = _hamiltonian(path)
-        title = f"{letter}  {path.attrs['label']}, {path.attrs['system_label']}"
-        plot = panels.new_plot(title, ranges[system], ("q", "p"), height=400)
+        title = f"{letter}. {path.attrs['label']}, {path.attrs['system_label']}"
+        plot = panels.new_plot(ranges[system], ("q", "p"), height=400)
         _add_hamiltonian(plot, around[system])
         _add_path(plot, path)
-        drawn.append(Panel(caption=f"{letter}: {_energy_statement(path)}", plot=plot))
+        drawn.append(Panel(title=title, plot=plot, note=_energy_statement(path)))
     return drawn
 
 

@@ -10,6 +10,7 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: A number as Python writes a float; one of more digits is a decimal that is exact on purpose.
 _FLOAT = re.compile(r"-?\d+(\.\d+)?(e[+-]?\d+)?")
 _MOST_DIGITS_OF_A_FLOAT = 17
+_PLURALS = {"holds": "hold", "holds in part": "hold in part", "fails": "fail"}
 #: Digits that a reader sees of a float.
 _SHOWN = 4
 #: Figures and tables that the text of a claim names.
@@ -63,6 +64,11 @@ def moment(stamp: str | None) -> str:
 def percent(share: float) -> str:
     """Return a share as a percentage of two digits, "below 0.01 %" if it is that small."""
     return f"{100 * share:.2g} %" if share >= 1e-4 or share == 0 else "below 0.01 %"
+
+
+def verdict(name: str, number: int) -> str:
+    """Return a verdict on ``number`` statements: 1 holds, 2 hold."""
+    return name if number == 1 else _PLURALS.get(name, name)
 
 
 def counted(number: int, one: str, more: str = "") -> str:
