@@ -6,7 +6,10 @@ The manifest and the history are written here, from the description of their for
 from __future__ import annotations
 
 import json
+from contextlib import contextmanager
 from hashlib import sha256
+
+import h5py
 
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.experiments.paper.plan import shards_of
@@ -125,6 +128,16 @@ def write_claims(folder, claims):
     header = ("id", "paper", "statement", "verdict", "value", "threshold")
     told = [dict(zip(header, claim, strict=True)) | {"needs": ["cubes/sho.h5"]} for claim in claims]
     (folder / "tables/claims.json").write_text(json.dumps(told))
+
+
+@contextmanager
+def edited(path):
+    """Open a result file to change it; HDF5 drops the last line, the digest, which is then written anew."""
+    with h5py.File(path, "r+") as file:
+        yield file
+    content = path.read_bytes()
+    assert b"nearharmonic sha256" not in content
+    path.write_bytes(content + b"\nnearharmonic sha256 " + sha256(content).hexdigest().encode() + b"\n")
 
 
 def write_manifest(folder, run=None, volatile=(("tables/methods.csv", ["seconds"]),)):

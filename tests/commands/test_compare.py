@@ -16,7 +16,7 @@ import result_folder
 from nearharmonic.cli import main
 from nearharmonic.config import load
 from nearharmonic.output import store
-from result_folder import CLAIMS, VERSIONS, config, history_line, write_claims, write_history, write_manifest
+from result_folder import CLAIMS, VERSIONS, config, edited, history_line, write_claims, write_history, write_manifest
 
 ROOT = Path(__file__).parents[2]
 
@@ -35,7 +35,7 @@ def differences(capsys, *names):
 
 def change(path, variable, index, value):
     """Set one value in an HDF5 file; returns what stood there."""
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         before = file[variable][index]
         file[variable][index] = value
         return before
@@ -129,13 +129,13 @@ def test_settings_code_coefficients_and_versions_are_those_of_the_newest_run_tha
 
 def test_settings_code_and_versions_in_the_attributes_of_a_cube_are_compared(copy, capsys):
     (copy / "history.jsonl").unlink()
-    with h5py.File(copy / "cubes/kepler.h5", "r+") as file:
+    with edited(copy / "cubes/kepler.h5") as file:
         settings = json.loads(file.attrs["settings"])
         settings["sweep"]["samples"] = 51
         file.attrs["settings"] = json.dumps(settings)
         file.attrs["code_digest"] = "7" * 64
     for path in (copy / "cubes").glob("*.h5"):
-        with h5py.File(path, "r+") as file:
+        with edited(path) as file:
             file.attrs["h5py_version"] = "4.0"
     found = {d["kind"]: (d["where"], d["b"]) for d in differences(capsys)}
     assert found == {
@@ -149,7 +149,7 @@ def test_what_one_result_lacks_is_told(copy, capsys):
     (copy / "cubes/kepler.h5").unlink()
     shutil.copy(copy / "tables/methods.csv", copy / "tables/more.csv")
     (copy / "tables/claims.json").unlink()
-    with h5py.File(copy / "cubes/sho.h5", "r+") as file:
+    with edited(copy / "cubes/sho.h5") as file:
         del file["mean_energy_error"]
     told = {d["where"]: (d["kind"], d["a"], d["b"]) for d in differences(capsys)}
     assert told == {
@@ -207,7 +207,7 @@ def test_variables_and_whole_files_that_either_manifest_lists_as_volatile_are_le
 def test_without_a_manifest_a_variable_says_itself_that_it_is_volatile(copy, capsys):
     (copy / "manifest.json").unlink()
     change(copy / "cubes/kepler.h5", "tau", (0, 0), 1.0)
-    with h5py.File(copy / "cubes/kepler.h5", "r+") as file:
+    with edited(copy / "cubes/kepler.h5") as file:
         file["tau"].attrs["volatile"] = "a measured time"
     status, told = compared(capsys)
     assert (status, told["left_out"]) == (0, ["cubes/kepler.h5: tau", "tables/methods.csv: seconds"])
@@ -220,7 +220,7 @@ def test_a_damaged_file_is_named(copy, capsys):
     write_claims(copy, CLAIMS)
     (copy / "cubes/sho.h5").write_bytes(b"no HDF5")
     assert main(["compare", "paper", "copy"]) == 2
-    assert "cubes/sho.h5 is truncated or no HDF5 file. Make it again" in capsys.readouterr().err
+    assert "cubes/sho.h5 is truncated or no result file. Make it again" in capsys.readouterr().err
 
 
 def test_results_of_other_configs_compare_on_what_they_have_in_common(other, capsys):

@@ -9,13 +9,13 @@ import math
 import shutil
 import time
 
-import h5py
 import numpy as np
 import pytest
 import xarray as xr
 
 from nearharmonic.cli import main
 from nearharmonic.output import store
+from result_folder import edited
 
 COLUMNS = [
     "system", "integrator", "precision", "tau", "tau_per_stage", "steps", "evaluations", "max_energy_error",
@@ -118,7 +118,7 @@ def test_a_cube_that_holds_no_single_runs_is_left_out(project, capsys):
 
 
 def test_a_cube_of_a_system_that_lacks_a_variable_is_named(project, capsys):
-    with h5py.File(project / "cubes/sho.h5", "r+") as file:
+    with edited(project / "cubes/sho.h5") as file:
         del file["steps"]
     assert main(["runs", "paper"]) == 2
     assert "cubes/sho.h5 has no steps. Make it again: snakemake" in capsys.readouterr().err

@@ -12,7 +12,7 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.cli import main
-from result_folder import run_id
+from result_folder import edited, run_id
 
 
 def shown(capsys, *arguments):
@@ -105,7 +105,7 @@ def test_a_run_that_is_not_there_is_refused_with_what_is_near(project, arguments
 
 
 def test_a_cube_without_settings_is_shown_with_lines_that_leave_them_out(project, capsys):
-    with h5py.File(project / "cubes/kepler.h5", "r+") as file:
+    with edited(project / "cubes/kepler.h5") as file:
         del file.attrs["settings"]
     told = shown(capsys, "kepler", "ruth", "30")
     assert told["settings"] == {}
