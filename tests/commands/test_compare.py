@@ -93,14 +93,15 @@ def test_claims_whose_verdict_changed_come_first(copy, capsys):
     first, other = CLAIMS
     write_claims(copy, [(*first[:3], "fails", *first[4:]), ("new.claim", *other[1:])])
     change(copy / "cubes/sho.h5", "tau", (0, 0, 0), 7.0)
-    write_history(copy, [history_line(8, versions=VERSIONS | {"numpy": "2.5.0"})])
+    versions = VERSIONS | {"numpy": "2.5.0"}
+    write_history(copy, [history_line(8, versions=versions, config=config() | {"samples": 7})])
     found = differences(capsys)
     assert [(d["kind"], d["where"], d["a"], d["b"]) for d in found[:3]] == [
         ("claim", "fig1.order", "holds", "fails"),
         ("missing", "claim fig5.best", "there", "missing"),
         ("missing", "claim new.claim", "missing", "there"),
     ]
-    assert [d["kind"] for d in found[3:]] == ["version", "number"]
+    assert [d["kind"] for d in found[3:]] == ["setting", "version", "number"]
 
 
 def test_settings_code_coefficients_and_versions_are_those_of_the_newest_run_that_ended_well(copy, capsys):

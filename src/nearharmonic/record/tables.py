@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Collection, Iterator, Sequence
-from decimal import Decimal, InvalidOperation, localcontext
+from decimal import Decimal, InvalidOperation
 from math import inf, isfinite
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,6 @@ from typing import Any
 from nearharmonic.errors import ResultFileError
 from nearharmonic.output.store import command_for
 from nearharmonic.record.differences import Difference, missing
-
-#: Digits of the decimals that are compared: more than any table prints.
-DIGITS = 200
 
 Rows = list[list[str]]
 
@@ -123,9 +120,9 @@ def _relative(a: str, b: str) -> float:
         return inf
     if not (one.is_finite() and other.is_finite()):
         return 0.0 if float(a) == float(b) or {one.is_nan(), other.is_nan()} == {True} else inf
-    with localcontext(prec=DIGITS):
-        scale = max(abs(one), abs(other))
-        return float(abs(one - other) / scale) if scale else 0.0
+    # Decimals are subtracted exactly; only the difference is rounded.
+    scale = max(abs(one), abs(other))
+    return float(abs(one - other) / scale) if scale else 0.0
 
 
 def _cell(text: str) -> Any:
