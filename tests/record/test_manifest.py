@@ -54,6 +54,7 @@ def test_it_holds_size_digest_and_origin_of_each_file(results):
         }
     }
     assert found["changed"] == []
+    assert found["format"] == "nearharmonic manifest 1"
 
 
 def test_files_of_other_targets_stay_when_one_target_runs_again(results, monkeypatch):

@@ -61,20 +61,35 @@ def test_as_many_are_drawn_as_asked_for_and_the_seed_says_which(results):
     assert len({tuple((r.file, r.precision, r.tau_per_stage) for r in rerun(results, 3, seed=s)) for s in range(6)}) > 1
 
 
-@pytest.mark.parametrize("name", ["q", "max_energy_error", "steps", "block_steps"])
-def test_a_number_that_differs_in_its_last_bit_is_named(results, name):
+def rewritten(results, change):
+    """The first run file with both precisions, its variables in double precision changed."""
     place = next(p for p in sorted((results / "runs").rglob("*.h5")) if store.groups_of(p))
     kept = store.read(place)
-    values = kept[name].values
-    first = values.reshape(-1)[:1]
-    first[:] = first + 1 if values.dtype.kind == "i" else np.nextafter(first, np.inf)
-    groups = {"extended": {n: (v.dims, v.values, v.attrs) for n, v in store.read(place, "extended").variables.items()}}
-    root = {n: (v.dims, v.values, v.attrs) for n, v in kept.variables.items()}
-    store.write(place, root, {k: v for k, v in kept.attrs.items() if k not in {"format", "Conventions"}}, groups)
+    root = {name: (v.dims, v.values, v.attrs) for name, v in kept.variables.items()}
+    change(root)
+    more = {name: (v.dims, v.values, v.attrs) for name, v in store.read(place, "extended").variables.items()}
+    attributes = {key: value for key, value in kept.attrs.items() if key not in {"format", "Conventions"}}
+    store.write(place, root, attributes, {"extended": more})
+    return place.relative_to(results).as_posix()
+
+
+@pytest.mark.parametrize("name", ["q", "max_energy_error", "steps", "block_steps"])
+def test_a_number_that_differs_in_its_last_bit_is_named(results, name):
+    def change(variables):
+        first = variables[name][1].reshape(-1)[:1]
+        first[:] = first + 1 if first.dtype.kind == "i" else np.nextafter(first, np.inf)
+
+    file = rewritten(results, change)
     differing = [run for run in rerun(results, 1000) if run.differs]
-    assert [(run.file, run.precision, run.differs) for run in differing] == [
-        (place.relative_to(results).as_posix(), "double", (name,))
-    ]
+    assert [(run.file, run.precision, run.differs) for run in differing] == [(file, "double", (name,))]
+
+
+@pytest.mark.parametrize("change", [lambda v: v.pop("steps"), lambda v: v.update(more=v["steps"])])
+def test_a_variable_that_one_of_them_lacks_is_named(results, change):
+    file = rewritten(results, change)
+    differing = {(run.file, run.precision): run.differs for run in rerun(results, 1000) if run.differs}
+    assert list(differing) == [(file, "double")]
+    assert differing[file, "double"] in {("steps",), ("more",)}
 
 
 def test_a_damaged_run_file_is_named(results):

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from nearharmonic.answers import Answer
 
 if TYPE_CHECKING:
-    from nearharmonic.record.compare import Comparison
-    from nearharmonic.record.differences import Difference
+    from nearharmonic.record.compare.comparison import Comparison
+    from nearharmonic.record.compare.differences import Difference
 
 HELP = "compare two results: claims, settings, code, and every number"
 HEADER = ("kind", "where", "a", "b", "unit", "relative", "at", "differ", "of")
@@ -26,13 +26,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def answer(chosen: argparse.Namespace) -> Answer:
     """Return a row for each difference; the status is 1 if there is one."""
-    from nearharmonic.record.compare import compared
+    from nearharmonic.record.compare.comparison import compared
     from nearharmonic.record.folders import folder_of
 
     a, b = folder_of(chosen.a), folder_of(chosen.b)
     figure = None
     if chosen.figure is not None:
-        from nearharmonic.record.overlay import save_overlay
+        from nearharmonic.record.compare.overlay import save_overlay
 
         names = dict(zip(_names(chosen.a, chosen.b), (a, b), strict=True))
         figure = save_overlay(names, chosen.figure)
@@ -62,7 +62,7 @@ def _names(a: str, b: str) -> tuple[str, str]:
 
 
 def _row(difference: Difference) -> tuple[Any, ...]:
-    from nearharmonic.record.differences import short
+    from nearharmonic.record.compare.differences import short
 
     at = difference.at
     places = [f"{name} {short(value)} {difference.at_units.get(name, '')}".rstrip() for name, value in at.items()]

@@ -24,13 +24,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def answer(chosen: argparse.Namespace) -> Answer:
     """Return a row for each run, or one for each field of the run that ``--full`` names."""
     from nearharmonic.record.folders import RESULTS, folder_of, result_names
-    from nearharmonic.record.past import runs_newest_first
+    from nearharmonic.record.history import runs_newest_first
 
     names = result_names() if chosen.result is None else [chosen.result]
     folders = [RESULTS / name if chosen.result is None else folder_of(name) for name in names]
     runs = runs_newest_first(folders)
     if chosen.full is not None:
-        from nearharmonic.record.past import run_named
+        from nearharmonic.record.history import run_named
 
         return _full(run_named(chosen.full, [run for _, run in runs]))
     several = chosen.result is None
@@ -58,6 +58,6 @@ def _row(run: dict[str, Any]) -> tuple[Any, ...]:
 
 
 def _full(run: dict[str, Any]) -> Answer:
-    from nearharmonic.record.past import flattened
+    from nearharmonic.record.history import flattened
 
     return Answer(header=("field", "value"), rows=list(flattened(run)), document=run)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from nearharmonic.answers import Answer
 
 if TYPE_CHECKING:
-    from nearharmonic.record.query import RunTable
+    from nearharmonic.record.query.run_table import RunTable
 
 HELP = "list single runs: step, errors, status; chosen and sorted"
 
@@ -26,9 +26,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def answer(chosen: argparse.Namespace) -> Answer:
     """Return a row for each run that fulfils the condition."""
-    from nearharmonic.record.expression import rows_where
     from nearharmonic.record.folders import folder_of
-    from nearharmonic.record.query import column_of, order_by, run_table
+    from nearharmonic.record.query.expression import rows_where
+    from nearharmonic.record.query.run_table import column_of, order_by, run_table
 
     limit = None if chosen.limit is None else _whole(chosen.limit)
     found = run_table({name: folder_of(name) for name in chosen.result})

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from nearharmonic.answers import Answer
 
 if TYPE_CHECKING:
-    from nearharmonic.record.single import SingleRun
+    from nearharmonic.record.query.single import SingleRun
 
 HELP = "show all that is known of one run, and how to make it again"
 #: Relative difference of the step asked for and the one found above which the answer says so: six digits were typed.
@@ -30,7 +30,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
     """Return a row for each fact, and below them lines of Python."""
     from nearharmonic.record import manifest
     from nearharmonic.record.folders import folder_of
-    from nearharmonic.record.single import files_of, python_lines, single_run
+    from nearharmonic.record.query.single import files_of, python_lines, single_run
 
     folder = folder_of(chosen.result)
     run = single_run(
@@ -61,7 +61,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
 
 
 def _rows(run: SingleRun, files: dict[str, dict[str, Any]]) -> list[tuple[str, Any, str | None]]:
-    from nearharmonic.record.past import flattened
+    from nearharmonic.record.history import flattened
 
     rows: list[tuple[str, Any, str | None]] = [(name, cell, run.units.get(name)) for name, cell in run.cells.items()]
     rows += [(f"unit of {quantity}", unit, None) for quantity, unit in run.system_units.items()]

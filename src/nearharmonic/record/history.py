@@ -9,17 +9,21 @@ from __future__ import annotations
 import json
 import os
 import platform
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from nearharmonic.errors import SettingError, unknown_name
 from nearharmonic.output.atomic import write_text
+
+#: A line of the history.
+Run = dict[str, Any]
 
 HISTORY = "history.jsonl"
 MARKERS = Path("logs", "running")
 
 
-def runs_of(folder: Path) -> list[dict[str, Any]]:
+def runs_of(folder: Path) -> list[Run]:
     """Return the runs in the history of ``folder``, oldest first; lines that are no JSON objects are passed over."""
     try:
         lines = (folder / HISTORY).read_text(encoding="utf-8", errors="replace").splitlines()
@@ -28,10 +32,61 @@ def runs_of(folder: Path) -> list[dict[str, Any]]:
     return [run for run in map(_parsed, lines) if run]
 
 
-def running_in(folder: Path) -> list[dict[str, Any]]:
+def running_in(folder: Path) -> list[Run]:
     """Return the runs that have begun and not ended, oldest first; some may have been killed."""
     found = (_parsed(_text(place)) for place in sorted((folder / MARKERS).glob("*.json")))
     return [run for run in found if run]
+
+
+def runs_newest_first(folders: Iterable[Path]) -> list[tuple[Path, Run]]:
+    """Return each run of some results with the folder of its result, those under way included.
+
+    Parameters
+    ----------
+    folders : iterable of Path
+        Folders of results.
+
+    Returns
+    -------
+    list of (Path, dict)
+        By the time of the start, the newest first. A run under way has status "running".
+    """
+    found = []
+    for folder in folders:
+        ended = {run["id"]: run for run in runs_of(folder)}
+        under_way = [run for run in running_in(folder) if run["id"] not in ended]
+        found += [(folder, run) for run in (*ended.values(), *under_way)]
+    return sorted(found, key=lambda one: (str(one[1].get("start")), str(one[1]["id"]), str(one[0])), reverse=True)
+
+
+def newest_finished(folder: Path) -> Run | None:
+    """Return the newest run of a result that ended well, None if there is none."""
+    return next((run for _, run in runs_newest_first([folder]) if run.get("status") == "ok"), None)
+
+
+def run_named(prefix: str, runs: Sequence[Run]) -> Run:
+    """Return the run whose id begins with ``prefix``, the first of ``runs`` if that is empty.
+
+    Raises
+    ------
+    UnknownNameError
+        No id begins so; it says the nearest match.
+    SettingError
+        More than one id begins so, or there is no run at all.
+    """
+    if not runs:
+        raise SettingError("no run is recorded: snakemake -j2 makes results and records the run")
+    found = list({str(run.get("id")): run for run in runs if str(run.get("id")).startswith(prefix)}.values())
+    if not found:
+        raise unknown_name("run", prefix, [str(run.get("id")) for run in runs])
+    if prefix and len(found) > 1:
+        raise SettingError(f"id = {prefix!r} is not allowed: {len(found)} runs begin so, {_listed(found)}")
+    return found[0]
+
+
+def _listed(runs: Sequence[Run], most: int = 5) -> str:
+    names = [str(run["id"]) for run in runs[:most]]
+    return ", ".join(names) + (", ..." if len(runs) > most else "")
 
 
 def _text(place: Path) -> str:
@@ -41,7 +96,7 @@ def _text(place: Path) -> str:
         return ""
 
 
-def _parsed(line: str) -> dict[str, Any] | None:
+def _parsed(line: str) -> Run | None:
     try:
         run = json.loads(line)
     except ValueError:
@@ -111,7 +166,7 @@ def close_killed(folder: Path) -> list[str]:
     return closed
 
 
-def _dead(folder: Path) -> Iterator[tuple[dict[str, Any], Path]]:
+def _dead(folder: Path) -> Iterator[tuple[Run, Path]]:
     for run in running_in(folder):
         process = run.get("process", {})
         if process.get("host") == platform.node() and not _alive(process):
@@ -132,3 +187,15 @@ def _alive(process: Mapping[str, Any]) -> bool:
         return bool(abs(psutil.Process(process["number"]).create_time() - process["created"]) < 1)
     except psutil.NoSuchProcess:
         return False
+
+
+def flattened(value: Any, above: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield (dotted key, cell) of nested mappings; a list of numbers and texts is one cell."""
+    if isinstance(value, Mapping) and value:
+        for key, member in value.items():
+            yield from flattened(member, f"{above}.{key}" if above else str(key))
+    elif isinstance(value, list) and any(isinstance(member, Mapping | list) for member in value):
+        for i, member in enumerate(value):
+            yield from flattened(member, f"{above}.{i}")
+    else:
+        yield above, " ".join(map(str, value)) if isinstance(value, list | Mapping) else value

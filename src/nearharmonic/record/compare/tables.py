@@ -11,7 +11,7 @@ from typing import Any
 
 from nearharmonic.errors import ResultFileError
 from nearharmonic.output.store import command_for
-from nearharmonic.record.differences import Difference, missing
+from nearharmonic.record.compare.differences import Difference, missing
 
 Rows = list[list[str]]
 

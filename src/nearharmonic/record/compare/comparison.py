@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from nearharmonic.errors import ResultFileError
 from nearharmonic.output import store
+from nearharmonic.output.receipts import WHOLE
 from nearharmonic.record import manifest
-from nearharmonic.record.differences import Difference, dataset_differences, missing
-from nearharmonic.record.past import flattened, newest_finished
-from nearharmonic.record.query import layered, settings_of
-from nearharmonic.record.tables import table_differences
+from nearharmonic.record.compare.differences import Difference, dataset_differences, missing
+from nearharmonic.record.compare.tables import table_differences
+from nearharmonic.record.history import flattened, newest_finished
+from nearharmonic.record.query.run_table import layered, settings_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
 Attributes = Mapping[str, Any]
 
 CLAIMS = Path("tables/claims.json")
-#: What a manifest lists as volatile if all of a file is.
-EVERYTHING = "*"
 #: Digits of a digest that are shown.
 DIGEST = 10
 #: Kinds of differences that concern what made the results, not what they are.
@@ -179,7 +178,7 @@ class _Pair:
             volatile = {part for told in self._manifests for part in self._entry(told, name).get("volatile", ())}
             if not all(there):
                 yield name, missing(name, in_a=there[0])
-            elif EVERYTHING in volatile:
+            elif WHOLE in volatile:
                 self.left_out.append(name)
             else:
                 yield name, volatile

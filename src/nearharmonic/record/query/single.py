@@ -14,7 +14,7 @@ import numpy as np
 from nearharmonic.engine.settings import checked_tau, one_of
 from nearharmonic.errors import bad_setting, unknown_name
 from nearharmonic.output import store
-from nearharmonic.record.query import COLUMNS, Columns, runs_of_cube, settings_of, system_cubes
+from nearharmonic.record.query.run_table import COLUMNS, Columns, runs_of_cube, settings_of, system_cubes
 from nearharmonic.systems import systems
 
 #: Relative spacing of a grid of one step size: the digits that a person would type.

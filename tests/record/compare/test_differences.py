@@ -13,8 +13,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from nearharmonic.errors import ResultFileError
-from nearharmonic.record.differences import array_difference, dataset_differences, relative_differences
-from nearharmonic.record.tables import table_differences
+from nearharmonic.record.compare.differences import array_difference, dataset_differences, relative_differences
+from nearharmonic.record.compare.tables import table_differences
 
 NUMBERS = st.floats(allow_nan=True, allow_infinity=True, allow_subnormal=True)
 

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 
 from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.output import store, style
-from nearharmonic.record.query import layered, system_cubes
+from nearharmonic.record.query.run_table import layered, system_cubes
 
 if TYPE_CHECKING:
     import xarray as xr
