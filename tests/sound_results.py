@@ -122,7 +122,7 @@ def _derived_tables():
         "derived_solutions": [
             {"stages": "5", "solution": "1", "half of the outer row": "0.18685656 0.55205817 -0.23891473"},
             {"stages": "5", "solution": "2", "half of the outer row": "0.15585936 -0.00702550 0.35116614"},
-            {"stages": "6", "solution": "2", "half of the outer row": "0.15585936"},
+            {"stages": "6", "solution": "1", "half of the outer row": "0.15585936"},
         ],
         "derived_errors": [
             {"solution": solution, "first": first, "tau/s": tau, "max error, Henon-Heiles": error}

@@ -179,7 +179,6 @@ def test_the_committed_verdicts_are_those_of_a_run(tmp_path):
     """The default run and the targets that statements need, on the paper's config; a few minutes."""
     project = Project(tmp_path)
     assert project.snakemake("all", "derive", "stability", "-j2").returncode == 0
-    assert project.snakemake("claims", "--force", "-j2").returncode == 0
     done = project.snakemake("results/paper/tables/claims.json", "--force", "-j2")
     assert done.returncode == 0, done.stdout
     assert (tmp_path / "results/paper/tables/claims.json").read_text(encoding="utf-8") == TEXT

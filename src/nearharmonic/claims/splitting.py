@@ -94,12 +94,14 @@ def _mirrored(rows: list[dict[str, str]], column: str, *, shorter: bool) -> bool
     target="stability",
 )
 def time_reversible(results: Results) -> Decision:
-    rows = results.rows("structure")
-    shares = [float(row["return error"]) / float(row["return bound"]) for row in rows]
-    value = (
-        f"{sum(share <= 1 for share in shares)} of {len(rows)} runs within the bound; worst {short(max(shares))} of it"
-    )
-    return counted([share <= 1 for share in shares], value)
+    return _within(results, "return error", "return bound")
+
+
+def _within(results: Results, measured: str, bound: str) -> Decision:
+    """Compare two columns of the table of structure, a row a run."""
+    shares = [float(row[measured]) / float(row[bound]) for row in results.rows("structure")]
+    good = [share <= 1 for share in shares]
+    return counted(good, f"{sum(good)} of {len(good)} runs within it; worst {short(max(shares))} of it")
 
 
 @claim(
@@ -112,10 +114,7 @@ def time_reversible(results: Results) -> Decision:
     target="stability",
 )
 def symplectic(results: Results) -> Decision:
-    rows = results.rows("structure")
-    shares = [float(row["symplectic defect"]) / float(row["symplectic walk"]) for row in rows]
-    value = f"{sum(share <= 1 for share in shares)} of {len(rows)} runs within it; worst {short(max(shares))} of it"
-    return counted([share <= 1 for share in shares], value)
+    return _within(results, "symplectic defect", "symplectic walk")
 
 
 @claim(
