@@ -187,12 +187,13 @@ def test_a_hover_shows_the_numbers_that_stand_in_the_cube(wide, results, panel, 
     left, top = wide.evaluate("([id, x, y]) => spotOf(id, x, y)", [panel, float(x[j]), float(y[i, j])])
     wide.mouse.move(left - 3, top)
     wide.mouse.move(left, top)
-    tooltip = wide.locator(f"#{panel} .bk-Tooltip").first
-    tooltip.wait_for()
+    tooltip = wide.locator(".bk-tooltip-content", has_text=method)
+    tooltip.wait_for(timeout=3000)
     said = " ".join(tooltip.inner_text().split())
     assert method in said
     assert f"{x[j]:.6g}{unit}" in said
-    assert f"{y[i, j]:.4e}" in said
+    shown_error = float(re.search(r"\|ΔH/H₀\|: (\S+)", said)[1])
+    assert shown_error == pytest.approx(y[i, j], rel=5.1e-5)  # five digits
     assert f"{evaluations:,}" in said
     assert f"status: {status}" in said
     wide.mouse.move(2, 2)
@@ -282,18 +283,17 @@ def test_the_static_pictures_stand_in_where_scripts_are_off(opened):
     assert drawn.bounding_box()["width"] > 300
 
 
-def test_the_static_pictures_are_printed_and_the_plots_are_not(opened):
-    page = opened()
-    assert not any(shown(page, ".figure.live img.static"))
-    assert all(shown(page, ".panels"))
-    page.emulate_media(media="print")
-    assert all(shown(page, ".figure.live img.static"))
-    assert not any(shown(page, ".panels"))
+def test_the_static_pictures_are_printed_and_the_plots_are_not(wide):
+    assert not any(shown(wide, ".figure.live img.static"))
+    assert all(shown(wide, ".panels"))
+    wide.emulate_media(media="print")
+    assert all(shown(wide, ".figure.live img.static"))
+    assert not any(shown(wide, ".panels"))
+    wide.emulate_media(media="screen")
 
 
-def test_a_made_small_picture_looks_like_the_file(opened, results):
-    """By pixels at four times the size: a point on the paper is kept to a hundredth."""
-    page = opened()
+def test_a_made_small_picture_looks_like_the_file(wide, results):
+    """By pixels; a shift of a hundredth of a point changes one by the share of one row of samples at most, 64."""
     different = """async (sources) => {
       const pixels = async (source) => {
         const image = new Image();
@@ -305,21 +305,20 @@ def test_a_made_small_picture_looks_like_the_file(opened, results):
       };
       const [one, other] = [await pixels(sources[0]), await pixels(sources[1])];
       const dark = one.filter((value) => value < 128).length / one.length;
-      return [dark, one.filter((value, i) => Math.abs(value - other[i]) > 40).length / one.length];
+      return [dark, one.filter((value, i) => Math.abs(value - other[i]) > 100).length / one.length];
     }"""
     original = (results / f"figures/{DRAWN}.svg").read_text(encoding="utf-8")
-    small = page.locator("#figure-4 img").get_attribute("src")
+    small = wide.locator("#figure-4 img").get_attribute("src")
     assert len(small) < 0.75 * len(original)
-    whole = page.evaluate("(text) => 'data:image/svg+xml,' + encodeURIComponent(text)", original)
-    dark, share = page.evaluate(different, [whole, small])
+    whole = wide.evaluate("(text) => 'data:image/svg+xml,' + encodeURIComponent(text)", original)
+    dark, share = wide.evaluate(different, [whole, small])
     assert dark > 0.001
-    assert share < 2e-4
+    assert share < 1e-5
 
 
-def test_a_link_from_a_claim_opens_its_table(opened):
-    page = opened()
-    table = page.locator("#table-3")
+def test_a_link_from_a_claim_opens_its_table(wide):
+    table = wide.locator("#table-3")
     assert table.get_attribute("open") is None
-    page.locator("#claim-three a").click()
-    page.wait_for_selector("#table-3[open]")
-    assert re.search("-0.9129", table.inner_text())
+    wide.locator("#claim-three a").click()
+    wide.wait_for_selector("#table-3[open]")
+    assert "-0.9129" in table.inner_text()

@@ -73,9 +73,10 @@ def plots(text):
     return {name: loaded.get_model_by_id(root) for name, root in roots.items()}
 
 
-def drawn_from(plot, column):
-    """The renderers of a plot whose hover has a name for them and whose y is this column."""
-    return [one for one in plot.renderers if one.name and getattr(one.glyph.y, "field", one.glyph.y) == column]
+def hovered(plot, column, kind):
+    """The glyphs of a plot that the hover has a name for, of one kind, whose y is this column."""
+    found = [one for one in plot.renderers if one.name and type(one.glyph).__name__ == kind]
+    return [one for one in found if getattr(one.glyph.y, "field", one.glyph.y) == column]
 
 
 def test_bokehs_own_classes_take_every_name_and_value_of_the_plots(plots):
@@ -170,10 +171,10 @@ def test_every_error_of_the_cube_that_can_be_drawn_is_in_its_panel_bit_by_bit(
     with h5py.File(results / "cubes" / f"{system}.h5") as cube:
         layers = cube[variable][()].reshape(-1, len(made.METHODS), made.TAU.size)
         evaluations = cube["evaluations"][()].reshape(layers.shape)
-    hovered = drawn_from(plot, variable)
-    assert len(hovered) == layers.shape[0] * len(made.METHODS)
+    lines = hovered(plot, variable, "Line")
+    assert len(lines) == layers.shape[0] * len(made.METHODS)
     for one, errors, cost in zip(
-        hovered, layers.reshape(-1, made.TAU.size), evaluations.reshape(-1, made.TAU.size), strict=True
+        lines, layers.reshape(-1, made.TAU.size), evaluations.reshape(-1, made.TAU.size), strict=True
     ):
         there = np.isfinite(errors) & (errors > 0)
         data = one.data_source.data
@@ -186,7 +187,7 @@ def test_every_error_of_the_cube_that_can_be_drawn_is_in_its_panel_bit_by_bit(
 
 def test_a_run_that_left_its_surface_stands_on_the_edge(plots):
     plot = plots["figure-3-panel-1"]
-    crosses = drawn_from(plot, "edge")
+    crosses = hovered(plot, "edge", "Scatter")
     assert [one.tags[0] for one in crosses] == list(made.METHODS)
     for one in crosses:
         assert one.data_source.data["x"] == [made.TAU[-1]]
