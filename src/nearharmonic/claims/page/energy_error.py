@@ -50,7 +50,7 @@ class _Profile:
         self._edge = ranges[1]["end"] * _EDGE
         x_label = "step size per stage, τ/s" + (f" ({unit})" if self._unit else "")
         self._plots = {name: panels.new_plot(ranges, (x_label, y_label)) for name, (_, y_label) in PANELS.items()}
-        self._dots: dict[str, list[Any]] = {name: [] for name in PANELS}
+        self._hits: dict[str, list[Any]] = {name: [] for name in PANELS}
         self._crosses: dict[str, list[Any]] = {name: [] for name in PANELS}
 
     def draw(self, runs: xr.Dataset, turn: tuple[int, int], precision: str) -> None:
@@ -63,8 +63,9 @@ class _Profile:
         for name, plot in self._plots.items():
             line = {"line_dash": [5, 3], "line_width": 1.1} if extended else {}
             panels.add_line(plot, source, ("x", name), method, **line)
-            unseen = {"line_alpha": 0.0, "fill_alpha": 0.0} if extended else {}
-            self._dots[name].append(panels.add_markers(plot, source, ("x", name), method, label, **unseen))
+            if not extended:
+                panels.add_markers(plot, source, ("x", name), method)
+            self._hits[name] += panels.add_hits(plot, source, ("x", name), method, label)
             if lost is not None:
                 cross = {"marker": "x", "angle": 0.0}
                 self._crosses[name].append(panels.add_markers(plot, lost, ("x", "edge"), method, label, **cross))
@@ -85,7 +86,7 @@ class _Profile:
     def panels(self) -> list[Panel]:
         """The finished panels."""
         for name, plot in self._plots.items():
-            for renderers, field in ((self._dots[name], f"@{name}{{%.4e}}"), (self._crosses[name], "∞")):
+            for renderers, field in ((self._hits[name], f"@{name}{{%.4e}}"), (self._crosses[name], "∞")):
                 rows = [("method", "$name"), ("τ/s", f"@x{{%.6g}}{self._unit}"), (PANELS[name][1], field)]
                 panels.add_hover(plot, renderers, [*rows, ("evaluations", "@evaluations{0,0}"), ("status", "@status")])
         return [Panel(title=PANELS[name][0], plot=plot) for name, plot in self._plots.items()]

@@ -17,13 +17,13 @@ from nearharmonic.claims.page.models import Field, Model
 from nearharmonic.output.palette import style_of
 
 Array = np.ndarray[Any, np.dtype[Any]]
-#: A hover shows this many of the points under the pointer.
-_MOST_POINTS_SHOWN = 3
+#: In pixels: a hover finds the curve that passes within half of it.
+_REACH = 12
 #: Markers on a curve of a method, taking turns with those of the others.
 _MARKS = 14
-#: In pixels: a hover finds a point within half of it.
+#: In pixels.
 _MARKER_SIZE = 7
-#: Column of 1 where a point carries its marker and 0 where it is there for the hover alone.
+#: Column of 1 where a point carries its marker and 0 where not.
 MARKED = "marked"
 FONT = "system-ui, sans-serif"
 _LOGARITHMIC = "log"
@@ -181,10 +181,7 @@ def add_line(plot: Model, source: Model, at: tuple[str, str], method: str, **cha
 
 
 def add_markers(plot: Model, source: Model, at: tuple[str, str], method: str, name: str = "", **changes: Any) -> Model:
-    """Draw the marker of ``method`` at the columns ``at``, x and y, at points marked if the source says which.
-
-    Points that are not marked are there for the hover.
-    """
+    """Draw the marker of ``method`` at the columns ``at``, x and y, at points marked if the source says which."""
     style = style_of(method)
     marker = MARKERS[style.marker]
     seen = {f"{part}_alpha": Field(MARKED) for part in ("line", "fill") if MARKED in source["data"]}
@@ -199,6 +196,25 @@ def add_markers(plot: Model, source: Model, at: tuple[str, str], method: str, na
     return add(plot, source, Model("Scatter", x=Field(at[0]), y=Field(at[1]), **(look | seen | changes)), method, name)
 
 
+def add_hits(plot: Model, source: Model, at: tuple[str, str], method: str, name: str) -> list[Model]:
+    """Draw what a hover finds the points ``at``, x and y, by; return the renderers.
+
+    That is an unseen broad line, which gives the nearest of its points, where markers give the first within reach; and
+    markers, unseen as well, where a point stands between gaps.
+    """
+    columns = source["data"]
+    x, y = (np.asarray(columns[one], dtype=float) for one in at)
+    there = np.pad(np.isfinite(x) & np.isfinite(y), 1)
+    alone = there[1:-1] & ~there[:-2] & ~there[2:]
+    unseen = {"line_alpha": 0.0, "line_width": _REACH}
+    line = Model("Line", x=Field(at[0]), y=Field(at[1]), **unseen)
+    found = [add(plot, source, line, method, name)]
+    if alone.any():
+        points = source_of(**{one: np.asarray(values)[alone] for one, values in columns.items() if one != MARKED})
+        found.append(add_markers(plot, points, at, method, name, line_alpha=0.0, fill_alpha=0.0))
+    return found
+
+
 def add_hover(plot: Model, renderers: Sequence[Model], rows: Sequence[tuple[str, str]]) -> None:
     """Show ``rows`` of (text, field) at points of ``renderers``; fields in bokeh's notation, formats of printf."""
     formatters = {f"@{name}": "printf" for _, field in rows for name in re.findall(r"@(\w+)\{%", field)}
@@ -209,7 +225,8 @@ def add_hover(plot: Model, renderers: Sequence[Model], rows: Sequence[tuple[str,
             tooltips=[list(row) for row in rows],
             formatters=formatters,
             sort_by=None,
-            limit=_MOST_POINTS_SHOWN,
+            limit=1,
+            line_policy="nearest",
             point_policy="snap_to_data",
             attachment="horizontal",
         )

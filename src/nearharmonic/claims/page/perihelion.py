@@ -63,21 +63,20 @@ def _draw(plot: Model, runs: xr.Dataset, turn: tuple[int, int], century: float) 
         "evaluations": runs["evaluations"].values if "evaluations" in runs else np.full(advance.size, np.nan),
         "status": runs["status"].values.astype(str) if "status" in runs else np.full(advance.size, "ok"),
     }
-    columns = {name: values[there] for name, values in columns.items()}
-    known = columns["interval"] < columns[_Y]
-    line = {_X: columns[_X], _Y: np.where(known, columns[_Y], np.nan)}
-    panels.add_line(plot, panels.source_of(**line), (_X, _Y), method, line_width=1.0)
-    middle, half = columns[_Y][known], columns["interval"][known]
-    bars = panels.source_of(**{_X: columns[_X][known], "low": middle - half, "high": middle + half})
+    known, unknown = there & (interval < advance), there & ~(interval < advance)
+    line = {_X: columns[_X], _Y: np.where(known, advance, np.nan)}
+    source = panels.source_of(**panels.marked(columns | line, (_X, _Y), turn))
+    panels.add_line(plot, source, (_X, _Y), method, line_width=1.0)
+    bars = panels.source_of(
+        **{_X: columns[_X][known], "low": (advance - interval)[known], "high": (advance + interval)[known]}
+    )
     ends = {"x0": Field(_X), "x1": Field(_X), "y0": Field("low"), "y1": Field("high")}
     panels.add(plot, bars, Model("Segment", **ends, line_color=style_of(method).colour), method)
-    found = [panels.marked({name: values[known] for name, values in columns.items()}, (_X, _Y), turn)]
-    found.append({name: values[~known] for name, values in columns.items()})
+    panels.add_markers(plot, source, (_X, _Y), method)
+    zero = panels.source_of(**{name: values[unknown] for name, values in columns.items()})
     cross = {"marker": "x", "angle": 0.0, "size": 5, "line_alpha": 0.5}
-    return [
-        panels.add_markers(plot, panels.source_of(**shown), (_X, _Y), method, label, **look)
-        for shown, look in zip(found, ({}, cross), strict=True)
-    ]
+    crosses = panels.add_markers(plot, zero, (_X, _Y), method, label, **cross)
+    return [*panels.add_hits(plot, source, (_X, _Y), method, label), crosses]
 
 
 def _add_relativity(plot: Model, level: float) -> None:

@@ -13,7 +13,7 @@ _SHORTER = (
     # The outline that a <use> repeats has the style of its stroke itself.
     (re.compile(r'(<use [^>]*?) style="fill: (#\w+); stroke: [^"]*"/>'), r'\1 fill="\2"/>'),
     (re.compile(r'(<use [^>]*?) style="stroke: [^"]*"/>'), r"\1/>"),
-    (re.compile(r'(?<=[ \n"])(-?\d+\.\d\d)\d+'), r"\1"),
+    (re.compile(r'(scale\([^)]*\))|(?<=[ \n"])(-?\d+\.\d\d)\d+'), r"\1\2"),
     (re.compile(r"\s*\n\s*"), " "),
     (re.compile(r"> <"), "><"),
 )

@@ -1,0 +1,324 @@
+"""The page in chromium: no network, legend, hover, zoom and keyboard, narrow windows, print, and without scripts."""
+
+from __future__ import annotations
+
+import re
+import shutil
+
+import h5py
+import numpy as np
+import pytest
+
+from page_results import CLAIMS, DRAWN
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed"),
+]
+FLAGS = (
+    "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync",
+)  # fmt: skip
+PLOTS = {"1": 2, "2": 2, "3": 2, "4": 1, "5": 2, "6": 4}
+ALL_FIGURES = [f"figure-{number}" for number in PLOTS]
+
+#: Functions that the tests call in the page.
+HELPERS = """() => {
+window.plotOf = (id) => Bokeh.documents[0].roots().find((plot) => plot.name === id);
+window.viewOf = (id) => Bokeh.index.get_one(plotOf(id));
+window.drawnBy = (method) => Bokeh.documents[0].roots()
+  .map((plot) => [plot.name, plot.renderers.filter((one) => one.tags.includes(method)).map((one) => one.visible)]);
+window.spotOf = (id, x, y) => {
+  const plot = plotOf(id), view = viewOf(id);
+  const box = document.getElementById(id).getBoundingClientRect(), frame = view.frame.bbox;
+  const share = (range, value, log) => log
+    ? Math.log(value / range.start) / Math.log(range.end / range.start)
+    : (value - range.start) / (range.end - range.start);
+  const [along, up] = [share(plot.x_range, x, true), share(plot.y_range, y, true)];
+  return [box.left + frame.left + along * frame.width, box.top + frame.top + (1 - up) * frame.height];
+};
+}"""
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with sync_api.sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
+        yield started
+        started.close()
+
+
+@pytest.fixture(scope="module")
+def opened(browser, place):
+    """Open the page as a function of the browser's settings; what went wrong is in ``page.heard``."""
+    contexts = []
+
+    def open_page(**settings):
+        context = browser.new_context(**({"viewport": {"width": 1280, "height": 900}} | settings))
+        contexts.append(context)
+        page = context.new_page()
+        page.heard = {"requests": [], "errors": []}
+        page.on("request", lambda request: page.heard["requests"].append(request.url))
+        page.on("console", lambda said: said.type in {"error", "warning"} and page.heard["errors"].append(said.text))
+        page.on("pageerror", lambda error: page.heard["errors"].append(str(error)))
+        page.goto(place.as_uri())
+        if settings.get("java_script_enabled", True):
+            page.wait_for_selector("html[data-ready]", state="attached")
+            page.evaluate(HELPERS)
+        return page
+
+    yield open_page
+    for context in contexts:
+        context.close()
+
+
+@pytest.fixture(scope="module")
+def wide(opened):
+    """The page in a wide window, shared: a test leaves it as it was."""
+    return opened()
+
+
+def settled(page):
+    """Wait until what was changed is drawn."""
+    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def test_no_request_leaves_the_file_and_nothing_goes_wrong(opened, place):
+    page = opened()
+    page.evaluate("scrollTo(0, document.body.scrollHeight)")
+    page.locator("button.method").first.click()
+    page.wait_for_timeout(300)
+    assert {url for url in page.heard["requests"] if not url.startswith("data:")} == {place.as_uri()}
+    assert page.heard["errors"] == []
+
+
+def test_an_error_of_the_page_would_be_heard(opened):
+    """The check above can fail: the policy of the page refuses a request, and says so."""
+    page = opened()
+    page.evaluate("fetch('http://127.0.0.1:9/').catch(() => 0)")
+    page.wait_for_timeout(300)
+    assert any("Content Security Policy" in text or "127.0.0.1" in text for text in page.heard["errors"])
+
+
+def test_every_plot_is_drawn(wide):
+    names = wide.evaluate("Bokeh.documents[0].roots().map((plot) => plot.name)")
+    assert set(names) == {f"figure-{n}-panel-{i}" for n in PLOTS for i in range(1, PLOTS[n] + 1)} | {"history-chart"}
+    for name in names:
+        box = wide.locator(f"#{name} canvas").first.bounding_box()
+        assert box["width"] > 300
+        assert box["height"] > 200
+
+
+def pixels_of(page, name, colour):
+    """How many pixels of a plot have a colour, to a few steps of each channel."""
+    channels = [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
+    return page.evaluate(
+        """async ([name, channels]) => {
+          const canvas = await viewOf(name).export("png", true);
+          const drawn = (canvas.canvas ?? canvas);
+          const { data } = drawn.getContext("2d").getImageData(0, 0, drawn.width, drawn.height);
+          let count = 0;
+          for (let i = 0; i < data.length; i += 4)
+            if (channels.every((value, k) => Math.abs(data[i + k] - value) < 12)) count += 1;
+          return count;
+        }""",
+        [name, channels],
+    )
+
+
+@pytest.mark.parametrize("method", ["aba104", "babs7o7h"])
+def test_a_button_of_the_legend_hides_its_method_in_every_panel_of_every_figure(wide, method):
+    button = wide.locator(f"button[data-method={method}]")
+    before = wide.evaluate("(method) => drawnBy(method)", method)
+    with_it = {name for name, visible in before if visible}
+    figures = {name.rpartition("-panel-")[0] for name in with_it}
+    assert figures == ({"figure-6"} if method == "babs7o7h" else set(ALL_FIGURES) - {"figure-6"})
+    assert all(all(visible) for _, visible in before)
+    others = wide.evaluate("drawnBy('ruth')")
+    button.click()
+    assert button.get_attribute("aria-pressed") == "false"
+    assert not any(any(visible) for _, visible in wide.evaluate("(method) => drawnBy(method)", method))
+    assert wide.evaluate("drawnBy('ruth')") == others
+    button.click()
+    assert button.get_attribute("aria-pressed") == "true"
+    assert wide.evaluate("(method) => drawnBy(method)", method) == before
+
+
+def test_a_hidden_method_leaves_no_pixel_of_its_colour_and_all_come_back_at_once(wide):
+    green = "#00a070"
+    before = pixels_of(wide, "figure-3-panel-2", green)
+    assert before > 100
+    wide.locator("button[data-method=aba104]").click()
+    wide.locator("button[data-method=ruth]").click()
+    settled(wide)
+    assert pixels_of(wide, "figure-3-panel-2", green) == 0
+    wide.locator("button.all").click()
+    settled(wide)
+    assert pixels_of(wide, "figure-3-panel-2", green) == before
+    assert wide.locator("button.method[aria-pressed=false]").count() == 0
+
+
+def lonely(x, y):
+    """Index (method, point) of the point that is farthest from all others, by logarithms over the ranges of both."""
+    there = np.argwhere(np.isfinite(y) & (y > 0))
+    places = np.array([[np.log(x[j]), np.log(y[i, j])] for i, j in there])
+    places = (places - places.min(axis=0)) / np.ptp(places, axis=0)
+    gaps = np.linalg.norm(places[:, None] - places[None], axis=-1) + 9 * np.eye(len(places))
+    inner = (places > 0.1).all(axis=1) & (places < 0.9).all(axis=1)
+    return tuple(there[np.argmax(np.where(inner, gaps.min(axis=1), 0))])
+
+
+@pytest.mark.parametrize(
+    ("panel", "system", "variable", "unit"),
+    [
+        ("figure-3-panel-1", "henon_heiles", "max_energy_error", ""),
+        ("figure-5-panel-2", "kepler", "mean_energy_error", " h"),
+    ],
+)
+def test_a_hover_shows_the_numbers_that_stand_in_the_cube(wide, results, panel, system, variable, unit):
+    with h5py.File(results / "cubes" / f"{system}.h5") as cube:
+        x, y = cube["tau_per_stage"][()], cube[variable][()]
+        i, j = lonely(x, y)
+        method, evaluations = cube["label"][i].decode(), cube["evaluations"][i, j]
+        status = cube["status"][i, j].decode()
+    wide.locator(f"#{panel}").scroll_into_view_if_needed()
+    left, top = wide.evaluate("([id, x, y]) => spotOf(id, x, y)", [panel, float(x[j]), float(y[i, j])])
+    wide.mouse.move(left - 3, top)
+    wide.mouse.move(left, top)
+    tooltip = wide.locator(".bk-tooltip-content", has_text=method)
+    tooltip.wait_for(timeout=3000)
+    said = " ".join(tooltip.inner_text().split())
+    assert method in said
+    assert f"{x[j]:.6g}{unit}" in said
+    shown_error = float(re.search(r"\|ΔH/H₀\|: (\S+)", said)[1])
+    assert shown_error == pytest.approx(y[i, j], rel=5.1e-5)  # five digits
+    assert f"{evaluations:,}" in said
+    assert f"status: {status}" in said
+    wide.mouse.move(2, 2)
+
+
+def ranges(page, panel):
+    return page.evaluate("(id) => [plotOf(id).x_range, plotOf(id).y_range].map((one) => [one.start, one.end])", panel)
+
+
+def test_a_rectangle_in_one_panel_zooms_all_panels_of_its_figure_and_of_no_other(wide):
+    upper, lower, other = "figure-3-panel-1", "figure-3-panel-2", "figure-1-panel-1"
+    before, apart = ranges(wide, upper), ranges(wide, other)
+    assert ranges(wide, lower) == before
+    wide.locator(f"#{upper}").scroll_into_view_if_needed()
+    (x0, x1), (y0, y1) = before
+    start = wide.evaluate("([id, x, y]) => spotOf(id, x, y)", [upper, x0 * (x1 / x0) ** 0.2, y0 * (y1 / y0) ** 0.2])
+    end = wide.evaluate("([id, x, y]) => spotOf(id, x, y)", [upper, x0 * (x1 / x0) ** 0.6, y0 * (y1 / y0) ** 0.7])
+    wide.mouse.move(*start)
+    wide.mouse.down()
+    wide.mouse.move(*end, steps=4)
+    wide.mouse.up()
+    settled(wide)
+    after = ranges(wide, upper)
+    for (low, high), (first, last), (a, b) in zip(after, before, [(0.2, 0.6), (0.2, 0.7)], strict=True):
+        np.testing.assert_allclose(np.log([low / first, high / first]) / np.log(last / first), [a, b], atol=0.02)
+    assert ranges(wide, lower) == after
+    assert ranges(wide, other) == apart
+    wide.locator("#figure-3 button[data-zoom=reset]").click()
+    np.testing.assert_allclose(ranges(wide, lower), before)
+
+
+def test_zoom_works_with_the_keyboard(wide):
+    button = wide.locator("#figure-5 button[data-zoom=in]")
+    before = ranges(wide, "figure-5-panel-2")
+    button.focus()
+    wide.keyboard.press("Enter")
+    (low, high), _ = ranges(wide, "figure-5-panel-2")
+    (x0, x1), _ = before
+    np.testing.assert_allclose([low, high], [x0 * (x1 / x0) ** 0.25, x0 * (x1 / x0) ** 0.75])
+    wide.locator("#figure-5 button[data-zoom=reset]").focus()
+    wide.keyboard.press("Space")
+    np.testing.assert_allclose(ranges(wide, "figure-5-panel-2"), before)
+
+
+def test_tab_reaches_the_legend_and_space_toggles_it_with_the_focus_in_sight(opened):
+    page = opened()
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.className") == "skip"
+    for _ in range(60):
+        page.keyboard.press("Tab")
+        if page.evaluate("document.activeElement.matches('button.method')"):
+            break
+    focused = page.locator("button.method").first
+    assert page.evaluate("document.activeElement.dataset.method") == focused.get_attribute("data-method") == "ruth"
+    assert page.evaluate("getComputedStyle(document.activeElement).outlineStyle") == "solid"
+    page.keyboard.press("Space")
+    assert focused.get_attribute("aria-pressed") == "false"
+    assert not any(any(visible) for _, visible in page.evaluate("drawnBy('ruth')"))
+
+
+def test_the_table_of_claims_has_as_many_rows_as_claims(wide):
+    assert wide.locator("table.claims tbody tr").count() == len(CLAIMS)
+    assert wide.locator("table.claims tbody tr .verdict").all_inner_texts() == [claim[3] for claim in CLAIMS]
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_narrow_window_does_not_scroll_sideways(opened, scheme):
+    page = opened(viewport={"width": 400, "height": 800}, color_scheme=scheme)
+    for details in page.locator("details").all():
+        details.evaluate("(one) => { one.open = true; }")
+    settled(page)
+    assert page.evaluate("document.documentElement.scrollWidth") <= 400
+    paper = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert (sum(map(int, re.findall(r"\d+", paper))) < 200) == (scheme == "dark")
+
+
+def shown(page, selector):
+    return [one.is_visible() for one in page.locator(selector).all()]
+
+
+def test_the_static_pictures_stand_in_where_scripts_are_off(opened):
+    page = opened(java_script_enabled=False)
+    assert shown(page, "section.figure img.static") == [True] * len(PLOTS)
+    assert not any(shown(page, ".panels"))
+    assert not any(shown(page, "button"))
+    drawn = page.locator("#figure-4 img")
+    assert drawn.bounding_box()["width"] > 300
+
+
+def test_the_static_pictures_are_printed_and_the_plots_are_not(wide):
+    assert not any(shown(wide, ".figure.live img.static"))
+    assert all(shown(wide, ".panels"))
+    wide.emulate_media(media="print")
+    assert all(shown(wide, ".figure.live img.static"))
+    assert not any(shown(wide, ".panels"))
+    wide.emulate_media(media="screen")
+
+
+def test_a_made_small_picture_looks_like_the_file(wide, results):
+    """By pixels; a shift of a hundredth of a point changes one by the share of one row of samples at most, 64."""
+    different = """async (sources) => {
+      const pixels = async (source) => {
+        const image = new Image();
+        image.src = source;
+        await image.decode();
+        const canvas = Object.assign(document.createElement("canvas"), { width: 1008, height: 922 });
+        canvas.getContext("2d").drawImage(image, 0, 0, 1008, 922);
+        return canvas.getContext("2d").getImageData(0, 0, 1008, 922).data;
+      };
+      const [one, other] = [await pixels(sources[0]), await pixels(sources[1])];
+      const dark = one.filter((value) => value < 128).length / one.length;
+      return [dark, one.filter((value, i) => Math.abs(value - other[i]) > 100).length / one.length];
+    }"""
+    original = (results / f"figures/{DRAWN}.svg").read_text(encoding="utf-8")
+    small = wide.locator("#figure-4 img").get_attribute("src")
+    assert len(small) < 0.75 * len(original)
+    whole = wide.evaluate("(text) => 'data:image/svg+xml,' + encodeURIComponent(text)", original)
+    dark, share = wide.evaluate(different, [whole, small])
+    assert dark > 0.001
+    assert share < 1e-5
+
+
+def test_a_link_from_a_claim_opens_its_table(wide):
+    table = wide.locator("#table-3")
+    assert table.get_attribute("open") is None
+    wide.locator("#claim-three a").click()
+    wide.wait_for_selector("#table-3[open]")
+    assert "-0.9129" in table.inner_text()

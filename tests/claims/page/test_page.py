@@ -1,0 +1,315 @@
+"""What the page holds, without a browser: read with an HTML parser, and its plots with bokeh's own classes."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from html.parser import HTMLParser
+from itertools import pairwise
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from bokeh.document import Document
+
+import figure_cubes as made
+import nearharmonic
+from nearharmonic.claims.page import page as room
+from nearharmonic.claims.page.page import page
+from nearharmonic.errors import ResultFileError
+from page_results import CLAIMS, DRAWN, SYSTEMS, run_of_history, write_claims, write_results, write_table
+
+EMPTY = {"meta", "link", "img", "br"}
+
+
+class Reader(HTMLParser):
+    """Elements of a page: (tag, attributes, text inside), in the order in which they end."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.elements = [], []
+        self.feed(text)
+        assert not self.open, f"never closed: {self.open}"
+
+    def handle_starttag(self, tag, attributes):
+        element = (tag, dict(attributes), [])
+        (self.elements if tag in EMPTY else self.open).append(element)
+
+    def handle_startendtag(self, tag, attributes):
+        self.elements.append((tag, dict(attributes), []))
+
+    def handle_data(self, data):
+        for element in self.open:
+            element[2].append(data)
+
+    def handle_endtag(self, tag):
+        element = self.open.pop()
+        assert element[0] == tag, f"{tag} closes {element[0]}"
+        self.elements.append(element)
+
+    def all(self, tag, **attributes):
+        return [
+            (told, " ".join("".join(words).split()))
+            for name, told, words in self.elements
+            if name == tag and attributes.items() <= told.items()
+        ]
+
+
+@pytest.fixture(scope="module")
+def read(text):
+    return Reader(text)
+
+
+@pytest.fixture(scope="module")
+def plots(text):
+    """The plots of the page, loaded by bokeh's classes, by the ids of their elements."""
+    roots = json.loads(re.search(r'<script type="application/json" id="roots">(.*?)</script>', text)[1])
+    found = re.search(r'<script type="application/json" id="plots">(.*?)</script>', text, re.DOTALL)
+    loaded = Document.from_json(json.loads(found[1]))
+    return {name: loaded.get_model_by_id(root) for name, root in roots.items()}
+
+
+def hovered(plot, column, kind):
+    """The glyphs of a plot that the hover has a name for, of one kind, whose y is this column."""
+    found = [one for one in plot.renderers if one.name and type(one.glyph).__name__ == kind]
+    return [one for one in found if getattr(one.glyph.y, "field", one.glyph.y) == column]
+
+
+def test_bokehs_own_classes_take_every_name_and_value_of_the_plots(plots):
+    assert {type(plot).__name__ for plot in plots.values()} == {"Plot"}
+    panels = {"1": 2, "2": 2, "3": 2, "4": 1, "5": 2, "6": 4}
+    names = {f"figure-{n}-panel-{i}" for n, count in panels.items() for i in range(1, count + 1)}
+    assert set(plots) == names | {"history-chart"}
+    # The check can fail.
+    with pytest.raises(AttributeError, match="colour"):
+        plots["history-chart"].colour = "red"
+
+
+def test_same_results_give_the_same_bytes_in_another_process(results, text):
+    code = (
+        f"import sys; from nearharmonic.claims.page.page import page; sys.stdout.write(page({str(results)!r})['page'])"
+    )
+    environment = {"PYTHONPATH": str(Path(nearharmonic.__file__).parents[1]), "PYTHONIOENCODING": "utf-8"}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, check=True)
+    assert done.stdout.decode() == text
+
+
+def test_the_page_loads_neither_matplotlib_nor_the_classes_of_bokeh(results):
+    """Either costs as much time as the page itself."""
+    code = (
+        f"import sys; from nearharmonic.claims.page.page import page; page({str(results)!r}); "
+        "assert not {'matplotlib', 'bokeh'} & set(sys.modules)"
+    )
+    environment = {"PYTHONPATH": str(Path(nearharmonic.__file__).parents[1])}
+    subprocess.run([sys.executable, "-c", code], env=environment, check=True)
+
+
+def test_every_claim_is_a_row_with_its_value_threshold_and_verdict(text):
+    body = re.search(r'<table class="claims">.*?<tbody>(.*?)</tbody>', text, re.DOTALL)[1]
+    rows = [" ".join(words.split()) for _, words in Reader(body).all("tr")]
+    assert len(rows) == len(CLAIMS)
+    for row, claim in zip(rows, CLAIMS, strict=True):
+        assert all(part in row for part in claim)
+
+
+def test_verdicts_are_counted_on_top(read):
+    tiles = [words for told, words in read.all("li") if told.get("class", "").startswith("tile")]
+    assert tiles == ["2 hold", "1 holds in part", "1 fails", "1 not decided here"]
+
+
+def test_a_claim_links_to_its_figures_and_tables_and_to_nothing_that_is_not_there(text, read):
+    body = re.search(r'<table class="claims">.*?</table>', text, re.DOTALL)[0]
+    links = {told["href"]: words for told, words in Reader(body).all("a")}
+    assert links == {
+        "#figure-1": "Figure 1",
+        "#figure-3": "Figures 3",
+        "#figure-5": "5",
+        "#table-3": "Table 3",
+        "#table-4": "Table 4",
+    }
+    anchors = {told["id"] for _, told, _ in read.elements if "id" in told}
+    assert {told["href"][1:] for told, _ in read.all("a") if told["href"].startswith("#")} <= anchors
+
+
+def test_ids_are_unique_headings_in_order_and_pictures_described(read):
+    ids = [told["id"] for _, told, _ in read.elements if "id" in told]
+    assert len(ids) == len(set(ids))
+    assert all(told.get("alt") for _, told, _ in read.elements if "src" in told)
+    assert len(read.all("main")) == len(read.all("h1")) == len(read.all("header")) == len(read.all("nav")) == 1
+
+
+def test_no_heading_skips_a_level(text):
+    levels = [int(level) for level in re.findall(r"<h([1-6])[ >]", text)]
+    assert levels[0] == 1
+    assert all(after - before <= 1 for before, after in pairwise(levels))
+
+
+def test_nothing_is_loaded_from_elsewhere(read):
+    loaded = {told[key] for tag, told, _ in read.elements for key in ("src", "href") if key in told and tag != "a"}
+    assert {url.partition(":")[0] for url in loaded} == {"data"}
+    assert {told["href"] for told, _ in read.all("a") if told["href"][0] != "#"} == {"https://arxiv.org/abs/1501.04345"}
+    (policy,) = [told["content"] for _, told, _ in read.elements if told.get("http-equiv")]
+    assert policy.startswith("default-src 'none';")
+
+
+def test_text_of_results_is_no_markup(text):
+    assert "&lt;b&gt;galaxy&lt;/b&gt; &amp; tests" in text
+    assert "&lt;6&gt; &amp; steep" in text
+    assert "<b>galaxy" not in text
+
+
+@pytest.mark.parametrize(("panel", "variable"), [(1, "max_energy_error"), (2, "mean_energy_error")])
+@pytest.mark.parametrize(("figure", "system"), [(1, "sho"), (3, "henon_heiles"), (5, "kepler")])
+def test_every_error_of_the_cube_that_can_be_drawn_is_in_its_panel_bit_by_bit(
+    results, plots, figure, system, panel, variable
+):
+    plot = plots[f"figure-{figure}-panel-{panel}"]
+    with h5py.File(results / "cubes" / f"{system}.h5") as cube:
+        layers = cube[variable][()].reshape(-1, len(made.METHODS), made.TAU.size)
+        evaluations = cube["evaluations"][()].reshape(layers.shape)
+    lines = hovered(plot, variable, "Line")
+    assert len(lines) == layers.shape[0] * len(made.METHODS)
+    for one, errors, cost in zip(
+        lines, layers.reshape(-1, made.TAU.size), evaluations.reshape(-1, made.TAU.size), strict=True
+    ):
+        there = np.isfinite(errors) & (errors > 0)
+        data = one.data_source.data
+        drawn = np.isfinite(data[variable])
+        np.testing.assert_array_equal(data[variable][drawn], errors[there])
+        np.testing.assert_array_equal(data["x"][drawn], made.TAU[there])
+        np.testing.assert_array_equal(data["evaluations"][drawn], cost[there])
+        assert made.label(one.tags[0]) in one.name
+
+
+def test_a_run_that_left_its_surface_stands_on_the_edge(plots):
+    plot = plots["figure-3-panel-1"]
+    crosses = hovered(plot, "edge", "Scatter")
+    assert [one.tags[0] for one in crosses] == list(made.METHODS)
+    for one in crosses:
+        assert one.data_source.data["x"] == [made.TAU[-1]]
+        assert one.data_source.data["status"] == ["diverged at step 321"]
+
+
+def test_panels_of_a_figure_share_their_axes_and_figures_do_not(plots):
+    for figure in (1, 3, 5):
+        upper, lower = (plots[f"figure-{figure}-panel-{i}"] for i in (1, 2))
+        assert upper.x_range is lower.x_range
+        assert upper.y_range is lower.y_range
+    assert plots["figure-1-panel-1"].x_range is not plots["figure-3-panel-1"].x_range
+    assert plots["figure-2-panel-1"].x_range is plots["figure-2-panel-2"].x_range
+    A, B, C, D = (plots[f"figure-6-panel-{i}"] for i in range(1, 5))
+    assert A.x_range is B.x_range is not C.x_range
+    assert C.y_range is D.y_range
+
+
+def test_everything_a_method_draws_carries_its_name(plots):
+    named = [one.tags for plot in plots.values() for one in plot.renderers if type(one.glyph).__name__ != "VBar"]
+    assert all(len(tags) <= 1 for tags in named)
+    assert sum(not tags for tags in named) == 2 * 4  # shades and contours of the Hamiltonian, in four panels
+
+
+def test_a_config_of_one_system_has_the_figures_of_that_system_only(tmp_path):
+    folder = write_results(tmp_path / "one", systems=("sho",))
+    found = Reader(page(folder=folder)["page"])
+    assert [words.partition(".")[0] for _, words in found.all("h3")] == ["Figure 1", "Figure 2", "Figure 6"]
+    assert SYSTEMS["kepler"] not in " ".join(words for _, words in found.all("main"))
+
+
+@pytest.fixture
+def copied(results, tmp_path):
+    return Path(shutil.copytree(results, tmp_path / "tiny"))
+
+
+def test_optional_results_are_shown_once_they_are_there(copied, text):
+    assert "derivation (target <code>derive</code>)" in text
+    write_table(copied, "derived_counts", [["stages", "found"], ["5", "10"]], "How many there are.\n\n| a |\n")
+    write_table(copied, "table4_derived", [["set"], ["A"]], "Printed and derived.\n")
+    shutil.copy(copied / "figures/fig1_sho.svg", copied / "figures/linear_stability.svg")
+    shutil.copy(copied / "figures/fig1_sho.svg", copied / "figures/work_precision_kepler.svg")
+    found = page(folder=copied)["page"]
+    assert "(target <code>derive</code>)" not in found
+    titles = [words for _, words in Reader(found).all("h2")]
+    assert {"Derivation", "Stability", "Run time against error"} <= set(titles)
+    assert f"Run time against error: {SYSTEMS['kepler']}" in [words for _, words in Reader(found).all("h3")]
+    assert found.count("How many there are.") == 2  # summary and label of the box
+    tables = found[found.index("Tables and coefficients") : found.index("What was left out, and")]
+    assert "Printed and derived" not in tables
+
+
+def test_a_digest_of_a_long_table_is_shown_in_its_place(copied):
+    table = "| method | ms |\n|---|---:|\n| *peer* | 0.5 |\n"
+    digest = f"# Planet: times\n\nMeasured.\n\n## maximum\n\n{table}\n## mean\n\n{table}"
+    write_table(copied, "work_precision_kepler", [["raw"], ["1"]], digest)
+    found = page(folder=copied)["page"]
+    assert "Planet: times; maximum" in found
+    assert '<td>peer</td><td class="n">0.5</td>' in found
+    assert '<th scope="col">raw</th>' not in found
+
+
+def test_what_was_saved_is_said_in_words(read):
+    said = " ".join(words for _, words in read.all("main"))
+    assert "750 force evaluations were made, 75 % of the 1 × 10³ of the full grid" in said
+    assert "25 %: the rest of a run: it left its energy surface" in said
+
+
+def test_coefficients_keep_all_their_decimals_and_floats_are_shown_short(text):
+    assert f'<td class="n">0.{"7" * 76}</td>' in text
+    assert '<td class="n">-0.9129</td>' in text
+
+
+def test_the_present_run_is_shown_as_this_run_and_finished_ones_in_the_history(copied, monkeypatch):
+    marker = copied / "logs/running"
+    marker.mkdir(parents=True)
+    run = run_of_history(3, "running", None, dirty=True)
+    (marker / f"{run['id']}.json").write_text(json.dumps(run))
+    monkeypatch.setenv("NEARHARMONIC_RUN", run["id"])
+    found = page(folder=copied)["page"]
+    (said,) = [words for told, words in Reader(found).all("p", **{"class": "run"})]
+    assert said.startswith(f"Run {run['id']} began 2026-01-01 00:00:03 UTC and was not finished")
+    assert "commit 0123456789ab with uncommitted changes; 2 cores of Fast 9." in said
+    rows = re.search(r'<table class="runs">.*?<tbody>(.*?)</tbody>', found, re.DOTALL)[1].split("</tr>")
+    assert ["this run" in row for row in rows] == [True, False, False, False]
+    assert page(folder=copied, run=run_of_history(2)["id"])["page"].count("ok, this run") == 1
+
+
+def test_a_run_of_which_nothing_is_recorded_is_said_to_be_unknown(copied, text):
+    assert "This page was made outside a recorded run. The latest run of its results:" in text
+    assert (
+        "Of the run <code>20990101T000000Z-00</code>, which made this page, nothing is recorded."
+        in page(folder=copied, run="20990101T000000Z-00")["page"]
+    )
+    (copied / "history.jsonl").unlink()
+    found = page(folder=copied)["page"]
+    assert "no run of its results is recorded" in found
+    assert "No run is recorded." in found
+    assert "history-chart" not in json.loads(re.search(r'id="roots">(.*?)</script>', found)[1])
+
+
+@pytest.mark.parametrize("content", [None, "[", "[{}]", '[{"verdict": "maybe"}]', "7"])
+def test_claims_that_are_missing_or_damaged_are_named_with_the_command_that_makes_them(copied, content):
+    place = copied / "tables/claims.json"
+    place.unlink() if content is None else place.write_text(content)
+    with pytest.raises(ResultFileError, match=r"claims\.json .*Make it again: snakemake"):
+        page(folder=copied)
+
+
+def test_a_page_that_grows_too_large_loses_its_largest_optional_picture(copied, monkeypatch):
+    for name in ("linear_stability", "rounding_growth"):
+        shutil.copy(copied / "figures/fig1_sho.svg", copied / f"figures/{name}.svg")
+    shutil.copy(copied / f"figures/{DRAWN}.svg", copied / "figures/kepler_stability.svg")
+    whole = page(folder=copied)["page"]
+    monkeypatch.setattr(room, "LARGEST", len(whole.encode()) - 1000)
+    smaller = page(folder=copied)["page"]
+    assert len(smaller.encode()) <= room.LARGEST
+    left_out = re.findall(r"left out to keep this page small: <code>(.*?)</code>", smaller)
+    assert left_out == ["figures/kepler_stability.svg"]
+
+
+def test_the_order_of_claims_is_that_of_the_file(copied):
+    write_claims(copied, CLAIMS[::-1])
+    found = page(folder=copied)["page"]
+    assert re.findall(r'<tr id="claim-(\w+)"', found) == [claim[0] for claim in CLAIMS[::-1]]
