@@ -259,6 +259,18 @@ def test_the_table_of_claims_has_as_many_rows_as_claims(wide):
     assert wide.locator("table.claims tbody tr .verdict").all_inner_texts() == [claim[3] for claim in CLAIMS]
 
 
+def test_claims_are_shown_by_verdict_and_a_link_to_a_hidden_one_brings_them_back(wide):
+    rows = wide.locator("table.claims tbody tr")
+    wide.locator("button[data-only=holds]").click()
+    assert [row.get_attribute("id") for row in rows.all() if row.is_visible()] == ["claim-one", "claim-five"]
+    pressed = wide.locator("button[data-only][aria-pressed=true]")
+    assert pressed.all_inner_texts() == ["2 hold"]
+    wide.locator(".tile.fails a").click()
+    rows.nth(2).wait_for()
+    assert all(row.is_visible() for row in rows.all())
+    assert pressed.all_inner_texts() == [f"all {len(CLAIMS)}"]
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_a_narrow_window_does_not_scroll_sideways(opened, scheme):
     page = opened(viewport={"width": 400, "height": 800}, color_scheme=scheme)

@@ -124,6 +124,7 @@ def test_verdicts_are_counted_on_top(read):
 def test_a_claim_links_to_its_figures_and_tables_and_to_nothing_that_is_not_there(text, read):
     body = re.search(r'<table class="claims">.*?</table>', text, re.DOTALL)[0]
     links = {told["href"]: words for told, words in Reader(body).all("a")}
+    assert "Section 2; shown in Figure 1" in " ".join(words for _, words in Reader(body).all("span"))
     assert links == {
         "#figure-1": "Figure 1",
         "#figure-3": "Figures 3",

@@ -36,6 +36,8 @@ class ShownFigure:
         Text below the static picture.
     hint : str
         One sentence on what the interactive panels add.
+    cube : str or None
+        Name of the cube that it shows.
     picture : str
         Data URI of the static picture, "" if it is left out; ``file`` is where it is.
     panels : list of Panel
@@ -48,6 +50,7 @@ class ShownFigure:
     title: str
     caption: str
     file: str
+    cube: str | None = None
     picture: str = ""
     hint: str = ""
     panels: list[Panel] = field(default_factory=list)
@@ -78,10 +81,15 @@ def static(results: Results, titles: Mapping[str, str]) -> Iterator[ShownFigure]
         pattern = next(pattern for pattern in titles if fnmatch(stem, pattern))
         rest = stem.removeprefix(pattern.rstrip("*")) if "*" in pattern else ""
         title = titles[pattern] + (f": {labels.get(rest, rest)}" if rest else "")
-        caption = declared[stem].caption if stem in declared else ""
-        file = f"figures/{stem}.svg"
-        data = picture(results.picture(stem))
-        yield ShownFigure(anchor=f"figure-{stem}", title=title, caption=caption, file=file, picture=data)
+        one = declared.get(stem)
+        yield ShownFigure(
+            anchor=f"figure-{stem}",
+            title=title,
+            caption=one.caption if one else "",
+            file=f"figures/{stem}.svg",
+            cube=one.cube if one else None,
+            picture=picture(results.picture(stem)),
+        )
 
 
 def _figure(one: Declaration, results: Results, title: str, **more: Any) -> ShownFigure:
@@ -91,6 +99,7 @@ def _figure(one: Declaration, results: Results, title: str, **more: Any) -> Show
         title=f"Figure {number}. {title}" if number else title,
         caption=one.caption,
         file=f"figures/{one.stem}.svg",
+        cube=one.cube,
         picture=picture(results.picture(one.stem)),
         **more,
     )

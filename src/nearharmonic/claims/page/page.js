@@ -49,10 +49,21 @@
       });
   };
 
-  // A link to a table opens it.
+  const filters = [...document.querySelectorAll("button[data-only]")];
+  const only = (look) => {
+    for (const button of filters) button.setAttribute("aria-pressed", String(button.dataset.only === look));
+    for (const row of document.querySelectorAll("tr[data-look]")) row.hidden = look !== "" && row.dataset.look !== look;
+  };
+  for (const button of filters) button.addEventListener("click", () => only(button.dataset.only));
+
+  // A link to a table opens it, a link to a claim shows all claims.
   const unfold = () => {
     const target = location.hash.length > 1 && document.getElementById(decodeURIComponent(location.hash.slice(1)));
     if (target instanceof HTMLDetailsElement) target.open = true;
+    if (target?.hidden) {
+      only("");
+      target.scrollIntoView();
+    }
   };
   addEventListener("hashchange", unfold);
   unfold();

@@ -8,10 +8,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from nearharmonic.claims.page import assets, models, wording
+from nearharmonic.claims.page import assets, models
 from nearharmonic.claims.page.durations import durations
 from nearharmonic.claims.page.figures import ShownFigure, interactive, static
 from nearharmonic.claims.page.legend import entries
+from nearharmonic.claims.page.links import Places
 from nearharmonic.claims.page.results import VERDICTS, Results
 from nearharmonic.claims.page.tables import ShownTable
 from nearharmonic.output.receipts import RUN, measures_time
@@ -133,16 +134,20 @@ def page(folder: str | os.PathLike[str], run: str | None = None, **_: Any) -> di
         plot["name"] = name  # by which the script of the page finds it
     document, ids = models.document(list(plots.values()))
     asked = run or os.environ.get(RUN)
-    anchors = {one.anchor for one in figures} | {one.anchor for one in tables}
+    sections = [section.of(results) for section in OPTIONAL]
+    places = Places(
+        [*figures, *(figure for section in sections for figure in section.shown_figures)],
+        [*tables, *(table for section in sections for table in section.shown_tables)],
+    )
     values = {
         "results": results,
-        "claims": [claim | {"pieces": wording.linked(str(claim["paper"]), anchors)} for claim in results.claims],
+        "claims": [claim | {"pieces": places.pieces(claim)} for claim in results.claims],
         "looks": VERDICTS,
         "figures": figures,
         "legend": entries(figures),
         "tables": tables,
         "skipped": results.tables(("skipped",)),
-        "sections": [section.of(results) for section in OPTIONAL],
+        "sections": sections,
         "run": results.run(asked),
         "asked": asked,
         "document": assets.as_script(document),

@@ -13,8 +13,6 @@ _MOST_DIGITS_OF_A_FLOAT = 17
 _PLURALS = {"holds": "hold", "holds in part": "hold in part", "fails": "fail"}
 #: Digits that a reader sees of a float.
 _SHOWN = 4
-#: Figures and tables that the text of a claim names.
-_NAMED = re.compile(r"\b(Figures?|Figs?\.|Tables?)\s+(\d+(?:(?:,\s*|\s*(?:and|to|-|–)\s*)\d+)*)")
 
 
 def scientific(number: float, digits: int = 3) -> str:
@@ -74,37 +72,6 @@ def verdict(name: str, number: int) -> str:
 def counted(number: int, one: str, more: str = "") -> str:
     """Return ``number`` with its noun: 1 claim, 2 claims."""
     return f"{number} {one if number == 1 else more or one + 's'}"
-
-
-def linked(text: str, anchors: set[str]) -> list[tuple[str, str]]:
-    """Split the place of a claim in the paper into pieces (text, anchor).
-
-    Parameters
-    ----------
-    text : str
-        Such as "Section IV, Figures 1, 3 and 5".
-    anchors : set of str
-        What the page has, such as "figure-1" and "table-4".
-
-    Returns
-    -------
-    list of (str, str)
-        Each number of a figure or table that the page has stands alone with its anchor, the rest with "".
-    """
-    pieces: list[tuple[str, str]] = []
-    end = 0
-    for named in _NAMED.finditer(text):
-        kind = "table" if named[1].startswith("Table") else "figure"
-        for number in re.finditer(r"\d+", text[: named.end(2)][named.start(2) :]):
-            anchor = f"{kind}-{number[0]}"
-            if anchor not in anchors:
-                continue
-            begin, stop = named.start(2) + number.start(), named.start(2) + number.end()
-            first = number.start() == 0
-            begin = named.start() if first else begin
-            pieces += [(text[end:begin], ""), (text[begin:stop], anchor)]
-            end = stop
-    return [piece for piece in [*pieces, (text[end:], "")] if piece[0]]
 
 
 def told(value: Any) -> str:
