@@ -1,0 +1,124 @@
+"""Words, markers and links of the page, each alone."""
+
+from __future__ import annotations
+
+import shutil
+
+import pytest
+
+from nearharmonic.claims.page import assets, wording
+from nearharmonic.claims.page.figures import ShownFigure
+from nearharmonic.claims.page.links import Places
+from nearharmonic.claims.page.markers import MARKERS
+from nearharmonic.claims.page.panels import span
+from nearharmonic.claims.page.tables import ShownTable
+from nearharmonic.integrators import integrators
+from nearharmonic.output.palette import style_of
+
+
+@pytest.mark.parametrize(
+    ("said", "text"),
+    [
+        (wording.scientific(4158365311), "4.16 × 10⁹"),
+        (wording.scientific(1.5e-7, 2), "1.5 × 10⁻⁷"),
+        (wording.scientific(0.25), "0.25"),
+        (wording.power_of_ten(-30), "10⁻³⁰"),
+        (wording.seconds(23.41), "23.4 s"),
+        (wording.seconds(60), "1 min 0 s"),
+        (wording.seconds(3599.7), "1 h 0 min"),
+        (wording.seconds(None), "not known"),
+        (wording.moment("2026-11-22T08:02:53.123Z"), "2026-11-22 08:02:53 UTC"),
+        (wording.moment(None), "not known"),
+        (wording.percent(0.4928), "49 %"),
+        (wording.percent(0), "0 %"),
+        (wording.percent(2.7e-5), "below 0.01 %"),
+        (wording.counted(1, "row"), "1 row"),
+        (wording.counted(0, "row"), "0 rows"),
+        (wording.verdict("fails", 2), "fail"),
+        (wording.verdict("fails", 1), "fails"),
+        (wording.verdict("not decided here", 3), "not decided here"),
+        (wording.told(["snakemake", "-j2"]), "snakemake -j2"),
+        (wording.told(None), "not known"),
+        (wording.told(0), "0"),
+    ],
+)
+def test_numbers_are_said_in_words(said, text):
+    assert said == text
+
+
+@pytest.mark.parametrize(
+    ("written", "shown"),
+    [
+        ("0.9128804378017515", "0.9129"),
+        ("1.0250652582803407e-06", "1.025e-06"),
+        ("-5.381790373413507e-06", "-5.382e-06"),
+        ("0.02", "0.02"),
+        ("20000", "20000"),
+        ("123456789", "123456789"),
+        ("0." + "3" * 76, "0." + "3" * 76),
+        ("ABAs5o6H", "ABAs5o6H"),
+        ("nan", "nan"),
+        ("", ""),
+        ("1e-76", "1e-76"),
+    ],
+)
+def test_a_cell_is_short_where_it_is_a_float_and_whole_where_it_is_not(written, shown):
+    assert wording.cell(written) == shown
+
+
+def test_every_marker_of_a_method_has_a_shape_on_the_page():
+    styles = {style_of(name) for name in integrators} | {style_of(f"a new method {i}") for i in range(200)}
+    assert {style.marker for style in styles} == set(MARKERS)
+    assert len({(marker.shape, marker.angle) for marker in MARKERS.values()}) == len(MARKERS)
+
+
+def links(paper, needs=()):
+    figures = [ShownFigure(anchor=f"figure-{n}", title="", caption="", file="", cube="kepler") for n in (4, 5)]
+    figures.append(ShownFigure(anchor="figure-limits", title="Limits", caption="", file="", cube="linear"))
+    table = ShownTable(anchor="table-4", caption="", header=(), rows=(), file="tables/table4_coefficients.csv")
+    return Places(figures, [table]).pieces({"paper": paper, "needs": list(needs)})
+
+
+@pytest.mark.parametrize(
+    ("paper", "needs", "pieces"),
+    [
+        ("Section 4", [], [("Section 4", "")]),
+        ("Figure 4, caption", [], [("Figure 4", "figure-4"), (", caption", "")]),
+        ("Figures 3, 4 and 5", [], [("Figures 3, ", ""), ("4", "figure-4"), (" and ", ""), ("5", "figure-5")]),
+        ("Fig. 5 and Table 4", [], [("Fig. 5", "figure-5"), (" and ", ""), ("Table 4", "table-4")]),
+        ("Figure 45", [], [("Figure 45", "")]),
+        ("Eq. 4", ["tables/table4_coefficients.csv"], [("Eq. 4", ""), ("; shown in ", ""), ("Table 4", "table-4")]),
+        (
+            "Section 5",
+            ["cubes/kepler.h5", "cubes/linear.h5"],
+            [
+                ("Section 5", ""), ("; shown in ", ""), ("Figure 4", "figure-4"), (", ", ""), ("Figure 5", "figure-5"),
+                (", ", ""), ("Limits", "figure-limits"),
+            ],
+        ),
+        ("Figure 4", ["cubes/linear.h5"], [("Figure 4", "figure-4")]),
+    ],
+)  # fmt: skip
+def test_the_place_of_a_claim_links_to_what_it_names_or_else_to_what_shows_its_files(paper, needs, pieces):
+    assert links(paper, needs) == pieces
+
+
+def test_an_axis_holds_all_numbers_and_does_without_those_that_it_cannot_show():
+    one = span([[0.0, -1.0, float("nan"), 1e-9], [float("inf"), 1e-3]], logarithmic=True)
+    assert one["start"] < 1e-9
+    assert 1e-3 < one["end"] < 1
+    assert span([[1e-9, 1e9]], logarithmic=True, highest=10)["end"] == 10
+    assert span([], logarithmic=True)["start"] > 0
+    flat = span([[3.0, 3.0]], logarithmic=False)
+    assert flat["start"] < 3 < flat["end"]
+
+
+@pytest.mark.parametrize("name", ["page.html", "page.css", "page.js"])
+def test_an_edit_of_template_style_or_script_changes_the_digest(tmp_path, monkeypatch, name):
+    before = assets.digest()
+    for each in assets.FOLDER.glob("page.*"):
+        shutil.copy(each, tmp_path)
+    monkeypatch.setattr(assets, "FOLDER", tmp_path)
+    assert assets.digest() == before
+    (tmp_path / name).write_text((tmp_path / name).read_text() + " ")
+    assert assets.digest() != before
