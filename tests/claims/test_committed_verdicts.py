@@ -72,6 +72,14 @@ def test_the_changelog_counts_the_statements():
     assert int(stated) == len(ENTRIES)
 
 
+def test_the_first_sentence_of_readme_promises_what_was_measured():
+    """Whole decades of the best gain over Ruth's method on the near-harmonic system, Hénon-Heiles."""
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    (gain,) = numbers("outperform-ruth-henon-heiles", r"of the best up to (.*)$")
+    word = {3: "three", 4: "four", 5: "five"}[int(np.log10(gain))]
+    assert f"up to {word} decades better than Ruth's method" in readme
+
+
 def test_the_known_errata_fail():
     failing = {entry["id"] for entry in ENTRIES if entry["verdict"] == "fails"}
     assert {

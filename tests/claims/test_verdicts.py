@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from nearharmonic.claims import henon_heiles, kepler, methods
+from nearharmonic.claims.statements import henon_heiles, kepler, methods
 from nearharmonic.claims.table import CLAIMS
 from nearharmonic.exact.decimals import fixed_point
 from nearharmonic.integrators.tableau import Tableau, palindrome

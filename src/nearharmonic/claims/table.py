@@ -7,7 +7,9 @@ import os
 from collections.abc import Sequence
 from typing import Any
 
-from nearharmonic.claims import (
+from nearharmonic.claims.claim import Claim
+from nearharmonic.claims.results import Results
+from nearharmonic.claims.statements import (
     coefficients,
     conclusions,
     decomposition,
@@ -21,8 +23,6 @@ from nearharmonic.claims import (
     splitting,
     substeps,
 )
-from nearharmonic.claims.claim import Claim
-from nearharmonic.claims.results import Results
 from nearharmonic.integrators import integrators as registered
 from nearharmonic.output.table import Table
 

@@ -28,8 +28,11 @@ def answer(chosen: argparse.Namespace) -> Answer:
 
     number, seed = whole_number(chosen.rerun, "rerun"), whole_number(chosen.seed, "seed")
     folder = folder_of(chosen.result)
-    found = [vars(fault) for fault in faults(folder)]
-    notes = [] if found else ["{} files, {} bytes: each as its job wrote it, by this code".format(*extent(folder))]
+    found = [{"file": f.file, "fault": f.says, "mend": f.mend} for f in faults(folder)]
+    notes = []
+    if not found:
+        files, size = extent(folder)
+        notes = [f"{_counted(files, 'file')}, {size} bytes: each as its job wrote it, by this code"]
     if number and not found:
         found, says = _run_again(folder, number, seed)
         notes.append(says)
@@ -44,7 +47,7 @@ def _run_again(folder: Path, number: int, seed: int) -> tuple[list[dict[str, Any
     found = [
         {
             "file": run.file,
-            "says": f"{run.precision} run at tau_per_stage = {run.tau_per_stage:g} has other {', '.join(run.differs)}",
+            "fault": f"{run.precision} run at tau_per_stage = {run.tau_per_stage:g} has other {', '.join(run.differs)}",
             "mend": f"Make it again: {command_for(folder / run.file)}",
         }
         for run in runs
@@ -56,16 +59,21 @@ def _run_again(folder: Path, number: int, seed: int) -> tuple[list[dict[str, Any
 def _of_archive(path: Path) -> Answer:
     from nearharmonic.record.archive.check import faults_of_archive
 
-    found = [{"file": "", "says": says, "mend": ""} for says in faults_of_archive(path)]
+    found = [{"file": "", "fault": says, "mend": ""} for says in faults_of_archive(path)]
     return _answer(str(path), found, [] if found else ["each file in the archive is as it was written"])
 
 
 def _answer(result: str, found: list[dict[str, Any]], notes: list[str]) -> Answer:
     return Answer(
         header=["file", "fault", "mend"],
-        rows=[[fault["file"], fault["says"], fault["mend"]] for fault in found],
+        rows=[list(fault.values()) for fault in found],
         document={"result": result, "faults": found, "notes": notes},
         status=1 if found else 0,
-        title=f"{result}: {len(found)} faults" if found else f"{result}: no fault",
+        title=f"{result}: {_counted(len(found), 'fault')}",
         notes=notes,
     )
+
+
+def _counted(number: int, what: str) -> str:
+    """A number of things in words."""
+    return f"{number or 'no'} {what}{'s' if number > 1 else ''}"

@@ -6,8 +6,8 @@ import numpy as np
 
 from nearharmonic.claims.claim import Decision, claim, either
 from nearharmonic.claims.curves import FEWEST, SLOPE, Curves, Floats, Range, orders, over, range_words
-from nearharmonic.claims.henon_heiles import ORDERS
 from nearharmonic.claims.results import Results, Undecided, short
+from nearharmonic.claims.statements.henon_heiles import ORDERS
 from nearharmonic.systems import kepler
 
 CUBE = ("cubes/kepler.h5",)

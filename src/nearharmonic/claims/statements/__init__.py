@@ -1,0 +1,1 @@
+"""What the paper states, one file for each group of statements."""
