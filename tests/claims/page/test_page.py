@@ -219,10 +219,18 @@ def test_panels_of_a_figure_share_their_axes_and_figures_do_not(plots):
     assert C.y_range is D.y_range
 
 
+def test_the_guides_have_the_slopes_of_their_orders(plots):
+    for name in ("figure-1-panel-1", "figure-5-panel-2"):
+        (guide,) = [one.data_source.data for one in plots[name].renderers if not one.tags]
+        slopes = [np.diff(np.log(y)) / np.diff(np.log(x)) for x, y in zip(guide["x"], guide["y"], strict=True)]
+        np.testing.assert_allclose(np.ravel(slopes), [4, 6])
+
+
 def test_everything_a_method_draws_carries_its_name(plots):
     named = [one.tags for plot in plots.values() for one in plot.renderers if type(one.glyph).__name__ != "VBar"]
     assert all(len(tags) <= 1 for tags in named)
-    assert sum(not tags for tags in named) == 2 * 4  # shades and contours of the Hamiltonian, in four panels
+    # Shades and contours of the Hamiltonian in four panels, slopes of orders 4 and 6 in six.
+    assert sum(not tags for tags in named) == 2 * 4 + 6
 
 
 def test_a_config_of_one_system_has_the_figures_of_that_system_only(tmp_path):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nearharmonic.claims.page import panels
+from nearharmonic.claims.page.models import Field, Model
 from nearharmonic.claims.page.panels import Panel
 from nearharmonic.experiments.paper.figures.levels import LARGEST_ERROR
 
@@ -50,6 +51,8 @@ class _Profile:
         self._edge = ranges[1]["end"] * _EDGE
         x_label = "step size per stage, τ/s" + (f" ({unit})" if self._unit else "")
         self._plots = {name: panels.new_plot(ranges, (x_label, y_label)) for name, (_, y_label) in PANELS.items()}
+        for plot in self._plots.values():
+            _add_slopes(plot)
         self._hits: dict[str, list[Any]] = {name: [] for name in PANELS}
         self._crosses: dict[str, list[Any]] = {name: [] for name in PANELS}
 
@@ -90,6 +93,18 @@ class _Profile:
                 rows = [("method", "$name"), ("τ/s", f"@x{{%.6g}}{self._unit}"), (PANELS[name][1], field)]
                 panels.add_hover(plot, renderers, [*rows, ("evaluations", "@evaluations{0,0}"), ("status", "@status")])
         return [Panel(title=PANELS[name][0], plot=plot) for name, plot in self._plots.items()]
+
+
+def _add_slopes(plot: Model) -> None:
+    """Two short lines of slope 4 and 6 in the empty lower right corner: the order that a curve's slope reads."""
+    x, y = plot["x_range"]["end"] / 12, plot["y_range"]["start"] * 30
+    ends = [(4 * x, y * 4.0**order) for order in (4, 6)]
+    lines = panels.source_as_is({"x": [np.array([x, a]) for a, _ in ends], "y": [np.array([y, b]) for _, b in ends]})
+    look = {"line_color": "#8a8a8a", "line_width": 1.0}
+    panels.add(plot, lines, Model("MultiLine", xs=Field("x"), ys=Field("y"), **look))
+    for order, (a, b) in zip((4, 6), ends, strict=True):
+        words = {"text_color": "#595959", "text_font": panels.FONT, "text_font_size": "11px", "text_baseline": "middle"}
+        plot["center"].append(Model("Label", text=f"order {order}", x=a, y=b, x_offset=4, **words))
 
 
 def _columns(runs: xr.Dataset) -> dict[str, Any]:
