@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import os
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -11,10 +12,10 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from nearharmonic.errors import ResultFileError
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.output.store import command_for, read
+from nearharmonic.output.store import read
+from nearharmonic.record.texts import Texts
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -37,6 +38,7 @@ class Results:
 
     def __init__(self, folder: str | os.PathLike[str], methods: Mapping[str, Tableau] | None = None) -> None:
         self.folder = Path(folder)
+        self._texts = Texts(self.folder)
         self.methods: Mapping[str, Tableau] = integrators if methods is None else methods
         self._cubes: dict[str, xr.Dataset] = {}
         self._rows: dict[str, list[dict[str, str]]] = {}
@@ -66,13 +68,13 @@ class Results:
             It is missing, has no row, or one with more or fewer cells than the header.
         """
         if stem not in self._rows:
-            path = self.folder / f"tables/{stem}.csv"
+            name = f"tables/{stem}.csv"
+            text = self._texts.read(name)
             try:
-                with path.open(encoding="utf-8", newline="") as file:
-                    header, first, *rest = csv.reader(file)
+                header, first, *rest = csv.reader(io.StringIO(text))
                 self._rows[stem] = [dict(zip(header, row, strict=True)) for row in (first, *rest)]
-            except (OSError, ValueError) as error:  # a header that is not there and bytes that are no text as well
-                raise unusable(path) from error
+            except (csv.Error, TypeError, ValueError) as error:
+                raise self._texts.unusable(name, "holds no table") from error
         return self._rows[stem]
 
     @cached_property
@@ -84,12 +86,12 @@ class Results:
         ResultFileError
             It is missing, or no TOML.
         """
-        path = self.folder / "derived/coefficients.toml"
+        name = "derived/coefficients.toml"
+        text = self._texts.read(name)
         try:
-            with path.open("rb") as file:
-                return tomllib.load(file)
-        except (OSError, ValueError) as error:
-            raise unusable(path) from error
+            return tomllib.loads(text)
+        except ValueError as error:
+            raise self._texts.unusable(name, "is no TOML") from error
 
     def method(self, name: str) -> Tableau:
         """Return a method by its name.
@@ -110,11 +112,6 @@ class Results:
         from nearharmonic.experiments.paper.substeps import paper_panels
 
         return paper_panels()
-
-
-def unusable(path: Path) -> ResultFileError:
-    """The error for a result file that is missing or no text of its kind."""
-    return ResultFileError(f"{path} is missing or damaged. Make it again: {command_for(path)}")
 
 
 def only(rows: Sequence[Mapping[str, str]], key: str, value: str) -> Mapping[str, str]:

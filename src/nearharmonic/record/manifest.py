@@ -65,12 +65,7 @@ def write(folder: Path) -> list[str]:
     OSError
         The manifest cannot be written.
     """
-    try:
-        entries: dict[str, dict[str, Any]] = dict(read(folder)["files"])
-    except ResultFileError:
-        entries = {}
-    for receipt in receipts_in(folder):
-        entries.update(receipt)
+    entries = entries_of(folder)
     there = set(names_in(folder))
     entries = {name: entries[name] for name in sorted(entries) if name in there}
     changed = [name for name, entry in entries.items() if _is_changed(folder / name, entry)]
@@ -79,6 +74,17 @@ def write(folder: Path) -> list[str]:
     document = {"format": FORMAT, "files": entries, "changed": changed}
     write_text(folder / MANIFEST, sealed(document))
     return changed
+
+
+def entries_of(folder: Path) -> dict[str, dict[str, Any]]:
+    """Return what is recorded of each file of ``folder`` by now: by the jobs, or by the manifest before them."""
+    try:
+        entries = dict(read(folder)["files"])
+    except ResultFileError:
+        entries = {}
+    for receipt in receipts_in(folder):
+        entries.update(receipt)
+    return entries
 
 
 def sealed(document: Mapping[str, Any]) -> str:

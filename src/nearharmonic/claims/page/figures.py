@@ -88,7 +88,7 @@ def static(results: Results, titles: Mapping[str, str]) -> Iterator[ShownFigure]
             caption=one.caption if one else "",
             file=f"figures/{stem}.svg",
             cube=one.cube if one else None,
-            picture=picture(results.picture(stem)),
+            picture=picture(results.svg(stem)),
         )
 
 
@@ -100,7 +100,7 @@ def _figure(one: Declaration, results: Results, title: str, **more: Any) -> Show
         caption=one.caption,
         file=f"figures/{one.stem}.svg",
         cube=one.cube,
-        picture=picture(results.picture(one.stem)),
+        picture=picture(results.svg(one.stem)),
         **more,
     )
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 #: What repeats or says nothing in the SVG files of matplotlib, and what stands for it. A hundredth of a point is kept.
 _SHORTER = (
@@ -34,12 +33,6 @@ def shorter(svg: str) -> str:
     return _ALIKE.sub(lambda run: f'<path d="{"".join(_OUTLINE.findall(run[0]))}"{run[1]}/>', svg).strip()
 
 
-def picture(path: Path) -> str:
-    """Return an SVG file as a data URI for an attribute in single quotes.
-
-    Raises
-    ------
-    OSError
-        The file cannot be read.
-    """
-    return "data:image/svg+xml," + shorter(path.read_text(encoding="utf-8")).translate(_ESCAPED)
+def picture(svg: str) -> str:
+    """Return the text of an SVG file as a data URI for an attribute in single quotes."""
+    return "data:image/svg+xml," + shorter(svg).translate(_ESCAPED)

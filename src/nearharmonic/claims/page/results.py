@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,8 +16,9 @@ from nearharmonic.claims.page.tables import ShownTable, tables_of
 from nearharmonic.errors import ResultFileError
 from nearharmonic.experiments.paper.omissions import ALL, DONE, FULL, SAVED
 from nearharmonic.output.declarations import Declaration, figures_of
-from nearharmonic.output.store import attributes_of, command_for
+from nearharmonic.output.store import attributes_of
 from nearharmonic.record import history, manifest
+from nearharmonic.record.texts import Texts
 
 #: Verdicts in the order of the page, each with the name of its look.
 VERDICTS = {"holds": "holds", "holds in part": "part", "fails": "fails", "not decided here": "open"}
@@ -33,6 +35,7 @@ class Results:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self._texts = Texts(folder)
 
     @cached_property
     def claims(self) -> list[dict[str, Any]]:
@@ -43,30 +46,41 @@ class Results:
         ResultFileError
             The file is missing or holds something else; the message names the command that makes it again.
         """
-        place = self.folder / "tables" / "claims.json"
+        name = "tables/claims.json"
+        text = self._texts.read(name)
         try:
-            found = json.loads(place.read_text(encoding="utf-8"))
-            if all(claim["verdict"] in VERDICTS for claim in found):
-                return list(found)
-            complaint = f"has a verdict that is none of {', '.join(VERDICTS)}"
-        except FileNotFoundError:
-            complaint = "does not exist"
-        except (OSError, ValueError, KeyError, TypeError):
-            complaint = "is damaged"
-        message = f"{place} {complaint}. Make it again: {command_for(place)}"
-        raise ResultFileError(message)
+            found = list(json.loads(text))
+            known = all(claim["verdict"] in VERDICTS for claim in found)
+        except (ValueError, KeyError, TypeError) as error:
+            raise self._texts.unusable(name, "is damaged") from error
+        if not known:
+            raise self._texts.unusable(name, f"has a verdict that is none of {', '.join(VERDICTS)}")
+        return found
 
     @cached_property
     def figures(self) -> list[Declaration]:
         """The declared figures that have been drawn, those with a number first."""
         cubes = [path.stem for path in sorted((self.folder / "cubes").glob("*.h5"))]
-        drawn = [one for one in figures_of("experiments", cubes, cubes) if self.picture(one.stem).is_file()]
+        drawn = [
+            one for one in figures_of("experiments", cubes, cubes) if (self.folder / self.drawing(one.stem)).is_file()
+        ]
         distinct = {one.stem: one for one in drawn}.values()
         return sorted(distinct, key=lambda one: (number_of(one) is None, number_of(one) or 0, one.stem))
 
-    def picture(self, stem: str) -> Path:
-        """The place of the SVG file of a figure."""
-        return self.folder / "figures" / f"{stem}.svg"
+    @staticmethod
+    def drawing(stem: str) -> str:
+        """The name of the SVG file of a figure."""
+        return f"figures/{stem}.svg"
+
+    def svg(self, stem: str) -> str:
+        """Return the text of the SVG file of a figure.
+
+        Raises
+        ------
+        ResultFileError
+            It is missing or damaged; the message names the command that makes it again.
+        """
+        return self._texts.read(self.drawing(stem))
 
     def cube(self, name: str) -> Path:
         """The place of a cube."""
@@ -89,7 +103,7 @@ class Results:
         Two never have the same anchor.
         """
         stems = [stem for stem in self.stems("tables", ".csv", patterns) if not any(fnmatch(stem, o) for o in without)]
-        found = [one for stem in stems for one in tables_of(self.folder, stem)]
+        found = [one for stem in stems for one in self._tables_of(stem)]
         taken: set[str] = set()
         for i, one in enumerate(found):
             if one.anchor in taken:
@@ -97,19 +111,25 @@ class Results:
             taken.add(found[i].anchor)
         return found
 
+    def _tables_of(self, stem: str) -> list[ShownTable]:
+        return tables_of(self._texts, stem, has_markdown=(self.folder / "tables" / f"{stem}.md").is_file())
+
     @cached_property
     def saving(self) -> dict[str, Any]:
         """The totals of ``tables/skipped.csv``: evaluations done and of the full grid, and the saving by reason."""
-        with (self.folder / "tables" / "skipped.csv").open(encoding="utf-8", newline="") as file:
-            rows = [row for row in csv.DictReader(file) if row["system"] == ALL]
-        count = {row["what"]: row for row in rows if row["what"] in {DONE, FULL}}
-        full = int(count[FULL]["evaluations"])
-        return {
-            "runs": int(count[DONE]["runs"]),
-            "done": int(count[DONE]["evaluations"]),
-            "full": full,
-            "saved": [(row["reason"], int(row["evaluations"])) for row in rows if row["what"] == SAVED],
-        }
+        name = "tables/skipped.csv"
+        text = self._texts.read(name)
+        try:
+            rows = [row for row in csv.DictReader(io.StringIO(text)) if row["system"] == ALL]
+            count = {row["what"]: row for row in rows if row["what"] in {DONE, FULL}}
+            return {
+                "runs": int(count[DONE]["runs"]),
+                "done": int(count[DONE]["evaluations"]),
+                "full": int(count[FULL]["evaluations"]),
+                "saved": [(row["reason"], int(row["evaluations"])) for row in rows if row["what"] == SAVED],
+            }
+        except (csv.Error, KeyError, TypeError, ValueError) as error:
+            raise self._texts.unusable(name, "holds no totals") from error
 
     @cached_property
     def changed(self) -> list[str]:

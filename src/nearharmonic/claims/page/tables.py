@@ -5,9 +5,9 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from nearharmonic.claims.page import wording
+from nearharmonic.record.texts import Texts
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,26 +35,27 @@ class ShownTable:
     file: str
 
 
-def tables_of(folder: Path, stem: str) -> list[ShownTable]:
+def tables_of(texts: Texts, stem: str, *, has_markdown: bool) -> list[ShownTable]:
     """Read the table ``tables/<stem>.csv``, with the caption above its Markdown.
 
     Where the Markdown has headings, it is a digest of a long table, and its own tables are returned.
 
     Raises
     ------
-    OSError
-        The file cannot be read.
+    ResultFileError
+        A file is missing, damaged or no table; the message names the command that makes it again.
     """
-    place = folder / "tables" / f"{stem}.csv"
-    markdown = place.with_suffix(".md")
-    said = markdown.read_text(encoding="utf-8").splitlines() if markdown.is_file() else []
     file, anchor = f"tables/{stem}.csv", _anchor_of(stem)
+    said = texts.read(f"tables/{stem}.md").splitlines() if has_markdown else []
     if said and said[0].startswith("# "):
         return [
             ShownTable(anchor=anchor, caption=f"{said[0][2:]}; {caption}", header=header, rows=rows, file=file)
             for caption, header, rows in _digests(said)
         ]
-    header, *rows = list(csv.reader(place.read_text(encoding="utf-8").splitlines()))
+    lines = list(csv.reader(texts.read(file).splitlines()))
+    if not lines or any(len(line) != len(lines[0]) for line in lines):
+        raise texts.unusable(file, "holds no table")
+    header, *rows = lines
     caption = said[0] if said else stem.replace("_", " ").capitalize()
     shown = [[wording.cell(text) for text in row] for row in rows]
     return [ShownTable(anchor=anchor, caption=caption, header=header, rows=shown, file=file)]
