@@ -17,6 +17,9 @@ SYSTEMS = {"sho": "oscillator of the tests", "henon_heiles": "<b>galaxy</b> & te
 #: Status of a run by the index of its step size, where it is not "ok".
 STATUS = {0: "skipped", 11: "skipped", made.TAU.size - 1: "diverged"}
 
+#: Panels of each figure.
+PLOTS = {"1": 2, "2": 2, "3": 2, "4": 1, "5": 2, "6": 4}
+
 CLAIMS = [
     ("one", "Section 4, Figure 1", "The slope is <6> & steep", "holds", "6.02 ± 0.01", "6 ± 0.3"),
     ("two", "Figures 3 and 5", "BAB's8o7H is best", "holds in part", "from 3 h to 20 h", "every step size"),

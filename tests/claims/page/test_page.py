@@ -1,4 +1,4 @@
-"""What the page holds, without a browser: read with an HTML parser, and its plots with bokeh's own classes."""
+"""What the page holds, read with an HTML parser."""
 
 from __future__ import annotations
 
@@ -7,98 +7,22 @@ import re
 import shutil
 import subprocess
 import sys
-from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
 
-import h5py
-import numpy as np
 import pytest
-from bokeh.document import Document
 
-import figure_cubes as made
 import nearharmonic
 from nearharmonic.claims.page import page as room
 from nearharmonic.claims.page.page import page
 from nearharmonic.errors import ResultFileError
+from page_reader import Reader, written
 from page_results import CLAIMS, DRAWN, SYSTEMS, run_of_history, write_claims, write_results, write_table
-
-EMPTY = {"meta", "link", "img", "br"}
-
-
-class Reader(HTMLParser):
-    """Elements of a page: (tag, attributes, text inside), in the order in which they end."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.open, self.elements = [], []
-        self.feed(text)
-        assert not self.open, f"never closed: {self.open}"
-
-    def handle_starttag(self, tag, attributes):
-        element = (tag, dict(attributes), [])
-        (self.elements if tag in EMPTY else self.open).append(element)
-
-    def handle_startendtag(self, tag, attributes):
-        self.elements.append((tag, dict(attributes), []))
-
-    def handle_data(self, data):
-        for element in self.open:
-            element[2].append(data)
-
-    def handle_endtag(self, tag):
-        element = self.open.pop()
-        assert element[0] == tag, f"{tag} closes {element[0]}"
-        self.elements.append(element)
-
-    def all(self, tag, **attributes):
-        return [
-            (told, " ".join("".join(words).split()))
-            for name, told, words in self.elements
-            if name == tag and attributes.items() <= told.items()
-        ]
 
 
 @pytest.fixture(scope="module")
 def read(text):
     return Reader(text)
-
-
-def written(text, name):
-    """What one of the JSON elements of a page holds."""
-    return json.loads(re.search(rf'<script type="application/json" id="{name}">(.*?)</script>', text, re.DOTALL)[1])
-
-
-@pytest.fixture(scope="module")
-def plots(text):
-    """The plots of the page, loaded by bokeh's classes, by the ids of their elements."""
-    loaded = Document.from_json(written(text, "plots"))
-    return {name: loaded.get_model_by_id(root) for name, root in written(text, "roots").items()}
-
-
-def hovered(plot, column, kind):
-    """The glyphs of a plot that the hover has a name for, of one kind, whose y is this column."""
-    found = [one for one in plot.renderers if one.name and type(one.glyph).__name__ == kind]
-    return [one for one in found if getattr(one.glyph.y, "field", one.glyph.y) == column]
-
-
-def test_bokehs_own_classes_take_every_name_and_value_of_the_plots(text, caplog):
-    found = written(text, "plots")
-    Document.from_json(found)
-    assert not caplog.records
-    # A name that bokeh does not know is skipped with a warning, a value is refused.
-    wrong = json.dumps(found)
-    Document.from_json(json.loads(wrong.replace('"min_border"', '"min_bordr"', 1)))
-    assert "min_bordr" in caplog.text
-    with pytest.raises(ValueError, match="sizing_mode"):
-        Document.from_json(json.loads(wrong.replace('"stretch_width"', '"stretched"', 1)))
-
-
-def test_every_panel_of_the_six_figures_and_the_chart_of_the_history_are_there(plots):
-    panels = {"1": 2, "2": 2, "3": 2, "4": 1, "5": 2, "6": 4}
-    names = {f"figure-{n}-panel-{i}" for n, count in panels.items() for i in range(1, count + 1)}
-    assert set(plots) == names | {"history-chart"}
-    assert all(plot.name == name for name, plot in plots.items())
 
 
 def test_same_results_give_the_same_bytes_in_another_process(results, text):
@@ -173,64 +97,6 @@ def test_text_of_results_is_no_markup(text):
     assert "&lt;b&gt;galaxy&lt;/b&gt; &amp; tests" in text
     assert "&lt;6&gt; &amp; steep" in text
     assert "<b>galaxy" not in text
-
-
-@pytest.mark.parametrize(("panel", "variable"), [(1, "max_energy_error"), (2, "mean_energy_error")])
-@pytest.mark.parametrize(("figure", "system"), [(1, "sho"), (3, "henon_heiles"), (5, "kepler")])
-def test_every_error_of_the_cube_that_can_be_drawn_is_in_its_panel_bit_by_bit(
-    results, plots, figure, system, panel, variable
-):
-    plot = plots[f"figure-{figure}-panel-{panel}"]
-    with h5py.File(results / "cubes" / f"{system}.h5") as cube:
-        layers = cube[variable][()].reshape(-1, len(made.METHODS), made.TAU.size)
-        evaluations = cube["evaluations"][()].reshape(layers.shape)
-    lines = hovered(plot, variable, "Line")
-    assert len(lines) == layers.shape[0] * len(made.METHODS)
-    for one, errors, cost in zip(
-        lines, layers.reshape(-1, made.TAU.size), evaluations.reshape(-1, made.TAU.size), strict=True
-    ):
-        there = np.isfinite(errors) & (errors > 0)
-        data = one.data_source.data
-        drawn = np.isfinite(data[variable])
-        np.testing.assert_array_equal(data[variable][drawn], errors[there])
-        np.testing.assert_array_equal(data["x"][drawn], made.TAU[there])
-        np.testing.assert_array_equal(data["evaluations"][drawn], cost[there])
-        assert made.label(one.tags[0]) in one.name
-
-
-def test_a_run_that_left_its_surface_stands_on_the_edge(plots):
-    plot = plots["figure-3-panel-1"]
-    crosses = hovered(plot, "edge", "Scatter")
-    assert [one.tags[0] for one in crosses] == list(made.METHODS)
-    for one in crosses:
-        assert one.data_source.data["x"] == [made.TAU[-1]]
-        assert one.data_source.data["status"] == ["diverged at step 321"]
-
-
-def test_panels_of_a_figure_share_their_axes_and_figures_do_not(plots):
-    for figure in (1, 3, 5):
-        upper, lower = (plots[f"figure-{figure}-panel-{i}"] for i in (1, 2))
-        assert upper.x_range is lower.x_range
-        assert upper.y_range is lower.y_range
-    assert plots["figure-1-panel-1"].x_range is not plots["figure-3-panel-1"].x_range
-    assert plots["figure-2-panel-1"].x_range is plots["figure-2-panel-2"].x_range
-    A, B, C, D = (plots[f"figure-6-panel-{i}"] for i in range(1, 5))
-    assert A.x_range is B.x_range is not C.x_range
-    assert C.y_range is D.y_range
-
-
-def test_the_guides_have_the_slopes_of_their_orders(plots):
-    for name in ("figure-1-panel-1", "figure-5-panel-2"):
-        (guide,) = [one.data_source.data for one in plots[name].renderers if not one.tags]
-        slopes = [np.diff(np.log(y)) / np.diff(np.log(x)) for x, y in zip(guide["x"], guide["y"], strict=True)]
-        np.testing.assert_allclose(np.ravel(slopes), [4, 6])
-
-
-def test_everything_a_method_draws_carries_its_name(plots):
-    named = [one.tags for plot in plots.values() for one in plot.renderers if type(one.glyph).__name__ != "VBar"]
-    assert all(len(tags) <= 1 for tags in named)
-    # Shades and contours of the Hamiltonian in four panels, slopes of orders 4 and 6 in six.
-    assert sum(not tags for tags in named) == 2 * 4 + 6
 
 
 def test_a_config_of_one_system_has_the_figures_of_that_system_only(tmp_path):

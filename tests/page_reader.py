@@ -1,0 +1,47 @@
+"""Read a page of results back: its elements, and the JSON in its scripts."""
+
+from __future__ import annotations
+
+import json
+import re
+from html.parser import HTMLParser
+
+EMPTY = {"meta", "link", "img", "br"}
+
+
+class Reader(HTMLParser):
+    """Elements of a page: (tag, attributes, text inside), in the order in which they end."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.elements = [], []
+        self.feed(text)
+        assert not self.open, f"never closed: {self.open}"
+
+    def handle_starttag(self, tag, attributes):
+        element = (tag, dict(attributes), [])
+        (self.elements if tag in EMPTY else self.open).append(element)
+
+    def handle_startendtag(self, tag, attributes):
+        self.elements.append((tag, dict(attributes), []))
+
+    def handle_data(self, data):
+        for element in self.open:
+            element[2].append(data)
+
+    def handle_endtag(self, tag):
+        element = self.open.pop()
+        assert element[0] == tag, f"{tag} closes {element[0]}"
+        self.elements.append(element)
+
+    def all(self, tag, **attributes):
+        return [
+            (told, " ".join("".join(words).split()))
+            for name, told, words in self.elements
+            if name == tag and attributes.items() <= told.items()
+        ]
+
+
+def written(text, name):
+    """What one of the JSON elements of a page holds."""
+    return json.loads(re.search(rf'<script type="application/json" id="{name}">(.*?)</script>', text, re.DOTALL)[1])
