@@ -92,6 +92,7 @@ def test_a_status_that_flipped_is_told_beside_its_infinite_error(copy, capsys):
 def test_claims_whose_verdict_changed_come_first(copy, capsys):
     first, other = CLAIMS
     write_claims(copy, [(*first[:3], "fails", *first[4:]), ("new.claim", *other[1:])])
+    write_manifest(copy)
     change(copy / "cubes/sho.h5", "tau", (0, 0, 0), 7.0)
     versions = VERSIONS | {"numpy": "2.5.0"}
     write_history(copy, [history_line(8, versions=versions, config=config() | {"samples": 7})])
@@ -180,6 +181,7 @@ def test_groups_of_a_cube_are_compared(copy, project, capsys):
 def edit_seconds(copy):
     text = (copy / "tables/methods.csv").read_text()
     (copy / "tables/methods.csv").write_text(text.replace("0.25", "0.5"))
+    write_manifest(copy)
 
 
 def test_columns_that_the_manifest_lists_as_volatile_are_left_out(copy, capsys):
@@ -217,8 +219,12 @@ def test_without_a_manifest_a_variable_says_itself_that_it_is_volatile(copy, cap
 def test_a_damaged_file_is_named(copy, capsys):
     (copy / "tables/claims.json").write_text("[{}]")
     assert main(["compare", "paper", "copy"]) == 2
+    assert "results/copy/tables/claims.json is damaged: its bytes are not those" in capsys.readouterr().err
+    write_manifest(copy)
+    assert main(["compare", "paper", "copy"]) == 2
     assert "results/copy/tables/claims.json holds no claims" in capsys.readouterr().err
     write_claims(copy, CLAIMS)
+    write_manifest(copy)
     (copy / "cubes/sho.h5").write_bytes(b"no HDF5")
     assert main(["compare", "paper", "copy"]) == 2
     assert "cubes/sho.h5 is truncated or no result file. Make it again" in capsys.readouterr().err

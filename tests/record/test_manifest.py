@@ -50,6 +50,7 @@ def test_it_holds_size_digest_and_origin_of_each_file(results):
             "integrators": ["ruth"],
             "volatile": ["seconds"],
             "evaluations": 7,
+            "inputs": {},
             "run": "first",
         }
     }
@@ -104,12 +105,42 @@ def test_a_file_that_no_job_made_is_not_listed(results):
     assert list(manifest.read(results)["files"]) == ["cubes/a.h5"]
 
 
-def test_a_file_that_is_gone_is_no_longer_listed(results):
+def test_a_file_that_is_gone_stays_listed_as_long_as_a_job_of_the_config_makes_it(results):
     make(results, "cubes/a.h5", b"numbers")
     manifest.write(results)
     (results / "cubes/a.h5").unlink()
-    manifest.write(results)
+    manifest.write(results, makeable=["cubes/a.h5"])
+    assert list(manifest.read(results)["files"]) == ["cubes/a.h5"]
+    manifest.write(results, makeable=["cubes/b.h5"])
     assert manifest.read(results)["files"] == {}
+
+
+def test_files_of_a_former_config_and_those_that_lost_their_record_are_named(results):
+    make(results, "cubes/a.h5", b"numbers", log="logs/reduce/a.log")
+    make(results, "cubes/b.h5", b"numbers", log="logs/reduce/b.log")
+    (results / "cubes/c.h5").write_bytes(b"no receipt")
+    (results / "cubes/mine.h5").write_bytes(b"no job")
+    manifest.write(results, makeable=["cubes/b.h5", "cubes/c.h5", "cubes/d.h5"], configfiles=["config/x.yaml"])
+    found = manifest.read(results)
+    assert list(found["files"]) == ["cubes/a.h5", "cubes/b.h5"]
+    assert (found["former"], found["unrecorded"]) == (["cubes/a.h5"], ["cubes/c.h5"])
+    assert found["configfiles"] == ["config/x.yaml"]
+
+
+def test_a_receipt_tells_what_its_job_read_by_the_digest_in_the_last_line_or_that_of_all_bytes(results):
+    (results / "cubes/a.h5").write_bytes(b"x\nnearharmonic sha256 " + b"ab" * 32 + b"\n")
+    (results / "tables/t.csv").write_bytes(b"a,b\n")
+    (results / "logs/reduce/done").write_bytes(b"")
+    read = [f"results/paper/{name}" for name in ("cubes/a.h5", "tables/t.csv", "logs/reduce/done")]
+    receipt = Receipt("results/paper/logs/reduce/b.log", read)
+    (results / "cubes/b.h5").write_bytes(b"made")
+    receipt.add(["results/paper/cubes/b.h5"], TASK)
+    receipt.write()
+    manifest.write(results)
+    assert manifest.read(results)["files"]["cubes/b.h5"]["inputs"] == {
+        "cubes/a.h5": "ab" * 32,
+        "tables/t.csv": sha256(b"a,b\n").hexdigest(),
+    }
 
 
 def test_history_manifest_logs_and_unfinished_files_have_no_place_in_it(results):
@@ -147,8 +178,9 @@ def test_a_missing_manifest_is_named(results):
 
 def test_a_damaged_receipt_is_passed_over(results):
     make(results, "cubes/a.h5", b"numbers")
-    for name, text in {"b": "{", "c": "[]", "d": '{"x": 1}'}.items():
-        (results / f"logs/{name}.json").write_text(text)
+    damaged = ("{", "[]", '{"x": 1}', '{"cubes/a.h5": {"sha256": "0"}}', "[" * 200_000)
+    for number, text in enumerate(damaged):
+        (results / f"logs/{number}.json").write_text(text)
     manifest.write(results)
     assert list(manifest.read(results)["files"]) == ["cubes/a.h5"]
 

@@ -114,7 +114,83 @@ def test_other_code_and_other_coefficients_are_told_once_for_each_function(resul
     edit(results, **changes)
     (found,) = faults(results)
     assert found.says.startswith(says)
-    assert found.mend == "Make what is out of date again: snakemake -j2 --configfile config/smoke.yaml"
+    assert found.mend == "Make it again: snakemake -j2 --configfile config/smoke.yaml"
+
+
+@pytest.mark.parametrize(
+    ("function", "target"),
+    [
+        ("experiments.derivation.run:derive", " -- derive"),
+        ("experiments.stability.rounding.run:measure", " -- stability"),
+        ("experiments.paper.reduce:reduce", ""),
+        ("claims.table:decided", ""),
+    ],
+)
+def test_the_command_names_the_target_that_the_function_belongs_to(results, function, target):
+    edit(results, function=function, code="0")
+    (found,) = faults(results)
+    assert found.mend == f"Make it again: snakemake -j2 --configfile config/smoke.yaml{target}"
+
+
+def test_the_command_has_the_config_that_the_results_were_made_with(results):
+    (results / "cubes/sho.h5").unlink()
+    manifest.write(results, makeable=FILES, configfiles=["elsewhere/my.yaml"])
+    assert faults(results)[0].mend.startswith("Make it again: snakemake -j2 --configfile elsewhere/my.yaml --force ")
+    manifest.write(results, makeable=FILES, configfiles=["config/config.yaml"])
+    assert faults(results)[0].mend.startswith("Make it again: snakemake -j2 --force ")
+
+
+def test_faults_are_told_in_the_order_in_which_they_are_mended(results):
+    for name in FILES:
+        (results / name).write_bytes(b"?")
+    assert [fault.file.partition("/")[0] for fault in faults(results)] == [
+        "runs", "cubes", "figures", "tables", "report.html",
+    ]  # fmt: skip
+
+
+def test_a_file_of_a_former_config_is_a_fault_until_it_is_gone(results):
+    rest = [name for name in FILES if name != "runs/sho/ruth/0.h5"]
+    manifest.write(results, makeable=rest)
+    (found,) = faults(results)
+    assert (found.file, found.says) == ("runs/sho/ruth/0.h5", "is of a former config: no job makes it now")
+    (results / "runs/sho/ruth/0.h5").unlink()
+    assert faults(results) == []
+
+
+def test_what_a_killed_run_made_is_not_said_to_be_damaged_or_extra(results):
+    (results / "cubes/sho.h5").write_bytes(b"newer")
+    (results / "cubes/more.h5").write_bytes(b"more")
+    receipt = Receipt("results/smoke/logs/b.log")
+    receipt.add(["results/smoke/cubes/sho.h5", "results/smoke/cubes/more.h5"], TASK)
+    receipt.write()
+    assert {fault.file: fault.says for fault in faults(results)} == dict.fromkeys(
+        ("cubes/more.h5", "cubes/sho.h5"), "was made by a run that has not ended, or was killed"
+    )
+
+
+def test_a_file_whose_record_is_lost_is_made_again_and_not_thrown_away(results):
+    (results / "logs/a.json").unlink()
+    (results / "manifest.json").unlink()
+    manifest.write(results, makeable=FILES)
+    assert {fault.says for fault in faults(results)} == {"has lost its record"}
+    assert all(fault.mend.startswith("Make it again: ") for fault in faults(results))
+
+
+def test_a_file_that_was_made_from_another_is_found(results):
+    """As after a run with other settings that was cut short: its parts are whole, but they do not belong together."""
+    receipt = Receipt("results/smoke/logs/b.log", ["results/smoke/runs/sho/ruth/0.h5"])
+    receipt.add(["results/smoke/cubes/sho.h5"], TASK)
+    receipt.write()
+    manifest.write(results)
+    assert faults(results) == []
+    (results / "runs/sho/ruth/0.h5").write_bytes(b"another")
+    receipt = Receipt("results/smoke/logs/a.log")
+    receipt.add([f"results/smoke/{name}" for name in FILES if name != "cubes/sho.h5"], TASK)
+    receipt.write()
+    manifest.write(results)
+    (found,) = faults(results)
+    assert (found.file, found.says) == ("cubes/sho.h5", "was made from another runs/sho/ruth/0.h5")
+    assert found.mend.startswith("Bring it up to date: snakemake -j2 --configfile config/smoke.yaml ")
 
 
 def test_a_fault_reads_as_a_sentence(results):

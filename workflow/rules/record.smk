@@ -25,7 +25,17 @@ def record_end(exit_status):
         working = {job for job in workflow.dag.jobs if not job.is_norun}
         needed = set(workflow.dag.needrun_jobs(exclude_finished=False))
         ended = working & needed & set(workflow.dag.finished_jobs)
-        THIS_RUN.end(exit_status, len(ended), len(working - needed), refresh)
+        configs = [os.path.relpath(path) for path in workflow.configfiles]
+        counts = {"jobs_run": len(ended), "jobs_reused": len(working - needed)}
+        THIS_RUN.end(exit_status, **counts, refresh=refresh, makeable=makeable(), configfiles=configs)
+
+
+def makeable():
+    """Names of all files that jobs of this config make, in the folder of results."""
+    runs = [path for system in SWEEPS for paths in run_files(system).values() for path in paths]
+    runs += expand(f"{RESULTS}/runs/stability/{{ensemble}}/{{name}}.h5", ensemble=ENSEMBLES, name=CONFIG.integrators)
+    files = [*rules.everything.input, *runs, *map(CUBE, [*SWEEPS, "sho_terms"])]
+    return {str(Path(path).relative_to(RESULTS)) for path in files}
 
 
 def refresh():
@@ -40,5 +50,4 @@ def refresh():
 
 def again(rule, log):
     """Carry out the job of a rule in this process."""
-    inputs = SimpleNamespace(items=list)  # these rules look for their inputs in the folder
-    run(SimpleNamespace(input=inputs, output=rule.output, params=rule.params, log=[log], threads=1))
+    run(SimpleNamespace(input=rule.input, output=rule.output, params=rule.params, log=[log], threads=1))

@@ -13,6 +13,7 @@ HELP = "take results that were copied here as up to date, after they were verifi
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to ``parser``."""
     parser.add_argument("result", help="a folder of results in results/, or its name")
+    parser.add_argument("--configfile", metavar="FILE", help="its config (default: the one that it was made with)")
 
 
 def answer(chosen: argparse.Namespace) -> Answer:
@@ -23,7 +24,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
 
     folder = folder_of(chosen.result)
     try:
-        number, reason = adopt(folder), ""
+        number, reason = adopt(folder, chosen.configfile), ""
     except RefusedError as refusal:
         number, reason = 0, str(refusal)
         sys.stderr.write(f"nearharmonic: {refusal}\n")

@@ -33,7 +33,9 @@ def answer(chosen: argparse.Namespace) -> Answer:
     if not found:
         files, size = extent(folder)
         notes = [f"{_counted(files, 'file')}, {size} bytes: each as its job wrote it, by this code"]
-    if number and not found:
+    if number and found:
+        notes.append("no run was integrated again, since there are faults")
+    elif number:
         found, says = _run_again(folder, number, seed)
         notes.append(says)
     return _answer(str(folder), found, notes)

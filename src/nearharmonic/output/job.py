@@ -48,7 +48,7 @@ def run(snakemake: Any) -> None:
         offered = {"threads": snakemake.threads, "report": _report}
         extra = {name: value for name, value in offered.items() if name in signature(function).parameters}
         inputs = {name: _plain(value) for name, value in snakemake.input.items()}
-        receipt = Receipt(snakemake.log[0])
+        receipt = Receipt(snakemake.log[0], map(str, snakemake.input))
         with covered(task):
             results = function(**task["settings"], **inputs, **extra)
             origin = provenance(task)
@@ -78,7 +78,7 @@ def draw(snakemake: Any) -> None:
 
     with logged(snakemake.log[0]), rarely_collected():
         shown = [read(snakemake.input.cube)] if hasattr(snakemake.input, "cube") else []
-        receipt = Receipt(snakemake.log[0])
+        receipt = Receipt(snakemake.log[0], map(str, snakemake.input))
         for stem, task in snakemake.params.tasks.items():
             places = list(getattr(snakemake.output, stem))
             with covered(task):

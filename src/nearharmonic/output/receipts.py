@@ -8,18 +8,24 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from hashlib import file_digest
 from pathlib import Path
 from typing import Any, TypeVar
 
 from nearharmonic.output.atomic import write_text
 from nearharmonic.output.provenance import settings_digest
+from nearharmonic.output.store import sealed_digest
 
 Measuring = TypeVar("Measuring", bound=Callable[..., Any])
 
 #: Environment variable with the id of the workflow run that a job belongs to.
 RUN = "NEARHARMONIC_RUN"
+#: What each file of a receipt has, whatever else.
+REQUIRED = frozenset(
+    {"size", "sha256", "modified", "function", "code", "coefficients", "settings", "systems", "integrators", "volatile",
+     "evaluations", "inputs", "run"}
+)  # fmt: skip
 #: Stands among volatile columns for a whole file.
 WHOLE = "*"
 
@@ -37,12 +43,21 @@ class Receipt:
     ----------
     log : path
         Log file of the job, somewhere in ``results/<name>/logs``; the receipt stands beside it.
+    inputs : iterable of str
+        Files that the job reads.
     """
 
-    def __init__(self, log: str | os.PathLike[str]) -> None:
+    def __init__(self, log: str | os.PathLike[str], inputs: Iterable[str] = ()) -> None:
         self._place = Path(log).with_suffix(".json")
         self._folder = folder_of(log)
         self._files: dict[str, dict[str, Any]] = {}
+        self._inputs = {
+            name: identity(self._folder / name) for name in sorted(map(self._name, inputs)) if _counts(name)
+        }
+
+    def _name(self, place: str) -> str:
+        """The name of a file in the folder of results."""
+        return Path(os.path.relpath(place, self._folder)).as_posix()
 
     def add(
         self, places: Sequence[str], task: Mapping[str, Any], *, volatile: Sequence[str] = (), evaluations: int = 0
@@ -61,7 +76,7 @@ class Receipt:
             Force evaluations that the files took to make.
         """
         for place in places:
-            self._files[Path(os.path.relpath(place, self._folder)).as_posix()] = {
+            self._files[self._name(place)] = {
                 **measured(place),
                 "modified": Path(place).stat().st_mtime_ns,
                 "function": task["function"],
@@ -72,6 +87,7 @@ class Receipt:
                 "integrators": list(task["integrators"]),
                 "volatile": list(volatile),
                 "evaluations": evaluations,
+                "inputs": self._inputs,
                 "run": os.environ.get(RUN),
             }
 
@@ -92,6 +108,16 @@ def measured(place: str | os.PathLike[str]) -> dict[str, Any]:
         return {"size": file.tell(), "sha256": digest}
 
 
+def identity(place: Path) -> str:
+    """Return what tells the content of a file from any other: the digest in its last line, or else its own."""
+    return sealed_digest(place) or str(measured(place)["sha256"])
+
+
+def _counts(name: str) -> bool:
+    """Whether a file is a result: logs are none, and marks of jobs that stand among them."""
+    return not name.startswith(("logs/", "../"))
+
+
 def folder_of(log: str | os.PathLike[str]) -> Path:
     """Return the folder of results that a log file belongs to: ``results/<name>`` of ``results/<name>/logs/...``."""
     parts = Path(log).parts
@@ -101,10 +127,22 @@ def folder_of(log: str | os.PathLike[str]) -> Path:
 
 def receipts_in(folder: Path) -> Iterator[dict[str, dict[str, Any]]]:
     """Yield the receipts of a folder of results, each as its files by name; what cannot be read is passed over."""
+    for _, receipt in _receipts(folder):
+        yield receipt
+
+
+def _receipts(folder: Path) -> Iterator[tuple[Path, dict[str, dict[str, Any]]]]:
     for place in sorted((folder / "logs").rglob("*.json")):
         try:
             found = json.loads(place.read_text(encoding="utf-8"))
-        except (OSError, ValueError):
+        except (OSError, ValueError, RecursionError):
             continue
-        if isinstance(found, dict) and all(isinstance(entry, dict) and "sha256" in entry for entry in found.values()):
-            yield found
+        if isinstance(found, dict) and all(isinstance(e, dict) and e.keys() >= REQUIRED for e in found.values()):
+            yield place, found
+
+
+def forget(folder: Path, entries: Mapping[str, Mapping[str, Any]]) -> None:
+    """Delete the receipts of ``folder`` that say another digest of a file than ``entries`` do."""
+    for place, receipt in _receipts(folder):
+        if any(name in entries and entry["sha256"] != entries[name]["sha256"] for name, entry in receipt.items()):
+            place.unlink(missing_ok=True)

@@ -6,6 +6,7 @@ file is opened: on a damaged file the HDF5 library may fail anywhere, return oth
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Collection, Iterable, Mapping
 from hashlib import file_digest, sha256
@@ -33,6 +34,8 @@ SIGNATURE = b"\x89HDF\r\n\x1a\n"
 #: The last line of a file begins so; the digest and a line feed follow.
 SEAL = b"\nnearharmonic sha256 "
 SEALED = len(SEAL) + 2 * sha256().digest_size + len(b"\n")
+#: The config of ``snakemake`` without one.
+DEFAULT_CONFIG = "config/config.yaml"
 #: Bytes that are hashed at a time.
 PIECE = 2**20
 #: Bytes: below this compression costs more room (chunk index) than it saves.
@@ -286,6 +289,14 @@ def _complaint(path: Path) -> str:
     return "" if seal == _seal(digest.hexdigest()) else "is damaged: its bytes are not those that were written"
 
 
+def sealed_digest(path: str | os.PathLike[str]) -> str:
+    """Return the digest that a file has in its last line; an empty text if it ends otherwise."""
+    with Path(path).open("rb") as file:
+        file.seek(max(0, file.seek(0, os.SEEK_END) - SEALED))
+        last = file.read()
+    return last[len(SEAL) : -1].decode() if last.startswith(SEAL) and len(last) == SEALED else ""
+
+
 def _seal(digest: str) -> bytes:
     return SEAL + digest.encode() + b"\n"
 
@@ -296,6 +307,24 @@ def _unusable(path: str | os.PathLike[str], complaint: str) -> ResultFileError:
 
 def command_for(path: str | os.PathLike[str]) -> str:
     """The command that makes the result file ``path`` again, with the config that ``results/<name>`` is named by."""
+    return f"{workflow_command(path)} --force {path}"
+
+
+def workflow_command(path: str | os.PathLike[str]) -> str:
+    """The command that brings the results up to date among which ``path`` is, with their config."""
     parts = Path(path).parts
-    name = parts[parts.index("results") + 1] if "results" in parts[:-1] else "paper"
-    return f"snakemake -j2{'' if name == 'paper' else f' --configfile config/{name}.yaml'} --force {path}"
+    if "results" not in parts[:-1]:
+        return "snakemake -j2"
+    end = parts.index("results") + 2
+    config = _config_of(Path(*parts[:end]))
+    return "snakemake -j2" if config == DEFAULT_CONFIG else f"snakemake -j2 --configfile {config}"
+
+
+def _config_of(folder: Path) -> str:
+    """The config file that the results in ``folder`` were made with, or else the one that their name points to."""
+    guess = DEFAULT_CONFIG if folder.name == "paper" else f"config/{folder.name}.yaml"
+    try:
+        said = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))["configfiles"]
+        return " ".join(map(str, said)) or guess
+    except (OSError, ValueError, LookupError, TypeError, RecursionError):
+        return guess

@@ -12,6 +12,8 @@ from typing import Any
 
 from nearharmonic.errors import RefusedError
 from nearharmonic.output.provenance import settings_digest
+from nearharmonic.output.receipts import forget
+from nearharmonic.output.store import DEFAULT_CONFIG
 from nearharmonic.record import manifest
 from nearharmonic.record.verify import faults
 
@@ -19,10 +21,18 @@ from nearharmonic.record.verify import faults
 ADOPTING = "NEARHARMONIC_ADOPTING"
 
 
-def adopt(folder: Path) -> int:
+def adopt(folder: Path, configfile: str | None = None) -> int:
     """Take the results in ``folder``, ``results/<name>`` of this working directory, as up to date.
 
     Snakemake then sees files of today, made by the jobs of this workflow with these settings, and runs none of them.
+
+    Parameters
+    ----------
+    folder : path
+        Folder of results.
+    configfile : str, optional
+        The config that they belong to; by default the one that they were made with, or the one of their name in
+        ``config/``.
 
     Returns
     -------
@@ -35,43 +45,57 @@ def adopt(folder: Path) -> int:
         The results are not what their manifest says, this code, config or folder is not theirs, or Snakemake fails;
         the message gives the reason.
     """
-    if folder.resolve().parent != Path("results").resolve() or not Path("Snakefile").is_file():
+    if folder.absolute().parent != Path("results").absolute() or not Path("Snakefile").is_file():
         message = f"{folder} is not in results/ of the folder of the workflow: copy it there, and adopt it from there"
         raise RefusedError(message)
     found = faults(folder)
     if found:
         more = f" ({len(found)} faults in all: nearharmonic verify {folder})" if len(found) > 1 else ""
         raise RefusedError(f"{folder} is not adopted: {found[0]}{more}")
-    names = manifest.read(folder)["files"]
+    told = manifest.read(folder)
+    names = told["files"]
     command = [sys.executable, "-m", "snakemake", "--touch", "--forceall", "-j1", "--quiet", "rules"]
     files = [f"results/{folder.name}/{name}" for name in names]
     done = subprocess.run(
-        [*command, *_config_of(folder.name), "--", *files],
+        [*command, *_config_option(folder.name, told, configfile), "--", *files],
         env={**os.environ, ADOPTING: "1"},
         capture_output=True,
         text=True,
         check=False,
     )
     if done.returncode:
-        reason = re.search(r"RefusedError in .*\n(.*)", done.stderr)
+        reason = re.search(r"(?:RefusedError in .*|MissingRuleException:)\n(.*)", done.stderr)
         message = f"{folder} is not adopted: {reason[1] if reason else done.stderr.strip()[-1000:]}"
         raise RefusedError(message)
+    forget(folder, names)  # receipts of other results that were here before
     return len(files)
 
 
-def _config_of(name: str) -> list[str]:
+def _config_option(name: str, told: Mapping[str, Any], given: str | None) -> list[str]:
     """The option of Snakemake for the config that writes to ``results/<name>``; none for the default config."""
+    if given is not None:
+        return ["--configfile", given]
+    made_with = [str(place) for place in told["configfiles"]]
+    if made_with and all(Path(place).is_file() for place in made_with):
+        found = made_with
+    else:
+        found = [str(place) for place in sorted(Path("config").glob("*.yaml")) if _name_in(place) == name]
+        if len(found) != 1:
+            says = f"{' and '.join(found)} have" if found else "no file in config/ has"
+            message = f"results/{name} is not adopted: {says} the name {name!r}; name its config: --configfile FILE"
+            raise RefusedError(message)
+    return [] if found == [DEFAULT_CONFIG] else ["--configfile", *found]
+
+
+def _name_in(place: Path) -> object:
+    """The name of the results of a config; None if it is no config."""
     import yaml
 
-    known = {}
-    for place in sorted(Path("config").glob("*.yaml")):
+    try:
         document = yaml.safe_load(place.read_text(encoding="utf-8"))
-        if isinstance(document, Mapping):
-            known[document.get("name")] = place
-    if name not in known:
-        message = f"results/{name} is not adopted: no file in config/ has the name {name!r}"
-        raise RefusedError(message)
-    return [] if known[name] == Path("config/config.yaml") else ["--configfile", str(known[name])]
+    except (OSError, ValueError, yaml.YAMLError):
+        return None
+    return document.get("name") if isinstance(document, Mapping) else None
 
 
 def check_jobs(folder: Path, jobs: Iterable[Any]) -> None:

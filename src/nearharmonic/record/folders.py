@@ -9,7 +9,7 @@ from nearharmonic.errors import UnknownNameError, unknown_name
 #: The folder of all results, below that of the project.
 RESULTS = Path("results")
 #: What tells a folder of results from any other: one of these is in it.
-SIGNS = ("manifest.json", "history.jsonl", "cubes")
+SIGNS = ("manifest.json", "history.jsonl", "cubes", "logs/running")
 
 
 def folder_of(name: str) -> Path:

@@ -99,9 +99,10 @@ def _text(place: Path) -> str:
 def _parsed(line: str) -> Run | None:
     try:
         run = json.loads(line)
-    except ValueError:
+    except (ValueError, RecursionError):
         return None
-    return run if isinstance(run, dict) and "id" in run else None
+    known = isinstance(run, dict) and isinstance(run.get("id"), str) and isinstance(run.get("start"), str)
+    return run if known and isinstance(run.get("config"), dict) else None
 
 
 def append(folder: Path, run: Mapping[str, Any]) -> None:
@@ -185,7 +186,7 @@ def _alive(process: Mapping[str, Any]) -> bool:
 
     try:
         return bool(abs(psutil.Process(process["number"]).create_time() - process["created"]) < 1)
-    except psutil.NoSuchProcess:
+    except (psutil.NoSuchProcess, LookupError, TypeError, ValueError):
         return False
 
 

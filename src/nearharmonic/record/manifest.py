@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -22,9 +22,13 @@ LOGS = "logs"
 
 
 def read(folder: Path) -> dict[str, Any]:
-    """Return the manifest of ``folder``: ``format``, ``files`` by name, and names of those ``changed``.
+    """Return the manifest of ``folder``, without its own SHA-256, which is compared.
 
-    Its own SHA-256, over these three, is compared and left out.
+    Returns
+    -------
+    dict
+        ``format``; ``configfiles``; ``files``, the entries by name; and names of files: those ``changed`` since their
+        jobs wrote them, those of a ``former`` config, and those ``unrecorded``, of which no receipt is left.
 
     Raises
     ------
@@ -35,11 +39,11 @@ def read(folder: Path) -> dict[str, Any]:
     try:
         found = json.loads(place.read_text(encoding="utf-8"))
         if found.pop("sha256") == digest_of(found) and all(map(_is_inside, found["files"])):
-            return dict(found)
+            return {"configfiles": [], "former": [], "unrecorded": [], **found}
         complaint = "is damaged"
     except FileNotFoundError:
         complaint = "does not exist"
-    except (OSError, ValueError, LookupError, TypeError, AttributeError):
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
         complaint = "is damaged"
     message = f"{place} {complaint}. Make it again: {command_for(folder / 'report.html')}"
     raise ResultFileError(message)
@@ -51,8 +55,19 @@ def _is_inside(name: str) -> bool:
     return not path.is_absolute() and ".." not in path.parts
 
 
-def write(folder: Path) -> list[str]:
+def write(folder: Path, makeable: Collection[str] | None = None, configfiles: Sequence[str] = ()) -> list[str]:
     """Write the manifest of ``folder`` from its receipts, and from the manifest before it where a receipt is lost.
+
+    A file that is missing stays listed as long as a job of the present config makes it.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of results.
+    makeable : collection of str, optional
+        Names of all files that jobs of the present config make; any by default.
+    configfiles : sequence of str
+        Files of the present config; none if not known.
 
     Returns
     -------
@@ -67,11 +82,19 @@ def write(folder: Path) -> list[str]:
     """
     entries = entries_of(folder)
     there = set(names_in(folder))
-    entries = {name: entries[name] for name in sorted(entries) if name in there}
-    changed = [name for name, entry in entries.items() if _is_changed(folder / name, entry)]
+    wanted = there if makeable is None else there | set(makeable)
+    entries = {name: entries[name] for name in sorted(entries) if makeable is None or name in wanted}
+    changed = [name for name, entry in entries.items() if name in there and _is_changed(folder / name, entry)]
     for entry in entries.values():
         entry.pop("modified", None)  # a clock, of use on this machine alone
-    document = {"format": FORMAT, "files": entries, "changed": changed}
+    document = {
+        "format": FORMAT,
+        "configfiles": list(configfiles),
+        "files": entries,
+        "changed": changed,
+        "former": [] if makeable is None else sorted(entries.keys() - set(makeable)),
+        "unrecorded": [] if makeable is None else sorted((there & set(makeable)) - entries.keys()),
+    }
     write_text(folder / MANIFEST, sealed(document))
     return changed
 

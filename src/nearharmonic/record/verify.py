@@ -10,11 +10,18 @@ from typing import Any
 
 from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.output.provenance import digests
-from nearharmonic.output.receipts import measured
-from nearharmonic.output.store import command_for
+from nearharmonic.output.receipts import identity, measured
+from nearharmonic.output.store import command_for, workflow_command
 from nearharmonic.record import manifest
 
 Entries = Mapping[str, Mapping[str, Any]]
+
+#: Beginnings of the names of files, in the order in which one is made from another.
+ORDER = ("runs/", "cubes/", "derived/", "figures/", "tables/", "report.html")
+#: Targets of the experiments that are no part of the default target.
+TARGETS = {
+    "derivation": "derive", "sixth_order": "sixth_order", "stability": "stability", "work_precision": "work_precision",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, order=True, kw_only=True)
@@ -42,31 +49,59 @@ class Fault:
 def faults(folder: Path) -> list[Fault]:
     """Compare every file of ``folder`` with the manifest, and the code and coefficients here with those recorded.
 
-    Nothing but the manifest is read as more than bytes, so that no damage can mislead or hang the reader.
+    Nothing but the record is read as more than bytes, so that no damage can mislead or hang the reader.
 
     Returns
     -------
     list of Fault
-        Sorted by file; empty if all is as recorded.
+        In the order in which they are mended: runs, cubes, and what is made of these; empty if all is as recorded.
     """
     try:
-        entries: Entries = manifest.read(folder)["files"]
+        told = manifest.read(folder)
     except ResultFileError as error:
         says, _, mend = str(error).partition(". ")
         return [Fault(file=manifest.MANIFEST, says=says.removeprefix(f"{folder / manifest.MANIFEST} "), mend=mend)]
-    return sorted([*_of_files(folder, entries), *_of_origins(folder, entries)])
+    found = [*_of_files(folder, told), *_of_inputs(folder, told["files"]), *_of_origins(folder, told["files"])]
+    return sorted(found, key=lambda fault: (_rank(fault.file), fault))
 
 
-def _of_files(folder: Path, entries: Entries) -> Iterator[Fault]:
-    there = set(manifest.names_in(folder))
-    for name in there - entries.keys():
-        yield Fault(file=name, says="is extra: no job made it", mend="Move it elsewhere")
-    for name, entry in entries.items():
+def _rank(name: str) -> int:
+    """How far a file is from its beginnings."""
+    return next((i for i, part in enumerate(ORDER) if name.startswith(part)), 0)
+
+
+def _of_files(folder: Path, told: Mapping[str, Any]) -> Iterator[Fault]:
+    entries, former, there = told["files"], set(told["former"]), set(manifest.names_in(folder))
+    by_now = manifest.entries_of(folder)
+    for name in sorted((there | entries.keys()) - (former - there)):
         again = f"Make it again: {command_for(folder / name)}"
-        if name not in there:
+        if name in former:
+            yield Fault(file=name, says="is of a former config: no job makes it now", mend="Move it elsewhere")
+        elif name not in there:
             yield Fault(file=name, says="is missing", mend=again)
-        elif measured(folder / name)["sha256"] != entry["sha256"]:
-            yield Fault(file=name, says="is damaged: its bytes are not those that its job wrote", mend=again)
+        elif name not in entries or measured(folder / name)["sha256"] != entries[name]["sha256"]:
+            if name in by_now and measured(folder / name)["sha256"] == by_now[name]["sha256"]:
+                mend = f"Wait for it, or run the workflow again: {workflow_command(folder / name)}"
+                yield Fault(file=name, says="was made by a run that has not ended, or was killed", mend=mend)
+            elif name in told["unrecorded"]:
+                yield Fault(file=name, says="has lost its record", mend=again)
+            elif name not in entries:
+                yield Fault(file=name, says="is extra: no job made it", mend="Move it elsewhere")
+            else:
+                yield Fault(file=name, says="is damaged: its bytes are not those that its job wrote", mend=again)
+
+
+def _of_inputs(folder: Path, entries: Entries) -> Iterator[Fault]:
+    """A fault for each file that was made from others than those that are there, after a run that was cut short say."""
+    now: dict[str, str] = {}
+    for name, entry in entries.items():
+        for source, before in entry.get("inputs", {}).items():
+            if source not in now:
+                now[source] = identity(folder / source) if (folder / source).is_file() else before
+            if now[source] != before:
+                mend = f"Bring it up to date: {workflow_command(folder / name)} -- {folder / name}"
+                yield Fault(file=name, says=f"was made from another {source}", mend=mend)
+                break
 
 
 def _of_origins(folder: Path, entries: Entries) -> Iterator[Fault]:
@@ -81,7 +116,9 @@ def _of_origins(folder: Path, entries: Entries) -> Iterator[Fault]:
     for (function, differs), names in made_otherwise.items():
         others = f" (and {len(names) - 1} more)" if len(names) > 1 else ""
         says = f"was made with other {differs}{others}, by {function}"
-        yield Fault(file=names[0], says=says, mend=f"Make what is out of date again: {_plain_command(folder)}")
+        yield Fault(
+            file=names[0], says=says, mend=f"Make it again: {workflow_command(folder / names[0])}{_target_of(function)}"
+        )
 
 
 def _recorded(entry: Mapping[str, Any]) -> dict[str, str]:
@@ -98,9 +135,10 @@ def _difference(function: str, problems: tuple[str, ...], methods: tuple[str, ..
     return " and ".join(what for what in recorded if here[what] != recorded[what])
 
 
-def _plain_command(folder: Path) -> str:
-    """The command that brings all results of ``folder`` up to date."""
-    return command_for(folder / "report.html").partition(" --force")[0]
+def _target_of(function: str) -> str:
+    """The target that the files of ``function`` belong to, as the end of a command; empty for those of the default."""
+    experiment = function.removeprefix("experiments.").partition(".")[0]
+    return f" -- {TARGETS[experiment]}" if experiment in TARGETS else ""
 
 
 def extent(folder: Path) -> tuple[int, int]:

@@ -57,6 +57,13 @@ class WorkflowRun:
         self._told = {
             "id": f"{self._began:%Y%m%dT%H%M%SZ}-{secrets.token_hex(4)}",
             "work": None,
+            "config": {},
+            "config_digest": None,
+            "code_digest": None,
+            "coefficients_digest": None,
+            "versions": {},
+            "platform": None,
+            "cpu": {},
             "status": "running",
             "exit_status": None,
             "start": _stamp(self._began),
@@ -76,11 +83,20 @@ class WorkflowRun:
         with self._warning("the commit is not recorded"):
             self._told |= revision(self._sources)
         self._told |= {"jobs_run": None, "jobs_reused": None, "evaluations": None, "evaluations_skipped": None}
-        with self._warning("the history is not written"):
+        with self._warning("killed runs are not closed"):
             history.close_killed(self._folder)
+        with self._warning("the history is not written"):
             history.mark(self._folder, self._told)
 
-    def end(self, exit_status: int, jobs_run: int, jobs_reused: int, refresh: Callable[[], None]) -> None:
+    def end(
+        self,
+        exit_status: int,
+        jobs_run: int,
+        jobs_reused: int,
+        refresh: Callable[[], None],
+        makeable: Collection[str] | None = None,
+        configfiles: Sequence[str] = (),
+    ) -> None:
         """Record the end: bring page and claims up to date, write the manifest and then the line of the history.
 
         Parameters
@@ -91,11 +107,13 @@ class WorkflowRun:
             Jobs that did work, and jobs whose results were there.
         refresh : callable
             Makes the files that show all others again, where one of those is newer.
+        makeable, configfiles
+            As for :func:`nearharmonic.record.manifest.write`.
         """
         with self._warning("the page of results may be old"):
             refresh()
         with self._warning("the manifest is not written"):
-            changed = manifest.write(self._folder)
+            changed = manifest.write(self._folder, makeable, configfiles)
             if changed:
                 self._warn("", f"changed since their jobs wrote them: {', '.join(changed)} in {self._folder}")
         ended = datetime.now(UTC)

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from nearharmonic.errors import ResultFileError
 from nearharmonic.record.compare.differences import array_difference, dataset_differences, relative_differences
 from nearharmonic.record.compare.tables import table_differences
+from nearharmonic.record.texts import Texts
 
 NUMBERS = st.floats(allow_nan=True, allow_infinity=True, allow_subnormal=True)
 
@@ -132,10 +133,11 @@ def test_texts_and_units_that_differ_are_told():
 
 
 def tables(tmp_path, a, b, leave_out=()):
-    places = [tmp_path / name for name in ("a.csv", "b.csv")]
-    for place, text in zip(places, (a, b), strict=True):
-        place.write_text(text)
-    return list(table_differences("t.csv", *places, leave_out))
+    folders = [tmp_path / name for name in ("a", "b")]
+    for folder, text in zip(folders, (a, b), strict=True):
+        folder.mkdir(exist_ok=True)
+        (folder / "t.csv").write_text(text)
+    return list(table_differences("t.csv", *map(Texts, folders), leave_out))
 
 
 def test_a_column_of_a_table_is_compared_with_all_its_digits(tmp_path):
@@ -178,7 +180,8 @@ def test_an_empty_cell_differs_from_a_number_and_from_no_empty_cell(tmp_path):
 
 @pytest.mark.parametrize("text", ["", "a,b\n1\n", "a\n\xff"])
 def test_a_file_that_is_no_table_is_named(tmp_path, text):
-    (tmp_path / "a.csv").write_bytes(text.encode("latin-1"))
-    (tmp_path / "b.csv").write_text("a,b\n1,2\n")
-    with pytest.raises(ResultFileError, match=re.escape(f"{tmp_path}/a.csv ")):
-        list(table_differences("t.csv", tmp_path / "a.csv", tmp_path / "b.csv", ()))
+    for name, content in {"a": text.encode("latin-1"), "b": b"a,b\n1,2\n"}.items():
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "t.csv").write_bytes(content)
+    with pytest.raises(ResultFileError, match=re.escape(f"{tmp_path}/a/t.csv ")):
+        list(table_differences("t.csv", Texts(tmp_path / "a"), Texts(tmp_path / "b"), ()))

@@ -69,7 +69,7 @@ def faults(folder: Path) -> list[str]:
 
 
 def _no_history(folder: Path) -> str:
-    return f"{folder / 'history.jsonl'} holds no run, so that the settings behind {folder.resolve().name} are unknown"
+    return f"{folder / 'history.jsonl'} holds no run, so that the settings behind {folder.absolute().name} are unknown"
 
 
 def save(
@@ -101,7 +101,7 @@ def save(
     ResultFileError
         The manifest or the history is missing, or a file is missing or differs from what the manifest records.
     """
-    result = Path(folder).resolve()
+    result = Path(folder).absolute()
     zipped = target(result, place)
     members = _members(result, with_runs=with_runs)
     try:
@@ -129,11 +129,11 @@ def target(folder: str | os.PathLike[str], place: str | os.PathLike[str] | None)
     SettingError
         ``place`` has another ending, or it is a folder, or it lies in ``folder``.
     """
-    result = Path(folder).resolve()
+    result = Path(folder).absolute()
     zipped = Path(f"{result.name}.zip" if place is None else place)
     if zipped.suffix != ".zip" or zipped.is_dir():
         raise bad_setting("-o", str(zipped), "a file with the ending .zip")
-    if zipped.resolve().is_relative_to(result):
+    if zipped.resolve().is_relative_to(result.resolve()):
         raise bad_setting("-o", str(zipped), f"a file outside of {result.name}, which it archives")
     return zipped
 
@@ -162,15 +162,23 @@ def _members(result: Path, *, with_runs: bool) -> list[Member]:
 def _configs(runs: Sequence[Run]) -> tuple[dict[str, str], dict[str, bytes]]:
     """The path of the config of each run by the run's id, and the text of each by its path.
 
-    The newest is ``config.json``; one that differs carries its digest in its name.
+    That of the newest run that ended well is ``config.json``; one that differs carries its digest in its name. Keys
+    that are not set are left out, as in a config that a person writes.
     """
-    texts = {run["id"]: json.dumps(run["config"], indent=1, ensure_ascii=False).encode() + b"\n" for run in runs}
-    newest = texts[runs[-1]["id"]]
+    texts = {run["id"]: json.dumps(_set(run["config"]), indent=1, ensure_ascii=False).encode() + b"\n" for run in runs}
+    newest = texts[next((run for run in reversed(runs) if run["status"] == "ok"), runs[-1])["id"]]
     paths = {
         name: "config.json" if text == newest else f"config-{hashlib.sha256(text).hexdigest()[:12]}.json"
         for name, text in texts.items()
     }
     return paths, {path: texts[name] for name, path in paths.items()}
+
+
+def _set(value: Any) -> Any:
+    """``value`` without the keys of nested mappings that are None."""
+    if isinstance(value, Mapping):
+        return {key: _set(member) for key, member in value.items() if member is not None}
+    return value
 
 
 def _content(place: Path) -> bytes:

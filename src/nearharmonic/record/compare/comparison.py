@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from nearharmonic.errors import ResultFileError
 from nearharmonic.output import store
 from nearharmonic.output.receipts import WHOLE
 from nearharmonic.record import manifest
@@ -16,6 +15,7 @@ from nearharmonic.record.compare.differences import Difference, dataset_differen
 from nearharmonic.record.compare.tables import table_differences
 from nearharmonic.record.history import flattened, newest_finished
 from nearharmonic.record.query.run_table import layered, settings_of
+from nearharmonic.record.texts import Texts
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -87,7 +87,7 @@ class _Pair:
 
     def claims(self) -> Iterator[Difference]:
         """Claims of another verdict, and those that one result has alone."""
-        one, other = (_claims(folder / CLAIMS) for folder in self._folders)
+        one, other = map(_claims, self._folders)
         if one is None or other is None:
             if one is not other:
                 yield missing(str(CLAIMS), in_a=one is not None)
@@ -168,7 +168,7 @@ class _Pair:
                 continue
             self.left_out += [f"{name}: {column}" for column in sorted(volatile)]
             shown_above = {"verdict"} if name == str(CLAIMS.with_suffix(".csv")) else set()
-            one, other = [folder / name for folder in self._folders]
+            one, other = map(Texts, self._folders)
             yield from table_differences(name, one, other, volatile | shown_above)
 
     def _comparable(self, pattern: str) -> Iterator[tuple[str, set[str] | Difference]]:
@@ -189,15 +189,16 @@ class _Pair:
         return entry
 
 
-def _claims(path: Path) -> dict[str, str] | None:
+def _claims(folder: Path) -> dict[str, str] | None:
     """The verdict of each claim by its id; None if there are no claims."""
-    if not path.exists():
+    if not (folder / CLAIMS).exists():
         return None
+    texts = Texts(folder)
+    text = texts.read(str(CLAIMS))
     try:
-        return {claim["id"]: claim["verdict"] for claim in json.loads(path.read_text(encoding="utf-8"))}
-    except (ValueError, TypeError, KeyError) as error:
-        message = f"{path} holds no claims. Make it again: {store.command_for(path)}"
-        raise ResultFileError(message) from error
+        return {str(claim["id"]): str(claim["verdict"]) for claim in json.loads(text)}
+    except (ValueError, TypeError, LookupError, RecursionError) as error:
+        raise texts.unusable(str(CLAIMS), "holds no claims") from error
 
 
 def _alike(a: xr.Dataset, b: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:

@@ -3,39 +3,38 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Collection, Iterator, Sequence
 from decimal import Decimal, InvalidOperation
 from math import inf, isfinite
-from pathlib import Path
 from typing import Any
 
-from nearharmonic.errors import ResultFileError
-from nearharmonic.output.store import command_for
 from nearharmonic.record.compare.differences import Difference, missing
+from nearharmonic.record.texts import Texts
 
 Rows = list[list[str]]
 
 
-def table_differences(name: str, a: Path, b: Path, leave_out: Collection[str]) -> Iterator[Difference]:
-    """Yield what differs between two CSV files, a column at a time.
+def table_differences(name: str, a: Texts, b: Texts, leave_out: Collection[str]) -> Iterator[Difference]:
+    """Yield what differs between the CSV files of one name in two results, a column at a time.
 
     Rows belong together by the first columns of text that tell them apart, or by their position if none do.
 
     Parameters
     ----------
     name : str
-        Name of the table.
-    a, b : Path
-        The files.
+        Name of the file.
+    a, b : Texts
+        The results.
     leave_out : collection of str
         Columns that are not compared, ``"*"`` for all.
 
     Raises
     ------
     ResultFileError
-        A file that is no table.
+        A file that is damaged, or no table.
     """
-    (header_a, rows_a), (header_b, rows_b) = _read(a), _read(b)
+    (header_a, rows_a), (header_b, rows_b) = _read(a, name), _read(b, name)
     for column in [*header_a, *(column for column in header_b if column not in header_a)]:
         if column not in leave_out and (column not in header_a or column not in header_b):
             yield missing(f"{name}: {column}", in_a=column in header_a)
@@ -55,14 +54,14 @@ def table_differences(name: str, a: Path, b: Path, leave_out: Collection[str]) -
             yield found
 
 
-def _read(path: Path) -> tuple[list[str], Rows]:
+def _read(texts: Texts, name: str) -> tuple[list[str], Rows]:
+    text = texts.read(name)
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            header, *rows = csv.reader(file)
+        header, *rows = csv.reader(io.StringIO(text))
     except (ValueError, csv.Error) as error:
-        raise ResultFileError(f"{path} is no table. Make it again: {command_for(path)}") from error
+        raise texts.unusable(name, "is no table") from error
     if any(len(row) != len(header) for row in rows):
-        raise ResultFileError(f"{path} has rows of other lengths than its header. Make it again: {command_for(path)}")
+        raise texts.unusable(name, "has rows of other lengths than its header")
     return header, rows
 
 
