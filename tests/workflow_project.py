@@ -21,7 +21,8 @@ class Project:
         self.folder = folder
         for name in ("workflow", "config", "profiles", "src"):
             shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
-        shutil.copy(ROOT / "Snakefile", folder)
+        for name in ("Snakefile", "LICENSE", "CITATION.cff", "pyproject.toml"):
+            shutil.copy(ROOT / name, folder)
         shutil.copy(ROOT / "tests/workflow/tiny.yaml", folder / "config")
 
     def snakemake(self, *arguments: str) -> subprocess.CompletedProcess[str]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import shutil
+from zipfile import ZipFile
 
 import pytest
 
-from targets import MADE
+from targets import MADE, SYSTEMS
 from workflow_project import TINY, Project
 
 
@@ -75,3 +77,44 @@ def test_results_that_are_not_what_they_seem_are_refused_with_the_reason(finishe
         (copy.folder / ".snakemake/metadata").iterdir()
     )
     assert (copy.results / "manifest.json").read_bytes() == (finished.results / "manifest.json").read_bytes()
+
+
+def test_the_commands_that_verify_prints_mend_what_it_found(finished):
+    """A damaged run takes its cube with it: Snakemake deletes what a failing job was to make."""
+    damaged = finished.results / "runs/sho/ruth/0.h5"
+    whole = damaged.read_bytes()
+    damaged.write_bytes(whole[:99] + bytes([whole[99] ^ 1]) + whole[100:])
+    assert finished.snakemake("-j2", *TINY).returncode == 1
+    found = json.loads(finished.nearharmonic("verify", "tiny", "--format", "json").stdout)["faults"]
+    assert [fault["file"] for fault in found[:2]] == ["runs/sho/ruth/0.h5", "cubes/sho.h5"]
+    for fault in found:
+        command = fault["mend"].partition(": snakemake ")[2].split()
+        assert finished.snakemake(*command).returncode == 0, fault
+    assert damaged.read_bytes() == whole
+    assert finished.snakemake("everything", "-j2", *TINY).returncode == 0
+    verified = finished.nearharmonic("verify", "tiny")
+    assert verified.returncode == 0, verified.stdout
+
+
+def test_the_settings_in_an_archive_make_the_same_results(finished):
+    assert finished.nearharmonic("archive", "tiny", "-o", "tiny.zip").returncode == 0
+    with ZipFile(finished.folder / "tiny.zip") as archive:
+        (finished.folder / "config.json").write_bytes(archive.read("config.json"))
+    assert finished.jobs("everything", "--configfile", "config.json") == {}
+    assert finished.nearharmonic("verify", "tiny.zip").returncode == 0
+
+
+def test_files_of_a_former_config_are_told_until_they_are_gone(finished):
+    config = finished.folder / "config/tiny.yaml"
+    text = config.read_text()
+    config.write_text(text.replace("integrators: [ruth, babs7o7h]", "integrators: [ruth]"))
+    try:
+        assert finished.snakemake("-j2", *TINY).returncode == 0
+        found = json.loads(finished.nearharmonic("verify", "tiny", "--format", "json").stdout)["faults"]
+        former = {fault["file"] for fault in found if fault["fault"].startswith("is of a former config")}
+        assert former >= {f"runs/{system}/babs7o7h/{shard}.h5" for system in SYSTEMS for shard in (0, 1)}
+        assert all("babs7o7h" in file for file in former)
+    finally:
+        config.write_text(text)
+    assert finished.snakemake("everything", "-j2", *TINY).returncode == 0
+    assert finished.nearharmonic("verify", "tiny").returncode == 0

@@ -32,7 +32,7 @@ def fingerprint(config: Config) -> dict[str, Any]:
         ``config`` as resolved, ``config_digest``, ``code_digest``, ``coefficients_digest``, ``versions``; and ``work``,
         the SHA-256 over these, which is the same for the same work.
     """
-    resolved = json.loads(canonical(config))
+    resolved = json.loads(json.dumps(config, default=_plain))  # keys in their order: it is that of tables and legends
     methods = dict.fromkeys((*config.integrators, *config.decomposed, *config.compared))
     told = {
         "config": resolved,

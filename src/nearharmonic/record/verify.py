@@ -61,7 +61,9 @@ def faults(folder: Path) -> list[Fault]:
     except ResultFileError as error:
         says, _, mend = str(error).partition(". ")
         return [Fault(file=manifest.MANIFEST, says=says.removeprefix(f"{folder / manifest.MANIFEST} "), mend=mend)]
-    found = [*_of_files(folder, told), *_of_inputs(folder, told["files"]), *_of_origins(folder, told["files"])]
+    found = list(_of_files(folder, told))
+    whole = {name: entry for name, entry in told["files"].items() if name not in {fault.file for fault in found}}
+    found += [*_of_inputs(folder, whole), *_of_origins(folder, told["files"])]
     return sorted(found, key=lambda fault: (_rank(fault.file), fault))
 
 
@@ -92,13 +94,13 @@ def _of_files(folder: Path, told: Mapping[str, Any]) -> Iterator[Fault]:
 
 
 def _of_inputs(folder: Path, entries: Entries) -> Iterator[Fault]:
-    """A fault for each file that was made from others than those that are there, after a run that was cut short say."""
+    """A fault for each file that was made from others than ``entries``, after a run that was cut short say."""
     now: dict[str, str] = {}
     for name, entry in entries.items():
         for source, before in entry.get("inputs", {}).items():
-            if source not in now:
-                now[source] = identity(folder / source) if (folder / source).is_file() else before
-            if now[source] != before:
+            if source in entries and source not in now:
+                now[source] = identity(folder / source)
+            if now.get(source, before) != before:
                 mend = f"Bring it up to date: {workflow_command(folder / name)} -- {folder / name}"
                 yield Fault(file=name, says=f"was made from another {source}", mend=mend)
                 break
