@@ -9,7 +9,7 @@ import pytest
 
 from nearharmonic.output.provenance import task
 from nearharmonic.output.receipts import Receipt
-from nearharmonic.record import manifest, verify
+from nearharmonic.record import history, manifest, verify
 from nearharmonic.record.verify import faults
 
 TASK = task("experiments.paper.run:integrate", system="sho", integrator="ruth")
@@ -203,3 +203,22 @@ def test_a_fault_reads_as_a_sentence(results):
 
 def test_files_and_bytes_are_counted(results):
     assert verify.extent(results) == (len(FILES), sum(map(len, FILES.values())))
+
+
+def test_files_of_runs_with_another_config_are_counted(results, monkeypatch):
+    def run(name, config, status="ok"):
+        start = f"2026-01-01T00:00:0{name}.000Z"
+        history.append(results, {"id": name, "start": start, "status": status, "config": {}, "config_digest": config})
+
+    for name, receipt_of in (("1", ("cubes/sho.h5",)), ("2", tuple(set(FILES) - {"cubes/sho.h5"}))):
+        monkeypatch.setenv("NEARHARMONIC_RUN", name)
+        receipt = Receipt(f"results/smoke/logs/{'a' if name == '2' else 'b'}.log")
+        receipt.add([f"results/smoke/{file}" for file in receipt_of], TASK)
+        receipt.write()
+    manifest.write(results)
+    assert verify.of_other_configs(results) == 0
+    run("1", "former")
+    run("2", "present")
+    assert verify.of_other_configs(results) == 1
+    run("3", "failed", status="failed")
+    assert verify.of_other_configs(results) == 1

@@ -24,7 +24,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
         return _of_archive(Path(chosen.result))
     from nearharmonic.engine.settings import whole_number
     from nearharmonic.record.folders import folder_of
-    from nearharmonic.record.verify import extent, faults
+    from nearharmonic.record.verify import extent, faults, of_other_configs
 
     number, seed = whole_number(chosen.rerun, "rerun"), whole_number(chosen.seed, "seed")
     folder = folder_of(chosen.result)
@@ -33,6 +33,9 @@ def answer(chosen: argparse.Namespace) -> Answer:
     if not found:
         files, size = extent(folder)
         notes = [f"{_counted(files, 'file')}, {size} bytes: each as its job wrote it, by this code"]
+        others = of_other_configs(folder)
+        if others:
+            notes.append(f"{_counted(others, 'file')} of runs whose config was not that of the newest run")
     if number and found:
         notes.append("no run was integrated again, since there are faults")
     elif number:

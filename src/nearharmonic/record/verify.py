@@ -12,7 +12,7 @@ from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.output.provenance import digests
 from nearharmonic.output.receipts import identity, measured
 from nearharmonic.output.store import command_for, workflow_command
-from nearharmonic.record import manifest
+from nearharmonic.record import history, manifest
 
 Entries = Mapping[str, Mapping[str, Any]]
 
@@ -153,3 +153,19 @@ def extent(folder: Path) -> tuple[int, int]:
     """
     sizes: Iterable[int] = [entry["size"] for entry in manifest.read(folder)["files"].values()]
     return len(list(sizes)), sum(sizes)
+
+
+def of_other_configs(folder: Path) -> int:
+    """Return how many files are of runs whose config was not that of the newest run that ended well.
+
+    They need not be out of date: what a config says of one system is nothing to another.
+
+    Raises
+    ------
+    ResultFileError
+        The manifest is missing or damaged.
+    """
+    configs = {run["id"]: run.get("config_digest") for run in history.runs_of(folder)}
+    newest = history.newest_finished(folder)
+    runs = [entry["run"] for entry in manifest.read(folder)["files"].values()]
+    return sum(configs.get(run) != newest.get("config_digest") for run in runs) if newest else 0
