@@ -45,6 +45,8 @@ def test_each_fault_is_told_with_what_mends_it(results, capsys):
     assert text.startswith("results/paper: 1 fault\n")
     assert "is damaged: its bytes are not those that its job wrote" in text
     assert f"Make it again: snakemake -j2 --force {CUBE}" in text
+    assert main(["verify", "paper", "--rerun", "2"]) == 1
+    assert "no run was integrated again, since there are faults" in capsys.readouterr().out
 
 
 def test_faults_as_json_and_csv_hold_file_fault_and_mend(results, capsys):
@@ -77,6 +79,23 @@ def test_an_unknown_result_gets_its_nearest_match(results, capsys):
 def test_a_result_outside_of_its_project_is_not_adopted(results, capsys):
     assert main(["adopt", "paper"]) == 1
     assert "copy it there, and adopt it from there" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("configs", "says"),
+    [
+        ({}, "no file in config/ has the name 'paper'; name its config: --configfile FILE"),
+        ({"a": "name: paper", "b": "name: paper"}, "config/a.yaml and config/b.yaml have the name 'paper'"),
+        ({"a": "name: [", "b": "- 1", "c": "name: other"}, "no file in config/ has the name 'paper'"),
+    ],
+)
+def test_a_result_without_a_config_of_its_name_is_not_adopted(results, configs, says, capsys):
+    (results.parents[1] / "Snakefile").write_text("")
+    (results.parents[1] / "config").mkdir()
+    for name, text in configs.items():
+        (results.parents[1] / f"config/{name}.yaml").write_text(text)
+    assert main(["adopt", "paper"]) == 1
+    assert says in capsys.readouterr().err
 
 
 def test_a_result_with_a_fault_is_not_adopted(results, capsys):
@@ -114,6 +133,12 @@ def test_jobs_with_the_recorded_settings_are_adopted(results):
 def test_a_job_with_anything_else_is_not(results, changes, says):
     with pytest.raises(RefusedError, match=says):
         check_jobs(results, [Job({**TASK, **changes}, {"cube": str(results / "cubes/sho_terms.h5")})])
+
+
+def test_each_figure_of_a_job_that_draws_several_is_looked_at(results):
+    drawn = {"a": TASK, "b": {**TASK, "code": "0"}}
+    with pytest.raises(RefusedError, match="was made with other code;"):
+        check_jobs(results, [Job(drawn, {"b": [str(results / "cubes/sho_terms.h5")]}, key="tasks")])
 
 
 def test_a_job_for_a_file_that_is_not_there_is_not(results):

@@ -153,6 +153,7 @@ def test_a_file_of_a_former_config_is_a_fault_until_it_is_gone(results):
     manifest.write(results, makeable=rest)
     (found,) = faults(results)
     assert (found.file, found.says) == ("runs/sho/ruth/0.h5", "is of a former config: no job makes it now")
+    assert found.mend == "Move it elsewhere"
     (results / "runs/sho/ruth/0.h5").unlink()
     assert faults(results) == []
 
