@@ -87,6 +87,16 @@ def _stability():
         "stability_rounding": xr.Dataset(
             {"energy_error_rms": (over, rms)}, coords=names | {"source": ["plain", "compensated"]}
         ),
+        "stability_kepler": xr.Dataset(
+            {
+                "energy_error": (
+                    ("integrator", "tau_per_stage", "eccentricity"),
+                    [[[1e-3, 1e-2], [1e-7, np.inf]]] * len(BENCHMARKED),
+                ),
+                "evaluations_per_orbit": (("integrator", "tau_per_stage"), [[100, 400]] * len(BENCHMARKED)),
+            },
+            coords=names | {"eccentricity": [0.2, 0.95]},
+        ),
         "kinetic_energy": xr.Dataset(
             {"max_energy_error": (("roles", "amplitude", "integrator", "tau_per_stage"), lost)},
             coords=names | {"roles": ["own", "exchanged"], "amplitude": [0.1, 1.0], "tau_per_stage": [0.05]},

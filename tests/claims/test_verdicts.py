@@ -162,6 +162,9 @@ TURNED = {
     "t-not-quadratic": (
         HOLDS, put("kinetic_energy", "max_energy_error", 30.0, roles="own", amplitude=0.1, integrator="ruth"), PART,
     ),
+    "close-encounters": (
+        HOLDS, put("stability_kepler", "energy_error", 0.5, integrator="ruth", eccentricity=0.95), PART,
+    ),
     "high-order-negative": (HOLDS, cell("integrators", 5, "negative coefficients", "1"), FAILS),
 }  # fmt: skip
 

@@ -34,7 +34,7 @@ def _vanish(tableau: Tableau, highest: int) -> float:
 
 #: A unit of the 76th decimal, times what errors of coefficients grow by: l! sums of up to 2^l products, l <= 7.
 PRINTED_ZERO = 1e-70
-ZERO = "below 1e-70: the printed 76 decimals, times the 7! by which κ₇ multiplies their errors, and a margin"
+ZERO = "below 10⁻⁷⁰: the printed 76 decimals, times the 7! by which κ₇ multiplies their errors, and a margin"
 
 
 @claim(

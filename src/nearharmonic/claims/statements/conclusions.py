@@ -1,10 +1,12 @@
-"""Section 5: kinetic energies that are not quadratic, and the coefficients of methods of higher order."""
+"""Section 5: close encounters, kinetic energies that are not quadratic, coefficients of methods of higher order."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
+from math import inf
 
 from nearharmonic.claims.claim import Decision, claim, counted, either
+from nearharmonic.claims.curves import LOST
 from nearharmonic.claims.results import Results, Undecided, label, short
 from nearharmonic.claims.statements.comparisons import NEW
 
@@ -38,6 +40,31 @@ def t_not_quadratic(results: Results) -> Decision:
         listed = ", ".join(f"{label(name)} {short(one, 2)}" for name, one in zip(NEW, new, strict=True))
         told.append(f"at amplitude {short(amplitude)} {listed}, Ruth {short(ruth, 2)}")
     return counted(good, f"error over that with the roles exchanged: {'; '.join(told)}")
+
+
+#: Evaluations of the force an orbit, as in the figures of Kepler maps, and a round orbit beside those that come close.
+EVALUATIONS, ROUND, CLOSE = 400, 0.2, 0.95
+
+
+@claim(
+    id="close-encounters",
+    paper="Section 5, Discussion",
+    statement="Close encounters inevitably cause high errors ultimately waiving symplectic properties",
+    threshold=f"at {EVALUATIONS} evaluations an orbit a Kepler orbit of eccentricity {CLOSE} leaves its energy surface "
+    f"within ten periods with each method, and one of eccentricity {ROUND} is off by less than 1 % with it",
+    needs=("cubes/stability_kepler.h5",),
+    target="stability",
+)
+def close_encounters(results: Results) -> Decision:
+    cube = results.cube("stability_kepler")
+    of_orbits = cube["energy_error"].sel(eccentricity=[ROUND, CLOSE], method="nearest")
+    spent = cube["evaluations_per_orbit"].values
+    row = [int(abs(one - EVALUATIONS).argmin()) for one in spent]
+    errors = [of_orbits.values[i, j] for i, j in enumerate(row)]
+    good = [kept < LOST and lost == inf for kept, lost in errors]
+    kept = [float(one) for one, _ in errors]
+    value = f"{sum(good)} of {len(good)} methods lose it; eccentricity {ROUND} is off by "
+    return counted(good, f"{value}{short(min(kept), 2)} to {short(max(kept), 2)}")
 
 
 @claim(

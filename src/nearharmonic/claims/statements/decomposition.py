@@ -29,7 +29,7 @@ TABLE_2 = (
 
 #: A number of a table is a double, rounded once; sums of a few of them may be off by a few units of its last place.
 ROUNDED = 1e-14
-ROUNDING = "equal to 1e-14: the tables hold doubles, rounded to 1e-16, of sums with terms up to 3"
+ROUNDING = "equal to 10⁻¹⁴: the tables hold doubles, rounded to 10⁻¹⁶, of sums with terms up to 3"
 
 
 @claim(

@@ -130,7 +130,7 @@ def closed_form() -> tuple[Any, Any, Any, Any]:
     id="eq-15",
     paper="Eq. 15",
     statement="d₁ = 1/(2(2 - 2^(1/3))) = 1/2 - d₂ and c₁ = 1/(2 - 2^(1/3)) = (1 - c₂)/2 solve Eq. 14",
-    threshold=f"put into the three equations in {DIGITS} digits: both sides equal to 1e-80",
+    threshold=f"put into the three equations in {DIGITS} digits: both sides equal to 10⁻⁸⁰",
 )
 def eq_15(_: Results) -> Decision:
     with mp.workdps(DIGITS):
@@ -211,7 +211,7 @@ def counterexample() -> Tableau:
     id="eq-16-general",
     paper="Section 3, below Eq. 16",
     statement="Eq. 16 is in fact the general second and fourth order criteria",
-    threshold="symmetric coefficients that sum to 1 and solve Eq. 16, to 1e-70, are of fourth order for any separable "
+    threshold="symmetric coefficients that sum to 1 and solve Eq. 16, to 10⁻⁷⁰, are of fourth order for any separable "
     "H, proved in the free Lie algebra; one exception refutes it",
 )
 def eq_16_general(_: Results) -> Decision:

@@ -24,7 +24,7 @@ DOT_WORDS = "a tenth of a decade, 26 %, what a dot of 2 pt covers in a figure of
     paper="Section 4.B, below Eq. 19",
     statement="The aphelion is the initial distance, yielding the minimum orbital velocity",
     threshold="the start is an apsis (q.p = 0) outside the circular orbit of its speed, and the ellipse is Mercury's: "
-    "eccentricity 0.2056 and period 87.97 d within 1e-3 of them, the digits of the fact sheet",
+    "eccentricity 0.2056 and period 87.97 d within 10⁻³ of them, the digits of the fact sheet",
 )
 def kepler_starts_at_aphelion(_: Results) -> Decision:
     system = kepler.SYSTEM
@@ -43,7 +43,7 @@ SUN, MERCURY = 1.9885e30, 0.3301e24
     id="eq-19-approximation",
     paper="Eq. 19",
     statement="The reduced mass is that of Mercury, approximately",
-    threshold="m_M/M - 1 = m_M/m_S below 1e-4, the last digit of the data that the system is made of",
+    threshold="m_M/M - 1 = m_M/m_S below 10⁻⁴, the last digit of the data that the system is made of",
 )
 def eq_19(_: Results) -> Decision:
     return either(MERCURY / SUN < 1e-4, f"m_M/m_S = {short(MERCURY / SUN, 2)}")
@@ -53,7 +53,7 @@ def eq_19(_: Results) -> Decision:
     id="eq-20",
     paper="Eq. 20",
     statement="The Laplace-Runge-Lenz vector is p × L - r/|r|",
-    threshold="of constant length, to 1e-12, along the exact orbit of Mercury, at 64 true anomalies",
+    threshold="of constant length, to 10⁻¹², along the exact orbit of Mercury, at 64 true anomalies",
 )
 def eq_20(_: Results) -> Decision:
     system = kepler.SYSTEM

@@ -17,7 +17,7 @@ SIXTH = ("abas5o6h", "babs7o7h", "babps8o7h", "babps9o7h")
 FOURTH = ("ruth", "s5odr4", "aba104", "aba864", "aba1064")
 #: An error term that vanishes for the true coefficients is below this for the printed ones, and any other above it.
 VANISHED = 1e-30
-ZERO = "a term vanishes below 1e-30: printed decimals leave up to 1e-73 of one, and the least other is above 1e-4"
+ZERO = "a term vanishes below 10⁻³⁰: printed decimals leave up to 10⁻⁷³ of one, and the least other is above 10⁻⁴"
 
 
 @claim(
@@ -86,7 +86,7 @@ def _terms(results: Results, name: str, first: str | None = None) -> Any:
     id="fig-2-even-orders-meet",
     paper="Figure 2, caption",
     statement="Terms of the ABA and the BAB composition intersect exactly at even orders",
-    threshold="equal to one unit in the last place of a double, or both vanished below 1e-30",
+    threshold="equal to one unit in the last place of a double, or both vanished below 10⁻³⁰",
     needs=TERMS,
 )
 def fig_2_even_orders(results: Results) -> Decision:

@@ -51,8 +51,8 @@ def _runs(cube: xr.Dataset) -> str:
     id="floor-of-double",
     paper="Figure 1, dashed lines; the statement is this project's",
     statement="Double precision with compensated summation follows extended precision down to its floor of rounding",
-    threshold="the two maximum errors differ by at most 10 roundings of a double, 1.1e-15, at every step size at which "
-    "both are known: energies are of order 1, and an energy takes five roundings",
+    threshold="the two maximum errors differ by at most 10 roundings of a double, 1.1 × 10⁻¹⁵, at every step size at "
+    "which both are known: energies are of order 1, and an energy takes five roundings",
     needs=("cubes/sho.h5",),
 )
 def floor_of_double(results: Results) -> Decision:

@@ -40,7 +40,7 @@ def growth_of_lambda_h(results: Results) -> Decision:
     id="kappa-below-1e-128",
     paper="Section 3, last paragraph",
     statement="Solutions have κ_max < 10⁻¹²⁸",
-    threshold="1e-128, the paper's own, of the derived counterpart of each printed set",
+    threshold="10⁻¹²⁸, the paper's own, of the derived counterpart of each printed set",
     needs=DOCUMENT,
     target="derive",
 )
@@ -55,7 +55,7 @@ def kappa_below(results: Results) -> Decision:
     id="simplex-reaches",
     paper="Section 3, last paragraph",
     statement="An adaptive simplex that minimises κ_max in 2048 bits reaches 10⁻¹²⁸",
-    threshold="1e-128, the paper's own, from one random start or more",
+    threshold="10⁻¹²⁸, the paper's own, from one random start or more",
     needs=("tables/derived_routes.csv",),
     target="derive",
 )
