@@ -6,6 +6,8 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
+from fractions import Fraction
 from math import inf
 from pathlib import Path
 
@@ -200,6 +202,9 @@ def test_a_solution_of_equation_16_of_second_order_is_one_by_runs_on_the_pendulu
         tuple(tuple(map(float, row)) for row in (ruth.kick, ruth.drift)),
     )
     for (kicks, drifts), order in zip(methods, (2, 4), strict=True):
+        moved = [-sum(c * sum(kicks[: i + 1]) for i, c in enumerate(drifts[:h])) for h in range(4)]
+        fourth = -sum(moved[m] * kicks[m] * sum(drifts[m:]) for m in (1, 2))
+        assert [moved[3], fourth] == pytest.approx([-1 / 2, 1 / 24], rel=1e-12)
         errors = []
         for tau in (0.02, 0.01):
             q, p = 1.0, 0.3
@@ -226,6 +231,25 @@ def test_the_energy_error_of_panel_d_stays_for_300_000_iterations():
         energy = p * p / 2 + y * y / 2 - y * y * y / 3
         lowest, highest = min(lowest, energy), max(highest, energy)
     assert max(start - lowest, highest - start) / start == pytest.approx(stated, rel=1e-2)
+
+
+def test_no_other_coefficient_of_babs8o7h_than_c3_can_be_the_wrong_one():
+    tableau = nh.integrators["babps8o7h"]
+    rows = {"d": tableau.kick[:4], "c": tableau.drift[:3]}
+    left = {}
+    for symbol, i in [("d", 0), ("d", 1), ("d", 2), ("d", 3), ("c", 0), ("c", 1), ("c", 2)]:
+        for units in range(-12, 13):
+            moved = {key: [Fraction(text) for text in row] for key, row in rows.items()}
+            moved[symbol][i] += Fraction(units, 10**76)
+            d, c = moved["d"], moved["c"]
+            whole = {"kick": (*d, 1 - 2 * sum(d), *d[::-1]), "drift": (*c, Fraction(1, 2) - sum(c))}
+            whole["drift"] += whole["drift"][::-1]
+            texts = {key: tuple(f"{int(x * 10**76)}e-76" for x in row) for key, row in whole.items()}
+            left[symbol, i, units] = float(max(nh.kappa(replace(tableau, **texts), 7)))
+    assert min(size for (symbol, i, _), size in left.items() if (symbol, i) != ("c", 2)) > 1.4e-74
+    assert min(left, key=left.__getitem__) == ("c", 2, 10)
+    stated = numbers("table-4-c3", r"is (\S+ × \S+) in place of (\S+ × \S+)$")
+    assert [left["c", 2, 10], left["c", 2, 0]] == pytest.approx(stated, rel=0.03)
 
 
 def test_equation_20_is_mended_by_the_factor_along_a_run():

@@ -44,7 +44,7 @@ KEYS = ("id", "paper", "statement", "verdict", "value", "threshold", "needs")
 
 
 def decide(results: Results) -> list[dict[str, Any]]:
-    """Return an entry with the keys :data:`KEYS` for every statement, in the order of the paper.
+    """Return an entry with the keys :data:`KEYS` for every statement, group by group.
 
     Raises
     ------
