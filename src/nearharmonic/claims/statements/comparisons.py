@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from nearharmonic.claims.claim import Claim, Decision, Verdict, claim, combined, counted
 from nearharmonic.claims.curves import LOST, MEASURES, Curves, Floats, for_larger_steps, over, range_words
 from nearharmonic.claims.results import Results, label, short
@@ -195,6 +197,4 @@ def stable_with_large_steps(results: Results) -> Decision:
 
 def _ends(curves: Curves, names: Sequence[str]) -> Floats:
     """The first step size at which the maximum error of each method passes 1 %, or was not finite."""
-    import numpy as np
-
     return np.array([curves.x[row > LOST].min(initial=np.inf) for row in curves.errors(names)])

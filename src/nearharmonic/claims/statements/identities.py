@@ -76,20 +76,20 @@ def _ruth(results: Results) -> Drawn:
     "next step or, as in Table 1, 0, whichever suits",
 )
 def c_n_as_printed(results: Results) -> Decision:
-    good = [all(_difference(one, after) == 0 for one in drawn(3)) for after in (True, False)]
-    mended = all(_difference(one, None) == 0 for one in drawn(3))
-    off = [short(float(_difference(_ruth(results), after))) for after in (True, False)]
-    value = f"for Ruth's method a term of the position is off by {off[0]} with c₄ = c₁ and by {off[1]} with c₄ = 0"
-    return either(any(good), f"{value}; c_n/c_(n-1) is {'right' if mended else 'wrong as well'}")
-
-
-def _difference(coefficients: Drawn, after: bool | None) -> Any:
-    """The largest error of a term by Eq. 6: C_n = c_(n+1)/c_n with c_1 or 0 behind the last, c_n/c_(n-1) if None."""
-    kicks, drifts = coefficients
-    row = list(drifts) if after is None else [*drifts[1:], drifts[0] if after else Fraction(0)]
-    ratios = (
-        [b / a for a, b in pairwise(drifts)] if after is None else [b / a for a, b in zip(drifts, row, strict=True)][1:]
+    readings = (lambda c: [*c[1:], c[0]], lambda c: [*c[1:], Fraction(0)], lambda c: c)
+    first, second, mended = (
+        [_off(one, [b / a for a, b in pairwise(read(one.drifts))]) for one in (*drawn(3), _ruth(results))]
+        for read in readings
     )
+    good = [not any(off[:-1]) for off in (first, second)]
+    told = [short(float(off[-1])) for off in (first, second)]
+    value = f"for Ruth's method a term of the position is off by {told[0]} with c₄ = c₁ and by {told[1]} with c₄ = 0"
+    return either(any(good), f"{value}; c_n/c_(n-1) is {'wrong as well' if any(mended[:-1]) else 'right'}")
+
+
+def _off(coefficients: Drawn, ratios: Row) -> Any:
+    """The largest error of a term of the position by Eq. 6 with these C_2, C_3, ..."""
+    kicks, drifts = coefficients
     exact = position_terms(coefficients)[-1]
     none = [Fraction(0)] * (len(exact) - 1)
     before = [Fraction(1), *none]
