@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from nearharmonic.claims.claim import counted
-from nearharmonic.claims.curves import Curves, Range, orders, over, slope
+from nearharmonic.claims.claim import combined, counted
+from nearharmonic.claims.curves import Curves, Range, for_larger_steps, orders, over, slope
 from nearharmonic.claims.results import Undecided
 
 X = np.geomspace(1e-4, 1, 161)  # forty a decade
@@ -62,6 +62,17 @@ def test_a_statement_holds_in_part_over_half_a_decade_in_one_piece_and_no_less()
     assert over(everywhere, X < 0).verdict == "fails"
 
 
+def test_a_statement_about_larger_steps_holds_over_half_a_decade_to_the_end_of_the_range():
+    everywhere = Range(X, np.ones(X.size, dtype=bool), " h")
+    assert for_larger_steps(everywhere, X > 0) == ("holds", "at all of τ/s = 0.0001 to 1 h")
+    assert for_larger_steps(everywhere, X > 0.3) == ("holds", "from τ/s = 0.316 on, of τ/s = 0.0001 to 1 h")
+    assert for_larger_steps(everywhere, X > 0.32).verdict == "fails"
+    assert for_larger_steps(everywhere, X < 0.99).verdict == "holds in part"
+    assert for_larger_steps(everywhere, X < 0).verdict == "fails"
+    assert everywhere.at_the_end(X > 0.9) == (pytest.approx(10 ** (-1 / 40)), 1.0)
+    assert everywhere.at_the_end(X < 0.9) == (1.0, 0.0)
+
+
 def test_what_lies_outside_the_range_does_not_count():
     asked = (X > 0.01) & (X < 0.5)
     assert over(Range(X, asked, ""), asked).verdict == "holds"
@@ -102,3 +113,16 @@ def test_a_curve_that_is_all_rounding_has_no_slope():
 )
 def test_several_things_hold_in_part_if_some_do(good, verdict):
     assert counted(good, "").verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("parts", "verdict"),
+    [
+        (["holds", "holds"], "holds"),
+        (["fails", "fails"], "fails"),
+        (["holds", "fails"], "holds in part"),
+        (["fails", "holds in part"], "holds in part"),
+    ],
+)
+def test_a_statement_of_parts_holds_or_fails_if_all_of_them_do(parts, verdict):
+    assert combined(parts, "").verdict == verdict

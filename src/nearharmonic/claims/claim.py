@@ -5,7 +5,7 @@ A statement is a function below :func:`claim` in a file of its group; nothing el
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -104,3 +104,9 @@ def either(good: bool, value: str) -> Decision:
 def counted(good: Sequence[bool], value: str) -> Decision:
     """Say that a statement of several things holds, holds in part or fails: all, some or none of them are good."""
     return Decision("holds" if all(good) else "holds in part" if any(good) else "fails", value)
+
+
+def combined(verdicts: Iterable[Verdict], value: str) -> Decision:
+    """Say that a statement of several parts holds or fails if all of them do, and holds in part otherwise."""
+    found = set(verdicts)
+    return Decision(found.pop() if len(found) == 1 else "holds in part", value)

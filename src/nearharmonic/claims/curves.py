@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearharmonic.claims.claim import Decision, either
-from nearharmonic.claims.results import Undecided, short
+from nearharmonic.claims.results import Undecided, label, short
 from nearharmonic.engine.statistics import PLATEAU, line_fit, truncation
 
 if TYPE_CHECKING:
@@ -30,6 +30,8 @@ LOST = 0.01
 PART = sqrt(10) * (1 - 1e-9)  # step sizes that are half a decade apart are so but for rounding
 #: Step sizes at least, for a statement about a range.
 FEWEST = 3
+#: The two errors of the paper's figures.
+MEASURES = {"maximum": "max_energy_error", "mean": "mean_energy_error"}
 
 
 def range_words(end: str = "the first of them") -> str:
@@ -57,6 +59,12 @@ class Range(NamedTuple):
         """Lowest and highest step size of the longest piece, in decades, without a gap; (1, 0) if there is none."""
         pieces = list(_pieces(self.x[self.asked], chosen[self.asked]))
         return max(pieces, key=lambda piece: piece[1] / piece[0], default=(1.0, 0.0))
+
+    def at_the_end(self, chosen: Bools) -> tuple[float, float]:
+        """Lowest and highest step size of the piece that ends with the last one asked for; (1, 0) if there is none."""
+        asked = self.x[self.asked]
+        last = [piece for piece in _pieces(asked, chosen[self.asked]) if piece[1] == asked[-1]]
+        return last[0] if last else (1.0, 0.0)
 
 
 def _pieces(x: Floats, chosen: Bools) -> Iterator[tuple[float, float]]:
@@ -90,7 +98,7 @@ class Curves:
             The cube has no such method.
         """
         if name not in self.names:
-            message = f"the results do not have the method {name}"
+            message = f"the results do not have the method {label(name)}"
             raise Undecided(message)
         return self.cube[variable].values[self.names.index(name)]
 
@@ -133,8 +141,21 @@ def over(asked: Range, good: Bools, value: str = "") -> Decision:
     return Decision("fails", f"{share}{tail}")
 
 
+def for_larger_steps(asked: Range, good: Bools) -> Decision:
+    """Say that a statement about the larger step sizes of a range holds, if it does over half a decade to its end."""
+    if good[asked.asked].all() and PART * asked.longest(good)[0] <= asked.longest(good)[1]:
+        return Decision("holds", f"at all of {asked.words()}")
+    low, high = asked.at_the_end(good)
+    if high >= PART * low:
+        return Decision("holds", f"from τ/s = {short(low)} on, of {asked.words()}")
+    low, high = asked.longest(good)
+    if high >= PART * low:
+        return Decision("holds in part", f"not at the end: {asked.words(good)}, of {asked.words()}")
+    return Decision("fails", f"{int((good & asked.asked).sum())} of {int(asked.asked.sum())} step sizes")
+
+
 class Slope(NamedTuple):
-    """Slope of log(error) against log(tau), half the width of its 95 % interval, and the step sizes per stage."""
+    """Slope of log(error) against log(τ), half the width of its 95 % interval, and the step sizes per stage."""
 
     value: float
     interval: float
@@ -147,7 +168,7 @@ SLOPE_TOLERANCE = 0.1
 SLOPE = (
     "the slope of log(maximum error) over the half decade above rounding, with its whole 95 % interval, within 0.1 of "
     "the order: orders of symmetric methods are even, so that 1 would decide, and the next term of the error, smaller "
-    "by up to the 0.06 of (tau omega)^2 in these fits, bends a slope by about twice that"
+    "by up to the 0.06 of (τω)² in these fits, bends a slope by about twice that"
 )
 
 
@@ -162,7 +183,7 @@ def slope(curves: Curves, name: str) -> Slope:
     tau, error = curves.of(name, "tau"), curves.of(name)
     points = truncation(tau, error)
     if points.size < FEWEST:
-        message = f"the runs of {name} have fewer than three step sizes between rounding and an error of 1e-4"
+        message = f"the runs of {label(name)} have fewer than three step sizes between rounding and an error of 1e-4"
         raise Undecided(message)
     x = np.log(tau[points])
     value, interval = line_fit(x - x.mean(), np.log(error[points]))
@@ -172,8 +193,10 @@ def slope(curves: Curves, name: str) -> Slope:
 def orders(curves: Curves, expected: dict[str, int]) -> Decision:
     """Decide whether each method has its order as a slope."""
     found = {name: slope(curves, name) for name in expected}
-    off = [name for name, one in found.items() if abs(one.value - expected[name]) + one.interval > SLOPE_TOLERANCE]
-    listed = ", ".join(f"{name} {one.value:.3f} ± {one.interval:.3f}" for name, one in found.items())
+    off = [
+        label(name) for name, one in found.items() if abs(one.value - expected[name]) + one.interval > SLOPE_TOLERANCE
+    ]
+    listed = ", ".join(f"{label(name)} {one.value:.3f} ± {one.interval:.3f}" for name, one in found.items())
     low, high = min(one.low for one in found.values()), max(one.high for one in found.values())
     value = f"{listed}; fitted within τ/s = {short(low)} to {short(high)}{curves.unit}"
     if off and len(off) < len(found):

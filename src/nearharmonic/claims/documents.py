@@ -29,7 +29,7 @@ SHOWN = {
     ),
     "fig3": (
         "Hénon-Heiles: energy error against step size",
-        ("fig-3-sixth-order-descent", "outperform-ruth-henon-heiles"),
+        ("fig-3-sixth-order-descent", "fig-3-steepest", "outperform-ruth-henon-heiles"),
     ),
     "fig4": (
         "perihelion advance of Mercury against force evaluations per orbit",

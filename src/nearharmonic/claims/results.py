@@ -129,6 +129,11 @@ def only(rows: Sequence[Mapping[str, str]], key: str, value: str) -> Mapping[str
     return found[0]
 
 
+def label(name: str) -> str:
+    """Return what readers call a method: its label, or its name if it is not registered."""
+    return integrators[name].label if name in integrators else name
+
+
 _SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 

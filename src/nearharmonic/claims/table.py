@@ -11,9 +11,11 @@ from nearharmonic.claims.claim import Claim
 from nearharmonic.claims.results import Results
 from nearharmonic.claims.statements import (
     coefficients,
+    comparisons,
     conclusions,
     decomposition,
     henon_heiles,
+    identities,
     kepler,
     methods,
     oscillator,
@@ -28,8 +30,8 @@ from nearharmonic.output.table import Table
 
 #: The groups in the order of the paper; a digest of the job follows these imports, so that an edit of one decides anew.
 GROUPS = (
-    splitting, decomposition, search, coefficients, roles, methods, rounding, oscillator, henon_heiles, kepler,
-    substeps, conclusions,
+    splitting, decomposition, identities, search, coefficients, roles, methods, rounding, oscillator, henon_heiles,
+    kepler, substeps, comparisons, conclusions,
 )  # fmt: skip
 
 CLAIMS: tuple[Claim, ...] = tuple(one for group in GROUPS for one in vars(group).values() if isinstance(one, Claim))
@@ -42,7 +44,7 @@ KEYS = ("id", "paper", "statement", "verdict", "value", "threshold", "needs")
 
 
 def decide(results: Results) -> list[dict[str, Any]]:
-    """Return an entry with the keys :data:`KEYS` for every statement, in the order of the paper.
+    """Return an entry with the keys :data:`KEYS` for every statement, group by group.
 
     Raises
     ------

@@ -1,17 +1,15 @@
-"""Section 3: the decomposition of the harmonic oscillator, Equations 6 and 13 to 16, Tables 2 and 3, their errata."""
+"""Section 3: how a step is decomposed and what follows, Equations 6 and 14, Table 2."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from fractions import Fraction
-from itertools import pairwise
 
 from nearharmonic.claims.claim import Decision, claim, counted, either
 from nearharmonic.claims.results import Results, short
 from nearharmonic.exact.polynomials import real_root_count, sturm_chain
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.theory.oscillator import step_polynomials
-from nearharmonic.theory.recursion import kicks_and_drifts
 
 #: Table 2 as the paper prints it, by h and the power of tau.
 TABLE_2 = (
@@ -31,43 +29,7 @@ TABLE_2 = (
 
 #: A number of a table is a double, rounded once; sums of a few of them may be off by a few units of its last place.
 ROUNDED = 1e-14
-ROUNDING = "equal to 1e-14: the tables hold doubles, rounded to 1e-16, of sums with terms up to 3"
-
-
-@claim(
-    id="c-n-below-eq-6",
-    paper="Section 3, below Eq. 6",
-    statement="C_n = c_(n+1)/c_n in the recursion of Eq. 6",
-    threshold="the position that the recursion gives for Ruth's method, against the product of its shears, exact but "
-    "for the 76 decimals of the coefficients",
-)
-def c_n_as_printed(results: Results) -> Decision:
-    method = results.method("ruth").role("kick")
-    exact = _even_part(method)
-    printed, mended = (_recursion(method, shifted=shifted)[0 : len(exact)] for shifted in (1, 0))
-    off = max(abs(float(a - b)) for a, b in zip(printed, exact, strict=True))
-    right = max(abs(float(a - b)) for a, b in zip(mended, exact, strict=True))
-    value = f"C_n as printed is off by {short(off)} in a term of the position, c_n/c_(n-1) by {short(right)}"
-    return either(off < 1e-60, value)
-
-
-def _even_part(method: Tableau) -> list[Fraction]:
-    return list(step_polynomials(method).K11[: 2 * method.stages + 1])
-
-
-def _recursion(method: Tableau, *, shifted: int) -> list[Fraction]:
-    """The new position from q_a = 1, p_a = 0 by Eq. 6, C_n read ``shifted`` places further along the drifts."""
-    kicks, drifts = kicks_and_drifts(method)
-    # After the last drift comes the first of the next iteration.
-    ratios = [b / a for a, b in pairwise([*drifts, drifts[0]])]
-    width = 2 * len(drifts) + 1
-    before = [Fraction(1)] + [Fraction(0)] * (width - 1)
-    now = [Fraction(1), Fraction(0), -drifts[0] * kicks[0], *[Fraction(0)] * (width - 3)]
-    for h in range(1, len(drifts)):
-        C, D = ratios[h - 1 + shifted], -drifts[h] * kicks[h]
-        force = [Fraction(0), Fraction(0), *now]
-        before, now = now, [(1 + C) * a - C * b + D * f for a, b, f in zip(now, before, force, strict=False)]
-    return now
+ROUNDING = "equal to 10⁻¹⁴: the tables hold doubles, rounded to 10⁻¹⁶, of sums with terms up to 3"
 
 
 @claim(
@@ -119,7 +81,7 @@ def _by_eq_6(method: Tableau, tau: float, state: State) -> State:
 @claim(
     id="table-2",
     paper="Table 2",
-    statement="The entries of the three stage BAB decomposition, up to tau^6",
+    statement="The entries of the three stage BAB decomposition, up to τ⁶",
     threshold="each of the 16 entries is the term that the project's recursion forms, and the last row with numbers is "
     f"the product of the shears of Ruth's method, {ROUNDING}",
     needs=("tables/table2_recursion.csv", "tables/table2_values.csv"),
@@ -140,99 +102,19 @@ def table_2(results: Results) -> Decision:
 
 
 @claim(
-    id="eq-13",
-    paper="Eq. 13",
-    statement="zeta_1 to zeta_4 of three stages in terms of c and d",
-    threshold=f"the formulas with Ruth's coefficients against the numbers of Table 2, {ROUNDING}",
-    needs=("tables/table2_values.csv",),
-)
-def eq_13(results: Results) -> Decision:
-    outer, inner = results.method("ruth").rows_double()
-    (d1, d2), (c1, c2) = outer[:2], inner[:2]
-    formulas = (
-        2 * c1 + c2,
-        -(d1 + d2) * (2 * c1 + c2),
-        -2 * c1 * d2 * (c1 + c2),
-        c1 * d2 * (2 * c1 * d1 + 2 * c2 * d1 + c2 * d2),
-    )
-    last = results.rows("table2_values")[3]
-    off = [abs(formula - float(last[f"tau^{power}"])) for power, formula in enumerate(formulas, start=1)]
-    return counted([one < ROUNDED for one in off], f"largest difference {short(max(off))}")
-
-
-@claim(
     id="eq-14-only-solution",
     paper="Eq. 14",
-    statement="The only real solution of Eq. 14 is the one found by Ruth",
-    threshold="with both sums 1, Eq. 14 leaves 6 c^3 - 12 c^2 + 6 c - 1 = 0 for c_1; its real roots are counted by "
-    "Sturm's theorem, and Ruth's c_1 must be one within its 76 decimals",
+    statement="The only real solution of Eq. 14, given that c and d sum to 1, is the one found by Ruth",
+    threshold="with both sums 1, Eq. 14 leaves 6c³ - 12c² + 6c - 1 = 0 for c₁; its real roots are counted by "
+    "Sturm's theorem, and Ruth's c₁ must be one within its 76 decimals",
 )
 def eq_14(results: Results) -> Decision:
     polynomial = [-1, 6, -12, 6]
     count = real_root_count(sturm_chain(polynomial))
     c1 = Fraction(results.method("ruth").inner[0])
     left = abs(sum((a * c1**k for k, a in enumerate(polynomial)), Fraction(0)))
-    value = f"{count} real root; at Ruth's c_1 the polynomial is {short(float(left), 1)}"
+    value = f"{count} real root; at Ruth's c₁ the polynomial is {short(float(left), 1)}"
     return either(count == 1 and left < Fraction(1, 10**70), value)
-
-
-@claim(
-    id="eq-15",
-    paper="Eq. 15",
-    statement="d_1 = 1/(2 (2 - 2^(1/3))) = 1/2 - d_2, c_1 = 1/(2 - 2^(1/3)) = (1 - c_2)/2",
-    threshold="every coefficient of Ruth's method within a unit of its last, 76th decimal",
-)
-def eq_15(results: Results) -> Decision:
-    from mpmath import mp, mpf
-
-    method = results.method("ruth")
-    with mp.workdps(90):
-        c1 = 1 / (2 - mp.cbrt(2))
-        expected = [c1 / 2, (1 - c1) / 2, (1 - c1) / 2, c1 / 2, c1, 1 - 2 * c1, c1]
-        off = [abs(mpf(c) - e) for c, e in zip((*method.outer, *method.inner), expected, strict=False)]
-        good = len(off) == 7 and max(off) <= mpf(10) ** -76
-        return either(good, f"largest difference {mp.nstr(max(off), 1)}")
-
-
-@claim(
-    id="table-3",
-    paper="Table 3",
-    statement="Closed sums of the tau^2 column, for every h",
-    threshold=f"against the recursion of Table 2 for Ruth's method, {ROUNDING}",
-    needs=("tables/table3_even_orders.csv",),
-)
-def table_3(results: Results) -> Decision:
-    off = _differences(results, "tau^2", "tau^2 of Table 2")
-    return counted([one < ROUNDED for one in off], f"largest difference in {len(off)} rows {short(max(off))}")
-
-
-@claim(
-    id="table-3-inner-limit",
-    paper="Table 3",
-    statement="The inner sum of the tau^4 column runs to h - 1",
-    threshold=f"against the recursion of Table 2 for Ruth's method, {ROUNDING}",
-    needs=("tables/table3_even_orders.csv",),
-)
-def table_3_inner_limit(results: Results) -> Decision:
-    off = _differences(results, "tau^4 as printed", "tau^4 of Table 2")
-    return either(max(off) < ROUNDED, f"off by up to {short(max(off))}; Eq. 16, where the sum runs to h, is right")
-
-
-@claim(
-    id="eq-16",
-    paper="Eq. 16",
-    statement="zeta_2 = -1/2! and zeta_4 = 1/4! as sums, the inner one to h",
-    threshold=f"for Ruth's method, which is of fourth order, {ROUNDING}",
-    needs=("tables/table3_even_orders.csv",),
-)
-def eq_16(results: Results) -> Decision:
-    last = results.rows("table3_even_orders")[-1]
-    off = [abs(float(last["tau^2"]) + 1 / 2), abs(float(last["tau^4"]) - 1 / 24)]
-    return either(max(off) < ROUNDED, f"off by {short(off[0])} and {short(off[1])}")
-
-
-def _differences(results: Results, one: str, other: str) -> Sequence[float]:
-    return [abs(float(row[one]) - float(row[other])) for row in results.rows("table3_even_orders")]
 
 
 @claim(
@@ -240,7 +122,8 @@ def _differences(results: Results, one: str, other: str) -> Sequence[float]:
     paper="Section 3, below Eq. 16",
     statement="Coefficients that solve the oscillator to fourth order are of fourth order for any separable H",
     threshold="every registered method whose harmonic order of the position is 4 or more has a proved order of 4 or "
-    "more; one exception would refute it",
+    "more: a check of what follows for symmetric sets, where the order conditions up to 4, as κ₃ and κ₄, are two "
+    "independent ones",
     needs=("tables/integrators.csv",),
 )
 def harmonic_four_is_four(results: Results) -> Decision:

@@ -1,0 +1,189 @@
+"""Changes of sound results that turn verdicts: each takes results, some pytest's monkeypatch as well."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+from mpmath import mp, mpf
+
+from nearharmonic.claims.statements import identities, kepler
+from nearharmonic.exact.decimals import fixed_point
+from nearharmonic.integrators.tableau import Tableau, palindrome
+
+
+def scaled(system, factor, *names, variable="max_energy_error"):
+    """Multiply a curve by a factor, or by a function of the step size per stage."""
+
+    def change(results):
+        cube = results.cubes[system]
+        by = factor(cube["tau_per_stage"]) if callable(factor) else factor
+        for name in names:
+            cube[variable].loc[{"integrator": name}] = cube[variable].sel(integrator=name) * by
+
+    return change
+
+
+def both(system, factor, *names):
+    """Multiply both errors."""
+    return together(*(scaled(system, factor, *names, variable=f"{one}_energy_error") for one in ("max", "mean")))
+
+
+def steeper(system, name):
+    return scaled(system, lambda x: x**0.2, name)
+
+
+def swapped(system, one, other, variable="max_energy_error"):
+    def change(results):
+        rows = results.cubes[system][variable]
+        first, second = (rows.sel(integrator=name).values.copy() for name in (one, other))
+        rows.loc[{"integrator": one}], rows.loc[{"integrator": other}] = second, first
+
+    return change
+
+
+def cell(table, row, column, text):
+    def change(results):
+        results.tables[table][row][column] = text
+
+    return change
+
+
+def put(cube, variable, value, **where):
+    def change(results):
+        results.cubes[cube][variable].loc[where] = value
+
+    return change
+
+
+def method(name, other):
+    """Put another method in the place of ``name``: a name, or a function of the methods."""
+
+    def change(results):
+        found = results.methods[other] if isinstance(other, str) else other(results.methods)
+        results.methods[name] = found
+
+    return change
+
+
+def nudged(tableau, by):
+    """``tableau`` with the outermost coefficients larger by ``by`` and their neighbours smaller."""
+    row = [Fraction(c) for c in tableau.outer]
+    for i, sign in ((0, 1), (1, -1)):
+        row[i] += sign * Fraction(by)
+        row[-1 - i] = row[i]
+    key = "kick" if tableau.first == "kick" else "drift"
+    return replace(tableau, **{key: tuple(fixed_point_of(c) for c in row)})
+
+
+def fixed_point_of(number):
+    with mp.workdps(120):
+        return fixed_point(mpf(number.numerator) / number.denominator, 90)
+
+
+def thirds(_):
+    """Three stages, the kick first, with coefficients of no use."""
+    return Tableau(
+        name="thirds", label="thirds", order=2, first="kick", source="none", digits=20,
+        kick=palindrome("0.1", "0.4"), drift=palindrome("0.3", centre="0.4"),
+    )  # fmt: skip
+
+
+def together(*changes):
+    def change(results):
+        for one in changes:
+            one(results)
+
+    return change
+
+
+def document(function):
+    return lambda results: function(results.document)
+
+
+def panel(letter, variable, value):
+    def change(results):
+        results.figure_6[letter][variable] = value
+
+    return change
+
+
+def panels_swapped(results):
+    results.figure_6["A"], results.figure_6["B"] = results.figure_6["B"], results.figure_6["A"]
+
+
+def patched(module, name, value):
+    """Put something else in the place of a name of a module."""
+
+    def change(results, monkeypatch):
+        monkeypatch.setattr(module, name, value)
+
+    return change
+
+
+def draws(kicks, drifts):
+    """In the place of random coefficients."""
+    one = identities.Drawn(*([Fraction(c) for c in row] for row in (kicks, drifts)))
+    return patched(identities, "drawn", lambda stages, symmetric=False: [one])
+
+
+def terms_of_another_step(results, monkeypatch):
+    """A step whose last kick but one is gone."""
+    right = identities.position_terms
+
+    def wrong(one):
+        return right(identities.Drawn([*one.kicks[:-1], Fraction(0)], one.drifts))
+
+    monkeypatch.setattr(identities, "position_terms", wrong)
+
+
+def natural_units(results, monkeypatch):
+    """GM = 1, in which Eq. 20 is right."""
+    system = kepler.kepler.SYSTEM
+    one = {"GM": replace(system.parameters["GM"], value="1")}
+    monkeypatch.setattr(kepler.kepler, "SYSTEM", replace(system, parameters=one))
+
+
+def momentum_first(known):
+    """Stages whose momentum is of higher order than the position."""
+    return replace(known["aba864"].role("kick"), label="BAB's8o7H")
+
+
+def quiet_substeps(results):
+    results.figure_6["B"]["energy_error"] = results.figure_6["B"]["energy_error"] * 0 + 1e-8
+
+
+def equal_errors(results):
+    swap = results.cubes["kepler"]["max_energy_error"]
+    for name in kepler.COINCIDING[1:]:
+        swap.loc[{"integrator": name}] = swap.sel(integrator=kepler.COINCIDING[0])
+
+
+def advance_follows_maximum(results):
+    cube = results.cubes["kepler"]
+    cube["perihelion_advance"] = cube["max_energy_error"] * 3
+    cube["perihelion_advance_interval"] = cube["max_energy_error"] * 0.001
+
+
+def fewer_odd_terms(results):
+    kappa = results.cubes["sho_terms"]["kappa"]
+    kappa.loc[{"first": "drift", "integrator": "babs7o7h"}] = kappa.sel(first="drift", integrator="babs7o7h").where(
+        kappa["order"] % 2 == 0, 0.0
+    )
+
+
+def another_start(module, momentum):
+    """The system of a module starts with another momentum."""
+
+    def change(results, monkeypatch):
+        monkeypatch.setattr(module, "SYSTEM", replace(module.SYSTEM, p0=("0", momentum)))
+
+    return change
+
+
+def pure_fourth(results):
+    cube = results.cubes["henon_heiles"]
+    for name in ("babps8o7h", "babps9o7h"):
+        x = cube["tau_per_stage"]
+        cube["max_energy_error"].loc[{"integrator": name}] = np.maximum(0.011 * x**4, 1e-16)
