@@ -68,6 +68,7 @@ def write_cube(path, dataset):
 def run_of_history(number, status="ok", duration=20.0, **more):
     """A line of the history."""
     return {
+        "config": {},
         "id": f"20260101T00000{number}Z-0000000{number}",
         "status": status,
         "start": f"2026-01-01T00:00:0{number}.000Z",
