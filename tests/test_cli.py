@@ -83,7 +83,7 @@ def test_an_empty_answer_prints_its_header_as_csv_an_empty_list_as_json_and_its_
 
 
 def test_an_answer_with_a_short_row_is_refused():
-    with pytest.raises(NearharmonicError, match="row 1 of an answer has 1 cells under 2 names"):
+    with pytest.raises(NearharmonicError, match="row 1 has 1 cells under 2 names"):
         Answer(header=["a", "b"], rows=[[1, 2], [3]])
 
 

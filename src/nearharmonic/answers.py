@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from math import isfinite, isnan
 from typing import Any
 
-from nearharmonic.errors import NearharmonicError
+from nearharmonic.output.table import check_rows
 
 FORMATS = ("table", "json", "csv")
 #: Significant digits of a float in a table: those that the step sizes of a grid have.
@@ -56,10 +56,7 @@ class Answer:
     digits: int | None = SHOWN
 
     def __post_init__(self) -> None:
-        for i, row in enumerate(self.rows):
-            if len(row) != len(self.header):
-                message = f"row {i} of an answer has {len(row)} cells under {len(self.header)} names: {list(row)}"
-                raise NearharmonicError(message)
+        check_rows(self.header, self.rows)
 
 
 def printed(answer: Answer, form: str) -> str:

@@ -11,6 +11,7 @@ from typing import Literal, NamedTuple
 
 from nearharmonic.claims.results import Results, Undecided
 from nearharmonic.errors import NearharmonicError, ResultFileError
+from nearharmonic.output.store import workflow_command
 
 Verdict = Literal["holds", "holds in part", "fails", "not decided here"]
 
@@ -74,7 +75,8 @@ class Claim:
             if isinstance(error, NearharmonicError) or not self.needs:
                 raise
             message = f"{' or '.join(self.needs)} lacks what {self.id!r} is decided on, or holds no numbers"
-            raise ResultFileError(f"{message}. Make it again: snakemake -j2 --force {self.target}") from error
+            again = f"{workflow_command(results.folder / self.needs[0])} --force {self.target}"
+            raise ResultFileError(f"{message}. Make it again: {again}") from error
 
 
 def claim(

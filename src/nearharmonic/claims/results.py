@@ -142,4 +142,9 @@ def short(number: float, digits: int = 3) -> str:
     if not isfinite(number):
         return "beyond all bounds"
     mantissa, _, exponent = f"{number:.{digits}g}".partition("e")
-    return f"{mantissa} × 10{str(int(exponent)).translate(_SUPERSCRIPTS)}" if exponent else mantissa
+    return f"{mantissa} × {power_of_ten(int(exponent))}" if exponent else mantissa
+
+
+def power_of_ten(exponent: int) -> str:
+    """A power of ten for a reader: 10⁻³⁰."""
+    return f"10{str(exponent).translate(_SUPERSCRIPTS)}"

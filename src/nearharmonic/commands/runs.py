@@ -26,11 +26,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def answer(chosen: argparse.Namespace) -> Answer:
     """Return a row for each run that fulfils the condition."""
+    from nearharmonic.engine.settings import whole_number
     from nearharmonic.record.folders import folder_of
     from nearharmonic.record.query.expression import rows_where
     from nearharmonic.record.query.run_table import column_of, order_by, run_table
 
-    limit = None if chosen.limit is None else _whole(chosen.limit)
+    limit = None if chosen.limit is None else whole_number(chosen.limit, "limit")
     found = run_table({name: folder_of(name) for name in chosen.result})
     names = list(found.columns) if chosen.columns is None else [name.strip() for name in chosen.columns.split(",")]
     for name in names:
@@ -46,14 +47,6 @@ def answer(chosen: argparse.Namespace) -> Answer:
     shown = "" if found.rows == matched else f", of which {found.rows} are shown"
     notes = [f"{matched} of {every} runs{shown}", *_unit_notes(found, names)]
     return Answer(header=names, rows=list(zip(*columns, strict=True)), notes=notes)
-
-
-def _whole(text: str) -> int:
-    from nearharmonic.errors import bad_setting
-
-    if not text.isdecimal():
-        raise bad_setting("limit", text, "a whole number of at least 0")
-    return int(text)
 
 
 def _unit_notes(found: RunTable, names: list[str]) -> list[str]:

@@ -48,10 +48,15 @@ class Table:
     volatile: Sequence[str] = ()
 
     def __post_init__(self) -> None:
-        for i, row in enumerate(self.rows):
-            if len(row) != len(self.header):
-                message = f"row {i} has {len(row)} cells under {len(self.header)} names: {list(row)}"
-                raise NearharmonicError(message)
+        check_rows(self.header, self.rows)
+
+
+def check_rows(header: Sequence[str], rows: Sequence[Sequence[Cell]]) -> None:
+    """Raise NearharmonicError if a row is not as long as the header."""
+    for i, row in enumerate(rows):
+        if len(row) != len(header):
+            message = f"row {i} has {len(row)} cells under {len(header)} names: {list(row)}"
+            raise NearharmonicError(message)
 
 
 def save(table: Table, places: Sequence[str | os.PathLike[str]]) -> list[Path]:

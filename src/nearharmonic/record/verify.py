@@ -81,8 +81,8 @@ def _of_files(folder: Path, told: Mapping[str, Any]) -> Iterator[Fault]:
             yield Fault(file=name, says="is of a former config: no job makes it now", mend="Move it elsewhere")
         elif name not in there:
             yield Fault(file=name, says="is missing", mend=again)
-        elif name not in entries or measured(folder / name)["sha256"] != entries[name]["sha256"]:
-            if name in by_now and measured(folder / name)["sha256"] == by_now[name]["sha256"]:
+        elif (digest := measured(folder / name)["sha256"]) != entries.get(name, {}).get("sha256"):
+            if digest == by_now.get(name, {}).get("sha256"):
                 mend = f"Wait for it, or run the workflow again: {workflow_command(folder / name)}"
                 yield Fault(file=name, says="was made by a run that has not ended, or was killed", mend=mend)
             elif name in told["unrecorded"]:

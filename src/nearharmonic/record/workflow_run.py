@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from nearharmonic.config import Config
-from nearharmonic.experiments.paper.omissions import evaluations_in
+from nearharmonic.experiments.paper.omissions import totals_in
 from nearharmonic.output.receipts import RUN, receipts_in
 from nearharmonic.record import history, manifest
 from nearharmonic.record.fingerprint import fingerprint, machine, revision
@@ -165,8 +165,8 @@ class WorkflowRun:
         table = self._folder / "tables" / "skipped.csv"
         skipped = None
         if table.is_file():
-            done, full, _ = evaluations_in(table)
-            skipped = full - done
+            totals = totals_in(table.read_text(encoding="utf-8"))
+            skipped = totals.full - totals.done
         return {"evaluations": made, "evaluations_skipped": skipped}
 
     @contextmanager

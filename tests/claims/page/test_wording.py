@@ -9,9 +9,10 @@ import pytest
 from nearharmonic.claims.page import assets, wording
 from nearharmonic.claims.page.figures import ShownFigure
 from nearharmonic.claims.page.links import Places
-from nearharmonic.claims.page.markers import MARKERS
-from nearharmonic.claims.page.panels import span
+from nearharmonic.claims.page.plots.markers import MARKERS
+from nearharmonic.claims.page.plots.panels import span
 from nearharmonic.claims.page.tables import ShownTable
+from nearharmonic.claims.results import power_of_ten, short
 from nearharmonic.integrators import integrators
 from nearharmonic.output.palette import style_of
 
@@ -19,10 +20,10 @@ from nearharmonic.output.palette import style_of
 @pytest.mark.parametrize(
     ("said", "text"),
     [
-        (wording.scientific(4158365311), "4.16 × 10⁹"),
-        (wording.scientific(1.5e-7, 2), "1.5 × 10⁻⁷"),
-        (wording.scientific(0.25), "0.25"),
-        (wording.power_of_ten(-30), "10⁻³⁰"),
+        (short(4158365311), "4.16 × 10⁹"),
+        (short(1.5e-7, 2), "1.5 × 10⁻⁷"),
+        (short(0.25), "0.25"),
+        (power_of_ten(-30), "10⁻³⁰"),
         (wording.seconds(23.41), "23.4 s"),
         (wording.seconds(60), "1 min 0 s"),
         (wording.seconds(3599.7), "1 h 0 min"),

@@ -34,13 +34,13 @@ STATUSES = {
 
 @pytest.fixture(scope="module")
 def crate(tmp_path_factory):
-    """The archive as ``rocrate`` reads it (``library``), its ``document``, its ``graph`` and its ``names``."""
+    """The archive as ``rocrate`` reads it (``read``), its ``document``, its ``graph`` and its ``names``."""
     folder = tmp_path_factory.mktemp("crate")
     place = pack.save(finished_results.write_result(folder / "little"), folder / "little.zip", with_runs=True)
     with ZipFile(place) as zipped:
         document = json.loads(zipped.read("ro-crate-metadata.json"))
         names = zipped.namelist()
-    return SimpleNamespace(library=ROCrate(place), document=document, graph=document["@graph"], names=names)
+    return SimpleNamespace(read=ROCrate(place), document=document, graph=document["@graph"], names=names)
 
 
 def entity(crate, identifier):
@@ -77,12 +77,12 @@ def is_uri(identifier):
 def test_the_metadata_file_is_in_the_root_under_its_name(crate):
     """RO-Crate structure; RO-Crate Metadata File; Self-describing and self-contained."""
     assert crate.names.count("ro-crate-metadata.json") == 1
-    assert crate.library.metadata.id == "ro-crate-metadata.json"
+    assert crate.read.metadata.id == "ro-crate-metadata.json"
 
 
 def test_every_data_entity_is_a_file_of_the_archive_or_on_the_web(crate):
     """RO-Crate structure: data entities are payload files or web-based."""
-    local = [each for each in crate.library.data_entities if not urlsplit(each.id).scheme]
+    local = [each for each in crate.read.data_entities if not urlsplit(each.id).scheme]
     assert len(local) == len(crate.names) - 1
     for each in local:
         assert each.source.is_file(), each.id
@@ -104,8 +104,8 @@ def test_the_graph_describes_descriptor_root_data_and_context(crate):
     """RO-Crate Metadata File: what a valid graph describes."""
     identifiers = {each["@id"] for each in crate.graph}
     assert {"ro-crate-metadata.json", "./", "cubes/kepler.h5", f"#run-{finished_results.NEWER}"} <= identifiers
-    assert crate.library.data_entities
-    assert crate.library.contextual_entities
+    assert crate.read.data_entities
+    assert crate.read.contextual_entities
 
 
 def test_there_is_no_preview_so_that_its_demands_do_not_apply(crate):
@@ -119,13 +119,13 @@ def test_the_descriptor_describes_itself_and_names_the_root(crate):
     assert descriptor["@type"] == "CreativeWork"
     assert descriptor["about"] == {"@id": "./"}
     assert descriptor["conformsTo"] == {"@id": "https://w3id.org/ro/crate/1.1"}
-    assert crate.library.version == "1.1"
+    assert crate.read.version == "1.1"
 
 
 def test_the_root_is_a_dataset_whose_id_ends_with_a_slash(crate):
     """Direct properties of the Root Data Entity: @type and @id."""
-    assert crate.library.root_dataset.type == "Dataset"
-    assert crate.library.root_dataset.id == "./"
+    assert crate.read.root_dataset.type == "Dataset"
+    assert crate.read.root_dataset.id == "./"
 
 
 def test_the_root_has_name_description_date_and_licence(crate):

@@ -8,7 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-FOLDER = Path(__file__).parent
+FOLDER = Path(__file__).parent / "template"
 NAMES = ("page.html", "page.css", "page.js")
 
 
@@ -24,13 +24,15 @@ def filled(values: Mapping[str, Any]) -> str:
     from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
 
-    from nearharmonic.claims.page import models, wording
+    from nearharmonic.claims.page import wording
+    from nearharmonic.claims.page.plots import models
+    from nearharmonic.claims.results import short
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.globals["wording"] = wording
+    environment.globals |= {"wording": wording, "short": short}
     template, style, script = ((FOLDER / name).read_text(encoding="utf-8") for name in NAMES)
     return environment.from_string(template).render(
-        values, style=Markup(style), script=Markup(script), library=Markup(models.library())
+        values, style=Markup(style), script=Markup(script), bokeh=Markup(models.script())
     )
 
 

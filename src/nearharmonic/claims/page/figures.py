@@ -8,9 +8,9 @@ from fnmatch import fnmatch
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from nearharmonic.claims.page.panels import Panel
 from nearharmonic.claims.page.pictures import picture
-from nearharmonic.claims.page.results import Results, number_of
+from nearharmonic.claims.page.plots.panels import Panel
+from nearharmonic.claims.page.results import ShownResults, number_of
 from nearharmonic.output.declarations import Declaration
 from nearharmonic.output.store import read
 
@@ -62,7 +62,7 @@ class ShownFigure:
         return {f"{self.anchor}-panel-{i}": panel.plot for i, panel in enumerate(self.panels, start=1)}
 
 
-def interactive(results: Results) -> Iterator[ShownFigure]:
+def interactive(results: ShownResults) -> Iterator[ShownFigure]:
     """Yield the figures of the paper, and the energy-error figure of every other system, that have been drawn."""
     cubes = cache(lambda name: read(results.cube(name)))
     for one in results.figures:
@@ -71,7 +71,7 @@ def interactive(results: Results) -> Iterator[ShownFigure]:
             yield _figure(one, results, title, panels=shown, methods=methods, hint=hint)
 
 
-def static(results: Results, titles: Mapping[str, str]) -> Iterator[ShownFigure]:
+def static(results: ShownResults, titles: Mapping[str, str]) -> Iterator[ShownFigure]:
     """Yield the other figures whose file names match one of the patterns that ``titles`` has titles for.
 
     The part of the name that a pattern leaves open ends the title: the name of a system.
@@ -92,7 +92,7 @@ def static(results: Results, titles: Mapping[str, str]) -> Iterator[ShownFigure]
         )
 
 
-def _figure(one: Declaration, results: Results, title: str, **more: Any) -> ShownFigure:
+def _figure(one: Declaration, results: ShownResults, title: str, **more: Any) -> ShownFigure:
     number = number_of(one)
     return ShownFigure(
         anchor=f"figure-{number or one.stem}",
@@ -108,7 +108,7 @@ def _figure(one: Declaration, results: Results, title: str, **more: Any) -> Show
 def _drawn(one: Declaration, cubes: Callable[[str], xr.Dataset]) -> tuple[list[Panel], dict[str, str], str, str]:
     """Panels, methods, title and hint of one figure; no panels if nothing here draws it."""
     if one.profile and one.cube:
-        from nearharmonic.claims.page.energy_error import energy_error
+        from nearharmonic.claims.page.plots.energy_error import energy_error
 
         cube = cubes(one.cube)
         title = f"Energy error against step size: {cube.attrs['system_label']}"
@@ -120,20 +120,20 @@ def _drawn(one: Declaration, cubes: Callable[[str], xr.Dataset]) -> tuple[list[P
 
 
 def _decomposition(terms: Any) -> tuple[list[Panel], dict[str, str], str, str]:
-    from nearharmonic.claims.page.decomposition import decomposition
+    from nearharmonic.claims.page.plots.decomposition import decomposition
 
     return decomposition(terms), _methods(terms), "Error terms of the harmonic oscillator", ""
 
 
 def _perihelion(cube: Any) -> tuple[list[Panel], dict[str, str], str, str]:
-    from nearharmonic.claims.page.perihelion import perihelion
+    from nearharmonic.claims.page.plots.perihelion import perihelion
 
     hint = "The interactive figure has arcseconds per century at each point."
     return perihelion(cube), _methods(cube), "Advance of the perihelion against force evaluations per orbit", hint
 
 
 def _substeps(_: Any) -> tuple[list[Panel], dict[str, str], str, str]:
-    from nearharmonic.claims.page.phase_space import phase_space
+    from nearharmonic.claims.page.plots.phase_space import phase_space
     from nearharmonic.experiments.paper.substeps import paper_panels
 
     paths = paper_panels()

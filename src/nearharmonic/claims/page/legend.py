@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from nearharmonic.claims.page.figures import ShownFigure
-from nearharmonic.claims.page.markers import MARKERS
+from nearharmonic.claims.page.plots.markers import MARKERS
 from nearharmonic.output.palette import style_of
 
 

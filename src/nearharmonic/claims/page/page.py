@@ -8,12 +8,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from nearharmonic.claims.page import assets, models
-from nearharmonic.claims.page.durations import durations
+from nearharmonic.claims.page import assets
 from nearharmonic.claims.page.figures import ShownFigure, interactive, static
 from nearharmonic.claims.page.legend import entries
 from nearharmonic.claims.page.links import Places
-from nearharmonic.claims.page.results import VERDICTS, Results
+from nearharmonic.claims.page.plots import models
+from nearharmonic.claims.page.plots.durations import durations
+from nearharmonic.claims.page.results import VERDICTS, ShownResults
 from nearharmonic.claims.page.tables import ShownTable
 from nearharmonic.output.receipts import RUN, measures_time
 
@@ -51,7 +52,7 @@ class Section:
         """Whether there is anything to show."""
         return bool(self.shown_figures or self.shown_tables)
 
-    def of(self, results: Results) -> Section:
+    def of(self, results: ShownResults) -> Section:
         """Return the section with what ``results`` has of it."""
         figures = list(static(results, self.figures))
         return replace(self, shown_figures=figures, shown_tables=results.tables(self.tables))
@@ -124,7 +125,7 @@ def page(folder: str | os.PathLike[str], run: str | None = None, **_: Any) -> di
     ResultFileError
         A cube or the table of claims is missing or damaged; the message names the command that makes it again.
     """
-    results = Results(Path(folder))
+    results = ShownResults(Path(folder))
     figures = list(interactive(results))
     tables = results.tables(("table*", "*"), without=_PLACED)
     plots = {name: plot for figure in figures for name, plot in figure.plots.items()}

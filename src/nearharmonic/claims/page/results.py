@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from nearharmonic.claims.page.tables import ShownTable, tables_of
-from nearharmonic.errors import ResultFileError
-from nearharmonic.experiments.paper.omissions import ALL, DONE, FULL, SAVED
+from nearharmonic.errors import NearharmonicError, ResultFileError
+from nearharmonic.experiments.paper.omissions import Totals, totals_in
 from nearharmonic.output.declarations import Declaration, figures_of
 from nearharmonic.output.store import attributes_of
 from nearharmonic.record import history, manifest
@@ -24,7 +22,7 @@ from nearharmonic.record.texts import Texts
 VERDICTS = {"holds": "holds", "holds in part": "part", "fails": "fails", "not decided here": "open"}
 
 
-class Results:
+class ShownResults:
     """A folder of results.
 
     Parameters
@@ -115,20 +113,13 @@ class Results:
         return tables_of(self._texts, stem, has_markdown=(self.folder / "tables" / f"{stem}.md").is_file())
 
     @cached_property
-    def saving(self) -> dict[str, Any]:
-        """The totals of ``tables/skipped.csv``: evaluations done and of the full grid, and the saving by reason."""
+    def saving(self) -> Totals:
+        """The totals of ``tables/skipped.csv``."""
         name = "tables/skipped.csv"
         text = self._texts.read(name)
         try:
-            rows = [row for row in csv.DictReader(io.StringIO(text)) if row["system"] == ALL]
-            count = {row["what"]: row for row in rows if row["what"] in {DONE, FULL}}
-            return {
-                "runs": int(count[DONE]["runs"]),
-                "done": int(count[DONE]["evaluations"]),
-                "full": int(count[FULL]["evaluations"]),
-                "saved": [(row["reason"], int(row["evaluations"])) for row in rows if row["what"] == SAVED],
-            }
-        except (csv.Error, KeyError, TypeError, ValueError) as error:
+            return totals_in(text)
+        except NearharmonicError as error:
             raise self._texts.unusable(name, "holds no totals") from error
 
     @cached_property

@@ -6,25 +6,12 @@ import re
 from datetime import datetime
 from typing import Any
 
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: A number as Python writes a float; one of more digits is a decimal that is exact on purpose.
 _FLOAT = re.compile(r"-?\d+(\.\d+)?(e[+-]?\d+)?")
 _MOST_DIGITS_OF_A_FLOAT = 17
 _PLURALS = {"holds": "hold", "holds in part": "hold in part", "fails": "fail"}
 #: Digits that a reader sees of a float.
 _SHOWN = 4
-
-
-def scientific(number: float, digits: int = 3) -> str:
-    """Return ``number`` to so many digits, with a power of ten where it is large or small: 4.16 × 10⁹."""
-    text = f"{number:.{digits}g}"
-    mantissa, _, exponent = text.partition("e")
-    return f"{mantissa} × {power_of_ten(int(exponent))}" if exponent else text
-
-
-def power_of_ten(exponent: int) -> str:
-    """Return a power of ten: 10⁻³⁰."""
-    return f"10{str(exponent).translate(_SUPERSCRIPTS)}"
 
 
 def cell(text: str) -> str:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import csv
+import io
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from nearharmonic.engine.grid import evaluations_of, steps_of, tau_grid
 from nearharmonic.engine.settings import PRECISIONS, Sweep
+from nearharmonic.errors import NearharmonicError
 from nearharmonic.experiments.paper.plan import Omission, plan
 from nearharmonic.integrators import integrators as methods_by_name
 from nearharmonic.output.store import read
@@ -58,18 +60,36 @@ def totals(rows: Sequence[Omission], cubes: Mapping[str, xr.Dataset]) -> list[Om
     ]
 
 
-def evaluations_in(path: str | os.PathLike[str]) -> tuple[int, int, dict[str, int]]:
-    """Return the totals of the table at ``path``: evaluations done, of the full grid, and saved by reason."""
-    with Path(path).open(encoding="utf-8", newline="") as file:
-        rows = [row for row in csv.DictReader(file) if row["system"] == ALL]
-    count: dict[tuple[str, str], int] = {(row["what"], row["reason"]): int(row["evaluations"]) for row in rows}
-    saved = {reason: number for (what, reason), number in count.items() if what == SAVED}
-    return count[DONE, ""], count[FULL, FULL_GRID], saved
+class Totals(NamedTuple):
+    """Totals of the table: ``runs`` and evaluations ``done``, those of the ``full`` grid, those ``saved`` by reason."""
+
+    runs: int
+    done: int
+    full: int
+    saved: dict[str, int]
+
+
+def totals_in(text: str) -> Totals:
+    """Return the totals of the table whose CSV is ``text``.
+
+    Raises
+    ------
+    NearharmonicError
+        It lacks a total, or a number.
+    """
+    try:
+        rows = {(row["what"], row["reason"]): row for row in csv.DictReader(io.StringIO(text)) if row["system"] == ALL}
+        done, full = rows[DONE, ""], rows[FULL, FULL_GRID]
+        saved = {reason: int(row["evaluations"]) for (what, reason), row in rows.items() if what == SAVED}
+        return Totals(int(done["runs"]), int(done["evaluations"]), int(full["evaluations"]), saved)
+    except (csv.Error, KeyError, TypeError, ValueError) as error:
+        message = "the table of what was skipped holds no totals"
+        raise NearharmonicError(message) from error
 
 
 def summary_line(path: str | os.PathLike[str]) -> str:
     """The totals of the table at ``path`` in one line."""
-    done, full, saved = evaluations_in(path)
+    _, done, full, saved = totals_in(Path(path).read_text(encoding="utf-8"))
     shares = (f"{number / full:.2g} ({reason})" for reason, number in saved.items())
     return (
         f"{done:.3g} force evaluations done, {done / full:.2g} of the {full:.3g} of the full grid; "

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from contourpy import contour_generator
 
-from nearharmonic.claims.page import panels
-from nearharmonic.claims.page.models import Field, Model
-from nearharmonic.claims.page.panels import Panel
-from nearharmonic.claims.page.wording import scientific
+from nearharmonic.claims.page.plots import panels
+from nearharmonic.claims.page.plots.models import Field, Model
+from nearharmonic.claims.page.plots.panels import Panel
+from nearharmonic.claims.results import short
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -132,7 +132,7 @@ def _legs(q: Any, p: Any, *, drift_first: bool) -> tuple[Any, Any]:
 def _energy_statement(path: xr.Dataset) -> str:
     error, largest = abs(float(path["energy_error"].values[-1, -1])), float(path["max_energy_error"])
     left_at, followed = int(path["left_at"]), int(path.attrs["followed"])
-    after = f"|ΔH/H₀| = {scientific(error, 2) if isfinite(error) else '∞'} after {path.sizes['iteration']} iterations"
+    after = f"|ΔH/H₀| = {short(error, 2) if isfinite(error) else '∞'} after {path.sizes['iteration']} iterations"
     if left_at:
         return f"{after}, leaves its energy surface at iteration {left_at}"
-    return f"{after}, up to {scientific(largest, 2)} in {followed}"
+    return f"{after}, up to {short(largest, 2)} in {followed}"

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.claims.page import panels
-from nearharmonic.claims.page.models import Model
-from nearharmonic.claims.page.panels import Panel
-from nearharmonic.claims.page.wording import power_of_ten
+from nearharmonic.claims.page.plots import panels
+from nearharmonic.claims.page.plots.models import Model
+from nearharmonic.claims.page.plots.panels import Panel
+from nearharmonic.claims.results import power_of_ten
 from nearharmonic.experiments.paper.figures.levels import SATISFIED_BELOW
 
 if TYPE_CHECKING:

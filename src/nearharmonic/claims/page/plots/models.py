@@ -49,7 +49,7 @@ class Field(str):
     __slots__ = ()
 
 
-def library() -> str:
+def script() -> str:
     """Return bokeh's script, the core without its extensions, as it is installed."""
     found = find_spec("bokeh")
     assert found is not None  # a dependency of the package
@@ -58,7 +58,7 @@ def library() -> str:
 
 
 @cache
-def library_version() -> str:
+def script_version() -> str:
     """Return the version of bokeh, from its metadata: importing it takes longer."""
     return version("bokeh")
 
@@ -71,7 +71,7 @@ def document(roots: list[Model]) -> tuple[str, list[str]]:
     writer = _Writer()
     config = Model("DocumentConfig", notifications=Model("Notifications"))
     written = [writer.encoded(root) for root in roots]
-    told = {"version": library_version(), "title": "nearharmonic", "config": writer.encoded(config), "roots": written}
+    told = {"version": script_version(), "title": "nearharmonic", "config": writer.encoded(config), "roots": written}
     return json.dumps(told, separators=(",", ":"), allow_nan=False), [str(root["id"]) for root in written]
 
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.claims.page import panels
-from nearharmonic.claims.page.models import Field, Model
-from nearharmonic.claims.page.panels import Panel
+from nearharmonic.claims.page.plots import panels
+from nearharmonic.claims.page.plots.models import Field, Model
+from nearharmonic.claims.page.plots.panels import Panel
 from nearharmonic.claims.page.wording import moment, told
 
 #: Status of a run -> colour of its bar.

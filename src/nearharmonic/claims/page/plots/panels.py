@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.claims.page.markers import MARKERS
-from nearharmonic.claims.page.models import Field, Model
+from nearharmonic.claims.page.plots.markers import MARKERS
+from nearharmonic.claims.page.plots.models import Field, Model
 from nearharmonic.output.palette import style_of
 
 Array = np.ndarray[Any, np.dtype[Any]]

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.claims.page import panels
-from nearharmonic.claims.page.models import Field, Model
-from nearharmonic.claims.page.panels import Panel
+from nearharmonic.claims.page.plots import panels
+from nearharmonic.claims.page.plots.models import Field, Model
+from nearharmonic.claims.page.plots.panels import Panel
 from nearharmonic.experiments.paper.figures.levels import LARGEST_ERROR
 
 if TYPE_CHECKING:
