@@ -18,6 +18,11 @@ from nearharmonic.errors import SystemDefinitionError
 
 #: Operations of a formula, as errors list them.
 OPERATIONS = "formulas use + - * /, whole and half-integer powers, abs and nearharmonic.core.arithmetic.sqrt"
+#: The functions of :mod:`nearharmonic.math` that a number has beside its operators, with their numbers of arguments.
+FUNCTIONS = {
+    "sin": 1, "cos": 1, "tan": 1, "exp": 1, "log": 1, "cbrt": 1, "pow": 2, "atan2": 2, "tanh": 1, "sinh": 1, "cosh": 1,
+    "erf": 1, "hypot": 2,
+}  # fmt: skip
 #: Bits of the root of a constant that is no square: more than any precision in which formulas are evaluated.
 ROOT_BITS = 1024
 
@@ -156,6 +161,10 @@ class Number:
 
     def sqrt(self) -> Any:
         """Return the square root."""
+        raise NotImplementedError
+
+    def apply(self, function: str, *others: Any) -> Any:
+        """Return the value of a function of :data:`FUNCTIONS`, whose further operands are of its type or constants."""
         raise NotImplementedError
 
     def _operand(self, other: Any) -> Any:
