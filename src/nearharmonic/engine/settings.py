@@ -32,6 +32,7 @@ MOST_LANES = 64
 PRECISIONS = ("double", "extended")
 SUMMATIONS = ("compensated", "plain")
 OPERATORS = ("drift", "kick")
+ENERGIES = ("every", "samples", "none")
 
 
 def _positive(key: str, value: object) -> Decimal:
@@ -152,12 +153,13 @@ class Numerics:
         Summation of the steps in double precision. Double-double sums are compensated always.
     width : int
         Number of SIMD lanes, 1 to 64.
-    every_step : bool
-        If false, the energy is evaluated only every ``look`` steps, and the reported errors are maxima over those
-        evaluations.
+    energy : {"every", "samples", "none"}
+        When the energy is measured: at every step; at the samples, where errors are over the samples and a run counts
+        as diverged at the first sample that says so; never, where errors are NaN and only a state that is not finite
+        counts as diverged.
     look : int or None
-        Steps between evaluations of the energy without ``every_step``; None evaluates it at the samples alone. Errors
-        are independent of which runs share the lanes if ``look`` divides the number of steps between samples.
+        With "samples", measure the energy also every so many steps, for the maxima and to find what has diverged.
+        Errors are independent of which runs share the lanes if ``look`` divides the number of steps between samples.
     double_coefficients : bool
         Whether the products of step size and coefficient are rounded to double in extended precision too.
 
@@ -170,7 +172,7 @@ class Numerics:
     precision: str = "double"
     summation: str = "compensated"
     width: int = WIDTH
-    every_step: bool = True
+    energy: str = "every"
     look: int | None = None
     double_coefficients: bool = False
 
@@ -178,6 +180,7 @@ class Numerics:
         checked_precision(self.precision)
         checked_summation(self.summation)
         _count("width", self.width, MOST_LANES)
+        one_of("energy", self.energy, ENERGIES)
         if self.look is not None:
             _count("look", self.look, MOST_STEPS)
 

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.engine.batch import STANDARD, Floats, Integers, Trajectories, integrate_batch, kernel_of
+from nearharmonic.engine.batch import Floats, Integers, Trajectories, integrate_batch
 from nearharmonic.engine.grid import check_fit, steps_of
+from nearharmonic.engine.kernels import STANDARD, kernel_of
 from nearharmonic.engine.settings import (
     Numerics,
     checked_first,

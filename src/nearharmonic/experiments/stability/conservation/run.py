@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nearharmonic.engine.batch import Trajectories, integrate_batch, start_rows
+from nearharmonic.engine.batch import Trajectories, integrate_batch
+from nearharmonic.engine.coefficients import start_rows
 from nearharmonic.engine.grid import check_fit
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.engine.statistics import line_fit

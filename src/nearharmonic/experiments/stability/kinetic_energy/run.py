@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.engine.batch import integrate_batch, start_rows
+from nearharmonic.engine.batch import integrate_batch
+from nearharmonic.engine.coefficients import start_rows
 from nearharmonic.engine.grid import steps_of, tau_grid
 from nearharmonic.experiments.stability.kinetic_energy.tables import kinetic_energy_table
 from nearharmonic.integrators import integrators as registry
