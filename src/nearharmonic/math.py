@@ -1,4 +1,4 @@
-"""Functions for the formulas of a system: one text for floats, arrays, mpmath numbers and numbers traced into kernels."""
+"""Functions for the formulas of a system: one text for floats, arrays, mpmath numbers and numbers of kernels."""
 
 from __future__ import annotations
 

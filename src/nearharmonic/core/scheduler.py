@@ -133,10 +133,10 @@ def _next_stretch(marks, runs, at, mark, width):  # type: ignore[no-untyped-def]
 def _left(rows, lane, width, size, measured):  # type: ignore[no-untyped-def]
     """Whether the energy of the lane is beyond its limit; where none is measured, whether its state is not finite."""
     if measured == NEVER:
+        zero = 0.0
         for k in range(size):
-            if not np.isfinite(rows[k * width + lane]):
-                return True
-        return False
+            zero += 0.0 * rows[k * width + lane]  # NaN for what is not finite
+        return zero != 0.0
     return not abs(rows[(size + LATEST) * width + lane]) <= rows[(size + LIMIT) * width + lane]
 
 

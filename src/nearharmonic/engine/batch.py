@@ -27,11 +27,11 @@ class Trajectories:
 
     ``marks`` (R, S): the step of each sample, -1 where a run has fewer. ``q``, ``p``, ``q_low``, ``p_low`` (R, S, d):
     the states and what compensation or double-double keeps below them; NaN where there is no sample, or where the run
-    had left before. ``energy_error`` (R, S): (H - H0)/|H0|, or over the scale asked for. ``block_max``, ``block_mean`` (R, S): of |H - H0|/|H0|
-    over the steps since the previous sample. ``max_energy_error``, ``mean_energy_error`` (R,): over every step, or over
-    the samples, as :class:`Numerics` says, infinite if the run left. Maxima over looks have no means.
-    ``steps`` (R,) asked for; ``done`` (R,) taken; ``left_at`` (R,) step at which the run left its energy surface, 0 if
-    it did not; ``evaluations`` (R,) of the force; ``energy`` (R,): H0.
+    had left before. ``energy_error`` (R, S): (H - H0)/|H0|, or over the scale asked for. ``block_max``, ``block_mean``
+    (R, S): of its modulus over the steps since the previous sample. ``max_energy_error``, ``mean_energy_error`` (R,):
+    over every step, or over the samples, as :class:`Numerics` says, infinite if the run left; maxima over looks have no
+    means. ``steps`` (R,) asked for; ``done`` (R,) taken; ``left_at`` (R,) step at which the run left its energy
+    surface, 0 if it did not; ``evaluations`` (R,) of the force; ``energy`` (R,): H0.
     """
 
     marks: Integers

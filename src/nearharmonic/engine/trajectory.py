@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.engine.batch import Floats, Integers, Trajectories, integrate_batch
+from nearharmonic.engine.batch import Integers, Trajectories, integrate_batch
+from nearharmonic.engine.coefficients import Floats
 from nearharmonic.engine.grid import check_fit, steps_of
 from nearharmonic.engine.kernels import STANDARD, kernel_of
 from nearharmonic.engine.settings import (

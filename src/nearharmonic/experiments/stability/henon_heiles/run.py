@@ -8,7 +8,8 @@ from math import ceil
 
 import numpy as np
 
-from nearharmonic.engine.batch import Floats, integrate_batch
+from nearharmonic.engine.batch import integrate_batch
+from nearharmonic.engine.coefficients import Floats
 from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import bad_setting
