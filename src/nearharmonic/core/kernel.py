@@ -81,11 +81,11 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
 
     def prepared(
         measured: int, order: Any, marks: Any, scheme: Any, start: Any, parameters: Any, limit: float, scale: float,
-        stretch: int, stages: int, *more: Any,
+        reference: Any, stretch: int, stages: int, *more: Any,
     ) -> PreparedCall:  # fmt: skip
         own = workspace(start.shape[1], stages, parameters=physics.parameters, parts=rules.parts, width=width)
         first = advance.address, begin, measured, order, marks, scheme, start, parameters
-        return run.prepared(*first, limit, scale, stretch, stages, *more, *own)
+        return run.prepared(*first, limit, scale, reference, stretch, stages, *more, *own)
 
     return Kernel(
         width=width,

@@ -115,6 +115,7 @@ RUN = Signature(
         floats("parameters", 2),  # (R, parts of all parameters), or one row for all runs
         floats("limit"),  # largest energy error, in units of ``scale``
         floats("scale"),  # energy that errors are relative to; 0 for |H0|
+        floats("reference", 1),  # (2,) H0 as a pair for all runs; NaN for the energy of each start
         integers("stretch"),  # most steps between looks at ``control``; with LOOKS, between looks at the energy
         integers("stages"),
         flags("kick_first"),

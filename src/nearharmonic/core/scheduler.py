@@ -91,9 +91,14 @@ def _refill(  # type: ignore[no-untyped-def]
 
 
 @strict
-def _allow(rows, lane, width, size, limit, scale):  # type: ignore[no-untyped-def]
+def _allow(rows, lane, width, size, limit, scale, reference):  # type: ignore[no-untyped-def]
     """Make the limit of the lane absolute: relative to |H0|, to |T| if H0 = 0, or to ``scale`` if that is not 0."""
     tally = size * width + lane
+    if reference[0] == reference[0]:
+        rows[tally + LATEST * width] = (rows[tally + ENERGY * width] - reference[0]) + (
+            rows[tally + ENERGY_LOW * width] - reference[1]
+        )
+        rows[tally + ENERGY * width], rows[tally + ENERGY_LOW * width] = reference[0], reference[1]
     kinetic, H = rows[tally + LIMIT * width], abs(rows[tally + ENERGY * width])
     if NEGLIGIBLE * kinetic >= H:
         rows[tally + ENERGY * width] = rows[tally + ENERGY_LOW * width] = H = 0.0
@@ -103,7 +108,7 @@ def _allow(rows, lane, width, size, limit, scale):  # type: ignore[no-untyped-de
 
 @strict
 def _record_starts(  # type: ignore[no-untyped-def]
-    measured, fresh, rows, runs, mark, width, size, limit, scale, states, energy_error, worst, total, energy
+    measured, fresh, rows, runs, mark, width, size, limit, scale, reference, states, energy_error, worst, total, energy
 ):
     """The first sample of each run that has none yet, whose lane of ``fresh`` has its energy as H0."""
     for lane in range(width):
@@ -112,7 +117,7 @@ def _record_starts(  # type: ignore[no-untyped-def]
             if measured != NEVER:
                 for place in range(size * width + lane, (size + TALLY) * width, width):
                     rows[place] = fresh[place]
-                _allow(rows, lane, width, size, limit, scale)
+                _allow(rows, lane, width, size, limit, scale, reference)
             energy[r, 0] = rows[(size + ENERGY) * width + lane]
             energy[r, 1] = rows[(size + ENERGY_LOW) * width + lane]
             _record(rows, lane, width, size, mark[lane], states[r], energy_error[r], worst[r], total[r])
@@ -164,7 +169,7 @@ def _settle(  # type: ignore[no-untyped-def]
 @strict
 def run(  # type: ignore[no-untyped-def]
     advance, begin, measured,
-    order, marks, scheme, start, parameters, limit, scale, stretch, stages, kick_first, drift, kick, control,
+    order, marks, scheme, start, parameters, limit, scale, reference, stretch, stages, kick_first, drift, kick, control,
     states, energy_error, worst, total, energy, left_at,
     rows, fresh, drifts, kicks, runs, at, mark,
 ):  # fmt: skip
@@ -186,8 +191,9 @@ def run(  # type: ignore[no-untyped-def]
                     fresh[place] = rows[place]
                 _begin(begin, (fresh,))
             _record_starts(
-                measured, fresh, rows, runs, mark, width, size, limit, scale, states, energy_error, worst, total, energy
-            )
+                measured, fresh, rows, runs, mark, width, size, limit, scale, reference,
+                states, energy_error, worst, total, energy,
+            )  # fmt: skip
         count = _next_stretch(marks, runs, at, mark, width)
         if count == FAR:
             return

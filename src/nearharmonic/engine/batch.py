@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from fractions import Fraction
 from functools import lru_cache
+from math import nan
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +19,9 @@ from nearharmonic.engine.kernels import STANDARD, kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.systems.system import System
+
+if TYPE_CHECKING:
+    from nearharmonic.core.native import PreparedCall
 
 Integers = NDArray[np.int64]
 
@@ -86,6 +91,124 @@ def standard_parameters(system: System) -> Floats:
     return parameter_row(system.constants(Fraction))
 
 
+@dataclass(frozen=True, kw_only=True)
+class Batch:
+    """A queue of R runs with their arrays, which may be filled anew and run again.
+
+    Attributes
+    ----------
+    numerics : Numerics
+        Arithmetic, lanes, and when the energy is measured.
+    marks : (R, S) array of int
+        Steps at which to sample, first 0, padded with -1.
+    scheme : (R,) array of int
+        The row of ``drift`` and ``kick`` that each run takes.
+    start : (R, 4 D) array of float
+        Initial states of the D coordinates of the kernel.
+    parameters : (R or 1, 2 P) array of float
+        Parameters of each run, or of all.
+    drift, kick : (schemes, s + 1, parts) arrays of float
+        Coefficients with the step sizes multiplied in.
+    results : array of float
+        The next three in one piece.
+    states, blocks, energy, left_at
+        (R, S, 4 D) states; (3, R, S) energy error, and the maximum and sum of its modulus over the block before each
+        sample; (R, 2) H0 as pairs; (R,) the step at which a run left its energy surface, or 0.
+    """
+
+    numerics: Numerics
+    marks: Integers
+    scheme: Integers
+    start: Floats
+    parameters: Floats
+    drift: Floats
+    kick: Floats
+    results: Floats
+    states: Floats
+    blocks: Floats
+    energy: Floats
+    left_at: Integers
+    control: Integers
+    call: PreparedCall
+
+    @property
+    def steps(self) -> Integers:
+        """Steps of each run (R,)."""
+        return self.marks.max(axis=1)
+
+    def run(self, cost: int) -> None:
+        """Compute the results; ``cost`` is the number of stages times that of the coordinates."""
+        self.results.fill(nan)
+        self.left_at.fill(0)
+        self.control.fill(0)
+        execution.execute(self.call, self.control, int(self.steps.sum()), cost)
+
+    def run_one(self, steps: int, cost: int) -> None:
+        """The same for a single run of so many steps: a short one is worth no more than its call."""
+        self.results.fill(nan)
+        self.left_at[0] = 0
+        self.control.fill(0)
+        if steps * cost < execution.SHORT:
+            self.call()
+        else:
+            execution.execute(self.call, self.control, steps, cost)
+
+
+def prepared_batch(
+    system: System,
+    tableau: Tableau,
+    numerics: Numerics,
+    *,
+    marks: Integers,
+    scheme: Integers,
+    rows: tuple[Floats, Floats],
+    start: Floats,
+    parameters: Floats,
+    scale: float = 0.0,
+    reference: tuple[float, float] = (nan, nan),
+) -> Batch:
+    """Return a batch that is ready to run.
+
+    Parameters
+    ----------
+    system, tableau, numerics
+        Problem, method and arithmetic.
+    marks, scheme, start, parameters
+        As :class:`Batch` has them.
+    rows : pair of arrays
+        ``drift`` and ``kick`` of :class:`Batch`.
+    scale : float
+        Energy that errors are relative to; 0 for |H0|.
+    reference : pair of float
+        H0 for all runs, in place of the energy of each start.
+    """
+    kernel = kernel_of(system, numerics.compiled)
+    runs, d = len(marks), kernel.dimension
+    left_at, control = np.zeros(runs, np.int64), execution.control()
+    results = np.empty((4 * d + 3) * marks.size + 2 * runs)
+    states, blocks, energy = split_results(results, runs, marks.shape[1], d)
+    drift, kick = rows
+    call = kernel.prepared(
+        measured(numerics), np.argsort(-marks.max(axis=1), kind="stable"), marks, scheme, start, parameters,
+        system.surface_limit, scale, np.array(reference), numerics.look or execution.stretch(tableau.stages, d),
+        tableau.stages, tableau.first == "kick", drift, kick, control, states, *blocks, energy, left_at,
+    )  # fmt: skip
+    return Batch(
+        numerics=numerics, marks=marks, scheme=scheme, start=start, parameters=parameters, drift=drift, kick=kick,
+        results=results, states=states, blocks=blocks, energy=energy, left_at=left_at, control=control, call=call,
+    )  # fmt: skip
+
+
+def split_results(results: Floats, runs: int, samples: int, d: int) -> tuple[Floats, Floats, Floats]:
+    """Return ``states``, ``blocks`` and ``energy`` of :class:`Batch`, which lie in one array."""
+    states, blocks = 4 * d * runs * samples, 3 * runs * samples
+    return (
+        results[:states].reshape(runs, samples, 4 * d),
+        results[states : states + blocks].reshape(3, runs, samples),
+        results[states + blocks :].reshape(runs, 2),
+    )
+
+
 def integrate_batch(
     system: System,
     tableau: Tableau,
@@ -97,6 +220,7 @@ def integrate_batch(
     start: Floats | None = None,
     parameters: Floats | None = None,
     scale: float = 0.0,
+    reference: tuple[float, float] = (nan, nan),
 ) -> Trajectories:
     """Integrate R runs over [0, t_end], run i in ``steps[i]`` equal steps.
 
@@ -113,40 +237,35 @@ def integrate_batch(
     numerics : Numerics
         Arithmetic, lanes, and when the energy is measured.
     start : (R, 4 d) array of float, optional
-        Initial states, laid out as by :func:`start_rows`, in place of the system's own.
+        Initial states, laid out as by :func:`start_rows`, in place of the system's own; one row is for all runs.
     parameters : (R, 2 P) or (1, 2 P) array of float, optional
         Parameters of each run, or of all, laid out as by :func:`parameter_row`, in place of the system's own.
     scale : float
         Energy that errors are relative to; 0 for |H0|, or for the unit of energy where H0 = 0.
+    reference : pair of float
+        H0 for all runs, high and low half, in place of the energy of each start.
 
     Raises
     ------
     KeyboardInterrupt
         Ctrl-C, within a fraction of a second.
     """
-    kernel = kernel_of(system, numerics.compiled)
     count = np.asarray(steps, dtype=np.int64)
     distinct, scheme = _distinct(count)
-    drift, kick = scaled_rows(tableau, [t_end / n for n in distinct], kernel.parts, numerics.double_coefficients)
-    if start is None:
-        start = np.empty((count.size, 4 * system.dimension))
-        start[:] = standard_start(system, numerics.compiled.summation)
-    if parameters is None:
-        parameters = standard_parameters(system)[None, :]
-    marks, stages = sample_marks(count, samples), tableau.stages
-    states = np.full((*marks.shape, 4 * system.dimension), np.nan)
-    blocks = np.full((3, *marks.shape), np.nan)  # the energy error at each sample; maximum and sum over its block
-    energy, left_at = np.zeros((count.size, 2)), np.zeros(count.size, np.int64)
-    control = execution.control()
-    call = kernel.prepared(
-        measured(numerics), np.argsort(-count, kind="stable"), marks, scheme, np.ascontiguousarray(start), parameters,
-        system.surface_limit, scale, numerics.look or execution.stretch(stages, system.dimension), stages,
-        tableau.first == "kick", drift, kick, control, states, *blocks, energy, left_at,
+    parts = 2 if numerics.precision == "extended" else 1
+    first = standard_start(system, numerics.compiled.summation) if start is None else start
+    rows = np.empty((count.size, first.shape[-1]))
+    rows[:] = first
+    batch = prepared_batch(
+        system, tableau, numerics, marks=sample_marks(count, samples), scheme=scheme,
+        rows=scaled_rows(tableau, [t_end / n for n in distinct], parts, numerics.double_coefficients), start=rows,
+        parameters=standard_parameters(system)[None, :] if parameters is None else parameters,
+        scale=scale, reference=reference,
     )  # fmt: skip
-    execution.execute(call, control, int(count.sum()), stages * system.dimension)
+    batch.run(tableau.stages * system.dimension)
     cut = int(samples == 1)
-    results = marks[:, cut:], states[:, cut:], blocks[..., cut:], energy, left_at
-    return _trajectories(tableau, count, *results, numerics, scale)
+    results = batch.marks[:, cut:], batch.states[:, cut:], batch.blocks[..., cut:], batch.energy, batch.left_at
+    return trajectories_of(tableau, count, *results, numerics, scale)
 
 
 def measured(numerics: Numerics) -> int:
@@ -164,7 +283,7 @@ def _distinct(count: Integers) -> tuple[list[int], Integers]:
     return distinct.tolist(), where.astype(np.int64).reshape(-1)
 
 
-def _trajectories(
+def trajectories_of(
     tableau: Tableau,
     steps: Integers,
     marks: Integers,

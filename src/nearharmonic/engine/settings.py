@@ -36,13 +36,21 @@ ENERGIES = ("every", "samples", "none")
 
 
 def _positive(key: str, value: object) -> Decimal:
-    """``value``, a number or a decimal string (YAML 1.1 reads 1e-4 as one), exactly."""
+    """``value``, a number above 0 or a decimal string (YAML 1.1 reads 1e-4 as one), exactly."""
     allowed = "a finite number above 0"
+    number = _decimal(key, value, allowed)
+    if number < 0:
+        raise bad_setting(key, value, allowed)
+    return number
+
+
+def _decimal(key: str, value: object, allowed: str) -> Decimal:
+    """``value``, a number other than 0, exactly."""
     if isinstance(value, bool) or not isinstance(value, Real | Decimal | str):
         raise bad_setting(key, value, allowed)
     try:
         number = Decimal(value) if isinstance(value, str | Decimal | int) else Decimal(repr(float(value)))
-        usable = number.is_finite() and 0 < float(number) < float("inf")
+        usable = number.is_finite() and 0 < abs(float(number)) < inf
     except (InvalidOperation, OverflowError):
         usable = False
     if not usable:
@@ -64,14 +72,15 @@ def checked_tau(tau: object, key: str = "tau") -> float:
 
 
 def checked_t_end(t_end: object, key: str = "t_end") -> str:
-    """Return ``t_end`` as a plain decimal string, if it is a finite number above 0 (or the decimal string of one).
+    """Return ``t_end`` as a plain decimal string, if it is a finite number (or the decimal string of one) but 0.
 
     Raises
     ------
     SettingError
-        Zero, negative, NaN, infinite, a bool or no number at all.
+        Zero, NaN, infinite, a bool or no number at all.
     """
-    return format(_positive(key, t_end).normalize(), "f")
+    number = _decimal(key, t_end, "a finite number above 0, or below 0 to run backwards")
+    return format(number.normalize(), "f")
 
 
 def _count(key: str, value: object, most: int) -> int:
