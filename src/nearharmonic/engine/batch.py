@@ -71,14 +71,15 @@ def physics_of(system: System) -> Physics:
     from nearharmonic.core.kernel import Physics
 
     check_gradients(system)
+    formulas, parameters = system.formulas(), system.constants(Constant)
     return Physics(
-        name=system.name,
-        V=system.V,
-        grad_V=system.grad_V,
-        T=system.T,
-        grad_T=system.grad_T,
-        parameters=system.constants(Constant),
-        dimension=system.dimension,
+        name=formulas.name,
+        V=formulas.V,
+        grad_V=formulas.grad_V,
+        T=lambda p: formulas.T(p, *parameters),
+        grad_T=lambda p: formulas.grad_T(p, *parameters),
+        parameters=parameters,
+        dimension=formulas.dimension,
     )
 
 
@@ -152,11 +153,11 @@ def start_rows(q: Sequence[Fraction], p: Sequence[Fraction], summation: str) -> 
 
 @lru_cache(maxsize=128)
 def _standard_start(system: System, summation: str) -> Floats:
-    return start_rows(*system.start(Fraction), summation)
+    return start_rows(*system.extended_start(Fraction), summation)
 
 
 def _standard_starts(system: System, numerics: Numerics, runs: int) -> Floats:
-    rows = np.empty((runs, 4 * system.dimension))
+    rows = np.empty((runs, 4 * system.formulas().dimension))
     rows[:] = _standard_start(system, numerics.compiled.summation)
     return rows
 
@@ -236,7 +237,7 @@ def integrate_batch(
     drift, kick = _scaled_rows(tableau, [t_end / n for n in distinct], kernel.parts, numerics.double_coefficients)
     start = _standard_starts(system, numerics, count.size) if start is None else np.ascontiguousarray(start)
     marks, stages, look = sample_marks(count, samples), tableau.stages, numerics.look
-    states = np.full((*marks.shape, 4 * system.dimension), np.nan)
+    states = np.full((*marks.shape, 4 * kernel.dimension), np.nan)
     blocks = np.full((3, *marks.shape), np.nan)  # the energy error at each sample; maximum and sum over its block
     energy, left_at = np.zeros((count.size, 2)), np.zeros(count.size, np.int64)
     kernel.run(
@@ -284,7 +285,7 @@ def _trajectories(
     length = marks.copy()
     length[:, 1:] -= marks[:, :-1]
     np.maximum(length, 1, out=length)
-    d = system.dimension
+    d = states.shape[2] // 4
     left = left_at > 0
     done = np.where(left, left_at, steps)
     mean = np.add.reduce(total, axis=1) / steps
