@@ -82,7 +82,7 @@ def sample_marks(steps: Integers, samples: int) -> Integers:
 @lru_cache(maxsize=128)
 def standard_start(system: System, summation: str) -> Floats:
     """Return the initial values of ``system`` as :func:`start_rows` lays them out; not to be changed."""
-    return start_rows(*system.start(Fraction), summation)
+    return start_rows(*system.extended_start(Fraction), summation)
 
 
 @lru_cache(maxsize=128)

@@ -84,9 +84,8 @@ def start_array(system: System, q0: object, p0: object, *, plain: bool) -> Float
         Another number of components or rows, or a component that is no finite number.
     """
     d = system.dimension
-    own = system.start(str)
-    q, p = (_rows(key, default if given is None else given, d) for key, given, default in zip(
-        ("q0", "p0"), (q0, p0), own, strict=True))  # fmt: skip
+    given = zip(("q0", "p0"), (q0, p0), system.start(str), strict=True)
+    q, p = (_rows(key, default if values is None else values, d) for key, values, default in given)
     members = max(len(q), len(p))
     if len(q) not in (1, members) or len(p) not in (1, members):
         raise bad_setting("p0", f"{len(p)} rows", f"as many as q0, {len(q)}, or one row for all")

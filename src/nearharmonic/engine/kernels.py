@@ -57,13 +57,14 @@ def physics_of(system: System) -> Physics:
     from nearharmonic.core.kernel import Physics
 
     check_gradients(system)
+    formulas, at_run_time = system.formulas(), system.parameters_at_run_time
     return Physics(
         name=system.name,
-        V=system.V,
-        grad_V=system.grad_V,
-        T=lambda p, *_: system.T(p),
-        grad_T=lambda p, *_: system.grad_T(p),
-        parameters=len(system.parameters),
-        constants=(),
-        dimension=system.dimension,
+        V=formulas.V,
+        grad_V=formulas.grad_V,
+        T=formulas.T,
+        grad_T=formulas.grad_T,
+        parameters=len(system.parameters) if at_run_time else 0,
+        constants=() if at_run_time else system.constants(Constant),
+        dimension=formulas.dimension,
     )
