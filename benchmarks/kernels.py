@@ -21,7 +21,7 @@ import numpy as np
 
 import nearharmonic as nh
 from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.coefficients import coefficients, lane_rows, parameter_row, start_rows
+from nearharmonic.engine.coefficients import coefficients, lane_rows, parameter_row, start_row
 from nearharmonic.engine.grid import steps_of
 from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
@@ -55,7 +55,7 @@ def contest(system, width, library, repeats):
     drift, kick = coefficients(tableau, [TAU[system]], 1)
     wide = [np.repeat(row[0], width, axis=1).reshape(-1) for row in (drift, kick)]
     narrow = [np.ascontiguousarray(row[0, :, 0]) for row in (drift, kick)]
-    given = start_rows(*problem.start(Fraction), "compensated"), parameter_row(problem.constants(Fraction))
+    given = start_row(*problem.start(Fraction)), parameter_row(problem.constants(Fraction))
     rows = lane_rows(*given, width)
     states = {name: rows.copy() for name in ("C", "ours", "energy")}
     function = getattr(library, f"{system}_{width}")

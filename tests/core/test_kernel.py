@@ -10,7 +10,7 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.coefficients import start_rows
+from nearharmonic.engine.coefficients import start_row
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.systems.system import System
 
@@ -124,7 +124,7 @@ def test_one_step_is_symplectic(system, integrator):
     for k in range(2 * d):
         for sign in (1, -1):
             moved = [x + sign * h * (i == k) for i, x in enumerate(start)]
-            rows.append(start_rows(moved[:d], moved[d:], "compensated"))
+            rows.append(start_row(moved[:d], moved[d:]))
     t_end = {"henon_heiles": Fraction(1, 2), "kepler": Fraction(100)}[system]
     out = integrate_batch(
         problem, tableau, t_end=t_end, steps=[1] * len(rows), samples=2, start=np.array(rows),

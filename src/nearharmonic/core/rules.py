@@ -127,7 +127,8 @@ class Rules:
     def latest(self, state: Entries, tally: Entries, parameters: Entries) -> LLVMValue:
         """H - H0, each in double-double."""
         H = self.energy(state, parameters)
-        return (H.high - tally[ENERGY]) + (H.low - tally[ENERGY_LOW])
+        difference: LLVMValue = (H.high - tally[ENERGY]) + (H.low - tally[ENERGY_LOW])
+        return difference
 
     def measure(self, state: Entries, tally: Entries, parameters: Entries) -> Entries:
         """The tally with one more step in it."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from fractions import Fraction
-from functools import lru_cache
 from math import nan
 from typing import TYPE_CHECKING
 
@@ -14,7 +13,8 @@ from numpy.typing import NDArray
 
 from nearharmonic.core.layout import EVERY_STEP, LOOKS, NEVER, SAMPLES
 from nearharmonic.engine import execution
-from nearharmonic.engine.coefficients import Floats, parameter_row, scaled_rows, start_rows
+from nearharmonic.engine.coefficients import Floats, scaled_rows
+from nearharmonic.engine.initial_values import standard_parameters, standard_start
 from nearharmonic.engine.kernels import STANDARD, kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators.tableau import Tableau
@@ -36,7 +36,8 @@ class Trajectories:
     (R, S): of its modulus over the steps since the previous sample. ``max_energy_error``, ``mean_energy_error`` (R,):
     over every step, or over the samples, as :class:`Numerics` says, infinite if the run left; maxima over looks have no
     means. ``steps`` (R,) asked for; ``done`` (R,) taken; ``left_at`` (R,) step at which the run left its energy
-    surface, 0 if it did not; ``evaluations`` (R,) of the force; ``energy`` (R,): H0.
+    surface, 0 if it did not; ``evaluations`` (R,) of the force; ``energy``, ``energy_low``
+    (R,): H0.
     """
 
     marks: Integers
@@ -54,6 +55,7 @@ class Trajectories:
     left_at: Integers
     evaluations: Integers
     energy: Floats
+    energy_low: Floats
 
     def take(self, runs: Integers) -> Trajectories:
         """The runs at these indices, in this order."""
@@ -77,18 +79,6 @@ def sample_marks(steps: Integers, samples: int) -> Integers:
         return marks
     index, last = np.arange(width, dtype=np.int64), np.minimum(steps + 1, width)[:, None] - 1
     return np.where(index <= last, index * steps[:, None] // np.maximum(last, 1), -1)
-
-
-@lru_cache(maxsize=128)
-def standard_start(system: System, summation: str) -> Floats:
-    """Return the initial values of ``system`` as :func:`start_rows` lays them out; not to be changed."""
-    return start_rows(*system.extended_start(Fraction), summation)
-
-
-@lru_cache(maxsize=128)
-def standard_parameters(system: System) -> Floats:
-    """Return the parameters of ``system`` as :func:`parameter_row` lays them out; not to be changed."""
-    return parameter_row(system.constants(Fraction))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,7 +124,8 @@ class Batch:
     @property
     def steps(self) -> Integers:
         """Steps of each run (R,)."""
-        return self.marks.max(axis=1)
+        steps: Integers = self.marks.max(axis=1)
+        return steps
 
     def run(self, cost: int) -> None:
         """Compute the results; ``cost`` is the number of stages times that of the coordinates."""
@@ -183,6 +174,8 @@ def prepared_batch(
         H0 for all runs, in place of the energy of each start.
     """
     kernel = kernel_of(system, numerics.compiled)
+    if kernel.parameters < len(system.parameters):
+        parameters = _compiled_in(system, parameters)
     runs, d = len(marks), kernel.dimension
     left_at, control = np.zeros(runs, np.int64), execution.control()
     results = np.empty((4 * d + 3) * marks.size + 2 * runs)
@@ -197,6 +190,14 @@ def prepared_batch(
         numerics=numerics, marks=marks, scheme=scheme, start=start, parameters=parameters, drift=drift, kick=kick,
         results=results, states=states, blocks=blocks, energy=energy, left_at=left_at, control=control, call=call,
     )  # fmt: skip
+
+
+def _compiled_in(system: System, parameters: Floats) -> Floats:
+    """No parameters at run time, if those asked for are those that are compiled in."""
+    if (parameters == standard_parameters(system)).all():
+        return np.empty((1, 0))
+    what = f"a formula of {system.name} decides by its parameters, so that they are compiled in: make a copy of the "
+    raise bad_setting("parameters", parameters[0, ::2].tolist(), f"{what}system with dataclasses.replace")
 
 
 def split_results(results: Floats, runs: int, samples: int, d: int) -> tuple[Floats, Floats, Floats]:
@@ -219,6 +220,7 @@ def integrate_batch(
     numerics: Numerics = STANDARD,
     start: Floats | None = None,
     parameters: Floats | None = None,
+    marks: Integers | None = None,
     scale: float = 0.0,
     reference: tuple[float, float] = (nan, nan),
 ) -> Trajectories:
@@ -237,9 +239,11 @@ def integrate_batch(
     numerics : Numerics
         Arithmetic, lanes, and when the energy is measured.
     start : (R, 4 d) array of float, optional
-        Initial states, laid out as by :func:`start_rows`, in place of the system's own; one row is for all runs.
+        Initial states, laid out as by :func:`start_row`, in place of the system's own; one row is for all runs.
     parameters : (R, 2 P) or (1, 2 P) array of float, optional
         Parameters of each run, or of all, laid out as by :func:`parameter_row`, in place of the system's own.
+    marks : (R, S) array of int, optional
+        Steps at which to sample in place of ``samples``: as :func:`sample_marks` returns them.
     scale : float
         Energy that errors are relative to; 0 for |H0|, or for the unit of energy where H0 = 0.
     reference : pair of float
@@ -253,17 +257,17 @@ def integrate_batch(
     count = np.asarray(steps, dtype=np.int64)
     distinct, scheme = _distinct(count)
     parts = 2 if numerics.precision == "extended" else 1
-    first = standard_start(system, numerics.compiled.summation) if start is None else start
+    first = standard_start(system, not numerics.compensated) if start is None else start
     rows = np.empty((count.size, first.shape[-1]))
     rows[:] = first
     batch = prepared_batch(
-        system, tableau, numerics, marks=sample_marks(count, samples), scheme=scheme,
+        system, tableau, numerics, marks=sample_marks(count, samples) if marks is None else marks, scheme=scheme,
         rows=scaled_rows(tableau, [t_end / n for n in distinct], parts, numerics.double_coefficients), start=rows,
         parameters=standard_parameters(system)[None, :] if parameters is None else parameters,
         scale=scale, reference=reference,
     )  # fmt: skip
     batch.run(tableau.stages * system.dimension)
-    cut = int(samples == 1)
+    cut = int(samples == 1 and marks is None)
     results = batch.marks[:, cut:], batch.states[:, cut:], batch.blocks[..., cut:], batch.energy, batch.left_at
     return trajectories_of(tableau, count, *results, numerics, scale)
 
@@ -326,6 +330,7 @@ def trajectories_of(
         left_at=left_at,
         evaluations=done * tableau.stages + int(tableau.first_same_as_last),
         energy=energy[:, 0],
+        energy_low=energy[:, 1],
     )
 
 

@@ -16,18 +16,18 @@ from nearharmonic.integrators.tableau import Tableau
 Floats = NDArray[np.float64]
 
 
-def start_rows(q: Sequence[Fraction], p: Sequence[Fraction], summation: str) -> Floats:
+def start_row(q: Sequence[Fraction], p: Sequence[Fraction], *, plain: bool = False) -> Floats:
     """Return one start (4 d,) as the kernel takes it: q, the digits below q, p, the digits below p.
 
     Parameters
     ----------
     q, p : sequence of d Fraction
         Exact position and momentum.
-    summation : {"compensated", "plain"}
-        Without compensation the digits below a double are dropped.
+    plain : bool
+        Whether the digits below a double are dropped.
     """
     pairs = [[rounded_pair(*x.as_integer_ratio()) for x in row] for row in (q, p)]
-    keep = 0.0 if summation == "plain" else 1.0
+    keep = 0.0 if plain else 1.0
     return np.array([part for row in pairs for part in ([h for h, _ in row], [low * keep for _, low in row])]).ravel()
 
 
@@ -43,7 +43,7 @@ def lane_rows(start: Floats, parameters: Floats, width: int) -> Floats:
     Parameters
     ----------
     start, parameters : arrays of float
-        As :func:`start_rows` and :func:`parameter_row` lay them out.
+        As :func:`start_row` and :func:`parameter_row` lay them out.
     width : int
         Number of lanes.
     """

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,7 +72,8 @@ class _Progress:
     """A progress bar on the terminal, if there is one, from the third second on."""
 
     def __init__(self, steps: int) -> None:
-        self._steps, self._begin, self._bar = steps, time.monotonic(), None  # type: tuple[int, float, Any]
+        self._steps, self._begin = steps, time.monotonic()
+        self._bar: Any = None
 
     def __enter__(self) -> _Progress:
         return self

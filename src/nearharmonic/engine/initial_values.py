@@ -8,13 +8,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from decimal import Decimal, InvalidOperation
 from fractions import Fraction
+from functools import lru_cache
 from numbers import Rational, Real
 from typing import Any
 
 import numpy as np
 
 from nearharmonic.core.arithmetic import rounded_pair
-from nearharmonic.engine.coefficients import Floats
+from nearharmonic.engine.coefficients import Floats, parameter_row, start_row
 from nearharmonic.errors import bad_setting, unknown_name
 from nearharmonic.systems.system import System
 
@@ -39,26 +40,22 @@ def exact(key: str, value: object) -> Fraction:
     SettingError
         No number, NaN, or one whose modulus no double holds.
     """
+    if isinstance(value, bool) or not isinstance(value, str | Decimal | Real):
+        raise bad_setting(key, value, NUMBER)
     try:
-        if isinstance(value, bool):
-            raise TypeError
-        if isinstance(value, str):
-            number = _fraction(value)
-        elif isinstance(value, Decimal):
-            number = _fraction(str(value))
-        elif isinstance(value, Rational | float):
-            number = Fraction(value)
-        elif isinstance(value, Real):  # numpy's floats of other widths
-            number = Fraction(float(value))
-        else:
-            raise TypeError
+        number = _fraction(str(value)) if isinstance(value, str | Decimal) else _binary(value)
         float(number)
-    except (TypeError, ValueError, OverflowError, ArithmeticError):
+    except (ValueError, ArithmeticError):
         raise bad_setting(key, value, NUMBER) from None
     return number
 
 
+def _binary(value: Real) -> Fraction:
+    return Fraction(value) if isinstance(value, Rational | float) else Fraction(float(value))
+
+
 def _fraction(text: str) -> Fraction:
+    """The exact value of a decimal or of a quotient of decimals."""
     top, slash, bottom = text.partition("/")
     parts = [Decimal(part.strip()) for part in ([top, bottom] if slash else [top])]
     if any(not part.is_finite() or (part and abs(part.adjusted()) > LARGEST_EXPONENT) for part in parts):
@@ -66,8 +63,24 @@ def _fraction(text: str) -> Fraction:
     return Fraction(parts[0]) / Fraction(parts[1]) if slash else Fraction(parts[0])
 
 
+@lru_cache(maxsize=128)
+def standard_start(system: System, plain: bool) -> Floats:
+    """Return the initial values (4 d,) of ``system`` as :func:`start_array` does; not to be changed."""
+    row = start_row(*system.extended_start(Fraction), plain=plain)
+    row.flags.writeable = False
+    return row
+
+
+@lru_cache(maxsize=128)
+def standard_parameters(system: System) -> Floats:
+    """Return the parameters (2 P,) of ``system`` as :func:`parameter_array` does; not to be changed."""
+    row = parameter_row(system.constants(Fraction))
+    row.flags.writeable = False
+    return row
+
+
 def start_array(system: System, q0: object, p0: object, *, plain: bool) -> Floats:
-    """Return initial states (R, 4 d) as :func:`nearharmonic.engine.coefficients.start_rows` lays them out.
+    """Return initial states (R, 4 d) as :func:`nearharmonic.engine.coefficients.start_row` lays them out.
 
     Parameters
     ----------
@@ -83,17 +96,16 @@ def start_array(system: System, q0: object, p0: object, *, plain: bool) -> Float
     SettingError
         Another number of components or rows, or a component that is no finite number.
     """
-    d = system.dimension
-    given = zip(("q0", "p0"), (q0, p0), system.start(str), strict=True)
-    q, p = (_rows(key, default if values is None else values, d) for key, values, default in given)
-    members = max(len(q), len(p))
-    if len(q) not in (1, members) or len(p) not in (1, members):
-        raise bad_setting("p0", f"{len(p)} rows", f"as many as q0, {len(q)}, or one row for all")
-    rows = np.zeros((members, 4, system.formulas().dimension))
-    for k, pairs in ((0, q), (2, p)):
+    d, own = system.dimension, standard_start(system, plain)
+    given = [(k, _rows(key, values, d)) for k, key, values in ((0, "q0", q0), (2, "p0", p0)) if values is not None]
+    members = max([1, *(len(pairs) for _, pairs in given)])
+    rows = np.empty((members, 4, own.size // 4))
+    rows[:] = own.reshape(4, -1)
+    for k, pairs in given:
+        if len(pairs) not in (1, members):
+            raise bad_setting("p0", f"{len(given[1][1])} rows", f"as many as q0, {len(given[0][1])}, or one for all")
         rows[:, k, :d] = pairs[:, :, 0]
-        if not plain:
-            rows[:, k + 1, :d] = pairs[:, :, 1]
+        rows[:, k + 1, :d] = 0.0 if plain else pairs[:, :, 1]
     return rows.reshape(members, -1)
 
 
@@ -119,13 +131,14 @@ def parameter_array(system: System, parameters: Mapping[str, Any]) -> Floats:
     for name in parameters:
         if name not in system.parameters:
             raise unknown_name(f"parameter of {system.name}", name, system.parameters)
-    given = {name: _column(f"parameters[{name!r}]", value) for name, value in parameters.items()}
-    members = max([1, *map(len, given.values())])
+    columns = {name: _column(f"parameters[{name!r}]", value) for name, value in parameters.items()}
+    members = max([1, *map(len, columns.values())])
     rows = np.empty((members, len(system.parameters), 2))
-    for k, (name, parameter) in enumerate(system.parameters.items()):
-        column = given.get(name)
+    rows[:] = standard_parameters(system).reshape(-1, 2)
+    for k, name in enumerate(system.parameters):
+        column = columns.get(name)
         if column is None:
-            column = np.array([_pair(name, parameter.value)])
+            continue
         if len(column) not in (1, members):
             raise bad_setting("parameters", f"{len(column)} values of {name!r}", f"as many as of the others, {members}")
         rows[:, k] = column
@@ -157,6 +170,8 @@ def _rows(key: str, values: Any, d: int) -> Floats:
         return np.concatenate([_rows(f"{key}[{i}]", row, d) for i, row in enumerate(values)])
     if len(values) != d:
         raise bad_setting(key, values, allowed)
+    if all(type(value) is float for value in values):
+        return _pairs_of(key, np.array([values]))
     return np.array([[_pair(f"{key}[{i}]", value) for i, value in enumerate(values)]])
 
 
@@ -177,8 +192,9 @@ def _is_array(values: Any) -> bool:
 
 
 def _pairs_of(key: str, array: Any) -> Floats:
-    high = np.asarray(array, np.float64)
-    if not np.isfinite(high).all():
-        where = tuple(int(i) for i in np.argwhere(~np.isfinite(high))[0])
-        raise bad_setting(f"{key}{list(where)}", float(high[where]), NUMBER)
-    return np.stack([high, np.zeros_like(high)], axis=-1)
+    pairs = np.zeros((*array.shape, 2))
+    pairs[..., 0] = array
+    if not np.isfinite(pairs).all():
+        where = tuple(int(i) for i in np.argwhere(~np.isfinite(pairs))[0][:-1])
+        raise bad_setting(f"{key}{list(where)}", float(array[where]), NUMBER)
+    return pairs

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
+from nearharmonic.core.number import Constant
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.systems.gradients import check_gradients
 from nearharmonic.systems.system import System

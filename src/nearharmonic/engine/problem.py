@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from fractions import Fraction
-from functools import cached_property
-from math import isfinite, nan
-from typing import TYPE_CHECKING, Any
+from math import nan
+from typing import Any
 
 import numpy as np
 
@@ -18,14 +15,16 @@ from nearharmonic.engine.batch import (
     integrate_batch,
     prepared_batch,
     sample_marks,
-    split_results,
-    standard_parameters,
-    standard_start,
-    trajectories_of,
 )
 from nearharmonic.engine.coefficients import Floats, scaled_rows
 from nearharmonic.engine.grid import check_fit, steps_of
-from nearharmonic.engine.initial_values import exact, parameter_array, start_array
+from nearharmonic.engine.initial_values import (
+    exact,
+    parameter_array,
+    standard_parameters,
+    standard_start,
+    start_array,
+)
 from nearharmonic.engine.settings import (
     Numerics,
     checked_first,
@@ -34,14 +33,12 @@ from nearharmonic.engine.settings import (
     checked_tau,
     exact_decimal,
 )
+from nearharmonic.engine.solution import Solution, StepSize
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.systems import systems
 from nearharmonic.systems.system import System
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Step sizes whose coefficients a problem keeps: half a kilobyte each.
 MOST_STEP_SIZES = 4096
@@ -84,23 +81,12 @@ def problem(
     )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class _StepSize:
-    """A step size, as used, with what a kernel needs of it."""
-
-    tau: float
-    steps: int
-    marks: Integers
-    drift: Floats
-    kick: Floats
-
-
 class _Slot:
     """A batch of one run, with what its arrays hold."""
 
     __slots__ = ("batch", "default", "step")
 
-    def __init__(self, batch: Batch, step: _StepSize) -> None:
+    def __init__(self, batch: Batch, step: StepSize) -> None:
         self.batch, self.step, self.default = batch, step, True
 
 
@@ -143,7 +129,7 @@ class Problem:
         self.numerics = Numerics(precision=precision, summation=summation, energy=energy)
         self.scale = checked_scale(self.system.energy_scale if energy_scale is None else energy_scale)
         self.samples = checked_samples(samples)
-        self._step_sizes: dict[Any, _StepSize] = {}
+        self._step_sizes: dict[Any, StepSize] = {}
         self._slots: dict[int, list[_Slot]] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -191,7 +177,7 @@ class Problem:
         if q0 is not None or p0 is not None or parameters is not None:
             self._fill(slot, q0, p0, parameters)
         elif not slot.default:
-            slot.batch.start[:] = standard_start(self.system, self.numerics.compiled.summation)
+            slot.batch.start[:] = standard_start(self.system, self.plain)
             slot.batch.parameters[:] = standard_parameters(self.system)
             slot.default = True
         slot.batch.run_one(step.steps, self.tableau.stages * self.system.dimension)
@@ -238,38 +224,40 @@ class Problem:
         """Return the step sizes as used, rounded once."""
         return np.array([self.end.numerator / (self.end.denominator * n) for n in steps.tolist()])
 
-    def _prepared_step(self, tau: object) -> _StepSize:
+    def _prepared_step(self, tau: object) -> StepSize:
         steps = self.steps_of(tau)
         size = self.end / steps
         marks = sample_marks(np.array([steps]), self.samples)
         parts = 2 if self.numerics.precision == "extended" else 1
         rows = scaled_rows(self.tableau, [size], parts, self.numerics.double_coefficients)
-        step = _StepSize(float(size), steps, marks, *rows)
+        step = StepSize(float(size), steps, marks, *rows)
         if len(self._step_sizes) >= MOST_STEP_SIZES:
             self._step_sizes.clear()
         self._step_sizes[tau] = step
         return step
 
-    def _new_slot(self, step: _StepSize) -> _Slot:
+    def _new_slot(self, step: StepSize) -> _Slot:
         numerics = Numerics(
             precision=self.numerics.precision, summation=self.numerics.summation, energy=self.numerics.energy, width=1
         )
         batch = prepared_batch(
             self.system, self.tableau, numerics, marks=step.marks.copy(), scheme=np.zeros(1, np.int64),
             rows=(step.drift.copy(), step.kick.copy()), scale=self.scale,
-            start=standard_start(self.system, numerics.compiled.summation)[None, :].copy(),
+            start=standard_start(self.system, self.plain)[None, :].copy(),
             parameters=standard_parameters(self.system)[None, :].copy(),
         )  # fmt: skip
         return _Slot(batch, step)
 
     def _fill(self, slot: _Slot, q0: object, p0: object, parameters: Mapping[str, Any] | None) -> None:
         """The initial values and parameters of a run, which the slot holds only once all of them are checked."""
-        start = start_array(self.system, q0, p0, plain=self.plain)
-        given = parameter_array(self.system, parameters or {})
-        for key, rows in (("q0 and p0", start), ("parameters", given)):
+        given = [("q0 and p0", start_array(self.system, q0, p0, plain=self.plain))]
+        if parameters is not None:
+            given.append(("parameters", parameter_array(self.system, parameters)))
+        for key, rows in given:
             if len(rows) != 1:
                 raise bad_setting(key, f"{len(rows)} rows", "those of one trajectory; nearharmonic.ensemble takes many")
-        slot.batch.start[:], slot.batch.parameters[:], slot.default = start, given, False
+        slot.batch.start[:], slot.default = given[0][1], False
+        slot.batch.parameters[:] = standard_parameters(self.system) if parameters is None else given[1][1]
 
 
 def _unpickled(system: System, tableau: Tableau, t_end: str, numerics: Numerics, scale: float, samples: int) -> Problem:
@@ -293,100 +281,3 @@ def checked_scale(value: object, key: str = "energy_scale") -> float:
     if not scale > 0:
         raise bad_setting(key, value, "a finite number above 0, in the unit of energy")
     return scale
-
-
-class Solution:
-    """One trajectory: ``t`` (S,), ``q`` and ``p`` (S, d), errors, steps and status, as :func:`integrate` has them.
-
-    A run that left its energy surface keeps the samples until then; both errors are infinite.
-    """
-
-    __slots__ = ("_diverged_at", "_results", "_step", "problem", "__dict__")
-
-    def __init__(self, problem: Problem, step: _StepSize, batch: Batch) -> None:
-        self.problem, self._step = problem, step
-        self._results, self._diverged_at = batch.results.copy(), int(batch.left_at[0])
-
-    def _split(self) -> tuple[Floats, Floats, Floats]:
-        samples = self._step.marks.size
-        return split_results(self._results, 1, samples, (self._results.size - 2) // samples // 4)
-
-    @property
-    def tau(self) -> float:
-        """The step size as used."""
-        return self._step.tau
-
-    @property
-    def steps(self) -> int:
-        """Steps that cover the interval."""
-        return self._step.steps
-
-    @property
-    def status(self) -> str:
-        """ "ok" or "diverged"."""
-        return "diverged" if self._diverged_at else "ok"
-
-    @property
-    def diverged_at(self) -> int:
-        """The step at which the run left its energy surface, 0 if it did not."""
-        return self._diverged_at
-
-    @cached_property
-    def trajectories(self) -> Trajectories:
-        """The run as a batch of one."""
-        problem, left = self.problem, np.array([self._diverged_at])
-        cut = int(problem.samples == 1)
-        states, blocks, energy = self._split()
-        results = self._step.marks[:, cut:], states[:, cut:], blocks[..., cut:], energy.copy(), left
-        return trajectories_of(problem.tableau, np.array([self.steps]), *results, problem.numerics, problem.scale)
-
-    def _kept(self, name: str) -> Floats:
-        rows: Floats = getattr(self.trajectories, name)[0]
-        return rows[np.isfinite(self.trajectories.q[0, :, 0])]
-
-    @property
-    def t(self) -> Floats:
-        """Times of the samples (S,)."""
-        end = float(self.problem.end)
-        return self._kept("marks") * end / self.steps
-
-    @property
-    def q(self) -> Floats:
-        """Positions (S, d)."""
-        return self._kept("q")[:, : self.problem.system.dimension]
-
-    @property
-    def p(self) -> Floats:
-        """Momenta (S, d)."""
-        return self._kept("p")[:, : self.problem.system.dimension]
-
-    @property
-    def energy_error(self) -> Floats:
-        """(H - H0)/|H0| at the samples (S,)."""
-        return self._kept("energy_error")
-
-    @property
-    def max_energy_error(self) -> float:
-        """Maximum of its modulus over every step."""
-        return float(self.trajectories.max_energy_error[0])
-
-    @property
-    def mean_energy_error(self) -> float:
-        """Mean of its modulus over every step."""
-        return float(self.trajectories.mean_energy_error[0])
-
-    @property
-    def evaluations(self) -> int:
-        """Evaluations of the force."""
-        return int(self.trajectories.evaluations[0])
-
-    def __repr__(self) -> str:
-        return (
-            f"Solution({self.problem!r}, tau={self.tau:g}, {self.status}, max_energy_error={self.max_energy_error:.2g})"
-        )
-
-    def to_dataset(self) -> xr.Dataset:
-        """Return the run as :func:`nearharmonic.integrate` does."""
-        from nearharmonic.engine.trajectory import trajectory_dataset
-
-        return trajectory_dataset(self.problem, self.trajectories)

@@ -12,7 +12,7 @@ import numpy as np
 
 from nearharmonic.core.kernel import inner
 from nearharmonic.engine.batch import Trajectories, integrate_batch
-from nearharmonic.engine.coefficients import coefficients, lane_rows, parameter_row, start_rows
+from nearharmonic.engine.coefficients import coefficients, lane_rows, parameter_row, start_row
 from nearharmonic.engine.grid import check_fit, evaluations_of, steps_of, tau_grid
 from nearharmonic.engine.kernels import kernel_of, physics_of
 from nearharmonic.engine.reference import Reference
@@ -133,7 +133,8 @@ def kernel_calls(
         Call by mode; each begins at the start of the system.
     """
     drift, kick = coefficients(tableau, [t_end / steps], 1)
-    start, parameters = start_rows(*system.start(Fraction), summation), parameter_row(system.constants(Fraction))
+    start = start_row(*system.extended_start(Fraction), plain=summation == "plain")
+    parameters = parameter_row(system.constants(Fraction))
     calls = {}
     for mode in modes:
         width = MODES[mode]
