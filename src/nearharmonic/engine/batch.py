@@ -17,6 +17,7 @@ from nearharmonic.engine.coefficients import Floats, scaled_rows
 from nearharmonic.engine.initial_values import standard_parameters, standard_start
 from nearharmonic.engine.kernels import STANDARD, kernel_of
 from nearharmonic.engine.settings import Numerics
+from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.systems.system import System
 
