@@ -23,7 +23,7 @@ from nearharmonic.core import disk
 from nearharmonic.core.layout import Argument, Group, Scalar, Signature
 from nearharmonic.errors import CompiledCodeError
 
-_SOURCES = sorted(Path(__file__).parent.glob("*.py"))
+_SOURCES = sorted(Path(__file__).parent.rglob("*.py"))
 _KINDS: dict[Scalar, tuple[Any, np.dtype[Any]]] = {
     "int64": (ctypes.c_int64, np.dtype(np.int64)),
     "float64": (ctypes.c_double, np.dtype(np.float64)),
