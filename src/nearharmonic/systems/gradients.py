@@ -91,6 +91,19 @@ class Multiprecision(Number):
         value = _VALUES.sqrt(self.value)
         return Multiprecision(value, _SIZES.divide(self.size, _SIZES.add(value, value)))
 
+    def lifted(self, number: Constant) -> Multiprecision:
+        return Multiprecision.of(number)
+
+    def apply(self, function: str, *others: Multiprecision | Constant) -> Multiprecision:
+        from nearharmonic.systems.multiprecision_functions import evaluated
+
+        operands = [self, *map(self._lift, others)]
+        value, slopes = evaluated(function, [x.value for x in operands], DIGITS)
+        inherited = Decimal(0)
+        for slope, x in zip(slopes, operands, strict=True):
+            inherited = _SIZES.fma(_SIZES.abs(slope), x.size, inherited)
+        return Multiprecision(value, inherited)
+
 
 class _Slope(NamedTuple):
     """Slope of an energy along a direction: by its gradient, by a difference, and how far these may be apart."""
