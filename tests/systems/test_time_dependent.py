@@ -115,7 +115,7 @@ def test_gradient_and_energy_take_the_time():
     made = driven()
     assert made.grad_V((2.0,), 0.0, 0.5, 0.7) == (1.5,)
     assert made.energy((2.0,), (1.0,), (0.5, 0.7), 0.0) == 1.5
-    with pytest.raises(SystemDefinitionError, match="^driven: V depends on time, and its energy needs t$"):
+    with pytest.raises(SystemDefinitionError, match=r"^driven: V depends on time, and its energy needs t$"):
         made.energy((2.0,), (1.0,), (0.5, 0.7))
     assert made.quadratic_kinetic_energy
     assert made.parameters_at_run_time
@@ -131,5 +131,5 @@ def test_a_relativistic_particle_may_be_driven_too():
 
 def test_a_potential_of_the_wrong_arguments_is_refused():
     for V in (lambda q: q[0], lambda q, t, F, w, more: q[0]):
-        with pytest.raises(SystemDefinitionError, match="^driven: V raises TypeError"):
+        with pytest.raises(SystemDefinitionError, match=r"^driven: V raises TypeError"):
             nh.integrate(driven(V=V), "aba864", 0.1)
