@@ -64,9 +64,21 @@ class Energy:
                 self._trace(None)
                 self._at_run_time = True
             except SystemDefinitionError:
+                if not self.parameters:
+                    raise
                 self._trace(self.parameters)  # a formula that fails with constants as well fails here
                 self._at_run_time = False
         return self._at_run_time
+
+    def trace(self) -> None:
+        """Call the formula, if it was not yet.
+
+        Raises
+        ------
+        SystemDefinitionError
+            It fails, or takes too many operations.
+        """
+        assert self._standard
 
     def _trace(self, parameters: tuple[Constant, ...] | None) -> _Traced:
         """The expression, with parameters that are variables or these constants."""
@@ -74,8 +86,7 @@ class Energy:
             graph, d = Graph(), self.dimension
             variables = graph.variables(d if parameters is not None else d + len(self.parameters))
             result = scalar(_Named(self), self.formula, variables[:d], *(parameters or variables[d:]))
-            if not isinstance(result, Constant) and getattr(result, "graph", None) is not graph:
-                raise SystemDefinitionError(f"{self.name}: {self.formula} returns a value of another call")
+            call(_Named(self), self.formula, variables[0].__add__, result)  # fails for the value of another call
             self._traced[parameters] = _Traced(graph, value_of(result), tuple(x.value for x in variables[:d]))
         return self._traced[parameters]
 
