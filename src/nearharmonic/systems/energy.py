@@ -111,6 +111,15 @@ class Energy:
         """Return the derivatives (d) with respect to the coordinates ``x`` (d), numbers of any one type."""
         return self._evaluated("gradient", (), x, parameters)
 
+    def gradient_and_value(self, x: Vector, *parameters: Any) -> Vector:
+        """Return the derivatives (d) and the energy behind them, from operations that they share."""
+        return self._evaluated("both", (), x, parameters)
+
+    def balanced(self, x: Vector, *parameters: Any) -> Any:
+        """Return the energy by the operations of its expression, where long sums are short chains."""
+        (value,) = self._evaluated("value", (), x, parameters)
+        return value
+
     def slope(self, index: int, x: Vector, *parameters: Any) -> Any:
         """Return the derivative with respect to one coordinate."""
         (derivative,) = self._evaluated(index, (), x, parameters)
@@ -142,7 +151,11 @@ class Energy:
             behind = max((node.place for node in graph.nodes if isinstance(node, Variable)), default=-1) + 1
             vector = [v.value for v in graph.variables(behind + self.dimension)[behind:]]
             return shortest_program(graph, hessian_vector(graph, value, coordinates, vector), value)
+        if wanted == "value":
+            return shortest_program(graph, [value], value)
         derivatives = gradient(graph, value, coordinates)
+        if wanted == "both":
+            return shortest_program(graph, [*derivatives, value], value)
         return shortest_program(graph, derivatives if wanted == "gradient" else derivatives[wanted : wanted + 1], value)
 
 

@@ -42,6 +42,8 @@ LATENCY = {
     "sign": 2,
 }
 FUNCTION = 50
+#: Terms from which on a sum is added in groups, and the terms of a group.
+LONG_SUM, GROUP = 12, 4
 #: Operations in a processor's time for one that it can begin twice a cycle.
 WORK = {"divide": 8, "root": 9}
 
@@ -244,6 +246,12 @@ class _Writer:
         parts = [self._term(c, node) for node, c in terms]
         if constant:
             parts.append((1 if constant > 0 else -1, self.constant(modulus(constant))))
+        return self._added(parts)
+
+    def _added(self, parts: list[tuple[int, int]]) -> int:
+        """The sum of places with their signs: one after the other, a long one in groups, for a shorter chain."""
+        while len(parts) > LONG_SUM:
+            parts = [(1, self._added(parts[i : i + GROUP])) for i in range(0, len(parts), GROUP)]
         parts.sort(key=lambda part: (self._fusible(part[1]), self.operations[part[1]][0] == "multiply"))
         first = next((part for part in parts if part[0] > 0), parts[0])
         parts.remove(first)
