@@ -207,7 +207,7 @@ def test_a_formula_of_exploding_size_is_refused_before_any_work(monkeypatch, gra
 
 
 def test_bodies_integrate_from_their_potential_alone():
-    """Energy and total momentum are conserved: to the method's error, and to rounding (force and reaction are equal)."""
+    """Energy and total momentum are conserved: to the method's error, and to rounding (action is reaction)."""
     n = 4
 
     def V(q, G):
