@@ -128,22 +128,24 @@ class Batch:
         steps: Integers = self.marks.max(axis=1)
         return steps
 
-    def run(self, cost: int) -> None:
-        """Compute the results; ``cost`` is the number of stages times that of the coordinates."""
+    def clear(self) -> None:
+        """Forget what an earlier call computed, and that it was told to stop."""
         self.results.fill(nan)
         self.left_at.fill(0)
         self.control.fill(0)
-        execution.execute(self.call, self.control, int(self.steps.sum()), cost)
 
-    def run_one(self, steps: int, cost: int) -> None:
-        """The same for a single run of so many steps: a short one is worth no more than its call."""
-        self.results.fill(nan)
-        self.left_at[0] = 0
-        self.control.fill(0)
-        if steps * cost < execution.SHORT:
-            self.call()
-        else:
-            execution.execute(self.call, self.control, steps, cost)
+    def run(self, cost: int, steps: int | None = None) -> None:
+        """Compute the results.
+
+        Parameters
+        ----------
+        cost : int
+            Stages times coordinates.
+        steps : int, optional
+            Steps of all runs together, where they are known.
+        """
+        self.clear()
+        execution.execute(self.call, self.control, int(self.steps.sum()) if steps is None else steps, cost)
 
 
 def prepared_batch(

@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 import threading
 import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, wait
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +16,9 @@ from nearharmonic.core.layout import PROGRESS, STOP
 
 if TYPE_CHECKING:
     from nearharmonic.core.native import PreparedCall
+
+#: How a block calls a kernel: with the call and its control array.
+Run = Callable[["PreparedCall", NDArray[np.int64]], None]
 
 #: Products of steps, stages and coordinates: below this a call takes less than about 20 ms, and is simply made.
 SHORT = 2_000_000
@@ -52,7 +57,7 @@ def execute(call: PreparedCall, state: NDArray[np.int64], steps: int, cost: int)
     KeyboardInterrupt
         When the kernel has stopped. What it computed until then is not to be used.
     """
-    if steps * cost < SHORT or threading.current_thread() is not threading.main_thread():
+    if steps * cost < SHORT or not _in_main_thread():
         call()
         return
     worker = threading.Thread(target=call, daemon=True)
@@ -66,6 +71,72 @@ def execute(call: PreparedCall, state: NDArray[np.int64], steps: int, cost: int)
             state[STOP] = 1
             worker.join()
             raise
+
+
+class Blocks:
+    """Calls of kernels that threads take from a queue.
+
+    Parameters
+    ----------
+    compute : callable
+        Computes one block, given its index and the function ``run(call, control)`` through which it calls a kernel.
+    count : int
+        Number of blocks.
+    steps, cost : int
+        Steps of all runs of all blocks together; stages times coordinates.
+    """
+
+    def __init__(self, compute: Callable[[int, Run], None], count: int, *, steps: int, cost: int) -> None:
+        self._compute, self._count, self._steps, self._cost = compute, count, steps, cost
+        self._stopped, self._done, self._controls = False, 0, dict[int, NDArray[np.int64]]()
+
+    def execute(self, threads: int) -> None:
+        """Compute all blocks; Ctrl-C stops them all.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            When every thread has stopped.
+        """
+        if self._steps * self._cost < SHORT or (threads == 1 and not _in_main_thread()):
+            for i in range(self._count):
+                self._compute(i, _run)
+            return
+        with ThreadPoolExecutor(threads) as pool, _Progress(self._steps) as progress:
+            futures = [pool.submit(self._one, i) for i in range(self._count)]
+            try:
+                for future in futures:
+                    while not future.done():
+                        wait([future], PATIENCE)
+                        progress.show(self._done + sum(int(state[PROGRESS]) for state in self._controls.values()))
+                    future.result()
+            except BaseException:
+                self._stopped = True
+                for state in list(self._controls.values()):
+                    state[STOP] = 1
+                pool.shutdown(cancel_futures=True)
+                raise
+
+    def _one(self, i: int) -> None:
+        def run(call: PreparedCall, state: NDArray[np.int64]) -> None:
+            key = threading.get_ident()
+            self._controls[key] = state
+            # In this order: a stop is seen here, or by the kernel.
+            if not self._stopped:
+                call()
+            self._done += int(state[PROGRESS])
+            del self._controls[key]
+
+        if not self._stopped:
+            self._compute(i, run)
+
+
+def _run(call: PreparedCall, state: NDArray[np.int64]) -> None:
+    call()
+
+
+def _in_main_thread() -> bool:
+    return threading.current_thread() is threading.main_thread()
 
 
 class _Progress:

@@ -180,7 +180,7 @@ class Problem:
             slot.batch.start[:] = standard_start(self.system, self.plain)
             slot.batch.parameters[:] = standard_parameters(self.system)
             slot.default = True
-        slot.batch.run_one(step.steps, self.tableau.stages * self.system.dimension)
+        slot.batch.run(self.tableau.stages * self.system.dimension, step.steps)
         solution = Solution(self, step, slot.batch)
         slots.append(slot)
         return solution

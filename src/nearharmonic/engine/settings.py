@@ -29,6 +29,9 @@ WIDTH = 8
 #: Eight such registers.
 MOST_LANES = 64
 
+#: Threads of an ensemble.
+MOST_THREADS = 1024
+
 PRECISIONS = ("double", "extended")
 SUMMATIONS = ("compensated", "plain")
 OPERATORS = ("drift", "kick")
@@ -111,6 +114,17 @@ def checked_samples(samples: object, key: str = "samples") -> int:
         Anything else.
     """
     return _count(key, samples, MOST_SAMPLES)
+
+
+def checked_threads(threads: object, key: str = "threads") -> int:
+    """Return ``threads`` as an int, if it is a whole number from 1 to :data:`MOST_THREADS`.
+
+    Raises
+    ------
+    SettingError
+        Anything else.
+    """
+    return _count(key, threads, MOST_THREADS)
 
 
 def one_of(key: str, value: object, allowed: Sequence[str]) -> str:
