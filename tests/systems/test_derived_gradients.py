@@ -82,6 +82,8 @@ def test_all_functions_of_formulas_have_derivatives_in_floats_arrays_and_kernels
     at = (0.3, -0.4)
     with mpmath.workdps(40):
         exact = [mpmath.diff(lambda *z: V(z), tuple(map(mpf, at)), n) for n in ((1, 0), (0, 1))]
+        for a, b in zip(made.grad_V(tuple(map(mpf, at))), exact, strict=True):
+            assert abs(a - b) < mpf(10) ** -19
     assert made.grad_V(at) == pytest.approx([float(x) for x in exact], rel=1e-14)
     columns = made.grad_V(tuple(np.array([x, x]) for x in at))
     assert np.array(columns)[:, 1] == pytest.approx([float(x) for x in exact], rel=1e-14)
