@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import pickle
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from decimal import Decimal
 from fractions import Fraction
 from itertools import combinations, pairwise
+from threading import Barrier
 
 import mpmath
 import numpy as np
@@ -203,6 +205,20 @@ def test_a_formula_of_exploding_size_is_refused_before_any_work(monkeypatch, gra
     monkeypatch.setattr("nearharmonic.core.kernel.build", None)
     with pytest.raises(SystemDefinitionError, match=r"^mine: V takes more than 9000 different operations$"):
         nh.integrate(spring(V=V, grad_V=grad_V, name="mine"), "ruth", 0.1)
+
+
+def test_threads_that_derive_at_once_get_the_same():
+    """The V of many terms, derived by eight threads that begin together."""
+    made = spring(V=lambda q, k: sum((k + i) * q[0] ** i * math.sin(q[0]) for i in range(60)), grad_V=None,
+                  parameters={"k": constant("1")})  # fmt: skip
+    barrier = Barrier(8)
+
+    def derive(_):
+        barrier.wait()
+        return made.grad_V((0.5,), 1.0), made.hessian_V_times((0.5,), (1.0,), 1.0)
+
+    with ThreadPoolExecutor(8) as pool:
+        assert len(set(pool.map(derive, range(8)))) == 1
 
 
 # --- sizes ------------------------------------------------------------------------------------------------------------

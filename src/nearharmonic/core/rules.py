@@ -22,7 +22,7 @@ from nearharmonic.core.layout import (
     WORST,
     parameter_rows,
 )
-from nearharmonic.core.number import Constant, scalar, vector
+from nearharmonic.core.number import Constant, Number, call, constant, scalar, vector
 from nearharmonic.core.tracing import Double, DoubleDouble, LLVMValue
 
 Entries = list[LLVMValue]
@@ -43,6 +43,10 @@ class Physics:
         For errors.
     V, grad_V, T, grad_T : callable
         Formulas ``f(q, *parameters)`` and ``f(p, *parameters)``.
+    grad_V_and_V : callable
+        The components of grad_V and V behind them, of shared operations.
+    balanced_T : callable
+        T in an order that keeps chains of operations short.
     parameters : int
         Number of parameters that a run is given, in the rows behind its tally.
     constants : tuple of Constant
@@ -54,7 +58,9 @@ class Physics:
     name: str
     V: Callable[..., Any]
     grad_V: Callable[..., Any]
+    grad_V_and_V: Callable[..., Any]
     T: Callable[..., Any]
+    balanced_T: Callable[..., Any]
     grad_T: Callable[..., Any]
     parameters: int
     constants: tuple[Constant, ...]
@@ -121,6 +127,8 @@ class Rules:
 
     def force(self, state: Entries, parameters: Entries) -> Entries:
         """dV/dq at the position."""
+        if self.physics.dimension > FEW_COORDINATES:  # the same bits whether or not the energy is measured beside it
+            return self.force_and_potential(state, parameters)[: self.parts * self.physics.dimension]
         q = self.numbers(_pairs(state, self.physics.dimension))
         return self.flat(vector(self.physics, "grad_V", q, *self.constants(parameters)), state[0])
 
@@ -160,18 +168,20 @@ class Rules:
 
     def force_and_potential(self, state: Entries, parameters: Entries) -> Entries:
         """dV/dq at the position, and V in double behind it: what both formulas have in common is computed once."""
-        return self.force(state, parameters) + self.potential(state, parameters)
+        q = self.numbers(_pairs(state, self.physics.dimension))
+        found = call(self.physics, "V", self.physics.grad_V_and_V, q, *self.constants(parameters))
+        *gradient, V = (x if isinstance(x, Number) else constant(x) for x in found)
+        return self.flat(tuple(gradient), state[0]) + self.flat((V,), state[0])
 
     def potential(self, state: Entries, parameters: Entries) -> Entries:
         """V at the position in double."""
-        q = self.numbers(_pairs(state, self.physics.dimension))
-        return [_carrier(scalar(self.physics, "V", q, *self.constants(parameters)), state[0])]
+        return self.force_and_potential(state, parameters)[-1:]
 
     def quick(self, state: Entries, potential: Entries, tally: Entries, parameters: Entries) -> Entries:
         """H - H0 in double, and the least of its modulus that can be told from rounding."""
         half, d = 2 * self.physics.dimension, self.physics.dimension
         p = self.numbers(_pairs(state[half:], d))
-        T = _carrier(scalar(self.physics, "T", p, *self.constants(parameters)), state[0])
+        T = _carrier(scalar(self.physics, "balanced_T", p, *self.constants(parameters)), state[0])
         (V,) = potential
         H, error = arithmetic.two_sum(T, V)
         latest = (H - tally[ENERGY]) + (error - tally[ENERGY_LOW])
