@@ -18,7 +18,7 @@ from nearharmonic.core.expression import graph as graph_module
 from nearharmonic.core.expression.derivative import gradient, hessian_vector
 from nearharmonic.core.expression.graph import Expression, Graph, Sum, value_of
 from nearharmonic.core.expression.polynomial import is_quadratic, shortest_program
-from nearharmonic.core.expression.program import program
+from nearharmonic.core.expression.writer import program
 from nearharmonic.core.number import FUNCTIONS, Constant, FormulaError
 
 #: Digits, the step of differences, and how far values may differ: a central difference is off by STEP^2 = 1e-80 of the
