@@ -14,7 +14,7 @@ from math import inf, nan
 from nearharmonic.core.arithmetic import dd_mul, quick_two_sum, two_product, two_sum
 from nearharmonic.core.functions import coefficients as table
 from nearharmonic.core.functions.emit import called
-from nearharmonic.core.functions.reduction import quarter_turns
+from nearharmonic.core.functions.reduction import for_all_angles
 from nearharmonic.core.values import LLVMBits, LLVMMask, LLVMValue
 
 Pair = tuple[LLVMValue, LLVMValue]
@@ -63,31 +63,35 @@ def exponent_and_mantissa(x: LLVMValue) -> tuple[LLVMValue, LLVMValue]:
 
 
 def sin(x: LLVMValue) -> LLVMValue:
-    quarters, high, low = quarter_turns(x)
-    sine, cosine = _sine(high, low), _cosine(high, low)
-    odd = (quarters & 1).nonzero()
-    value = odd.choose(cosine[0] + cosine[1], sine[0] + sine[1])
-    turned = (value.bits() ^ ((quarters & 2) << 62)).number()
-    return x.absolute().less(2.0**-27).choose(x, turned)
+    value = for_all_angles("sin", x, lambda quarters, high, low: _turned(quarters, high, low, 0))
+    return x.equals(0.0).choose(x, value)
 
 
 def cos(x: LLVMValue) -> LLVMValue:
-    quarters, high, low = quarter_turns(x)
+    return for_all_angles("cos", x, lambda quarters, high, low: _turned(quarters, high, low, 1))
+
+
+def _turned(quarters: LLVMBits, high: LLVMValue, low: LLVMValue, more: int) -> LLVMValue:
+    """Sine of high + low and so many quarter turns, and ``more``."""
     sine, cosine = _sine(high, low), _cosine(high, low)
     odd = (quarters & 1).nonzero()
-    value = odd.choose(sine[0] + sine[1], cosine[0] + cosine[1])
-    return (value.bits() ^ (((quarters + 1) & 2) << 62)).number()
+    sums = [cosine[0] + cosine[1], sine[0] + sine[1]]
+    value = odd.choose(sums[more], sums[1 - more])
+    return (value.bits() ^ (((quarters + more if more else quarters) & 2) << 62)).number()
 
 
 def tan(x: LLVMValue) -> LLVMValue:
-    quarters, high, low = quarter_turns(x)
+    return x.equals(0.0).choose(x, for_all_angles("tan", x, _tangent))
+
+
+def _tangent(quarters: LLVMBits, high: LLVMValue, low: LLVMValue) -> LLVMValue:
     sine, cosine = quick_two_sum(*_sine(high, low)), quick_two_sum(*_cosine(high, low))
     odd = (quarters & 1).nonzero()
     top = [odd.choose(-c, s) for s, c in zip(sine, cosine, strict=True)]
     bottom = [odd.choose(s, c) for s, c in zip(sine, cosine, strict=True)]
     quotient = top[0] / bottom[0]
     rest = (-quotient).fma(bottom[0], top[0]) + (-quotient).fma(bottom[1], top[1])
-    return x.absolute().less(2.0**-27).choose(x, quotient + rest / bottom[0])
+    return quotient + rest / bottom[0]
 
 
 def _sine(high: LLVMValue, low: LLVMValue) -> Pair:
@@ -289,11 +293,12 @@ def cube_root(m: LLVMValue, guess: LLVMValue) -> LLVMValue:
     """Cube root of m from a guess of its inverse that is good to 14 bits."""
     defect = 1.0 - m * guess * guess * guess
     inverse = guess.fma(defect * defect.fma(2 / 9, 1 / 3), guess)
-    root: LLVMValue = m * inverse * inverse
+    root = m * inverse * inverse
     square, error = two_product(root, root)
     cube, cube_error = two_product(square, root)
     rest = (cube - m) + error.fma(root, cube_error)
-    return root - rest * (inverse * inverse) * (1 / 3)
+    result: LLVMValue = root - rest * (inverse * inverse) * (1 / 3)
+    return result
 
 
 def hypot(x: LLVMValue, y: LLVMValue) -> LLVMValue:
