@@ -1,9 +1,8 @@
 """Cost of the functions of formulas, beside division, a hand-written vector sine and the C library, interleaved.
 
-Run: ``python benchmarks/functions.py`` (about 20 s; needs a C compiler as ``cc``). Prints nanoseconds per number at one
-lane and at eight, the smallest over the repeats, and the ratio to a division at eight lanes; then sines by hand in C and
-by the C library; then a step of the pendulum, in our kernel, in C with the library's sine, and in heyoka if it is there.
-With ``--table`` it prints the table of docs/formulas.md instead.
+Run: ``python benchmarks/functions.py`` (about 20 s; needs a C compiler as ``cc``). Prints sines by hand in C, by the C
+library and ours; a stage of the pendulum in C with the library's sine and in our kernels; and for each function the
+nanoseconds per number at one lane and at eight, the smallest over the repeats, and their ratio to a division.
 """
 
 from __future__ import annotations

@@ -14,10 +14,9 @@ from llvmlite import ir
 from nearharmonic.core.arithmetic import dd_mul, distilled, quick_two_sum, two_product, whole_pi
 from nearharmonic.core.functions import coefficients as table
 from nearharmonic.core.functions.emit import called, where_needed
+from nearharmonic.core.functions.steps import ROUNDER
 from nearharmonic.core.values import LLVMBits, LLVMMask, LLVMValue
 
-#: Adding this number rounds to a whole number, which then stands in the low bits.
-ROUNDER = 1.5 * 2.0**52
 #: Largest angle whose multiple of pi/2 is subtracted in floating point.
 MODERATE = 2.0**20
 #: Bits of the fraction of x / (2 pi): 53 are lost in the product, and a double-double may be as near as 2^-130 to a
@@ -30,8 +29,8 @@ PLACES = 971 + FRACTION + 53
 def quarter_turns(x: LLVMValue) -> tuple[LLVMBits, LLVMValue, LLVMValue]:
     """Return whole quarter turns (their last two bits) and the rest, at most pi/4 in size, as a pair.
 
-    For moderate angles. All but the last operation are exact: the second part of pi/2 has 33 bits, so that its multiple
-    has no more than 53, and where the rest is small, so has the difference.
+    For moderate angles. All but the last operation are exact: the second part of pi/2 has 33 bits, so that its
+    multiple has no more than 53, and where the rest is small, so has the difference.
     """
     shifted = x.fma(table.TWO_OVER_PI, ROUNDER)
     n = ROUNDER - shifted
@@ -42,7 +41,11 @@ def quarter_turns(x: LLVMValue) -> tuple[LLVMBits, LLVMValue, LLVMValue]:
 
 
 def for_all_angles(name: str, x: LLVMValue, body: Callable[[LLVMBits, LLVMValue, LLVMValue], LLVMValue]) -> LLVMValue:
-    """Return ``body`` of the quarter turns of x and the rest; for large angles it is called, as the function ``name``."""
+    """Return ``body`` of the quarter turns of x and the rest.
+
+    For large angles it is called, as a function of the module with this ``name``: what follows the calculation of the
+    rest stays free of a branch, and so the registers stay where they are.
+    """
 
     def of_large(x: LLVMValue) -> list[LLVMValue]:
         shifted, high, low = called("large_angles", _large_lanes, x)
