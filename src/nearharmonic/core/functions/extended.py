@@ -277,13 +277,20 @@ def atan2(y: LLVMValue, y_low: LLVMValue, x: LLVMValue, x_low: LLVMValue) -> Pai
     across = dd_add(dd_mul(top, cosine), negative(dd_mul(bottom, sine)))
     along = bottom[0].fma(cosine[0], top[0] * sine[0])
     value = quick_two_sum(angle, across[0] / along)
+    # an angle of which low halves are near underflow is the quotient, made at a larger scale
+    small = (top[0].absolute() * 2.0**400).less(bottom[0]) & ~special
+    quotient = dd_div(times(times((y, y_low), 2.0**300), scale), bottom)
+    value = choose(small, times(quotient, 2.0**-300), value)
     value = choose(angle.equals(0.0), (angle, one - one), value)
     return (x.undefined() | y.undefined()).choose(nan, value[0]), value[1]
 
 
 def erf(high: LLVMValue, low: LLVMValue) -> Pair:
     x = (high, low)
-    small = dd_add(x, dd_mul(x, series(dd_mul(x, x), table.ERF_EXTENDED, 17)))
+    tiny = high.absolute().less(2.0**-400)  # low halves are near underflow
+    grown = times(x, tiny.choose(2.0**300, high.constant(1.0)))
+    small = dd_add(grown, dd_mul(grown, series(dd_mul(x, x), table.ERF_EXTENDED, 17)))
+    small = times(small, tiny.choose(2.0**-300, high.constant(1.0)))
     size = clamped(high.absolute(), 0.5, 9.0), low.times_sign(high)
     size = size[0], size[0].equals(high.absolute()).choose(size[1], 0.0)
     shift = high.constant(2.5)
