@@ -1,9 +1,13 @@
-"""Arguments for the functions of formulas: all of their ranges, and where functions are hard to evaluate."""
+"""Arguments for the functions of formulas, where they are hard to evaluate among them, and their values."""
 
 from __future__ import annotations
 
 import gmpy2
 import numpy as np
+
+from nearharmonic.core.functions import double, extended
+from nearharmonic.core.functions.arrays import ELEMENTWISE, elementwise
+from nearharmonic.core.native import loaded
 
 #: Where functions change their form or leave the range of doubles.
 SPECIAL = np.array([
@@ -130,3 +134,33 @@ def pairs(name, count, seed=1):
         near = multiples_of_half_pi(random, max(50, count // 10))
         result = [np.concatenate(columns) for columns in zip(result, near, strict=True)]
     return result
+
+
+def in_double(name):
+    return lambda *x: [double.FUNCTIONS[name](*x)]
+
+
+def in_extended(name):
+    return lambda *x: extended.FUNCTIONS[name](*zip(x[::2], x[1::2], strict=True))
+
+
+def compiled(body, count, width, results=1):
+    """The function of ``count`` rows of arguments that compiled code of ``width`` lanes is."""
+    code = loaded(*elementwise(body, count, width), ELEMENTWISE)
+
+    def function(rows):
+        given = np.ascontiguousarray(rows)
+        found = np.empty((results, given.shape[1]))
+        code(given, found)
+        return found
+
+    return function
+
+
+def evaluated(body, rows, width, results=1):
+    """What compiled code of ``width`` lanes makes of rows of arguments."""
+    return compiled(body, len(rows), width, results)(rows)
+
+
+def same_bits(a, b):
+    return (a.view(np.int64) == b.view(np.int64)) | (np.isnan(a) & np.isnan(b))

@@ -118,5 +118,8 @@ def _of_arrays(name: str, operands: tuple[Any, ...]) -> Any:
         return np.frompyfunc(globals()[name], len(operands), 1)(*operands)
     from nearharmonic.core.functions.arrays import of_arrays
 
-    result = of_arrays(name, *(float(x) if isinstance(x, Rational) else x for x in operands))
+    arrays = [np.asarray(float(x) if isinstance(x, Rational) else x) for x in operands]
+    if not all(array.dtype.kind in "biuf" for array in arrays):
+        raise TypeError(f"{name} of {', '.join(type(x).__name__ for x in operands)}: expected real numbers")
+    result = of_arrays(name, *arrays)
     return result if result.ndim else float(result)

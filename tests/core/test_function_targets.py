@@ -7,10 +7,8 @@ import hashlib
 import numpy as np
 import pytest
 
-from function_arguments import arguments, pairs
+from function_arguments import arguments, evaluated, in_double, in_extended, pairs
 from nearharmonic.core import native
-from nearharmonic.core.functions import double, extended
-from nearharmonic.core.functions.arrays import ELEMENTWISE, elementwise
 from nearharmonic.core.number import FUNCTIONS
 
 ALL = sorted(FUNCTIONS)
@@ -25,14 +23,8 @@ def digests(kinds, width=8, count=300):
             if kind not in kinds:
                 continue
 
-            def body(*x, name=name, kind=kind):
-                if kind == "double":
-                    return [double.FUNCTIONS[name](*x)]
-                return extended.FUNCTIONS[name](*zip(x[::2], x[1::2], strict=True))
-
-            values = np.empty((results, len(rows[0])))
-            code = elementwise(body, len(rows), width)
-            native.loaded(*code, ELEMENTWISE)(np.ascontiguousarray(rows), values)
+            body = in_double(name) if kind == "double" else in_extended(name)
+            values = evaluated(body, rows, width, results)
             values[np.isnan(values)] = np.nan  # whose sign is the processor's
             found[name, kind] = hashlib.sha256(values.tobytes()).hexdigest()
     return found

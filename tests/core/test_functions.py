@@ -8,10 +8,7 @@ import numpy as np
 import pytest
 from gmpy2 import mpfr
 
-from function_arguments import arguments, pairs
-from nearharmonic.core.functions import double, extended
-from nearharmonic.core.functions.arrays import ELEMENTWISE, elementwise
-from nearharmonic.core.native import loaded
+from function_arguments import arguments, evaluated, in_double, in_extended, pairs, same_bits
 from nearharmonic.core.number import FUNCTIONS
 
 NAMES = sorted(FUNCTIONS)
@@ -24,26 +21,6 @@ EXACT = gmpy2.context(precision=2200, emax=gmpy2.get_emax_max(), emin=gmpy2.get_
 
 def exactly(name, *operands):
     return operands[0] ** operands[1] if name == "pow" else getattr(gmpy2, name)(*operands)
-
-
-def in_double(name):
-    return lambda *x: [double.FUNCTIONS[name](*x)]
-
-
-def in_extended(name):
-    return lambda *x: extended.FUNCTIONS[name](*zip(x[::2], x[1::2], strict=True))
-
-
-def evaluated(body, rows, width, results=1):
-    """What compiled code of ``width`` lanes makes of rows of arguments."""
-    given = np.ascontiguousarray(rows)
-    found = np.empty((results, given.shape[1]))
-    loaded(*elementwise(body, len(given), width), ELEMENTWISE)(given, found)
-    return found
-
-
-def same_bits(a, b):
-    return (a.view(np.int64) == b.view(np.int64)) | (np.isnan(a) & np.isnan(b))
 
 
 def outside_of_the_numbers(found, true):
