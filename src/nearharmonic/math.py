@@ -108,6 +108,8 @@ def _value(name: str, *operands: Any) -> Any:
 
 def _in_multiprecision(name: str, context: Any, operands: tuple[Any, ...]) -> Any:
     values = [context.mpf(x.numerator) / x.denominator if isinstance(x, Rational) else x for x in operands]
+    if name == "cbrt" and values[0] < 0:  # mpmath's is the root in the first quadrant
+        return -context.cbrt(-values[0])
     return getattr(context, "power" if name == "pow" else name)(*values)
 
 

@@ -137,12 +137,16 @@ def _root(a, bounds):
     return _rounded(sqrt(a[0]), a[1] / sqrt(a[0] - a[1]), bounds["root"])
 
 
+def real_root(x):
+    return mp.sign(x) * mp.cbrt(abs(x))
+
+
 def _function(name, operands, bounds):
     """Each operand moves by its error: by the mean value theorem, the value by no more than twice what slopes give.
 
     That holds if no operand's error, relative to how far the function's slopes change over, reaches a thousandth.
     """
-    function = getattr(mp, "power" if name == "pow" else name)
+    function = real_root if name == "cbrt" else getattr(mp, "power" if name == "pow" else name)
     values = [x for x, _ in operands]
     assume(all(mpf("1e-3") < abs(x) < 30 and 1000 * error < mpf("1e-6") for x, error in operands))
     assume(name not in ("log", "pow") or values[0] > 0)
