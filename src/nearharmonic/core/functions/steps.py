@@ -18,11 +18,16 @@ SMALLEST_NORMAL = 2.0**-1022
 
 
 def polynomial(x: LLVMValue, coefficients: Sequence[float]) -> LLVMValue:
-    """Return the sum of coefficients[k] x^k by Horner's rule."""
-    result = x.constant(coefficients[-1])
-    for coefficient in coefficients[-2::-1]:
-        result = result.fma(x, coefficient)
-    return result
+    """Return the sum of coefficients[k] x^k by Estrin's scheme: half the latency of Horner's rule."""
+    terms: list[LLVMValue | float] = list(coefficients)
+    power = x
+    while len(terms) > 1:
+        pairs = zip(terms[::2], terms[1::2], strict=False)
+        terms = [power.fma(odd, even) for even, odd in pairs] + terms[len(terms) - len(terms) % 2 :]
+        if len(terms) > 1:
+            power = power * power
+    (result,) = terms
+    return result if isinstance(result, LLVMValue) else x.constant(result)
 
 
 def power_of_two(n: LLVMBits) -> LLVMValue:
