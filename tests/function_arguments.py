@@ -97,6 +97,8 @@ def _points(random, n):
         (near, near * (1 + spread(random, n, -16, -1))),
     ]
     rows += [(spread(random, n, 307, 308.2), spread(random, n, 307, 308.2))]
+    base = spread(random, n, -5, 5)
+    rows += [(base * spread(random, n, -308, -290), base)]  # angles whose low halves are near underflow
     return [np.concatenate(column) for column in zip(*rows, strict=True)]
 
 

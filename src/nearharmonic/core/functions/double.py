@@ -23,6 +23,7 @@ from nearharmonic.core.functions.steps import (
     SMALLEST_NORMAL,
     clamped,
     exponent_and_mantissa,
+    horner,
     nearest_whole,
     polynomial,
     power_of_two,
@@ -193,7 +194,7 @@ def sinh(x: LLVMValue) -> LLVMValue:
     top, rest, n = _hyperbolic(x, -1.0)
     large = scaled(top + rest, n)
     square = x * x
-    small = (x * square).fma(polynomial(square, table.SINH), x)
+    small = (x * square).fma(horner(square, table.SINH), x)
     return x.absolute().less(1.0).choose(small, large.with_sign_of(x))
 
 
@@ -318,7 +319,7 @@ def atan2(y: LLVMValue, x: LLVMValue) -> LLVMValue:
 
 def erf(x: LLVMValue) -> LLVMValue:
     square, error = two_product(x, x)
-    curve = polynomial(square, table.ERF[2:])
+    curve = horner(square, table.ERF[2:])
     slope = curve.fma(square, table.ERF[1])
     slope_rest = curve.fma(square, table.ERF[1] - slope) + table.ERF_LOW[1]
     rest = square.fma(slope_rest, table.ERF_LOW[0]) + error * slope
@@ -327,7 +328,7 @@ def erf(x: LLVMValue) -> LLVMValue:
     t = (size - 2.5) / (size + 2.5)
     high, low = two_product(size, size)
     top, rest, n = _exponential_parts(-high, -low)
-    tail = (top + rest) * power_of_two(n) * polynomial(t, table.ERFCX)
+    tail = (top + rest) * power_of_two(n) * horner(t, table.ERFCX)
     return x.absolute().less(1.0).choose(small, 1.0 - tail).with_sign_of(x)
 
 

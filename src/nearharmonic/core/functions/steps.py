@@ -30,6 +30,14 @@ def polynomial(x: LLVMValue, coefficients: Sequence[float]) -> LLVMValue:
     return result if isinstance(result, LLVMValue) else x.constant(result)
 
 
+def horner(x: LLVMValue, coefficients: Sequence[float]) -> LLVMValue:
+    """Return the sum of coefficients[k] x^k by Horner's rule, which rounds less where the polynomial is not small."""
+    result = x.constant(coefficients[-1])
+    for coefficient in coefficients[-2::-1]:
+        result = result.fma(x, coefficient)
+    return result
+
+
 def power_of_two(n: LLVMBits) -> LLVMValue:
     """Return 2^n for whole numbers -1022 <= n <= 1023."""
     return ((n + 1023) << 52).number()
