@@ -63,6 +63,10 @@ class Number(Value):
         """Return the square root."""
         raise NotImplementedError
 
+    def sign(self) -> Any:
+        """Return -1 for a negative value, else 1."""
+        return self / abs(self)
+
     def apply(self, function: str, *others: Any) -> Any:
         """Return the value of a function of :data:`FUNCTIONS`, whose further operands are of its type or constants."""
         raise NotImplementedError
@@ -169,6 +173,8 @@ def call(system: Formulas, formula: str, function: Callable[..., Any], *argument
     """
     try:
         return function(*arguments)
+    except SystemDefinitionError:  # of the energy that a derived gradient is traced from
+        raise
     except FormulaError as error:
         raise SystemDefinitionError(f"{system.name}: {formula} {error}") from error
     except Exception as error:

@@ -85,6 +85,9 @@ class Double(Number):
     def __abs__(self) -> Double:
         return Double(arithmetic.absolute(self.carrier))
 
+    def sign(self) -> Double:
+        return Double(arithmetic.times_sign(self.carrier.constant(1.0), self.carrier))
+
     def sqrt(self) -> Double:
         return Double(arithmetic.sqrt(self.carrier))
 
@@ -147,6 +150,10 @@ class DoubleDouble(Number):
 
     def __abs__(self) -> DoubleDouble:
         return DoubleDouble(*arithmetic.dd_abs(self.pair))
+
+    def sign(self) -> DoubleDouble:
+        one = self.high.constant(1.0)
+        return DoubleDouble(arithmetic.times_sign(one, self.high), one - one)
 
     def sqrt(self) -> DoubleDouble:
         return DoubleDouble(*arithmetic.dd_sqrt(self.pair))
