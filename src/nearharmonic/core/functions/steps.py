@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from nearharmonic.core.values import LLVMBits, LLVMValue
 
@@ -19,7 +20,7 @@ SMALLEST_NORMAL = 2.0**-1022
 
 def polynomial(x: LLVMValue, coefficients: Sequence[float]) -> LLVMValue:
     """Return the sum of coefficients[k] x^k by Estrin's scheme: half the latency of Horner's rule."""
-    terms: list[LLVMValue | float] = list(coefficients)
+    terms: list[Any] = list(coefficients)
     power = x
     while len(terms) > 1:
         pairs = zip(terms[::2], terms[1::2], strict=False)
