@@ -151,9 +151,9 @@ def traced(made):
     from nearharmonic.core.rules import Physics, Rules, fingerprint
 
     formulas = {name: getattr(made, name) for name in ("V", "grad_V", "T", "grad_T", "name", "dimension")}
-    return fingerprint(
-        Rules(Physics(**formulas, parameters=0, constants=made.constants(Constant)), extended=True, compensated=True)
-    )
+    formulas |= {"grad_V_and_V": None, "balanced_T": None}  # of systems of more coordinates
+    physics = Physics(**formulas, parameters=0, constants=made.constants(Constant))
+    return fingerprint(Rules(physics, extended=True, compensated=True))
 
 
 @pytest.mark.parametrize("formula", ["V", "grad_V", "T", "grad_T"])

@@ -309,7 +309,7 @@ def test_a_constant_component_and_energy_are_numbers_of_the_kernel(extended):
     """One tenth as a pair: 0.1 and what is missing from it, 0.1 - 0.1000000000000000055511151231257827."""
     physics = Physics(
         name="constant", V=lambda q: 0.1, grad_V=lambda q: (0, 0.1), T=lambda p: Fraction(1, 5), grad_T=lambda p: p,
-        parameters=0, constants=(), dimension=2,
+        parameters=0, constants=(), dimension=2, grad_V_and_V=None, balanced_T=None,
     )  # fmt: skip
     rules = Rules(physics, extended=extended, compensated=True)
     builder = ir.IRBuilder(ir.Function(ir.Module(), ir.FunctionType(ir.VoidType(), []), "f").append_basic_block())

@@ -12,7 +12,14 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 
-from nearharmonic.core.lanes import Record, outlined_function, record_function, record_loader, record_storer, record_test
+from nearharmonic.core.lanes import (
+    Record,
+    outlined_function,
+    record_function,
+    record_loader,
+    record_storer,
+    record_test,
+)
 from nearharmonic.core.layout import LATEST, LIMIT, TALLY, Argument, Group, Scalar, Signature, parameter_rows
 from nearharmonic.core.native import target_machine
 from nearharmonic.core.rules import Rules, tallied
@@ -28,6 +35,12 @@ def strict(py_func: Callable[..., Any]) -> Callable[..., Any]:
     machine code needs nothing of numba.
     """
     return numba.njit(error_model="numpy", fastmath=False, nogil=True, _nrt=False)(py_func)  # type: ignore[no-any-return]
+
+
+def inlined(py_func: Callable[..., Any]) -> Callable[..., Any]:
+    """The same for a function with one caller, of which it becomes a part: it takes no compilation of its own."""
+    made = numba.njit(error_model="numpy", fastmath=False, nogil=True, _nrt=False, inline="always")
+    return made(py_func)  # type: ignore[no-any-return]
 
 
 def machine_code(function: Callable[..., Any], signature: Signature) -> tuple[str, bytes]:

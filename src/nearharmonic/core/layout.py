@@ -158,7 +158,7 @@ def workspace(size: int, stages: int, *, parameters: int, parts: int, width: int
 
 
 def aligned_zeros(count: int) -> NDArray[np.float64]:
-    """Return so many zeros on a boundary of cache lines: a kernel that loads vectors across them takes a fifth longer."""
+    """Return so many zeros from a boundary of cache lines on: kernels that load across them take a fifth longer."""
     room = np.zeros(count + CACHE_LINE - 1)
     skip = -room.ctypes.data // room.itemsize % CACHE_LINE
     return room[skip : skip + count]

@@ -194,7 +194,7 @@ class Rules:
         return [latest.absolute().greater(bound).choose(latest, exact), bound]
 
     def rounding(self, state: Entries, parameters: Entries) -> Entries:
-        """:data:`NEAR` and :data:`CONDITION` of a fresh tally: the rounding of H, absolute and relative to |T| + |V|."""
+        """:data:`NEAR` and :data:`CONDITION` of a tally: the rounding of H, absolute and relative to |T| + |V|."""
         half, d, constants = 2 * self.physics.dimension, self.physics.dimension, self.constants(parameters)
         q, p = (tuple(map(Conditioned, self.numbers(_pairs(entries, d)))) for entries in (state, state[half:]))
         given = [x if isinstance(x, Constant) else Conditioned(x) for x in constants]

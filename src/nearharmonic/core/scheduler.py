@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nearharmonic.core.compile import call_at, strict
+from nearharmonic.core.compile import call_at, inlined, strict
 from nearharmonic.core.layout import (
     ADVANCE,
     BEGIN,
@@ -75,7 +75,7 @@ def _record(rows, lane, width, size, sample, states, energy_error, worst, total)
     rows[tally + WORST * width] = rows[tally + TOTAL * width] = rows[tally + TOTAL_CARRY * width] = 0.0
 
 
-@strict
+@inlined
 def _refill(  # type: ignore[no-untyped-def]
     order, queued, scheme, start, parameters, drift, kick, rows, drifts, kicks, runs, at, mark, width, size
 ):
@@ -90,41 +90,38 @@ def _refill(  # type: ignore[no-untyped-def]
     return queued
 
 
-@strict
-def _allow(rows, lane, width, size, limit, scale, reference):  # type: ignore[no-untyped-def]
-    """Make the limit of the lane absolute: relative to |H0|, to |T| if H0 = 0, or to ``scale`` if that is not 0."""
-    tally = size * width + lane
-    if reference[0] == reference[0]:
-        rows[tally + LATEST * width] = (rows[tally + ENERGY * width] - reference[0]) + (
-            rows[tally + ENERGY_LOW * width] - reference[1]
-        )
-        rows[tally + ENERGY * width], rows[tally + ENERGY_LOW * width] = reference[0], reference[1]
-    kinetic, H = rows[tally + LIMIT * width], abs(rows[tally + ENERGY * width])
-    if NEGLIGIBLE * kinetic >= H:
-        rows[tally + ENERGY * width] = rows[tally + ENERGY_LOW * width] = H = 0.0
-    unit = scale if scale != 0 else H if H != 0 else kinetic
-    rows[tally + LIMIT * width] = limit * unit if unit != 0 else np.inf
-
-
-@strict
+@inlined
 def _record_starts(  # type: ignore[no-untyped-def]
     measured, fresh, rows, runs, mark, width, size, limit, scale, reference, states, energy_error, worst, total, energy
 ):
-    """The first sample of each run that has none yet, whose lane of ``fresh`` has its energy as H0."""
+    """The first sample of each run that has none yet, whose lane of ``fresh`` has its energy as H0.
+
+    Its limit becomes absolute: relative to |H0|, to |T| if H0 = 0, or to ``scale`` if that is not 0.
+    """
     for lane in range(width):
-        r = runs[lane]
-        if r >= 0 and mark[lane] == 0:
-            if measured != NEVER:
-                for place in range(size * width + lane, (size + TALLY) * width, width):
-                    rows[place] = fresh[place]
-                _allow(rows, lane, width, size, limit, scale, reference)
-            energy[r, 0] = rows[(size + ENERGY) * width + lane]
-            energy[r, 1] = rows[(size + ENERGY_LOW) * width + lane]
-            _record(rows, lane, width, size, mark[lane], states[r], energy_error[r], worst[r], total[r])
-            mark[lane] = 1
+        r, tally = runs[lane], size * width + lane
+        if r < 0 or mark[lane] > 0:
+            continue
+        if measured != NEVER:
+            for place in range(tally, (size + TALLY) * width, width):
+                rows[place] = fresh[place]
+            kinetic, H = rows[tally + LIMIT * width], abs(rows[tally + ENERGY * width])
+            if NEGLIGIBLE * kinetic >= H:
+                rows[tally + ENERGY * width] = rows[tally + ENERGY_LOW * width] = H = 0.0
+            if reference[0] == reference[0]:
+                lost = rows[tally + ENERGY_LOW * width] - reference[1]
+                rows[tally + LATEST * width] = (rows[tally + ENERGY * width] - reference[0]) + lost
+                rows[tally + ENERGY * width], rows[tally + ENERGY_LOW * width] = reference[0], reference[1]
+                H = abs(reference[0])
+            unit = scale if scale != 0 else H if H != 0 else kinetic
+            rows[tally + LIMIT * width] = limit * unit if unit != 0 else np.inf
+        energy[r, 0] = rows[tally + ENERGY * width]
+        energy[r, 1] = rows[tally + ENERGY_LOW * width]
+        _record(rows, lane, width, size, mark[lane], states[r], energy_error[r], worst[r], total[r])
+        mark[lane] = 1
 
 
-@strict
+@inlined
 def _next_stretch(marks, runs, at, mark, width):  # type: ignore[no-untyped-def]
     """Steps to the next sample of any lane; ``FAR`` if all lanes are idle."""
     count = FAR
@@ -134,33 +131,31 @@ def _next_stretch(marks, runs, at, mark, width):  # type: ignore[no-untyped-def]
     return count
 
 
-@strict
-def _left(rows, lane, width, size, measured):  # type: ignore[no-untyped-def]
-    """Whether the energy of the lane is beyond its limit; where none is measured, whether its state is not finite."""
-    if measured == NEVER:
-        zero = 0.0
-        for k in range(size):
-            zero += 0.0 * rows[k * width + lane]  # NaN for what is not finite
-        return zero != 0.0
-    return not abs(rows[(size + LATEST) * width + lane]) <= rows[(size + LIMIT) * width + lane]
-
-
-@strict
+@inlined
 def _settle(  # type: ignore[no-untyped-def]
     measured, lane, marks, rows, at, mark, r, width, size, states, energy_error, worst, total, left_at
 ):
-    """Record the sample of run ``r`` if one is due, or that the run has left; whether the run is finished."""
+    """Record the sample of run ``r`` if one is due, or that the run has left; whether the run is finished.
+
+    A run leaves when its energy is beyond its limit; where none is measured, when its state is not finite.
+    """
     m, tally = mark[lane], size * width + lane
     due = at[lane] >= marks[r, m]
     # What is measured at the samples alone must not depend on when the neighbours of a lane are sampled.
-    if (due or measured < SAMPLES) and _left(rows, lane, width, size, measured):
-        left_at[r] = at[lane]
-        return True
+    if due or measured < SAMPLES:
+        latest = abs(rows[tally + LATEST * width])
+        if measured == NEVER:
+            latest = 0.0
+            for k in range(size):
+                latest += 0.0 * rows[k * width + lane]  # NaN for what is not finite
+        if not latest <= rows[tally + LIMIT * width]:
+            left_at[r] = at[lane]
+            return True
+        if measured == SAMPLES:
+            rows[tally + WORST * width] = rows[tally + TOTAL * width] = latest
+            rows[tally + TOTAL_CARRY * width] = 0.0
     if not due:
         return False
-    if measured == SAMPLES:
-        rows[tally + WORST * width] = rows[tally + TOTAL * width] = abs(rows[tally + LATEST * width])
-        rows[tally + TOTAL_CARRY * width] = 0.0
     _record(rows, lane, width, size, m, states[r], energy_error[r], worst[r], total[r])
     mark[lane] = m + 1
     return m + 1 == marks.shape[1] or marks[r, m + 1] < 0
