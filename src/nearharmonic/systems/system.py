@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from decimal import Decimal, InvalidOperation
 from functools import cached_property
 from math import isinf
@@ -251,6 +251,15 @@ class System:
     @cached_property
     def _formulas(self) -> Formulas:
         return formulas_of(self, self._potential, self._kinetic_energy)
+
+    def autonomous(self) -> System:
+        """Return the extended system as one of its own if V depends on time: a System of :meth:`formulas`."""
+        if not self.time_dependent:
+            return self
+        formulas, (q0, p0) = self.formulas(), self.extended_start(str)
+        energies = {name: getattr(formulas, name) for name in ("V", "grad_V", "T", "grad_T")}
+        none: dict[str, Any] = {"invariants": {}, "observables": {}, "period": None, "exact_position": None}
+        return replace(self, q0=q0, p0=p0, time_dependent=False, masses=None, **energies, **none)
 
     def hessian_V_times(self, q: Vector, direction: Vector, *others: Any) -> Vector:
         """Return the Hessian of V at ``q`` times ``direction``, derived from V.
