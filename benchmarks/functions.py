@@ -21,10 +21,10 @@ import numpy as np
 from nearharmonic.core import arithmetic
 from nearharmonic.core.functions import double, extended
 from nearharmonic.core.functions.arrays import ELEMENTWISE, elementwise
-from nearharmonic.core.layout import ENERGY, LIMIT, TALLY
 from nearharmonic.core.native import loaded
 from nearharmonic.core.number import FUNCTIONS
-from nearharmonic.engine.batch import coefficients, kernel_of, start_rows
+from nearharmonic.engine.coefficients import coefficients, lane_rows, parameter_row, start_row
+from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators import integrators
 from nearharmonic.math import cos, sin
@@ -111,17 +111,15 @@ def pendulums(library, repeats):
     tableau = integrators[METHOD]
     drift, kick = coefficients(tableau, [TAU], 1)
     narrow = [np.ascontiguousarray(row[0, :, 0]) for row in (drift, kick)]
-    rows = np.zeros((4 + TALLY, 1))
-    rows[:4] = start_rows(*PENDULUM.start(Fraction), "compensated")[:, None]
-    rows[4 + ENERGY], rows[4 + LIMIT] = 1.0, np.inf
+    given = start_row(*PENDULUM.start(Fraction)), parameter_row(())
     pointer = ctypes.POINTER(ctypes.c_double)
-    state = rows.reshape(-1).copy()
+    state = lane_rows(*given, 1)
     c_arguments = [a.ctypes.data_as(pointer) for a in (*narrow, state)]
     calls = {"C": lambda: library.pendulum(ctypes.c_long(STEPS), ctypes.c_int(tableau.stages), *c_arguments)}
     for width in (1, 8):
-        advance = kernel_of(PENDULUM, Numerics(width=width, every_step=False)).advance()
+        advance = kernel_of(PENDULUM, Numerics(width=width, energy="samples")).advance()
         wide = [np.repeat(row[0], width, axis=1).reshape(-1) for row in (drift, kick)]
-        lanes = np.repeat(rows, width, axis=1).reshape(-1)
+        lanes = lane_rows(*given, width)
         calls[width] = lambda advance=advance, wide=wide, lanes=lanes: advance(
             STEPS, tableau.stages, False, *wide, lanes
         )

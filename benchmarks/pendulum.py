@@ -16,8 +16,8 @@ from fractions import Fraction
 import numpy as np
 
 import nearharmonic as nh
-from nearharmonic.core.layout import ENERGY, LIMIT, TALLY
-from nearharmonic.engine.batch import coefficients, kernel_of, start_rows
+from nearharmonic.engine.coefficients import coefficients, lane_rows, parameter_row, start_row
+from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.experiments.work_precision.peers.heyoka import TOLERANCES, heyoka_taylor
 from nearharmonic.math import cos, sin
@@ -44,12 +44,10 @@ def kernel_call(name, count, width):
     """A call of the inner kernel that makes ``count`` steps in each lane."""
     tableau = nh.integrators[name]
     drift, kick = coefficients(tableau, [Fraction(T_END, count)], 1)
-    rows = np.zeros((4 + TALLY, width))
-    rows[:4] = start_rows(*PENDULUM.start(Fraction), "compensated")[:, None]
-    rows[4 + ENERGY], rows[4 + LIMIT] = 1.0, np.inf
+    rows = lane_rows(start_row(*PENDULUM.start(Fraction)), parameter_row(()), width)
     wide = [np.repeat(row[0], width, axis=1).reshape(-1) for row in (drift, kick)]
-    advance = kernel_of(PENDULUM, Numerics(width=width, every_step=False)).advance()
-    return lambda: advance(count, tableau.stages, tableau.first == "kick", *wide, rows.reshape(-1).copy())
+    advance = kernel_of(PENDULUM, Numerics(width=width, energy="samples")).advance()
+    return lambda: advance(count, tableau.stages, tableau.first == "kick", *wide, rows.copy())
 
 
 def energy_error(states):

@@ -11,6 +11,7 @@ eps*eps)`` for ``hypot(x, y)``, ``sqrt(x*x + eps*eps)`` for ``abs(x)``.
 
 from __future__ import annotations
 
+from functools import cache
 from numbers import Rational
 from typing import Any
 
@@ -21,6 +22,7 @@ __all__ = [
     "atan2", "cbrt", "cos", "cosh", "erf", "exp", "hypot", "log", "pi", "pow", "sin", "sinh", "sqrt", "tan", "tanh",
 ]  # fmt: skip
 
+_NUMBERS = {float, int}  # by their types: a subclass, as numpy's, takes longer to recognise
 #: pi to 1100 bits: exact enough for every precision. With constants and floats it makes constants, with arrays arrays.
 pi = PI
 
@@ -91,19 +93,24 @@ def hypot(x: Any, y: Any) -> Any:
 
 
 def _value(name: str, *operands: Any) -> Any:
-    kinds = [type(x) for x in operands]
+    kinds = {type(x) for x in operands}
+    if kinds <= _NUMBERS or all(issubclass(kind, float | int) for kind in kinds):
+        return _of_numbers(name)(*operands)
     if any(issubclass(kind, Number) for kind in kinds):
         return applied(name, *operands)
     for x in operands:
         if hasattr(x, "context"):  # mpmath numbers carry the context they were made in
             return _in_multiprecision(name, x.context, operands)
-    if all(issubclass(kind, float | int) for kind in kinds):
-        from nearharmonic.core.functions.arrays import of_numbers
-
-        return of_numbers(name)(*operands)
     if Constant in kinds and not any(hasattr(x, "shape") and x.shape for x in operands):
         return applied(name, *operands)
     return _of_arrays(name, operands)
+
+
+@cache
+def _of_numbers(name: str) -> Any:
+    from nearharmonic.core.functions.arrays import of_numbers
+
+    return of_numbers(name)
 
 
 def _in_multiprecision(name: str, context: Any, operands: tuple[Any, ...]) -> Any:

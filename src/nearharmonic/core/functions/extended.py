@@ -61,12 +61,12 @@ ARTANH = inverses([2 * k + 1 for k in range(1, 13)])
 
 def _sine(r: Pair) -> Pair:
     square = dd_mul(r, r)
-    return dd_add(r, dd_mul(dd_mul(r, square), series(square, SIN, 7)))
+    return dd_add(r, dd_mul(dd_mul(r, square), series(square, SIN, 7, 0.62)))
 
 
 def _cosine(r: Pair) -> Pair:
     square = dd_mul(r, r)
-    return dd_add(constant_pair(r[0], (1.0, 0.0)), dd_mul(square, series(square, COS, 8)))
+    return dd_add(constant_pair(r[0], (1.0, 0.0)), dd_mul(square, series(square, COS, 8, 0.62)))
 
 
 def sincos(high: LLVMValue, low: LLVMValue) -> list[LLVMValue]:
@@ -95,7 +95,7 @@ def tan(high: LLVMValue, low: LLVMValue) -> Pair:
 
 def _exponential(r: Pair) -> Pair:
     """Return exp(r) for r up to log(2)/2."""
-    tail = dd_mul(dd_mul(r, r), series(r, EXP, 11))
+    tail = dd_mul(dd_mul(r, r), series(r, EXP, 11, 0.35))
     return dd_add(constant_pair(r[0], (1.0, 0.0)), dd_add(r, tail))
 
 
@@ -133,7 +133,7 @@ def _logarithm(high: LLVMValue, low: LLVMValue) -> Triple:
     s = _quotient(f, distilled([one + one, *f], 3))
     pair = quick_two_sum(s[0], s[1])
     square = dd_mul(pair, pair)
-    tail = dd_mul(dd_mul(pair, square), series(square, ARTANH, 6))
+    tail = dd_mul(dd_mul(pair, square), series(square, ARTANH, 6, 0.002))
     turns = [two_product(k, one * table.LN2[i]) for i in (0, 1)]
     terms = [turns[0][0], logarithm[0], 2.0 * s[0], 2.0 * tail[0], turns[0][1], turns[1][0], logarithm[1], 2.0 * s[1]]
     terms += [2.0 * tail[1], turns[1][1], k * table.LN2[2], logarithm[2], 2.0 * s[2]]
@@ -212,7 +212,7 @@ def _hyperbolic(x: Pair, sign: float) -> Pair:
 
 def _small_sinh(x: Pair) -> Pair:
     square = dd_mul(x, x)
-    return dd_add(x, dd_mul(dd_mul(x, square), series(square, SINH, 6)))
+    return dd_add(x, dd_mul(dd_mul(x, square), series(square, SINH, 6, 0.25)))
 
 
 def sinh(high: LLVMValue, low: LLVMValue) -> Pair:
@@ -289,14 +289,14 @@ def erf(high: LLVMValue, low: LLVMValue) -> Pair:
     x = (high, low)
     tiny = high.absolute().less(2.0**-400)  # low halves are near underflow
     grown = times(x, tiny.choose(2.0**300, high.constant(1.0)))
-    small = dd_add(grown, dd_mul(grown, series(dd_mul(x, x), table.ERF_EXTENDED, 17)))
+    small = dd_add(grown, dd_mul(grown, series(dd_mul(x, x), table.ERF_EXTENDED, 17, 1.0)))
     small = times(small, tiny.choose(2.0**-300, high.constant(1.0)))
     size = clamped(high.absolute(), 0.5, 9.0), low.times_sign(high)
     size = size[0], size[0].equals(high.absolute()).choose(size[1], 0.0)
     shift = high.constant(2.5)
     t = dd_div(dd_add_double(size, -shift), dd_add_double(size, shift))
     value, n = _reduced_exponential(negative(dd_mul(size, size)))
-    tail = dd_mul(times(value, power_of_two(n)), series(t, table.ERFCX_EXTENDED, 20))
+    tail = dd_mul(times(value, power_of_two(n)), series(t, table.ERFCX_EXTENDED, 20, 0.57))
     large = dd_add(constant_pair(high, (1.0, 0.0)), negative(tail))
     large = large[0].times_sign(high), large[1].times_sign(high)
     value = choose(high.absolute().less(1.0), small, large)

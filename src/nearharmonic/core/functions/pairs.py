@@ -17,16 +17,26 @@ def inverses(numbers: Sequence[int]) -> Coefficients:
     return [rounded_pair(1 if n > 0 else -1, abs(n)) for n in numbers]
 
 
-def series(x: Pair, coefficients: Coefficients, in_double: int) -> Pair:
-    """Return the sum of coefficients[k] x^k; the terms from ``in_double`` on are so small that double will do."""
+def series(x: Pair, coefficients: Coefficients, in_double: int, largest: float) -> Pair:
+    """Return the sum of coefficients[k] x^k for |x| up to ``largest``.
+
+    The terms from ``in_double`` on are so small that double will do. A coefficient that is more than twice the next
+    term takes the shorter sum, which needs operands in the order of their sizes that do not cancel.
+    """
     high = polynomial(x[0], [c[0] for c in coefficients[in_double:]])
     result: Pair = (high, high.constant(0.0))
-    first = True
-    for c in coefficients[in_double - 1 :: -1]:
-        product = _mul_double(x, result[0]) if first else dd_mul(x, result)
-        result = dd_add((high.constant(c[0]), high.constant(c[1])), product)
-        first = False
+    for k in range(in_double - 1, -1, -1):
+        product = _mul_double(x, result[0]) if k == in_double - 1 else dd_mul(x, result)
+        c = constant_pair(high, coefficients[k])
+        orderly = abs(coefficients[k][0]) > 2 * largest * abs(coefficients[k + 1][0])
+        result = _orderly_sum(c, product) if orderly else dd_add(c, product)
     return result
+
+
+def _orderly_sum(a: Pair, b: Pair) -> Pair:
+    """Sum of a and the smaller b, relative error below 4 u^2 if they do not cancel."""
+    high, low = quick_two_sum(a[0], b[0])
+    return quick_two_sum(high, low + (a[1] + b[1]))
 
 
 def _mul_double(a: Pair, b: LLVMValue) -> Pair:
