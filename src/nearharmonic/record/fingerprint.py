@@ -33,7 +33,7 @@ def fingerprint(config: Config) -> dict[str, Any]:
         the SHA-256 over these, which is the same for the same work.
     """
     resolved = json.loads(json.dumps(config, default=_plain))  # keys in their order: it is that of tables and legends
-    methods = dict.fromkeys((*config.integrators, *config.decomposed, *config.compared))
+    methods = dict.fromkeys((*config.methods, *config.decomposed, *config.compared))
     told = {
         "config": resolved,
         "config_digest": digest_of(resolved),
