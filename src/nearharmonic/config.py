@@ -164,6 +164,26 @@ def load(mapping: Mapping[str, Any], files: Iterable[Path | str] = ()) -> Config
     return config
 
 
+def read(place: Path) -> Config:
+    """Return the config of a YAML file, as :func:`load` does.
+
+    Raises
+    ------
+    NearharmonicError
+        There is no such file, it is no YAML mapping, or a fault that :func:`load` finds.
+    """
+    import yaml
+
+    try:
+        mapping = yaml.safe_load(place.read_text(encoding="utf-8"))
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        message = f"{place} cannot be read as a config: {error}"
+        raise SettingError(message) from error
+    if not isinstance(mapping, Mapping):
+        raise bad_setting("--config", str(place), "a YAML file with the keys of a config")
+    return load(mapping, [place])
+
+
 def _lists_of_methods(config: Config) -> dict[str, tuple[str, ...]]:
     """The lists of integrators in a config, by key; those that are not given are left out."""
     found = {name: getattr(config, name) for name in ("integrators", "decomposition", "overview")}

@@ -13,11 +13,14 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.integrators.user_file import TableauDefinition
 from nearharmonic.output.sources import PACKAGE, closure, module_digest, module_of
 from nearharmonic.output.user_sources import digest_of, package_modules_of
 from nearharmonic.systems import systems
+from nearharmonic.systems.user_file import SystemDefinition
 
 #: Libraries whose version may change the last bit of a result or the bytes of its file.
 LIBRARIES = ("numpy", "numba", "llvmlite", "h5py")
@@ -102,6 +105,29 @@ def defined(definitions: Definitions) -> Iterator[None]:
     """Let the registries hold what users define, inside the block."""
     with systems.defining(definitions.get("systems", {})), integrators.defining(definitions.get("integrators", {})):
         yield
+
+
+def read_definitions(document: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Definitions:
+    """Return definitions from their form in JSON.
+
+    Raises
+    ------
+    NearharmonicError
+        The document holds something else.
+    """
+    kinds: dict[str, Any] = {"systems": SystemDefinition, "integrators": TableauDefinition}
+    try:
+        return {
+            kind: {name: kinds[kind](**{key: _hashable(value) for key, value in one.items()}) for name, one in members.items()}
+            for kind, members in document.items()
+        }
+    except (AttributeError, KeyError, TypeError) as error:
+        message = f"no definition of a system or an integrator: {document!r}"
+        raise NearharmonicError(message) from error
+
+
+def _hashable(value: Any) -> Any:
+    return tuple(map(_hashable, value)) if isinstance(value, list) else value
 
 
 def settings_text(task: Mapping[str, Any]) -> str:

@@ -24,6 +24,8 @@ class SystemDefinition:
         The Python file that defines SYSTEM.
     base : str or None
         Name of a registered system; given if there is no file.
+    label : str or None
+        Name in titles, in place of the system's own.
     q0, p0 : tuple of str, or None
         Initial values in place of the system's own, as decimal strings.
     parameters : tuple of (str, str)
@@ -32,6 +34,7 @@ class SystemDefinition:
 
     file: str | None = None
     base: str | None = None
+    label: str | None = None
     q0: tuple[str, ...] | None = None
     p0: tuple[str, ...] | None = None
     parameters: tuple[tuple[str, str], ...] = ()
@@ -52,7 +55,8 @@ class SystemDefinition:
             if len(value) != original.dimension:
                 message = f"{key} has {len(value)} components, and {original.label} has {original.dimension}"
                 raise SystemDefinitionError(message)
-        return replace(original, name=name, **values, parameters=_changed(original, dict(self.parameters)))
+        parameters = _changed(original, dict(self.parameters))
+        return replace(original, name=name, label=self.label or original.label, **values, parameters=parameters)
 
 
 def _changed(system: System, values: Mapping[str, str]) -> Mapping[str, object]:

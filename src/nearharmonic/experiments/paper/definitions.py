@@ -30,7 +30,7 @@ LONGEST = 60
 
 _NAME = re.compile(rf"[A-Za-z][A-Za-z0-9_]{{0,{LONGEST - 1}}}", re.ASCII)
 #: Keys of a system in a config that make it one of the user's.
-_OWN = ("file", "system", "q0", "p0", "parameters")
+_OWN = ("file", "system", "label", "q0", "p0", "parameters")
 
 
 def define(asked: Mapping[str, SystemSettings], methods: Mapping[str, Sequence[str]], folders: Sequence[Path]) -> None:
@@ -89,6 +89,7 @@ def _definition(name: str, asked: SystemSettings, folders: Sequence[Path]) -> Sy
     return SystemDefinition(
         file=None if asked.file is None else found(f"{here}.file", asked.file, folders),
         base=base,
+        label=asked.label,
         q0=asked.q0,
         p0=asked.p0,
         parameters=tuple((asked.parameters or {}).items()),

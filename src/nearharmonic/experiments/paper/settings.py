@@ -63,6 +63,13 @@ class SystemSettings:
         "the name of a registered system, for a name that is not registered",
         default=None,
     )
+    label: str | None = setting(
+        "Name of the system in titles; its own if not given",
+        "a text of at most 100 characters, for a name that is not that of a registered system",
+        default=None,
+        min_length=1,
+        max_length=100,
+    )
     q0: tuple[ExactDecimal, ...] | None = setting(
         "Initial position; the system's own if not given",
         "a list of numbers, as many as the system has coordinates",
