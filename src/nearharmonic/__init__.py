@@ -14,6 +14,7 @@ from nearharmonic.errors import NearharmonicError
 if TYPE_CHECKING:
     from nearharmonic.engine.trajectory import integrate as integrate
     from nearharmonic.engine.trajectory import sweep as sweep
+    from nearharmonic.experiments.paper.figures.plot import plot as plot
     from nearharmonic.integrators import integrators as integrators
     from nearharmonic.integrators.tableau import Tableau as Tableau
     from nearharmonic.integrators.tableau import palindrome as palindrome
@@ -38,6 +39,7 @@ _MODULES = {
     "kappa": "theory.oscillator",
     "order_of": "theory.order",
     "palindrome": "integrators.tableau",
+    "plot": "experiments.paper.figures.plot",
     "stability_limit": "theory.linear_stability",
     "sweep": "engine.trajectory",
     "systems": "systems",
@@ -45,7 +47,7 @@ _MODULES = {
 
 __all__ = [
     "NearharmonicError", "Observable", "Parameter", "System", "Tableau", "__version__", "integrate", "integrators",
-    "kappa", "order_of", "palindrome", "stability_limit", "sweep", "systems",
+    "kappa", "order_of", "palindrome", "plot", "stability_limit", "sweep", "systems",
 ]  # fmt: skip
 
 

@@ -17,13 +17,14 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any, Generic, Protocol, TypeVar, cast
 
+from nearharmonic.display import entries_table
 from nearharmonic.errors import NearharmonicError, unknown_name
 
 Entry = TypeVar("Entry")
-Made = TypeVar("Made", covariant=True)
+Made_co = TypeVar("Made_co", covariant=True)
 
 
-class Definition(Protocol[Made]):
+class Definition(Protocol[Made_co]):
     """How a user defines an entry under a name of its own, in a config say: all that another process needs to make it.
 
     ``file`` is the Python file that it comes from, ``base`` the name of the registered entry that it changes; the other
@@ -36,7 +37,7 @@ class Definition(Protocol[Made]):
     @property
     def base(self) -> str | None: ...
 
-    def make(self, name: str) -> Made:
+    def make(self, name: str) -> Made_co:
         """Return the entry, which has this ``name``."""
 
 
@@ -190,6 +191,9 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
 
     def __repr__(self) -> str:
         return f"<module {self.__name__!r}, a mapping of {len(self)} {self._kind}s: {', '.join(self)}>"
+
+    def _repr_html_(self) -> str:
+        return entries_table([cast("Any", entry).facts for entry in self.values()])
 
     # The mapping of a package is equal to itself alone, and a module can be hashed: Mapping would compare contents.
     __eq__ = object.__eq__

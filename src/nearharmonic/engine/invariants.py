@@ -72,6 +72,7 @@ def invariant_drifts(system: System, q: Floats, p: Floats, diverged: Any) -> Var
         distance = np.linalg.norm(values - start, axis=-1)
         largest = np.where(diverged, np.inf, np.nanmax(distance, axis=1) / (scale or 1.0))
         measure = "|I - I0|/|I0|" if scale else "|I - I0|, where I0 = 0"
-        text = f"maximum over the samples of {measure}, I the {name.replace('_', ' ')} in double precision, inf if diverged"
+        what = f"I the {name.replace('_', ' ')} in double precision"
+        text = f"maximum over the samples of {measure}, {what}, inf if diverged"
         found[f"{name}_drift"] = ("tau_per_stage",), largest, described(text)
     return found

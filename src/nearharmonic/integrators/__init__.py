@@ -23,7 +23,6 @@ BENCHMARKED = (
 )
 
 
-
 def _at(place: str) -> Tableau:
     from nearharmonic.integrators.user_file import tableau_at
 

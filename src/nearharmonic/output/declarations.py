@@ -97,7 +97,9 @@ def figures_of(package: str, systems: Collection[str], cubes: Collection[str] = 
     for one in declared:
         if one.cube == EVERY_SYSTEM:
             own = profiles if one.profile else {}
-            found += [replace(own.get(n, one), stem=f"{n}_{one.stem}", target=f"{n}_{one.target}", cube=n) for n in systems]
+            found += [
+                replace(own.get(n, one), stem=f"{n}_{one.stem}", target=f"{n}_{one.target}", cube=n) for n in systems
+            ]
         elif one.cube is None or one.cube in systems or one.cube in cubes:
             found.append(one)
     return found

@@ -16,7 +16,8 @@ from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators
 from nearharmonic.output.atomic import write_bytes, write_text
 from nearharmonic.output.dataset import Contents
-from nearharmonic.output.provenance import defined, digests, function_of, named_in, provenance
+from nearharmonic.output.definitions import defined, files_in
+from nearharmonic.output.provenance import digests, function_of, named_in, provenance
 from nearharmonic.output.receipts import WHOLE, Receipt
 from nearharmonic.output.table import Table, save_document
 from nearharmonic.output.table import save as save_table
@@ -138,8 +139,7 @@ def _check_files(task: Mapping[str, Any]) -> None:
         systems[name]
     here = digests(task["function"], task["systems"], task["integrators"])
     if any(here[what] != task[what] for what in here):
-        files = {one.file for members in task["definitions"].values() for one in members.values() if one.file}
-        message = f"{' or '.join(sorted(files))} has changed since the run began: start the run again"
+        message = f"{' or '.join(files_in(task['definitions']))} has changed since the run began: start the run again"
         raise NearharmonicError(message)
 
 

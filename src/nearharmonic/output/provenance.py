@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import asdict, fields, is_dataclass
 from functools import cache
 from hashlib import sha256
@@ -13,14 +12,12 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.integrators.user_file import TableauDefinition
+from nearharmonic.output.definitions import definitions_of
 from nearharmonic.output.sources import PACKAGE, closure, module_digest, module_of
 from nearharmonic.output.user_sources import digest_of, package_modules_of
 from nearharmonic.systems import systems
-from nearharmonic.systems.user_file import SystemDefinition
 
 #: Libraries whose version may change the last bit of a result or the bytes of its file.
 LIBRARIES = ("numpy", "numba", "llvmlite", "h5py")
@@ -30,8 +27,6 @@ NUMERICAL_LIBRARIES = ("numpy", "numba", "llvmlite")
 REMARKS = ("note", "source")
 
 Task = dict[str, Any]
-#: Definitions by name, of "systems" and of "integrators".
-Definitions = Mapping[str, Mapping[str, Any]]
 
 
 def task(function: str, **settings: Any) -> Task:
@@ -89,45 +84,6 @@ def digests(function: str, problems: Iterable[str], methods: Iterable[str]) -> d
         told = [code, *(f"{name} {digest_of(place)}" for name, place in sorted(files.items()))]
         code = sha256("\n".join(told).encode()).hexdigest()
     return {"code": code, "coefficients": coefficients_digest(integrators[name] for name in methods)}
-
-
-def definitions_of(problems: Iterable[str], methods: Iterable[str]) -> Definitions:
-    """Return the definitions of those systems and integrators that a user defines, by kind and name; {} if none is."""
-    chosen = {
-        "systems": {name: one for name in problems if (one := systems.definitions.get(name)) is not None},
-        "integrators": {name: one for name in methods if (one := integrators.definitions.get(name)) is not None},
-    }
-    return {kind: found for kind, found in chosen.items() if found}
-
-
-@contextmanager
-def defined(definitions: Definitions) -> Iterator[None]:
-    """Let the registries hold what users define, inside the block."""
-    with systems.defining(definitions.get("systems", {})), integrators.defining(definitions.get("integrators", {})):
-        yield
-
-
-def read_definitions(document: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Definitions:
-    """Return definitions from their form in JSON.
-
-    Raises
-    ------
-    NearharmonicError
-        The document holds something else.
-    """
-    kinds: dict[str, Any] = {"systems": SystemDefinition, "integrators": TableauDefinition}
-    try:
-        return {
-            kind: {name: kinds[kind](**{key: _hashable(value) for key, value in one.items()}) for name, one in members.items()}
-            for kind, members in document.items()
-        }
-    except (AttributeError, KeyError, TypeError) as error:
-        message = f"no definition of a system or an integrator: {document!r}"
-        raise NearharmonicError(message) from error
-
-
-def _hashable(value: Any) -> Any:
-    return tuple(map(_hashable, value)) if isinstance(value, list) else value
 
 
 def settings_text(task: Mapping[str, Any]) -> str:

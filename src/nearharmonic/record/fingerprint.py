@@ -14,6 +14,7 @@ from typing import Any
 
 from nearharmonic.config import Config
 from nearharmonic.integrators import integrators
+from nearharmonic.output.definitions import files_in
 from nearharmonic.output.provenance import coefficients_digest
 from nearharmonic.output.sources import PACKAGE, ROOT, module_digest
 from nearharmonic.output.user_sources import digest_of as digest_of_file
@@ -44,9 +45,9 @@ def fingerprint(config: Config) -> dict[str, Any]:
         "coefficients_digest": coefficients_digest(integrators[name] for name in methods),
         "versions": versions(),
     }
-    files = {one.file for kept in (systems, integrators) for one in kept.definitions.values() if one.file is not None}
+    files = files_in({"systems": systems.definitions, "integrators": integrators.definitions})
     if files:
-        told["user_files"] = {file: digest_of_file(file) for file in sorted(files)}
+        told["user_files"] = {file: digest_of_file(file) for file in files}
     return {"work": digest_of(told), **told}
 
 

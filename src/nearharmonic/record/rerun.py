@@ -16,7 +16,7 @@ from nearharmonic.experiments.paper.plan import runs_of
 from nearharmonic.experiments.paper.run import integrate_run
 from nearharmonic.output import store
 from nearharmonic.output.dataset import Variables
-from nearharmonic.output.provenance import defined, read_definitions
+from nearharmonic.output.definitions import defined, read_definitions
 from nearharmonic.record import manifest
 
 FUNCTION = "experiments.paper.run:integrate"

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from nearharmonic.errors import NearharmonicError, ResultFileError
-from nearharmonic.output.provenance import defined, digests, read_definitions
+from nearharmonic.output.definitions import defined, read_definitions
+from nearharmonic.output.provenance import digests
 from nearharmonic.output.receipts import identity, measured
 from nearharmonic.output.store import command_for, workflow_command
 from nearharmonic.record import history, manifest
@@ -111,9 +112,9 @@ def _of_origins(folder: Path, entries: Entries) -> Iterator[Fault]:
     """A fault for each function whose code, systems or methods are not here as they were for some of its files."""
     made_otherwise: dict[tuple[str, str], list[str]] = {}
     for name, entry in entries.items():
-        names = tuple(entry["systems"]), tuple(entry["integrators"])
+        reached = tuple(entry["systems"]), tuple(entry["integrators"])
         definitions = json.dumps(entry.get("definitions", {}))
-        differs = _difference(entry["function"], *names, definitions, **_recorded(entry))
+        differs = _difference(entry["function"], *reached, definitions, **_recorded(entry))
         if differs:
             made_otherwise.setdefault((entry["function"], differs), []).append(name)
     for (function, differs), names in made_otherwise.items():

@@ -9,7 +9,6 @@ from nearharmonic.systems.system import Observable, Parameter, System
 __all__ = ["Observable", "Parameter", "System", "systems"]
 
 
-
 def _at(place: str) -> System:
     from nearharmonic.systems.user_file import system_at
 

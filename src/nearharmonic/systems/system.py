@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from decimal import Decimal, InvalidOperation
 from typing import Any, TypeVar
 
+from nearharmonic.display import facts_table, line
 from nearharmonic.errors import SystemDefinitionError
 
 #: A coordinate tuple of any number type: float, numpy array, mpf, or a number traced into a kernel.
@@ -115,6 +116,25 @@ class System:
             raise SystemDefinitionError(f"{self.name}: harmonic means one coordinate and T = p^2/2")
         if self.gravity and not (set(self.parameters) == {"GM"} and self.quadratic_kinetic_energy):
             raise SystemDefinitionError(f"{self.name}: gravity means T = p.p/2 and GM as the only parameter")
+
+    @property
+    def facts(self) -> dict[str, object]:
+        """What a notebook shows of the system, by name."""
+        return {
+            "name": self.name,
+            "label": self.label,
+            "coordinates": self.dimension,
+            "parameters": ", ".join(f"{name} = {one.value}" for name, one in self.parameters.items()),
+            "invariants": ", ".join(self.invariants),
+            "t_end": self.t_end,
+            "source": self.source,
+        }
+
+    def __repr__(self) -> str:
+        return line("System", self.facts)
+
+    def _repr_html_(self) -> str:
+        return facts_table("System", self.facts)
 
     def _drop_declarations(self) -> None:
         """Reset, in a copy with another V or T, what the original declared of its own."""

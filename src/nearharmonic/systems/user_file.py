@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from nearharmonic.errors import SystemDefinitionError, unknown_name
 from nearharmonic.registry import split_path
-from nearharmonic.systems import System, systems
+from nearharmonic.systems import Parameter, System, systems
 from nearharmonic.user_module import load
 
 DECLARES = "A system of your own is a Python file that defines SYSTEM"
@@ -59,7 +59,7 @@ class SystemDefinition:
         return replace(original, name=name, label=self.label or original.label, **values, parameters=parameters)
 
 
-def _changed(system: System, values: Mapping[str, str]) -> Mapping[str, object]:
+def _changed(system: System, values: Mapping[str, str]) -> Mapping[str, Parameter]:
     """The parameters of ``system``, some of them with another value."""
     for name in values:
         if name not in system.parameters:

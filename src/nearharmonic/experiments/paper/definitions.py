@@ -19,12 +19,23 @@ from nearharmonic.systems.user_file import SystemDefinition
 
 #: Names that files and rules of the workflow have already.
 TAKEN = frozenset(
-    {"kinetic_energy", "linear_stability", "stability", "structure", "substeps", "sho_terms", "sweeps", "work_precision"}
+    {
+        "kinetic_energy",
+        "linear_stability",
+        "stability",
+        "structure",
+        "substeps",
+        "sho_terms",
+        "sweeps",
+        "work_precision",
+    }
 )
 #: Names that parameters of the workflow's functions have, and methods of Snakemake's lists of files.
-RESERVED = frozenset({"cube", "integrator", "integrators", "run", "runs", "settings", "shard", "sweep", "system"}) | {
-    name for name in dir(list) if not name.startswith("_")
-} | {"get", "items", "keys", "values", "size", "size_files", "size_tempfiles"}
+RESERVED = (
+    frozenset({"cube", "integrator", "integrators", "run", "runs", "settings", "shard", "sweep", "system"})
+    | {name for name in dir(list) if not name.startswith("_")}
+    | {"get", "items", "keys", "values", "size", "size_files", "size_tempfiles"}
+)
 #: Longest name that a user gives: it is part of names of files, of which a folder takes 255 bytes.
 LONGEST = 60
 
@@ -51,7 +62,7 @@ def define(asked: Mapping[str, SystemSettings], methods: Mapping[str, Sequence[s
         The first fault found: key, value, what is allowed and the nearest match.
     """
     defined = {name: _definition(name, one, folders) for name, one in asked.items() if _is_own(name, one)}
-    systems.define({name: one for name, one in defined.items()})
+    systems.define(defined)
     integrators.define(_tableaus(methods, folders))
     for name in asked:
         with named(f"systems.{name}" if name in defined else "systems"):

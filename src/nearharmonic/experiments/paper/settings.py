@@ -53,8 +53,8 @@ class SystemSettings:
     __pydantic_config__ = STRICT
 
     file: str | None = setting(
-        "Python file that defines SYSTEM, the system of this name; looked for from the working directory, then from the "
-        "folder of the config",
+        "Python file that defines SYSTEM, the system of this name; looked for from the working directory, then from "
+        "the folder of the config",
         "the path of a Python file, for a name that is not that of a registered system",
         default=None,
     )

@@ -15,7 +15,7 @@ import numpy as np
 from nearharmonic.engine.settings import checked_tau, one_of
 from nearharmonic.errors import NearharmonicError, bad_setting, unknown_name
 from nearharmonic.output import store
-from nearharmonic.output.provenance import defined, read_definitions
+from nearharmonic.output.definitions import defined, read_definitions
 from nearharmonic.record.query.run_table import COLUMNS, Columns, runs_of_cube, settings_of, system_cubes
 from nearharmonic.systems import systems
 from nearharmonic.systems.user_file import SystemDefinition
