@@ -62,7 +62,7 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
     _entries: dict[str, Entry] | None
     _modules: dict[str, str]
     _covered: tuple[frozenset[str], frozenset[str]] | None
-    _read: Callable[[str], Entry]
+    _read: Callable[[str], Entry] | None
     _definitions: dict[str, Definition[Entry]]
     _made: dict[str, Entry]
 
@@ -88,12 +88,12 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
     def __getitem__(self, name: str | os.PathLike[str]) -> Entry:
         key = os.fspath(name) if isinstance(name, os.PathLike) else name
         is_named = isinstance(key, str) and key in self
-        if not is_named and not is_path(key):
+        if not is_named and (self._read is None or not is_path(key)):
             raise unknown_name(self._kind, key, self)
         if self._covered is not None and not (is_named and self._is_covered(key)):
             message = f"{self._kind} {key!r} is looked up, but no digest of the task covers it: name it in the settings"
             raise NearharmonicError(message)
-        if not is_named:
+        if not is_named and self._read is not None:
             return self._read(key)
         if key in self._definitions and key not in self._made:
             self._made[key] = self._definitions[key].make(key)
@@ -218,7 +218,7 @@ def make_registry(
     package: str,
     kind: str,
     entries_of: Callable[[ModuleType], Mapping[str, Entry]],
-    read: Callable[[str], Entry],
+    read: Callable[[str], Entry] | None = None,
 ) -> Registry[Entry]:
     """Make an imported package the registry of what its modules declare.
 
@@ -231,7 +231,7 @@ def make_registry(
     entries_of
         Function of a module that returns its entries by name, an empty mapping if it declares none.
     read
-        Function of the path of a user's file that returns the entry which it declares.
+        Function of the path of a user's file that returns the entry which it declares; without it, no path is a key.
 
     Returns
     -------

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.output.dataset import Variables, described
@@ -14,7 +14,7 @@ from nearharmonic.systems.system import System
 Floats = NDArray[np.float64]
 
 
-def invariant_values(system: System, q: Floats, p: Floats) -> dict[str, Floats]:
+def invariant_values(system: System, q: ArrayLike, p: ArrayLike) -> dict[str, Floats]:
     """Return each invariant of ``system`` at some states, evaluated in double precision.
 
     Parameters
@@ -34,13 +34,14 @@ def invariant_values(system: System, q: Floats, p: Floats) -> dict[str, Floats]:
     SystemDefinitionError
         An invariant cannot be evaluated.
     """
-    state = tuple(np.moveaxis(q, -1, 0)), tuple(np.moveaxis(p, -1, 0))
+    shape = np.shape(q)[:-1]
+    state = tuple(tuple(np.moveaxis(np.asarray(x, float), -1, 0)) for x in (q, p))
     constants, found = system.constants(float), {}
     for name, function in system.invariants.items():
         try:
             value = function(*state, *constants)
             parts = value if isinstance(value, tuple | list) else (value,)
-            found[name] = np.stack([np.broadcast_to(np.asarray(part, float), q.shape[:-1]) for part in parts], axis=-1)
+            found[name] = np.stack([np.broadcast_to(np.asarray(part, float), shape) for part in parts], axis=-1)
         except Exception as error:
             message = f"{system.name}: the invariant {name} cannot be evaluated: {type(error).__name__}: {error}"
             raise SystemDefinitionError(message) from error

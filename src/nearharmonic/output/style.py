@@ -61,7 +61,7 @@ class NotebookFigure(Figure):
     def _repr_png_(self) -> bytes:
         picture = BytesIO()
         with mpl.rc_context(SETTINGS):
-            self.savefig(picture, format="png", dpi=100)
+            FigureCanvasAgg(self).print_png(picture)  # type: ignore[no-untyped-call]
         return picture.getvalue()
 
 

@@ -14,7 +14,8 @@ from nearharmonic.experiments.paper.settings import SystemSettings
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.user_file import TableauDefinition, load_tableaus
 from nearharmonic.registry import is_path, split_path
-from nearharmonic.systems import systems
+from nearharmonic.systems import System, systems
+from nearharmonic.systems.gradients import check_gradients
 from nearharmonic.systems.user_file import SystemDefinition
 
 #: Names that files and rules of the workflow have already.
@@ -66,7 +67,24 @@ def define(asked: Mapping[str, SystemSettings], methods: Mapping[str, Sequence[s
     integrators.define(_tableaus(methods, folders))
     for name in asked:
         with named(f"systems.{name}" if name in defined else "systems"):
-            systems[name]
+            system = systems[name]
+            if name in defined:
+                _check_formulas(system)
+
+
+def _check_formulas(system: System) -> None:
+    """Evaluate what a user's system declares once, so that no job begins with formulas that fail.
+
+    Raises
+    ------
+    SystemDefinitionError
+        A formula fails or uses what formulas cannot, or a gradient contradicts its potential.
+    """
+    from nearharmonic.engine.invariants import invariant_values
+
+    check_gradients(system)
+    q, p = system.start(float)
+    invariant_values(system, q, p)
 
 
 def _is_own(name: str, asked: SystemSettings) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from decimal import Decimal
+from decimal import Decimal, InvalidOperation
 from math import isfinite
 from numbers import Real
 from typing import Annotated, Literal
@@ -23,14 +23,25 @@ def _exact_decimal(value: object) -> str:
     """A finite number of any sign, or a decimal string, as a plain decimal string."""
     if isinstance(value, bool) or not isinstance(value, Real | Decimal | str):
         raise TypeError
-    number = Decimal(value) if isinstance(value, str | Decimal | int) else Decimal(repr(float(value)))
+    try:
+        number = Decimal(value) if isinstance(value, str | Decimal | int) else Decimal(repr(float(value)))
+    except InvalidOperation:
+        raise ValueError from None
     if not (number.is_finite() and isfinite(float(number))):
         raise ValueError
     return str(number.normalize() + 0)
 
 
+_NUMBER = (("type", ("number", "string")),)
 #: A finite number or the decimal string of one, with all its digits, as a decimal string.
-ExactDecimal = Annotated[str, Reading(_exact_decimal, (("type", ("number", "string")),))]
+ExactDecimal = Annotated[str, Reading(_exact_decimal, _NUMBER)]
+ParameterValue = Annotated[
+    str,
+    Reading(
+        _exact_decimal,
+        (*_NUMBER, ("description", "Value"), ("allowed", FINITE), ("unit", "that of the parameter")),
+    ),
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +97,7 @@ class SystemSettings:
         default=None,
         min_length=1,
     )
-    parameters: Mapping[str, ExactDecimal] | None = setting(
+    parameters: Mapping[str, ParameterValue] | None = setting(
         "Parameters of the system that have other values than its own",
         "a mapping of names of parameters to numbers",
         unit="that of the parameter",
