@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import json
-import os
 import re
 from contextlib import contextmanager
 from pathlib import Path
@@ -107,7 +106,7 @@ def test_a_file_is_looked_for_from_the_working_directory_and_then_beside_the_con
     (folder / "quartic_well.py").unlink()
     load(CONFIG, [place])
     assert nh.systems["mine"].label == "beside the config"
-    assert nh.systems.definitions["mine"].file == os.path.join("configs", "quartic_well.py")
+    assert nh.systems.definitions["mine"].file == str(Path("configs/quartic_well.py"))
 
 
 def test_a_path_stands_for_all_integrators_of_its_file_and_for_one_behind_a_colon():
@@ -163,6 +162,11 @@ def test_an_edited_file_is_read_again_and_one_that_is_not_is_the_same_object(fol
     assert nh.systems["quartic_well.py"] is before
     (folder / "quartic_well.py").write_text(WELL.replace('value="0.1"', 'value="0.25"'))
     assert nh.systems["quartic_well.py"].parameters["b"].value == "0.25"
+    load(CONFIG)
+    assert nh.systems["mine"].parameters["b"].value == "0.25"
+    (folder / "quartic_well.py").write_text(WELL.replace('value="0.1"', 'value="0.5"'))
+    load(CONFIG)
+    assert nh.systems["mine"].parameters["b"].value == "0.5"
 
 
 def test_a_file_may_import_from_the_files_beside_it_which_are_its_own(folder):

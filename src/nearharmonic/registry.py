@@ -128,8 +128,7 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
             if name in self._load():
                 message = f"{self._kind} {name!r} is declared in {self._modules[name]} already: choose another name"
                 raise NearharmonicError(message)
-        kept = {name: made for name, made in self._made.items() if definitions.get(name) == self._definitions[name]}
-        self._definitions, self._made = dict(definitions), kept
+        self._definitions, self._made = dict(definitions), {}
 
     @contextmanager
     def defining(self, definitions: Mapping[str, Definition[Entry]]) -> Iterator[None]:

@@ -1,4 +1,4 @@
-"""A config with users' systems and an integrator runs to its end: files, record, archive, and what an edit makes again."""
+"""A config with users' systems and an integrator, run to its end: files, record, archive, and what edits make again."""
 
 from __future__ import annotations
 

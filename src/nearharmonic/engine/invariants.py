@@ -40,8 +40,9 @@ def invariant_values(system: System, q: ArrayLike, p: ArrayLike) -> dict[str, Fl
     for name, function in system.invariants.items():
         try:
             value = function(*state, *constants)
-            parts = value if isinstance(value, tuple | list) else (value,)
-            found[name] = np.stack([np.broadcast_to(np.asarray(part, float), shape) for part in parts], axis=-1)
+            found[name] = np.empty((*shape, len(value) if isinstance(value, tuple | list) else 1))
+            for i, part in enumerate(value if isinstance(value, tuple | list) else (value,)):
+                found[name][..., i] = part
         except Exception as error:
             message = f"{system.name}: the invariant {name} cannot be evaluated: {type(error).__name__}: {error}"
             raise SystemDefinitionError(message) from error
@@ -66,12 +67,35 @@ def invariant_drifts(system: System, q: Floats, p: Floats, diverged: Any) -> Var
         Over ``tau_per_stage``: the maximum over the samples of |I - I0| / |I0|, Euclidean for a vector, or of |I - I0|
         where I0 = 0; infinite where the run left its energy surface. The ``long_name`` says which.
     """
+    return _drifts(invariant_values(system, q, p), diverged)
+
+
+def invariant_variables(system: System, q: Floats, p: Floats, diverged: Any) -> Variables:
+    """Return the invariants of ``system`` over (tau_per_stage, sample), and behind them what ``invariant_drifts`` does.
+
+    Those of a vector have a dimension more, ``<name>_component``. Arguments and errors are those of
+    :func:`invariant_drifts`.
+    """
+    found = invariant_values(system, q, p)
+    shown: Variables = {}
+    for name, values in found.items():
+        text = described(f"{name.replace('_', ' ')}, an invariant, in the units of the system", "")
+        if values.shape[-1] == 1:
+            shown[name] = ("tau_per_stage", "sample"), values[..., 0], text
+        else:
+            shown[name] = ("tau_per_stage", "sample", f"{name}_component"), values, text
+    return shown | _drifts(found, diverged)
+
+
+def _drifts(invariants: dict[str, Floats], diverged: Any) -> Variables:
+    """The drift of each invariant, from its values (R, S, k)."""
     found: Variables = {}
-    for name, values in invariant_values(system, q, p).items():
-        start = values[:, :1]
-        scale = float(np.linalg.norm(start[0, 0]))
-        distance = np.linalg.norm(values - start, axis=-1)
-        largest = np.where(diverged, np.inf, np.nanmax(distance, axis=1) / (scale or 1.0))
+    for name, values in invariants.items():
+        scale = float(np.hypot.reduce(values[0, 0]))
+        change = (values - values[:, :1]) / (scale or 1.0)
+        # fmax passes over NaN, of which the first sample has none.
+        largest = np.fmax.reduce(np.hypot.reduce(change, axis=-1), axis=1)
+        largest[diverged] = np.inf
         measure = "|I - I0|/|I0|" if scale else "|I - I0|, where I0 = 0"
         what = f"I the {name.replace('_', ' ')} in double precision"
         text = f"maximum over the samples of {measure}, {what}, inf if diverged"

@@ -10,6 +10,7 @@ import numpy as np
 
 from nearharmonic.engine.batch import STANDARD, Floats, Integers, Trajectories, integrate_batch, kernel_of
 from nearharmonic.engine.grid import check_fit, steps_of
+from nearharmonic.engine.invariants import invariant_variables
 from nearharmonic.engine.settings import (
     Numerics,
     checked_first,
@@ -68,8 +69,11 @@ def integrate(
     xarray.Dataset
         Over (sample, component): ``t``, ``q``, ``p``, ``energy_error`` = (H - H0)/|H0| at the samples; and the scalars
         ``tau``, ``max_energy_error`` and ``mean_energy_error`` of |H - H0|/|H0| over every step, ``steps``,
-        ``evaluations`` of the force, ``status``, ``diverged_at``. A run that leaves its energy surface ends there: its
-        status is "diverged", ``diverged_at`` its step, both errors infinite; later samples are left out.
+        ``evaluations`` of the force, ``status``, ``diverged_at``. Each invariant that the system declares stands under
+        its name, and the largest deviation from its value at the start under ``<name>_drift``.
+
+        A run that leaves its energy surface ends there: its status is "diverged", ``diverged_at`` its step, both errors
+        infinite; later samples are left out.
 
     Raises
     ------
@@ -79,6 +83,8 @@ def integrate(
     problem = _Problem(system, integrator, t_end, precision, summation, first)
     paths = problem.batch([problem.steps(tau)], checked_samples(samples))
     variables = _trajectory_variables(problem, paths) | _error_variables(paths) | problem.tau_variable(paths)
+    if problem.system.invariants:
+        variables |= invariant_variables(problem.system, paths.q, paths.p, paths.left_at > 0)
     return assembled(_first_run(variables), ["t"], problem.attributes())
 
 

@@ -54,7 +54,8 @@ def plot(datasets: xr.Dataset | Iterable[xr.Dataset]) -> Figure:
     given: list[Any] = list(datasets) if isinstance(datasets, list | tuple) else [datasets]
     kinds = {_kind(one) for one in given}
     if len(kinds) != 1 or kinds == {""} or (kinds == {CUBE} and len(given) > 1):
-        shown = " and ".join(sorted(filter(None, kinds))) if len(kinds) > 1 else type(datasets).__name__
+        several = [CUBE] * len(given) if kinds == {CUBE} else sorted(filter(None, kinds))
+        shown = " and ".join(several) or type(datasets).__name__
         raise bad_setting("datasets", shown, ALLOWED)
     if kinds == {CUBE}:
         return draw_profile(given[0])
