@@ -20,9 +20,10 @@ from pathlib import Path
 import numpy as np
 
 import nearharmonic as nh
-from nearharmonic.core.layout import ENERGY, LIMIT, TALLY
-from nearharmonic.engine.batch import coefficients, integrate_batch, kernel_of, start_rows
+from nearharmonic.engine.batch import integrate_batch
+from nearharmonic.engine.coefficients import coefficients, lane_rows, parameter_row, start_row
 from nearharmonic.engine.grid import steps_of
+from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators import BENCHMARKED
 
@@ -54,16 +55,15 @@ def contest(system, width, library, repeats):
     drift, kick = coefficients(tableau, [TAU[system]], 1)
     wide = [np.repeat(row[0], width, axis=1).reshape(-1) for row in (drift, kick)]
     narrow = [np.ascontiguousarray(row[0, :, 0]) for row in (drift, kick)]
-    rows = np.zeros((4 * problem.dimension + TALLY, width))
-    rows[: 4 * problem.dimension] = start_rows(*problem.start(Fraction), "compensated")[:, None]
-    rows[4 * problem.dimension + ENERGY], rows[4 * problem.dimension + LIMIT] = 1.0, np.inf
-    states = {name: rows.copy().reshape(-1) for name in ("C", "ours", "energy")}
+    given = start_row(*problem.start(Fraction)), parameter_row(problem.constants(Fraction))
+    rows = lane_rows(*given, width)
+    states = {name: rows.copy() for name in ("C", "ours", "energy")}
     function = getattr(library, f"{system}_{width}")
     pointer = ctypes.POINTER(ctypes.c_double)
     c_arguments = [ctypes.c_long(count), ctypes.c_int(tableau.stages)]
     c_arguments += [a.ctypes.data_as(pointer) for a in (*narrow, states["C"])]
     kernels = {
-        "ours": kernel_of(problem, Numerics(width=width, every_step=False)).advance(),
+        "ours": kernel_of(problem, Numerics(width=width, energy="samples")).advance(),
         "energy": kernel_of(problem, Numerics(width=width)).advance(),
     }
     calls = {"C": lambda: function(*c_arguments)}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mpmath import mpf, sqrt
+from mpmath import mp, mpf, sqrt
 
 from nearharmonic.core.number import Constant, Number, constant
 from nearharmonic.integrators.tableau import Tableau
@@ -66,6 +66,13 @@ class Multiprecision(Number):
 
     def sqrt(self):
         return Multiprecision(sqrt(self.value))
+
+    def lifted(self, number):
+        return Multiprecision(self._mpf(number))
+
+    def apply(self, function, *others):
+        name = "power" if function == "pow" else function
+        return Multiprecision(getattr(mp, name)(self.value, *map(self._mpf, others)))
 
 
 def value_of(result):

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 from nearharmonic.errors import NearharmonicError
 
 if TYPE_CHECKING:
+    from nearharmonic.engine.ensemble import ensemble as ensemble
+    from nearharmonic.engine.problem import problem as problem
     from nearharmonic.engine.trajectory import integrate as integrate
     from nearharmonic.engine.trajectory import sweep as sweep
     from nearharmonic.experiments.paper.figures.plot import plot as plot
@@ -34,11 +36,13 @@ _MODULES = {
     "Parameter": "systems.system",
     "System": "systems.system",
     "Tableau": "integrators.tableau",
+    "ensemble": "engine.ensemble",
     "integrate": "engine.trajectory",
     "integrators": "integrators",
     "kappa": "theory.oscillator",
     "order_of": "theory.order",
     "palindrome": "integrators.tableau",
+    "problem": "engine.problem",
     "plot": "experiments.paper.figures.plot",
     "stability_limit": "theory.linear_stability",
     "sweep": "engine.trajectory",
@@ -46,8 +50,8 @@ _MODULES = {
 }
 
 __all__ = [
-    "NearharmonicError", "Observable", "Parameter", "System", "Tableau", "__version__", "integrate", "integrators",
-    "kappa", "order_of", "palindrome", "plot", "stability_limit", "sweep", "systems",
+    "NearharmonicError", "Observable", "Parameter", "System", "Tableau", "__version__", "ensemble", "integrate", "integrators",
+    "kappa", "order_of", "palindrome", "plot", "problem", "stability_limit", "sweep", "systems",
 ]  # fmt: skip
 
 

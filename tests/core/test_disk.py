@@ -19,7 +19,7 @@ import pytest
 import nearharmonic as nh
 from nearharmonic.core import compile, disk, native
 from nearharmonic.core.layout import Group, Signature, floats
-from nearharmonic.engine.batch import kernel_of
+from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import CompiledCodeError
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.engine.batch import integrate_batch, start_rows
+from nearharmonic.engine.batch import integrate_batch
+from nearharmonic.engine.coefficients import start_row
 from nearharmonic.engine.settings import Numerics
-from nearharmonic.errors import SettingError
 from nearharmonic.systems.system import System
 
 PRECISIONS = [("double", "compensated"), ("double", "plain"), ("extended", "compensated")]
@@ -124,7 +124,7 @@ def test_one_step_is_symplectic(system, integrator):
     for k in range(2 * d):
         for sign in (1, -1):
             moved = [x + sign * h * (i == k) for i, x in enumerate(start)]
-            rows.append(start_rows(moved[:d], moved[d:], "compensated"))
+            rows.append(start_row(moved[:d], moved[d:]))
     t_end = {"henon_heiles": Fraction(1, 2), "kepler": Fraction(100)}[system]
     out = integrate_batch(
         problem, tableau, t_end=t_end, steps=[1] * len(rows), samples=2, start=np.array(rows),
@@ -195,14 +195,20 @@ def test_a_run_that_leaves_does_not_disturb_its_neighbours():
     assert np.array_equal(mixed.max_energy_error[[1, 3]], calm.max_energy_error)
 
 
-def test_a_zero_energy_start_is_refused_because_the_error_is_relative():
+def test_an_energy_of_zero_at_the_start_is_measured_absolutely():
+    """H = p^2/2 - q^2/2 at q = p = 1: along the unstable direction both grow as exp(t), and H stays at rounding."""
     sound = nh.systems["sho"]
-    still = System(
-        name="still", label="at rest", V=sound.V, grad_V=sound.grad_V, q0=("0",), p0=("0",), t_end="1",
-        units=sound.units, source="none",
+    units = dict(sound.units) | {"energy": "J"}
+    hill = System(
+        name="hill", label="hilltop", V=lambda q: -q[0] * q[0] / 2, grad_V=lambda q: (-q[0],), q0=("1",), p0=("1",),
+        t_end="3", units=units, source="none",
     )  # fmt: skip
-    with pytest.raises(SettingError, match=r"still.*must not be 0"):
-        nh.integrate(still, "ruth", 0.1)
+    errors = {factor: integrate_batch(
+        hill, nh.integrators["yoshida_s7o6a"], t_end=Fraction(3), steps=[20], samples=2, scale=factor,
+    ) for factor in (0.0, 1.0, 4.0)}  # fmt: skip
+    assert 1e-9 < errors[0.0].max_energy_error[0] == errors[1.0].max_energy_error[0] < 1e-2
+    assert errors[4.0].max_energy_error[0] == errors[1.0].max_energy_error[0] / 4
+    assert errors[0.0].energy[0] == 0
 
 
 def test_a_system_of_ones_own_needs_no_registration():

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.engine.batch import integrate_batch, kernel_of
+from nearharmonic.engine.batch import integrate_batch
+from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 
 OSCILLATOR = nh.systems["sho"]
@@ -51,11 +52,12 @@ def test_a_potential_that_changes_while_its_gradient_stays_gets_its_own_code(own
 
 def test_kernels_with_and_without_the_energy_at_every_step_share_a_cache(own_cache):
     """Only the first knows the mean over the steps; between two samples the error of an oscillator is larger."""
-    first, second = ({every: run(OSCILLATOR, every_step=every, look=50) for every in (True, False)} for _ in range(2))
+    kinds = "every", "samples"
+    first, second = ({energy: run(OSCILLATOR, energy=energy, look=50) for energy in kinds} for _ in range(2))
     for paths in (first, second):
-        assert paths[True].mean_energy_error[0] > 0
-        assert np.isnan(paths[False].mean_energy_error[0])
-        assert paths[True].max_energy_error[0] > paths[False].max_energy_error[0] > 0
+        assert paths["every"].mean_energy_error[0] > 0
+        assert np.isnan(paths["samples"].mean_energy_error[0])
+        assert paths["every"].max_energy_error[0] > paths["samples"].max_energy_error[0] > 0
 
 
 def core_digest_of_a_fresh_process():

@@ -15,7 +15,8 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.core import native
-from nearharmonic.engine.batch import integrate_batch, kernel_of
+from nearharmonic.engine.batch import integrate_batch
+from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.experiments.sixth_order import kernels
 

@@ -260,15 +260,15 @@ def test_a_constant_component_and_energy_are_numbers_of_the_kernel(extended):
     """One tenth as a pair: 0.1 and what is missing from it, 0.1 - 0.1000000000000000055511151231257827."""
     physics = Physics(
         name="constant", V=lambda q: 0.1, grad_V=lambda q: (0, 0.1), T=lambda p: Fraction(1, 5), grad_T=lambda p: p,
-        parameters=(), dimension=2,
+        parameters=0, constants=(), dimension=2,
     )  # fmt: skip
     rules = Rules(physics, extended=extended, compensated=True)
     builder = ir.IRBuilder(ir.Function(ir.Module(), ir.FunctionType(ir.VoidType(), []), "f").append_basic_block())
     state = [LLVMValue(builder, ir.Constant(ir.DoubleType(), float(i))) for i in range(8)]
     rest = float(Fraction(1, 10) - Fraction(0.1))
-    force = [entry.value.constant for entry in rules.force(state)]
+    force = [entry.value.constant for entry in rules.force(state, [])]
     assert force == ([0.0, 0.1, 0.0, rest] if extended else [0.0, 0.1])
-    energy = rules.energy(state)
+    energy = rules.energy(state, [])
     assert Fraction(energy.high.value.constant) + Fraction(energy.low.value.constant) == pytest.approx(0.3, rel=1e-30)
     assert energy.low.value.constant == float(Fraction(3, 10) - Fraction(0.3))
 

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.engine.batch import coefficients, integrate_batch, kernel_of, sample_marks
+from nearharmonic.engine.batch import integrate_batch, sample_marks
+from nearharmonic.engine.coefficients import coefficients
+from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import SettingError
 
@@ -36,7 +38,7 @@ def test_numerics_with_one_compiled_code_are_one_in_compiled_form():
         assert Numerics(precision="extended", **other).compiled == extended.compiled
     kinds = [
         Numerics(**how)
-        for how in ({}, {"summation": "plain"}, {"precision": "extended"}, {"width": 1}, {"every_step": False})
+        for how in ({}, {"summation": "plain"}, {"precision": "extended"}, {"width": 1}, {"energy": "samples"})
     ]
     assert len({kind.compiled for kind in kinds}) == 5
 
@@ -45,7 +47,7 @@ def test_a_batch_that_looks_more_often_loads_no_other_kernel():
     settings = {"t_end": Fraction(3), "steps": [6], "samples": 2}
     for look in (None, 2, 3):
         before = kernel_of.cache_info().misses
-        numerics = Numerics(width=1, every_step=False, look=look)
+        numerics = Numerics(width=1, energy="samples", look=look)
         integrate_batch(nh.systems["sho"], nh.integrators["ruth"], numerics=numerics, **settings)
         assert look is None or kernel_of.cache_info().misses == before
 

@@ -151,8 +151,9 @@ def test_a_wrong_term_that_is_small_away_from_the_start_is_found():
 
 
 def test_the_kinetic_energy_is_compared_too():
-    formula, _, value, derivative, (p,) = contradiction(system(half_square, lambda q: q, T=lambda p: p[0] ** 4))
-    assert formula == "grad_T"  # the default, forgotten
+    wrong = system(half_square, lambda q: q, T=lambda p: p[0] ** 4, grad_T=lambda p: (p[0],))
+    formula, _, value, derivative, (p,) = contradiction(wrong)
+    assert formula == "grad_T"
     assert (value, derivative) == (pytest.approx(p), pytest.approx(4 * p**3))
     assert contradiction(system(half_square, lambda q: q, grad_T=lambda p: (2 * p[0],)))[0] == "grad_T"
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.engine.invariants import invariant_drifts, invariant_values
+from nearharmonic.engine.invariants import invariant_values, invariant_variables
 from nearharmonic.errors import SystemDefinitionError
 from own_systems import spring
 
@@ -31,10 +31,10 @@ def test_the_invariants_of_a_run_are_those_of_its_states():
 def test_a_drift_is_relative_unless_the_invariant_begins_at_zero():
     system = spring(invariants={"zero": lambda q, p: p[0], "ten": lambda q, p: 10 * q[0]})
     q, p = np.array([[[1.0], [0.5]], [[1.0], [np.nan]]]), np.array([[[0.0], [-3.0]], [[0.0], [np.nan]]])
-    found = invariant_drifts(system, q, p, np.array([False, False]))
+    found = invariant_variables(system, q, p, np.array([False, False]))
     assert found["zero_drift"][1].tolist() == [3.0, 0.0]
     assert found["ten_drift"][1].tolist() == [0.5, 0.0]
-    assert "|I - I0|, where I0 = 0" in found["zero_drift"][2]["long_name"]
+    assert "of |I - I0|, I = zero" in found["zero_drift"][2]["long_name"]
     assert "|I - I0|/|I0|" in found["ten_drift"][2]["long_name"]
 
 

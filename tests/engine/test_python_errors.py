@@ -23,7 +23,7 @@ import nearharmonic as nh
         (lambda: nh.integrate("sho", "ruth", float("nan")), "tau = nan"),
         (lambda: nh.integrate("sho", "ruth", float("inf")), "tau = inf"),
         (lambda: nh.integrate("sho", "ruth", 0), "tau = 0"),
-        (lambda: nh.integrate("sho", "ruth", 1, t_end=-3), "t_end = -3"),
+        (lambda: nh.integrate("sho", "ruth", 1, t_end="-0"), "t_end = '-0'"),
         (lambda: nh.integrate("sho", "ruth", 1e-9), "would take 500000000000 steps"),
         (lambda: nh.integrate("sho", "ruth", 1, precision="extnded"), "Did you mean 'extended'?"),
         (lambda: nh.integrate("sho", "ruth", 1, summation="kahan"), "one of compensated, plain"),

@@ -31,10 +31,13 @@ def test_a_positive_number_passes_in_any_guise(value):
     [0, -1, -0.0, float("nan"), float("inf"), "nan", "-inf", "", "ten", "1e-400", 10**400, True, None, [1], 1j, b"1"],
 )
 def test_anything_else_is_refused_with_key_value_and_what_is_allowed(value):
-    for check, key in ((checked_tau, "tau"), (checked_t_end, "t_end")):
+    backwards = ", or below 0 to run backwards"
+    for check, key, more in ((checked_tau, "tau", ""), (checked_t_end, "t_end", backwards)):
+        if (key, value) == ("t_end", -1):
+            continue
         with pytest.raises(SettingError) as refusal:
             check(value)
-        assert str(refusal.value) == f"{key} = {value!r} is not allowed: a finite number above 0"
+        assert str(refusal.value) == f"{key} = {value!r} is not allowed: a finite number above 0{more}"
 
 
 def test_t_end_keeps_all_its_digits():

@@ -10,6 +10,7 @@ doi:10.1109/ARITH.2001.930115 (double-double).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -53,6 +54,23 @@ def times_sign(x: Any, y: Any) -> Any:
     if hasattr(x, "times_sign"):
         return x.times_sign(y)
     return -x if y < 0 else x
+
+
+def whole_pi(bits: int) -> int:
+    """Return the whole part of pi 2^bits, by Machin's formula."""
+    guard = 64
+
+    def inverse_tangent(n: int) -> int:
+        """Return arctan(1/n) 2^(bits + guard), wrong by less than its number of terms."""
+        term = total = (1 << bits + guard) // n
+        k = 1
+        while term:
+            term //= -n * n
+            k += 2
+            total += term // k
+        return total
+
+    return 4 * (4 * inverse_tangent(5) - inverse_tangent(239)) >> guard
 
 
 def rounded_pair(numerator: int, denominator: int) -> tuple[float, float]:
@@ -136,3 +154,19 @@ def dd_sqrt(a: Pair) -> Pair:
 def dd_abs(a: Pair) -> Pair:
     """Double-double modulus, exact: the sign is that of the high half."""
     return absolute(a[0]), times_sign(a[1], a[0])
+
+
+def distilled(terms: Sequence[Any], count: int) -> tuple[Any, ...]:
+    """Return ``count`` numbers whose sum is that of ``terms``, each about 2^-53 of the one before (Ogita et al. 2005).
+
+    Only the last is rounded. Terms come roughly in the order of their sizes; if leading terms cancel, so do leading
+    results, and a second call restores the order (doi:10.1137/030601818, VecSum).
+    """
+    rest = list(terms)
+    for first in range(count - 1):
+        for i in range(len(rest) - 1, first, -1):
+            rest[i - 1], rest[i] = two_sum(rest[i - 1], rest[i])
+    last = rest[-1]
+    for term in rest[-2 : count - 2 : -1]:
+        last = last + term
+    return *rest[: count - 1], last

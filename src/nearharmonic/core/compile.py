@@ -13,7 +13,7 @@ from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 
 from nearharmonic.core.lanes import Record, record_function, record_loader, record_storer, record_test
-from nearharmonic.core.layout import LATEST, LIMIT, TALLY, Argument, Group, Scalar, Signature
+from nearharmonic.core.layout import LATEST, LIMIT, TALLY, Argument, Group, Scalar, Signature, parameter_rows
 from nearharmonic.core.native import target_machine
 from nearharmonic.core.rules import Rules
 
@@ -33,16 +33,12 @@ def strict(py_func: Callable[..., Any]) -> Callable[..., Any]:
 def machine_code(function: Callable[..., Any], signature: Signature) -> tuple[str, bytes]:
     """Name and object code of a C function that calls the jitted ``function``.
 
-    The C function takes each array as its address and its lengths, and the members of groups in a row.
+    The C function takes each array as its address and its lengths, and the members of groups in a row; if ``packed``,
+    the address of a block of slots that hold these, once as integers and once as doubles.
     """
-    kinds: list[Any] = []
-    names: list[str] = []
-    for argument in signature.flat:
-        scalar, lengths = _TYPES[argument.scalar], _lengths(argument)
-        kinds += [types.CPointer(scalar) if lengths else scalar, *[types.int64] * len(lengths)]
-        names += [argument.name, *lengths]
-    text = f"def entry({', '.join(names)}):\n    return function({_passed(signature.arguments)})\n"
-    scope: dict[str, Any] = {"function": function, "array_at": array_at}
+    kinds, parameters, values = _packed(signature) if signature.packed else _flat(signature)
+    text = f"def entry({', '.join(parameters)}):\n    return function({_passed(signature.arguments, values)})\n"
+    scope: dict[str, Any] = {"function": function, "array_at": array_at} | _ARRAYS_FROM
     exec(text, scope)  # numba reads arities from text
     result = _TYPES[signature.result] if signature.result else types.void
     entry = numba.cfunc(result(*kinds), error_model="numpy", fastmath=False, _nrt=False)(scope["entry"])
@@ -50,21 +46,70 @@ def machine_code(function: Callable[..., Any], signature: Signature) -> tuple[st
     return entry.native_name, target_machine().emit_object(module)
 
 
+def _flat(signature: Signature) -> tuple[list[Any], list[str], dict[str, str]]:
+    """Types and names of the arguments of a C function, and the text of each argument as ``function`` takes it."""
+    kinds: list[Any] = []
+    names: list[str] = []
+    values = {}
+    for argument in signature.flat:
+        scalar, lengths = _TYPES[argument.scalar], [f"{argument.name}_{i}" for i in range(argument.dimensions)]
+        kinds += [types.CPointer(scalar) if lengths else scalar, *[types.int64] * len(lengths)]
+        names += [argument.name, *lengths]
+        values[argument.name] = f"array_at({argument.name}, ({', '.join(lengths)},))" if lengths else argument.name
+    return kinds, names, values
+
+
+def _packed(signature: Signature) -> tuple[list[Any], list[str], dict[str, str]]:
+    """The same for a C function that takes a block of slots."""
+    values, at = {}, 0
+    for argument in signature.flat:
+        if argument.dimensions:
+            lengths = [f"integers[{at + 1 + i}]" for i in range(argument.dimensions)]
+            values[argument.name] = f"{argument.scalar}_array(integers[{at}], ({', '.join(lengths)},))"
+        else:
+            slot = {"int64": f"integers[{at}]", "float64": f"doubles[{at}]", "bool": f"integers[{at}] != 0"}
+            values[argument.name] = slot[argument.scalar]
+        at += 1 + argument.dimensions
+    return [types.CPointer(types.int64), types.CPointer(types.float64)], ["integers", "doubles"], values
+
+
+def _array(context: Any, builder: ir.IRBuilder, kind: Any, data: ir.Value, lengths: ir.Value) -> ir.Value:
+    """The C-contiguous array of type ``kind`` whose first number is at ``data``."""
+    array = context.make_array(kind)(context, builder)
+    itemsize = context.get_constant(types.intp, context.get_abi_sizeof(context.get_data_type(kind.dtype)))
+    shape = cgutils.unpack_tuple(builder, lengths)
+    strides = [itemsize]
+    for length in shape[:0:-1]:
+        strides.insert(0, builder.mul(length, strides[0]))
+    populate_array(array, data, shape, strides, itemsize, meminfo=None)
+    return array._getvalue()
+
+
 @intrinsic
 def array_at(typingctx, address, lengths):  # type: ignore[no-untyped-def]
     """The C-contiguous array of these ``lengths``, a tuple, at ``address``."""
 
     def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
-        array = context.make_array(signature.return_type)(context, builder)
-        itemsize = context.get_constant(types.intp, context.get_abi_sizeof(context.get_data_type(address.dtype)))
-        shape = cgutils.unpack_tuple(builder, args[1])
-        strides = [itemsize]
-        for length in shape[:0:-1]:
-            strides.insert(0, builder.mul(length, strides[0]))
-        populate_array(array, args[0], shape, strides, itemsize, meminfo=None)
-        return array._getvalue()
+        return _array(context, builder, signature.return_type, args[0], args[1])
 
     return types.Array(address.dtype, len(lengths), "C")(address, lengths), codegen
+
+
+def _array_from(scalar: Any) -> Callable[..., Any]:
+    """An intrinsic (address as an integer, lengths) -> array of ``scalar``."""
+
+    @intrinsic
+    def array_from(typingctx, address, lengths):  # type: ignore[no-untyped-def]
+        def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+            data = builder.inttoptr(args[0], context.get_data_type(scalar).as_pointer())
+            return _array(context, builder, signature.return_type, data, args[1])
+
+        return types.Array(scalar, len(lengths), "C")(types.int64, lengths), codegen
+
+    return array_from  # type: ignore[no-any-return]
+
+
+_ARRAYS_FROM = {f"{name}_array": _array_from(kind) for name, kind in _TYPES.items()}
 
 
 def call_at(signature: Signature) -> Callable[..., Any]:
@@ -96,61 +141,52 @@ def call_at(signature: Signature) -> Callable[..., Any]:
     return call  # type: ignore[no-any-return]
 
 
-def _lengths(argument: Argument) -> list[str]:
-    return [f"{argument.name}_{i}" for i in range(argument.dimensions)]
-
-
-def _passed(arguments: tuple[Argument | Group, ...]) -> str:
-    """Text of the arguments as ``function`` takes them, from those of the C function."""
-    parts = []
-    for argument in arguments:
-        if isinstance(argument, Group):
-            parts.append(f"({_passed(argument.members)},)")
-        elif argument.dimensions:
-            parts.append(f"array_at({argument.name}, ({', '.join(_lengths(argument))},))")
-        else:
-            parts.append(argument.name)
+def _passed(arguments: tuple[Argument | Group, ...], values: dict[str, str]) -> str:
+    """Text of the arguments as ``function`` takes them, with groups as tuples."""
+    parts = (f"({_passed(a.members, values)},)" if isinstance(a, Group) else values[a.name] for a in arguments)
     return ", ".join(parts)
 
 
-def advance(rules: Rules, width: int, every_step: bool) -> Callable[..., Any]:
+def advance(rules: Rules, width: int, energy: str) -> Callable[..., Any]:
     """The inner kernel, jitted: see :class:`nearharmonic.core.kernel.Kernel`."""
     d, parts = rules.physics.dimension, rules.parts
     state_type, tally_type = Record(4 * d, width), Record(TALLY, width)
     step_type, rate_type = Record(parts, width), Record(parts * d, width)
+    given_type = Record(parameter_rows(rules.physics.parameters), width)
     load_state, store_state = record_loader(state_type), record_storer(state_type)
     load_tally, store_tally = record_loader(tally_type), record_storer(tally_type)
-    load_step = record_loader(step_type)
-    force = record_function(rules.force, rate_type, state_type)
+    load_step, load_given = record_loader(step_type), record_loader(given_type)
+    force = record_function(rules.force, rate_type, state_type, given_type)
     kick = record_function(rules.kick, state_type, state_type, step_type, rate_type)
-    drift = record_function(rules.drift, state_type, state_type, step_type)
-    measure = record_function(rules.measure, tally_type, state_type, tally_type)
+    drift = record_function(rules.drift, state_type, state_type, step_type, given_type)
+    measure = record_function(rules.measure, tally_type, state_type, tally_type, given_type)
     left = record_test(lambda tally: tally[LATEST].absolute().any_not_within(tally[LIMIT]), tally_type)
-    stride, tally_at = parts * width, 4 * d * width
+    stride, tally_at, given_at = parts * width, 4 * d * width, (4 * d + TALLY) * width
+    every_step, at_end = energy == "every", energy == "samples"
 
     @strict
     def advance(count, stages, kick_first, drifts, kicks, rows):  # type: ignore[no-untyped-def]
-        state = load_state(rows, 0)
+        state, given = load_state(rows, 0), load_given(rows, given_at)
         tally = load_tally(rows, tally_at)
         shift = 1 if kick_first else 0
-        rate = force(state)
+        rate = force(state, given)
         done = 0
         while done < count:
             if kick_first:  # the force is that of the last kick: first same as last
                 state = kick(state, load_step(kicks, 0), rate)
             for i in range(stages):
-                state = drift(state, load_step(drifts, i * stride))
-                rate = force(state)
+                state = drift(state, load_step(drifts, i * stride), given)
+                rate = force(state, given)
                 state = kick(state, load_step(kicks, (i + shift) * stride), rate)
             if not kick_first:
-                state = drift(state, load_step(drifts, stages * stride))
+                state = drift(state, load_step(drifts, stages * stride), given)
             done += 1
             if every_step:
-                tally = measure(state, tally)
+                tally = measure(state, tally, given)
                 if left(tally):
                     break
-        if not every_step:
-            tally = measure(state, tally)
+        if at_end:
+            tally = measure(state, tally, given)
         store_state(rows, 0, state)
         store_tally(rows, tally_at, tally)
         return done
@@ -160,14 +196,16 @@ def advance(rules: Rules, width: int, every_step: bool) -> Callable[..., Any]:
 
 def begin(rules: Rules, width: int) -> Callable[..., Any]:
     """``begin(rows)``, jitted: each lane's tally anew, with the energy of its state as H0."""
+    given_type = Record(parameter_rows(rules.physics.parameters), width)
     state_type, tally_type = Record(4 * rules.physics.dimension, width), Record(TALLY, width)
-    load_state, load_tally = record_loader(state_type), record_loader(tally_type)
+    load_state, load_given = record_loader(state_type), record_loader(given_type)
     store_tally = record_storer(tally_type)
-    fresh = record_function(rules.begin, tally_type, state_type, tally_type)
+    fresh = record_function(rules.begin, tally_type, state_type, given_type)
     tally_at = 4 * rules.physics.dimension * width
+    given_at = tally_at + TALLY * width
 
     @strict
     def begin(rows):  # type: ignore[no-untyped-def]
-        store_tally(rows, tally_at, fresh(load_state(rows, 0), load_tally(rows, tally_at)))
+        store_tally(rows, tally_at, fresh(load_state(rows, 0), load_given(rows, given_at)))
 
     return begin

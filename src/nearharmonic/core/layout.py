@@ -16,8 +16,13 @@ from numpy.typing import NDArray
 Scalar = Literal["int64", "float64", "bool"]
 
 #: Entries of the tally behind the 4 d rows of the state, in this order.
-WORST, TOTAL, TOTAL_CARRY, LATEST, ENERGY, ENERGY_LOW, LIMIT = range(7)
-TALLY = 7
+WORST, TOTAL, TOTAL_CARRY, LATEST, ENERGY, ENERGY_LOW, LIMIT, CONDITION = range(8)
+TALLY = 8
+
+#: When the energy is measured: at every step, every so many steps, at the samples alone, never.
+EVERY_STEP, LOOKS, SAMPLES, NEVER = range(4)
+#: Entries of a control array: a number other than 0 stops a queue of runs; the steps done by then.
+STOP, PROGRESS = range(2)
 
 #: More steps than any run has.
 FAR = np.iinfo(np.int64).max
@@ -42,10 +47,15 @@ class Group:
 
 @dataclass(frozen=True)
 class Signature:
-    """Arguments of a compiled function, and the type of its result, if it has one."""
+    """Arguments of a compiled function, and the type of its result, if it has one.
+
+    A ``packed`` function takes the address of a block of 8-byte slots that hold its flat arguments in order: for many
+    calls with the same arrays, the block is filled once.
+    """
 
     arguments: tuple[Argument | Group, ...]
     result: Scalar | None = None
+    packed: bool = False
 
     @property
     def flat(self) -> tuple[Argument, ...]:
@@ -97,16 +107,21 @@ RUN = Signature(
     (
         integers("advance"),  # addresses of the kernel's functions
         integers("begin"),
+        integers("measured"),  # EVERY_STEP, LOOKS, SAMPLES or NEVER
         integers("order", 1),  # (R,) the queue
         integers("marks", 2),  # (R, S) steps at which to sample, first 0, padded with -1
         integers("scheme", 1),  # (R,) rows of the coefficient arrays
         floats("start", 2),  # (R, size)
-        floats("limit"),  # largest relative energy error
-        integers("look"),  # most steps at a stretch: without every_step the energy is looked at that often
+        floats("parameters", 2),  # (R, parts of all parameters), or one row for all runs
+        floats("limit"),  # largest energy error, in units of ``scale``
+        floats("scale"),  # energy that errors are relative to; 0 for |H0|
+        floats("reference", 1),  # (2,) H0 as a pair for all runs; NaN for the energy of each start
+        integers("stretch"),  # most steps between looks at ``control``; with LOOKS, between looks at the energy
         integers("stages"),
         flags("kick_first"),
         floats("drift", 3),  # (schemes, stages + 1, parts), with the step size multiplied in
         floats("kick", 3),
+        integers("control", 1),  # STOP and PROGRESS
         # Results, filled in place.
         floats("states", 3),  # (R, S, size)
         floats("energy_error", 2),  # (R, S) H - H0
@@ -122,13 +137,19 @@ RUN = Signature(
         integers("runs", 1),
         integers("at", 1),
         integers("mark", 1),
-    )
+    ),
+    packed=True,
 )
 
 
-def workspace(size: int, stages: int, *, parts: int, width: int) -> tuple[NDArray[Any], ...]:
+def parameter_rows(parameters: int) -> int:
+    """Rows behind the tally that hold so many parameters: two doubles each, and one row that nobody reads if none."""
+    return max(1, 2 * parameters)
+
+
+def workspace(size: int, stages: int, *, parameters: int, parts: int, width: int) -> tuple[NDArray[Any], ...]:
     """The flat arrays that ``run`` works in: two row blocks, drifts, kicks; and per lane its run, step and sample."""
-    rows = (size + TALLY) * width
+    rows = (size + TALLY + parameter_rows(parameters)) * width
     coefficients = (stages + 1) * parts * width
     doubles = tuple(np.zeros(n) for n in (rows, rows, coefficients, coefficients))
     return (*doubles, *(np.zeros(width, np.int64) for _ in range(3)))

@@ -10,7 +10,7 @@ from typing import Any
 from llvmlite import ir
 
 from nearharmonic.core import arithmetic
-from nearharmonic.core.layout import ENERGY, ENERGY_LOW, LIMIT, TALLY, TOTAL, TOTAL_CARRY, WORST
+from nearharmonic.core.layout import ENERGY, ENERGY_LOW, TALLY, TOTAL, TOTAL_CARRY, WORST, parameter_rows
 from nearharmonic.core.number import Constant, scalar, vector
 from nearharmonic.core.tracing import Double, DoubleDouble, LLVMValue
 
@@ -19,14 +19,29 @@ Entries = list[LLVMValue]
 
 @dataclass(frozen=True, kw_only=True)
 class Physics:
-    """A Hamiltonian as the kernel needs it: formulas, exact constants, number of coordinates; its name for errors."""
+    """A Hamiltonian as the kernel needs it.
+
+    Attributes
+    ----------
+    name : str
+        For errors.
+    V, grad_V, T, grad_T : callable
+        Formulas ``f(q, *parameters)`` and ``f(p, *parameters)``.
+    parameters : int
+        Number of parameters that a run is given, in the rows behind its tally.
+    constants : tuple of Constant
+        Parameters that are compiled in, because a formula needs their values; there are none of the others then.
+    dimension : int
+        Number of coordinates.
+    """
 
     name: str
     V: Callable[..., Any]
     grad_V: Callable[..., Any]
     T: Callable[..., Any]
     grad_T: Callable[..., Any]
-    parameters: tuple[Constant, ...]
+    parameters: int
+    constants: tuple[Constant, ...]
     dimension: int
 
 
@@ -70,57 +85,88 @@ class Rules:
             new = [rule(y, coefficient[0], rate) for y, rate in zip(pairs, rates, strict=True)]
         return [high for high, _ in new] + [low for _, low in new]
 
-    def force(self, state: Entries) -> Entries:
+    def constants(self, parameters: Entries) -> tuple[Any, ...]:
+        """The parameters as the formulas of the state see them; they come as pairs, high and low in turns."""
+        pairs = zip(parameters[::2], parameters[1::2], strict=False)
+        return self.physics.constants or self.numbers(list(pairs))
+
+    def exact_constants(self, parameters: Entries) -> tuple[Any, ...]:
+        """The parameters in double-double."""
+        pairs = zip(parameters[::2], parameters[1::2], strict=False)
+        return self.physics.constants or tuple(DoubleDouble(*pair) for pair in pairs)
+
+    def force(self, state: Entries, parameters: Entries) -> Entries:
         """dV/dq at the position."""
         q = self.numbers(_pairs(state, self.physics.dimension))
-        return self.flat(vector(self.physics, "grad_V", q, *self.physics.parameters), state[0])
+        return self.flat(vector(self.physics, "grad_V", q, *self.constants(parameters)), state[0])
 
     def kick(self, state: Entries, coefficient: Entries, rates: Entries) -> Entries:
         """p += coefficient * rates; the coefficient carries the minus sign of dp/dt = -dV/dq."""
         half = 2 * self.physics.dimension
         return state[:half] + self.update(_pairs(state[half:], self.physics.dimension), coefficient, rates)
 
-    def drift(self, state: Entries, coefficient: Entries) -> Entries:
+    def drift(self, state: Entries, coefficient: Entries, parameters: Entries) -> Entries:
         """q += coefficient * dT/dp."""
         half, d = 2 * self.physics.dimension, self.physics.dimension
         p = self.numbers(_pairs(state[half:], d))
-        velocity = self.flat(vector(self.physics, "grad_T", p), state[0])
+        velocity = self.flat(vector(self.physics, "grad_T", p, *self.constants(parameters)), state[0])
         return self.update(_pairs(state, d), coefficient, velocity) + state[half:]
 
-    def energy(self, state: Entries) -> DoubleDouble:
-        """H of state + carry in double-double, whatever the precision of the run."""
-        half, d = 2 * self.physics.dimension, self.physics.dimension
+    def energies(self, state: Entries, parameters: Entries) -> tuple[Any, Any]:
+        """T and V of state + carry in double-double, whatever the precision of the run; constants as they are."""
+        half, d, constants = 2 * self.physics.dimension, self.physics.dimension, self.exact_constants(parameters)
         q = tuple(DoubleDouble(*pair) for pair in _pairs(state, d))
         p = tuple(DoubleDouble(*pair) for pair in _pairs(state[half:], d))
-        H = scalar(self.physics, "T", p) + scalar(self.physics, "V", q, *self.physics.parameters)
-        return DoubleDouble.of(H, state[0]) if isinstance(H, Constant) else H
+        return scalar(self.physics, "T", p, *constants), scalar(self.physics, "V", q, *constants)
 
-    def measure(self, state: Entries, tally: Entries) -> Entries:
+    def energy(self, state: Entries, parameters: Entries) -> DoubleDouble:
+        """H of state + carry in double-double."""
+        T, V = self.energies(state, parameters)
+        return _double_double(T + V, state[0])
+
+    def latest(self, state: Entries, tally: Entries, parameters: Entries) -> LLVMValue:
+        """H - H0, each in double-double."""
+        H = self.energy(state, parameters)
+        difference: LLVMValue = (H.high - tally[ENERGY]) + (H.low - tally[ENERGY_LOW])
+        return difference
+
+    def measure(self, state: Entries, tally: Entries, parameters: Entries) -> Entries:
         """The tally with one more step in it."""
-        H = self.energy(state)
-        latest = (H.high - tally[ENERGY]) + (H.low - tally[ENERGY_LOW])
-        size = latest.absolute()
-        carried = tally[TOTAL_CARRY] + size
-        total = tally[TOTAL] + carried
-        carry = carried + (tally[TOTAL] - total)
-        return [size.larger(tally[WORST]), total, carry, latest, *tally[ENERGY:]]
+        return tallied(tally, self.latest(state, tally, parameters))
 
-    def begin(self, state: Entries, tally: Entries) -> Entries:
-        """A fresh tally whose H0 is the energy of ``state``; the limit, given relative, becomes absolute."""
-        H = self.energy(state)
+    def begin(self, state: Entries, parameters: Entries) -> Entries:
+        """A fresh tally whose H0 is the energy of ``state``, with |T| at the place of the limit."""
+        T, V = self.energies(state, parameters)
+        H, kinetic = (_double_double(x, state[0]) for x in (T + V, T))
         zero = H.high.constant(0.0)
-        return [zero, zero, zero, zero, H.high, H.low, tally[LIMIT] * H.high.absolute()]
+        return [zero, zero, zero, zero, H.high, H.low, kinetic.high.absolute(), zero]
+
+
+def _double_double(number: Any, like: LLVMValue) -> DoubleDouble:
+    return DoubleDouble.of(number, like) if isinstance(number, Constant) else number
+
+
+def tallied(tally: Entries, latest: LLVMValue) -> Entries:
+    """The tally with one more energy in it, by its difference from H0."""
+    size = latest.absolute()
+    carried = tally[TOTAL_CARRY] + size
+    total = tally[TOTAL] + carried
+    carry = carried + (tally[TOTAL] - total)
+    return [size.larger(tally[WORST]), total, carry, latest, *tally[ENERGY:]]
 
 
 def fingerprint(rules: Rules) -> str:
     """Digest of the instructions that the formulas emit: the one thing about a system that compiled code depends on."""
-    count = 4 * rules.physics.dimension
+    count, given = 4 * rules.physics.dimension, parameter_rows(rules.physics.parameters)
     double = ir.DoubleType()
     module = ir.Module()
-    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [double] * (count + TALLY + rules.parts)), "formulas")
+    kinds = [double] * (count + TALLY + rules.parts + given)
+    function = ir.Function(module, ir.FunctionType(ir.VoidType(), kinds), "formulas")
     builder = ir.IRBuilder(function.append_basic_block())
     entries = [LLVMValue(builder, argument) for argument in function.args]
-    state, tally, step = entries[:count], entries[count : count + TALLY], entries[count + TALLY :]
-    results = [*rules.kick(state, step, rules.force(state)), *rules.drift(state, step), *rules.measure(state, tally)]
+    state, tally, more = entries[:count], entries[count : count + TALLY], entries[count + TALLY :]
+    step, parameters = more[: rules.parts], more[rules.parts :]
+    moved = rules.kick(state, step, rules.force(state, parameters)), rules.drift(state, step, parameters)
+    results = [*moved[0], *moved[1], *rules.measure(state, tally, parameters)]
     text = f"{module}\n{[str(result.value) for result in results]}"
     return sha256(text.encode()).hexdigest()

@@ -10,75 +10,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from llvmlite import ir
-
 from nearharmonic.core import arithmetic
+from nearharmonic.core.functions import double, extended
 from nearharmonic.core.number import Constant, Number
+from nearharmonic.core.values import LLVMValue
 
-
-class LLVMValue:
-    """One LLVM value of type ``double`` or ``<n x double>``; a carrier for :mod:`nearharmonic.core.arithmetic`."""
-
-    __slots__ = ("builder", "value")
-
-    def __init__(self, builder: ir.IRBuilder, value: ir.Value) -> None:
-        self.builder, self.value = builder, value
-
-    def constant(self, number: float) -> LLVMValue:
-        """``number`` in every lane."""
-        kind = self.value.type
-        literal = [number] * kind.count if isinstance(kind, ir.VectorType) else number
-        return LLVMValue(self.builder, ir.Constant(kind, literal))
-
-    def _intrinsic(self, name: str, *operands: LLVMValue) -> LLVMValue:
-        kind = self.value.type
-        suffix = f"v{kind.count}f64" if isinstance(kind, ir.VectorType) else "f64"
-        signature = ir.FunctionType(kind, [kind] * len(operands))
-        module, symbol = self.builder.module, f"llvm.{name}.{suffix}"
-        function = module.globals.get(symbol) or ir.Function(module, signature, symbol)
-        return LLVMValue(self.builder, self.builder.call(function, [x.value for x in operands]))
-
-    def __add__(self, other: LLVMValue) -> LLVMValue:
-        return LLVMValue(self.builder, self.builder.fadd(self.value, other.value))
-
-    def __sub__(self, other: LLVMValue) -> LLVMValue:
-        return LLVMValue(self.builder, self.builder.fsub(self.value, other.value))
-
-    def __mul__(self, other: LLVMValue) -> LLVMValue:
-        return LLVMValue(self.builder, self.builder.fmul(self.value, other.value))
-
-    def __truediv__(self, other: LLVMValue) -> LLVMValue:
-        return LLVMValue(self.builder, self.builder.fdiv(self.value, other.value))
-
-    def __neg__(self) -> LLVMValue:
-        return LLVMValue(self.builder, self.builder.fneg(self.value))
-
-    def fma(self, factor: LLVMValue, addend: LLVMValue) -> LLVMValue:
-        return self._intrinsic("fma", self, factor, addend)
-
-    def sqrt(self) -> LLVMValue:
-        return self._intrinsic("sqrt", self)
-
-    def absolute(self) -> LLVMValue:
-        return self._intrinsic("fabs", self)
-
-    def times_sign(self, other: LLVMValue) -> LLVMValue:
-        """Return -self where other < 0, else self."""
-        negative = self.builder.fcmp_ordered("<", other.value, other.constant(0.0).value)
-        return LLVMValue(self.builder, self.builder.select(negative, self.builder.fneg(self.value), self.value))
-
-    def larger(self, other: LLVMValue) -> LLVMValue:
-        """self where self > other, else other: a NaN in self is dropped, so finiteness needs a test of its own."""
-        where = self.builder.fcmp_ordered(">", self.value, other.value)
-        return LLVMValue(self.builder, self.builder.select(where, self.value, other.value))
-
-    def any_not_within(self, bound: LLVMValue) -> ir.Value:
-        """One bit: whether in any lane self <= bound fails, as it does for a NaN."""
-        outside = self.builder.fcmp_unordered(">", self.value, bound.value)
-        if not isinstance(self.value.type, ir.VectorType):
-            return outside
-        mask = self.builder.bitcast(outside, ir.IntType(self.value.type.count))
-        return self.builder.icmp_unsigned("!=", mask, ir.Constant(mask.type, 0))
+__all__ = ["Double", "DoubleDouble", "LLVMValue"]
 
 
 def _power_of_two(number: Constant) -> bool:
@@ -148,8 +85,18 @@ class Double(Number):
     def __abs__(self) -> Double:
         return Double(arithmetic.absolute(self.carrier))
 
+    def sign(self) -> Double:
+        return Double(arithmetic.times_sign(self.carrier.constant(1.0), self.carrier))
+
     def sqrt(self) -> Double:
         return Double(arithmetic.sqrt(self.carrier))
+
+    def lifted(self, number: Constant) -> Double:
+        return self._constant(number)
+
+    def apply(self, function: str, *others: Double | Constant) -> Double:
+        operands = [self, *(self.lifted(x) if isinstance(x, Constant) else x for x in others)]
+        return Double(double.FUNCTIONS[function](*(x.carrier for x in operands)))
 
 
 class DoubleDouble(Number):
@@ -204,5 +151,16 @@ class DoubleDouble(Number):
     def __abs__(self) -> DoubleDouble:
         return DoubleDouble(*arithmetic.dd_abs(self.pair))
 
+    def sign(self) -> DoubleDouble:
+        one = self.high.constant(1.0)
+        return DoubleDouble(arithmetic.times_sign(one, self.high), one - one)
+
     def sqrt(self) -> DoubleDouble:
         return DoubleDouble(*arithmetic.dd_sqrt(self.pair))
+
+    def lifted(self, number: Constant) -> DoubleDouble:
+        return DoubleDouble.of(number, self.high)
+
+    def apply(self, function: str, *others: DoubleDouble | Constant) -> DoubleDouble:
+        operands = [self, *(self.lifted(x) if isinstance(x, Constant) else x for x in others)]
+        return DoubleDouble(*extended.FUNCTIONS[function](*(x.pair for x in operands)))

@@ -5,81 +5,26 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from fractions import Fraction
-from functools import cache, lru_cache
+from math import nan
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nearharmonic.core.arithmetic import rounded_pair
-from nearharmonic.core.layout import FAR
-from nearharmonic.core.number import Constant
+from nearharmonic.core.layout import EVERY_STEP, LOOKS, NEVER, SAMPLES
+from nearharmonic.engine import execution
+from nearharmonic.engine.coefficients import Floats, scaled_rows
+from nearharmonic.engine.initial_values import standard_parameters, standard_start
+from nearharmonic.engine.kernels import STANDARD, kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.systems.gradients import check_gradients
 from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:
-    from nearharmonic.core.kernel import Kernel, Physics
+    from nearharmonic.core.native import PreparedCall
 
-Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-
-#: Numerics of the calls that name none.
-STANDARD = Numerics()
-
-
-@cache
-def kernel_of(system: System, numerics: Numerics = STANDARD) -> Kernel:
-    """Return the compiled kernel for ``system``, from the cache on disk if it is there.
-
-    Parameters
-    ----------
-    system : System
-        Its gradients are compared with its energies when it is first used in this process.
-    numerics : Numerics
-        Of these, the code depends on those that :attr:`Numerics.compiled` keeps.
-
-    Raises
-    ------
-    SystemDefinitionError
-        A formula fails or uses what formulas cannot (a branch, a function of math), or a gradient contradicts its
-        potential.
-    CompiledCodeError
-        The machine code cannot be loaded.
-    """
-    from nearharmonic.core.kernel import build
-
-    return build(
-        physics_of(system),
-        extended=numerics.precision == "extended",
-        compensated=numerics.compensated,
-        width=numerics.width,
-        every_step=numerics.every_step,
-    )
-
-
-def physics_of(system: System) -> Physics:
-    """Return what a kernel has to know of ``system``, whose gradients are compared with its energies first.
-
-    Raises
-    ------
-    SystemDefinitionError
-        A gradient contradicts its potential.
-    """
-    from nearharmonic.core.kernel import Physics
-
-    check_gradients(system)
-    return Physics(
-        name=system.name,
-        V=system.V,
-        grad_V=system.grad_V,
-        T=system.T,
-        grad_T=system.grad_T,
-        parameters=system.constants(Constant),
-        dimension=system.dimension,
-    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,11 +33,12 @@ class Trajectories:
 
     ``marks`` (R, S): the step of each sample, -1 where a run has fewer. ``q``, ``p``, ``q_low``, ``p_low`` (R, S, d):
     the states and what compensation or double-double keeps below them; NaN where there is no sample, or where the run
-    had left before. ``energy_error`` (R, S): (H - H0)/|H0|. ``block_max``, ``block_mean`` (R, S): of |H - H0|/|H0|
-    over the steps since the previous sample. ``max_energy_error``, ``mean_energy_error`` (R,): over every step,
-    infinite if the run left. Where the energy is not measured at every step, maxima are over the looks and means NaN.
-    ``steps`` (R,) asked for; ``done`` (R,) taken; ``left_at`` (R,) step at which the run left its energy surface, 0 if
-    it did not; ``evaluations`` (R,) of the force; ``energy`` (R,): H0.
+    had left before. ``energy_error`` (R, S): (H - H0)/|H0|, or over the scale asked for. ``block_max``, ``block_mean``
+    (R, S): of its modulus over the steps since the previous sample. ``max_energy_error``, ``mean_energy_error`` (R,):
+    over every step, or over the samples, as :class:`Numerics` says, infinite if the run left; maxima over looks have no
+    means. ``steps`` (R,) asked for; ``done`` (R,) taken; ``left_at`` (R,) step at which the run left its energy
+    surface, 0 if it did not; ``evaluations`` (R,) of the force; ``energy``, ``energy_low``
+    (R,): H0.
     """
 
     marks: Integers
@@ -110,6 +56,7 @@ class Trajectories:
     left_at: Integers
     evaluations: Integers
     energy: Floats
+    energy_low: Floats
 
     def take(self, runs: Integers) -> Trajectories:
         """The runs at these indices, in this order."""
@@ -135,67 +82,135 @@ def sample_marks(steps: Integers, samples: int) -> Integers:
     return np.where(index <= last, index * steps[:, None] // np.maximum(last, 1), -1)
 
 
-def start_rows(q: Sequence[Fraction], p: Sequence[Fraction], summation: str) -> Floats:
-    """Return one start (4 d,) as the kernel takes it: q, the digits below q, p, the digits below p.
+@dataclass(frozen=True, kw_only=True)
+class Batch:
+    """A queue of R runs with their arrays, which may be filled anew and run again.
+
+    Attributes
+    ----------
+    numerics : Numerics
+        Arithmetic, lanes, and when the energy is measured.
+    marks : (R, S) array of int
+        Steps at which to sample, first 0, padded with -1.
+    scheme : (R,) array of int
+        The row of ``drift`` and ``kick`` that each run takes.
+    start : (R, 4 D) array of float
+        Initial states of the D coordinates of the kernel.
+    parameters : (R or 1, 2 P) array of float
+        Parameters of each run, or of all.
+    drift, kick : (schemes, s + 1, parts) arrays of float
+        Coefficients with the step sizes multiplied in.
+    results : array of float
+        The next three in one piece.
+    states, blocks, energy, left_at
+        (R, S, 4 D) states; (3, R, S) energy error, and the maximum and sum of its modulus over the block before each
+        sample; (R, 2) H0 as pairs; (R,) the step at which a run left its energy surface, or 0.
+    """
+
+    numerics: Numerics
+    marks: Integers
+    scheme: Integers
+    start: Floats
+    parameters: Floats
+    drift: Floats
+    kick: Floats
+    results: Floats
+    states: Floats
+    blocks: Floats
+    energy: Floats
+    left_at: Integers
+    control: Integers
+    call: PreparedCall
+
+    @property
+    def steps(self) -> Integers:
+        """Steps of each run (R,)."""
+        steps: Integers = self.marks.max(axis=1)
+        return steps
+
+    def clear(self) -> None:
+        """Forget what an earlier call computed, and that it was told to stop."""
+        self.results.fill(nan)
+        self.left_at.fill(0)
+        self.control.fill(0)
+
+    def run(self, cost: int, steps: int | None = None) -> None:
+        """Compute the results.
+
+        Parameters
+        ----------
+        cost : int
+            Stages times coordinates.
+        steps : int, optional
+            Steps of all runs together, where they are known.
+        """
+        self.clear()
+        execution.execute(self.call, self.control, int(self.steps.sum()) if steps is None else steps, cost)
+
+
+def prepared_batch(
+    system: System,
+    tableau: Tableau,
+    numerics: Numerics,
+    *,
+    marks: Integers,
+    scheme: Integers,
+    rows: tuple[Floats, Floats],
+    start: Floats,
+    parameters: Floats,
+    scale: float = 0.0,
+    reference: tuple[float, float] = (nan, nan),
+) -> Batch:
+    """Return a batch that is ready to run.
 
     Parameters
     ----------
-    q, p : sequence of d Fraction
-        Exact position and momentum.
-    summation : {"compensated", "plain"}
-        Without compensation the digits below a double are dropped.
+    system, tableau, numerics
+        Problem, method and arithmetic.
+    marks, scheme, start, parameters
+        As :class:`Batch` has them.
+    rows : pair of arrays
+        ``drift`` and ``kick`` of :class:`Batch`.
+    scale : float
+        Energy that errors are relative to; 0 for |H0|.
+    reference : pair of float
+        H0 for all runs, in place of the energy of each start.
     """
-    pairs = [[rounded_pair(*x.as_integer_ratio()) for x in row] for row in (q, p)]
-    keep = 0.0 if summation == "plain" else 1.0
-    return np.array([part for row in pairs for part in ([h for h, _ in row], [low * keep for _, low in row])]).ravel()
+    kernel = kernel_of(system, numerics.compiled)
+    if kernel.parameters < len(system.parameters):
+        parameters = _compiled_in(system, parameters)
+    runs, d = len(marks), kernel.dimension
+    left_at, control = np.zeros(runs, np.int64), execution.control()
+    results = np.empty((4 * d + 3) * marks.size + 2 * runs)
+    states, blocks, energy = split_results(results, runs, marks.shape[1], d)
+    drift, kick = rows
+    call = kernel.prepared(
+        measured(numerics), np.argsort(-marks.max(axis=1), kind="stable"), marks, scheme, start, parameters,
+        system.surface_limit, scale, np.array(reference), numerics.look or execution.stretch(tableau.stages, d),
+        tableau.stages, tableau.first == "kick", drift, kick, control, states, *blocks, energy, left_at,
+    )  # fmt: skip
+    return Batch(
+        numerics=numerics, marks=marks, scheme=scheme, start=start, parameters=parameters, drift=drift, kick=kick,
+        results=results, states=states, blocks=blocks, energy=energy, left_at=left_at, control=control, call=call,
+    )  # fmt: skip
 
 
-@lru_cache(maxsize=128)
-def _standard_start(system: System, summation: str) -> Floats:
-    return start_rows(*system.start(Fraction), summation)
+def _compiled_in(system: System, parameters: Floats) -> Floats:
+    """No parameters at run time, if those asked for are those that are compiled in."""
+    if (parameters == standard_parameters(system)).all():
+        return np.empty((1, 0))
+    what = f"a formula of {system.name} decides by its parameters, so that they are compiled in: make a copy of the "
+    raise bad_setting("parameters", parameters[0, ::2].tolist(), f"{what}system with dataclasses.replace")
 
 
-def _standard_starts(system: System, numerics: Numerics, runs: int) -> Floats:
-    rows = np.empty((runs, 4 * system.dimension))
-    rows[:] = _standard_start(system, numerics.compiled.summation)
-    return rows
-
-
-def coefficients(tableau: Tableau, taus: Sequence[Fraction], parts: int) -> tuple[Floats, Floats]:
-    """Return drift and kick coefficients (len(taus), s + 1, parts), multiplied by tau exactly and rounded once.
-
-    Parameters
-    ----------
-    tableau : Tableau
-        Method of s stages.
-    taus : sequence of Fraction
-        Step sizes.
-    parts : {1, 2}
-        Doubles that make a number: 2 for double-doubles.
-    """
-    arrays = np.empty((2, len(taus), tableau.stages + 1, parts))
-    for i, tau in enumerate(taus):
-        arrays[:, i] = _products(tableau, tau.numerator, tau.denominator, parts)
-    return arrays[0], arrays[1]
-
-
-@lru_cache(maxsize=256)
-def _ratios(tableau: Tableau) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-    """The rows of drift and kick as quotients of whole numbers; kicks have the sign of the force."""
-    outer, inner = tableau.rows_exact()
-    drift, kick = (inner, outer) if tableau.first == "kick" else (outer, inner)
-    return [c.as_integer_ratio() for c in drift], [(-c).as_integer_ratio() for c in kick]
-
-
-@lru_cache(maxsize=1024)  # half a kilobyte each; most calls take step sizes that an earlier one took
-def _products(tableau: Tableau, numerator: int, denominator: int, parts: int) -> Floats:
-    """Drift and kick coefficients (2, s + 1, parts) of one step size; the shorter row ends with 0."""
-    array = np.zeros((2, tableau.stages + 1, parts))
-    for row, ratios in zip(array, _ratios(tableau), strict=True):
-        for j, (top, bottom) in enumerate(ratios):
-            product = top * numerator, bottom * denominator
-            row[j] = product[0] / product[1] if parts == 1 else rounded_pair(*product)
-    return array
+def split_results(results: Floats, runs: int, samples: int, d: int) -> tuple[Floats, Floats, Floats]:
+    """Return ``states``, ``blocks`` and ``energy`` of :class:`Batch`, which lie in one array."""
+    states, blocks = 4 * d * runs * samples, 3 * runs * samples
+    return (
+        results[:states].reshape(runs, samples, 4 * d),
+        results[states : states + blocks].reshape(3, runs, samples),
+        results[states + blocks :].reshape(runs, 2),
+    )
 
 
 def integrate_batch(
@@ -207,13 +222,17 @@ def integrate_batch(
     samples: int,
     numerics: Numerics = STANDARD,
     start: Floats | None = None,
+    parameters: Floats | None = None,
+    marks: Integers | None = None,
+    scale: float = 0.0,
+    reference: tuple[float, float] = (nan, nan),
 ) -> Trajectories:
     """Integrate R runs over [0, t_end], run i in ``steps[i]`` equal steps.
 
     Parameters
     ----------
     system, tableau
-        Problem of d coordinates, and method.
+        Problem of d coordinates and P parameters, and method.
     t_end : Fraction
         End of the interval; negative to run backwards.
     steps : (R,) sequence of int
@@ -221,33 +240,46 @@ def integrate_batch(
     samples : int
         Most samples of a run; a single one is the end.
     numerics : Numerics
-        Arithmetic, lanes, and how often the energy is evaluated.
+        Arithmetic, lanes, and when the energy is measured.
     start : (R, 4 d) array of float, optional
-        Initial states, laid out as by :func:`start_rows`, in place of the system's own.
+        Initial states, laid out as by :func:`start_row`, in place of the system's own; one row is for all runs.
+    parameters : (R, 2 P) or (1, 2 P) array of float, optional
+        Parameters of each run, or of all, laid out as by :func:`parameter_row`, in place of the system's own.
+    marks : (R, S) array of int, optional
+        Steps at which to sample in place of ``samples``: as :func:`sample_marks` returns them.
+    scale : float
+        Energy that errors are relative to; 0 for |H0|, or for the unit of energy where H0 = 0.
+    reference : pair of float
+        H0 for all runs, high and low half, in place of the energy of each start.
 
     Raises
     ------
-    SettingError
-        H0 = 0, to which no error is relative.
+    KeyboardInterrupt
+        Ctrl-C, within a fraction of a second.
     """
-    kernel = kernel_of(system, numerics.compiled)
     count = np.asarray(steps, dtype=np.int64)
     distinct, scheme = _distinct(count)
-    drift, kick = _scaled_rows(tableau, [t_end / n for n in distinct], kernel.parts, numerics.double_coefficients)
-    start = _standard_starts(system, numerics, count.size) if start is None else np.ascontiguousarray(start)
-    marks, stages, look = sample_marks(count, samples), tableau.stages, numerics.look
-    states = np.full((*marks.shape, 4 * system.dimension), np.nan)
-    blocks = np.full((3, *marks.shape), np.nan)  # the energy error at each sample; maximum and sum over its block
-    energy, left_at = np.zeros((count.size, 2)), np.zeros(count.size, np.int64)
-    kernel.run(
-        np.argsort(-count, kind="stable"), marks, scheme, start,
-        system.surface_limit, FAR if look is None else look, stages, tableau.first == "kick",
-        drift, kick, states, *blocks, energy, left_at,
+    parts = 2 if numerics.precision == "extended" else 1
+    first = standard_start(system, not numerics.compensated) if start is None else start
+    rows = np.empty((count.size, first.shape[-1]))
+    rows[:] = first
+    batch = prepared_batch(
+        system, tableau, numerics, marks=sample_marks(count, samples) if marks is None else marks, scheme=scheme,
+        rows=scaled_rows(tableau, [t_end / n for n in distinct], parts, numerics.double_coefficients), start=rows,
+        parameters=standard_parameters(system)[None, :] if parameters is None else parameters,
+        scale=scale, reference=reference,
     )  # fmt: skip
-    if not numerics.every_step:
-        blocks[2] = np.nan  # sums over looks are no means over steps
-    cut = int(samples == 1)
-    return _trajectories(system, tableau, count, marks[:, cut:], states[:, cut:], blocks[..., cut:], energy, left_at)
+    batch.run(tableau.stages * system.dimension)
+    cut = int(samples == 1 and marks is None)
+    results = batch.marks[:, cut:], batch.states[:, cut:], batch.blocks[..., cut:], batch.energy, batch.left_at
+    return trajectories_of(tableau, count, *results, numerics, scale)
+
+
+def measured(numerics: Numerics) -> int:
+    """Return when the kernel measures the energy, as :data:`nearharmonic.core.layout.RUN` has it."""
+    if numerics.energy == "samples":
+        return SAMPLES if numerics.look is None else LOOKS
+    return EVERY_STEP if numerics.energy == "every" else NEVER
 
 
 def _distinct(count: Integers) -> tuple[list[int], Integers]:
@@ -258,16 +290,7 @@ def _distinct(count: Integers) -> tuple[list[int], Integers]:
     return distinct.tolist(), where.astype(np.int64).reshape(-1)
 
 
-def _scaled_rows(tableau: Tableau, taus: Sequence[Fraction], parts: int, rounded: bool) -> tuple[Floats, Floats]:
-    """:func:`coefficients`, with zeros for the second parts if they are ``rounded`` to doubles."""
-    if not rounded or parts == 1:
-        return coefficients(tableau, taus, parts)
-    drift, kick = (np.concatenate([row, np.zeros_like(row)], axis=2) for row in coefficients(tableau, taus, 1))
-    return drift, kick
-
-
-def _trajectories(
-    system: System,
+def trajectories_of(
     tableau: Tableau,
     steps: Integers,
     marks: Integers,
@@ -275,24 +298,23 @@ def _trajectories(
     blocks: Floats,
     energy: Floats,
     left_at: Integers,
+    numerics: Numerics,
+    scale: float,
 ) -> Trajectories:
-    """The results of a kernel by name, energies relative to |H0|."""
-    scale = np.abs(energy[:, 0])
-    if np.count_nonzero(scale) < scale.size:
-        raise bad_setting("system", system.name, "its energy must not be 0 at the start: the energy error is relative")
-    error, worst, total = blocks / scale[:, None]
+    """The results of a kernel by name, energies relative to |H0|, to ``scale``, or to 1."""
+    unit = np.abs(energy[:, 0]) if scale == 0 else np.full(steps.size, scale)
+    unit[unit == 0] = 1.0
+    error, worst, total = blocks / unit[:, None]
     length = marks.copy()
     length[:, 1:] -= marks[:, :-1]
     np.maximum(length, 1, out=length)
-    d = system.dimension
+    if numerics.energy == "none":
+        error[:] = worst[:] = total[:] = energy[:] = np.nan
+    d = states.shape[-1] // 4
     left = left_at > 0
     done = np.where(left, left_at, steps)
-    mean = np.add.reduce(total, axis=1) / steps
-    if np.isnan(mean).any():  # blocks without a step, or behind the end of a run, count for nothing
-        unknown = np.isnan(total)
-        mean = np.add.reduce(np.where(unknown, 0, total), axis=1) / steps
-        mean[unknown.all(axis=1)] = np.nan
     largest = np.fmax.reduce(worst, axis=1)  # which passes NaN over
+    mean = _means(total, steps, marks, numerics)
     if left.any():
         mean[left] = largest[left] = np.inf
     return Trajectories(
@@ -311,4 +333,19 @@ def _trajectories(
         left_at=left_at,
         evaluations=done * tableau.stages + int(tableau.first_same_as_last),
         energy=energy[:, 0],
+        energy_low=energy[:, 1],
     )
+
+
+def _means(total: Floats, steps: Integers, marks: Integers, numerics: Numerics) -> Floats:
+    """Mean of |H - H0| over the steps, or over the samples; NaN if it was measured at other times."""
+    if numerics.look is not None and numerics.energy == "samples":  # sums over looks are no means over steps
+        total[:] = np.nan
+        return np.full(steps.size, np.nan)
+    weight = steps if numerics.energy == "every" else np.maximum(np.count_nonzero(marks > 0, axis=1), 1)
+    mean: Floats = np.add.reduce(total, axis=1) / weight
+    if np.isnan(mean).any():  # blocks without a step, or behind the end of a run, count for nothing
+        unknown = np.isnan(total)
+        mean = np.add.reduce(np.where(unknown, 0, total), axis=1) / weight
+        mean[unknown.all(axis=1)] = np.nan
+    return mean

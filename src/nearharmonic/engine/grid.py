@@ -61,7 +61,7 @@ def evaluations_of(tableau: Tableau, steps: int) -> int:
 
 
 def check_fit(system: System, tableau: Tableau) -> None:
-    """Refuse a method of Runge-Kutta-Nystrom type for a system whose kinetic energy is not p.p/2.
+    """Refuse a method of Runge-Kutta-Nystrom type for a system whose kinetic energy is not of degree 2 in the momenta.
 
     Raises
     ------

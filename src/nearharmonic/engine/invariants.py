@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,9 @@ from nearharmonic.systems.system import System
 Floats = NDArray[np.float64]
 
 
-def invariant_values(system: System, q: ArrayLike, p: ArrayLike) -> dict[str, Floats]:
+def invariant_values(
+    system: System, q: ArrayLike, p: ArrayLike, constants: Sequence[Any] | None = None
+) -> dict[str, Floats]:
     """Return each invariant of ``system`` at some states, evaluated in double precision.
 
     Parameters
@@ -23,6 +26,8 @@ def invariant_values(system: System, q: ArrayLike, p: ArrayLike) -> dict[str, Fl
         A system of d coordinates.
     q, p : (..., d) array of float
         States.
+    constants : sequence of floats or arrays, optional
+        Parameters of the system; its own by default.
 
     Returns
     -------
@@ -36,12 +41,14 @@ def invariant_values(system: System, q: ArrayLike, p: ArrayLike) -> dict[str, Fl
     """
     shape = np.shape(q)[:-1]
     state = tuple(tuple(np.moveaxis(np.asarray(x, float), -1, 0)) for x in (q, p))
-    constants, found = system.constants(float), {}
+    given = system.constants(float) if constants is None else constants
+    found: dict[str, Floats] = {}
     for name, function in system.invariants.items():
         try:
-            value = function(*state, *constants)
-            found[name] = np.empty((*shape, len(value) if isinstance(value, tuple | list) else 1))
-            for i, part in enumerate(value if isinstance(value, tuple | list) else (value,)):
+            value = function(*state, *given)
+            parts = value if isinstance(value, tuple | list) else (value,)
+            found[name] = np.empty((*shape, len(parts)))
+            for i, part in enumerate(parts):
                 found[name][..., i] = part
         except Exception as error:
             message = f"{system.name}: the invariant {name} cannot be evaluated: {type(error).__name__}: {error}"
@@ -49,55 +56,48 @@ def invariant_values(system: System, q: ArrayLike, p: ArrayLike) -> dict[str, Fl
     return found
 
 
-def invariant_drifts(system: System, q: Floats, p: Floats, diverged: Any) -> Variables:
-    """Return how far each invariant of ``system`` drifts in each of R runs, by ``<name>_drift``.
+def invariant_variables(
+    system: System, q: Floats, p: Floats, diverged: Any, constants: Sequence[Any] | None = None
+) -> Variables:
+    """Return the invariants of ``system`` at the samples of R runs, and the drift of each, ``<name>_drift``.
 
     Parameters
     ----------
     system : System
         A system of d coordinates.
     q, p : (R, S, d) array of float
-        States at the samples, the first of them at t = 0; NaN where a run has no sample.
+        States at the samples, the first of them those at the start; NaN where a run has no sample.
     diverged : (R,) array of bool
         Whether each run left its energy surface.
+    constants : sequence of floats or arrays, optional
+        Parameters of the system; its own by default.
 
     Returns
     -------
     Variables
-        Over ``tau_per_stage``: the maximum over the samples of |I - I0| / |I0|, Euclidean for a vector, or of |I - I0|
-        where I0 = 0; infinite where the run left its energy surface. The ``long_name`` says which.
+        Values over (tau_per_stage, sample), with a dimension more, ``<name>_component``, for a vector; and drifts over
+        tau_per_stage: the maximum over the samples of |I - I0| / |I0|, Euclidean for a vector, or of |I - I0| where
+        I0 = 0; infinite where the run left its energy surface. The ``long_name`` says which.
+
+    Raises
+    ------
+    SystemDefinitionError
+        An invariant cannot be evaluated.
     """
-    return _drifts(invariant_values(system, q, p), diverged)
-
-
-def invariant_variables(system: System, q: Floats, p: Floats, diverged: Any) -> Variables:
-    """Return the invariants of ``system`` over (tau_per_stage, sample), and behind them what ``invariant_drifts`` does.
-
-    Those of a vector have a dimension more, ``<name>_component``. Arguments and errors are those of
-    :func:`invariant_drifts`.
-    """
-    found = invariant_values(system, q, p)
-    shown: Variables = {}
-    for name, values in found.items():
-        text = described(f"{name.replace('_', ' ')}, an invariant, in the units of the system", "")
-        if values.shape[-1] == 1:
-            shown[name] = ("tau_per_stage", "sample"), values[..., 0], text
-        else:
-            shown[name] = ("tau_per_stage", "sample", f"{name}_component"), values, text
-    return shown | _drifts(found, diverged)
-
-
-def _drifts(invariants: dict[str, Floats], diverged: Any) -> Variables:
-    """The drift of each invariant, from its values (R, S, k)."""
     found: Variables = {}
-    for name, values in invariants.items():
-        scale = float(np.hypot.reduce(values[0, 0]))
-        change = (values - values[:, :1]) / (scale or 1.0)
+    for name, values in invariant_values(system, q, p, constants).items():
+        function = system.invariants[name]
+        unit, meaning = getattr(function, "unit", "unknown"), getattr(function, "meaning", "conserved quantity")
+        several = [f"{name}_component"] if values.shape[-1] > 1 else []
+        found[name] = (
+            ("tau_per_stage", "sample", *several), values if several else values[..., 0], described(meaning, unit)
+        )  # fmt: skip
+        first = np.hypot.reduce(values[:, :1], axis=-1)
+        relative = bool((first > 0).all())
+        change = np.hypot.reduce(values - values[:, :1], axis=-1) / (first if relative else 1.0)
         # fmax passes over NaN, of which the first sample has none.
-        largest = np.fmax.reduce(np.hypot.reduce(change, axis=-1), axis=1)
-        largest[diverged] = np.inf
-        measure = "|I - I0|/|I0|" if scale else "|I - I0|, where I0 = 0"
-        what = f"I the {name.replace('_', ' ')} in double precision"
-        text = f"maximum over the samples of {measure}, {what}, inf if diverged"
-        found[f"{name}_drift"] = ("tau_per_stage",), largest, described(text)
+        drift = np.where(diverged, np.inf, np.fmax.reduce(change, axis=1))
+        measure = "|I - I0|/|I0|" if relative else "|I - I0|"
+        what = f"maximum over the samples of {measure}, I = {name} in double precision, inf if diverged"
+        found[f"{name}_drift"] = ("tau_per_stage",), drift, described(what, "1" if relative else unit)
     return found

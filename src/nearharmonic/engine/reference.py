@@ -115,7 +115,7 @@ def _check_closed_form(system: System, t_end: str) -> None:
         before, start, after = around(mpmath.mpf(0))
         size = max(abs(q0))
         pairs = [(start, q0, size), ((after - before) / (2 * h), np.array(system.grad_T(tuple(p0))), size / end)]
-        if system.quadratic_kinetic_energy:
+        if system.unit_masses:
             before, q, after = around(end)
             force = -np.array(system.grad_V(tuple(q), *system.constants(mpmath.mpf)))
             pairs.append(((after - 2 * q + before) / h**2, force, size / end**2))

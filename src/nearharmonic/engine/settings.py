@@ -29,19 +29,31 @@ WIDTH = 8
 #: Eight such registers.
 MOST_LANES = 64
 
+#: Threads of an ensemble.
+MOST_THREADS = 1024
+
 PRECISIONS = ("double", "extended")
 SUMMATIONS = ("compensated", "plain")
 OPERATORS = ("drift", "kick")
+ENERGIES = ("every", "samples", "none")
 
 
 def _positive(key: str, value: object) -> Decimal:
-    """``value``, a number or a decimal string (YAML 1.1 reads 1e-4 as one), exactly."""
+    """``value``, a number above 0 or a decimal string (YAML 1.1 reads 1e-4 as one), exactly."""
     allowed = "a finite number above 0"
+    number = _decimal(key, value, allowed)
+    if number < 0:
+        raise bad_setting(key, value, allowed)
+    return number
+
+
+def _decimal(key: str, value: object, allowed: str) -> Decimal:
+    """``value``, a number other than 0, exactly."""
     if isinstance(value, bool) or not isinstance(value, Real | Decimal | str):
         raise bad_setting(key, value, allowed)
     try:
         number = Decimal(value) if isinstance(value, str | Decimal | int) else Decimal(repr(float(value)))
-        usable = number.is_finite() and 0 < float(number) < float("inf")
+        usable = number.is_finite() and 0 < abs(float(number)) < inf
     except (InvalidOperation, OverflowError):
         usable = False
     if not usable:
@@ -63,14 +75,15 @@ def checked_tau(tau: object, key: str = "tau") -> float:
 
 
 def checked_t_end(t_end: object, key: str = "t_end") -> str:
-    """Return ``t_end`` as a plain decimal string, if it is a finite number above 0 (or the decimal string of one).
+    """Return ``t_end`` as a plain decimal string, if it is a finite number (or the decimal string of one) but 0.
 
     Raises
     ------
     SettingError
-        Zero, negative, NaN, infinite, a bool or no number at all.
+        Zero, NaN, infinite, a bool or no number at all.
     """
-    return format(_positive(key, t_end).normalize(), "f")
+    number = _decimal(key, t_end, "a finite number above 0, or below 0 to run backwards")
+    return format(number.normalize(), "f")
 
 
 def _count(key: str, value: object, most: int) -> int:
@@ -101,6 +114,17 @@ def checked_samples(samples: object, key: str = "samples") -> int:
         Anything else.
     """
     return _count(key, samples, MOST_SAMPLES)
+
+
+def checked_threads(threads: object, key: str = "threads") -> int:
+    """Return ``threads`` as an int, if it is a whole number from 1 to :data:`MOST_THREADS`.
+
+    Raises
+    ------
+    SettingError
+        Anything else.
+    """
+    return _count(key, threads, MOST_THREADS)
 
 
 def one_of(key: str, value: object, allowed: Sequence[str]) -> str:
@@ -152,12 +176,13 @@ class Numerics:
         Summation of the steps in double precision. Double-double sums are compensated always.
     width : int
         Number of SIMD lanes, 1 to 64.
-    every_step : bool
-        If false, the energy is evaluated only every ``look`` steps, and the reported errors are maxima over those
-        evaluations.
+    energy : {"every", "samples", "none"}
+        When the energy is measured: at every step; at the samples, where errors are over the samples and a run counts
+        as diverged at the first sample that says so; never, where errors are NaN and only a state that is not finite
+        counts as diverged.
     look : int or None
-        Steps between evaluations of the energy without ``every_step``; None evaluates it at the samples alone. Errors
-        are independent of which runs share the lanes if ``look`` divides the number of steps between samples.
+        With "samples", measure the energy also every so many steps, for the maxima and to find what has diverged.
+        Errors are independent of which runs share the lanes if ``look`` divides the number of steps between samples.
     double_coefficients : bool
         Whether the products of step size and coefficient are rounded to double in extended precision too.
 
@@ -170,7 +195,7 @@ class Numerics:
     precision: str = "double"
     summation: str = "compensated"
     width: int = WIDTH
-    every_step: bool = True
+    energy: str = "every"
     look: int | None = None
     double_coefficients: bool = False
 
@@ -178,6 +203,7 @@ class Numerics:
         checked_precision(self.precision)
         checked_summation(self.summation)
         _count("width", self.width, MOST_LANES)
+        one_of("energy", self.energy, ENERGIES)
         if self.look is not None:
             _count("look", self.look, MOST_STEPS)
 

@@ -1,27 +1,27 @@
-"""Integrate one trajectory, a sweep over step sizes, or a planned run, and describe the results in words and units."""
+"""Integrate one trajectory, a sweep over step sizes, or a planned run."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.engine.batch import STANDARD, Floats, Integers, Trajectories, integrate_batch, kernel_of
-from nearharmonic.engine.grid import check_fit, steps_of
-from nearharmonic.engine.invariants import invariant_variables
-from nearharmonic.engine.settings import (
-    Numerics,
-    checked_first,
-    checked_precision,
-    checked_samples,
-    checked_t_end,
-    checked_tau,
-    exact_decimal,
+from nearharmonic.engine.continuation import start_of
+from nearharmonic.engine.description import (
+    block_variables,
+    error_variables,
+    problem_attributes,
+    tau_variable,
+    trajectory_dataset,
+    trajectory_variables,
 )
+from nearharmonic.engine.kernels import STANDARD, kernel_of
+from nearharmonic.engine.output_times import checked_times, run_at
+from nearharmonic.engine.problem import Problem
+from nearharmonic.engine.settings import checked_precision, checked_samples, checked_tau
 from nearharmonic.errors import bad_setting
-from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.dataset import Variables, assembled, described
 from nearharmonic.systems import systems
@@ -29,8 +29,6 @@ from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:
     import xarray as xr
-
-STATUS = "ok, or diverged: the run left its energy surface"
 
 
 def integrate(
@@ -43,8 +41,15 @@ def integrate(
     summation: str = "compensated",
     first: str | None = None,
     samples: int = 1000,
+    q0: object = None,
+    p0: object = None,
+    parameters: Mapping[str, Any] | None = None,
+    t: object = None,
+    energy: str = "every",
+    energy_scale: float | str | None = None,
+    start: xr.Dataset | None = None,
 ) -> xr.Dataset:
-    """Integrate one trajectory over [0, t_end] in ``steps = max(1, round(t_end / tau))`` equal steps.
+    """Integrate one trajectory over [0, t_end] in ``steps = max(1, round(|t_end| / tau))`` equal steps.
 
     Parameters
     ----------
@@ -53,39 +58,63 @@ def integrate(
     tau : float
         Step size asked for, in the system's unit of time; the step as used is t_end / steps.
     t_end : float or str, optional
-        End of the interval; a decimal string is exact. By default the system's own.
+        End of the interval; a decimal string is exact, and a negative one runs backwards. By default the system's own.
     precision : {"double", "extended"}
-        "extended" computes in double-double (about 32 digits) and adds ``q_low`` and ``p_low``, the digits below ``q``
-        and ``p``.
+        "extended" computes in double-double (about 32 digits).
     summation : {"compensated", "plain"}
         Summation in double precision; double-double sums are compensated always.
     first : {"drift", "kick"}, optional
         Operator to which the row of s + 1 coefficients is given, in place of the tableau's own choice.
     samples : int
         Most samples, as evenly spaced as whole steps allow.
+    q0, p0 : sequence of d numbers or strings, optional
+        Initial values in place of the system's own: decimal strings and fractions are exact, floats mean their binary
+        value. A single number does for one coordinate.
+    parameters : mapping, optional
+        Values of parameters by name in place of the system's own, as ``q0``. New values compile nothing.
+    t : sequence of float or str, optional
+        Output times in place of ``samples``, sorted, inside [0, t_end]. Those between two steps are reached by one
+        shorter step of the method from the step before, which the run itself does not take.
+    energy : {"every", "samples", "none"}
+        When the energy is measured: at every step; at the samples, so that errors are over the samples and a run counts
+        as diverged at the first sample that says so; never: errors are NaN, and only what is not finite has diverged.
+    energy_scale : float or str, optional
+        Energy that errors are relative to, in the system's unit; by default |H0|, or that unit where H0 = 0.
+    start : xarray.Dataset, optional
+        Continue from the last sample of this result, with its parameters and relative to its H0, with the same bits as
+        one long run. ``t_end`` is then the length of the continuation.
 
     Returns
     -------
     xarray.Dataset
-        Over (sample, component): ``t``, ``q``, ``p``, ``energy_error`` = (H - H0)/|H0| at the samples; and the scalars
-        ``tau``, ``max_energy_error`` and ``mean_energy_error`` of |H - H0|/|H0| over every step, ``steps``,
-        ``evaluations`` of the force, ``status``, ``diverged_at``. Each invariant that the system declares stands under
-        its name, and the largest deviation from its value at the start under ``<name>_drift``.
-
-        A run that leaves its energy surface ends there: its status is "diverged", ``diverged_at`` its step, both errors
-        infinite; later samples are left out.
+        Over (sample, component): ``t``, ``q``, ``p``, ``energy_error`` = (H - H0)/|H0| at the samples, with ``q_low``
+        and ``p_low``, the digits below ``q`` and ``p``, unless the summation is plain; what the system records and
+        conserves, with ``<invariant>_drift``; and the scalars ``tau``, ``max_energy_error`` and ``mean_energy_error``
+        of |H - H0|/|H0| over every step, ``steps``, ``evaluations`` of the force, ``status``, ``diverged_at``,
+        ``initial_energy``. A run that leaves its energy surface ends there: its status is "diverged", ``diverged_at``
+        its step, both errors infinite; later samples are left out.
 
     Raises
     ------
     NearharmonicError
         An unknown name, or a setting outside what is allowed, before any work.
+    KeyboardInterrupt
+        Ctrl-C, within a fraction of a second.
     """
-    problem = _Problem(system, integrator, t_end, precision, summation, first)
-    paths = problem.batch([problem.steps(tau)], checked_samples(samples))
-    variables = _trajectory_variables(problem, paths) | _error_variables(paths) | problem.tau_variable(paths)
-    if problem.system.invariants:
-        variables |= invariant_variables(problem.system, paths.q, paths.p, paths.left_at > 0)
-    return assembled(_first_run(variables), ["t"], problem.attributes())
+    problem = Problem(
+        system, integrator, t_end=t_end, precision=precision, summation=summation, first=first, energy=energy,
+        energy_scale=energy_scale,
+    )  # fmt: skip
+    begin = start_of(problem, q0, p0, parameters, start)
+    steps, kept = problem.steps_of(tau), checked_samples(samples)
+    if t is None:
+        paths = problem.run([steps], kept, start=begin.state, parameters=begin.parameters, reference=begin.reference)
+        times = paths.marks * float(problem.end) / paths.steps[:, None] + begin.t if begin.t else None
+    else:
+        asked = checked_times(t, problem.end, problem.t_end)
+        paths = run_at(problem, [steps], asked, **begin.arrays)
+        times = np.array([float(time) for time in asked]) + begin.t
+    return trajectory_dataset(problem, paths, constants=begin.constants, times=times, attributes=begin.attributes())
 
 
 def sweep(
@@ -97,6 +126,12 @@ def sweep(
     precision: str = "double",
     summation: str = "compensated",
     first: str | None = None,
+    q0: object = None,
+    p0: object = None,
+    parameters: Mapping[str, Any] | None = None,
+    t: object = None,
+    energy: str = "every",
+    energy_scale: float | str | None = None,
 ) -> xr.Dataset:
     """Integrate one run per step size, eight at a time in SIMD lanes, for their energy errors.
 
@@ -104,22 +139,49 @@ def sweep(
     ----------
     taus : iterable of float
         Step sizes asked for.
-    system, integrator, t_end, precision, summation, first
-        As for :func:`integrate`.
+    t : sequence of float or str, optional
+        Times at which the states of each run are returned as well.
+    system, integrator, t_end, precision, summation, first, q0, p0, parameters, energy, energy_scale
+        As for :func:`integrate`; with "samples" the energy is measured at the times ``t``, or at the end.
 
     Returns
     -------
     xarray.Dataset
         Over ``tau``, the step as used, in the order asked for: ``tau_requested``, ``max_energy_error`` and
         ``mean_energy_error`` over every step, ``steps``, ``evaluations``, ``status`` and ``diverged_at``, each bit for
-        bit what :func:`integrate` finds for that step (the mean to rounding).
+        bit what :func:`integrate` finds for that step (the mean to rounding). With ``t`` also ``t``, ``q``, ``p`` and
+        ``energy_error`` over (tau, sample, component).
 
     Raises
     ------
     NearharmonicError
         An unknown name, no step size, or a setting outside what is allowed, before any work.
+    KeyboardInterrupt
+        Ctrl-C, within a fraction of a second.
     """
-    problem = _Problem(system, integrator, t_end, precision, summation, first)
+    problem = Problem(
+        system, integrator, t_end=t_end, precision=precision, summation=summation, first=first, energy=energy,
+        energy_scale=energy_scale,
+    )  # fmt: skip
+    requested = _checked_taus(taus)
+    begin = start_of(problem, q0, p0, parameters)
+    steps = [problem.steps_of(tau) for tau in requested]
+    variables: Variables = {}
+    if t is None:
+        paths = problem.run(steps, 2, start=begin.state, parameters=begin.parameters)
+    else:
+        asked = checked_times(t, problem.end, problem.t_end)
+        paths = run_at(problem, steps, asked, **begin.arrays)
+        variables = trajectory_variables(problem, paths, begin.constants, np.array([float(time) for time in asked]))
+    variables |= error_variables(paths, problem)
+    one: Variables = {name: (("tau", *dims[1:]), values, notes) for name, (dims, values, notes) in variables.items()}
+    unit = problem.system.units["t"]
+    one["tau_requested"] = (("tau",), np.array(requested), described("step size asked for", unit))
+    one["tau"] = ("tau",), problem.taus(paths.steps), described("step size", unit)
+    return assembled(one, ["tau"], problem_attributes(problem) | begin.attributes())
+
+
+def _checked_taus(taus: Iterable[float]) -> list[float]:
     if hasattr(taus, "__array__"):
         asked = np.asarray(taus).ravel().tolist()
     elif isinstance(taus, Iterable) and not isinstance(taus, str):
@@ -128,13 +190,7 @@ def sweep(
         raise bad_setting("taus", taus, "a list of step sizes")
     if not asked:
         raise bad_setting("taus", asked, "at least one step size")
-    requested = [checked_tau(tau, f"taus[{i}]") for i, tau in enumerate(asked)]
-    paths = problem.batch([problem.steps(tau) for tau in requested], samples=2)
-    one: Variables = {name: (("tau",), values, notes) for name, (_, values, notes) in _error_variables(paths).items()}
-    unit = problem.system.units["t"]
-    one["tau_requested"] = (("tau",), np.array(requested), described("step size asked for", unit))
-    one["tau"] = ("tau",), problem.taus(paths.steps), described("step size", unit)
-    return assembled(one, ["tau"], problem.attributes())
+    return [checked_tau(tau, f"taus[{i}]") for i, tau in enumerate(asked)]
 
 
 def sampled(
@@ -157,13 +213,15 @@ def sampled(
         mean and the number of the steps since the previous sample over (tau_per_stage, sample); tau, steps,
         evaluations, status and diverged_at over tau_per_stage, which has no coordinate.
     """
-    problem = _Problem(system, integrator, t_end, precision, summation, first)
-    paths = problem.batch(steps, samples)
-    path = _trajectory_variables(problem, paths)
+    problem = Problem(system, integrator, t_end=t_end, precision=precision, summation=summation, first=first)
+    paths = problem.run(steps, samples)
+    path = trajectory_variables(problem, paths, problem.system.constants(float))
     # The order of variables is that of the files.
     leading = {name: path.pop(name) for name in ("t", "q", "p", "energy_error")}
-    errors = {name: value for name, value in _error_variables(paths).items() if not name.endswith("energy_error")}
-    return {**leading, **_block_variables(paths), **path, **errors, **problem.tau_variable(paths)}
+    errors = {
+        name: value for name, value in error_variables(paths, problem).items() if not name.endswith("energy_error")
+    }
+    return {**leading, **block_variables(paths), **path, **errors, **tau_variable(problem, paths)}
 
 
 def warm_up(system: str, precisions: Sequence[str] = ("double",)) -> dict[str, Any]:
@@ -171,114 +229,3 @@ def warm_up(system: str, precisions: Sequence[str] = ("double",)) -> dict[str, A
     for precision in precisions:
         kernel_of(systems[system], replace(STANDARD, precision=checked_precision(precision)))
     return {}
-
-
-class _Problem:
-    """A system, a tableau and how to integrate, all checked."""
-
-    def __init__(
-        self,
-        system: str | System,
-        integrator: str | Tableau,
-        t_end: float | str | None,
-        precision: str,
-        summation: str,
-        first: str | None,
-    ) -> None:
-        self.system = system if isinstance(system, System) else systems[system]
-        tableau = integrator if isinstance(integrator, Tableau) else integrators[integrator]
-        self.tableau = tableau.role(checked_first(first))  # type: ignore[arg-type]
-        check_fit(self.system, self.tableau)
-        self.t_end = checked_t_end(self.system.t_end if t_end is None else t_end)
-        self.end = exact_decimal(self.t_end)
-        self.numerics = Numerics(precision=precision, summation=summation)
-
-    def steps(self, tau: object) -> int:
-        return steps_of(self.t_end, checked_tau(tau))
-
-    def taus(self, steps: Integers) -> Floats:
-        """The step sizes as used, rounded once."""
-        return np.array([self.end.numerator / (self.end.denominator * n) for n in steps.tolist()])
-
-    def batch(self, steps: Sequence[int], samples: int) -> Trajectories:
-        """One run per entry of ``steps``; equal entries are computed once."""
-        distinct = list(dict.fromkeys(steps))
-        paths = integrate_batch(
-            self.system, self.tableau, t_end=self.end, steps=distinct, samples=samples, numerics=self.numerics
-        )
-        if len(distinct) == len(steps):
-            return paths
-        where = {n: i for i, n in enumerate(distinct)}
-        return paths.take(np.array([where[n] for n in steps]))
-
-    def tau_variable(self, paths: Trajectories) -> Variables:
-        notes = described("step size as used, t_end / steps", self.system.units["t"])
-        return {"tau": (("tau_per_stage",), self.taus(paths.steps), notes)}
-
-    def attributes(self) -> dict[str, str]:
-        return {
-            "system": self.system.name,
-            "integrator": self.tableau.name,
-            "first": self.tableau.first,
-            "t_end": self.t_end,
-            "precision": self.numerics.precision,
-            "summation": self.numerics.summation,
-        }
-
-
-def _error_variables(paths: Trajectories) -> Variables:
-    status = np.where(paths.left_at > 0, "diverged", "ok")
-    return _over_runs({
-        "max_energy_error": (paths.max_energy_error, "maximum of |H - H0|/|H0| over every step, inf if diverged", "1"),
-        "mean_energy_error": (paths.mean_energy_error, "mean of |H - H0|/|H0| over every step, inf if diverged", "1"),
-        "steps": (paths.steps, "steps that cover [0, t_end]", "1"),
-        "evaluations": (paths.evaluations, "force evaluations made", "1"),
-        "status": (status, STATUS, "1"),
-        "diverged_at": (paths.left_at, "step at which the run left its energy surface, 0 if it did not", "1"),
-    })  # fmt: skip
-
-
-def _first_run(variables: Variables) -> Variables:
-    """The variables of the first run alone, up to the last sample that it reached."""
-    kept = int(np.isfinite(variables["q"][1][0, :, 0]).sum())
-    return {
-        name: (dimensions[1:], values[0, :kept] if "sample" in dimensions else values[0], attributes)
-        for name, (dimensions, values, attributes) in variables.items()
-    }
-
-
-def _block_variables(paths: Trajectories) -> Variables:
-    length = np.where(paths.marks >= 0, np.diff(paths.marks, axis=1, prepend=0), 0)
-    return _over_runs({
-        "block_steps": (length, "steps since the previous sample", "1"),
-        "block_max_energy_error": (paths.block_max, "maximum of |H - H0|/|H0| since the previous sample", "1"),
-        "block_mean_energy_error": (paths.block_mean, "mean of |H - H0|/|H0| since the previous sample", "1"),
-    })  # fmt: skip
-
-
-def _trajectory_variables(problem: _Problem, paths: Trajectories) -> Variables:
-    """States at the samples, their energy errors, and the system's observables."""
-    system = problem.system
-    units = system.units
-    t = np.where(paths.marks >= 0, paths.marks * float(problem.end) / paths.steps[:, None], np.nan)
-    table = {
-        "t": (t, "time", units["t"]),
-        "q": (paths.q, "position", units["q"]),
-        "p": (paths.p, "momentum", units["p"]),
-        "energy_error": (paths.energy_error, "(H - H0)/|H0|", "1"),
-    }
-    if problem.numerics.precision == "extended":
-        table["q_low"] = (paths.q_low, "position, digits below q", units["q"])
-        table["p_low"] = (paths.p_low, "momentum, digits below p", units["p"])
-    if system.observables:
-        q, p = (tuple(np.moveaxis(state, -1, 0)) for state in (paths.q, paths.p))
-        constants = system.constants(float)
-        for name, observable in system.observables.items():
-            table[name] = (observable.function(q, p, *constants), observable.meaning, observable.unit)
-    return _over_runs(table)
-
-
-def _over_runs(table: dict[str, tuple[Any, str, str]]) -> Variables:
-    """Described variables from (values, meaning, unit), whose first dimension is that of the runs."""
-    dimensions = ("tau_per_stage", "sample", "component")
-    return {name: (dimensions[: v.ndim], v, described(text, unit)) for name, (v, text, unit) in table.items()}

@@ -15,7 +15,9 @@ from typing import Any, NamedTuple
 from nearharmonic.core.arithmetic import sqrt
 from nearharmonic.core.number import Constant, Number, scalar, vector
 from nearharmonic.errors import SystemDefinitionError
-from nearharmonic.systems.system import System, quadratic_grad_T, quadratic_T
+from nearharmonic.systems.formulas import DerivedGradient, Formulas
+from nearharmonic.systems.kinetic_energy import MassKineticEnergy, quadratic_grad_T, quadratic_T
+from nearharmonic.systems.system import System
 
 # Sizes below are relative to the coordinates. A point lies at a displacement r from the start, so that lengths on which
 # a formula changes are hardly shorter than r (singularities, the width of a zero). A central difference over a step h
@@ -89,6 +91,19 @@ class Multiprecision(Number):
         value = _VALUES.sqrt(self.value)
         return Multiprecision(value, _SIZES.divide(self.size, _SIZES.add(value, value)))
 
+    def lifted(self, number: Constant) -> Multiprecision:
+        return Multiprecision.of(number)
+
+    def apply(self, function: str, *others: Multiprecision | Constant) -> Multiprecision:
+        from nearharmonic.systems.multiprecision_functions import evaluated
+
+        operands = [self, *map(self._lift, others)]
+        value, slopes = evaluated(function, [x.value for x in operands], DIGITS)
+        inherited = Decimal(0)
+        for slope, x in zip(slopes, operands, strict=True):
+            inherited = _SIZES.fma(_SIZES.abs(slope), x.size, inherited)
+        return Multiprecision(value, inherited)
+
 
 class _Slope(NamedTuple):
     """Slope of an energy along a direction: by its gradient, by a difference, and how far these may be apart."""
@@ -106,6 +121,7 @@ class _Pair(NamedTuple):
     """An energy and its gradient, as formulas of a system with constants."""
 
     system: System
+    formulas: Formulas
     energy: str
     constants: tuple[Constant, ...]
 
@@ -114,11 +130,11 @@ class _Pair(NamedTuple):
         return f"grad_{self.energy}"
 
     def gradient_at(self, point: Sequence[Decimal]) -> tuple[Multiprecision, ...]:
-        components = vector(self.system, self.gradient, tuple(map(Multiprecision, point)), *self.constants)
+        components = vector(self.formulas, self.gradient, tuple(map(Multiprecision, point)), *self.constants)
         return tuple(Multiprecision.of(x) if isinstance(x, Constant) else x for x in components)
 
     def energy_at(self, point: Sequence[Decimal]) -> Multiprecision:
-        value = scalar(self.system, self.energy, tuple(map(Multiprecision, point)), *self.constants)
+        value = scalar(self.formulas, self.energy, tuple(map(Multiprecision, point)), *self.constants)
         return Multiprecision.of(value) if isinstance(value, Constant) else value
 
     def slope(self, point: Sequence[Decimal], gradient: Sequence[Multiprecision], along: Sequence[Decimal]) -> _Slope:
@@ -145,9 +161,9 @@ POTENTIALS: Mapping[str, Callable[..., Any]] = {
 
 @cache
 def check_gradients(system: System) -> None:
-    """Compare grad_V with V, grad_T with T, and V with the potential that is declared, near the start.
+    """Compare the gradients that are given with V and T, and V with the potential that is declared, near the start.
 
-    What was compared once is not compared again.
+    What was compared once is not compared again, and what is derived not at all.
 
     A point at which a formula divides by zero or takes the root of a negative number is left out.
 
@@ -157,17 +173,23 @@ def check_gradients(system: System) -> None:
         A component differs from the derivative of its energy, V from the potential declared, or a formula fails for
         another reason.
     """
-    q0, p0 = system.start(Decimal)
+    formulas, constants = system.formulas(), system.constants(Constant)
+    q0, p0 = system.extended_start(Decimal)
     with localcontext(_VALUES):
-        _compare(_Pair(system, "V", system.constants(Constant)), "q", q0)
-        if (system.T, system.grad_T) != (quadratic_T, quadratic_grad_T):
-            _compare(_Pair(system, "T", ()), "p", p0)
+        potential = _Pair(system, formulas, "V", constants)
+        if not isinstance(system.grad_V, DerivedGradient) or any(getattr(system, name) for name in POTENTIALS):
+            _compare(potential, "q", q0)
+        known = isinstance(system.T, MassKineticEnergy) or (system.T, system.grad_T) == (quadratic_T, quadratic_grad_T)
+        if not (known or isinstance(system.grad_T, DerivedGradient)):
+            _compare(_Pair(system, formulas, "T", constants), "p", p0)
 
 
 def _compare(pair: _Pair, letter: str, start: Sequence[Decimal]) -> None:
     random = Random(1)  # the same points in every process
     largest = max(map(abs, start)) or Decimal(1)
     scales = [abs(x) or largest for x in start]  # nothing else says how long a coordinate is that starts at 0
+    if pair.energy == "V" and pair.system.time_dependent:
+        scales[-1] = abs(Decimal(pair.system.t_end)) or Decimal(1)
     for displacement in DISPLACEMENTS:
         point = [_VALUES.fma(displacement * _random(random), w, x) for x, w in zip(start, scales, strict=True)]
         try:

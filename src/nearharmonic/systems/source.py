@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from nearharmonic.core.number import Constant, Number, vector
+from nearharmonic.core.number import FUNCTIONS, Constant, Number, vector
 from nearharmonic.systems.system import System
 
 
@@ -60,6 +60,12 @@ class SourceTracer(Number):
     def sqrt(self) -> SourceTracer:
         return self._line(f"sqrt({self.name})")
 
+    def lifted(self, number: Constant) -> SourceTracer:
+        return SourceTracer(_text(number), self.lines)
+
+    def apply(self, function: str, *others: SourceTracer | Constant) -> SourceTracer:
+        return self._line(f"{function}({', '.join(map(_text, (self, *others)))})")
+
 
 def _text(value: SourceTracer | Constant) -> str:
     return value.name if isinstance(value, SourceTracer) else repr(float(value))
@@ -71,7 +77,9 @@ def _function(name: str, arguments: str, lines: list[str], results: list[str]) -
 
 
 def velocity_text(system: System) -> str:
-    """Return the text of ``velocity(q0, .., p0, ..)`` -> (dq0/dt, .., dp0/dt, ..), which calls ``sqrt`` and ``abs``.
+    """Return the text of ``velocity(q0, .., p0, ..)`` -> (dq0/dt, .., dp0/dt, ..).
+
+    It calls ``abs``, ``sqrt`` and the functions of :mod:`nearharmonic.math` by their names.
 
     Raises
     ------
@@ -89,7 +97,10 @@ def velocity_text(system: System) -> str:
 
 def velocity(system: System, functions: Mapping[str, Callable[..., Any]] | None = None) -> Callable[..., Any]:
     """The function that :func:`velocity_text` writes, with ``functions`` (math's by default) for what it calls."""
-    space: dict[str, Any] = {"sqrt": math.sqrt, **(functions or {})}
+    import numpy as np
+
+    space: dict[str, Any] = {name: getattr(math, name) for name in ("sqrt", *FUNCTIONS) if name != "cbrt"}
+    space |= {"cbrt": np.cbrt, **(functions or {})}  # numba knows numpy's alone
     exec(compile(velocity_text(system), f"<{system.name}>", "exec"), space)
     made: Callable[..., Any] = space["velocity"]
     return made

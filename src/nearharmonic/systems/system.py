@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from decimal import Decimal, InvalidOperation
+from functools import cached_property
+from math import isinf
 from typing import Any, TypeVar
 
+from nearharmonic.core.expression.graph import Graph
+from nearharmonic.core.number import Constant, vector
 from nearharmonic.display import facts_table, line
 from nearharmonic.errors import SystemDefinitionError
+from nearharmonic.systems.energy import Energy
+from nearharmonic.systems.formulas import DerivedGradient, ExtendedPotential, Formulas, formulas_of, with_parameters
+from nearharmonic.systems.kinetic_energy import MassKineticEnergy, quadratic_grad_T, quadratic_T
 
 #: A coordinate tuple of any number type: float, numpy array, mpf, or a number traced into a kernel.
 Vector = tuple[Any, ...]
@@ -17,16 +24,6 @@ Scalar = TypeVar("Scalar")
 
 #: Members of a system that hold for its V and T alone.
 DECLARED = ("harmonic", "gravity", "exact_position", "position_t_end")
-
-
-def quadratic_T(p: Vector) -> Any:
-    """T = p.p / 2, the kinetic energy per unit mass."""
-    return sum(x * x for x in p) / 2
-
-
-def quadratic_grad_T(p: Vector) -> Vector:
-    """dT/dp = p for T = p.p / 2."""
-    return p
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,49 +44,60 @@ class Observable:
     meaning: str
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)  # formulas have no equality but identity
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)  # formulas have no equality but identity
 class System:
     """A separable Hamiltonian with its standard initial value problem.
 
-    ``V(q, *parameters)`` and ``T(p)`` return a scalar, ``grad_V(q, *parameters)`` and ``grad_T(p)`` a tuple as long as
-    ``q``. They use only ``+ - * /``, whole and half-integer powers, ``abs`` and
-    :func:`nearharmonic.core.arithmetic.sqrt`, never a branch on a value, so that one text serves floats, numpy arrays,
-    mpmath numbers and the kernels' scalars, SIMD lanes and double-doubles. Kernels take a float literal for the
-    shortest decimal that it prints as: 0.1 is one tenth in every precision, ``q[0] / 3`` more precise than
+    ``V(q, *parameters)`` and ``T(p)`` or ``T(p, *parameters)`` return a scalar. They use only ``+ - * /``, powers,
+    ``abs`` and the functions of :mod:`nearharmonic.math`, never a branch on a value, so that one text serves floats,
+    numpy arrays, mpmath numbers and the kernels' scalars, SIMD lanes and double-doubles. Kernels take a float literal
+    for the shortest decimal that it prints as: 0.1 is one tenth in every precision, ``q[0] / 3`` more precise than
     ``0.3333333333333333 * q[0]``, and a number of more digits a parameter.
+
+    ``grad_V(q, *parameters)`` and ``grad_T(p)`` return a tuple as long as ``q``. If left out, they are derived; if
+    given, they are compared with V and T at first use. With ``time_dependent``, ``V(q, t, *parameters)`` and
+    ``grad_V(q, t, *parameters)`` depend on the time; :meth:`formulas` are those of the extended autonomous system.
+
+    ``masses`` makes T = p.M^-1 p / 2, in place of T and grad_T: a tuple of d decimal strings, fractions or names of
+    parameters, or a constant symmetric positive definite matrix (d, d) of strings and fractions. Without ``masses`` and
+    T the masses are 1.
 
     ``q0``, ``p0``, ``t_end`` and the parameters are decimal strings: exact, rounded once per precision.
     ``units`` names the units of ``q``, ``p``, ``t`` and ``energy``. ``invariants`` are conserved functions
     ``f(q, p, *parameters)`` besides the energy; ``observables`` are recorded at the samples; ``period(q, p,
-    *parameters)`` is the period of the exact orbit through floats q, p, if it has one. ``surface_limit`` is the
-    relative energy error beyond which a run has diverged; ``surface_reason`` says why.
+    *parameters)`` is the period of the exact orbit through floats q, p, if it has one. ``energy_scale`` is what energy
+    errors are relative to, a decimal string in the unit of energy; if None, |H0|, or that unit where H0 = 0.
+    ``surface_limit`` is the relative energy error beyond which a run has diverged; ``surface_reason`` says why.
 
     ``harmonic`` marks the unit oscillator H = (p^2 + q^2)/2, whose energy errors are known in closed form, ``gravity``
     the potential V = -GM/|q|, for which other libraries have code of their own; both are compared with V at first use.
     ``exact_position(system, t)`` returns the position at the mpmath number t on the exact orbit, in the working
     precision of mpmath, or None if it has no closed form for the initial values and parameters of ``system``.
     ``position_t_end`` is the end of the interval over which positions are compared, where ``t_end`` is too late for
-    that. A copy by :func:`dataclasses.replace` with another V or T drops those of these four that it does not change;
-    ``declared_for`` is how it knows, and is not to be set.
+    that. A copy by :func:`dataclasses.replace` with another V or T drops those of these four that it does not change,
+    and derives anew what was derived; ``declared_for`` is how it knows, and is not to be set.
 
     Raises
     ------
     SystemDefinitionError
-        Rows of different length, a string that is no finite number, a unit missing, or ``harmonic`` or ``gravity``
-        where dimension, kinetic energy or parameters rule it out.
+        Rows of different length, a string that is no number finite as a double, a unit missing, ``masses`` that make no
+        kinetic energy or beside a T, or ``harmonic`` or ``gravity`` where dimension, kinetic energy or parameters rule
+        it out.
     """
 
     name: str
     label: str
     V: Callable[..., Any]
-    grad_V: Callable[..., Vector]
+    grad_V: Callable[..., Vector] = None  # type: ignore[assignment]  # never None once built
     q0: tuple[str, ...]
     p0: tuple[str, ...]
     t_end: str
     units: Mapping[str, str]
     source: str
-    T: Callable[[Vector], Any] = quadratic_T
-    grad_T: Callable[[Vector], Vector] = quadratic_grad_T
+    T: Callable[..., Any] = quadratic_T
+    grad_T: Callable[..., Vector] = None  # type: ignore[assignment]
+    masses: Sequence[Any] | None = None
+    time_dependent: bool = False
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     invariants: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
     observables: Mapping[str, Observable] = field(default_factory=dict)
@@ -98,7 +106,8 @@ class System:
     gravity: bool = False
     exact_position: Callable[[System, Any], Vector | None] | None = None
     position_t_end: str | None = None
-    declared_for: Mapping[str, Any] | None = field(default=None, repr=False)
+    declared_for: Mapping[str, Any] | None = None
+    energy_scale: str | None = None
     surface_limit: float = 1.0
     surface_reason: str = "the energy error is as large as the energy itself"
 
@@ -111,10 +120,13 @@ class System:
             if key not in self.units:
                 raise SystemDefinitionError(f"{self.name}: units lack {key!r}")
         self._check_numbers()
+        self._set_kinetic_energy()
+        if self.grad_V is None or isinstance(self.grad_V, DerivedGradient):
+            object.__setattr__(self, "grad_V", DerivedGradient(self._potential, self.time_dependent))
         self._drop_declarations()
-        if self.harmonic and not (self.dimension == 1 and self.quadratic_kinetic_energy):
+        if self.harmonic and not (self.dimension == 1 and self.unit_masses):
             raise SystemDefinitionError(f"{self.name}: harmonic means one coordinate and T = p^2/2")
-        if self.gravity and not (set(self.parameters) == {"GM"} and self.quadratic_kinetic_energy):
+        if self.gravity and not (set(self.parameters) == {"GM"} and self.unit_masses):
             raise SystemDefinitionError(f"{self.name}: gravity means T = p.p/2 and GM as the only parameter")
 
     @property
@@ -136,6 +148,28 @@ class System:
     def _repr_html_(self) -> str:
         return facts_table("System", self.facts)
 
+    def _set_kinetic_energy(self) -> None:
+        """Make T of ``masses``, and grad_T if it is not given; in a copy these may be the original's."""
+        T, of_masses = self.T, isinstance(self.T, MassKineticEnergy)
+        if self.masses is not None:
+            if not of_masses and T is not quadratic_T:
+                raise SystemDefinitionError(f"{self.name}: masses and T are given, and either makes the other")
+            if not (isinstance(T, MassKineticEnergy) and T.given == (self.masses, tuple(self.parameters))):
+                try:
+                    T = MassKineticEnergy(self.masses, self.dimension, tuple(self.parameters))
+                except SystemDefinitionError as error:
+                    raise SystemDefinitionError(f"{self.name}: {error}") from None
+        elif of_masses:
+            T = quadratic_T
+        object.__setattr__(self, "T", T)
+        left_out = self.grad_T is None or self.grad_T is quadratic_grad_T or isinstance(self.grad_T, DerivedGradient)
+        if isinstance(T, MassKineticEnergy):
+            object.__setattr__(self, "grad_T", T.velocity)
+        elif T is quadratic_T and left_out:
+            object.__setattr__(self, "grad_T", quadratic_grad_T)
+        elif left_out:
+            object.__setattr__(self, "grad_T", DerivedGradient(self._kinetic_energy))
+
     def _drop_declarations(self) -> None:
         """Reset, in a copy with another V or T, what the original declared of its own."""
         original = self.declared_for
@@ -148,25 +182,102 @@ class System:
     def _check_numbers(self) -> None:
         named = {f"parameter {k}": v.value for k, v in self.parameters.items()} | {"t_end": self.t_end}
         named |= {f"q0[{i}]": v for i, v in enumerate(self.q0)} | {f"p0[{i}]": v for i, v in enumerate(self.p0)}
-        if self.position_t_end is not None:
-            named["position_t_end"] = self.position_t_end
+        named |= {k: v for k in ("position_t_end", "energy_scale") if (v := getattr(self, k)) is not None}
         for key, text in named.items():
             try:
                 finite = Decimal(text).is_finite()
-            except InvalidOperation:
+            except (InvalidOperation, TypeError, ValueError):
                 finite = False
             if not finite:
                 raise SystemDefinitionError(f"{self.name}: {key} = {text!r} is not a finite decimal number")
+            if isinf(float(text)):
+                raise SystemDefinitionError(f"{self.name}: {key} = {text!r} is larger than any double")
+        if self.energy_scale is not None and Decimal(self.energy_scale) <= 0:
+            raise SystemDefinitionError(f"{self.name}: energy_scale = {self.energy_scale!r} is not positive")
+
+    def __repr__(self) -> str:
+        names = "".join(f", {name}" for name in self.parameters)
+        return f"System({self.name!r}, {self.dimension} coordinate{'s' * (self.dimension > 1)}{names})"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle a registered system by its name, another by its fields, whose functions must be importable."""
+        from nearharmonic.systems import systems
+
+        if systems.get(self.name) is self:
+            return systems.__getitem__, (self.name,)
+        kept = {x.name: getattr(self, x.name) for x in fields(self) if x.name != "declared_for"}
+        for name in ("grad_V", "grad_T"):
+            if isinstance(kept[name], DerivedGradient) or (self.masses is not None and name == "grad_T"):
+                del kept[name]
+        if self.masses is not None:
+            del kept["T"]
+        return _rebuilt, (kept,)
 
     @property
     def dimension(self) -> int:
         """Number of coordinates."""
         return len(self.q0)
 
-    @property
+    @cached_property
+    def _potential(self) -> Energy:
+        V = ExtendedPotential(self.V) if self.time_dependent else self.V
+        return Energy(self.name, "V", V, self.dimension + self.time_dependent, self.constants(Constant))
+
+    @cached_property
+    def _kinetic_energy(self) -> Energy:
+        T = with_parameters(self.T, len(self.parameters))
+        return Energy(self.name, "T", T, self.dimension, self.constants(Constant))
+
+    @cached_property
     def quadratic_kinetic_energy(self) -> bool:
-        """Whether T = p.p / 2, which Nystrom methods and the equality of force and acceleration need."""
-        return self.grad_T is quadratic_grad_T
+        """Whether T is a polynomial of degree at most 2 in the momenta, which Nystrom methods need."""
+        return self.T is quadratic_T or isinstance(self.T, MassKineticEnergy) or self._kinetic_energy.is_quadratic
+
+    @cached_property
+    def unit_masses(self) -> bool:
+        """Whether T = p.p / 2, so that forces are accelerations."""
+        return self.T is quadratic_T or self._kinetic_energy.is_half_square
+
+    @cached_property
+    def parameters_at_run_time(self) -> bool:
+        """Whether formulas can be called with parameters that are values, which must not decide what they do."""
+        energies = (self._potential, self._kinetic_energy)
+        return not self.parameters or (
+            all(e.parameters_at_run_time for e in energies) and self._gradients_take_values()
+        )
+
+    def _gradients_take_values(self) -> bool:
+        formulas = self.formulas()
+        values = Graph().variables(formulas.dimension + len(self.parameters))
+        try:
+            for name in ("grad_V", "grad_T"):
+                vector(formulas, name, values[: formulas.dimension], *values[formulas.dimension :])
+        except SystemDefinitionError:
+            return False
+        return True
+
+    def formulas(self) -> Formulas:
+        """Return what is integrated: the formulas, or those of the extended system if V depends on time."""
+        return self._formulas
+
+    @cached_property
+    def _formulas(self) -> Formulas:
+        return formulas_of(self, self._potential, self._kinetic_energy)
+
+    def hessian_V_times(self, q: Vector, direction: Vector, *others: Any) -> Vector:
+        """Return the Hessian of V at ``q`` times ``direction``, derived from V.
+
+        Parameters
+        ----------
+        q, direction : tuple of d numbers
+            Position, and a displacement, of any one number type.
+        *others : numbers
+            What V takes behind q: the time if it depends on it, and the parameters.
+        """
+        if self.time_dependent:
+            t, *parameters = others
+            return self._potential.hessian_times((*q, t), (*direction, t * 0), *parameters)[:-1]
+        return self._potential.hessian_times(tuple(q), tuple(direction), *others)
 
     def constants(self, kind: Callable[[str], Scalar]) -> tuple[Scalar, ...]:
         """Return the parameters as numbers of one kind.
@@ -182,8 +293,14 @@ class System:
         """Return the initial values (q0, p0) as numbers of one kind, see :meth:`constants`."""
         return tuple(map(kind, self.q0)), tuple(map(kind, self.p0))
 
-    def energy(self, q: Vector, p: Vector, constants: Sequence[Any] = ()) -> Any:
-        """Return H = T(p) + V(q).
+    def extended_start(self, kind: Callable[[str], Scalar]) -> tuple[tuple[Scalar, ...], tuple[Scalar, ...]]:
+        """Return the initial values of what :meth:`formulas` are of: with t = 0 and p_t = 0 if V depends on time."""
+        more = (kind("0"),) if self.time_dependent else ()
+        q0, p0 = self.start(kind)
+        return (*q0, *more), (*p0, *more)
+
+    def energy(self, q: Vector, p: Vector, constants: Sequence[Any] = (), t: Any = None) -> Any:
+        """Return H = T(p) + V(q), or T(p) + V(q, t).
 
         Parameters
         ----------
@@ -191,5 +308,19 @@ class System:
             State, of any one number type.
         constants : sequence of numbers
             Parameters in that type, from :meth:`constants`.
+        t : number or array
+            Time, if V depends on it.
+
+        Raises
+        ------
+        SystemDefinitionError
+            V depends on time, and none is given.
         """
-        return self.T(p) + self.V(q, *constants)
+        if self.time_dependent and t is None:
+            raise SystemDefinitionError(f"{self.name}: V depends on time, and its energy needs t")
+        time = (t,) if self.time_dependent else ()
+        return self._kinetic_energy.function(p, *constants) + self.V(q, *time, *constants)
+
+
+def _rebuilt(fields: dict[str, Any]) -> System:
+    return System(**fields)

@@ -11,7 +11,7 @@ import xarray as xr
 
 import nearharmonic as nh
 from nearharmonic.core.arithmetic import sqrt
-from nearharmonic.engine import batch
+from nearharmonic.engine import kernels
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.experiments.stability.conservation.run import _Run, energy_drift, structure, symplectic_defect
 from nearharmonic.experiments.stability.kinetic_energy.figure import kinetic_energy
@@ -143,7 +143,7 @@ def swirling():
 
 
 def test_a_force_without_a_potential_is_found_out(monkeypatch):
-    monkeypatch.setattr(batch, "check_gradients", lambda system: None)  # it would refuse the system at once
+    monkeypatch.setattr(kernels, "check_gradients", lambda system: None)  # it would refuse the system at once
     tableau = integrators["babs7o7h"]
     found = structure(swirling(), tableau, t_end="50")
     assert found.symplectic_defect > 1e-4

@@ -10,7 +10,8 @@ import xarray as xr
 
 import nearharmonic as nh
 from nearharmonic.engine import batch
-from nearharmonic.engine.batch import integrate_batch, kernel_of
+from nearharmonic.engine.batch import integrate_batch
+from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.experiments.stability.henon_heiles import run as hh
 from nearharmonic.experiments.stability.henon_heiles.reduce import trusted_up_to
@@ -31,7 +32,7 @@ def dataset(contents):
 def looked_at(integrator, tau, start, samples=2, **how):
     """Runs of ``start`` at one step size, looked at as the ensembles are."""
     steps, look = hh.schedule(Fraction(100), tau)
-    numerics = Numerics(**{"every_step": False, "look": look, **how})
+    numerics = Numerics(**{"energy": "samples", "look": look, **how})
     return integrate_batch(
         nh.systems["henon_heiles"], nh.integrators[integrator], t_end=steps * tau, steps=[steps] * len(start),
         samples=samples, numerics=numerics, start=start,
@@ -70,7 +71,7 @@ def test_looks_see_the_energy_error_of_their_instants_alone_and_miss_little_of_t
     tau = Fraction(7, 10)
     steps, look = hh.schedule(Fraction(100), tau)
     looks = looked_at("aba864", tau, start)
-    every = looked_at("aba864", tau, start, every_step=True, look=None, samples=steps // look + 1)
+    every = looked_at("aba864", tau, start, energy="every", look=None, samples=steps // look + 1)
     assert (np.diff(every.marks, axis=1) == look).all()
     assert np.array_equal(looks.max_energy_error, np.abs(every.energy_error).max(axis=1))
     assert (looks.max_energy_error < every.max_energy_error).mean() > 0.5
@@ -127,12 +128,12 @@ def test_the_ensemble_map_is_bit_for_bit_reproducible_and_depends_on_its_seed():
 
 def test_warming_up_compiles_what_the_runs_use():
     for module, uses in (
-        (hh, [("henon_heiles", "double", "compensated", False)]),
-        (maps, [("kepler", "double", "compensated", True)]),
+        (hh, [("henon_heiles", "double", "compensated", "samples")]),
+        (maps, [("kepler", "double", "compensated", "every")]),
         (
             rounding,
             [
-                ("kepler", p, s, False)
+                ("kepler", p, s, "samples")
                 for p, s in (("double", "plain"), ("double", "compensated"), ("extended", "compensated"))
             ],
         ),
@@ -140,8 +141,8 @@ def test_warming_up_compiles_what_the_runs_use():
         kernel_of.cache_clear()
         assert module.warm_up() == {}
         before = kernel_of.cache_info().misses
-        for system, precision, summation, every_step in uses:
+        for system, precision, summation, energy in uses:
             problem = nh.systems["henon_heiles"] if system == "henon_heiles" else maps.SYSTEM
-            how = {"precision": precision, "summation": summation, "width": module.WIDTH, "every_step": every_step}
+            how = {"precision": precision, "summation": summation, "width": module.WIDTH, "energy": energy}
             kernel_of(problem, Numerics(**how))
         assert kernel_of.cache_info().misses == before

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from fractions import Fraction
 from math import inf, isnan, nan
+from types import SimpleNamespace
 
 import mpmath
 import pytest
 from mpmath import cos, mpf
 
 from nearharmonic.core import kernel
-from nearharmonic.engine.batch import kernel_of
+from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.reference import position_t_end, reference
 from nearharmonic.engine.settings import Numerics, Sweep
 from nearharmonic.experiments.work_precision.curve import (
@@ -174,7 +175,7 @@ def test_every_mode_of_a_curve_moves_the_same_trajectory():
 
 def test_what_is_timed_compiles_one_scheduler_and_the_inner_kernel_of_each_mode(monkeypatch):
     asked = []
-    monkeypatch.setattr(kernel, "native", lambda name, *more: asked.append(name))
+    monkeypatch.setattr(kernel, "native", lambda name, *more: asked.append(name) or SimpleNamespace(address=0))
     stiff = spring("stiff")
     warm_up(stiff)
     # The kernel of whole calls, which has a scheduler, and for each mode the loop over steps alone.
@@ -182,7 +183,7 @@ def test_what_is_timed_compiles_one_scheduler_and_the_inner_kernel_of_each_mode(
     # The code is that of whole kernels, so that one cache serves both.
     compiled = set(asked)
     for mode, width in MODES.items():
-        kernel_of(stiff, Numerics(width=width, every_step=mode == "energy")).advance()
+        kernel_of(stiff, Numerics(width=width, energy="every" if mode == "energy" else "samples")).advance()
     assert {name for name in asked if name.startswith("advance")} <= compiled
     assert len({name for name in compiled if name.startswith("advance")}) == len(MODES) + 1
 

@@ -11,9 +11,10 @@ from math import inf, isfinite
 import numpy as np
 
 from nearharmonic.core.kernel import inner
-from nearharmonic.core.layout import ENERGY, LIMIT, TALLY
-from nearharmonic.engine.batch import Trajectories, coefficients, integrate_batch, kernel_of, physics_of, start_rows
+from nearharmonic.engine.batch import Trajectories, integrate_batch
+from nearharmonic.engine.coefficients import coefficients, lane_rows, parameter_row, start_row
 from nearharmonic.engine.grid import check_fit, evaluations_of, steps_of, tau_grid
+from nearharmonic.engine.kernels import kernel_of, physics_of
 from nearharmonic.engine.reference import Reference
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import SettingError
@@ -132,24 +133,27 @@ def kernel_calls(
         Call by mode; each begins at the start of the system.
     """
     drift, kick = coefficients(tableau, [t_end / steps], 1)
-    start = start_rows(*system.start(Fraction), summation)
+    start = start_row(*system.extended_start(Fraction), plain=summation == "plain")
+    parameters = parameter_row(system.constants(Fraction))
     calls = {}
     for mode in modes:
-        width, every_step = MODES[mode], mode == "energy"
-        advance = _advance(system, summation, width, every_step)
-        fresh = np.zeros((start.size + TALLY, width))
-        fresh[: start.size] = start[:, None]
-        fresh[start.size + ENERGY], fresh[start.size + LIMIT] = 1.0, inf
+        width = MODES[mode]
+        advance = _advance(system, summation, width, _measured(mode))
+        fresh = lane_rows(start, parameters, width)
         wide = [np.repeat(row[0], width, axis=1).reshape(-1) for row in (drift, kick)]
-        calls[mode] = _call(advance, steps, tableau, wide, fresh.reshape(-1))
+        calls[mode] = _call(advance, steps, tableau, wide, fresh)
     return calls
 
 
+def _measured(mode: str) -> str:
+    return "every" if mode == "energy" else "samples"
+
+
 @cache
-def _advance(system: System, summation: str, width: int, every_step: bool) -> Callable[..., int]:
+def _advance(system: System, summation: str, width: int, energy: str) -> Callable[..., int]:
     """The inner kernel by itself, loaded once: what a caller with arrays at hand would use."""
     compensated = summation == "compensated"
-    return inner(physics_of(system), extended=False, compensated=compensated, width=width, every_step=every_step)
+    return inner(physics_of(system), extended=False, compensated=compensated, width=width, energy=energy)
 
 
 def _call(
@@ -180,4 +184,4 @@ def warm_up(system: System, summation: str = "compensated", modes: Collection[st
     """Compile every kernel that a curve with these ``modes`` uses, or load it from the cache."""
     kernel_of(system, Numerics(summation=summation))
     for mode in modes:
-        _advance(system, summation, MODES[mode], mode == "energy")
+        _advance(system, summation, MODES[mode], _measured(mode))

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nearharmonic.engine.batch import Trajectories, integrate_batch, start_rows
+from nearharmonic.engine.batch import Trajectories, integrate_batch
+from nearharmonic.engine.coefficients import start_row
 from nearharmonic.engine.grid import check_fit
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.engine.statistics import line_fit
@@ -198,7 +199,7 @@ class _Run:
                 y = list(self.initial)
                 y[axis] += shift * SPACING * scales[axis]
                 half = self.system.dimension
-                starts.append(start_rows(y[:half], y[half:], "compensated"))
+                starts.append(start_row(y[:half], y[half:]))
         path = self.batch(precision="extended", start=np.array(starts))
         high, low = (np.concatenate(pair, axis=2) for pair in ((path.q, path.p), (path.q_low, path.p_low)))
         return _differences(high[:, -1], low[:, -1], scales), _growth(high, [float(s) for s in scales])

@@ -8,7 +8,9 @@ from math import ceil
 
 import numpy as np
 
-from nearharmonic.engine.batch import Floats, integrate_batch, kernel_of
+from nearharmonic.engine.batch import integrate_batch
+from nearharmonic.engine.coefficients import Floats
+from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import bad_setting
 from nearharmonic.experiments.stability.initial_conditions import quasi_random
@@ -54,7 +56,7 @@ class EnsembleResult:
 
 def warm_up() -> dict[str, Contents]:
     """Compile the kernel into the cache; nothing is returned."""
-    kernel_of(SYSTEM, Numerics(width=WIDTH, every_step=False))
+    kernel_of(SYSTEM, Numerics(width=WIDTH, energy="samples"))
     return {}
 
 
@@ -139,7 +141,7 @@ def integrate_ensemble(
     steps, look = schedule(t_end, tau)
     paths = integrate_batch(
         SYSTEM, tableau, t_end=steps * tau, steps=np.full(len(start), steps), samples=2,
-        numerics=Numerics(width=WIDTH, every_step=False, look=look), start=start,
+        numerics=Numerics(width=WIDTH, energy="samples", look=look), start=start,
     )  # fmt: skip
     errors = np.sort(paths.max_energy_error.reshape(surfaces, -1), axis=1)
     ranks = [max(1, ceil(q * errors.shape[1])) - 1 for q in QUANTILES]

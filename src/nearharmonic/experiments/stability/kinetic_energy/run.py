@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.engine.batch import integrate_batch, start_rows
+from nearharmonic.engine.batch import integrate_batch
+from nearharmonic.engine.coefficients import start_row
 from nearharmonic.engine.grid import steps_of, tau_grid
 from nearharmonic.experiments.stability.kinetic_energy.tables import kinetic_energy_table
 from nearharmonic.integrators import integrators as registry
@@ -96,7 +97,7 @@ def _errors(tableau: Tableau, grid: Sequence[float]) -> tuple[Any, Any]:
     """Largest and mean error (amplitude, tau) of all runs of one method, through the lanes together."""
     steps = [steps_of(SYSTEM.t_end, tau * tableau.stages) for tau in grid]
     _, p0 = SYSTEM.start(Fraction)
-    starts = [start_rows([Fraction(a)], p0, "compensated") for a in AMPLITUDES for _ in grid]
+    starts = [start_row([Fraction(a)], p0) for a in AMPLITUDES for _ in grid]
     paths = integrate_batch(
         SYSTEM,
         tableau,

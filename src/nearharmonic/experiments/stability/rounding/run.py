@@ -21,7 +21,9 @@ from math import ceil, pi, sqrt
 import numpy as np
 
 from nearharmonic.core.arithmetic import rounded_pair
-from nearharmonic.engine.batch import Floats, Integers, Trajectories, integrate_batch, kernel_of
+from nearharmonic.engine.batch import Integers, Trajectories, integrate_batch
+from nearharmonic.engine.coefficients import Floats
+from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.experiments.stability.initial_conditions import kepler_apoapsis, quasi_random
 from nearharmonic.experiments.stability.kepler.run import PERIOD, SYSTEM
@@ -79,7 +81,7 @@ def schedule(settings: RoundingSettings, stages: int) -> Schedule:
 def warm_up() -> dict[str, Contents]:
     """Compile the kernels into the cache; nothing is returned."""
     for precision, summation in (("double", "plain"), ("double", "compensated"), ("extended", "compensated")):
-        kernel_of(SYSTEM, Numerics(precision=precision, summation=summation, width=WIDTH, every_step=False))
+        kernel_of(SYSTEM, Numerics(precision=precision, summation=summation, width=WIDTH, energy="samples"))
     return {}
 
 
@@ -163,7 +165,7 @@ def _integrate(
     paths = integrate_batch(
         SYSTEM, tableau, t_end=plan.periods * PERIOD * scale**3, steps=np.full(len(start), plan.steps),
         samples=plan.samples + 1, start=start,
-        numerics=Numerics(precision=precision, width=WIDTH, every_step=False, **how),  # type: ignore[arg-type]
+        numerics=Numerics(precision=precision, width=WIDTH, energy="samples", **how),  # type: ignore[arg-type]
     )  # fmt: skip
     return _Paths(paths, scale)
 

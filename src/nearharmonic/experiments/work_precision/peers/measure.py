@@ -83,7 +83,7 @@ def peer_curve(
 
 
 def _misfit(peer: Peer, system: System) -> str:
-    return "" if system.quadratic_kinetic_energy or not peer.quadratic_only else "does not fit: it requires T = p.p/2"
+    return "" if system.unit_masses or not peer.quadratic_only else "does not fit: it requires T = p.p/2"
 
 
 def _steps(peer: Peer, per_stage: tuple[float, float]) -> Sequence[float]:

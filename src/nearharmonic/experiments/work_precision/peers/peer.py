@@ -79,6 +79,6 @@ def start_of(system: System) -> States:
 def gradients_of(system: System) -> tuple[Callable[[States], States], Callable[[States], States]]:
     """Return dT/dp and dV/dq of arrays (d), as one would write them with numpy."""
     constants = system.constants(float)
-    if system.quadratic_kinetic_energy:
+    if system.unit_masses:
         return lambda p: p, lambda q: np.array(system.grad_V(q, *constants))
     return lambda p: np.array(system.grad_T(tuple(p))), lambda q: np.array(system.grad_V(q, *constants))

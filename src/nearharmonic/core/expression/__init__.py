@@ -1,0 +1,1 @@
+"""Formulas as expressions: traced once, simplified, differentiated, and evaluated on numbers of any type."""

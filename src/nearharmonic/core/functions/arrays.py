@@ -1,0 +1,144 @@
+"""Functions applied to arrays, element by element: the code that kernels contain, in a loop over lanes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+from llvmlite import binding, ir
+from numpy.typing import NDArray
+
+from nearharmonic.core.functions import double
+from nearharmonic.core.layout import Argument, Signature
+from nearharmonic.core.native import code_key, native, target_machine
+from nearharmonic.core.number import FUNCTIONS
+from nearharmonic.core.values import LLVMValue
+
+#: (arguments, results): one row of doubles a part of an argument or result.
+ELEMENTWISE = Signature((Argument("arguments", "float64", 2), Argument("results", "float64", 2)))
+#: Lanes in which arrays are evaluated.
+LANES = 8
+Body = Callable[..., Sequence[LLVMValue]]
+
+
+def elementwise(body: Body, rows: int, width: int, symbol: str = "elementwise") -> tuple[str, bytes]:
+    """Name and object code of a C function of the signature :data:`ELEMENTWISE`.
+
+    Parameters
+    ----------
+    body : callable
+        (values) -> values, emitted once for ``width`` lanes and once for single numbers, the last of the array.
+    rows : int
+        Number of arguments of ``body``.
+    width : int
+        Number of lanes.
+    symbol : str
+        Name of the function.
+    """
+    return symbol, _object_code(loop(body, rows, width, symbol))
+
+
+def _object_code(module: ir.Module) -> bytes:
+    parsed, machine = binding.parse_assembly(str(module)), target_machine()
+    options = binding.create_pipeline_tuning_options(speed_level=2)
+    options.loop_vectorization = options.slp_vectorization = False
+    builder = binding.create_pass_builder(machine, options)
+    builder.getModulePassManager().run(parsed, builder)
+    code: bytes = machine.emit_object(parsed)
+    return code
+
+
+def loop(body: Body, rows: int, width: int, symbol: str) -> ir.Module:
+    """The module of :func:`elementwise`."""
+    module = ir.Module()
+    word, double = ir.IntType(64), ir.DoubleType()
+    pointer = double.as_pointer()
+    signature = ir.FunctionType(ir.VoidType(), [pointer, word, word] * 2)
+    function = ir.Function(module, signature, symbol)
+    source, _, count, target, _, _ = function.args
+    builder = ir.IRBuilder(function.append_basic_block())
+    whole = builder.and_(count, ir.Constant(word, -width)) if width > 1 else count
+    builder = _stretch(builder, body, rows, width, (source, target), (ir.Constant(word, 0), whole, count))
+    if width > 1:
+        builder = _stretch(builder, body, rows, 1, (source, target), (whole, count, count))
+    builder.ret_void()
+    return module
+
+
+def _stretch(
+    builder: ir.IRBuilder,
+    body: Body,
+    rows: int,
+    width: int,
+    arrays: tuple[ir.Value, ir.Value],
+    bounds: tuple[ir.Value, ir.Value, ir.Value],
+) -> ir.IRBuilder:
+    """Write the loop from bounds[0] to bounds[1] over rows of length bounds[2]."""
+    word = ir.IntType(64)
+    kind = ir.DoubleType() if width == 1 else ir.VectorType(ir.DoubleType(), width)
+    function, before = builder.function, builder.block
+    head, inside, end = (function.append_basic_block() for _ in range(3))
+    builder.branch(head)
+    builder.position_at_end(head)
+    place = builder.phi(word)
+    place.add_incoming(bounds[0], before)
+    builder.cbranch(builder.icmp_unsigned("<", place, bounds[1]), inside, end)
+    builder.position_at_end(inside)
+
+    def at(array: ir.Value, row: int) -> ir.Value:
+        index = builder.add(place, builder.mul(ir.Constant(word, row), bounds[2]))
+        return builder.bitcast(builder.gep(array, [index]), kind.as_pointer())
+
+    values = []
+    for row in range(rows):
+        loaded = builder.load(at(arrays[0], row))
+        loaded.align = 8
+        values.append(LLVMValue(builder, loaded))
+    for row, result in enumerate(body(*values)):
+        builder.store(result.value, at(arrays[1], row)).align = 8
+    place.add_incoming(builder.add(place, ir.Constant(word, width)), builder.block)
+    builder.branch(head)
+    builder.position_at_end(end)
+    return builder
+
+
+@cache
+def of_numbers(name: str) -> Callable[..., float]:
+    """The function ``name`` of floats, from the cache of compiled code or compiled into it."""
+    count = FUNCTIONS[name]
+    signature = Signature(tuple(Argument(f"x{i}", "float64") for i in range(count)), "float64")
+
+    def make() -> tuple[str, bytes]:
+        module, kind = ir.Module(), ir.DoubleType()
+        function = ir.Function(module, ir.FunctionType(kind, [kind] * count), name_in_c(name))
+        builder = ir.IRBuilder(function.append_basic_block())
+        result = double.FUNCTIONS[name](*(LLVMValue(builder, x) for x in function.args))
+        builder.ret(result.value)
+        return name_in_c(name), _object_code(module)
+
+    return native(f"number-{name}-{code_key()}", signature, make)
+
+
+@cache
+def _of_arrays(name: str) -> Callable[..., None]:
+    def make() -> tuple[str, bytes]:
+        return elementwise(lambda *x: [double.FUNCTIONS[name](*x)], FUNCTIONS[name], LANES, name_in_c(f"{name}s"))
+
+    return native(f"array-{name}-{code_key()}", ELEMENTWISE, make)
+
+
+def name_in_c(name: str) -> str:
+    """Name of a compiled function: that of the C library's would be taken for it."""
+    return f"nearharmonic_{name}"
+
+
+def of_arrays(name: str, *arrays: Any) -> NDArray[np.float64]:
+    """Return the function ``name`` of arrays, broadcast against each other, in double precision."""
+    given = np.array(np.broadcast_arrays(*arrays), dtype=np.float64)
+    rows = np.ascontiguousarray(given.reshape(len(given), -1))
+    result = np.empty((1, rows.shape[1]))
+    if result.size:
+        _of_arrays(name)(rows, result)
+    return result.reshape(given.shape[1:])

@@ -1,0 +1,377 @@
+"""Functions of doubles, at most one unit in the last place from the exact value, without branches that vectors lack.
+
+Each function takes carriers (:class:`nearharmonic.core.values.LLVMValue`) and returns one. Every operation is one
+rounding, so scalars, lanes and all processors agree to the bit. The last operation of each function adds a correction
+to a leading term that is exact, or nearly so. Reductions follow Cody & Waite (1980), Software Manual for the
+Elementary Functions, with fused multiplications.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import inf, nan
+
+from nearharmonic.core.arithmetic import dd_mul, quick_two_sum, two_product, two_sum
+from nearharmonic.core.functions import coefficients as table
+from nearharmonic.core.functions.emit import called
+from nearharmonic.core.functions.reduction import quarter_turns
+from nearharmonic.core.values import LLVMBits, LLVMMask, LLVMValue
+
+Pair = tuple[LLVMValue, LLVMValue]
+#: Adding this number rounds to a whole number, which then stands in the low bits.
+ROUNDER = 1.5 * 2.0**52
+ROUNDER_BITS = 0x4338000000000000
+ONE_BITS = 0x3FF0000000000000
+MANTISSA = 0x000FFFFFFFFFFFFF
+SIGN = 1 << 63
+#: Bit pattern of sqrt(1/2) without its low half.
+ROOT_HALF_BITS = 0x3FE6A09E00000000
+SMALLEST_NORMAL = 2.0**-1022
+
+
+def polynomial(x: LLVMValue, coefficients: Sequence[float]) -> LLVMValue:
+    """Return the sum of coefficients[k] x^k by Horner's rule."""
+    result = x.constant(coefficients[-1])
+    for coefficient in coefficients[-2::-1]:
+        result = result.fma(x, coefficient)
+    return result
+
+
+def power_of_two(n: LLVMBits) -> LLVMValue:
+    """Return 2^n for whole numbers -1022 <= n <= 1023."""
+    return ((n + 1023) << 52).number()
+
+
+def scaled(x: LLVMValue, n: LLVMBits) -> LLVMValue:
+    """Return x 2^n for whole numbers -2000 < n < 2000, rounded once, in two multiplications."""
+    half = ((n + 4096) >> 1) - 2048
+    return x * power_of_two(half) * power_of_two(n - half)
+
+
+def nearest_whole(x: LLVMValue, factor: float) -> tuple[LLVMValue, LLVMBits]:
+    """Return the whole number nearest to x * factor, below 2^51 in size, as a double and as an integer."""
+    shifted = x.fma(factor, ROUNDER)
+    return shifted - ROUNDER, shifted.bits() - ROUNDER_BITS
+
+
+def exponent_and_mantissa(x: LLVMValue) -> tuple[LLVMValue, LLVMValue]:
+    """Return k and m with x = 2^k m and m within sqrt(1/2) and sqrt(2), for positive finite x."""
+    tiny = x.less(SMALLEST_NORMAL)
+    bits = tiny.choose(x * 2.0**54, x).bits() + (ONE_BITS - ROOT_HALF_BITS)
+    exponent = ((bits >> 52) | 0x4330000000000000).number() - tiny.choose(2.0**52 + 1023 + 54, 2.0**52 + 1023)
+    return exponent, ((bits & MANTISSA) + ROOT_HALF_BITS).number()
+
+
+def sin(x: LLVMValue) -> LLVMValue:
+    quarters, high, low = quarter_turns(x)
+    sine, cosine = _sine(high, low), _cosine(high, low)
+    odd = (quarters & 1).nonzero()
+    value = odd.choose(cosine[0] + cosine[1], sine[0] + sine[1])
+    turned = (value.bits() ^ ((quarters & 2) << 62)).number()
+    return x.absolute().less(2.0**-27).choose(x, turned)
+
+
+def cos(x: LLVMValue) -> LLVMValue:
+    quarters, high, low = quarter_turns(x)
+    sine, cosine = _sine(high, low), _cosine(high, low)
+    odd = (quarters & 1).nonzero()
+    value = odd.choose(sine[0] + sine[1], cosine[0] + cosine[1])
+    return (value.bits() ^ (((quarters + 1) & 2) << 62)).number()
+
+
+def tan(x: LLVMValue) -> LLVMValue:
+    quarters, high, low = quarter_turns(x)
+    sine, cosine = quick_two_sum(*_sine(high, low)), quick_two_sum(*_cosine(high, low))
+    odd = (quarters & 1).nonzero()
+    top = [odd.choose(-c, s) for s, c in zip(sine, cosine, strict=True)]
+    bottom = [odd.choose(s, c) for s, c in zip(sine, cosine, strict=True)]
+    quotient = top[0] / bottom[0]
+    rest = (-quotient).fma(bottom[0], top[0]) + (-quotient).fma(bottom[1], top[1])
+    return x.absolute().less(2.0**-27).choose(x, quotient + rest / bottom[0])
+
+
+def _sine(high: LLVMValue, low: LLVMValue) -> Pair:
+    """Sine of high + low, up to pi/4, as a double and its correction."""
+    square = high * high
+    tail = polynomial(square, table.SIN)
+    return high, (high * square).fma(tail, low * square.fma(-0.5, 1.0))
+
+
+def _cosine(high: LLVMValue, low: LLVMValue) -> Pair:
+    square, error = two_product(high, high)
+    half = square * 0.5
+    top = 1.0 - half
+    rest = ((1.0 - top) - half) + error.fma(-0.5, (square * square).fma(polynomial(square, table.COS), -(high * low)))
+    return top, rest
+
+
+def _exponential(high: LLVMValue, low: LLVMValue) -> Pair:
+    """Exponential of high + low, up to log(2)/2, as a double and its correction."""
+    tail = high * high * polynomial(high, table.EXP)
+    top = high + 1.0
+    return top, (high - (top - 1.0)) + (top + tail).fma(low, tail)
+
+
+def _exponential_parts(high: LLVMValue, low: LLVMValue | float) -> tuple[LLVMValue, LLVMValue, LLVMBits]:
+    """Return (a, b, n) with exp(high + low) = (a + b) 2^n."""
+    n, whole = nearest_whole(high, table.LOG2_E)
+    reduced = (-n).fma(table.LN2[0], high)
+    return *_exponential(reduced, (-n).fma(table.LN2[1], low)), whole
+
+
+def clamped(x: LLVMValue, least: float, most: float) -> LLVMValue:
+    """x, or the bound that it passes; a NaN stays."""
+    x = x.less(least).choose(least, x)
+    return x.greater(most).choose(most, x)
+
+
+def exp(x: LLVMValue) -> LLVMValue:
+    top, rest, n = _exponential_parts(clamped(x, -800.0, 800.0), 0.0)
+    return scaled(top + rest, n)
+
+
+def _log_quotient(m: LLVMValue) -> Pair:
+    """Return (m - 1) / (m + 1) as a double and its correction, m within sqrt(1/2) and sqrt(2)."""
+    bottom = m + 1.0
+    missing = m - (bottom - 1.0)
+    inverse = 1.0 / bottom
+    s = (m - 1.0) * inverse
+    return s, (-s).fma(missing, (-s).fma(bottom, m - 1.0)) * inverse
+
+
+def log(x: LLVMValue) -> LLVMValue:
+    k, m = exponent_and_mantissa(x)
+    s, rest = _log_quotient(m)
+    square = s * s
+    # k LN2_SHORT is exact, and larger than 2 s unless k is 0
+    top, error = two_sum(k * table.LN2_SHORT[0], s + s)
+    tail = (s * square).fma(polynomial(square, table.LOG), rest)
+    low = k.fma(table.LN2_SHORT[1], tail + tail) + error
+    return special_logarithm(x, top + low)
+
+
+def special_logarithm(x: LLVMValue, value: LLVMValue) -> LLVMValue:
+    value = x.equals(inf).choose(inf, value)
+    value = x.equals(0.0).choose(-inf, value)
+    return (x.less(0.0) | x.undefined()).choose(nan, value)
+
+
+def _precise_logarithm(x: LLVMValue) -> Pair:
+    """Logarithm of a positive finite number as a double and its correction, relative error below 2^-64."""
+    k, m = exponent_and_mantissa(x)
+    s = quick_two_sum(*_log_quotient(m))
+    square = dd_mul(s, s)
+    third = x.constant(table.THIRD[0])
+    tail = quick_two_sum(third, square[0].fma(polynomial(square[0], table.LOG_TAIL), table.THIRD[1]))
+    tail = dd_mul(dd_mul(s, square), tail)
+    top, error = two_sum(k * table.LN2_SHORT[0], s[0] + s[0])
+    middle, rest = two_sum(top, tail[0] + tail[0])
+    low = rest + (error + (k.fma(table.LN2_SHORT[1], (s[1] + tail[1]) * 2.0)))
+    return quick_two_sum(middle, low)
+
+
+def pow(x: LLVMValue, y: LLVMValue) -> LLVMValue:
+    """x to the power y as C defines it: for negative x, whole y alone."""
+    return called("pow", lambda a, b: [_pow(a, b)], x, y)[0]
+
+
+def _pow(x: LLVMValue, y: LLVMValue) -> LLVMValue:
+    size = x.absolute()
+    log_high, log_low = _precise_logarithm(size)
+    limited = clamped(y, -(2.0**80), 2.0**80)  # what is larger overflows or is 1 whatever its value
+    high, error = two_product(limited, log_high)
+    low = limited.fma(log_low, error)
+    beyond = high.absolute().greater(800.0)
+    low = beyond.choose(0.0, low)
+    high = clamped(high, -800.0, 800.0)
+    top, rest, n = _exponential_parts(high, low)
+    value = scaled(top + rest, n)
+    return special_power(x, y, size.greater(1.0), size.equals(1.0), whole_and_odd(y), value)
+
+
+def special_power(
+    x: LLVMValue, y: LLVMValue, above: LLVMMask, unity: LLVMMask, kind: tuple[LLVMMask, LLVMMask], value: LLVMValue
+) -> LLVMValue:
+    """Return x^y where ``value`` is |x|^y for finite operands; |x| is ``above`` 1 or is ``unity``, y whole and odd."""
+    size = x.absolute()
+    growing = above.choose(y, -y)
+    value = (size.equals(0.0) | size.equals(inf) | y.absolute().equals(inf)).choose(
+        growing.greater(0.0).choose(inf, growing.constant(0.0)), value
+    )
+    whole, odd = kind
+    negative = (x.bits() >> 63).nonzero()
+    value = (negative & odd).choose(-value, value)
+    value = (x.less(0.0) & x.greater(-inf) & ~whole).choose(nan, value)
+    value = (x.undefined() | y.undefined()).choose(nan, value)
+    one = (unity & ~negative) | y.equals(0.0) | (unity & y.absolute().equals(inf))
+    return one.choose(1.0, value)
+
+
+def whole_and_odd(y: LLVMValue) -> tuple[LLVMMask, LLVMMask]:
+    """Whether y is a whole number, infinities among them, and an odd one."""
+    size = y.absolute()
+    large = size.at_least(2.0**52)
+    fraction_free = clamped(size, 0.0, 2.0**52)
+    shifted = fraction_free + 2.0**52
+    whole = (shifted - 2.0**52).equals(fraction_free)
+    odd_below = whole & (shifted.bits() & 1).nonzero() & ~large
+    odd_above = large & size.less(2.0**53) & (size.bits() & 1).nonzero()
+    return whole | large, odd_below | odd_above
+
+
+def sinh(x: LLVMValue) -> LLVMValue:
+    top, rest, n = _hyperbolic(x, -1.0)
+    large = scaled(top + rest, n)
+    square = x * x
+    small = (x * square).fma(polynomial(square, table.SINH), x)
+    return x.absolute().less(1.0).choose(small, large.with_sign_of(x))
+
+
+def cosh(x: LLVMValue) -> LLVMValue:
+    top, rest, n = _hyperbolic(x, 1.0)
+    return scaled(top + rest, n)
+
+
+def _hyperbolic(x: LLVMValue, sign: float) -> tuple[LLVMValue, LLVMValue, LLVMBits]:
+    """Return (a, b, n) with (exp(|x|) + sign exp(-|x|)) / 2 = (a + b) 2^n."""
+    size = clamped(x.absolute(), 0.0, 800.0)
+    top, rest, n = _exponential_parts(size, 0.0)
+    top, rest = quick_two_sum(top, rest)
+    inverse = 1.0 / top
+    inverse_rest = (-inverse).fma(rest, (-inverse).fma(top, 1.0)) * inverse
+    # beyond 2^-80 the second exponential is lost
+    ratio = power_of_two(n.at_most(40) * -2) * sign
+    other = inverse * ratio
+    total, error = two_sum(top, other)
+    return total, error + inverse_rest.fma(ratio, rest), n - 1
+
+
+def tanh(x: LLVMValue) -> LLVMValue:
+    square = x * x
+    small = (x * square).fma(polynomial(square, table.TANH), x)
+    size = clamped(x.absolute(), 0.0, 30.0)
+    top, rest, n = _exponential_parts(size + size, 0.0)
+    top, rest = quick_two_sum(top, rest)
+    scale = power_of_two(n)
+    bottom, error = two_sum((top * scale), x.constant(1.0))
+    error = rest.fma(scale, error)
+    quotient = 2.0 / bottom
+    correction = (-quotient).fma(error, (-quotient).fma(bottom, 2.0)) / bottom
+    large = 1.0 - quotient
+    large = large + (((1.0 - large) - quotient) - correction)
+    return x.absolute().less(0.55).choose(small, large).with_sign_of(x)
+
+
+def cbrt(x: LLVMValue) -> LLVMValue:
+    m, guess, k = cube_parts(x)
+    value = (cube_root(m, guess) * power_of_two(k)).with_sign_of(x)
+    return (x.equals(0.0) | x.absolute().equals(inf) | x.undefined()).choose(x, value)
+
+
+def cube_parts(x: LLVMValue) -> tuple[LLVMValue, LLVMValue, LLVMBits]:
+    """Return (m, guess of m^(-1/3), k) with |x| = m 2^(3k), m from 1 to 8, for finite x other than 0."""
+    size = x.absolute()
+    tiny = size.less(SMALLEST_NORMAL)
+    bits = tiny.choose(size * 2.0**54, size).bits()
+    exponent = ((bits >> 52) | 0x4330000000000000).number() - 2.0**52
+    shifted = exponent.fma(1 / 3, -1 / 3) + ROUNDER  # a third, rounded down
+    remainder = (shifted - ROUNDER).fma(-3.0, exponent)
+    fraction = ((bits & MANTISSA) | ONE_BITS).number()
+    guess = polynomial(fraction, table.CBRT)
+    one, two = remainder.equals(1.0), remainder.equals(2.0)
+    m = fraction * two.choose(4.0, one.choose(2.0, fraction.constant(1.0)))
+    guess = guess * two.choose(table.CUBE_ROOTS[2], one.choose(table.CUBE_ROOTS[1], fraction.constant(1.0)))
+    k = (shifted - tiny.choose(18.0 + 341.0, fraction.constant(341.0))).bits() - ROUNDER_BITS
+    return m, guess, k
+
+
+def cube_root(m: LLVMValue, guess: LLVMValue) -> LLVMValue:
+    """Cube root of m from a guess of its inverse that is good to 14 bits."""
+    defect = 1.0 - m * guess * guess * guess
+    inverse = guess.fma(defect * defect.fma(2 / 9, 1 / 3), guess)
+    root: LLVMValue = m * inverse * inverse
+    square, error = two_product(root, root)
+    cube, cube_error = two_product(square, root)
+    rest = (cube - m) + error.fma(root, cube_error)
+    return root - rest * (inverse * inverse) * (1 / 3)
+
+
+def hypot(x: LLVMValue, y: LLVMValue) -> LLVMValue:
+    a, b = x.absolute(), y.absolute()
+    larger, smaller = a.larger(b), b.greater(a).choose(a, b)
+    scale, back = unit_scale(larger)
+    a, b = larger * scale, smaller * scale
+    square, error = two_product(a, a)
+    other, other_error = two_product(b, b)
+    total, rest = quick_two_sum(square, other)
+    rest = rest + (error + other_error)
+    root = total.sqrt()
+    correction = ((-root).fma(root, total) + rest) / (root + root)
+    value = (root + correction) * back
+    value = (x.equals(0.0) & y.equals(0.0)).choose(0.0, value)
+    value = (x.undefined() | y.undefined()).choose(nan, value)
+    return (x.absolute().equals(inf) | y.absolute().equals(inf)).choose(inf, value)
+
+
+def unit_scale(size: LLVMValue) -> Pair:
+    """Return a power of two that brings ``size``, positive and finite, near 1, and its inverse.
+
+    Those of numbers near under- and overflow are 2^1000 and 2^-1000: they bring them far enough.
+    """
+    exponent = size.bits() >> 52
+    forth, back = ((2046 - exponent) << 52).number(), (exponent << 52).number()
+    low, high = size.less(2.0**-1000), size.greater(2.0**1000)
+    forth = low.choose(2.0**1000, high.choose(2.0**-1000, forth))
+    return forth, low.choose(2.0**-1000, high.choose(2.0**1000, back))
+
+
+def atan2(y: LLVMValue, x: LLVMValue) -> LLVMValue:
+    a, b = y.absolute(), x.absolute()
+    steep = a.greater(b)
+    top, bottom = steep.choose(b, a), steep.choose(a, b)
+    endless = bottom.equals(inf)
+    top = endless.choose(top.equals(inf).choose(1.0, top.constant(0.0)), top)
+    bottom = (endless | bottom.equals(0.0)).choose(1.0, bottom)
+    factor = bottom.less(2.0**-900).choose(2.0**200, bottom.greater(2.0**1000).choose(2.0**-100, bottom.constant(1.0)))
+    top, bottom = top * factor, bottom * factor
+    diagonal = top.greater(bottom * 0.4142135623730951)
+    s, s_rest = two_sum(bottom, top)
+    d, d_rest = two_sum(top, -bottom)
+    numerator = diagonal.choose(d, top), diagonal.choose(d_rest, top.constant(0.0))
+    denominator = diagonal.choose(s, bottom), diagonal.choose(s_rest, top.constant(0.0))
+    q = numerator[0] / denominator[0]
+    rest = (-q).fma(denominator[0], numerator[0]) + (-q).fma(denominator[1], numerator[1])
+    square = q * q
+    correction = (q * square).fma(polynomial(square, table.ATAN), rest / denominator[0] * (1.0 - square))
+    # the angle is a multiple of pi/4 and +- that of the quotient
+    eighths = diagonal.choose(1.0, q.constant(0.0))
+    eighths = steep.choose(2.0 - eighths, eighths)
+    left = (x.bits() >> 63).nonzero()
+    eighths = left.choose(4.0 - eighths, eighths)
+    sign = steep.choose(-1.0, q.constant(1.0))
+    sign = left.choose(-sign, sign)
+    base = eighths * table.QUARTER_PI[0]  # exact: the last two bits of pi/4 are 0
+    q, correction = q * sign, correction * sign
+    total, error = two_sum(base, q)
+    value = (total + (error + eighths.fma(table.QUARTER_PI[1], correction))).with_sign_of(y)
+    return (x.undefined() | y.undefined()).choose(nan, value)
+
+
+def erf(x: LLVMValue) -> LLVMValue:
+    square, error = two_product(x, x)
+    curve = polynomial(square, table.ERF[2:])
+    slope = curve.fma(square, table.ERF[1])
+    slope_rest = curve.fma(square, table.ERF[1] - slope) + table.ERF_LOW[1]
+    rest = square.fma(slope_rest, table.ERF_LOW[0]) + error * slope
+    small = x + x.fma(square.fma(slope, table.ERF[0]), x * rest)
+    size = clamped(x.absolute(), 0.5, 6.0)
+    t = (size - 2.5) / (size + 2.5)
+    high, low = two_product(size, size)
+    top, rest, n = _exponential_parts(-high, -low)
+    tail = (top + rest) * power_of_two(n) * polynomial(t, table.ERFCX)
+    return x.absolute().less(1.0).choose(small, 1.0 - tail).with_sign_of(x)
+
+
+FUNCTIONS: dict[str, Callable[..., LLVMValue]] = {
+    f.__name__: f for f in (sin, cos, tan, exp, log, cbrt, pow, atan2, tanh, sinh, cosh, erf, hypot)
+}

@@ -1,0 +1,127 @@
+"""Where a run begins: at values that the caller gives, or at the end of an earlier result."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from decimal import Decimal
+from math import nan
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nearharmonic.engine.coefficients import Floats
+from nearharmonic.engine.initial_values import parameter_array, standard_parameters, start_array
+from nearharmonic.errors import bad_setting
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from nearharmonic.engine.problem import Problem
+
+
+@dataclass(frozen=True, kw_only=True)
+class Start:
+    """Initial values of one run, as a kernel takes them.
+
+    Attributes
+    ----------
+    state : (1, 4 d) array of float
+        Position and momentum with the digits below them.
+    parameters : (1, 2 P) array of float
+        Parameters of the system, as pairs.
+    given : dict
+        Parameters that differ from the system's own, as exact decimal strings by name.
+    t : float
+        Time at which the run begins.
+    reference : pair of float
+        H0 that errors are relative to, NaN for that of the state.
+    """
+
+    state: Floats
+    parameters: Floats
+    given: Mapping[str, str]
+    t: float = 0.0
+    reference: tuple[float, float] = (nan, nan)
+
+    @property
+    def arrays(self) -> dict[str, Any]:
+        """Arguments of :func:`nearharmonic.engine.output_times.run_at`."""
+        return {"start": self.state, "parameters": self.parameters, "reference": self.reference}
+
+    @property
+    def constants(self) -> tuple[float, ...]:
+        """The parameters as floats."""
+        return tuple(self.parameters[0, ::2].tolist())
+
+    def attributes(self) -> dict[str, str]:
+        """What a Dataset says of it."""
+        notes = {"parameters": json.dumps(self.given)} if self.given else {}
+        return notes | ({"t_start": repr(self.t)} if self.t else {})
+
+
+def start_of(
+    problem: Problem,
+    q0: object = None,
+    p0: object = None,
+    parameters: Mapping[str, Any] | None = None,
+    start: xr.Dataset | None = None,
+) -> Start:
+    """Return where a run of ``problem`` begins; arguments as for :func:`nearharmonic.integrate`.
+
+    Raises
+    ------
+    NearharmonicError
+        A value outside what is allowed, or an earlier result that cannot be continued so.
+    """
+    earlier = {} if start is None else json.loads(_result(start).attrs.get("parameters", "{}"))
+    asked = {**earlier, **_mapping(parameters)}
+    rows = parameter_array(problem.system, asked) if asked else standard_parameters(problem.system)[None, :]
+    given = {name: _exact_text(value) for name, value in asked.items()}
+    if start is not None:
+        if q0 is not None or p0 is not None:
+            key, value = ("q0", q0) if q0 is not None else ("p0", p0)
+            raise bad_setting(key, value, "with start=, a run continues from the state of that result")
+        return _end_of(problem, start, rows, given, changed=bool(parameters))
+    state = start_array(problem.system, q0, p0, plain=problem.plain)
+    for key, array in (("q0 and p0", state), ("parameters", rows)):
+        if len(array) != 1:
+            raise bad_setting(key, f"{len(array)} rows", "those of one trajectory; nearharmonic.ensemble takes many")
+    return Start(state=state, parameters=rows, given=given)
+
+
+def _mapping(parameters: object) -> Mapping[str, Any]:
+    if parameters is not None and not isinstance(parameters, Mapping):
+        raise bad_setting("parameters", parameters, "a mapping of names to values")
+    return parameters or {}
+
+
+def _exact_text(value: Any) -> str:
+    return str(Decimal(value)) if isinstance(value, float) else str(value)
+
+
+def _result(start: Any) -> Any:
+    if not hasattr(start, "attrs") or "q" not in start or "p" not in start or "sample" not in start.q.dims:
+        raise bad_setting("start", type(start).__name__, "a Dataset that nearharmonic.integrate returned")
+    return start
+
+
+def _end_of(problem: Problem, start: Any, rows: Floats, given: Mapping[str, str], *, changed: bool) -> Start:
+    """The last sample of an earlier result."""
+    system, last = problem.system, start.isel(sample=-1)
+    if start.attrs.get("system") != system.name or last.q.size != system.dimension:
+        raise bad_setting("start", f"a result of {start.attrs.get('system')}", f"a result of {system.name}")
+    if str(start.status.values) != "ok":
+        raise bad_setting(
+            "start", f"a run that diverged at step {int(start.diverged_at)}", "a run that did not diverge"
+        )
+    state = np.zeros((4, system.formulas().dimension))
+    for k, name in enumerate(("q", "q_low", "p", "p_low")):
+        if name in last and not (problem.plain and k % 2):
+            state[k, : system.dimension] = last[name].values
+        clock = ("clock", "clock_low", "clock_momentum", "clock_momentum_low")[k]
+        if clock in last and not (problem.plain and k % 2):
+            state[k, system.dimension] = float(last[clock])
+    reference = (nan, nan) if changed else (float(start.initial_energy), float(start.initial_energy_low))
+    return Start(state=state.reshape(1, -1), parameters=rows, given=given, t=float(last.t), reference=reference)

@@ -1,0 +1,202 @@
+"""Trajectories as described variables and Datasets: names, units, and what a system records or conserves besides."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nearharmonic.engine import invariants
+from nearharmonic.engine.batch import Trajectories
+from nearharmonic.engine.coefficients import Floats
+from nearharmonic.output.dataset import Variables, assembled, described
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from nearharmonic.engine.problem import Problem
+
+STATUS = "ok, or diverged: the run left its energy surface"
+
+
+def error_variables(paths: Trajectories, problem: Problem) -> Variables:
+    """Return errors, steps, evaluations and status of runs over tau_per_stage."""
+    status = np.where(paths.left_at > 0, "diverged", "ok")
+    scale, unit = energy_scale(paths, problem)
+    over = {"every": "over every step", "samples": "over the samples", "none": "which was not measured"}
+    what = f"|H - H0|{scale} {over[problem.numerics.energy]}, inf if diverged"
+    return over_runs({
+        "max_energy_error": (paths.max_energy_error, f"maximum of {what}", unit),
+        "mean_energy_error": (paths.mean_energy_error, f"mean of {what}", unit),
+        "steps": (paths.steps, "steps that cover [0, t_end]", "1"),
+        "evaluations": (paths.evaluations, "force evaluations made", "1"),
+        "status": (status, STATUS, "1"),
+        "diverged_at": (paths.left_at, "step at which the run left its energy surface, 0 if it did not", "1"),
+    })  # fmt: skip
+
+
+def energy_scale(paths: Trajectories, problem: Problem) -> tuple[str, str]:
+    """Return what energy errors are relative to, as in "|H - H0|/|H0|", and their unit."""
+    if problem.scale != 0:
+        return f"/({problem.scale:g} {problem.system.units['energy']})", "1"
+    if (paths.energy == 0).any():
+        return "", problem.system.units["energy"]
+    return "/|H0|", "1"
+
+
+def first_run(variables: Variables) -> Variables:
+    """Return the variables of the first run alone, up to the last sample that it reached."""
+    kept = int(np.isfinite(variables["q"][1][0, :, 0]).sum())
+    return {
+        name: (dimensions[1:], values[0, :kept] if "sample" in dimensions else values[0], attributes)
+        for name, (dimensions, values, attributes) in variables.items()
+    }
+
+
+def block_variables(paths: Trajectories) -> Variables:
+    """Return what the blocks of steps before each sample came to."""
+    length = np.where(paths.marks >= 0, np.diff(paths.marks, axis=1, prepend=0), 0)
+    return over_runs({
+        "block_steps": (length, "steps since the previous sample", "1"),
+        "block_max_energy_error": (paths.block_max, "maximum of |H - H0|/|H0| since the previous sample", "1"),
+        "block_mean_energy_error": (paths.block_mean, "mean of |H - H0|/|H0| since the previous sample", "1"),
+    })  # fmt: skip
+
+
+def trajectory_variables(
+    problem: Problem, paths: Trajectories, constants: Sequence[Any], times: Floats | None = None
+) -> Variables:
+    """Return states at the samples, their energy errors, and the system's observables.
+
+    Parameters
+    ----------
+    problem : Problem
+        System of d coordinates, method and settings.
+    paths : Trajectories
+        R runs of S samples.
+    constants : sequence of float or (R, 1) array of float
+        Parameters of the system.
+    times : (S,) or (R, S) array of float, optional
+        Times of the samples, where they are not those of whole steps.
+    """
+    system, d = problem.system, problem.system.dimension
+    units = system.units
+    if times is None:
+        times = np.where(paths.marks >= 0, paths.marks * float(problem.end) / paths.steps[:, None], np.nan)
+    scale, unit = energy_scale(paths, problem)
+    table = {
+        "t": (np.broadcast_to(times, paths.marks.shape), "time", units["t"]),
+        "q": (paths.q[..., :d], "position", units["q"]),
+        "p": (paths.p[..., :d], "momentum", units["p"]),
+        "energy_error": (paths.energy_error, f"(H - H0){scale}", unit),
+    }
+    if problem.numerics.precision == "extended":
+        table |= low_digits(problem, paths)
+    q, p = components(problem, paths)
+    for name, observable in system.observables.items():
+        table[name] = (observable.function(q, p, *constants), observable.meaning, observable.unit)
+    return over_runs(table)
+
+
+def low_digits(problem: Problem, paths: Trajectories) -> dict[str, tuple[Any, str, str]]:
+    """Return the digits below q and p: the low halves of double-doubles, or the carries of compensated sums."""
+    units, d = problem.system.units, problem.system.dimension
+    return {
+        "q_low": (paths.q_low[..., :d], "position, digits below q", units["q"]),
+        "p_low": (paths.p_low[..., :d], "momentum, digits below p", units["p"]),
+    }
+
+
+def clock_variables(problem: Problem, paths: Trajectories) -> Variables:
+    """Return the time as it is integrated and its conjugate momentum, if V depends on time, else nothing."""
+    if not problem.system.time_dependent:
+        return {}
+    units, d = problem.system.units, problem.system.dimension
+    table = {}
+    for name, pair, meaning, unit in (
+        ("clock", (paths.q, paths.q_low), "time as it is integrated", units["t"]),
+        (
+            "clock_momentum",
+            (paths.p, paths.p_low),
+            "momentum conjugate to time: minus the energy received",
+            units["energy"],
+        ),
+    ):
+        table[name] = pair[0][..., d], meaning, unit
+        table[f"{name}_low"] = pair[1][..., d], f"{meaning}, digits below", unit
+    return over_runs(table)
+
+
+def invariant_variables(problem: Problem, paths: Trajectories, constants: Sequence[Any]) -> Variables:
+    """Return what a system conserves besides the energy, at the samples, and the largest change of each.
+
+    Source of the definitions: :func:`nearharmonic.engine.invariants.invariant_variables`.
+    """
+    d = problem.system.dimension
+    return invariants.invariant_variables(
+        problem.system, paths.q[..., :d], paths.p[..., :d], paths.left_at > 0, constants
+    )
+
+
+def components(problem: Problem, paths: Trajectories) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    """Return positions and momenta as tuples of d arrays (R, S), as formulas take them."""
+    d = problem.system.dimension
+    q, p = (tuple(np.moveaxis(state[..., :d], -1, 0)) for state in (paths.q, paths.p))
+    return q, p
+
+
+def trajectory_dataset(
+    problem: Problem,
+    paths: Trajectories,
+    *,
+    constants: Sequence[float] | None = None,
+    times: Floats | None = None,
+    attributes: Mapping[str, str] | None = None,
+) -> xr.Dataset:
+    """Return the first of ``paths`` as :func:`nearharmonic.integrate` does; arguments as above."""
+    given = problem.system.constants(float) if constants is None else constants
+    variables = trajectory_variables(problem, paths, given, times) | error_variables(paths, problem)
+    if problem.numerics.compensated:
+        variables |= over_runs(low_digits(problem, paths))
+    variables |= (
+        clock_variables(problem, paths) | invariant_variables(problem, paths, given) | tau_variable(problem, paths)
+    )
+    variables |= initial_energy_variables(problem, paths)
+    return assembled(first_run(variables), ["t"], problem_attributes(problem) | dict(attributes or {}))
+
+
+def initial_energy_variables(problem: Problem, paths: Trajectories) -> Variables:
+    """Return H0, and the digits below it."""
+    unit = problem.system.units["energy"]
+    return over_runs({
+        "initial_energy": (paths.energy, "energy H0 at the start", unit),
+        "initial_energy_low": (paths.energy_low, "energy H0 at the start, digits below initial_energy", unit),
+    })  # fmt: skip
+
+
+def tau_variable(problem: Problem, paths: Trajectories) -> Variables:
+    """Return the step sizes of runs over tau_per_stage."""
+    notes = described("step size as used, t_end / steps", problem.system.units["t"])
+    return {"tau": (("tau_per_stage",), problem.taus(paths.steps), notes)}
+
+
+def problem_attributes(problem: Problem) -> dict[str, str]:
+    """Return the attributes of a Dataset: what was integrated, and how."""
+    notes = {
+        "system": problem.system.name,
+        "integrator": problem.tableau.name,
+        "first": problem.tableau.first,
+        "t_end": problem.t_end,
+        "precision": problem.numerics.precision,
+        "summation": problem.numerics.summation,
+    }
+    if problem.numerics.energy != "every":
+        notes["energy"] = problem.numerics.energy
+    return notes
+
+
+def over_runs(table: dict[str, tuple[Any, str, str]]) -> Variables:
+    """Return described variables from (values, meaning, unit), whose first dimension is that of the runs."""
+    dimensions = ("tau_per_stage", "sample", "component")
+    return {name: (dimensions[: v.ndim], v, described(text, unit)) for name, (v, text, unit) in table.items()}

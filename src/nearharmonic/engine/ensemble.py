@@ -1,0 +1,218 @@
+"""Many trajectories of one system with one step size: in SIMD lanes, in blocks that bound the memory, on threads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from math import nan
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nearharmonic.engine import execution
+from nearharmonic.engine.batch import Batch, Trajectories, prepared_batch, sample_marks, trajectories_of
+from nearharmonic.engine.coefficients import Floats, scaled_rows
+from nearharmonic.engine.description import (
+    error_variables,
+    initial_energy_variables,
+    low_digits,
+    over_runs,
+    problem_attributes,
+    trajectory_variables,
+)
+from nearharmonic.engine.initial_values import parameter_array, standard_parameters, start_array
+from nearharmonic.engine.output_times import checked_times, run_at
+from nearharmonic.engine.problem import Problem
+from nearharmonic.engine.settings import WIDTH, checked_samples, checked_threads
+from nearharmonic.errors import bad_setting
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.output.dataset import Variables, assembled, described
+from nearharmonic.systems.system import System
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Members that a thread integrates at a time: enough that the lanes that run empty at the end do not count.
+BLOCK = 2048
+#: Registers of AVX-512, of which a state may fill half; the other half is for the force.
+REGISTERS = 32
+#: Bytes of results that one call keeps at most.
+MOST_BYTES = 8_000_000_000
+
+
+def ensemble(
+    system: str | System,
+    integrator: str | Tableau,
+    tau: float,
+    *,
+    q0: object = None,
+    p0: object = None,
+    parameters: Mapping[str, Any] | None = None,
+    t_end: float | str | None = None,
+    t: object = None,
+    samples: int = 2,
+    energy: str = "every",
+    energy_scale: float | str | None = None,
+    precision: str = "double",
+    summation: str = "compensated",
+    first: str | None = None,
+    threads: int = 1,
+) -> xr.Dataset:
+    """Integrate many trajectories that differ in initial values or parameters.
+
+    Parameters
+    ----------
+    q0, p0 : (M, d) array of float, or one row
+        Initial values of each member, or of all; rows of decimal strings are exact.
+    parameters : mapping
+        Values by name: (M,) arrays of float, or one value for all.
+    samples : int
+        Most states that a member keeps; by default the first and the last, and 1 keeps the last alone.
+    threads : int
+        Threads that share the members; bits do not depend on it.
+    system, integrator, tau, t_end, t, energy, energy_scale, precision, summation, first
+        As for :func:`nearharmonic.integrate`.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over (member, sample, component): ``t``, ``q``, ``p``, ``energy_error``; and over member ``max_energy_error``,
+        ``mean_energy_error``, ``initial_energy``, ``status``, ``diverged_at`` and the parameters that vary. Each member
+        has the bits of a run by :func:`nearharmonic.integrate`. What a member did not reach is NaN.
+
+    Raises
+    ------
+    NearharmonicError
+        An unknown name, arrays of different lengths, or a setting outside what is allowed, before any work.
+    KeyboardInterrupt
+        Ctrl-C, within a fraction of a second.
+    """
+    problem = Problem(
+        system, integrator, t_end=t_end, precision=precision, summation=summation, first=first, energy=energy,
+        energy_scale=energy_scale,
+    )  # fmt: skip
+    start = start_array(problem.system, q0, p0, plain=problem.plain)
+    given = standard_parameters(problem.system)[None, :]
+    if parameters is not None:
+        given = parameter_array(problem.system, parameters)
+    members = _members(start, given)
+    steps, kept = problem.steps_of(tau), checked_samples(samples)
+    count = checked_threads(threads)
+    if t is None:
+        runs = _Runs(problem, steps, kept, start, given, members)
+        _check_size(problem, members, runs.marks.size)
+        paths, times = runs.run(count), None
+    else:
+        asked = checked_times(t, problem.end, problem.t_end)
+        _check_size(problem, members, len(asked))
+        rows = np.repeat(start, members, axis=0) if len(start) < members else start
+        paths = run_at(problem, [steps] * members, asked, start=rows, parameters=given, reference=(nan, nan))
+        times = np.array([float(time) for time in asked])
+    return _dataset(problem, paths, given, times)
+
+
+def _members(start: Floats, parameters: Floats) -> int:
+    members = max(len(start), len(parameters))
+    for key, rows in (("q0 and p0", start), ("parameters", parameters)):
+        if len(rows) not in (1, members):
+            raise bad_setting(key, f"{len(rows)} rows", f"one row, or one for each of {members} members")
+    return members
+
+
+def _check_size(problem: Problem, members: int, samples: int) -> None:
+    size = members * samples * (4 * problem.system.dimension + 3) * 8
+    if size > MOST_BYTES:
+        allowed = f"the states of {members} members would take {size:.1e} bytes, and a call keeps {MOST_BYTES:.0e}"
+        raise bad_setting("samples", samples, allowed)
+
+
+def ensemble_width(dimension: int, *, compensated: bool, extended: bool) -> int:
+    """Return the SIMD lanes for runs of so many coordinates: as many as leave half of the registers to the force.
+
+    Doubles that a lane holds from step to step are 2 a coordinate, and as many carries unless the summation is plain.
+    """
+    held = dimension * (2 + 2 * compensated) * (2 if extended else 1)
+    width = WIDTH
+    while width < 4 * WIDTH and held * 2 * width // WIDTH <= REGISTERS // 2:
+        width *= 2
+    return width
+
+
+class _Runs:
+    """The runs of an ensemble that are sampled at whole steps."""
+
+    def __init__(
+        self, problem: Problem, steps: int, samples: int, start: Floats, parameters: Floats, members: int
+    ) -> None:
+        self.problem, self.steps, self.samples, self.members = problem, steps, samples, members
+        self.start, self.parameters = start, parameters
+        self.marks = sample_marks(np.array([steps]), samples)
+        numerics, d = problem.numerics, problem.system.formulas().dimension
+        width = ensemble_width(d, compensated=numerics.compensated, extended=numerics.precision == "extended")
+        self.numerics = replace(numerics, width=width)
+        self._free: list[Batch] = []
+
+    def run(self, threads: int) -> Trajectories:
+        """All members, in blocks of which each thread has one at a time."""
+        cut, d = int(self.samples == 1), self.problem.system.formulas().dimension
+        states = np.empty((self.members, self.marks.size - cut, 4 * d))
+        errors = np.empty((3, self.members, self.marks.size - cut))
+        energy, left_at = np.empty((self.members, 2)), np.empty(self.members, np.int64)
+
+        def compute(i: int, run: execution.Run) -> None:
+            block = slice(i * BLOCK, min((i + 1) * BLOCK, self.members))
+            batch, size = self._batch(block), block.stop - block.start
+            batch.clear()
+            run(batch.call, batch.control)
+            states[block], errors[:, block] = batch.states[:, cut:], batch.blocks[..., cut:]
+            energy[block], left_at[block] = batch.energy, batch.left_at
+            if size == BLOCK:
+                self._free.append(batch)
+
+        count = -(-self.members // BLOCK)
+        cost = self.problem.tableau.stages * self.problem.system.dimension
+        execution.Blocks(compute, count, steps=self.members * self.steps, cost=cost).execute(threads)
+        steps, marks = np.full(self.members, self.steps), np.broadcast_to(self.marks, (self.members, self.marks.size))
+        results = marks[:, cut:], states, errors, energy, left_at
+        return trajectories_of(self.problem.tableau, steps, *results, self.problem.numerics, self.problem.scale)
+
+    def _batch(self, block: slice) -> Batch:
+        """A batch that holds the members of ``block``: a used one of the same size, or a new one."""
+        size = block.stop - block.start
+        start = self.start[block] if len(self.start) > 1 else self.start
+        parameters = self.parameters[block] if len(self.parameters) > 1 else self.parameters
+        try:
+            batch = self._free.pop() if size == BLOCK else self._new(size)
+        except IndexError:
+            batch = self._new(size)
+        batch.start[:], batch.parameters[:] = start, parameters
+        return batch
+
+    def _new(self, size: int) -> Batch:
+        problem = self.problem
+        parts = 2 if problem.numerics.precision == "extended" else 1
+        rows = scaled_rows(problem.tableau, [problem.end / self.steps], parts, False)
+        return prepared_batch(
+            problem.system, problem.tableau, self.numerics, marks=np.repeat(self.marks, size, axis=0),
+            scheme=np.zeros(size, np.int64), rows=rows, start=np.empty((size, self.start.shape[1])),
+            parameters=np.empty((size if len(self.parameters) > 1 else 1, self.parameters.shape[1])),
+            scale=problem.scale,
+        )  # fmt: skip
+
+
+def _dataset(problem: Problem, paths: Trajectories, parameters: Floats, times: Floats | None) -> xr.Dataset:
+    constants = [column if len(parameters) == 1 else column[:, None] for column in parameters.T[::2]]
+    variables = trajectory_variables(problem, paths, constants, times)
+    if problem.numerics.compensated:
+        variables |= over_runs(low_digits(problem, paths))
+    variables |= error_variables(paths, problem) | initial_energy_variables(problem, paths)
+    for name, column in zip(problem.system.parameters, parameters.T[::2], strict=True):
+        if len(parameters) > 1:
+            parameter = problem.system.parameters[name]
+            variables[f"parameter_{name}"] = ("tau_per_stage",), column, described(parameter.meaning, parameter.unit)
+    renamed: Variables = {
+        name: (("member", *dims[1:]), values, notes) for name, (dims, values, notes) in variables.items()
+    }
+    notes = described("step size as used, t_end / steps", problem.system.units["t"])
+    renamed["tau"] = (), problem.taus(paths.steps[:1])[0], notes
+    return assembled(renamed, [], problem_attributes(problem))

@@ -1,0 +1,163 @@
+"""How a long call of a kernel can be stopped from the keyboard and is watched on a terminal."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, wait
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nearharmonic.core.layout import PROGRESS, STOP
+
+if TYPE_CHECKING:
+    from nearharmonic.core.native import PreparedCall
+
+#: How a block calls a kernel: with the call and its control array.
+Run = Callable[["PreparedCall", NDArray[np.int64]], None]
+
+#: Products of steps, stages and coordinates: below this a call takes less than about 20 ms, and is simply made.
+SHORT = 2_000_000
+#: Seconds between looks at the keyboard, and after which a call is worth a progress bar.
+PATIENCE, LONG = 0.05, 2.0
+#: Most products of steps, stages and squared coordinates between two looks of a kernel at what it is told.
+STRETCH = 4_000_000
+
+
+def control() -> NDArray[np.int64]:
+    """Return a fresh array by which a call is told to stop and tells how many steps it has done."""
+    return np.zeros(2, np.int64)
+
+
+def stretch(stages: int, dimension: int) -> int:
+    """Return the steps between two looks of a kernel at its control array: some milliseconds."""
+    return max(64, STRETCH // (stages * dimension * (dimension + 4)))
+
+
+def execute(call: PreparedCall, state: NDArray[np.int64], steps: int, cost: int) -> None:
+    """Make the call; Ctrl-C stops it within a stretch, and one of more than two seconds shows its progress.
+
+    Parameters
+    ----------
+    call : PreparedCall
+        Call of a kernel.
+    state : (2,) array of int
+        Its control array.
+    steps : int
+        Steps of all its runs together.
+    cost : int
+        Stages times coordinates.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        When the kernel has stopped. What it computed until then is not to be used.
+    """
+    if steps * cost < SHORT or not _in_main_thread():
+        call()
+        return
+    worker = threading.Thread(target=call, daemon=True)
+    with _Progress(steps) as progress:
+        worker.start()
+        try:
+            while worker.is_alive():
+                worker.join(PATIENCE)
+                progress.show(int(state[PROGRESS]))
+        except BaseException:
+            state[STOP] = 1
+            worker.join()
+            raise
+
+
+class Blocks:
+    """Calls of kernels that threads take from a queue.
+
+    Parameters
+    ----------
+    compute : callable
+        Computes one block, given its index and the function ``run(call, control)`` through which it calls a kernel.
+    count : int
+        Number of blocks.
+    steps, cost : int
+        Steps of all runs of all blocks together; stages times coordinates.
+    """
+
+    def __init__(self, compute: Callable[[int, Run], None], count: int, *, steps: int, cost: int) -> None:
+        self._compute, self._count, self._steps, self._cost = compute, count, steps, cost
+        self._stopped, self._done, self._controls = False, 0, dict[int, NDArray[np.int64]]()
+
+    def execute(self, threads: int) -> None:
+        """Compute all blocks; Ctrl-C stops them all.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            When every thread has stopped.
+        """
+        if self._steps * self._cost < SHORT or (threads == 1 and not _in_main_thread()):
+            for i in range(self._count):
+                self._compute(i, _run)
+            return
+        with ThreadPoolExecutor(threads) as pool, _Progress(self._steps) as progress:
+            futures = [pool.submit(self._one, i) for i in range(self._count)]
+            try:
+                for future in futures:
+                    while not future.done():
+                        wait([future], PATIENCE)
+                        progress.show(self._done + sum(int(state[PROGRESS]) for state in self._controls.values()))
+                    future.result()
+            except BaseException:
+                self._stopped = True
+                for state in list(self._controls.values()):
+                    state[STOP] = 1
+                pool.shutdown(cancel_futures=True)
+                raise
+
+    def _one(self, i: int) -> None:
+        def run(call: PreparedCall, state: NDArray[np.int64]) -> None:
+            key = threading.get_ident()
+            self._controls[key] = state
+            # In this order: a stop is seen here, or by the kernel.
+            if not self._stopped:
+                call()
+            self._done += int(state[PROGRESS])
+            del self._controls[key]
+
+        if not self._stopped:
+            self._compute(i, run)
+
+
+def _run(call: PreparedCall, state: NDArray[np.int64]) -> None:
+    call()
+
+
+def _in_main_thread() -> bool:
+    return threading.current_thread() is threading.main_thread()
+
+
+class _Progress:
+    """A progress bar on the terminal, if there is one, from the third second on."""
+
+    def __init__(self, steps: int) -> None:
+        self._steps, self._begin = steps, time.monotonic()
+        self._bar: Any = None
+
+    def __enter__(self) -> _Progress:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.close()
+
+    def show(self, done: int) -> None:
+        if self._bar is None:
+            if time.monotonic() - self._begin < LONG or not sys.stderr.isatty():
+                return
+            from tqdm import tqdm
+
+            self._bar = tqdm(total=self._steps, unit=" steps", unit_scale=True, leave=False)
+        self._bar.update(done - self._bar.n)

@@ -1,0 +1,71 @@
+"""Kernels of systems: what a kernel has to know of a system, and the compiled code for one choice of arithmetic."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING
+
+from nearharmonic.core.number import Constant
+from nearharmonic.engine.settings import Numerics
+from nearharmonic.systems.gradients import check_gradients
+from nearharmonic.systems.system import System
+
+if TYPE_CHECKING:
+    from nearharmonic.core.kernel import Kernel, Physics
+
+#: Numerics of the calls that name none.
+STANDARD = Numerics()
+
+
+@cache
+def kernel_of(system: System, numerics: Numerics = STANDARD) -> Kernel:
+    """Return the compiled kernel for ``system``, from the cache on disk if it is there.
+
+    Parameters
+    ----------
+    system : System
+        Its gradients are compared with its energies when it is first used in this process.
+    numerics : Numerics
+        Of these, the code depends on those that :attr:`Numerics.compiled` keeps.
+
+    Raises
+    ------
+    SystemDefinitionError
+        A formula fails or uses what formulas cannot (a branch, a function of math), or a gradient contradicts its
+        potential.
+    CompiledCodeError
+        The machine code cannot be loaded.
+    """
+    from nearharmonic.core.kernel import build
+
+    return build(
+        physics_of(system),
+        extended=numerics.precision == "extended",
+        compensated=numerics.compensated,
+        width=numerics.width,
+        energy=numerics.energy,
+    )
+
+
+def physics_of(system: System) -> Physics:
+    """Return what a kernel has to know of ``system``, whose gradients are compared with its energies first.
+
+    Raises
+    ------
+    SystemDefinitionError
+        A gradient contradicts its potential.
+    """
+    from nearharmonic.core.kernel import Physics
+
+    check_gradients(system)
+    formulas, at_run_time = system.formulas(), system.parameters_at_run_time
+    return Physics(
+        name=system.name,
+        V=formulas.V,
+        grad_V=formulas.grad_V,
+        T=formulas.T,
+        grad_T=formulas.grad_T,
+        parameters=len(system.parameters) if at_run_time else 0,
+        constants=() if at_run_time else system.constants(Constant),
+        dimension=formulas.dimension,
+    )

@@ -1,0 +1,125 @@
+"""The result of one run of a prepared problem: small to make, its numbers worked out when they are asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from nearharmonic.engine.batch import Batch, Integers, Trajectories, split_results, trajectories_of
+from nearharmonic.engine.coefficients import Floats
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from nearharmonic.engine.problem import Problem
+
+
+@dataclass(frozen=True, slots=True)
+class StepSize:
+    """A step size, as used, with what a kernel needs of it."""
+
+    tau: float
+    steps: int
+    marks: Integers
+    drift: Floats
+    kick: Floats
+
+
+class Solution:
+    """One trajectory: ``t`` (S,), ``q`` and ``p`` (S, d), errors, steps and status, as :func:`integrate` has them.
+
+    A run that left its energy surface keeps the samples until then; both errors are infinite.
+    """
+
+    __slots__ = ("__dict__", "_diverged_at", "_results", "_step", "problem")
+
+    def __init__(self, problem: Problem, step: StepSize, batch: Batch) -> None:
+        self.problem, self._step = problem, step
+        self._results, self._diverged_at = batch.results.copy(), int(batch.left_at[0])
+
+    def _split(self) -> tuple[Floats, Floats, Floats]:
+        samples = self._step.marks.size
+        return split_results(self._results, 1, samples, (self._results.size - 2) // samples // 4)
+
+    @property
+    def tau(self) -> float:
+        """The step size as used."""
+        return self._step.tau
+
+    @property
+    def steps(self) -> int:
+        """Steps that cover the interval."""
+        return self._step.steps
+
+    @property
+    def status(self) -> str:
+        """ "ok" or "diverged"."""
+        return "diverged" if self._diverged_at else "ok"
+
+    @property
+    def diverged_at(self) -> int:
+        """The step at which the run left its energy surface, 0 if it did not."""
+        return self._diverged_at
+
+    @cached_property
+    def trajectories(self) -> Trajectories:
+        """The run as a batch of one."""
+        problem, left = self.problem, np.array([self._diverged_at])
+        cut = int(problem.samples == 1)
+        states, blocks, energy = self._split()
+        results = self._step.marks[:, cut:], states[:, cut:], blocks[..., cut:], energy.copy(), left
+        return trajectories_of(problem.tableau, np.array([self.steps]), *results, problem.numerics, problem.scale)
+
+    def _kept(self, name: str) -> Floats:
+        rows: Floats = getattr(self.trajectories, name)[0]
+        return rows[np.isfinite(self.trajectories.q[0, :, 0])]
+
+    @property
+    def t(self) -> Floats:
+        """Times of the samples (S,)."""
+        end = float(self.problem.end)
+        return self._kept("marks") * end / self.steps
+
+    @property
+    def q(self) -> Floats:
+        """Positions (S, d)."""
+        return self._kept("q")[:, : self.problem.system.dimension]
+
+    @property
+    def p(self) -> Floats:
+        """Momenta (S, d)."""
+        return self._kept("p")[:, : self.problem.system.dimension]
+
+    @property
+    def energy_error(self) -> Floats:
+        """(H - H0)/|H0| at the samples (S,)."""
+        return self._kept("energy_error")
+
+    @property
+    def max_energy_error(self) -> float:
+        """Maximum of its modulus over every step."""
+        return float(self.trajectories.max_energy_error[0])
+
+    @property
+    def mean_energy_error(self) -> float:
+        """Mean of its modulus over every step."""
+        return float(self.trajectories.mean_energy_error[0])
+
+    @property
+    def evaluations(self) -> int:
+        """Evaluations of the force."""
+        return int(self.trajectories.evaluations[0])
+
+    def __repr__(self) -> str:
+        return (
+            f"Solution({self.problem!r}, tau={self.tau:g}, {self.status}, max_energy_error={self.max_energy_error:.2g})"
+        )
+
+    def to_dataset(self) -> xr.Dataset:
+        """Return the run as :func:`nearharmonic.integrate` does."""
+        from nearharmonic.engine.description import trajectory_dataset
+
+        return trajectory_dataset(self.problem, self.trajectories)

@@ -1,0 +1,200 @@
+"""The energies of a system as expressions: their derivatives, on numbers of any type, and what is proved of them.
+
+A formula is traced at its first use, and a gradient or a Hessian is derived when it is first called.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from decimal import Decimal
+from fractions import Fraction
+from numbers import Rational
+from typing import Any, NamedTuple
+
+from nearharmonic.core import arithmetic
+from nearharmonic.core.expression.derivative import gradient, hessian_vector
+from nearharmonic.core.expression.graph import Graph, Value, Variable, value_of
+from nearharmonic.core.expression.polynomial import is_quadratic, polynomial_of, shortest_program
+from nearharmonic.core.expression.program import Program
+from nearharmonic.core.number import Constant, Number, call, constant, scalar
+from nearharmonic.errors import SystemDefinitionError
+
+Vector = tuple[Any, ...]
+
+
+class _Traced(NamedTuple):
+    """An energy as a value of a graph, with its coordinates; ``V`` and ``T`` are names of the formula for errors."""
+
+    graph: Graph
+    value: Value
+    coordinates: tuple[Value, ...]
+
+
+class Energy:
+    """V or T of a system, as an expression of its coordinates.
+
+    Parameters
+    ----------
+    name : str
+        Name of the system, for errors.
+    formula : {"V", "T"}
+        Name of the formula, for errors.
+    function : callable
+        ``function(x, *parameters)`` of coordinates x (d).
+    dimension : int
+        Number of coordinates d.
+    parameters : tuple of Constant
+        The system's own parameters.
+    """
+
+    def __init__(
+        self, name: str, formula: str, function: Callable[..., Any], dimension: int, parameters: tuple[Constant, ...]
+    ) -> None:
+        self.name, self.formula, self.function = name, formula, function
+        self.dimension, self.parameters = dimension, parameters
+        self._traced: dict[Any, _Traced] = {}
+        self._programs: dict[Any, Program] = {}
+        self._at_run_time: bool | None = None
+
+    @property
+    def parameters_at_run_time(self) -> bool:
+        """Whether the formula can be called with parameters that are values, which must not decide what it does."""
+        if self._at_run_time is None:
+            try:
+                self._trace(None)
+                self._at_run_time = True
+            except SystemDefinitionError:
+                self._trace(self.parameters)  # a formula that fails with constants as well fails here
+                self._at_run_time = False
+        return self._at_run_time
+
+    def _trace(self, parameters: tuple[Constant, ...] | None) -> _Traced:
+        """The expression, with parameters that are variables or these constants."""
+        if parameters not in self._traced:
+            graph, d = Graph(), self.dimension
+            variables = graph.variables(d if parameters is not None else d + len(self.parameters))
+            result = scalar(_Named(self), self.formula, variables[:d], *(parameters or variables[d:]))
+            if not isinstance(result, Constant) and getattr(result, "graph", None) is not graph:
+                raise SystemDefinitionError(f"{self.name}: {self.formula} returns a value of another call")
+            self._traced[parameters] = _Traced(graph, value_of(result), tuple(x.value for x in variables[:d]))
+        return self._traced[parameters]
+
+    @property
+    def _standard(self) -> _Traced:
+        return self._trace(None if self.parameters_at_run_time else self.parameters)
+
+    @property
+    def is_quadratic(self) -> bool:
+        """Whether the energy is a polynomial of degree at most 2 in its coordinates, however it is written."""
+        graph, value, coordinates = self._standard
+        return is_quadratic(graph, value, frozenset(x.node for x in coordinates if x.node is not None))
+
+    @property
+    def is_half_square(self) -> bool:
+        """Whether the energy is x.x / 2, however it is written."""
+        graph, value, coordinates = self._standard
+        half = {((x.node, 2),): Fraction(1, 2) for x in coordinates}
+        return self.is_quadratic and polynomial_of(graph, value) == half
+
+    def gradient(self, x: Vector, *parameters: Any) -> Vector:
+        """Return the derivatives (d) with respect to the coordinates ``x`` (d), numbers of any one type."""
+        return self._evaluated("gradient", (), x, parameters)
+
+    def slope(self, index: int, x: Vector, *parameters: Any) -> Any:
+        """Return the derivative with respect to one coordinate."""
+        (derivative,) = self._evaluated(index, (), x, parameters)
+        return derivative
+
+    def hessian_times(self, x: Vector, vector: Vector, *parameters: Any) -> Vector:
+        """Return the Hessian at ``x`` (d) times ``vector`` (d), numbers of any one type."""
+        return self._evaluated("hessian", vector, x, parameters)
+
+    def _evaluated(self, wanted: Any, vector: Vector, x: Vector, parameters: Sequence[Any]) -> Vector:
+        arguments = (*x, *parameters)
+        if len(arguments) != self.dimension + len(self.parameters):
+            raise SystemDefinitionError(
+                f"{self.name}: the derivative of {self.formula} is called with {len(x)} coordinates and "
+                f"{len(parameters)} parameters, expected {self.dimension} and {len(self.parameters)}"
+            )
+        constants: tuple[Constant, ...] | None = None
+        if parameters and (not self.parameters_at_run_time or all(isinstance(k, Constant) for k in parameters)):
+            constants, arguments = tuple(map(_as_constant, parameters)), tuple(x)
+        if (wanted, constants) not in self._programs:
+            made = call(_Named(self), self.formula, self._program, wanted, self._trace(constants))
+            self._programs[wanted, constants] = made
+        # The vector comes first in no trace: its variables are made last, behind all others.
+        return evaluate(self._programs[wanted, constants], (*arguments, *vector))
+
+    def _program(self, wanted: Any, traced: _Traced) -> Program:
+        graph, value, coordinates = traced
+        if wanted == "hessian":
+            behind = max((node.place for node in graph.nodes if isinstance(node, Variable)), default=-1) + 1
+            vector = [v.value for v in graph.variables(behind + self.dimension)[behind:]]
+            return shortest_program(graph, hessian_vector(graph, value, coordinates, vector), value)
+        derivatives = gradient(graph, value, coordinates)
+        return shortest_program(graph, derivatives if wanted == "gradient" else derivatives[wanted : wanted + 1], value)
+
+
+class _Named:
+    """An energy as :mod:`nearharmonic.core.number` calls it."""
+
+    def __init__(self, energy: Energy) -> None:
+        self.name, self.dimension = energy.name, energy.dimension
+        setattr(self, energy.formula, energy.function)
+
+
+def _as_constant(parameter: Any) -> Constant:
+    """A parameter that a formula must know as a constant."""
+    if hasattr(parameter, "man_exp"):
+        mantissa, exponent = parameter.man_exp
+        return Constant(int(mantissa) * Fraction(2) ** int(exponent))
+    value = constant(parameter)
+    if value is None:
+        raise SystemDefinitionError(f"a parameter that a formula branches on must be a constant, not {parameter!r}")
+    return value
+
+
+def evaluate(program: Program, arguments: Sequence[Any]) -> Vector:
+    """Return the results of a program on numbers of one type, with constants as exact as that type has them."""
+    results = program.run(arguments, constants_beside(arguments), _function)
+    arrays = [x for x in arguments if hasattr(x, "shape") and x.shape]
+    if arrays and not all(hasattr(result, "shape") for result in results):  # a derivative that is constant
+        results = tuple(result if hasattr(result, "shape") else arrays[0] * 0 + result for result in results)
+    return results
+
+
+def constants_beside(arguments: Sequence[Any]) -> Callable[[Constant], Any]:
+    """Return what makes numbers of the type of ``arguments`` of exact constants."""
+    scalars = [x.flat[0] if getattr(getattr(x, "dtype", None), "kind", "") == "O" and x.size else x for x in arguments]
+    if any(isinstance(x, Number) for x in scalars):
+        return lambda c: c
+    mp = next((x for x in scalars if hasattr(x, "context")), None)
+    if mp is not None:
+        return lambda c: mp.context.mpf(c.numerator) / c.denominator
+    if any(isinstance(x, Decimal) for x in scalars):
+        return lambda c: Decimal(c.numerator) / Decimal(c.denominator)
+    if all(isinstance(x, Rational) for x in scalars):
+        if any(isinstance(x, Constant) for x in scalars):
+            return lambda c: c
+        if any(isinstance(x, Fraction) for x in scalars):
+            return lambda c: Fraction(c.numerator, c.denominator)
+    return float
+
+
+def _function(name: str, x: Any, *others: Any) -> Any:
+    """A function of formulas, on numbers of any type."""
+    if name == "root":
+        return arithmetic.sqrt(x)
+    if name == "sign":
+        return x.sign() if isinstance(x, Number) else _sign(x)
+    from nearharmonic import math
+
+    return getattr(math, name)(x, *others)
+
+
+def _sign(x: Any) -> Any:
+    if hasattr(x, "shape"):
+        import numpy as np
+
+        return np.where(x < 0, -1.0, 1.0)
+    return -1 if x < 0 else 1

@@ -1,0 +1,150 @@
+"""What is integrated of a system: its formulas, of an autonomous system of one more coordinate if V depends on time.
+
+A potential V(q, t) is that of an autonomous system whose last coordinate is the time t, with a momentum p_t conjugate
+to it: H = T(p) + p_t + V(q, t). Then dt/dt = 1, dp_t/dt = -dV/dt, and H is conserved; p_t starts at 0, so that -p_t is
+the energy that the system has received. T + p_t is of degree 2 in the momenta if T is. Source: Hairer, Lubich & Wanner
+(2006), Geometric Numerical Integration, Sec. VI.1 (extended phase space).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from nearharmonic.core.number import FormulaError
+from nearharmonic.systems.energy import Energy
+from nearharmonic.systems.kinetic_energy import takes_parameters
+
+if TYPE_CHECKING:
+    from nearharmonic.systems.system import System
+
+Vector = tuple[Any, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Formulas:
+    """The formulas of an autonomous system of ``dimension`` coordinates, each with its parameters behind them.
+
+    ``V(q, *parameters)`` and ``T(p, *parameters)`` return a scalar, ``grad_V(q, *parameters)`` and
+    ``grad_T(p, *parameters)`` a tuple of ``dimension`` components. ``hessian_V_times(q, vector, *parameters)`` and
+    ``hessian_T_times(p, vector, *parameters)`` are derived from them. ``name`` is that of the system, for errors.
+    """
+
+    name: str
+    dimension: int
+    V: Callable[..., Any]
+    grad_V: Callable[..., Vector]
+    T: Callable[..., Any]
+    grad_T: Callable[..., Vector]
+    hessian_V_times: Callable[..., Vector]
+    hessian_T_times: Callable[..., Vector]
+
+
+class DerivedGradient:
+    """The gradient of an energy, derived from it at the first call."""
+
+    def __init__(self, energy: Energy, time_dependent: bool = False) -> None:
+        self.energy, self.time_dependent = energy, time_dependent
+
+    def __call__(self, x: Vector, *others: Any) -> Vector:
+        if self.time_dependent:
+            t, *parameters = others
+            return self.energy.gradient((*x, t), *parameters)[:-1]
+        return self.energy.gradient(tuple(x), *others)
+
+
+def formulas_of(system: System, potential: Energy, kinetic_energy: Energy) -> Formulas:
+    """Return what is integrated of ``system``.
+
+    Parameters
+    ----------
+    system : System
+        Its gradients, or that they are derived.
+    potential : Energy
+        V of the coordinates that are integrated, the time among them if V depends on it.
+    kinetic_energy : Energy
+        T of the momenta of the system.
+    """
+    T, grad_T = kinetic_energy.function, with_parameters(system.grad_T, len(system.parameters))
+    derived = isinstance(system.grad_V, DerivedGradient)
+    if not system.time_dependent:
+        V, grad_V = system.V, potential.gradient if derived else system.grad_V
+    else:
+        V, grad_V = potential.function, potential.gradient if derived else _ExtendedForce(system.grad_V, potential)
+        T, grad_T = _ExtendedKineticEnergy(T), _ExtendedVelocity(grad_T)
+    kinetic = Energy(system.name, "T", T, potential.dimension, kinetic_energy.parameters)
+    return Formulas(
+        name=system.name,
+        dimension=potential.dimension,
+        V=V,
+        grad_V=grad_V,
+        T=T,
+        grad_T=grad_T,
+        hessian_V_times=potential.hessian_times,
+        hessian_T_times=kinetic.hessian_times,
+    )
+
+
+def with_parameters(formula: Callable[..., Any], count: int) -> Callable[..., Any]:
+    """Return T or grad_T as a function of the momenta and the parameters, of which it may take none."""
+    taken = not count or isinstance(formula, DerivedGradient) or takes_parameters(formula)
+    return formula if taken else _WithoutParameters(formula)
+
+
+@dataclass(frozen=True)
+class _WithoutParameters:
+    """A function of the momenta alone, called with the parameters too."""
+
+    formula: Callable[..., Any]
+
+    def __call__(self, p: Vector, *_: Any) -> Any:
+        return self.formula(p)
+
+
+@dataclass(frozen=True)
+class ExtendedPotential:
+    """V(q, t) as a function of the coordinates (q, t)."""
+
+    V: Callable[..., Any]
+
+    def __call__(self, x: Vector, *parameters: Any) -> Any:
+        *q, t = x
+        return self.V(tuple(q), t, *parameters)
+
+
+@dataclass(frozen=True)
+class _ExtendedForce:
+    """(dV/dq, dV/dt): the one given with the system, the other derived."""
+
+    grad_V: Callable[..., Vector]
+    potential: Energy
+
+    def __call__(self, x: Vector, *parameters: Any) -> Vector:
+        *q, t = x
+        force = tuple(self.grad_V(tuple(q), t, *parameters))
+        if len(force) != len(q):
+            raise FormulaError(
+                f"returns {len(force)} components, expected a tuple of {len(q)}, one number a coordinate"
+            )
+        return *force, self.potential.slope(len(q), x, *parameters)
+
+
+@dataclass(frozen=True)
+class _ExtendedKineticEnergy:
+    """T(p) + p_t."""
+
+    T: Callable[..., Any]
+
+    def __call__(self, p: Vector, *parameters: Any) -> Any:
+        return self.T(p[:-1], *parameters) + p[-1]
+
+
+@dataclass(frozen=True)
+class _ExtendedVelocity:
+    """(dT/dp, 1)."""
+
+    grad_T: Callable[..., Vector]
+
+    def __call__(self, p: Vector, *parameters: Any) -> Vector:
+        return *self.grad_T(p[:-1], *parameters), 1
