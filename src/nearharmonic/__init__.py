@@ -50,8 +50,8 @@ _MODULES = {
 }
 
 __all__ = [
-    "NearharmonicError", "Observable", "Parameter", "System", "Tableau", "__version__", "ensemble", "integrate", "integrators",
-    "kappa", "order_of", "palindrome", "plot", "problem", "stability_limit", "sweep", "systems",
+    "NearharmonicError", "Observable", "Parameter", "System", "Tableau", "__version__", "ensemble", "integrate",
+    "integrators", "kappa", "order_of", "palindrome", "plot", "problem", "stability_limit", "sweep", "systems",
 ]  # fmt: skip
 
 

@@ -195,10 +195,6 @@ class System:
         if self.energy_scale is not None and Decimal(self.energy_scale) <= 0:
             raise SystemDefinitionError(f"{self.name}: energy_scale = {self.energy_scale!r} is not positive")
 
-    def __repr__(self) -> str:
-        names = "".join(f", {name}" for name in self.parameters)
-        return f"System({self.name!r}, {self.dimension} coordinate{'s' * (self.dimension > 1)}{names})"
-
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle a registered system by its name, another by its fields, whose functions must be importable."""
         from nearharmonic.systems import systems
