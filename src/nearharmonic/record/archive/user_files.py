@@ -63,7 +63,7 @@ class UserFiles:
         return {key: self._placed(key, value) for key, value in given.items()}
 
     def _placed(self, key: str, value: Any) -> Any:
-        if key == "systems":
+        if key == "systems" and isinstance(value, Mapping):
             return {name: self._system(name, one) for name, one in value.items()}
         if isinstance(value, Mapping):
             return self.config(value)
