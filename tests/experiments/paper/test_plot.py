@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import subprocess
 import sys
@@ -16,6 +17,7 @@ import figure_cubes as made
 import nearharmonic as nh
 from artists import line_of, look_of
 from nearharmonic.errors import SettingError
+from own_systems import spring
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 TAUS = [0.8, 0.1, 0.4, 0.2]
@@ -126,3 +128,18 @@ def test_settings_of_matplotlib_are_left_as_they_were():
 def test_what_cannot_be_drawn_is_refused_in_one_sentence(what, says):
     with pytest.raises(SettingError, match=re.escape(says)):
         nh.plot(what())
+
+
+def test_the_axis_says_what_energy_errors_are_relative_to():
+    # V = q^2/2 - 1/2 from q = 1 at rest: H0 = 0.
+    zero = spring(V=lambda q: q[0] * q[0] / 2 - 0.5, units={"q": "m", "p": "m s-1", "t": "s", "energy": "m2 s-2"})
+    labels = {
+        r"$\max\,|\Delta H/H_0|$": spring(),
+        r"$\max\,|\Delta H|$ (m2 s-2)": zero,
+        r"$\max\,|\Delta H|$ / (2 m2 s-2)": dataclasses.replace(zero, energy_scale="2"),
+    }
+    for label, system in labels.items():
+        curve = nh.sweep(system, "ruth", [0.1, 0.2], t_end=5)
+        assert nh.plot(curve).axes[0].get_ylabel() == label
+        run = nh.integrate(system, "ruth", 0.1, t_end=5)
+        assert nh.plot(run).axes[0].get_ylabel() == label.replace(r"\max\,", "")

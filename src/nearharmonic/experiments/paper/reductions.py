@@ -15,7 +15,7 @@ import numpy as np
 from nearharmonic.engine import invariants
 from nearharmonic.engine.statistics import linear_trend
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.output.dataset import Variables, variable
+from nearharmonic.output.dataset import Variables, described, variable
 from nearharmonic.systems.system import System
 
 
@@ -81,7 +81,7 @@ def max_energy_error(runs: Runs) -> Variables:
     """Maximum over every step of |H - H0|/|H0|; infinite where the run left its energy surface."""
     # The first sample, that of the start, is a number in every run.
     largest = np.where(runs.diverged, np.inf, np.nanmax(runs["block_max_energy_error"], axis=1))
-    return _number("max_energy_error", largest, "maximum of |H - H0|/|H0| over every step, inf if diverged")
+    return _energy_errors(runs, "maximum", largest)
 
 
 @reduction("block_mean_energy_error", "block_steps")
@@ -91,7 +91,16 @@ def mean_energy_error(runs: Runs) -> Variables:
     # Without the padding: the order of numpy's pairwise sum, and so its rounding, depends on the length.
     sums = np.array([row[~np.isnan(row)].sum() for row in blocks])
     mean = np.where(runs.diverged, np.inf, sums / runs["steps"])
-    return _number("mean_energy_error", mean, "mean of |H - H0|/|H0| over every step, inf if diverged")
+    return _energy_errors(runs, "mean", mean)
+
+
+def _energy_errors(runs: Runs, what: str, values: Any) -> Variables:
+    """The maximum or the mean of the energy errors, relative to what those of the samples are."""
+    notes = runs.variables["energy_error"][2] if "energy_error" in runs.variables else described("(H - H0)/|H0|")
+    error = notes["long_name"].replace("(H - H0)", "|H - H0|", 1)
+    name = {"maximum": "max", "mean": "mean"}[what]
+    text = f"{what} of {error} over every step, inf if diverged"
+    return _number(f"{name}_energy_error", values, text, notes["units"])
 
 
 @reduction("t", "perihelion_angle")

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from nearharmonic.experiments.paper.figures.levels import LARGEST_ERROR
+from nearharmonic.experiments.paper.figures.levels import LARGEST_ERROR, energy_error_label
 from nearharmonic.output.declarations import figure
 from nearharmonic.output.style import (
     house_style,
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 PANELS = (
-    ("A", "max_energy_error", "maximum over all steps", r"$\max\,|\Delta H/H_0|$"),
-    ("B", "mean_energy_error", "mean over all steps", r"$\mathrm{mean}\,|\Delta H/H_0|$"),
+    ("A", "max_energy_error", "maximum", r"\max"),
+    ("B", "mean_energy_error", "mean", r"\mathrm{mean}"),
 )
 #: Dashes of a curve in extended precision.
 DASHES = (0, (4, 2))
@@ -87,7 +87,8 @@ def draw_profile(cube: xr.Dataset) -> Figure:
     handles = method_handles(map(str, cube["integrator"].values), map(str, cube["label"].values))
     if "precision" in cube.dims and "extended" in cube["precision"].values:
         handles.append(Line2D([], [], color="#404040", linestyle=DASHES, label="extended precision"))
-    return draw_profiles(list(_profiles(cube)), handles, cube["tau_per_stage"].attrs.get("units", "1"))
+    unit = cube["tau_per_stage"].attrs.get("units", "1")
+    return draw_profiles(list(_profiles(cube)), handles, unit, cube["max_energy_error"].attrs)
 
 
 def _profiles(cube: xr.Dataset) -> Iterator[Profile]:
@@ -111,7 +112,9 @@ def dashed() -> dict[str, Any]:
 
 
 @house_style
-def draw_profiles(profiles: Sequence[Profile], handles: Sequence[Line2D], unit: str) -> Figure:
+def draw_profiles(
+    profiles: Sequence[Profile], handles: Sequence[Line2D], unit: str, attributes: Mapping[str, str]
+) -> Figure:
     """Draw the largest (top) and the mean (bottom) energy errors of methods against step size per stage.
 
     Parameters
@@ -122,15 +125,19 @@ def draw_profiles(profiles: Sequence[Profile], handles: Sequence[Line2D], unit: 
         Entries of the legend.
     unit : str
         Unit of the step sizes; "1" if they have none.
+    attributes : mapping
+        Of the errors: what they are relative to, and what the maximum is over.
     """
+    over = "over the samples" if "over the samples" in attributes.get("long_name", "") else "over all steps"
     drawn = new_figure(7, 8.2)
     spare = ROW * max(0, ROWS - -(-len(handles) // COLUMNS))
     drawn.subplots_adjust(left=0.105, right=0.985, top=0.885 + spare, bottom=0.062, hspace=0.115)
     upper, lower = drawn.subplots(2, 1, sharex=True, sharey=True)
-    for axes, (letter, variable, says, ylabel) in zip((upper, lower), PANELS, strict=True):
+    for axes, (letter, variable, says, symbol) in zip((upper, lower), PANELS, strict=True):
         _draw(axes, variable, profiles)
-        axes.set_ylabel(ylabel)
-        panel_letter(axes, letter, says)
+        label = energy_error_label(attributes, rf"${symbol}\,|\Delta H|$", rf"${symbol}\,|\Delta H/H_0|$")
+        axes.set_ylabel(label)
+        panel_letter(axes, letter, f"{says} {over}")
     _scale(upper)
     for axes in (upper, lower):
         _slope_guide(axes)

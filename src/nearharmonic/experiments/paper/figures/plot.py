@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 
 from nearharmonic.errors import bad_setting
 from nearharmonic.experiments.paper.figures.energy_error import PANELS, Profile, dashed, draw_profile, draw_profiles
+from nearharmonic.experiments.paper.figures.levels import energy_error_label
 from nearharmonic.integrators import integrators
 from nearharmonic.output.style import house_style, log_scale, new_figure, panel_letter, style_of
 
@@ -155,7 +156,8 @@ def _profiles(given: Sequence[xr.Dataset]) -> Figure:
                 look=look,
             )
         )
-    return draw_profiles(profiles, _handles(given, looks), unit)
+    _common_unit(given, "max_energy_error")
+    return draw_profiles(profiles, _handles(given, looks), unit, given[0]["max_energy_error"].attrs)
 
 
 def _stages(dataset: xr.Dataset) -> int:
@@ -175,7 +177,9 @@ def _trajectories(given: Sequence[xr.Dataset]) -> Figure:
         _draw_trajectory(upper, lower, one, look)
     log_scale(upper, "y")
     upper.set_xlabel(r"time $t$" + _in_brackets(unit))
-    upper.set_ylabel(r"$|\Delta H/H_0|$")
+    _common_unit(given, "energy_error")
+    notes = given[0]["max_energy_error"].attrs
+    upper.set_ylabel(energy_error_label(notes, r"$|\Delta H|$", r"$|\Delta H/H_0|$"))
     panel_letter(upper, "A", "energy error at the samples")
     _finish_orbit(lower, given)
     handles = _handles(given, looks, marker="none")
