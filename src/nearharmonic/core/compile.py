@@ -15,7 +15,7 @@ from numba.np.arrayobj import populate_array
 from nearharmonic.core.lanes import Record, record_function, record_loader, record_storer, record_test
 from nearharmonic.core.layout import LATEST, LIMIT, TALLY, Argument, Group, Scalar, Signature, parameter_rows
 from nearharmonic.core.native import target_machine
-from nearharmonic.core.rules import Rules
+from nearharmonic.core.rules import Rules, tallied
 
 _TYPES: dict[Scalar, Any] = {"int64": types.int64, "float64": types.float64, "bool": types.boolean}
 
@@ -163,6 +163,8 @@ def advance(rules: Rules, width: int, energy: str) -> Callable[..., Any]:
     left = record_test(lambda tally: tally[LATEST].absolute().any_not_within(tally[LIMIT]), tally_type)
     stride, tally_at, given_at = parts * width, 4 * d * width, (4 * d + TALLY) * width
     every_step, at_end = energy == "every", energy == "samples"
+    if every_step and rules.quick_energy:
+        return _advance_with_quick_energy(rules, width)
 
     @strict
     def advance(count, stages, kick_first, drifts, kicks, rows):  # type: ignore[no-untyped-def]
@@ -187,6 +189,64 @@ def advance(rules: Rules, width: int, energy: str) -> Callable[..., Any]:
                     break
         if at_end:
             tally = measure(state, tally, given)
+        store_state(rows, 0, state)
+        store_tally(rows, tally_at, tally)
+        return done
+
+    return advance
+
+
+def _advance_with_quick_energy(rules: Rules, width: int) -> Callable[..., Any]:
+    """The inner kernel with an energy that shares the work of the last force of each step."""
+    d = rules.physics.dimension
+    state_type, tally_type, rate_type = Record(4 * d, width), Record(TALLY, width), Record(d, width)
+    step_type, look_type = Record(1, width), Record(2, width)
+    given_type, pull_type = Record(parameter_rows(rules.physics.parameters), width), Record(d + 1, width)
+    load_state, store_state = record_loader(state_type), record_storer(state_type)
+    load_tally, store_tally = record_loader(tally_type), record_storer(tally_type)
+    load_step, load_given = record_loader(step_type), record_loader(given_type)
+    force = record_function(rules.force, rate_type, state_type, given_type)
+    pull = record_function(rules.force_and_potential, pull_type, state_type, given_type)
+    force_of = record_function(lambda entries: entries[:d], rate_type, pull_type)
+    potential_of = record_function(lambda entries: entries[d:], step_type, pull_type)
+    potential = record_function(rules.potential, step_type, state_type, given_type)
+    kick = record_function(rules.kick, state_type, state_type, step_type, rate_type)
+    drift = record_function(rules.drift, state_type, state_type, step_type, given_type)
+    quick = record_function(rules.quick, look_type, state_type, step_type, tally_type, given_type)
+    sharpened = record_function(rules.sharpened, look_type, state_type, tally_type, look_type, given_type)
+    counted = record_function(lambda tally, look: tallied(tally, look[0]), tally_type, tally_type, look_type)
+    near = record_test(lambda look: (~look[0].absolute().greater(look[1])).anywhere(), look_type)
+    left = record_test(lambda tally: tally[LATEST].absolute().any_not_within(tally[LIMIT]), tally_type)
+    tally_at, given_at = 4 * d * width, (4 * d + TALLY) * width
+
+    @strict
+    def advance(count, stages, kick_first, drifts, kicks, rows):  # type: ignore[no-untyped-def]
+        state, given = load_state(rows, 0), load_given(rows, given_at)
+        tally = load_tally(rows, tally_at)
+        shift = 1 if kick_first else 0
+        rate = force(state, given)
+        done = 0
+        while done < count:
+            if kick_first:
+                state = kick(state, load_step(kicks, 0), rate)
+            for i in range(stages - 1):
+                state = drift(state, load_step(drifts, i * width), given)
+                rate = force(state, given)
+                state = kick(state, load_step(kicks, (i + shift) * width), rate)
+            state = drift(state, load_step(drifts, (stages - 1) * width), given)
+            both = pull(state, given)
+            rate, height = force_of(both), potential_of(both)
+            state = kick(state, load_step(kicks, (stages - 1 + shift) * width), rate)
+            if not kick_first:
+                state = drift(state, load_step(drifts, stages * width), given)
+                height = potential(state, given)
+            done += 1
+            look = quick(state, height, tally, given)
+            if near(look):
+                look = sharpened(state, tally, look, given)
+            tally = counted(tally, look)
+            if left(tally):
+                break
         store_state(rows, 0, state)
         store_tally(rows, tally_at, tally)
         return done

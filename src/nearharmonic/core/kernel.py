@@ -5,7 +5,7 @@
 
 Layout of a lane's row block, ``width`` doubles a row: d positions, their d carries, d momenta, their d carries; then
 the tally: largest and summed |H - H0| of the block, the sum's carry, the latest H - H0, H0 as a pair, the largest
-|H - H0| allowed, and the condition of the energy; then each parameter as a pair. In extended precision the carries are
+|H - H0| allowed, and what :meth:`Rules.quick` needs to know when it is near the rounding of doubles; then each parameter as a pair. In extended precision the carries are
 the low halves of double-doubles.
 """
 

@@ -121,10 +121,16 @@ def _function(write: Callable[..., ir.Value], result: types.Type, arguments: Seq
         def function(typingctx, a, b):  # type: ignore[no-untyped-def]
             return signature, codegen
 
-    else:
+    elif len(arguments) == 3:
 
         @intrinsic
         def function(typingctx, a, b, c):  # type: ignore[no-untyped-def]
+            return signature, codegen
+
+    else:
+
+        @intrinsic
+        def function(typingctx, a, b, c, d):  # type: ignore[no-untyped-def]
             return signature, codegen
 
     return function  # type: ignore[no-any-return]

@@ -10,11 +10,27 @@ from typing import Any
 from llvmlite import ir
 
 from nearharmonic.core import arithmetic
-from nearharmonic.core.layout import ENERGY, ENERGY_LOW, TALLY, TOTAL, TOTAL_CARRY, WORST, parameter_rows
-from nearharmonic.core.number import Constant, scalar, vector
+from nearharmonic.core.condition import Conditioned
+from nearharmonic.core.layout import (
+    CONDITION,
+    ENERGY,
+    ENERGY_LOW,
+    NEAR,
+    TALLY,
+    TOTAL,
+    TOTAL_CARRY,
+    WORST,
+    parameter_rows,
+)
+from nearharmonic.core.number import Constant, Number, call, constant, scalar, vector
 from nearharmonic.core.tracing import Double, DoubleDouble, LLVMValue
 
 Entries = list[LLVMValue]
+
+#: Coordinates up to which the energy is measured in double-double at every step.
+FEW_COORDINATES = 8
+#: An energy error in double is used where it is at least so many times the bound of its rounding: to 4 digits.
+CERTAINTY = 2.0**12
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +43,10 @@ class Physics:
         For errors.
     V, grad_V, T, grad_T : callable
         Formulas ``f(q, *parameters)`` and ``f(p, *parameters)``.
+    grad_V_and_V : callable
+        The components of grad_V and V behind them, of shared operations.
+    balanced_T : callable
+        T in an order that keeps chains of operations short.
     parameters : int
         Number of parameters that a run is given, in the rows behind its tally.
     constants : tuple of Constant
@@ -38,7 +58,9 @@ class Physics:
     name: str
     V: Callable[..., Any]
     grad_V: Callable[..., Any]
+    grad_V_and_V: Callable[..., Any]
     T: Callable[..., Any]
+    balanced_T: Callable[..., Any]
     grad_T: Callable[..., Any]
     parameters: int
     constants: tuple[Constant, ...]
@@ -56,6 +78,14 @@ class Rules:
     physics: Physics
     extended: bool
     compensated: bool
+
+    @property
+    def quick_energy(self) -> bool:
+        """Whether the energy is measured in double where its error is far above the rounding of doubles.
+
+        In double-double at every step it would cost ten times a step of leapfrog where pairs of bodies attract.
+        """
+        return not self.extended and self.physics.dimension > FEW_COORDINATES
 
     @property
     def parts(self) -> int:
@@ -97,6 +127,8 @@ class Rules:
 
     def force(self, state: Entries, parameters: Entries) -> Entries:
         """dV/dq at the position."""
+        if self.physics.dimension > FEW_COORDINATES:  # the same bits whether or not the energy is measured beside it
+            return self.force_and_potential(state, parameters)[: self.parts * self.physics.dimension]
         q = self.numbers(_pairs(state, self.physics.dimension))
         return self.flat(vector(self.physics, "grad_V", q, *self.constants(parameters)), state[0])
 
@@ -134,16 +166,62 @@ class Rules:
         """The tally with one more step in it."""
         return tallied(tally, self.latest(state, tally, parameters))
 
+    def force_and_potential(self, state: Entries, parameters: Entries) -> Entries:
+        """dV/dq at the position, and V in double behind it: what both formulas have in common is computed once."""
+        q = self.numbers(_pairs(state, self.physics.dimension))
+        found = call(self.physics, "V", self.physics.grad_V_and_V, q, *self.constants(parameters))
+        *gradient, V = (x if isinstance(x, Number) else constant(x) for x in found)
+        return self.flat(tuple(gradient), state[0]) + self.flat((V,), state[0])
+
+    def potential(self, state: Entries, parameters: Entries) -> Entries:
+        """V at the position in double."""
+        return self.force_and_potential(state, parameters)[-1:]
+
+    def quick(self, state: Entries, potential: Entries, tally: Entries, parameters: Entries) -> Entries:
+        """H - H0 in double, and the least of its modulus that can be told from rounding."""
+        half, d = 2 * self.physics.dimension, self.physics.dimension
+        p = self.numbers(_pairs(state[half:], d))
+        T = _carrier(scalar(self.physics, "balanced_T", p, *self.constants(parameters)), state[0])
+        (V,) = potential
+        H, error = arithmetic.two_sum(T, V)
+        latest = (H - tally[ENERGY]) + (error - tally[ENERGY_LOW])
+        return [latest, tally[NEAR] + tally[CONDITION] * (T.absolute() + V.absolute())]
+
+    def sharpened(self, state: Entries, tally: Entries, quick: Entries, parameters: Entries) -> Entries:
+        """``quick`` with H - H0 in double-double in the lanes where it is near the rounding of doubles."""
+        latest, bound = quick
+        exact = self.latest(state, tally, parameters)
+        return [latest.absolute().greater(bound).choose(latest, exact), bound]
+
+    def rounding(self, state: Entries, parameters: Entries) -> Entries:
+        """:data:`NEAR` and :data:`CONDITION` of a fresh tally: the rounding of H, absolute and relative to |T| + |V|."""
+        half, d, constants = 2 * self.physics.dimension, self.physics.dimension, self.constants(parameters)
+        q, p = (
+            tuple(map(Conditioned, self.numbers(_pairs(entries, d)))) for entries in (state, state[half:])
+        )
+        given = [x if isinstance(x, Constant) else Conditioned(x) for x in constants]
+        zero = Conditioned(Double(state[0].constant(0.0)))
+        T, V = (zero + scalar(self.physics, name, x, *given) for name, x in (("T", p), ("V", q)))
+        unit = state[0].constant(CERTAINTY * 2.0**-53)
+        size = (T.size + V.size).carrier * unit
+        return [size, size / (abs(T.value) + abs(V.value)).carrier]
+
     def begin(self, state: Entries, parameters: Entries) -> Entries:
         """A fresh tally whose H0 is the energy of ``state``, with |T| at the place of the limit."""
         T, V = self.energies(state, parameters)
         H, kinetic = (_double_double(x, state[0]) for x in (T + V, T))
         zero = H.high.constant(0.0)
-        return [zero, zero, zero, zero, H.high, H.low, kinetic.high.absolute(), zero]
+        rounding = self.rounding(state, parameters) if self.quick_energy else [zero, zero]
+        return [zero, zero, zero, zero, H.high, H.low, kinetic.high.absolute(), *rounding]
 
 
 def _double_double(number: Any, like: LLVMValue) -> DoubleDouble:
     return DoubleDouble.of(number, like) if isinstance(number, Constant) else number
+
+
+def _carrier(number: Any, like: LLVMValue) -> LLVMValue:
+    carrier: LLVMValue = (Double.of(number, like) if isinstance(number, Constant) else number).carrier
+    return carrier
 
 
 def tallied(tally: Entries, latest: LLVMValue) -> Entries:

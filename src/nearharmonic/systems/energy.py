@@ -64,9 +64,21 @@ class Energy:
                 self._trace(None)
                 self._at_run_time = True
             except SystemDefinitionError:
+                if not self.parameters:
+                    raise
                 self._trace(self.parameters)  # a formula that fails with constants as well fails here
                 self._at_run_time = False
         return self._at_run_time
+
+    def trace(self) -> None:
+        """Call the formula, if it was not yet.
+
+        Raises
+        ------
+        SystemDefinitionError
+            It fails, or takes too many operations.
+        """
+        assert self._standard
 
     def _trace(self, parameters: tuple[Constant, ...] | None) -> _Traced:
         """The expression, with parameters that are variables or these constants."""
@@ -74,8 +86,7 @@ class Energy:
             graph, d = Graph(), self.dimension
             variables = graph.variables(d if parameters is not None else d + len(self.parameters))
             result = scalar(_Named(self), self.formula, variables[:d], *(parameters or variables[d:]))
-            if not isinstance(result, Constant) and getattr(result, "graph", None) is not graph:
-                raise SystemDefinitionError(f"{self.name}: {self.formula} returns a value of another call")
+            call(_Named(self), self.formula, variables[0].__add__, result)  # fails for the value of another call
             self._traced[parameters] = _Traced(graph, value_of(result), tuple(x.value for x in variables[:d]))
         return self._traced[parameters]
 
@@ -99,6 +110,15 @@ class Energy:
     def gradient(self, x: Vector, *parameters: Any) -> Vector:
         """Return the derivatives (d) with respect to the coordinates ``x`` (d), numbers of any one type."""
         return self._evaluated("gradient", (), x, parameters)
+
+    def gradient_and_value(self, x: Vector, *parameters: Any) -> Vector:
+        """Return the derivatives (d) and the energy behind them, from operations that they share."""
+        return self._evaluated("both", (), x, parameters)
+
+    def balanced(self, x: Vector, *parameters: Any) -> Any:
+        """Return the energy by the operations of its expression, where long sums are short chains."""
+        (value,) = self._evaluated("value", (), x, parameters)
+        return value
 
     def slope(self, index: int, x: Vector, *parameters: Any) -> Any:
         """Return the derivative with respect to one coordinate."""
@@ -131,7 +151,11 @@ class Energy:
             behind = max((node.place for node in graph.nodes if isinstance(node, Variable)), default=-1) + 1
             vector = [v.value for v in graph.variables(behind + self.dimension)[behind:]]
             return shortest_program(graph, hessian_vector(graph, value, coordinates, vector), value)
+        if wanted == "value":
+            return shortest_program(graph, [value], value)
         derivatives = gradient(graph, value, coordinates)
+        if wanted == "both":
+            return shortest_program(graph, [*derivatives, value], value)
         return shortest_program(graph, derivatives if wanted == "gradient" else derivatives[wanted : wanted + 1], value)
 
 

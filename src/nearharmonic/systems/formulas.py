@@ -28,7 +28,9 @@ class Formulas:
 
     ``V(q, *parameters)`` and ``T(p, *parameters)`` return a scalar, ``grad_V(q, *parameters)`` and
     ``grad_T(p, *parameters)`` a tuple of ``dimension`` components. ``hessian_V_times(q, vector, *parameters)`` and
-    ``hessian_T_times(p, vector, *parameters)`` are derived from them. ``name`` is that of the system, for errors.
+    ``hessian_T_times(p, vector, *parameters)`` are derived from them. ``grad_V_and_V(q, *parameters)`` returns the
+    components of the gradient and V behind them, of shared operations, ``balanced_T(p, *parameters)`` is T in an order
+    that keeps chains of operations short. ``name`` is that of the system, for errors.
     """
 
     name: str
@@ -37,6 +39,8 @@ class Formulas:
     grad_V: Callable[..., Vector]
     T: Callable[..., Any]
     grad_T: Callable[..., Vector]
+    grad_V_and_V: Callable[..., Vector]
+    balanced_T: Callable[..., Any]
     hessian_V_times: Callable[..., Vector]
     hessian_T_times: Callable[..., Vector]
 
@@ -81,6 +85,8 @@ def formulas_of(system: System, potential: Energy, kinetic_energy: Energy) -> Fo
         grad_V=grad_V,
         T=T,
         grad_T=grad_T,
+        grad_V_and_V=potential.gradient_and_value if derived else lambda q, *given: (*grad_V(q, *given), V(q, *given)),
+        balanced_T=kinetic.balanced,
         hessian_V_times=potential.hessian_times,
         hessian_T_times=kinetic.hessian_times,
     )

@@ -175,6 +175,12 @@ def check_gradients(system: System) -> None:
     """
     formulas, constants = system.formulas(), system.constants(Constant)
     q0, p0 = system.extended_start(Decimal)
+    for energy, gradient in zip(system.energies, (system.grad_V, system.grad_T), strict=True):
+        try:
+            energy.trace()
+        except SystemDefinitionError as error:
+            if isinstance(gradient, DerivedGradient) or not isinstance(error.__cause__, ArithmeticError):
+                raise
     with localcontext(_VALUES):
         potential = _Pair(system, formulas, "V", constants)
         if not isinstance(system.grad_V, DerivedGradient) or any(getattr(system, name) for name in POTENTIALS):

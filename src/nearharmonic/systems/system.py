@@ -151,8 +151,12 @@ class System:
     def _set_kinetic_energy(self) -> None:
         """Make T of ``masses``, and grad_T if it is not given; in a copy these may be the original's."""
         T, of_masses = self.T, isinstance(self.T, MassKineticEnergy)
+        made = isinstance(self.grad_T, DerivedGradient) or isinstance(
+            getattr(self.grad_T, "__self__", None), MassKineticEnergy
+        )
+        left_out = made or self.grad_T is None or self.grad_T is quadratic_grad_T
         if self.masses is not None:
-            if not of_masses and T is not quadratic_T:
+            if not (of_masses or T is quadratic_T) or not left_out:
                 raise SystemDefinitionError(f"{self.name}: masses and T are given, and either makes the other")
             if not (isinstance(T, MassKineticEnergy) and T.given == (self.masses, tuple(self.parameters))):
                 try:
@@ -162,7 +166,6 @@ class System:
         elif of_masses:
             T = quadratic_T
         object.__setattr__(self, "T", T)
-        left_out = self.grad_T is None or self.grad_T is quadratic_grad_T or isinstance(self.grad_T, DerivedGradient)
         if isinstance(T, MassKineticEnergy):
             object.__setattr__(self, "grad_T", T.velocity)
         elif T is quadratic_T and left_out:
@@ -223,6 +226,11 @@ class System:
     def _kinetic_energy(self) -> Energy:
         T = with_parameters(self.T, len(self.parameters))
         return Energy(self.name, "T", T, self.dimension, self.constants(Constant))
+
+    @property
+    def energies(self) -> tuple[Energy, Energy]:
+        """V, of the coordinates and of time if it depends on it, and T."""
+        return self._potential, self._kinetic_energy
 
     @cached_property
     def quadratic_kinetic_energy(self) -> bool:

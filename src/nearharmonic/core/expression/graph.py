@@ -274,6 +274,14 @@ class Expression(Number):
     def _made(self, value: Value) -> Any:
         return Constant(value.coefficient) if value.node is None else Expression(self.graph, value)
 
+    def _operand(self, other: Any) -> Any:
+        if isinstance(other, Expression) and other.graph is not self.graph:
+            raise FormulaError("uses a value of an earlier call: a formula must keep none")
+        return super()._operand(other)
+
+    def lifted(self, number: Constant) -> Expression:
+        return Expression(self.graph, value_of(number))
+
     def _add(self, other: Expression | Constant) -> Any:
         return self._made(self.graph.add(self.value, value_of(other)))
 

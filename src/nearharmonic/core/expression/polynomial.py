@@ -14,6 +14,8 @@ Polynomial = dict[Monomial, Exact]
 
 #: Most terms of a polynomial that replaces an expression: those of larger ones take more operations than they save.
 MOST_TERMS = 64
+#: Most factors of a term.
+MOST_FACTORS = 64
 #: Most terms in the proof that a polynomial's degree is low.
 MOST_TERMS_OF_PROOF = 100_000
 
@@ -150,6 +152,8 @@ def _times(a: Polynomial, b: Polynomial, most_terms: int) -> Polynomial:
             powers = dict(left)
             for node, e in right:
                 powers[node] = exact(powers.get(node, 0) + e)
+            if len(powers) > MOST_FACTORS:
+                raise _TooLargeError
             monomial = tuple(sorted((node, e) for node, e in powers.items() if e))
             result[monomial] = exact(result.get(monomial, 0) + c * d)
     return _without_zeros(result, most_terms)

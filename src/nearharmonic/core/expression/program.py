@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from heapq import heapify, heappop, heappush
 from typing import Any
 
 from nearharmonic.core.expression.graph import (
@@ -41,6 +42,8 @@ LATENCY = {
     "sign": 2,
 }
 FUNCTION = 50
+#: Terms from which on a sum is added in groups, and the terms of a group.
+LONG_SUM, GROUP = 12, 4
 #: Operations in a processor's time for one that it can begin twice a cycle.
 WORK = {"divide": 8, "root": 9}
 
@@ -212,10 +215,11 @@ class _Writer:
         return place
 
     def _written(self, c: Exact, node: int, found: Node) -> int:
-        if isinstance(found, Product):
-            return self._product(c, self._factors(node))
-        if isinstance(found, Sum) and (c == 1 or (c == -1 and self.uses[node] == 1)):
-            return self._sum(*self._terms(c, node))
+        if c != -1 or self.uses[node] == 1:  # a force and its reaction differ in a sign
+            if isinstance(found, Product):
+                return self._product(c, self._factors(node))
+            if isinstance(found, Sum) and modulus(c) == 1:
+                return self._sum(*self._terms(c, node))
         if c != 1:
             x = self.value(1, node)
             return self.write("negate", x) if c == -1 else self.write("multiply", x, self.constant(c))
@@ -242,6 +246,12 @@ class _Writer:
         parts = [self._term(c, node) for node, c in terms]
         if constant:
             parts.append((1 if constant > 0 else -1, self.constant(modulus(constant))))
+        return self._added(parts)
+
+    def _added(self, parts: list[tuple[int, int]]) -> int:
+        """The sum of places with their signs: one after the other, a long one in groups, for a shorter chain."""
+        while len(parts) > LONG_SUM:
+            parts = [(1, self._added(parts[i : i + GROUP])) for i in range(0, len(parts), GROUP)]
         parts.sort(key=lambda part: (self._fusible(part[1]), self.operations[part[1]][0] == "multiply"))
         first = next((part for part in parts if part[0] > 0), parts[0])
         parts.remove(first)
@@ -340,9 +350,10 @@ class _Writer:
 
     def _multiplied(self, factors: list[int]) -> int:
         """Return a product, each time of the two factors that are ready first."""
-        left = sorted(factors, key=self.ready.__getitem__, reverse=True)
+        left = [(self.ready[x], i, x) for i, x in enumerate(factors)]
+        heapify(left)
         while len(left) > 1:
-            a, b = left.pop(), left.pop()
-            left.append(self.write("multiply", a, b))
-            left.sort(key=self.ready.__getitem__, reverse=True)
-        return left[0]
+            (_, i, a), (_, _, b) = heappop(left), heappop(left)
+            product = self.write("multiply", a, b)
+            heappush(left, (self.ready[product], i, product))
+        return left[0][2]

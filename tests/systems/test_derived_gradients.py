@@ -1,0 +1,276 @@
+"""Systems without gradients of their own: the same curves as with them, in every number type, from V alone."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+from decimal import Decimal
+from fractions import Fraction
+from itertools import combinations, pairwise
+
+import mpmath
+import numpy as np
+import pytest
+from mpmath import mpf
+
+import nearharmonic as nh
+from nearharmonic import math
+from nearharmonic.core.number import Constant
+from nearharmonic.errors import SystemDefinitionError
+from nearharmonic.systems import Parameter, System
+from nearharmonic.systems.formulas import DerivedGradient
+from nearharmonic.systems.gradients import Multiprecision, check_gradients
+from own_systems import spring
+
+PAPER = {"sho": 0.1, "henon_heiles": 0.1, "kepler": 20.0}
+
+
+def constant(value):
+    return Parameter(value=value, unit="1", meaning="a constant")
+
+
+@pytest.mark.parametrize("precision", ["double", "extended"])
+@pytest.mark.parametrize("name", PAPER)
+def test_the_papers_systems_have_the_same_curves_from_V_alone(name, precision):
+    """To rounding: 1000 steps of 7 stages, each of some 10 roundings u; Kepler's amplify them by t."""
+    given = nh.systems[name]
+    derived = replace(given, grad_V=None)
+    unit = 2.0**-53 if precision == "double" else 2.0**-104
+    a, b = (
+        nh.integrate(s, "aba864", PAPER[name], t_end=1000 * PAPER[name], precision=precision) for s in (given, derived)
+    )
+    size = abs(a.q.values).max()
+    assert abs(a.q.values - b.q.values).max() <= 7e4 * 20 * max(unit, 2.0**-53) * size
+    assert a.max_energy_error.item() == pytest.approx(b.max_energy_error.item(), rel=1e-3, abs=1e5 * unit)
+    assert b.energy_error.values[1:5] == pytest.approx(a.energy_error.values[1:5], rel=1e-6, abs=100 * unit)
+
+
+@pytest.mark.parametrize("name", [*PAPER, "relativistic_oscillator"])
+def test_derived_gradients_are_those_given_in_every_number_type(name):
+    given = nh.systems[name]
+    derived = replace(given, grad_V=None, grad_T=None)
+    q = ("0.3", "-0.7")[: given.dimension]
+    for kind, close in ((float, 1e-14), (mpf, mpf(10) ** -50), (lambda x: np.array([float(x), 0.5]), 1e-14)):
+        values, constants = tuple(map(kind, q)), given.constants(kind)
+        for formula, others in (("grad_V", constants), ("grad_T", ())):
+            pairs = zip(
+                getattr(given, formula)(values, *others), getattr(derived, formula)(values, *others), strict=True
+            )
+            assert all(np.all(abs(a - b) <= close * abs(a)) for a, b in pairs)
+    numbers = tuple(Multiprecision(Decimal(x)) for x in q)
+    parameters = given.constants(Constant)
+    for a, b in zip(given.grad_V(numbers, *parameters), derived.grad_V(numbers, *parameters), strict=True):
+        assert abs(a.value - b.value) < abs(a.value) * Decimal("1e-100")
+
+
+def test_a_derivative_that_is_constant_has_the_shape_of_the_others():
+    made = spring(V=lambda q: q[0] ** 2 + 3 * q[1], grad_V=None, q0=("1", "1"), p0=("0", "0"))
+    assert np.array(made.grad_V((np.ones(4), np.ones(4)))).shape == (2, 4)
+    assert made.grad_V((Fraction(1), Fraction(1))) == (2, 3)
+    assert made.grad_V((1.0, 1.0)) == (2.0, 3.0)
+    assert isinstance(made.grad_V((1, 2))[0], float)
+
+
+def test_all_functions_of_formulas_have_derivatives_in_floats_arrays_and_kernels():
+    def V(q):
+        x, y = q
+        a = math.sin(x) * math.cos(y) + math.tan(x / 3) + math.exp(-y) * math.log(2 + x * x) + math.erf(x)
+        b = math.cbrt(3 + x) + math.pow(2 + y, x) + math.atan2(y, 2 + x) + math.tanh(y) * math.sinh(x)
+        return a + b + math.cosh(y) + math.hypot(x + 3, y) + abs(x - 7) + math.sqrt(5 + y) + math.pow(2, y)
+
+    made = spring(V=V, grad_V=None, q0=("0.1", "0.2"), p0=("0", "0"))
+    at = (0.3, -0.4)
+    with mpmath.workdps(40):
+        exact = [mpmath.diff(lambda *z: V(z), tuple(map(mpf, at)), n) for n in ((1, 0), (0, 1))]
+    assert made.grad_V(at) == pytest.approx([float(x) for x in exact], rel=1e-14)
+    columns = made.grad_V(tuple(np.array([x, x]) for x in at))
+    assert np.array(columns)[:, 1] == pytest.approx([float(x) for x in exact], rel=1e-14)
+
+
+def test_the_hessian_times_a_vector_is_known_in_closed_form():
+    """-GM/r: (1/r^3 - 3 q q^T / r^5) GM v. With a time, that of the coordinates alone."""
+    kepler = nh.systems["kepler"]
+    (x, y), (u, v), GM = (mpf("1.5"), mpf("-0.5")), (mpf("0.3"), mpf(2)), mpf("1.7")
+    r = mpmath.sqrt(x * x + y * y)
+    along = 3 * (x * u + y * v) / r**5
+    found = kepler.hessian_V_times((x, y), (u, v), GM)
+    for a, b in zip(found, (GM * (u / r**3 - along * x), GM * (v / r**3 - along * y)), strict=True):
+        assert abs(a - b) < mpf(10) ** -50
+    driven = spring(V=lambda q, t: q[0] ** 3 / 3 * math.cos(t), grad_V=None, time_dependent=True)
+    assert driven.hessian_V_times((2.0,), (3.0,), 0.5) == (pytest.approx(12 * np.cos(0.5)),)
+    extended = driven.formulas().hessian_V_times((2.0, 0.5), (3.0, 1.0))
+    assert extended == pytest.approx([12 * np.cos(0.5) - 4 * np.sin(0.5), -12 * np.sin(0.5) - 8 / 3 * np.cos(0.5)])
+    assert driven.formulas().hessian_T_times((2.0, 0.5), (3.0, 1.0)) == (3.0, 0.0)
+
+
+# --- copies -----------------------------------------------------------------------------------------------------------
+
+
+def test_a_copy_with_another_energy_derives_its_own_gradient():
+    first = spring(grad_V=None, T=lambda p: p[0] ** 4 / 4)
+    assert first.grad_T((2.0,)) == (8.0,)
+    second = replace(first, V=lambda q: q[0] ** 4, T=lambda p: p[0] ** 6 / 6)
+    assert (second.grad_V((2.0,)), second.grad_T((2.0,))) == ((32.0,), (32.0,))
+    assert first.grad_V((2.0,)) == (2.0,)
+    assert replace(nh.systems["henon_heiles"], V=lambda q: q[0] ** 2, grad_V=None).grad_V((1.0, 1.0)) == (2.0, 0.0)
+    assert replace(second, t_end="1").grad_V((2.0,)) == (32.0,)
+
+
+def test_a_copy_with_other_parameters_derives_with_them():
+    made = spring(V=lambda q, n: q[0] ** n, grad_V=None, parameters={"n": constant("3")})
+    assert made.grad_V((2.0,), *made.constants(float)) == (12.0,)
+    other = replace(made, parameters={"n": constant("4")})
+    assert other.grad_V((2.0,), *other.constants(float)) == (32.0,)
+
+
+# --- parameters -------------------------------------------------------------------------------------------------------
+
+
+def branching(q, k):
+    return q[0] ** 2 if k > 1 else q[0] ** 4
+
+
+def ranging(q, n):
+    return sum(q[0] ** i for i in range(int(n)))
+
+
+PARAMETERS = {
+    "factor": (lambda q, k: k * q[0] ** 2, True),
+    "root": (lambda q, k: math.sqrt(k) * math.exp(-k * q[0]), True),
+    "exponent of a function": (lambda q, k: math.pow(q[0] + 2, k), True),
+    "branch": (branching, False),
+    "range": (ranging, False),
+    "float": (lambda q, k: float(k) * q[0], False),
+    "index": (lambda q, k: (q[0], 2 * q[0])[int(k)], False),
+}
+
+
+@pytest.mark.parametrize("case", PARAMETERS)
+def test_parameters_are_values_unless_a_formula_needs_to_know_them(case):
+    V, expected = PARAMETERS[case]
+    made = spring(V=V, grad_V=None, parameters={"k": constant("1")})
+    assert made.parameters_at_run_time == expected
+    with mpmath.workdps(30):
+        exact = mpmath.diff(lambda x: V((x,), mpf(1)), mpf("0.7"))
+    for k in (1.0, mpf(1), Fraction(1), Constant(1)):
+        assert float(made.grad_V((mpf("0.7"),), k)[0]) == pytest.approx(float(exact), rel=1e-12)
+
+
+def test_a_gradient_that_branches_on_a_parameter_keeps_it_a_constant():
+    made = spring(V=lambda q, k: k * q[0] ** 2 / 2, grad_V=lambda q, k: (k * q[0] if k > 0 else 0,),
+                  parameters={"k": constant("1")})  # fmt: skip
+    assert not made.parameters_at_run_time
+    check_gradients(made)
+    assert nh.systems["kepler"].parameters_at_run_time
+    assert nh.systems["sho"].parameters_at_run_time
+
+
+def test_a_formula_that_fails_says_so_once_with_the_name_of_the_energy():
+    def V(q):
+        return q[0] if q[0] > 0 else -q[0]
+
+    made = spring(V=V, grad_V=None, name="bent")
+    for use in (lambda: nh.integrate(made, "ruth", 0.1), lambda: made.grad_V((1.0,)), lambda: check_gradients(made)):
+        with pytest.raises(SystemDefinitionError, match=r"^bent: V compares a value: .* must not branch$"):
+            use()
+
+
+def test_a_value_kept_from_an_earlier_call_is_refused():
+    kept = []
+
+    def V(q):
+        kept.append(q[0])
+        return kept[0] * q[0]
+
+    made = spring(V=V, grad_V=None)
+    assert made.grad_V((3.0,)) == (6.0,)
+    again = replace(made, t_end="1")
+    with pytest.raises(SystemDefinitionError, match="uses a value of an earlier call"):
+        again.grad_V((3.0,))
+
+
+@pytest.mark.parametrize("grad_V", [None, lambda q: q])
+def test_a_formula_of_exploding_size_is_refused_before_any_work(monkeypatch, grad_V):
+    def V(q):
+        x, y = q[0], 1 + q[0]
+        for _ in range(10_000):
+            x, y = x * y, x + y
+        return x
+
+    monkeypatch.setattr("nearharmonic.core.expression.graph.MOST_NODES", 9000)
+    monkeypatch.setattr("nearharmonic.core.kernel.build", None)
+    with pytest.raises(SystemDefinitionError, match=r"^mine: V takes more than 9000 different operations$"):
+        nh.integrate(spring(V=V, grad_V=grad_V, name="mine"), "ruth", 0.1)
+
+
+# --- sizes ------------------------------------------------------------------------------------------------------------
+
+
+def test_bodies_integrate_from_their_potential_alone():
+    """Energy and total momentum are conserved: to the method's error, and to rounding (force and reaction are equal)."""
+    n = 4
+
+    def V(q, G):
+        points = [q[3 * i : 3 * i + 3] for i in range(n)]
+        pairs = combinations(points, 2)
+        return -G * sum(1 / math.sqrt(sum((a - b) ** 2 for a, b in zip(x, y, strict=True))) for x, y in pairs)
+
+    random = np.random.default_rng(1)
+    q0 = tuple(f"{x:.3f}" for x in 10 * random.random(3 * n))
+    made = spring(V=V, grad_V=None, q0=q0, p0=("0",) * 3 * n, parameters={"G": constant("0.1")})
+    run = nh.integrate(made, "aba864", 0.05, t_end=2)
+    assert run.max_energy_error.item() < 1e-9
+    total = run.p.values.reshape(-1, n, 3).sum(axis=1)
+    assert abs(total).max() < 1e-13
+
+
+def test_a_long_chain_is_checked_and_integrated_in_little_time():
+    def V(q):
+        return sum((b - a) ** 2 / 2 + (b - a) ** 3 / 12 for a, b in pairwise((0, *q, 0)))
+
+    made = spring(V=V, grad_V=None, q0=("0.1", "-0.1") * 32, p0=("0",) * 64)
+    q = np.random.default_rng(2).random(64)
+    stretch = np.diff([0, *q, 0])
+    force = stretch + stretch**2 / 4
+    assert made.grad_V(tuple(q)) == pytest.approx(force[:-1] - force[1:], rel=1e-13, abs=1e-14)
+
+
+# --- shown, pickled ---------------------------------------------------------------------------------------------------
+
+
+def quartic(q, k):
+    return k * q[0] ** 4
+
+
+def test_a_system_is_shown_in_one_line():
+    assert repr(nh.systems["kepler"]) == "System('kepler', 2 coordinates, GM)"
+    assert repr(nh.systems["sho"]) == "System('sho', 1 coordinate)"
+
+
+def test_systems_pickle_registered_ones_to_themselves():
+    for system in nh.systems.values():
+        assert pickle.loads(pickle.dumps(system)) is system
+    made = spring(V=quartic, grad_V=None, masses=("2",), parameters={"k": constant("0.5")})
+    made.grad_V((1.0,), 0.5)  # what was derived stays behind
+    again = pickle.loads(pickle.dumps(made))
+    assert (again.V, again.masses, again.parameters) == (quartic, ("2",), made.parameters)
+    assert isinstance(again.grad_V, DerivedGradient)
+    assert again.grad_V((1.0,), 0.5) == (2.0,)
+    assert again.grad_T((1.0,)) == (0.5,)
+    changed = replace(nh.systems["kepler"], t_end="100")
+    again = pickle.loads(pickle.dumps(changed))
+    assert (again.t_end, again.gravity, again.exact_position) == ("100", True, changed.exact_position)
+    with pytest.raises((pickle.PicklingError, AttributeError), match="lambda"):
+        pickle.dumps(spring())
+
+
+def test_building_a_system_calls_no_formula():
+    def fails(*_):
+        raise AssertionError
+
+    made = System(
+        name="late", label="late", V=fails, T=fails, q0=("1",), p0=("0",), t_end="1", source="here",
+        units=dict.fromkeys(("q", "p", "t", "energy"), "1"), parameters={"k": constant("1")},
+    )  # fmt: skip
+    assert repr(made)
+    assert made.formulas().dimension == 1

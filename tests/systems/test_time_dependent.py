@@ -1,0 +1,135 @@
+"""Potentials that depend on time: a driven oscillator in closed form, orders, derivatives, what is refused."""
+
+from __future__ import annotations
+
+from math import log2
+from types import SimpleNamespace
+
+import mpmath
+import numpy as np
+import pytest
+from mpmath import mpf
+
+import nearharmonic as nh
+from multiprecision import energy_errors
+from nearharmonic import math
+from nearharmonic.core.number import Constant
+from nearharmonic.engine.grid import check_fit
+from nearharmonic.errors import SystemDefinitionError
+from nearharmonic.systems import Parameter
+from nearharmonic.systems.gradients import check_gradients
+from own_systems import spring
+
+DRIVE = {"F": "0.5", "w": "0.7"}
+
+
+def parameters(**values):
+    return {name: Parameter(value=value, unit="1", meaning=name) for name, value in values.items()}
+
+
+def driven(**more):
+    fields = {"V": lambda q, t, F, w: q[0] ** 2 / 2 - F * q[0] * math.cos(w * t), "grad_V": None}
+    return spring(**(fields | {"time_dependent": True, "parameters": parameters(**DRIVE), "name": "driven"} | more))
+
+
+def exact_position(t):
+    """q'' = -q + F cos(w t) from (1, 0): q = (1 - a) cos t + a cos(w t), a = F / (1 - w^2)."""
+    a = mpf("0.5") / (1 - mpf("0.49"))
+    return (1 - a) * mpmath.cos(t) + a * mpmath.cos(mpf("0.7") * t)
+
+
+def exact_momentum_of_time(t):
+    """p_t = -integral of dV/dt = -(T + V - H0)."""
+    a = mpf("0.5") / (1 - mpf("0.49"))
+    q, p = exact_position(t), -(1 - a) * mpmath.sin(t) - mpf("0.7") * a * mpmath.sin(mpf("0.7") * t)
+    V = q**2 / 2 - mpf("0.5") * q * mpmath.cos(mpf("0.7") * t)
+    return -(p**2 / 2 + V - (mpf("0.5") - mpf("0.5")))
+
+
+def anharmonic(q, t):
+    return q[0] ** 4 / 4 * (1 + math.cos(t) / 2) + q[0] ** 2 / 2 + q[0] * t * t
+
+
+@pytest.mark.parametrize("precision", ["double", "extended"])
+def test_a_driven_oscillator_follows_its_closed_form(precision):
+    """The method's error at this step size is 2e-14; double-double adds the digits below."""
+    tau, close = (0.02, 2e-13) if precision == "double" else (0.01, mpf("1e-15"))
+    run = nh.integrate(driven(), "srkn_a14", tau, t_end=20, precision=precision, samples=21, energy_scale=1)
+    q = run.q.values[:, 0].astype(object)
+    low = run.q_low.values[:, 0] if precision == "extended" else np.zeros(len(q))
+    for t, high, rest in zip(run.t.values, q, low, strict=True):
+        assert abs(mpf(high) + mpf(rest) - exact_position(mpf(t))) < close
+    assert run.max_energy_error.item() < 1e-12
+
+
+def test_the_energy_of_the_extended_system_is_conserved_and_p_t_is_the_work_done():
+    """In mpmath: H = T + V + p_t, by the formulas that kernels integrate."""
+    formulas = driven().formulas()
+    q0, p0 = driven().extended_start(mpf)
+    assert (q0, p0, formulas.dimension) == ((1, 0), (0, 0), 2)
+    constants = tuple(map(mpf, DRIVE.values()))
+    t = mpf(2)
+    q, p = exact_position(t), mpmath.diff(exact_position, t)
+    x, y = (q, t), (p, exact_momentum_of_time(t))
+    H0 = formulas.T(p0, *constants) + formulas.V(q0, *constants)
+    assert abs(formulas.T(y, *constants) + formulas.V(x, *constants) - H0) < mpf(10) ** -25
+    assert formulas.grad_T(y, *constants) == (p, 1)
+    force = formulas.grad_V(x, *constants)
+    assert abs(force[0] + mpmath.diff(exact_position, t, 2)) < mpf(10) ** -20
+    assert abs(force[1] + mpmath.diff(exact_momentum_of_time, t)) < mpf(10) ** -20
+
+
+@pytest.mark.parametrize(("name", "order"), [("aba864", 4), ("srkn_b11", 6)])
+def test_the_energy_error_falls_with_the_order_of_the_method(name, order):
+    """In 60 digits, on a nonlinear system; Nystrom methods keep their order, since T + p_t is quadratic."""
+    made = spring(V=anharmonic, grad_V=None, time_dependent=True)
+    check_fit(made, nh.integrators[name])
+    formulas, (q0, p0) = made.formulas(), made.extended_start(mpf)
+    extended = SimpleNamespace(
+        V=formulas.V, T=formulas.T, grad_V=formulas.grad_V, grad_T=formulas.grad_T, q0=q0, p0=p0, parameters={}
+    )
+    coarse, fine = (energy_errors(nh.integrators[name], extended, mpf(1) / n, n)[-1] for n in (64, 128))
+    assert log2(coarse / fine) == pytest.approx(order, abs=0.15)
+
+
+def test_the_kernels_energy_error_falls_with_order_four():
+    made = spring(V=anharmonic, grad_V=None, time_dependent=True)
+    errors = nh.sweep(made, "ruth", [0.04, 0.02, 0.01], t_end=2, precision="extended").max_energy_error.values
+    assert np.log2(errors[:-1] / errors[1:]) == pytest.approx([4, 4], abs=0.2)
+
+
+def test_a_gradient_that_is_given_is_used_and_compared():
+    sound = driven(grad_V=lambda q, t, F, w: (q[0] - F * math.cos(w * t),))
+    check_gradients(sound)
+    a, b = (nh.integrate(s, "aba864", 0.1, t_end=5, energy_scale=1) for s in (sound, driven()))
+    assert a.q.values == pytest.approx(b.q.values, abs=1e-14)
+    wrong = driven(grad_V=lambda q, t, F, w: (q[0] - F * math.sin(w * t),))
+    with pytest.raises(SystemDefinitionError, match=r"^driven: grad_V\[0\] contradicts V: at q = \("):
+        nh.integrate(wrong, "aba864", 0.1)
+    extended = driven(grad_V=lambda q, t, F, w: (q[0] - F * math.cos(w * t), 0))
+    with pytest.raises(SystemDefinitionError, match=r"^driven: grad_V returns 2 components, expected a tuple of 1"):
+        nh.integrate(extended, "aba864", 0.1)
+
+
+def test_gradient_and_energy_take_the_time():
+    made = driven()
+    assert made.grad_V((2.0,), 0.0, 0.5, 0.7) == (1.5,)
+    assert made.energy((2.0,), (1.0,), (0.5, 0.7), 0.0) == 1.5
+    with pytest.raises(SystemDefinitionError, match=r"^driven: V depends on time, and its energy needs t$"):
+        made.energy((2.0,), (1.0,), (0.5, 0.7))
+    assert made.quadratic_kinetic_energy
+    assert made.parameters_at_run_time
+    assert made.constants(Constant) == (Constant(1, 2), Constant(7, 10))
+
+
+def test_a_relativistic_particle_may_be_driven_too():
+    made = driven(T=lambda p: math.sqrt(1 + p[0] ** 2))
+    assert not made.quadratic_kinetic_energy
+    run = nh.integrate(made, "aba864", 0.05, t_end=5)
+    assert run.max_energy_error.item() < 1e-9
+
+
+def test_a_potential_of_the_wrong_arguments_is_refused():
+    for V in (lambda q: q[0], lambda q, t, F, w, more: q[0]):
+        with pytest.raises(SystemDefinitionError, match=r"^driven: V raises TypeError"):
+            nh.integrate(driven(V=V), "aba864", 0.1)
