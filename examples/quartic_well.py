@@ -9,12 +9,6 @@ def V(q, b):
     return square / 2 + b * square**2 / 4
 
 
-def grad_V(q, b):
-    x, y = q
-    pull = 1 + b * (x * x + y * y)
-    return pull * x, pull * y
-
-
 def angular_momentum(q, p, b):
     (x, y), (u, v) = q, p
     return x * v - y * u
@@ -24,7 +18,6 @@ SYSTEM = System(
     name="quartic_well",
     label="quartic well",
     V=V,
-    grad_V=grad_V,
     q0=("1", "0"),
     p0=("0", "0.5"),
     t_end="100",
