@@ -123,8 +123,8 @@ def test_a_path_stands_for_all_integrators_of_its_file_and_for_one_behind_a_colo
     assert nh.integrators["two.py:second"].name == "second"
     with refused("two.py defines 2 integrators: name one, as in two.py:five_leapfrogs"):
         nh.integrators["two.py"]
-    with refused("unknown integrator of two.py 'secnd'. Did you mean 'second'?"):
-        nh.integrators["two.py:secnd"]
+    with refused("unknown integrator of two.py 'secondo'. Did you mean 'second'?"):
+        nh.integrators["two.py:secondo"]
 
 
 def test_a_path_works_wherever_a_name_does():
