@@ -44,6 +44,8 @@ LATENCY = {
 FUNCTION = 50
 #: Terms from which on a sum is added in groups, and the terms of a group.
 LONG_SUM, GROUP = 12, 4
+#: Operations from which on their order is chosen for the registers.
+MANY_OPERATIONS = 200
 #: Operations in a processor's time for one that it can begin twice a cycle.
 WORK = {"divide": 8, "root": 9}
 
@@ -72,6 +74,8 @@ class Program:
             if place in needed:
                 needed.update(_places(operations[place]))
         kept = sorted(needed)
+        if len(kept) > MANY_OPERATIONS:
+            kept = _used_soon(operations, kept)
         moved = {old: new for new, old in enumerate(kept)}
         self.operations = [_moved(operations[place], moved) for place in kept]
         self.results, self.chain = [moved[place] for place in results], chain
@@ -124,6 +128,31 @@ ARITHMETIC: dict[str, Callable[..., Any]] = {
 
 def _places(operation: Operation) -> tuple[int, ...]:
     return () if operation[0] in ("constant", "variable") else operation[1:]
+
+
+def _used_soon(operations: list[Operation], kept: Sequence[int]) -> list[int]:
+    """An order of the places ``kept`` in which a result is used soon after it is computed, so that registers suffice."""
+    missing = {place: len(set(_places(operations[place]))) for place in kept}
+    users: dict[int, list[int]] = {}
+    for place in kept:
+        for operand in set(_places(operations[place])):
+            users.setdefault(operand, []).append(place)
+    order = [place for place in kept if not missing[place]]  # arguments and constants
+    ready: list[int] = []
+    for place in order:
+        for user in users.get(place, ()):
+            missing[user] -= 1
+            if not missing[user]:
+                ready.append(user)
+    ready.sort(reverse=True)
+    while ready:
+        place = ready.pop()
+        order.append(place)
+        for user in reversed(users.get(place, ())):
+            missing[user] -= 1
+            if not missing[user]:
+                ready.append(user)
+    return order
 
 
 def _moved(operation: Operation, moved: dict[int, int]) -> Operation:
@@ -243,10 +272,24 @@ class _Writer:
         return constant, terms
 
     def _sum(self, constant: Exact, terms: list[tuple[int, Exact]]) -> int:
-        parts = [self._term(c, node) for node, c in terms]
+        parts = [self._term(c, node) for node, c in terms] if len(terms) <= LONG_SUM else self._collected(terms)
         if constant:
             parts.append((1 if constant > 0 else -1, self.constant(modulus(constant))))
         return self._added(parts)
+
+    def _collected(self, terms: list[tuple[int, Exact]]) -> list[tuple[int, int]]:
+        """The parts of a long sum, with each factor that several terms share taken out of them."""
+        groups: dict[Exact, list[tuple[int, Exact]]] = {}
+        for node, c in terms:
+            groups.setdefault(modulus(c), []).append((node, c))
+        parts = []
+        for factor, group in groups.items():
+            if factor == 1 or len(group) <= GROUP:
+                parts += [self._term(c, node) for node, c in group]
+            else:
+                total = self._added([self._term(1 if c > 0 else -1, node) for node, c in group])
+                parts.append((1, self._scaled(factor, [total])))
+        return parts
 
     def _added(self, parts: list[tuple[int, int]]) -> int:
         """The sum of places with their signs: one after the other, a long one in groups, for a shorter chain."""

@@ -1,0 +1,175 @@
+"""Prepared problems and ensembles: the bits of single runs, whatever the threads, the width and the company."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import re
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import nearharmonic as nh
+from nearharmonic.engine import ensemble as module
+from nearharmonic.engine.ensemble import ensemble_width
+from nearharmonic.errors import NearharmonicError
+
+STARTS = np.random.default_rng(5).uniform(-0.3, 0.3, (21, 4))
+
+
+@pytest.mark.parametrize("how", [{}, {"summation": "plain"}, {"precision": "extended"}], ids=["carry", "plain", "dd"])
+def test_a_prepared_run_has_the_bits_of_integrate(how):
+    problem = nh.problem("henon_heiles", "aba864", t_end=20, **how)
+    for tau, q0, p0 in ((0.1, None, None), (0.25, (0.1, 0.2), None), (0.1, None, ("0.1", "1/7")), (0.1, None, None)):
+        found = problem(tau, q0, p0)
+        expected = nh.integrate("henon_heiles", "aba864", tau, t_end=20, q0=q0, p0=p0, samples=2, **how)
+        assert np.array_equal(found.q, expected.q)
+        assert np.array_equal(found.p, expected.p)
+        assert np.array_equal(found.t, expected.t)
+        assert (found.tau, found.steps, found.status) == (expected.tau, expected.steps, "ok")
+        assert found.max_energy_error == expected.max_energy_error
+        assert found.evaluations == expected.evaluations
+        assert found.to_dataset().drop_attrs().equals(expected.drop_attrs())
+
+
+def test_parameters_of_one_call_do_not_reach_the_next():
+    problem = nh.problem("kepler", "ruth", t_end=4000)
+    own, other, again = problem(100), problem(100, parameters={"GM": 1.6}), problem(100)
+    assert np.array_equal(own.q, again.q)
+    assert not np.array_equal(own.q, other.q)
+    with pytest.raises(NearharmonicError):
+        problem(100, q0=(50.0, 0.0), parameters={"GM": "x"})
+    assert np.array_equal(problem(100).q, own.q)
+
+
+def test_a_prepared_run_that_diverges_says_so():
+    found = nh.problem("henon_heiles", "ruth")(3.0)
+    assert (found.status, found.max_energy_error, len(found.q)) == ("diverged", np.inf, 1)
+    assert "diverged" in repr(found)
+
+
+def test_problems_and_results_pickle():
+    problem = nh.problem("kepler", "srkn_a14", t_end=4000, energy="samples", samples=5)
+    copy, result = (pickle.loads(pickle.dumps(x)) for x in (problem, problem(100)))
+    assert np.array_equal(copy(100).q, problem(100).q)
+    assert np.array_equal(result.q, problem(100).q)
+    assert result.q.shape == (5, 2)
+    assert repr(copy) == repr(problem) == "Problem('kepler', 'srkn_a14', t_end=4000)"
+
+
+def test_one_problem_serves_several_threads():
+    problem = nh.problem("henon_heiles", "aba864", t_end=50)
+    expected = [problem(0.05, q0=row[:2], p0=row[2:]).q for row in STARTS]
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(lambda row: problem(0.05, q0=row[:2], p0=row[2:]).q, np.concatenate([STARTS] * 20)))
+    assert all(np.array_equal(a, expected[i % len(STARTS)]) for i, a in enumerate(found))
+
+
+@pytest.mark.parametrize("how", [{}, {"summation": "plain"}, {"precision": "extended"}], ids=["carry", "plain", "dd"])
+@pytest.mark.parametrize("system", ["henon_heiles", "kepler"])
+def test_a_member_of_an_ensemble_has_the_bits_of_a_single_run(system, how):
+    tau, t_end = (100, 4000) if system == "kepler" else (0.1, 10)
+    given = {"q0": STARTS[:, :2], "p0": STARTS[:, 2:]}
+    if system == "kepler":
+        given = {"q0": 60 + 10 * STARTS[:, :2], "parameters": {"GM": 1.7 + 0.1 * STARTS[:, 0]}}
+    many = nh.ensemble(system, "babps9o7h", tau, t_end=t_end, samples=3, **given, **how)
+    for i in range(len(STARTS)):
+        own = {key: {k: v[i] for k, v in x.items()} if key == "parameters" else x[i] for key, x in given.items()}
+        one = nh.integrate(system, "babps9o7h", tau, t_end=t_end, samples=3, **own, **how)
+        for name in ("q", "p", "energy_error", "max_energy_error", "initial_energy", "status"):
+            assert np.array_equal(many[name][i], one[name]), name
+    assert set(many.sizes) >= {"member", "sample", "component"}
+
+
+def test_bits_do_not_depend_on_threads_blocks_or_width(monkeypatch):
+    rows = np.random.default_rng(6).uniform(-0.3, 0.3, (300, 4))
+    given = {"q0": rows[:, :2], "p0": rows[:, 2:], "t_end": 100}
+    expected = nh.ensemble("henon_heiles", "ruth", 0.1, **given)
+    monkeypatch.setattr(module, "BLOCK", 32)
+    monkeypatch.setattr("nearharmonic.engine.execution.SHORT", 0)
+    for threads in (1, 2, 5):
+        assert nh.ensemble("henon_heiles", "ruth", 0.1, threads=threads, **given).identical(expected)
+    monkeypatch.setattr(module, "ensemble_width", lambda *_, **__: 4)
+    assert nh.ensemble("henon_heiles", "ruth", 0.1, **given).identical(expected)
+
+
+def test_a_member_that_leaves_leaves_alone():
+    q0 = np.array([[0.3, 0.0], [3.0, 3.0], [0.1, 0.1]])
+    many = nh.ensemble("henon_heiles", "ruth", 0.3, q0=q0, t_end=50)
+    assert many.status.values.tolist() == ["ok", "diverged", "ok"]
+    assert np.isnan(many.q[1, -1]).all()
+    assert np.isinf(many.max_energy_error[1])
+    assert many.max_energy_error[0] == nh.integrate("henon_heiles", "ruth", 0.3, q0=q0[0], t_end=50).max_energy_error
+
+
+def test_an_ensemble_keeps_what_was_asked_for():
+    last = nh.ensemble("henon_heiles", "ruth", 0.1, q0=STARTS[:, :2], t_end=5, samples=1)
+    both = nh.ensemble("henon_heiles", "ruth", 0.1, q0=STARTS[:, :2], t_end=5)
+    times = nh.ensemble("henon_heiles", "ruth", 0.1, q0=STARTS[:, :2], t_end=5, t=[2.25, 5])
+    assert np.array_equal(last.q[:, 0], both.q[:, 1])
+    assert np.array_equal(times.q[:, 1], both.q[:, 1])
+    single = nh.integrate("henon_heiles", "ruth", 0.1, q0=STARTS[7, :2], t_end=5, t=[2.25])
+    assert np.array_equal(times.q[7, 0], single.q[0])
+
+
+def test_the_width_leaves_half_of_the_registers_to_the_force():
+    """d coordinates hold 4 d doubles a lane with carries; 16 registers of eight lanes."""
+    assert ensemble_width(1, compensated=True, extended=False) == 32
+    assert ensemble_width(2, compensated=True, extended=False) == 16
+    assert ensemble_width(2, compensated=False, extended=False) == 32
+    assert ensemble_width(6, compensated=True, extended=False) == 8
+    assert ensemble_width(2, compensated=True, extended=True) == 8
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"q0": STARTS[:, :3]}, "q0 = 'array of shape (21, 3)' is not allowed: 2 numbers"),
+        ({"q0": STARTS[:, :2], "p0": STARTS[:5, :2]}, "p0 = '5 rows' is not allowed: as many as q0, 21"),
+        ({"q0": STARTS[:, :2], "threads": 0}, "threads = 0"),
+        ({"samples": 10**7, "q0": np.zeros((10**5, 2))}, "a call keeps 8e+09"),
+    ],
+)
+def test_ensembles_that_make_no_sense_are_refused(given, words):
+    with pytest.raises(NearharmonicError, match=re.escape(words)):
+        nh.ensemble("henon_heiles", "ruth", 1e-5 if "samples" in given else 0.1, **given)
+
+
+LONG = """
+import sys, nearharmonic as nh
+nh.sweep("sho", "ruth", [1.0]); nh.ensemble("sho", "ruth", 1.0, q0=[["1"], ["2"]], t_end=10)
+print("ready", flush=True)
+try:
+    {call}
+except KeyboardInterrupt:
+    print("stopped", flush=True)
+"""
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        'nh.integrate("sho", "ruth", 1e-5, t_end=9000)',
+        'nh.ensemble("sho", "ruth", 1e-4, q0=[[str(i + 1)] for i in range(3000)], t_end=1000, threads=2)',
+    ],
+    ids=["one long run", "an ensemble on threads"],
+)
+def test_the_keyboard_stops_a_run_within_a_fraction_of_a_second(call):
+    """0.2 s at any length on an idle machine; here 1 s, for one whose cores are shared."""
+    source = str(Path(nh.__file__).parents[1])
+    command = [sys.executable, "-c", LONG.format(call=call)]
+    environment = {**os.environ, "PYTHONPATH": source}
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
+        assert process.stdout.readline() == "ready\n"
+        time.sleep(0.5)
+        assert process.poll() is None
+        begin = time.monotonic()
+        process.send_signal(signal.SIGINT)
+        assert process.stdout.readline() == "stopped\n"
+        assert time.monotonic() - begin < 1
