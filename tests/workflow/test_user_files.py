@@ -200,12 +200,12 @@ def test_results_are_adopted_by_a_copy_of_the_project_that_has_the_files(made, t
     copy = Project(tmp_path / "copy")
     for name in ("own", RESULTS):
         shutil.copytree(made.folder / name, copy.folder / name)
-    assert copy.jobs("all", *OPTION)
     done = copy.nearharmonic("adopt", "mine")
     assert done.returncode == 0, done.stderr
     assert copy.jobs("all", *OPTION) == {}
     path = copy.folder / "own/quartic_well.py"
     path.write_text(path.read_text().replace("b * square**2 / 4", "b * square**2 / 8 * 2"))
+    assert copy.jobs("all", *OPTION)["integrate"] == 4
     done = copy.nearharmonic("adopt", "mine")
     assert done.returncode == 1
     assert "was made with other code" in done.stdout + done.stderr

@@ -12,9 +12,9 @@ STABILITY_CUBES = [
 STABILITY_FIGURES = figures_of("experiments.stability", CONFIG.systems, STABILITY_CUBES)
 FIGURES += STABILITY_FIGURES
 
-# Structure is measured on every system, over the interval that the config gives or the system has.
-STRUCTURE_T_END = {name: system.t_end for name, system in systems.items()}
-STRUCTURE_T_END |= {sweep.system: sweep.t_end for sweep in CONFIG.sweeps}
+# Structure is measured on every autonomous system, over the interval that the config gives or the system has.
+STRUCTURE_T_END = {name: system.t_end for name, system in systems.items() if not system.time_dependent}
+STRUCTURE_T_END |= {sweep.system: sweep.t_end for sweep in CONFIG.sweeps if sweep.system in STRUCTURE_T_END}
 
 
 wildcard_constraints:

@@ -12,7 +12,14 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 
-from nearharmonic.core.lanes import Record, outlined_function, record_function, record_loader, record_storer, record_test
+from nearharmonic.core.lanes import (
+    Record,
+    outlined_function,
+    record_function,
+    record_loader,
+    record_storer,
+    record_test,
+)
 from nearharmonic.core.layout import LATEST, LIMIT, TALLY, Argument, Group, Scalar, Signature, parameter_rows
 from nearharmonic.core.native import target_machine
 from nearharmonic.core.rules import Rules, tallied

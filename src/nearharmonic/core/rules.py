@@ -196,9 +196,7 @@ class Rules:
     def rounding(self, state: Entries, parameters: Entries) -> Entries:
         """:data:`NEAR` and :data:`CONDITION` of a fresh tally: the rounding of H, absolute and relative to |T| + |V|."""
         half, d, constants = 2 * self.physics.dimension, self.physics.dimension, self.constants(parameters)
-        q, p = (
-            tuple(map(Conditioned, self.numbers(_pairs(entries, d)))) for entries in (state, state[half:])
-        )
+        q, p = (tuple(map(Conditioned, self.numbers(_pairs(entries, d)))) for entries in (state, state[half:]))
         given = [x if isinstance(x, Constant) else Conditioned(x) for x in constants]
         zero = Conditioned(Double(state[0].constant(0.0)))
         T, V = (zero + scalar(self.physics, name, x, *given) for name, x in (("T", p), ("V", q)))

@@ -114,7 +114,14 @@ def _check_closed_form(system: System, t_end: str) -> None:
         q0, p0 = (np.array(row, dtype=object) for row in system.start(mpmath.mpf))
         before, start, after = around(mpmath.mpf(0))
         size = max(abs(q0))
-        pairs = [(start, q0, size), ((after - before) / (2 * h), np.array(system.grad_T(tuple(p0))), size / end)]
+        pairs = [
+            (start, q0, size),
+            (
+                (after - before) / (2 * h),
+                np.array(system.velocity(tuple(p0), system.constants(mpmath.mpf))),
+                size / end,
+            ),
+        ]
         if system.unit_masses:
             before, q, after = around(end)
             force = -np.array(system.grad_V(tuple(q), *system.constants(mpmath.mpf)))

@@ -303,6 +303,11 @@ class System:
         q0, p0 = self.start(kind)
         return (*q0, *more), (*p0, *more)
 
+    def velocity(self, p: Vector, constants: Sequence[Any] = ()) -> Vector:
+        """Return dT/dp at momenta ``p``, whether T takes the parameters ``constants`` or not."""
+        found: Vector = with_parameters(self.grad_T, len(self.parameters))(p, *constants)
+        return found
+
     def energy(self, q: Vector, p: Vector, constants: Sequence[Any] = (), t: Any = None) -> Any:
         """Return H = T(p) + V(q), or T(p) + V(q, t).
 

@@ -225,8 +225,9 @@ class _Run:
 
     def rates(self, q: Floats, p: Floats) -> tuple[Floats, Floats]:
         """dT/dp and dV/dq (S, d) at the states."""
-        velocity = self.system.grad_T(tuple(p.T))
-        force = self.system.grad_V(tuple(q.T), *self.system.constants(float))
+        constants = self.system.constants(float)
+        velocity = self.system.velocity(tuple(p.T), constants)
+        force = self.system.grad_V(tuple(q.T), *constants)
         return np.array(velocity).T, np.array(force).T
 
 

@@ -81,4 +81,4 @@ def gradients_of(system: System) -> tuple[Callable[[States], States], Callable[[
     constants = system.constants(float)
     if system.unit_masses:
         return lambda p: p, lambda q: np.array(system.grad_V(q, *constants))
-    return lambda p: np.array(system.grad_T(tuple(p))), lambda q: np.array(system.grad_V(q, *constants))
+    return lambda p: np.array(system.velocity(tuple(p), constants)), lambda q: np.array(system.grad_V(q, *constants))
