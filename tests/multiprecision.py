@@ -71,6 +71,8 @@ class Multiprecision(Number):
         return Multiprecision(self._mpf(number))
 
     def apply(self, function, *others):
+        if function == "cbrt":  # mpmath's of a negative number is complex
+            return Multiprecision(mp.sign(self.value) * mp.cbrt(abs(self.value)))
         name = "power" if function == "pow" else function
         return Multiprecision(getattr(mp, name)(self.value, *map(self._mpf, others)))
 

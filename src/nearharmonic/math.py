@@ -108,6 +108,8 @@ def _value(name: str, *operands: Any) -> Any:
 
 def _in_multiprecision(name: str, context: Any, operands: tuple[Any, ...]) -> Any:
     values = [context.mpf(x.numerator) / x.denominator if isinstance(x, Rational) else x for x in operands]
+    if name == "cbrt" and values[0] < 0:  # mpmath's is the root in the first quadrant
+        return -context.cbrt(-values[0])
     return getattr(context, "power" if name == "pow" else name)(*values)
 
 
@@ -118,5 +120,8 @@ def _of_arrays(name: str, operands: tuple[Any, ...]) -> Any:
         return np.frompyfunc(globals()[name], len(operands), 1)(*operands)
     from nearharmonic.core.functions.arrays import of_arrays
 
-    result = of_arrays(name, *(float(x) if isinstance(x, Rational) else x for x in operands))
+    arrays = [np.asarray(float(x) if isinstance(x, Rational) else x) for x in operands]
+    if not all(array.dtype.kind in "biuf" for array in arrays):
+        raise TypeError(f"{name} of {', '.join(type(x).__name__ for x in operands)}: expected real numbers")
+    result = of_arrays(name, *arrays)
     return result if result.ndim else float(result)

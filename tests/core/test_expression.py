@@ -18,7 +18,7 @@ from nearharmonic.core.expression import graph as graph_module
 from nearharmonic.core.expression.derivative import gradient, hessian_vector
 from nearharmonic.core.expression.graph import Expression, Graph, Sum, value_of
 from nearharmonic.core.expression.polynomial import is_quadratic, shortest_program
-from nearharmonic.core.expression.program import program
+from nearharmonic.core.expression.writer import program
 from nearharmonic.core.number import FUNCTIONS, Constant, FormulaError
 
 #: Digits, the step of differences, and how far values may differ: a central difference is off by STEP^2 = 1e-80 of the
@@ -253,6 +253,9 @@ WRITINGS = {
     "expanded": (lambda x, y: ((x + y) ** 2 - (x - y) ** 2) / 4, {}),
     "a root's square": (lambda x, y: sqrt(x) ** 2 * y, {}),
     "a modulus": (lambda x, y: abs(x) ** 3 / 3, {"abs": 1, "multiply": 1}),
+    "a cube of a sum": (lambda x, y: (x * x + y * y) ** 3, {"multiply": 7, "add": 1}),
+    "Henon and Heiles with few operations": (lambda x, y: (x * x + y * y) / 2 + y * (x * x - y * y / 3),
+                                             {"multiply": 4, "add": 2, "subtract": 1}),
     "Henon and Heiles": (lambda x, y: x * x / 2 + y * y / 2 + x * x * y - y**3 / 3,
                          {"multiply": 4, "add": 2, "subtract": 1}),
 }  # fmt: skip

@@ -11,9 +11,10 @@ import pytest
 from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
 from llvmlite import binding, ir
-from mpmath import mpf, sqrt
+from mpmath import mp, mpf, sqrt
 
-from nearharmonic.core import arithmetic
+import nearharmonic.math
+from nearharmonic.core import arithmetic, number
 from nearharmonic.core.native import target_machine
 from nearharmonic.core.number import Constant
 from nearharmonic.core.rules import Physics, Rules
@@ -25,8 +26,9 @@ from nearharmonic.systems.source import velocity
 U = mpf(2) ** -53
 #: Relative error of one operation: constant, sum, product, quotient, root. Those of double-doubles: test_arithmetic.py
 #: (a root's error is half its square's); a division by a constant is a product with its rounded inverse.
-DOUBLE = {"constant": U, "+": U, "*": U, "/": U, "root": U}
+DOUBLE = {"constant": U, "+": U, "*": U, "/": U, "root": U, "function": 2 * U}
 EXTENDED = {"constant": U**2, "+": 3.1 * U**2, "*": 5 * U**2, "/": 15 * U**2, "root": 4 * U**2}
+EXTENDED["function"] = mpf(2) ** -100
 #: Python's and numpy's powers are those of the C library, good to one unit in the last place.
 LIBRARY = {name: 2 * bound for name, bound in DOUBLE.items()}
 
@@ -43,15 +45,22 @@ LITERALS = [
 ]
 LITERALS += [("0.7", np.float64(0.7)), ("2", np.int64(2))]
 EXACT = [("1/3", Fraction(1, 3)), ("2/7", Constant(2, 7)), ("0.1", np.float32(0.1))]
+FUNCTIONS = ["sin", "cos", "exp", "log", "cbrt", "tanh", "sinh", "cosh", "erf", "tan"]
 EXPONENTS = [2, 3, 4, 5, 7, -1, -2, 1, 0.5, 1.5, -0.5, -1.5, Fraction(5, 2), np.float64(2.0), np.int64(3)]
 
 
-def trees(literals):
+def trees(literals, functions=True):
     constants = st.sampled_from(literals).map(lambda pair: ("constant", *pair))
 
     def extended(inner):
         binary = st.sampled_from("+-*/")
+        more = [
+            st.tuples(st.sampled_from(FUNCTIONS), inner),
+            st.tuples(st.sampled_from(["hypot", "atan2", "pow"]), inner, inner),
+            st.tuples(st.just("**"), inner, st.sampled_from([0.3, Fraction(-1, 3), 2.7])),
+        ]
         return st.one_of(
+            *(more if functions else ()),
             st.tuples(binary, inner, inner),
             st.tuples(binary, inner, constants),
             st.tuples(binary, constants, inner),
@@ -72,6 +81,8 @@ def formula(tree, q):
     if name == "**":
         return formula(operands[0], q) ** operands[1]
     a, *rest = (formula(operand, q) for operand in operands)
+    if name in number.FUNCTIONS:
+        return getattr(nearharmonic.math, name)(a, *rest)
     unary = {"neg": lambda: -a, "pos": lambda: +a, "abs": lambda: abs(a), "sqrt": lambda: arithmetic.sqrt(a)}
     binary = {"+": lambda: a + rest[0], "-": lambda: a - rest[0], "*": lambda: a * rest[0], "/": lambda: a / rest[0]}
     return (unary | binary)[name]()
@@ -91,17 +102,25 @@ def truth(tree, q, bounds):
     if name == "**":
         return _power(truth(operands[0], q, bounds), Fraction(str(operands[1])), bounds)
     a, *rest = (truth(operand, q, bounds) for operand in operands)
+    if name in number.FUNCTIONS:
+        return _function(name, [a, *rest], bounds)
     if not rest:
         return _root(a, bounds) if name == "sqrt" else ({"neg": -a[0], "pos": a[0], "abs": abs(a[0])}[name], a[1])
     (b,) = rest
-    if name in "+-":
-        return _rounded(a[0] + b[0] if name == "+" else a[0] - b[0], a[1] + b[1], bounds["+"])
-    return (_product if name == "*" else _quotient)(a, b, bounds)
+    return {"+": _sum, "-": _difference, "*": _product, "/": _quotient}[name](a, b, bounds)
 
 
 def _rounded(value, inherited, bound):
     assume(value == 0 or mpf("1e-30") < abs(value) < mpf("1e30"))
     return value, inherited + bound * (abs(value) + inherited)
+
+
+def _sum(a, b, bounds):
+    return _rounded(a[0] + b[0], a[1] + b[1], bounds["+"])
+
+
+def _difference(a, b, bounds):
+    return _rounded(a[0] - b[0], a[1] + b[1], bounds["+"])
 
 
 def _product(a, b, bounds):
@@ -118,7 +137,34 @@ def _root(a, bounds):
     return _rounded(sqrt(a[0]), a[1] / sqrt(a[0] - a[1]), bounds["root"])
 
 
+def real_root(x):
+    return mp.sign(x) * mp.cbrt(abs(x))
+
+
+def _function(name, operands, bounds):
+    """Each operand moves by its error: by the mean value theorem, the value by no more than twice what slopes give.
+
+    That holds if no operand's error, relative to how far the function's slopes change over, reaches a thousandth.
+    """
+    function = real_root if name == "cbrt" else getattr(mp, "power" if name == "pow" else name)
+    values = [x for x, _ in operands]
+    assume(all(mpf("1e-3") < abs(x) < 30 and 1000 * error < mpf("1e-6") for x, error in operands))
+    assume(name not in ("log", "pow") or values[0] > 0)
+    assume(name != "tan" or abs(mp.cos(values[0])) > mpf("0.01"))
+    assume(name != "atan2" or values[1] > 0)
+    value = function(*values)
+    inherited = mpf(0)
+    for i, (x, error) in enumerate(operands):
+        step = abs(x) * mpf("1e-10")
+        ahead, behind = (function(*values[:i], x + sign * step, *values[i + 1 :]) for sign in (1, -1))
+        inherited += 2 * error * (abs(ahead - behind) / (2 * step) + abs(value) * mpf("1e-6"))
+    return _rounded(value, inherited, bounds["function"])
+
+
 def _power(a, exponent, bounds):
+    if exponent.denominator > 2:
+        constant = mpf(exponent.numerator) / exponent.denominator
+        return _function("pow", [a, (constant, bounds["constant"] * abs(constant))], bounds)
     if exponent < 0:
         return _quotient((mpf(1), mpf(0)), _power(a, -exponent, bounds), bounds)
     result = None
@@ -226,7 +272,10 @@ def test_floats_arrays_and_the_written_text_are_the_same_function(tree, point):
         assert abs(mpf(float(result)) - value) <= error
 
 
-RATIONAL = trees([("0.1", 0.1), ("-2.5", -2.5), ("3", np.int64(3)), ("1/3", Fraction(1, 3)), ("0.7", np.float64(0.7))])
+RATIONAL = trees(
+    functions=False,
+    literals=[("0.1", 0.1), ("-2.5", -2.5), ("3", np.int64(3)), ("1/3", Fraction(1, 3)), ("0.7", np.float64(0.7))],
+)
 
 
 def rational(tree, q):

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import pickle
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from decimal import Decimal
 from fractions import Fraction
 from itertools import combinations, pairwise
+from threading import Barrier
 
 import mpmath
 import numpy as np
@@ -82,6 +84,8 @@ def test_all_functions_of_formulas_have_derivatives_in_floats_arrays_and_kernels
     at = (0.3, -0.4)
     with mpmath.workdps(40):
         exact = [mpmath.diff(lambda *z: V(z), tuple(map(mpf, at)), n) for n in ((1, 0), (0, 1))]
+        for a, b in zip(made.grad_V(tuple(map(mpf, at))), exact, strict=True):
+            assert abs(a - b) < mpf(10) ** -19
     assert made.grad_V(at) == pytest.approx([float(x) for x in exact], rel=1e-14)
     columns = made.grad_V(tuple(np.array([x, x]) for x in at))
     assert np.array(columns)[:, 1] == pytest.approx([float(x) for x in exact], rel=1e-14)
@@ -203,11 +207,25 @@ def test_a_formula_of_exploding_size_is_refused_before_any_work(monkeypatch, gra
         nh.integrate(spring(V=V, grad_V=grad_V, name="mine"), "ruth", 0.1)
 
 
+def test_threads_that_derive_at_once_get_the_same():
+    """The V of many terms, derived by eight threads that begin together."""
+    made = spring(V=lambda q, k: sum((k + i) * q[0] ** i * math.sin(q[0]) for i in range(60)), grad_V=None,
+                  parameters={"k": constant("1")})  # fmt: skip
+    barrier = Barrier(8)
+
+    def derive(_):
+        barrier.wait()
+        return made.grad_V((0.5,), 1.0), made.hessian_V_times((0.5,), (1.0,), 1.0)
+
+    with ThreadPoolExecutor(8) as pool:
+        assert len(set(pool.map(derive, range(8)))) == 1
+
+
 # --- sizes ------------------------------------------------------------------------------------------------------------
 
 
 def test_bodies_integrate_from_their_potential_alone():
-    """Energy and total momentum are conserved: to the method's error, and to rounding (force and reaction are equal)."""
+    """Energy and total momentum are conserved: to the method's error, and to rounding (action is reaction)."""
     n = 4
 
     def V(q, G):

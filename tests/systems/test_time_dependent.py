@@ -15,9 +15,11 @@ from multiprecision import energy_errors
 from nearharmonic import math
 from nearharmonic.core.number import Constant
 from nearharmonic.engine.grid import check_fit
+from nearharmonic.engine.reference import reference
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems import Parameter
 from nearharmonic.systems.gradients import check_gradients
+from nearharmonic.systems.source import velocity
 from own_systems import spring
 
 DRIVE = {"F": "0.5", "w": "0.7"}
@@ -109,6 +111,32 @@ def test_a_gradient_that_is_given_is_used_and_compared():
     extended = driven(grad_V=lambda q, t, F, w: (q[0] - F * math.cos(w * t), 0))
     with pytest.raises(SystemDefinitionError, match=r"^driven: grad_V returns 2 components, expected a tuple of 1"):
         nh.integrate(extended, "aba864", 0.1)
+
+
+def test_the_extended_system_is_a_system_of_its_own_for_whoever_needs_one():
+    made = driven(observables={}, exact_position=lambda system, t: (exact_position(t),))
+    own = made.autonomous()
+    assert (own.dimension, own.time_dependent, own.q0, own.p0) == (2, False, ("1", "0"), ("0", "0"))
+    assert own.quadratic_kinetic_energy
+    assert not own.unit_masses
+    assert nh.systems["sho"].autonomous() is nh.systems["sho"]
+    check_gradients(own)
+    a, b = (nh.integrate(s, "aba864", 0.1, t_end=5, energy_scale=1) for s in (made, own))
+    assert a.q.values[:, 0].tobytes() == b.q.values[:, 0].tobytes()
+    assert b.q.values[:, 1] == pytest.approx(b.t.values, abs=1e-14)
+    *rates, _ = velocity(made.autonomous())(1.0, 0.0, 0.5, 0.0)
+    assert rates == pytest.approx([0.5, 1.0, -0.5])
+
+
+def test_positions_are_compared_without_the_time():
+    """With the closed form, which the check of forces passes, and with a fine run."""
+    for closed in (lambda system, t: (exact_position(t),), None):
+        known = reference(driven(exact_position=closed), "3")
+        assert known.q.shape == (1, 2)
+        assert abs(mpf(known.q[0, 0]) + mpf(known.q[0, 1]) - exact_position(mpf(3))) < 1e-16
+        assert known.error([[known.q[0, 0] + 0.5, 3.0]]) == pytest.approx(0.5 / known.scale)
+    with pytest.raises(SystemDefinitionError, match="exact_position contradicts"):
+        reference(driven(exact_position=lambda system, t: (mpmath.cos(t),)), "3")
 
 
 def test_gradient_and_energy_take_the_time():

@@ -68,6 +68,17 @@ def native(key: str, signature: Signature, make: Callable[[], tuple[str, bytes]]
     return function
 
 
+def loaded(name: str, code: bytes, signature: Signature) -> NativeFunction:
+    """Load the function of this symbol from an object file, which is not kept.
+
+    Raises
+    ------
+    CompiledCodeError
+        The code cannot be loaded.
+    """
+    return NativeFunction(_address(name, code), signature)
+
+
 def code_key(*parts: str, sources: Iterable[Path] = ()) -> str:
     """Digest of :func:`core_digest`, of ``parts``, and of the contents of the files ``sources``."""
     digest = sha256(" ".join([core_digest(), *parts]).encode())

@@ -57,9 +57,10 @@ class Reference:
         Parameters
         ----------
         q, q_low : (..., d) arrays
-            Positions, and the digits below them.
+            Positions, and the digits below them; a time behind them is no position.
         """
-        difference = (np.asarray(q) - self.q[:, 0]) + (np.asarray(q_low) - self.q[:, 1])
+        q, q_low = (np.asarray(x)[..., : len(self.q)] if np.ndim(x) else x for x in (q, q_low))
+        difference = (q - self.q[:, 0]) + (q_low - self.q[:, 1])
         size = np.sqrt((difference * difference).sum(axis=-1)) / self.scale
         return np.where(np.isfinite(size), size, np.inf)
 
@@ -111,20 +112,15 @@ def _check_closed_form(system: System, t_end: str) -> None:
         def around(t: Any) -> list[NDArray[Any]]:
             return [np.array(exact(system, t + k * h), dtype=object) for k in (-1, 0, 1)]
 
-        q0, p0 = (np.array(row, dtype=object) for row in system.start(mpmath.mpf))
+        q0 = np.array(system.start(mpmath.mpf)[0], dtype=object)
         before, start, after = around(mpmath.mpf(0))
-        size = max(abs(q0))
-        pairs = [
-            (start, q0, size),
-            (
-                (after - before) / (2 * h),
-                np.array(system.velocity(tuple(p0), system.constants(mpmath.mpf))),
-                size / end,
-            ),
-        ]
+        size, constants = max(abs(q0)), system.constants(mpmath.mpf)
+        velocity = np.array(system.formulas().grad_T(system.extended_start(mpmath.mpf)[1], *constants))[: len(q0)]
+        pairs = [(start, q0, size), ((after - before) / (2 * h), velocity, size / end)]
         if system.unit_masses:
             before, q, after = around(end)
-            force = -np.array(system.grad_V(tuple(q), *system.constants(mpmath.mpf)))
+            time = (end,) if system.time_dependent else ()
+            force = -np.array(system.grad_V(tuple(q), *time, *constants))
             pairs.append(((after - 2 * q + before) / h**2, force, size / end**2))
         for found, expected, scale in pairs:
             if max(abs(found - expected)) > CONTRADICTION * max(*abs(expected), scale):
@@ -167,4 +163,4 @@ def _end(system: System, tableau: Tableau, t_end: str, steps: int) -> NDArray[np
 
     numerics = Numerics(precision="extended", width=1)
     paths = integrate_batch(system, tableau, t_end=Fraction(t_end), steps=[steps], samples=2, numerics=numerics)
-    return np.stack([paths.q[0, -1], paths.q_low[0, -1]], axis=-1)
+    return np.stack([paths.q[0, -1], paths.q_low[0, -1]], axis=-1)[: system.dimension]

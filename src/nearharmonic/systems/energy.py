@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from decimal import Decimal
 from fractions import Fraction
 from numbers import Rational
+from threading import RLock
 from typing import Any, NamedTuple
 
 from nearharmonic.core import arithmetic
@@ -55,20 +56,22 @@ class Energy:
         self._traced: dict[Any, _Traced] = {}
         self._programs: dict[Any, Program] = {}
         self._at_run_time: bool | None = None
+        self._lock = RLock()  # a graph grows while it is differentiated, and systems are used from several threads
 
     @property
     def parameters_at_run_time(self) -> bool:
         """Whether the formula can be called with parameters that are values, which must not decide what it does."""
-        if self._at_run_time is None:
-            try:
-                self._trace(None)
-                self._at_run_time = True
-            except SystemDefinitionError:
-                if not self.parameters:
-                    raise
-                self._trace(self.parameters)  # a formula that fails with constants as well fails here
-                self._at_run_time = False
-        return self._at_run_time
+        with self._lock:
+            if self._at_run_time is None:
+                try:
+                    self._trace(None)
+                    self._at_run_time = True
+                except SystemDefinitionError:
+                    if not self.parameters:
+                        raise
+                    self._trace(self.parameters)  # a formula that fails with constants as well fails here
+                    self._at_run_time = False
+            return self._at_run_time
 
     def trace(self) -> None:
         """Call the formula, if it was not yet.
@@ -139,15 +142,16 @@ class Energy:
         constants: tuple[Constant, ...] | None = None
         if parameters and (not self.parameters_at_run_time or all(isinstance(k, Constant) for k in parameters)):
             constants, arguments = tuple(map(_as_constant, parameters)), tuple(x)
-        if (wanted, constants) not in self._programs:
-            made = call(_Named(self), self.formula, self._program, wanted, self._trace(constants))
-            self._programs[wanted, constants] = made
-        # The vector comes first in no trace: its variables are made last, behind all others.
+        with self._lock:
+            if (wanted, constants) not in self._programs:
+                made = call(_Named(self), self.formula, self._program, wanted, self._trace(constants))
+                self._programs[wanted, constants] = made
         return evaluate(self._programs[wanted, constants], (*arguments, *vector))
 
     def _program(self, wanted: Any, traced: _Traced) -> Program:
         graph, value, coordinates = traced
         if wanted == "hessian":
+            # The components of the vector are arguments behind all others.
             behind = max((node.place for node in graph.nodes if isinstance(node, Variable)), default=-1) + 1
             vector = [v.value for v in graph.variables(behind + self.dimension)[behind:]]
             return shortest_program(graph, hessian_vector(graph, value, coordinates, vector), value)

@@ -90,7 +90,8 @@ def velocity_text(system: System) -> str:
     names = [f"{letter}{i}" for letter in "qp" for i in range(system.dimension)]
     entries = [SourceTracer(name, lines) for name in names]
     q, p = tuple(entries[: system.dimension]), tuple(entries[system.dimension :])
-    velocity, force = vector(system, "grad_T", p), vector(system, "grad_V", q, *system.constants(Constant))
+    formulas, constants = system.formulas(), system.constants(Constant)
+    velocity, force = vector(formulas, "grad_T", p, *constants), vector(formulas, "grad_V", q, *constants)
     results = [*map(_text, velocity), *(f"-{_text(component)}" for component in force)]
     return _function("velocity", ", ".join(names), lines, results)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from decimal import Decimal, InvalidOperation
 from functools import cached_property
 from math import isinf
@@ -268,6 +268,15 @@ class System:
     def _formulas(self) -> Formulas:
         return formulas_of(self, self._potential, self._kinetic_energy)
 
+    def autonomous(self) -> System:
+        """Return the extended system as one of its own if V depends on time: a System of :meth:`formulas`."""
+        if not self.time_dependent:
+            return self
+        formulas, (q0, p0) = self.formulas(), self.extended_start(str)
+        energies = {name: getattr(formulas, name) for name in ("V", "grad_V", "T", "grad_T")}
+        none: dict[str, Any] = {"invariants": {}, "observables": {}, "period": None, "exact_position": None}
+        return replace(self, q0=q0, p0=p0, time_dependent=False, masses=None, **energies, **none)
+
     def hessian_V_times(self, q: Vector, direction: Vector, *others: Any) -> Vector:
         """Return the Hessian of V at ``q`` times ``direction``, derived from V.
 
@@ -302,11 +311,6 @@ class System:
         more = (kind("0"),) if self.time_dependent else ()
         q0, p0 = self.start(kind)
         return (*q0, *more), (*p0, *more)
-
-    def velocity(self, p: Vector, constants: Sequence[Any] = ()) -> Vector:
-        """Return dT/dp at momenta ``p``, whether T takes the parameters ``constants`` or not."""
-        found: Vector = with_parameters(self.grad_T, len(self.parameters))(p, *constants)
-        return found
 
     def energy(self, q: Vector, p: Vector, constants: Sequence[Any] = (), t: Any = None) -> Any:
         """Return H = T(p) + V(q), or T(p) + V(q, t).

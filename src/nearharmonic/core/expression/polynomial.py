@@ -6,7 +6,8 @@ from collections.abc import Sequence, Set
 from fractions import Fraction
 
 from nearharmonic.core.expression.graph import Exact, Graph, Product, Sum, Value, children, displacements, exact
-from nearharmonic.core.expression.program import Program, program
+from nearharmonic.core.expression.program import Program
+from nearharmonic.core.expression.writer import program
 
 #: A product of powers of nodes, ascending in the nodes.
 Monomial = tuple[tuple[int, Exact], ...]

@@ -1,5 +1,10 @@
-"""Coefficients of the polynomials and constants of reductions."""
+"""Coefficients of polynomials, lowest first, and constants of reductions.
 
+Polynomials are near-minimax approximations on an interval: ``mpmath.chebyfit(f, interval, number of coefficients)`` in
+70 digits, each coefficient rounded to the nearest double. A test recomputes how far they are from their functions.
+"""
+
+#: pi/2 in parts of 53 bits each.
 HALF_PI = (
     1.5707963267948966,
     6.123233995736766e-17,
@@ -8,7 +13,11 @@ HALF_PI = (
     2.836115989820158e-66,
     8.724931080676243e-84,
 )
+#: pi/4 in two parts; the first ends in three zero bits.
 QUARTER_PI = (0.7853981633974483, 3.061616997868383e-17)
+#: pi/2 in parts of 53, 33 and 53 bits.
+HALF_PI_SHORT = (1.5707963267948966, 6.12323399538461e-17, 3.5215598651832e-27)
+#: log(2) in parts of 53 bits.
 LN2 = (
     0.6931471805599453,
     2.3190468138462996e-17,
@@ -16,15 +25,20 @@ LN2 = (
     -3.5824322106018114e-50,
     -1.352169675798863e-66,
 )
+#: log(2) in two parts, the first of 42 bits: its multiples by exponents are exact.
 LN2_SHORT = (0.6931471805598903, 5.497923018708371e-14)
+#: 1 / log(2).
 LOG2_E = 1.4426950408889634
+#: 2 / pi.
 TWO_OVER_PI = 0.6366197723675814
+#: 1/3 in two parts.
 THIRD = (0.3333333333333333, 1.850371707708594e-17)
+#: 2 pi in two parts.
 TWO_PI = (6.283185307179586, 2.4492935982947064e-16)
+#: Inverse cube roots of 1, 2 and 4.
 CUBE_ROOTS = (1.0, 0.7937005259840998, 0.6299605249474366)
-PI_PARTS = (3.141592653589793, 1.2246467991473532e-16, -2.9947698097183397e-33)
-TWO_OVER_ROOT_PI_MINUS_1 = 0.1283791670955126
 
+#: (sin(r) - r) / r^3 in powers of r^2 up to 0.617, (pi/4)^2.
 SIN = (
     -0.16666666666666666,
     0.008333333333330946,
@@ -33,6 +47,7 @@ SIN = (
     -2.5051131372218632e-08,
     1.5918095236696272e-10,
 )
+#: (cos(r) - 1 + r^2/2) / r^4 in powers of r^2 up to 0.617.
 COS = (
     0.041666666666666664,
     -0.0013888888888887395,
@@ -41,6 +56,7 @@ COS = (
     2.087614597263508e-09,
     -1.1382611119025631e-11,
 )
+#: (exp(r) - 1 - r) / r^2 for r within +-0.3468, log(2)/2.
 EXP = (
     0.5,
     0.1666666666666667,
@@ -54,6 +70,7 @@ EXP = (
     2.5105275841936966e-08,
     2.0914728984148772e-09,
 )
+#: (artanh(s) - s) / s^3 in powers of s^2 up to 0.02945, s = (m - 1) / (m + 1) of m = sqrt(2).
 LOG = (
     0.3333333333333335,
     0.1999999999994962,
@@ -63,6 +80,7 @@ LOG = (
     0.0766583701508393,
     0.07308518774395825,
 )
+#: (artanh(s) - s - s^3/3) / s^5 in powers of s^2 up to 0.02945.
 LOG_TAIL = (
     0.2,
     0.14285714285714685,
@@ -73,6 +91,7 @@ LOG_TAIL = (
     0.05853097844940682,
     0.058618018114527055,
 )
+#: (sinh(x) - x) / x^3 in powers of x^2 up to 1.
 SINH = (
     0.16666666666666666,
     0.008333333333333299,
@@ -82,6 +101,7 @@ SINH = (
     1.6057679623801638e-10,
     7.746178593018827e-13,
 )
+#: (tanh(x) - x) / x^3 in powers of x^2 up to 0.3026, 0.55^2.
 TANH = (
     -0.3333333333333333,
     0.13333333333332714,
@@ -95,6 +115,7 @@ TANH = (
     8.510707927354112e-05,
     -2.0598556673275166e-05,
 )
+#: (arctan(q) - q) / q^3 in powers of q^2 up to 0.17158, tan(pi/8)^2.
 ATAN = (
     -0.3333333333333333,
     0.19999999999995519,
@@ -108,6 +129,7 @@ ATAN = (
     0.0392311556198723,
     -0.01917627151752634,
 )
+#: erf(x) / x - 1 in powers of x^2 up to 1.
 ERF = (
     0.12837916709551256,
     -0.37612638903183543,
@@ -122,7 +144,9 @@ ERF = (
     1.3720064546777686e-08,
     -7.795898827002142e-10,
 )
+#: What the first two of them miss by rounding.
 ERF_LOW = (7.975362179473361e-18, 2.4215378388298442e-17)
+#: exp(x^2) (1 - erf(x)) in powers of t = (x - 2.5) / (x + 2.5) for x from 1 to 6.
 ERFCX = (
     0.2108063640611436,
     -0.37173673394897294,
@@ -140,6 +164,7 @@ ERFCX = (
     -2.2328516517555215e-06,
     -1.587633893127344e-06,
 )
+#: m^(-1/3) for m from 1 to 2.
 CBRT = (
     1.6662787377309156,
     -1.1623973573078166,
@@ -147,6 +172,7 @@ CBRT = (
     -0.21636185469244387,
     0.02778280101858424,
 )
+#: erf(x) / x - 1 in powers of x^2 up to 1, in two parts.
 ERF_EXTENDED = (
     (0.1283791670955126, -1.2420116002463032e-17),
     (-0.37612638903183754, 1.339189720603078e-17),
@@ -170,6 +196,7 @@ ERF_EXTENDED = (
     (-2.1870727134115755e-19, -2.0412591582063057e-35),
     (7.042541504460301e-21, 6.707302330492837e-37),
 )
+#: exp(x^2) (1 - erf(x)) in powers of t = (x - 2.5) / (x + 2.5) for x from 1 to 9, in two parts.
 ERFCX_EXTENDED = (
     (0.2108063640611436, -5.627725909310255e-18),
     (-0.37173673394897333, -2.3081416489183333e-17),
@@ -207,7 +234,8 @@ ERFCX_EXTENDED = (
     (7.644886908118352e-12, 7.670862003320335e-28),
     (-3.4476237223862045e-12, 1.023316639039867e-28),
 )
-#: Factors that bring mantissas within 0.9 and 1.1: least excluded mantissa, factor, minus its logarithm in three parts.
+#: Factors that bring mantissas m near 1: m is below the first entry of one row and not of the row before; the
+#: factor, and minus its logarithm in three parts.
 LOG_FACTORS = (
     (0.77, 1.375, -0.3184537311185346, -2.7114779367326236e-17, 5.654849332876713e-34),
     (0.917, 1.1875, -0.17185025692665923, 6.0224538210113705e-18, 1.0382896674242226e-34),

@@ -8,86 +8,63 @@ Elementary Functions, with fused multiplications.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from math import inf, nan
 
 from nearharmonic.core.arithmetic import dd_mul, quick_two_sum, two_product, two_sum
 from nearharmonic.core.functions import coefficients as table
 from nearharmonic.core.functions.emit import called
-from nearharmonic.core.functions.reduction import quarter_turns
+from nearharmonic.core.functions.reduction import for_all_angles
+from nearharmonic.core.functions.steps import (
+    MANTISSA,
+    ONE_BITS,
+    ROUNDER,
+    ROUNDER_BITS,
+    SMALLEST_NORMAL,
+    clamped,
+    exponent_and_mantissa,
+    horner,
+    nearest_whole,
+    polynomial,
+    power_of_two,
+    scaled,
+    unit_scale,
+)
 from nearharmonic.core.values import LLVMBits, LLVMMask, LLVMValue
 
 Pair = tuple[LLVMValue, LLVMValue]
-#: Adding this number rounds to a whole number, which then stands in the low bits.
-ROUNDER = 1.5 * 2.0**52
-ROUNDER_BITS = 0x4338000000000000
-ONE_BITS = 0x3FF0000000000000
-MANTISSA = 0x000FFFFFFFFFFFFF
-SIGN = 1 << 63
-#: Bit pattern of sqrt(1/2) without its low half.
-ROOT_HALF_BITS = 0x3FE6A09E00000000
-SMALLEST_NORMAL = 2.0**-1022
-
-
-def polynomial(x: LLVMValue, coefficients: Sequence[float]) -> LLVMValue:
-    """Return the sum of coefficients[k] x^k by Horner's rule."""
-    result = x.constant(coefficients[-1])
-    for coefficient in coefficients[-2::-1]:
-        result = result.fma(x, coefficient)
-    return result
-
-
-def power_of_two(n: LLVMBits) -> LLVMValue:
-    """Return 2^n for whole numbers -1022 <= n <= 1023."""
-    return ((n + 1023) << 52).number()
-
-
-def scaled(x: LLVMValue, n: LLVMBits) -> LLVMValue:
-    """Return x 2^n for whole numbers -2000 < n < 2000, rounded once, in two multiplications."""
-    half = ((n + 4096) >> 1) - 2048
-    return x * power_of_two(half) * power_of_two(n - half)
-
-
-def nearest_whole(x: LLVMValue, factor: float) -> tuple[LLVMValue, LLVMBits]:
-    """Return the whole number nearest to x * factor, below 2^51 in size, as a double and as an integer."""
-    shifted = x.fma(factor, ROUNDER)
-    return shifted - ROUNDER, shifted.bits() - ROUNDER_BITS
-
-
-def exponent_and_mantissa(x: LLVMValue) -> tuple[LLVMValue, LLVMValue]:
-    """Return k and m with x = 2^k m and m within sqrt(1/2) and sqrt(2), for positive finite x."""
-    tiny = x.less(SMALLEST_NORMAL)
-    bits = tiny.choose(x * 2.0**54, x).bits() + (ONE_BITS - ROOT_HALF_BITS)
-    exponent = ((bits >> 52) | 0x4330000000000000).number() - tiny.choose(2.0**52 + 1023 + 54, 2.0**52 + 1023)
-    return exponent, ((bits & MANTISSA) + ROOT_HALF_BITS).number()
 
 
 def sin(x: LLVMValue) -> LLVMValue:
-    quarters, high, low = quarter_turns(x)
-    sine, cosine = _sine(high, low), _cosine(high, low)
-    odd = (quarters & 1).nonzero()
-    value = odd.choose(cosine[0] + cosine[1], sine[0] + sine[1])
-    turned = (value.bits() ^ ((quarters & 2) << 62)).number()
-    return x.absolute().less(2.0**-27).choose(x, turned)
+    value = for_all_angles("sin", x, lambda quarters, high, low: _turned(quarters, high, low, 0))
+    return x.equals(0.0).choose(x, value)
 
 
 def cos(x: LLVMValue) -> LLVMValue:
-    quarters, high, low = quarter_turns(x)
+    return for_all_angles("cos", x, lambda quarters, high, low: _turned(quarters, high, low, 1))
+
+
+def _turned(quarters: LLVMBits, high: LLVMValue, low: LLVMValue, more: int) -> LLVMValue:
+    """Sine of high + low and so many quarter turns, and ``more``."""
     sine, cosine = _sine(high, low), _cosine(high, low)
     odd = (quarters & 1).nonzero()
-    value = odd.choose(sine[0] + sine[1], cosine[0] + cosine[1])
-    return (value.bits() ^ (((quarters + 1) & 2) << 62)).number()
+    sums = [cosine[0] + cosine[1], sine[0] + sine[1]]
+    value = odd.choose(sums[more], sums[1 - more])
+    return (value.bits() ^ (((quarters + more if more else quarters) & 2) << 62)).number()
 
 
 def tan(x: LLVMValue) -> LLVMValue:
-    quarters, high, low = quarter_turns(x)
+    return x.equals(0.0).choose(x, for_all_angles("tan", x, _tangent))
+
+
+def _tangent(quarters: LLVMBits, high: LLVMValue, low: LLVMValue) -> LLVMValue:
     sine, cosine = quick_two_sum(*_sine(high, low)), quick_two_sum(*_cosine(high, low))
     odd = (quarters & 1).nonzero()
     top = [odd.choose(-c, s) for s, c in zip(sine, cosine, strict=True)]
     bottom = [odd.choose(s, c) for s, c in zip(sine, cosine, strict=True)]
     quotient = top[0] / bottom[0]
     rest = (-quotient).fma(bottom[0], top[0]) + (-quotient).fma(bottom[1], top[1])
-    return x.absolute().less(2.0**-27).choose(x, quotient + rest / bottom[0])
+    return quotient + rest / bottom[0]
 
 
 def _sine(high: LLVMValue, low: LLVMValue) -> Pair:
@@ -117,12 +94,6 @@ def _exponential_parts(high: LLVMValue, low: LLVMValue | float) -> tuple[LLVMVal
     n, whole = nearest_whole(high, table.LOG2_E)
     reduced = (-n).fma(table.LN2[0], high)
     return *_exponential(reduced, (-n).fma(table.LN2[1], low)), whole
-
-
-def clamped(x: LLVMValue, least: float, most: float) -> LLVMValue:
-    """x, or the bound that it passes; a NaN stays."""
-    x = x.less(least).choose(least, x)
-    return x.greater(most).choose(most, x)
 
 
 def exp(x: LLVMValue) -> LLVMValue:
@@ -223,7 +194,7 @@ def sinh(x: LLVMValue) -> LLVMValue:
     top, rest, n = _hyperbolic(x, -1.0)
     large = scaled(top + rest, n)
     square = x * x
-    small = (x * square).fma(polynomial(square, table.SINH), x)
+    small = (x * square).fma(horner(square, table.SINH), x)
     return x.absolute().less(1.0).choose(small, large.with_sign_of(x))
 
 
@@ -289,11 +260,12 @@ def cube_root(m: LLVMValue, guess: LLVMValue) -> LLVMValue:
     """Cube root of m from a guess of its inverse that is good to 14 bits."""
     defect = 1.0 - m * guess * guess * guess
     inverse = guess.fma(defect * defect.fma(2 / 9, 1 / 3), guess)
-    root: LLVMValue = m * inverse * inverse
+    root = m * inverse * inverse
     square, error = two_product(root, root)
     cube, cube_error = two_product(square, root)
     rest = (cube - m) + error.fma(root, cube_error)
-    return root - rest * (inverse * inverse) * (1 / 3)
+    result: LLVMValue = root - rest * (inverse * inverse) * (1 / 3)
+    return result
 
 
 def hypot(x: LLVMValue, y: LLVMValue) -> LLVMValue:
@@ -311,18 +283,6 @@ def hypot(x: LLVMValue, y: LLVMValue) -> LLVMValue:
     value = (x.equals(0.0) & y.equals(0.0)).choose(0.0, value)
     value = (x.undefined() | y.undefined()).choose(nan, value)
     return (x.absolute().equals(inf) | y.absolute().equals(inf)).choose(inf, value)
-
-
-def unit_scale(size: LLVMValue) -> Pair:
-    """Return a power of two that brings ``size``, positive and finite, near 1, and its inverse.
-
-    Those of numbers near under- and overflow are 2^1000 and 2^-1000: they bring them far enough.
-    """
-    exponent = size.bits() >> 52
-    forth, back = ((2046 - exponent) << 52).number(), (exponent << 52).number()
-    low, high = size.less(2.0**-1000), size.greater(2.0**1000)
-    forth = low.choose(2.0**1000, high.choose(2.0**-1000, forth))
-    return forth, low.choose(2.0**-1000, high.choose(2.0**1000, back))
 
 
 def atan2(y: LLVMValue, x: LLVMValue) -> LLVMValue:
@@ -359,7 +319,7 @@ def atan2(y: LLVMValue, x: LLVMValue) -> LLVMValue:
 
 def erf(x: LLVMValue) -> LLVMValue:
     square, error = two_product(x, x)
-    curve = polynomial(square, table.ERF[2:])
+    curve = horner(square, table.ERF[2:])
     slope = curve.fma(square, table.ERF[1])
     slope_rest = curve.fma(square, table.ERF[1] - slope) + table.ERF_LOW[1]
     rest = square.fma(slope_rest, table.ERF_LOW[0]) + error * slope
@@ -368,7 +328,7 @@ def erf(x: LLVMValue) -> LLVMValue:
     t = (size - 2.5) / (size + 2.5)
     high, low = two_product(size, size)
     top, rest, n = _exponential_parts(-high, -low)
-    tail = (top + rest) * power_of_two(n) * polynomial(t, table.ERFCX)
+    tail = (top + rest) * power_of_two(n) * horner(t, table.ERFCX)
     return x.absolute().less(1.0).choose(small, 1.0 - tail).with_sign_of(x)
 
 

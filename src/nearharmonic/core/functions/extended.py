@@ -16,92 +16,47 @@ from nearharmonic.core.arithmetic import (
     dd_sqrt,
     distilled,
     quick_two_sum,
-    rounded_pair,
     two_product,
     two_sum,
 )
 from nearharmonic.core.functions import coefficients as table
 from nearharmonic.core.functions import double
-from nearharmonic.core.functions.double import (
+from nearharmonic.core.functions.emit import called
+from nearharmonic.core.functions.pairs import (
+    Pair,
+    as_pair,
+    choose,
+    constant_pair,
+    finite,
+    inverses,
+    negative,
+    scaled_pair,
+    series,
+    times,
+)
+from nearharmonic.core.functions.reduction import extended_quarter_turns
+from nearharmonic.core.functions.steps import (
     ROUNDER,
     ROUNDER_BITS,
     clamped,
     exponent_and_mantissa,
     nearest_whole,
-    polynomial,
     power_of_two,
     scaled,
     unit_scale,
 )
-from nearharmonic.core.functions.emit import called
-from nearharmonic.core.functions.reduction import extended_quarter_turns
 from nearharmonic.core.values import LLVMBits, LLVMMask, LLVMValue
 
-Pair = tuple[LLVMValue, LLVMValue]
 Triple = tuple[LLVMValue, LLVMValue, LLVMValue]
-Coefficients = Sequence[tuple[float, float]]
-
-
-def _inverses(numbers: Sequence[int]) -> Coefficients:
-    return [rounded_pair(1 if n > 0 else -1, abs(n)) for n in numbers]
 
 
 #: (sin(r) - r) / r^3 and (cos(r) - 1) / r^2 in powers of r^2, (exp(r) - 1 - r) / r^2 in powers of r,
 #: (sinh(r) - r) / r^3, (artanh(s) - s) / s^3.
-SIN = _inverses([(-1) ** k * factorial(2 * k + 1) for k in range(1, 15)])
-COS = _inverses([(-1) ** k * factorial(2 * k) for k in range(1, 15)])
-EXP = _inverses([factorial(k) for k in range(2, 25)])
-SINH = _inverses([factorial(2 * k + 1) for k in range(1, 13)])
-ARTANH = _inverses([2 * k + 1 for k in range(1, 13)])
-
-
-def series(x: Pair, coefficients: Coefficients, in_double: int) -> Pair:
-    """Return the sum of coefficients[k] x^k; the terms from ``in_double`` on are so small that double will do."""
-    high = polynomial(x[0], [c[0] for c in coefficients[in_double:]])
-    result: Pair = (high, high.constant(0.0))
-    first = True
-    for c in coefficients[in_double - 1 :: -1]:
-        product = _mul_double(x, result[0]) if first else dd_mul(x, result)
-        result = dd_add((high.constant(c[0]), high.constant(c[1])), product)
-        first = False
-    return result
-
-
-def _mul_double(a: Pair, b: LLVMValue) -> Pair:
-    product, error = two_product(a[0], b)
-    return quick_two_sum(product, a[1].fma(b, error))
-
-
-def _constant(like: LLVMValue, pair: Sequence[float]) -> Pair:
-    return like.constant(pair[0]), like.constant(pair[1])
-
-
-def _choose(where: LLVMMask, yes: Sequence[LLVMValue | float], no: Sequence[LLVMValue | float]) -> Pair:
-    return where.choose(yes[0], no[0]), where.choose(yes[1], no[1])
-
-
-def _negative(a: Pair) -> Pair:
-    return -a[0], -a[1]
-
-
-def _times(a: Pair, factor: LLVMValue | float) -> Pair:
-    """Product with a power of two."""
-    return a[0] * factor, a[1] * factor
-
-
-def _scaled(a: Pair, n: LLVMBits) -> Pair:
-    high = scaled(a[0], n)
-    return quick_two_sum(high, high.absolute().less(inf).choose(scaled(a[1], n), 0.0))
-
-
-def finite(value: Pair) -> Pair:
-    """The pair with 0 as the low half of what is not finite, where renormalisation left a NaN."""
-    regular = value[0].absolute().less(inf)
-    return value[0], regular.choose(value[1], 0.0)
-
-
-def _as(value: LLVMValue) -> Pair:
-    return value, value.constant(0.0)
+SIN = inverses([(-1) ** k * factorial(2 * k + 1) for k in range(1, 15)])
+COS = inverses([(-1) ** k * factorial(2 * k) for k in range(1, 15)])
+EXP = inverses([factorial(k) for k in range(2, 25)])
+SINH = inverses([factorial(2 * k + 1) for k in range(1, 13)])
+ARTANH = inverses([2 * k + 1 for k in range(1, 13)])
 
 
 def _sine(r: Pair) -> Pair:
@@ -111,7 +66,7 @@ def _sine(r: Pair) -> Pair:
 
 def _cosine(r: Pair) -> Pair:
     square = dd_mul(r, r)
-    return dd_add(_constant(r[0], (1.0, 0.0)), dd_mul(square, series(square, COS, 8)))
+    return dd_add(constant_pair(r[0], (1.0, 0.0)), dd_mul(square, series(square, COS, 8)))
 
 
 def sincos(high: LLVMValue, low: LLVMValue) -> list[LLVMValue]:
@@ -121,10 +76,10 @@ def sincos(high: LLVMValue, low: LLVMValue) -> list[LLVMValue]:
     sine, cosine = _sine(r), _cosine(r)
     bits = shifted.bits()
     odd = (bits & 1).nonzero()
-    s, c = _choose(odd, cosine, sine), _choose(odd, sine, cosine)
+    s, c = choose(odd, cosine, sine), choose(odd, sine, cosine)
     tiny = high.absolute().less(2.0**-60)
     s = _with_bit(s, (bits & 2) << 62)
-    return [*_choose(tiny, (high, low), s), *_with_bit(c, ((bits + 1) & 2) << 62)]
+    return [*choose(tiny, (high, low), s), *_with_bit(c, ((bits + 1) & 2) << 62)]
 
 
 def _with_bit(value: Pair, sign: LLVMBits) -> Pair:
@@ -135,13 +90,13 @@ def _with_bit(value: Pair, sign: LLVMBits) -> Pair:
 def tan(high: LLVMValue, low: LLVMValue) -> Pair:
     values = sincos(high, low)
     quotient = dd_div((values[0], values[1]), (values[2], values[3]))
-    return _choose(high.absolute().less(2.0**-60), (high, low), quotient)
+    return choose(high.absolute().less(2.0**-60), (high, low), quotient)
 
 
 def _exponential(r: Pair) -> Pair:
     """Return exp(r) for r up to log(2)/2."""
     tail = dd_mul(dd_mul(r, r), series(r, EXP, 11))
-    return dd_add(_constant(r[0], (1.0, 0.0)), dd_add(r, tail))
+    return dd_add(constant_pair(r[0], (1.0, 0.0)), dd_add(r, tail))
 
 
 def _reduced_exponential(parts: Sequence[LLVMValue]) -> tuple[Pair, LLVMBits]:
@@ -151,7 +106,7 @@ def _reduced_exponential(parts: Sequence[LLVMValue]) -> tuple[Pair, LLVMBits]:
     r = (-n).fma(table.LN2[0], high)
     product = two_product(-n, r.constant(table.LN2[1]))
     pair = dd_add_double((product[0], product[1]), r)
-    pair = dd_add(pair, quick_two_sum(*rest[:2]) if len(rest) > 1 else _as(rest[0]))
+    pair = dd_add(pair, quick_two_sum(*rest[:2]) if len(rest) > 1 else as_pair(rest[0]))
     pair = dd_add_double(pair, n * -table.LN2[2])
     return _exponential(pair), whole
 
@@ -160,7 +115,7 @@ def exp(high: LLVMValue, low: LLVMValue) -> Pair:
     limited = clamped(high, -800.0, 800.0)
     low = (limited - high).equals(0.0).choose(low, 0.0)
     value, n = _reduced_exponential((limited, low))
-    return _scaled(value, n)
+    return scaled_pair(value, n)
 
 
 def _logarithm(high: LLVMValue, low: LLVMValue) -> Triple:
@@ -206,23 +161,37 @@ def log(high: LLVMValue, low: LLVMValue) -> Pair:
 def pow(x: LLVMValue, x_low: LLVMValue, y: LLVMValue, y_low: LLVMValue) -> Pair:
     negative = (x.bits() >> 63).nonzero()
     size = x.absolute(), negative.choose(-x_low, x_low)
-    logarithm = _logarithm(*size)
-    limited = clamped(y, -(2.0**80), 2.0**80)
-    y_rest = limited.equals(y).choose(y_low, 0.0)
-    first, second, third = (two_product(a, b) for a, b in (
-        (limited, logarithm[0]), (limited, logarithm[1]), (y_rest, logarithm[0])))  # fmt: skip
-    terms = [first[0], second[0], third[0], first[1], second[1], third[1], limited * logarithm[2]]
-    exponent = distilled([*terms, y_rest * logarithm[1]], 3)
+    exponent = _exponent_of_power(_logarithm(*size), (y, y_low))
     high = clamped(exponent[0], -800.0, 800.0)
     within = high.equals(exponent[0])
     value, n = _reduced_exponential((high, within.choose(exponent[1], 0.0), within.choose(exponent[2], 0.0)))
-    value = _scaled(value, n)
+    value = scaled_pair(value, n)
     # 1 plus what is too small for a double decides which way a power to infinity goes
     above = size[0].greater(1.0) | (size[0].equals(1.0) & size[1].greater(0.0))
     unity = size[0].equals(1.0) & size[1].equals(0.0)
-    whole, odd = _whole_and_odd(y, y_low)
-    special = double.special_power(x, y, above, unity, (whole, odd), value[0])
-    return special, odd.choose(negative.choose(-value[1], value[1]), value[1])
+    kind = _, odd = _whole_and_odd(y, y_low)
+    special = double.special_power(x, y, above, unity, kind, value[0])
+    regular = special.absolute().equals(value[0]) & y.absolute().less(inf)
+    return special, regular.choose(odd.choose(negative.choose(-value[1], value[1]), value[1]), 0.0)
+
+
+def _exponent_of_power(logarithm: Triple, y: Pair) -> Triple:
+    """Return y times a logarithm in three parts.
+
+    An exponent beyond 2^900 becomes smaller by 2^100 and its logarithm larger, up to where the result is sure to be out
+    of range: nothing overflows, and logarithms down to the smallest, of 1 and a low half, keep their digits.
+    """
+    huge = y[0].absolute().at_least(2.0**900)
+    shrunk, grown = (huge.choose(factor, y[0].constant(1.0)) for factor in (2.0**-100, 2.0**100))
+    head = logarithm[0] * grown
+    bound = huge.choose(2.0**-600, y[0].constant(1024.0))
+    beyond = head.absolute().greater(bound)
+    head = beyond.choose(bound.with_sign_of(head), head)
+    middle, last = (beyond.choose(0.0, part * grown) for part in logarithm[1:])
+    high, low = times(y, shrunk)
+    first, second, third = two_product(high, head), two_product(high, middle), two_product(low, head)
+    terms = [first[0], second[0], third[0], first[1], second[1], third[1], high * last, low * middle]
+    return distilled(terms, 3)
 
 
 def _whole_and_odd(y: LLVMValue, low: LLVMValue) -> tuple[LLVMMask, LLVMMask]:
@@ -237,8 +206,8 @@ def _hyperbolic(x: Pair, sign: float) -> Pair:
     size = clamped(x[0].absolute(), 0.0, 800.0)
     value, n = _reduced_exponential((size, size.equals(x[0].absolute()).choose(x[1].times_sign(x[0]), 0.0)))
     ratio = power_of_two(n.at_most(60) * -2) * sign
-    other = dd_div(_constant(size, (1.0, 0.0)), value)
-    return _scaled(dd_add(value, _times(other, ratio)), n - 1)
+    other = dd_div(constant_pair(size, (1.0, 0.0)), value)
+    return scaled_pair(dd_add(value, times(other, ratio)), n - 1)
 
 
 def _small_sinh(x: Pair) -> Pair:
@@ -249,8 +218,8 @@ def _small_sinh(x: Pair) -> Pair:
 def sinh(high: LLVMValue, low: LLVMValue) -> Pair:
     large = _hyperbolic((high, low), -1.0)
     large = large[0].times_sign(high), large[1].times_sign(high)
-    value = _choose(high.absolute().less(0.5), _small_sinh((high, low)), large)
-    return _choose(high.absolute().less(2.0**-60), (high, low), value)
+    value = choose(high.absolute().less(0.5), _small_sinh((high, low)), large)
+    return choose(high.absolute().less(2.0**-60), (high, low), value)
 
 
 def cosh(high: LLVMValue, low: LLVMValue) -> Pair:
@@ -259,35 +228,35 @@ def cosh(high: LLVMValue, low: LLVMValue) -> Pair:
 
 def tanh(high: LLVMValue, low: LLVMValue) -> Pair:
     small = _small_sinh((high, low))
-    one = _constant(high, (1.0, 0.0))
+    one = constant_pair(high, (1.0, 0.0))
     small = dd_div(small, dd_sqrt(dd_add(one, dd_mul(small, small))))
     size = clamped(high.absolute(), 0.0, 45.0)
     rest = size.equals(high.absolute()).choose(low.times_sign(high), 0.0)
     value, n = _reduced_exponential((size + size, rest + rest))
-    bottom = dd_add(_times(value, power_of_two(n)), one)
-    large = dd_add(one, _negative(dd_div(_constant(high, (2.0, 0.0)), bottom)))
+    bottom = dd_add(times(value, power_of_two(n)), one)
+    large = dd_add(one, negative(dd_div(constant_pair(high, (2.0, 0.0)), bottom)))
     large = large[0].times_sign(high), large[1].times_sign(high)
-    value = _choose(high.absolute().less(0.5), small, large)
-    return _choose(high.absolute().less(2.0**-60), (high, low), value)
+    value = choose(high.absolute().less(0.5), small, large)
+    return choose(high.absolute().less(2.0**-60), (high, low), value)
 
 
 def cbrt(high: LLVMValue, low: LLVMValue) -> Pair:
     m, guess, k = double.cube_parts(high)
     rest = scaled(low.times_sign(high), k * -3)
     root = double.cube_root(m, guess)
-    cube = dd_mul(two_product(root, root), _as(root))
+    cube = dd_mul(two_product(root, root), as_pair(root))
     defect = (cube[0] - m) + (cube[1] - rest)
     value = quick_two_sum(root, defect / (root * root * -3.0))
-    value = _times(value, power_of_two(k))
+    value = times(value, power_of_two(k))
     special = high.equals(0.0) | high.absolute().equals(inf) | high.undefined()
     return special.choose(high, value[0].times_sign(high)), special.choose(0.0, value[1].times_sign(high))
 
 
 def hypot(x: LLVMValue, x_low: LLVMValue, y: LLVMValue, y_low: LLVMValue) -> Pair:
     scale, back = unit_scale(x.absolute().larger(y.absolute()))
-    a, b = _times((x, x_low), scale), _times((y, y_low), scale)
+    a, b = times((x, x_low), scale), times((y, y_low), scale)
     root = dd_sqrt(dd_add(dd_mul(a, a), dd_mul(b, b)))
-    high, low = _times(root, back)
+    high, low = times(root, back)
     zero, endless = x.equals(0.0) & y.equals(0.0), x.absolute().equals(inf) | y.absolute().equals(inf)
     return endless.choose(inf, zero.choose(0.0, high)), (endless | zero).choose(0.0, low)
 
@@ -305,26 +274,33 @@ def atan2(y: LLVMValue, y_low: LLVMValue, x: LLVMValue, x_low: LLVMValue) -> Pai
     angle = double.atan2(top[0], bottom[0])
     values = called("sincos_extended", sincos, angle, one - one)
     sine, cosine = (values[0], values[1]), (values[2], values[3])
-    across = dd_add(dd_mul(top, cosine), _negative(dd_mul(bottom, sine)))
+    across = dd_add(dd_mul(top, cosine), negative(dd_mul(bottom, sine)))
     along = bottom[0].fma(cosine[0], top[0] * sine[0])
     value = quick_two_sum(angle, across[0] / along)
-    value = _choose(angle.equals(0.0), (angle, one - one), value)
+    # an angle of which low halves are near underflow is the quotient, made at a larger scale
+    small = (top[0].absolute() * 2.0**400).less(bottom[0]) & ~special
+    quotient = dd_div(times(times((y, y_low), 2.0**300), scale), bottom)
+    value = choose(small, times(quotient, 2.0**-300), value)
+    value = choose(angle.equals(0.0), (angle, one - one), value)
     return (x.undefined() | y.undefined()).choose(nan, value[0]), value[1]
 
 
 def erf(high: LLVMValue, low: LLVMValue) -> Pair:
     x = (high, low)
-    small = dd_add(x, dd_mul(x, series(dd_mul(x, x), table.ERF_EXTENDED, 17)))
+    tiny = high.absolute().less(2.0**-400)  # low halves are near underflow
+    grown = times(x, tiny.choose(2.0**300, high.constant(1.0)))
+    small = dd_add(grown, dd_mul(grown, series(dd_mul(x, x), table.ERF_EXTENDED, 17)))
+    small = times(small, tiny.choose(2.0**-300, high.constant(1.0)))
     size = clamped(high.absolute(), 0.5, 9.0), low.times_sign(high)
     size = size[0], size[0].equals(high.absolute()).choose(size[1], 0.0)
     shift = high.constant(2.5)
     t = dd_div(dd_add_double(size, -shift), dd_add_double(size, shift))
-    value, n = _reduced_exponential(_negative(dd_mul(size, size)))
-    tail = dd_mul(_times(value, power_of_two(n)), series(t, table.ERFCX_EXTENDED, 20))
-    large = dd_add(_constant(high, (1.0, 0.0)), _negative(tail))
+    value, n = _reduced_exponential(negative(dd_mul(size, size)))
+    tail = dd_mul(times(value, power_of_two(n)), series(t, table.ERFCX_EXTENDED, 20))
+    large = dd_add(constant_pair(high, (1.0, 0.0)), negative(tail))
     large = large[0].times_sign(high), large[1].times_sign(high)
-    value = _choose(high.absolute().less(1.0), small, large)
-    return _choose(high.equals(0.0), (high, low), value)
+    value = choose(high.absolute().less(1.0), small, large)
+    return choose(high.equals(0.0), (high, low), value)
 
 
 def _sin(high: LLVMValue, low: LLVMValue) -> Pair:

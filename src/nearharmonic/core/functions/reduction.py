@@ -6,19 +6,19 @@ is a product of whole numbers with the bits of 1 / (2 pi) that matter (Payne & H
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import inf
 
 from llvmlite import ir
 
-from nearharmonic.core.arithmetic import dd_mul, distilled, quick_two_sum, two_product, two_sum, whole_pi
+from nearharmonic.core.arithmetic import dd_mul, distilled, quick_two_sum, two_product, whole_pi
 from nearharmonic.core.functions import coefficients as table
 from nearharmonic.core.functions.emit import called, where_needed
-from nearharmonic.core.values import LLVMBits, LLVMValue
+from nearharmonic.core.functions.steps import ROUNDER
+from nearharmonic.core.values import LLVMBits, LLVMMask, LLVMValue
 
-#: Adding this number rounds to a whole number, which then stands in the low bits.
-ROUNDER = 1.5 * 2.0**52
 #: Largest angle whose multiple of pi/2 is subtracted in floating point.
-MODERATE = 2.0**28
+MODERATE = 2.0**20
 #: Bits of the fraction of x / (2 pi): 53 are lost in the product, and a double-double may be as near as 2^-130 to a
 #: multiple of pi/2.
 FRACTION = 384
@@ -27,17 +27,37 @@ PLACES = 971 + FRACTION + 53
 
 
 def quarter_turns(x: LLVMValue) -> tuple[LLVMBits, LLVMValue, LLVMValue]:
-    """Return whole quarter turns (their last two bits) and the rest, at most pi/4 in size, as a pair."""
+    """Return whole quarter turns (their last two bits) and the rest, at most pi/4 in size, as a pair.
+
+    For moderate angles. All but the last operation are exact: the second part of pi/2 has 33 bits, so that its
+    multiple has no more than 53, and where the rest is small, so has the difference.
+    """
     shifted = x.fma(table.TWO_OVER_PI, ROUNDER)
-    n = shifted - ROUNDER
-    rest = (-n).fma(table.HALF_PI[0], x)  # exact
-    product, error = two_product(n, x.constant(table.HALF_PI[1]))
-    high, low = two_sum(rest, -product)
-    low = (-n).fma(table.HALF_PI[2], low - error)
+    n = ROUNDER - shifted
+    rest = n.fma(table.HALF_PI_SHORT[0], x)
+    high = n.fma(table.HALF_PI_SHORT[1], rest)
+    low = n.fma(table.HALF_PI_SHORT[1], rest - high)
+    return shifted.bits(), high, n.fma(table.HALF_PI_SHORT[2], low)
+
+
+def for_all_angles(name: str, x: LLVMValue, body: Callable[[LLVMBits, LLVMValue, LLVMValue], LLVMValue]) -> LLVMValue:
+    """Return ``body`` of the quarter turns of x and the rest.
+
+    For large angles it is called, as a function of the module with this ``name``: what follows the calculation of the
+    rest stays free of a branch, and so the registers stay where they are.
+    """
+
+    def of_large(x: LLVMValue) -> list[LLVMValue]:
+        shifted, high, low = called("large_angles", _large_lanes, x)
+        return [body(shifted.bits(), high, low)]
+
+    return where_needed(is_large(x), [body(*quarter_turns(x))], lambda: called(f"large_{name}", of_large, x))[0]
+
+
+def is_large(x: LLVMValue) -> LLVMMask:
+    """Whether a finite angle is beyond :data:`MODERATE`."""
     size = x.absolute()
-    large = size.at_least(MODERATE) & size.less(inf)
-    shifted, high, low = where_needed(large, (shifted, high, low), lambda: called("large_angles", _large_lanes, x))
-    return shifted.bits(), high, low
+    return size.at_least(MODERATE) & size.less(inf)
 
 
 def extended_quarter_turns(x: LLVMValue, x_low: LLVMValue) -> list[LLVMValue]:
@@ -52,8 +72,7 @@ def extended_quarter_turns(x: LLVMValue, x_low: LLVMValue) -> list[LLVMValue]:
         terms = list(distilled(terms, len(terms)))
     high, low = distilled(terms, 2)
     high, low = quick_two_sum(high, low)
-    large = x.absolute().at_least(MODERATE) & x.absolute().less(inf)
-    return where_needed(large, (shifted, high, low), lambda: called("large_pairs", _large_lanes, x, x_low))
+    return where_needed(is_large(x), (shifted, high, low), lambda: called("large_pairs", _large_lanes, x, x_low))
 
 
 def _large_lanes(*parts: LLVMValue) -> list[LLVMValue]:

@@ -171,7 +171,7 @@ class _Plane:
         return self._system.energy(self._embed(q), self._embed(p), self._parameters)
 
     def velocity(self, p: float) -> float:
-        return float(self._system.grad_T(self._embed(p))[self._component])
+        return float(self._system.formulas().grad_T(self._embed(p), *self._parameters)[self._component])
 
     def force(self, q: float) -> float:
         return -float(self._system.grad_V(self._embed(q), *self._parameters)[self._component])
@@ -229,6 +229,9 @@ def _complaints(
         yield "iterations", iterations, "a whole number of at least 1"
     if component not in range(system.dimension):
         yield "component", component, f"{system.name} has components 0 to {system.dimension - 1}"
+    if system.time_dependent:
+        yield "system", system.name, "a potential that does not depend on time"
+        return
     # Also at 1: the start may lie where the pull happens to vanish.
     if not all(_Plane(system, component).is_invariant(q) for q in (start[0], 1.0)):
         yield "component", component, f"in {system.name} it pulls the others out of rest"

@@ -120,7 +120,7 @@ def structure(system: System, tableau: Tableau, *, t_end: str) -> Structure:
         The method does not fit the system.
     """
     check_fit(system, tableau)
-    end = Fraction(t_end)
+    system, end = system.autonomous(), Fraction(t_end)
     steps = max(1, round(EVALUATIONS * SHORT / tableau.stages))
     short = _Run(system, tableau, end * SHORT, steps)
     J, growth = short.tangent_map()
@@ -225,9 +225,8 @@ class _Run:
 
     def rates(self, q: Floats, p: Floats) -> tuple[Floats, Floats]:
         """dT/dp and dV/dq (S, d) at the states."""
-        constants = self.system.constants(float)
-        velocity = self.system.velocity(tuple(p.T), constants)
-        force = self.system.grad_V(tuple(q.T), *constants)
+        formulas, constants = self.system.formulas(), self.system.constants(float)
+        velocity, force = formulas.grad_T(tuple(p.T), *constants), formulas.grad_V(tuple(q.T), *constants)
         return np.array(velocity).T, np.array(force).T
 
 

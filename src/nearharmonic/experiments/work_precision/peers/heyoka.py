@@ -40,7 +40,7 @@ def heyoka_taylor(system: System, t_end: float, tolerance: float, *, fast_math: 
     names = [f"{letter}{i}" for letter in "qp" for i in range(system.dimension)]
     variables = hy.make_vars(*names)
     variables = list(variables) if isinstance(variables, list | tuple) else [variables]
-    rates = velocity(system, _functions(hy))(*variables)
+    rates = velocity(system, functions_of(hy))(*variables)
     equations = list(zip(variables, rates, strict=True))
     start = start_of(system)
     starts = np.repeat(start[:, None], MODES["lanes"], axis=1)
@@ -72,12 +72,13 @@ def heyoka_taylor(system: System, t_end: float, tolerance: float, *, fast_math: 
     return Attempt(run=run, path=path, lanes=lanes)
 
 
-def _functions(hy: Any) -> dict[str, Any]:
+def functions_of(hy: Any) -> dict[str, Any]:
     """The functions of formulas in heyoka's expressions; those that it lacks, in terms of roots and powers."""
-    own = ("sqrt", "sin", "cos", "tan", "exp", "log", "pow", "atan2", "tanh", "sinh", "cosh", "erf")
+    own = ("sqrt", "sin", "cos", "tan", "exp", "log", "atan2", "tanh", "sinh", "cosh", "erf")
     derived = {
         "abs": lambda x: hy.sqrt(x * x),
-        "cbrt": lambda x: x * hy.pow(x * x, -1 / 3),
+        "pow": lambda x, y: (x if isinstance(x, hy.expression) else hy.expression(x)) ** y,
+        "cbrt": lambda x: x * (x * x) ** (-1 / 3),
         "hypot": lambda x, y: hy.sqrt(x * x + y * y),
     }
     return {name: getattr(hy, name) for name in own} | derived

@@ -63,7 +63,7 @@ def peer_curve(
 
     A library that is missing, or a system it cannot take, gives a curve without points whose status says so.
     """
-    curve = Curve(method=peer.name, label=peer.label, kind="peer")
+    curve, system = Curve(method=peer.name, label=peer.label, kind="peer"), system.autonomous()
     curve.status = missing(peer.module) or _misfit(peer, system) or "ok"
     if curve.status != "ok":
         return curve

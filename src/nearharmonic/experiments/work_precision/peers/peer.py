@@ -78,7 +78,7 @@ def start_of(system: System) -> States:
 
 def gradients_of(system: System) -> tuple[Callable[[States], States], Callable[[States], States]]:
     """Return dT/dp and dV/dq of arrays (d), as one would write them with numpy."""
-    constants = system.constants(float)
+    formulas, constants = system.formulas(), system.constants(float)
     if system.unit_masses:
-        return lambda p: p, lambda q: np.array(system.grad_V(q, *constants))
-    return lambda p: np.array(system.velocity(tuple(p), constants)), lambda q: np.array(system.grad_V(q, *constants))
+        return lambda p: p, lambda q: np.array(formulas.grad_V(q, *constants))
+    return lambda p: np.array(formulas.grad_T(tuple(p), *constants)), lambda q: np.array(formulas.grad_V(q, *constants))

@@ -1,0 +1,153 @@
+"""Cost of the functions of formulas, beside division, a hand-written vector sine and the C library, interleaved.
+
+Run: ``python benchmarks/functions.py`` (about 20 s; needs a C compiler as ``cc``). Prints sines by hand in C, by the C
+library and ours; a stage of the pendulum in C with the library's sine and in our kernels; and for each function the
+nanoseconds per number at one lane and at eight, the smallest over the repeats, and their ratio to a division.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import os
+import subprocess
+import tempfile
+import time
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+from nearharmonic.core import arithmetic
+from nearharmonic.core.functions import double, extended
+from nearharmonic.core.functions.arrays import ELEMENTWISE, elementwise
+from nearharmonic.core.layout import ENERGY, LIMIT, TALLY
+from nearharmonic.core.native import loaded
+from nearharmonic.core.number import FUNCTIONS
+from nearharmonic.engine.batch import coefficients, kernel_of, start_rows
+from nearharmonic.engine.settings import Numerics
+from nearharmonic.integrators import integrators
+from nearharmonic.math import cos, sin
+from nearharmonic.systems import System
+
+COUNT, TIMES = 512, 40
+METHOD, TAU, STEPS = "aba864", Fraction(1, 10), 20_000
+PENDULUM = System(
+    name="pendulum", label="pendulum", V=lambda q: -cos(q[0]), grad_V=lambda q: (sin(q[0]),), q0=("1",), p0=("0.5",),
+    t_end="1000", units=dict.fromkeys(("q", "p", "t", "energy"), "1"), source="benchmark",
+)  # fmt: skip
+
+
+def yardstick(folder: str) -> ctypes.CDLL:
+    """The compiled C file."""
+    source, library = Path(__file__).with_suffix(".c"), Path(folder) / "functions.so"
+    flags = ["-O3", "-march=native", "-mprefer-vector-width=512", "-fno-math-errno", "-shared", "-fPIC"]
+    subprocess.run(["cc", *flags, str(source), "-o", str(library), "-lm"], check=True)
+    return ctypes.CDLL(str(library))
+
+
+def bodies():
+    """Name -> (rows of arguments, body) of each function, in double and in double-double."""
+    yield "division", 2, lambda x, y: [x / y]
+    yield "sqrt", 1, lambda x: [x.sqrt()]
+    for name, count in FUNCTIONS.items():
+        yield name, count, lambda *x, name=name: [double.FUNCTIONS[name](*x)]
+    yield "division, double-double", 4, lambda *x: arithmetic.dd_div(x[:2], x[2:])
+    yield "sqrt, double-double", 2, lambda *x: arithmetic.dd_sqrt(x)
+    for name, count in FUNCTIONS.items():
+        yield (
+            f"{name}, double-double", 2 * count,
+            lambda *x, name=name: extended.FUNCTIONS[name](*zip(x[::2], x[1::2], strict=True)),
+        )  # fmt: skip
+
+
+def repeated(library, function, arguments, results):
+    """A call that calls ``function`` :data:`TIMES` times; its arrays live as long as it."""
+    sizes = [ctypes.c_long(n) for n in arguments.shape]
+    places = [ctypes.c_void_p(a.ctypes.data) for a in (arguments, results)]
+    more = [ctypes.c_long(n) for n in (len(results), TIMES)]
+    address = function if isinstance(function, ctypes.c_void_p) else ctypes.c_void_p(function)
+    return lambda kept=(arguments, results): library.repeated(address, places[0], *sizes, places[1], *more)
+
+
+def timed(calls, repeats):
+    """The shortest time of each call in nanoseconds; they take turns."""
+    best = dict.fromkeys(calls, np.inf)
+    for _ in range(repeats):
+        for name, call in calls.items():
+            begin = time.perf_counter()
+            call()
+            best[name] = min(best[name], time.perf_counter() - begin)
+    return {name: 1e9 * t for name, t in best.items()}
+
+
+def measure(library, repeats):
+    """Nanoseconds per number: (name, lanes) -> time."""
+    calls = {}
+    random = np.random.default_rng(1)
+    for name, rows, body in bodies():
+        arguments = random.uniform(0.1, 10, (rows, COUNT))
+        if "double-double" in name:
+            arguments[1::2] = arguments[::2] * 1e-17
+        results = np.empty((2 if "double-double" in name else 1, COUNT))
+        for width in (1, 8):
+            function = loaded(*elementwise(body, rows, width, f"f{len(calls)}"), ELEMENTWISE)
+            calls[name, width] = repeated(library, function.address, arguments, results)
+    return {name: t / (COUNT * TIMES) for name, t in timed(calls, repeats).items()}
+
+
+def sines(library, repeats):
+    """Nanoseconds per sine: by hand in C, by the C library, and ours."""
+    x, y = np.random.default_rng(1).uniform(-10, 10, (1, COUNT)), np.empty((1, COUNT))
+    ours = loaded(*elementwise(lambda x: [double.sin(x)], 1, 8, "ours"), ELEMENTWISE)
+    functions = {"by hand": library.sines_by_hand, "by library": library.sines_by_library}
+    calls = {name: repeated(library, ctypes.cast(f, ctypes.c_void_p), x, y) for name, f in functions.items()}
+    calls["ours"] = repeated(library, ours.address, x, y)
+    return {name: t / (COUNT * TIMES) for name, t in timed(calls, repeats).items()}
+
+
+def pendulums(library, repeats):
+    """Nanoseconds per stage and trajectory: C with the library's sine, our kernel at one lane and at eight."""
+    tableau = integrators[METHOD]
+    drift, kick = coefficients(tableau, [TAU], 1)
+    narrow = [np.ascontiguousarray(row[0, :, 0]) for row in (drift, kick)]
+    rows = np.zeros((4 + TALLY, 1))
+    rows[:4] = start_rows(*PENDULUM.start(Fraction), "compensated")[:, None]
+    rows[4 + ENERGY], rows[4 + LIMIT] = 1.0, np.inf
+    pointer = ctypes.POINTER(ctypes.c_double)
+    state = rows.reshape(-1).copy()
+    c_arguments = [a.ctypes.data_as(pointer) for a in (*narrow, state)]
+    calls = {"C": lambda: library.pendulum(ctypes.c_long(STEPS), ctypes.c_int(tableau.stages), *c_arguments)}
+    for width in (1, 8):
+        advance = kernel_of(PENDULUM, Numerics(width=width, every_step=False)).advance()
+        wide = [np.repeat(row[0], width, axis=1).reshape(-1) for row in (drift, kick)]
+        lanes = np.repeat(rows, width, axis=1).reshape(-1)
+        calls[width] = lambda advance=advance, wide=wide, lanes=lanes: advance(
+            STEPS, tableau.stages, False, *wide, lanes
+        )
+    best = timed(calls, repeats)
+    return {name: t / (STEPS * tableau.stages * (name if name == 8 else 1)) for name, t in best.items()}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser.add_argument("--repeats", type=int, default=30, help="interleaved repeats of each call (default 30)")
+    repeats = parser.parse_args().repeats
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    with tempfile.TemporaryDirectory() as folder:
+        library = yardstick(folder)
+        found = sines(library, repeats)
+        print("sine, ns per number: " + ", ".join(f"{name} {t:.3f}" for name, t in found.items()))
+        print(f"ours / by hand {found['ours'] / found['by hand']:.2f}")
+        found = pendulums(library, repeats)
+        print("pendulum, ns per stage: " + ", ".join(f"{name} {t:.3f}" for name, t in found.items()))
+        times = measure(library, repeats)
+        print(f"{'ns per number':26s}  1 lane  8 lanes  / division")
+        for name in dict.fromkeys(name for name, _ in times):
+            one, eight = times[name, 1], times[name, 8]
+            print(f"{name:26s} {one:7.2f} {eight:8.3f} {eight / times['division', 8]:11.1f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,103 @@
+"""Time of a pendulum to reach an energy error: our kernels, and heyoka's adaptive Taylor series, interleaved.
+
+Run: ``python benchmarks/pendulum.py`` (about 20 s; needs heyoka). The pendulum starts at angle 1 with momentum 0.5 and
+runs to t = 1000. A line is one error: microseconds of one trajectory with the fastest of our methods at the largest of
+its step sizes that reaches the error, of each of eight trajectories in lanes, and of heyoka at its loosest tolerance
+that does; the least of the repeats, on one pinned core. The error is the largest of |H - H0| / |H0| over all steps.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from fractions import Fraction
+
+import numpy as np
+
+import nearharmonic as nh
+from nearharmonic.core.layout import ENERGY, LIMIT, TALLY
+from nearharmonic.engine.batch import coefficients, kernel_of, start_rows
+from nearharmonic.engine.settings import Numerics
+from nearharmonic.experiments.work_precision.peers.heyoka import TOLERANCES, heyoka_taylor
+from nearharmonic.math import cos, sin
+from nearharmonic.systems import System
+
+T_END = 1000
+METHODS = ("aba864", "babps9o7h", "abas11o6_8h", "srkn_a14", "s15odr8")
+COUNTS = [int(500 * 2 ** (k / 4)) for k in range(40)]
+PENDULUM = System(
+    name="pendulum", label="pendulum", V=lambda q: -cos(q[0]), grad_V=lambda q: (sin(q[0]),), q0=("1",), p0=("0.5",),
+    t_end=str(T_END), units=dict.fromkeys(("q", "p", "t", "energy"), "1"), source="benchmark",
+)  # fmt: skip
+
+
+def fewest_steps(name, errors):
+    """Error -> the fewest of COUNTS steps with which a method reaches it."""
+    taus = [Fraction(T_END, count) for count in COUNTS]
+    worst = nh.sweep(PENDULUM, name, taus).max_energy_error.values
+    reached = {error: [n for n, e in zip(COUNTS, worst, strict=True) if e <= error] for error in errors}
+    return {error: counts[0] for error, counts in reached.items() if counts}
+
+
+def kernel_call(name, count, width):
+    """A call of the inner kernel that makes ``count`` steps in each lane."""
+    tableau = nh.integrators[name]
+    drift, kick = coefficients(tableau, [Fraction(T_END, count)], 1)
+    rows = np.zeros((4 + TALLY, width))
+    rows[:4] = start_rows(*PENDULUM.start(Fraction), "compensated")[:, None]
+    rows[4 + ENERGY], rows[4 + LIMIT] = 1.0, np.inf
+    wide = [np.repeat(row[0], width, axis=1).reshape(-1) for row in (drift, kick)]
+    advance = kernel_of(PENDULUM, Numerics(width=width, every_step=False)).advance()
+    return lambda: advance(count, tableau.stages, tableau.first == "kick", *wide, rows.reshape(-1).copy())
+
+
+def energy_error(states):
+    """The largest relative energy error of states (q, p), in rows."""
+    energies = states[:, 1] ** 2 / 2 - np.cos(states[:, 0])
+    return np.abs(energies / energies[0] - 1).max()
+
+
+def contest(error, ours, theirs, repeats):
+    """Best microseconds of our methods at one lane, each at eight, and of heyoka."""
+    calls = {
+        (name, w): kernel_call(name, counts[error], w)
+        for name, counts in ours.items()
+        if error in counts
+        for w in (1, 8)
+    }
+    reached = [attempt for tolerance, (worst, attempt) in theirs.items() if worst <= error]
+    if reached:
+        calls["heyoka", 1] = reached[0].run
+    best = dict.fromkeys(calls, np.inf)
+    for _ in range(repeats):
+        for key, call in calls.items():
+            begin = time.perf_counter()
+            call()
+            best[key] = min(best[key], 1e6 * (time.perf_counter() - begin) / key[1])
+    return best
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser.add_argument("--repeats", type=int, default=10, help="interleaved repeats of each call (default 10)")
+    repeats = parser.parse_args().repeats
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    errors = (1e-6, 1e-9, 1e-12)
+    ours = {name: fewest_steps(name, errors) for name in METHODS}
+    attempts = {tolerance: heyoka_taylor(PENDULUM, T_END, tolerance) for tolerance in TOLERANCES}
+    theirs = {tolerance: (energy_error(attempt.path()[0]), attempt) for tolerance, attempt in attempts.items()}
+    for error in errors:
+        best = contest(error, ours, theirs, repeats)
+        one, eight = (
+            min((t, name) for (name, width), t in best.items() if name != "heyoka" and width == w) for w in (1, 8)
+        )
+        line = f"{error:.0e}: {one[1]} {one[0]:.0f} us, in lanes {eight[1]} {eight[0]:.0f} us each"
+        if ("heyoka", 1) in best:
+            line += f", heyoka {best['heyoka', 1]:.0f} us; ours / heyoka {one[0] / best['heyoka', 1]:.2f}"
+        print(line)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,66 @@
+"""Double-doubles in functions: series, constants, choices and scaling of pairs of carriers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import inf
+
+from nearharmonic.core.arithmetic import dd_add, dd_mul, quick_two_sum, rounded_pair, two_product
+from nearharmonic.core.functions.steps import polynomial, scaled
+from nearharmonic.core.values import LLVMBits, LLVMMask, LLVMValue
+
+Pair = tuple[LLVMValue, LLVMValue]
+Coefficients = Sequence[tuple[float, float]]
+
+
+def inverses(numbers: Sequence[int]) -> Coefficients:
+    return [rounded_pair(1 if n > 0 else -1, abs(n)) for n in numbers]
+
+
+def series(x: Pair, coefficients: Coefficients, in_double: int) -> Pair:
+    """Return the sum of coefficients[k] x^k; the terms from ``in_double`` on are so small that double will do."""
+    high = polynomial(x[0], [c[0] for c in coefficients[in_double:]])
+    result: Pair = (high, high.constant(0.0))
+    first = True
+    for c in coefficients[in_double - 1 :: -1]:
+        product = _mul_double(x, result[0]) if first else dd_mul(x, result)
+        result = dd_add((high.constant(c[0]), high.constant(c[1])), product)
+        first = False
+    return result
+
+
+def _mul_double(a: Pair, b: LLVMValue) -> Pair:
+    product, error = two_product(a[0], b)
+    return quick_two_sum(product, a[1].fma(b, error))
+
+
+def constant_pair(like: LLVMValue, pair: Sequence[float]) -> Pair:
+    return like.constant(pair[0]), like.constant(pair[1])
+
+
+def choose(where: LLVMMask, yes: Sequence[LLVMValue | float], no: Sequence[LLVMValue | float]) -> Pair:
+    return where.choose(yes[0], no[0]), where.choose(yes[1], no[1])
+
+
+def negative(a: Pair) -> Pair:
+    return -a[0], -a[1]
+
+
+def times(a: Pair, factor: LLVMValue | float) -> Pair:
+    """Product with a power of two."""
+    return a[0] * factor, a[1] * factor
+
+
+def scaled_pair(a: Pair, n: LLVMBits) -> Pair:
+    high = scaled(a[0], n)
+    return quick_two_sum(high, high.absolute().less(inf).choose(scaled(a[1], n), 0.0))
+
+
+def finite(value: Pair) -> Pair:
+    """The pair with 0 as the low half of what is not finite, where renormalisation left a NaN."""
+    regular = value[0].absolute().less(inf)
+    return value[0], regular.choose(value[1], 0.0)
+
+
+def as_pair(value: LLVMValue) -> Pair:
+    return value, value.constant(0.0)
