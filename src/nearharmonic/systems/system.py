@@ -202,7 +202,7 @@ class System:
         """Pickle a registered system by its name, another by its fields, whose functions must be importable."""
         from nearharmonic.systems import systems
 
-        if systems.get(self.name) is self:
+        if self.name in systems.registered and systems.get(self.name) is self:
             return systems.__getitem__, (self.name,)
         kept = {x.name: getattr(self, x.name) for x in fields(self) if x.name != "declared_for"}
         for name in ("grad_V", "grad_T"):
