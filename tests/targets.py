@@ -39,6 +39,7 @@ FIGURES = {
     "fig4": figures("fig4_perihelion"),
     "fig5": figures("fig5_kepler"),
     "fig6": figures("fig6_substeps"),
+    **{f"{system}_energy_error": figures(f"{system}_energy_error") for system in SYSTEMS},
 }
 #: Target -> the files that it stands for.
 TARGETS = FIGURES | {

@@ -33,8 +33,12 @@ class Project:
         """The command ``nearharmonic`` with ``arguments``."""
         return self._run("nearharmonic.cli", *arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
+    def python(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        """``python`` with ``arguments``."""
+        return self._run("", *arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
     def _run(self, module: str, *arguments: str, **streams: int) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", module, *arguments]
+        command = [sys.executable, *(["-m", module] if module else []), *arguments]
         environment = {**os.environ, "PYTHONPATH": str(self.folder / "src")}
         return subprocess.run(command, cwd=self.folder, env=environment, text=True, check=False, **streams)
 

@@ -16,34 +16,43 @@ if TYPE_CHECKING:
     from nearharmonic.engine.problem import problem as problem
     from nearharmonic.engine.trajectory import integrate as integrate
     from nearharmonic.engine.trajectory import sweep as sweep
+    from nearharmonic.experiments.paper.figures.plot import plot as plot
     from nearharmonic.integrators import integrators as integrators
+    from nearharmonic.integrators.tableau import Tableau as Tableau
+    from nearharmonic.integrators.tableau import palindrome as palindrome
     from nearharmonic.systems import systems as systems
+    from nearharmonic.systems.system import Observable as Observable
+    from nearharmonic.systems.system import Parameter as Parameter
+    from nearharmonic.systems.system import System as System
+    from nearharmonic.theory.linear_stability import stability_limit as stability_limit
+    from nearharmonic.theory.order import order_of as order_of
     from nearharmonic.theory.oscillator import kappa as kappa
-
-__all__ = [
-    "NearharmonicError",
-    "__version__",
-    "ensemble",
-    "integrate",
-    "integrators",
-    "kappa",
-    "problem",
-    "sweep",
-    "systems",
-]
 
 __version__ = "0.1.0"
 
 #: Where the names are that are loaded when they are first asked for: numpy takes longer than a command that needs none.
 _MODULES = {
+    "Observable": "systems.system",
+    "Parameter": "systems.system",
+    "System": "systems.system",
+    "Tableau": "integrators.tableau",
     "ensemble": "engine.ensemble",
     "integrate": "engine.trajectory",
     "integrators": "integrators",
     "kappa": "theory.oscillator",
+    "order_of": "theory.order",
+    "palindrome": "integrators.tableau",
     "problem": "engine.problem",
+    "plot": "experiments.paper.figures.plot",
+    "stability_limit": "theory.linear_stability",
     "sweep": "engine.trajectory",
     "systems": "systems",
 }
+
+__all__ = [
+    "NearharmonicError", "Observable", "Parameter", "System", "Tableau", "__version__", "ensemble", "integrate",
+    "integrators", "kappa", "order_of", "palindrome", "plot", "problem", "stability_limit", "sweep", "systems",
+]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

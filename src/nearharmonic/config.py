@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, cast, get_args, get_type_hints
 
 from nearharmonic.engine.settings import STRICT, Reading, Sweep, one_of, setting, whole_from
-from nearharmonic.errors import SettingError, UnknownNameError, bad_setting, unknown_name
+from nearharmonic.errors import NearharmonicError, SettingError, bad_setting, unknown_name
 from nearharmonic.experiments.derivation.settings import DerivationSettings
+from nearharmonic.experiments.paper.definitions import define, folders_of, named
 from nearharmonic.experiments.paper.plan import check_sweep, fewest_shards
 from nearharmonic.experiments.paper.settings import Summation, SystemSettings
 from nearharmonic.experiments.sixth_order.settings import SixthOrderSettings
 from nearharmonic.experiments.stability.settings import StabilitySettings
 from nearharmonic.experiments.work_precision.settings import WorkPrecisionSettings
 from nearharmonic.integrators import integrators
+from nearharmonic.integrators.user_file import expanded
 from nearharmonic.systems import systems
 
 #: Characters of a name: file systems take 255 bytes.
@@ -24,6 +26,9 @@ LONGEST_NAME = 100
 
 _NAME = rf"^[A-Za-z0-9][A-Za-z0-9_.-]{{0,{LONGEST_NAME - 1}}}\Z"
 METHODS = "a list of at least one integrator, each named once"
+METHOD = "the name of an integrator, or the path of a Python file that defines TABLEAU or TABLEAUS"
+#: Lists of numbers, in which one may stand twice.
+NUMBERS = ("q0", "p0")
 
 
 def _name(value: object) -> str:
@@ -48,7 +53,7 @@ class Config:
         f"letters, digits, '_', '-' and '.', beginning with a letter or digit, at most {LONGEST_NAME}",
     )
     integrators: tuple[str, ...] = setting(
-        "The methods, in the order of the legends", METHODS, each="the name of an integrator", min_length=1
+        "The methods, in the order of the legends", METHODS, each=METHOD, min_length=1
     )
     systems: Mapping[str, SystemSettings] = setting(
         "The Hamiltonian systems, by name; each holds the keys below", "at least one system by its name", min_length=1
@@ -72,14 +77,14 @@ class Config:
     decomposition: tuple[str, ...] | None = setting(
         "The methods of figure 2; all integrators if not given",
         METHODS,
-        each="the name of an integrator",
+        each=METHOD,
         default=None,
         min_length=1,
     )
     overview: tuple[str, ...] | None = setting(
         "The methods of the table that compares all; all there are if not given",
         METHODS,
-        each="the name of an integrator",
+        each=METHOD,
         default=None,
         min_length=1,
     )
@@ -88,6 +93,11 @@ class Config:
     beyond: SixthOrderSettings = setting("How hard `sixth_order` searches for methods", default=SixthOrderSettings)
     stability: StabilitySettings = setting("What `stability` puts the methods through", default=StabilitySettings)
     work_precision: WorkPrecisionSettings = setting("What `work_precision` times", default=WorkPrecisionSettings)
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """Names of the integrators, those of files included."""
+        return expanded(self.integrators)
 
     @property
     def sweeps(self) -> tuple[Sweep, ...]:
@@ -110,49 +120,95 @@ class Config:
     @property
     def compared(self) -> tuple[str, ...]:
         """The methods of the table that compares all."""
-        return tuple(integrators) if self.overview is None else self.overview
+        return tuple(integrators) if self.overview is None else expanded(self.overview)
 
     @property
     def decomposed(self) -> tuple[str, ...]:
         """The methods of figure 2."""
-        return self.integrators if self.decomposition is None else self.decomposition
+        return self.methods if self.decomposition is None else expanded(self.decomposition)
 
 
 def load(mapping: Mapping[str, Any], files: Iterable[Path | str] = ()) -> Config:
     """Return ``mapping`` as a :class:`Config`, checked against the types and then for what no type can tell.
+
+    The systems and integrators that it defines are found in the registries from then on, by the names that it gives
+    them, in place of those of a config before.
 
     Parameters
     ----------
     mapping : mapping
         The keys, as read from YAML.
     files : iterable of path
-        The YAML files that they come from, in which no key may stand twice.
+        The YAML files that they come from, in which no key may stand twice; in their folders files of systems and
+        integrators are looked for that are not found from the working directory.
 
     Raises
     ------
     NearharmonicError
         The first fault found, nearest to the top, with key, value, what is allowed and the nearest match.
     """
-    for path in files:
+    places = list(files)
+    for path in places:
         _refuse_duplicates(Path(path))
     config = _typed(mapping)
     for key, value, allowed in _repetitions(config, mapping):
         raise bad_setting(key, value, allowed)
-    methods = [integrators[name] for name in _known("integrators", config.integrators, integrators.__getitem__)]
-    _known("systems", config.systems, systems.__getitem__)
-    _known("decomposition", config.decomposed, integrators.__getitem__)
-    _known("overview", config.compared, integrators.__getitem__)
+    before = systems.definitions, integrators.definitions
+    try:
+        define(config.systems, _lists_of_methods(config), folders_of(places))
+        _check(config, mapping)
+    except NearharmonicError:
+        systems.define(before[0])
+        integrators.define(before[1])
+        raise
+    return config
+
+
+def read(place: Path) -> Config:
+    """Return the config of a YAML file, as :func:`load` does.
+
+    Raises
+    ------
+    NearharmonicError
+        There is no such file, it is no YAML mapping, or a fault that :func:`load` finds.
+    """
+    import yaml
+
+    try:
+        mapping = yaml.safe_load(place.read_text(encoding="utf-8"))
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        message = f"{place} cannot be read as a config: {error}"
+        raise SettingError(message) from error
+    if not isinstance(mapping, Mapping):
+        raise bad_setting("--config", str(place), "a YAML file with the keys of a config")
+    return load(mapping, [place])
+
+
+def _lists_of_methods(config: Config) -> dict[str, tuple[str, ...]]:
+    """The lists of integrators in a config, by key; those that are not given are left out."""
+    found = {name: getattr(config, name) for name in ("integrators", "decomposition", "overview")}
+    found["work_precision.integrators"] = config.work_precision.integrators
+    return {key: entries for key, entries in found.items() if entries is not None}
+
+
+def _check(config: Config, mapping: Mapping[str, Any]) -> None:
+    """Raise the first fault of a config whose systems and integrators are defined."""
+    for key, entries in _lists_of_methods(config).items():
+        with named(key):
+            names = expanded(entries)
+        if len(set(names)) < len(names):
+            raise bad_setting(key, list(entries), "each integrator named once")
     for sweep in config.sweeps:
         grid, here = mapping["systems"][sweep.system]["tau_per_stage"], f"systems.{sweep.system}.tau_per_stage"
         if sweep.highest < sweep.lowest:
             allowed = f"a finite number, at least lowest = {grid['lowest']}"
             raise bad_setting(f"{here}.highest", grid["highest"], allowed)
-        check_sweep(sweep, config.integrators)
+        check_sweep(sweep, config.methods)
+    methods = [integrators[name] for name in config.methods]
     for member in fields(config):
         section = getattr(config, member.name)
         if hasattr(section, "check"):
             section.check(methods, tuple(config.systems))
-    return config
 
 
 def _typed(mapping: Mapping[str, Any]) -> Config:
@@ -217,7 +273,7 @@ def _place(path: Sequence[str | int]) -> tuple[Any, str]:
             kind, allowed = get_args(kind)[0], each
         elif not is_dataclass(kind):
             kind = get_args(kind)[1]
-            allowed = _keys_of(kind)
+            allowed = _keys_of(kind) if is_dataclass(kind) else each
         else:
             member = next(member for member in fields(kind) if member.name == step)
             kind = _required(get_type_hints(kind, include_extras=True)[member.name])
@@ -247,21 +303,10 @@ def _repetitions(section: Any, given: Any, here: tuple[str, ...] = ()) -> Iterat
     for name, value in members.items():
         if name not in given:
             continue
-        if isinstance(value, tuple) and len(set(value)) < len(value):
+        if isinstance(value, tuple) and len(set(value)) < len(value) and name not in NUMBERS:
             yield _dotted((*here, name)), given[name], _place((*here, name))[1]
         elif isinstance(value, Mapping) or is_dataclass(value):
             yield from _repetitions(value, given[name], (*here, name))
-
-
-def _known(key: str, names: Iterable[str], look_up: Callable[[str], Any]) -> tuple[str, ...]:
-    """The names under ``key``, each of which ``look_up`` finds."""
-    for name in names:
-        try:
-            look_up(name)
-        except UnknownNameError as error:
-            message = f"{key}: {error}"
-            raise UnknownNameError(message) from None
-    return tuple(names)
 
 
 def _refuse_duplicates(path: Path) -> None:

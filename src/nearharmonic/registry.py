@@ -8,17 +8,37 @@ work depending on what was imported before.
 
 from __future__ import annotations
 
+import os
 import pkgutil
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from importlib import import_module
 from types import ModuleType
-from typing import Any, Generic, TypeVar, cast
+from typing import Any, Generic, Protocol, TypeVar, cast
 
+from nearharmonic.display import entries_table
 from nearharmonic.errors import NearharmonicError, unknown_name
 
 Entry = TypeVar("Entry")
+Made_co = TypeVar("Made_co", covariant=True)
+
+
+class Definition(Protocol[Made_co]):
+    """How a user defines an entry under a name of its own, in a config say: all that another process needs to make it.
+
+    ``file`` is the Python file that it comes from, ``base`` the name of the registered entry that it changes; the other
+    one is None.
+    """
+
+    @property
+    def file(self) -> str | None: ...
+
+    @property
+    def base(self) -> str | None: ...
+
+    def make(self, name: str) -> Made_co:
+        """Return the entry, which has this ``name``."""
 
 
 class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
@@ -28,10 +48,13 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
     and a new entry takes a new file in the folder and nothing else. A module is imported also when it is looked up as
     an attribute of the package.
 
+    A process can add entries by :meth:`define`, and the path of a Python file is a key as well: its value is what the
+    file declares. Paths are not among the keys that the mapping lists.
+
     Raises
     ------
     UnknownNameError
-        On a look-up of a key that no module declares.
+        On a look-up of a key that no module declares, that is not defined, and that is no path.
     """
 
     _kind: str
@@ -39,6 +62,9 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
     _entries: dict[str, Entry] | None
     _modules: dict[str, str]
     _covered: tuple[frozenset[str], frozenset[str]] | None
+    _read: Callable[[str], Entry] | None
+    _definitions: dict[str, Definition[Entry]]
+    _made: dict[str, Entry]
 
     def _load(self) -> dict[str, Entry]:
         if self._entries is None:
@@ -59,16 +85,60 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
     def _files(self) -> list[str]:
         return sorted(info.name for info in pkgutil.iter_modules(self.__path__))
 
-    def __getitem__(self, name: str) -> Entry:
-        entries = self._load()
-        if not isinstance(name, str) or name not in entries:
-            raise unknown_name(self._kind, name, entries)
-        if self._covered is not None and name not in self._covered[0] and self._modules[name] not in self._covered[1]:
-            message = (
-                f"{self._kind} {name!r} is looked up, but no digest of the task covers it: name it in the settings"
-            )
+    def __getitem__(self, name: str | os.PathLike[str]) -> Entry:
+        key = os.fspath(name) if isinstance(name, os.PathLike) else name
+        is_named = isinstance(key, str) and key in self
+        if not is_named and (self._read is None or not is_path(key)):
+            raise unknown_name(self._kind, key, self)
+        if self._covered is not None and not (is_named and self._is_covered(key)):
+            message = f"{self._kind} {key!r} is looked up, but no digest of the task covers it: name it in the settings"
             raise NearharmonicError(message)
-        return entries[name]
+        if not is_named and self._read is not None:
+            return self._read(key)
+        if key in self._definitions and key not in self._made:
+            self._made[key] = self._definitions[key].make(key)
+        return self._made[key] if key in self._definitions else self._load()[key]
+
+    def _is_covered(self, name: str) -> bool:
+        return self._covered is not None and (
+            name in self._covered[0] or (name in self._modules and self._modules[name] in self._covered[1])
+        )
+
+    @property
+    def registered(self) -> tuple[str, ...]:
+        """Names of the entries that the modules of the package declare."""
+        return tuple(self._load())
+
+    @property
+    def definitions(self) -> Mapping[str, Definition[Entry]]:
+        """The entries that this process has defined beside the registered ones, by name."""
+        return dict(self._definitions)
+
+    def define(self, definitions: Mapping[str, Definition[Entry]]) -> None:
+        """Add entries to the registered ones, in place of all that were defined before.
+
+        Each is made when it is first looked up.
+
+        Raises
+        ------
+        NearharmonicError
+            A name is that of a registered entry.
+        """
+        for name in definitions:
+            if name in self._load():
+                message = f"{self._kind} {name!r} is declared in {self._modules[name]} already: choose another name"
+                raise NearharmonicError(message)
+        self._definitions, self._made = dict(definitions), {}
+
+    @contextmanager
+    def defining(self, definitions: Mapping[str, Definition[Entry]]) -> Iterator[None]:
+        """Add entries as :meth:`define` does, inside the block alone."""
+        before, made = self._definitions, self._made
+        try:
+            self.define(definitions)
+            yield
+        finally:
+            self._definitions, self._made = before, made
 
     @contextmanager
     def restricted(self, names: Collection[str], modules: Collection[str]) -> Iterator[None]:
@@ -93,19 +163,21 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
             self._covered = None
 
     def __contains__(self, name: object) -> bool:
-        return isinstance(name, str) and name in self._load()
+        return isinstance(name, str) and (name in self._load() or name in self._definitions)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._load())
+        yield from self._load()
+        yield from self._definitions
 
     def __len__(self) -> int:
-        return len(self._load())
+        return len(self._load()) + len(self._definitions)
 
-    def module_of(self, name: str) -> str:
-        """Dotted name of the module that declares ``name``."""
+    def module_of(self, name: str) -> str | None:
+        """Dotted name of the module that declares ``name``, or the entry that it changes; None if a file defines it."""
         if name not in self:
-            raise unknown_name(self._kind, name, self._load())
-        return self._modules[name]
+            raise unknown_name(self._kind, name, self)
+        base = self._definitions[name].base if name in self._definitions else name
+        return None if base is None else self._modules[base]
 
     def __getattr__(self, name: str) -> Any:
         # Python asks modules for private names that they do not have, __path__ of a plain module among them.
@@ -119,6 +191,9 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
     def __repr__(self) -> str:
         return f"<module {self.__name__!r}, a mapping of {len(self)} {self._kind}s: {', '.join(self)}>"
 
+    def _repr_html_(self) -> str:
+        return entries_table([cast("Any", entry).facts for entry in self.values()])
+
     # The mapping of a package is equal to itself alone, and a module can be hashed: Mapping would compare contents.
     __eq__ = object.__eq__
     __hash__ = object.__hash__
@@ -127,7 +202,23 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
         return import_module, (self.__name__,)  # a copy, or what a pickle is read into, is the package itself
 
 
-def make_registry(package: str, kind: str, entries_of: Callable[[ModuleType], Mapping[str, Entry]]) -> Registry[Entry]:
+def is_path(name: object) -> bool:
+    """Whether a name is the path of a Python file, with or without ``:`` and the name of an entry in it."""
+    return isinstance(name, str) and (name.endswith(".py") or ".py:" in name or "/" in name or os.sep in name)
+
+
+def split_path(place: str) -> tuple[str, str]:
+    """Return the path of a Python file, and the name of the entry in it that follows a colon, "" if none does."""
+    path, colon, entry = place.rpartition(":")
+    return (path, entry) if colon and path.endswith(".py") else (place, "")
+
+
+def make_registry(
+    package: str,
+    kind: str,
+    entries_of: Callable[[ModuleType], Mapping[str, Entry]],
+    read: Callable[[str], Entry] | None = None,
+) -> Registry[Entry]:
     """Make an imported package the registry of what its modules declare.
 
     Parameters
@@ -138,6 +229,8 @@ def make_registry(package: str, kind: str, entries_of: Callable[[ModuleType], Ma
         What an entry is called in error messages, singular.
     entries_of
         Function of a module that returns its entries by name, an empty mapping if it declares none.
+    read
+        Function of the path of a user's file that returns the entry which it declares; without it, no path is a key.
 
     Returns
     -------
@@ -148,5 +241,5 @@ def make_registry(package: str, kind: str, entries_of: Callable[[ModuleType], Ma
     module.__class__ = Registry
     made = cast("Registry[Entry]", module)
     made._kind, made._entries_of, made._entries, made._modules = kind, entries_of, None, {}
-    made._covered = None
+    made._covered, made._read, made._definitions, made._made = None, read, {}, {}
     return made

@@ -14,7 +14,7 @@ from nearharmonic.output.provenance import function_of
 
 #: Figure -> what it draws for some methods, and the variables that a cube has even without a number.
 CUBES = {
-    "energy_error_sho": (made.errors, ()),
+    "sho_energy_error": (made.errors, ()),
     "fig1_sho": (lambda methods: made.errors(methods, precision=True), ()),
     "fig2_decomposition": (made.terms, ()),
     "fig3_henon_heiles": (made.errors, ()),
@@ -36,8 +36,9 @@ SHOWN = (
     "stability_rounding",
 )
 DECLARED = {one.stem: one for one in figures_of("experiments", ("henon_heiles", "kepler", "sho"), SHOWN)}
-# Every system that the paper has no figure of is shown like this.
-(DECLARED["energy_error_sho"],) = figures_of("experiments.paper.figures.energy_error", ("sho",))
+# Those of the systems that the paper has a figure of are drawn by that figure; every other system is shown like this.
+OWN = {stem: DECLARED.pop(stem) for stem in ("sho_energy_error", "henon_heiles_energy_error", "kepler_energy_error")}
+(DECLARED["sho_energy_error"],) = figures_of("experiments.paper.figures.energy_error", ("sho",))
 
 
 def drawing(name):
@@ -57,6 +58,14 @@ def is_drawn(figure):
 
 def test_every_figure_is_among_these():
     assert set(DECLARED) == {*CUBES, "fig6_substeps"}
+
+
+def test_the_energy_error_figure_of_a_system_of_the_paper_is_the_papers_figure_under_a_second_name():
+    for number, system in (("fig1", "sho"), ("fig3", "henon_heiles"), ("fig5", "kepler")):
+        (papers,) = (one for one in DECLARED.values() if one.target == number)
+        second = OWN[f"{system}_energy_error"]
+        assert (second.function, second.cube, second.caption) == (papers.function, system, papers.caption)
+        assert second.target == f"{system}_energy_error"
 
 
 @pytest.mark.parametrize("name", CUBES)

@@ -150,7 +150,7 @@ def test_a_system_is_one_file_and_gets_its_cube_and_its_energy_error_figure(exte
     with h5py.File(extended / "cubes/quartic.h5") as cube:
         assert cube["max_energy_error"].shape == (2, 3)
         assert (cube["max_energy_error"][:] < 1).all()
-    assert (extended / "figures/energy_error_quartic.png").stat().st_size > 5000
+    assert (extended / "figures/quartic_energy_error.png").stat().st_size > 5000
 
 
 def test_an_observable_reaches_its_cube_by_one_function(extended):

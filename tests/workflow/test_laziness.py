@@ -31,8 +31,12 @@ def runs_of(system):
 #: What three targets need, and a fourth that integrates nothing, below their results folder, logs left out.
 NEEDED = {
     "fig2": {"cubes/sho_terms.h5", *figures("fig2_decomposition")},
-    # One job draws both figures of a cube.
-    "fig4": {*runs_of("kepler"), "cubes/kepler.h5", *figures("fig4_perihelion", "fig5_kepler")},
+    # One job draws all figures of a cube.
+    "fig4": {
+        *runs_of("kepler"),
+        "cubes/kepler.h5",
+        *figures("fig4_perihelion", "fig5_kepler", "kepler_energy_error"),
+    },
     "cubes/sho.h5": {*runs_of("sho"), "cubes/sho.h5"},
     "linear_stability": {
         "cubes/linear_stability.h5",

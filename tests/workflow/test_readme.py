@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from math import isfinite, nan
 from pathlib import Path
 
@@ -40,6 +41,7 @@ def beside_results(tmp_path, monkeypatch):
             "double": [xr.Dataset({k: v for k, v in integrate_run(run).items() if v[0] == ("tau_per_stage",)})]
         }
     write_dataset(tmp_path / "results/paper/cubes/henon_heiles.h5", assembled("henon_heiles", runs), {})
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
     monkeypatch.chdir(tmp_path)
 
 

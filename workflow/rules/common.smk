@@ -26,7 +26,7 @@ FIGURES = []  # each experiment adds those that it declares
 
 wildcard_constraints:
     system="|".join(CONFIG.systems),
-    integrator="|".join(CONFIG.integrators),
+    integrator="|".join(CONFIG.methods),
     shard="[0-9]+",
 
 
@@ -55,7 +55,7 @@ def run_files(system):
     folder = f"{RESULTS}/runs/{system}"
     return {
         name: [f"{folder}/{name}/{shard}.h5" for shard in range(shards_of(SWEEPS[system], name))]
-        for name in CONFIG.integrators
+        for name in CONFIG.methods
     }
 
 

@@ -52,7 +52,7 @@ rule reduce:
         LOG("reduce/{system}"),
     params:
         task=lambda wildcards: task(
-            "experiments.paper.reduce:reduce", sweep=SWEEPS[wildcards.system], integrators=CONFIG.integrators
+            "experiments.paper.reduce:reduce", sweep=SWEEPS[wildcards.system], integrators=CONFIG.methods
         ),
     script:
         "../scripts/task.py"
@@ -77,7 +77,7 @@ rule skipped:
     log:
         LOG("tables/skipped"),
     params:
-        task=task("experiments.paper.omissions:table", sweeps=CONFIG.sweeps, integrators=CONFIG.integrators),
+        task=task("experiments.paper.omissions:table", sweeps=CONFIG.sweeps, integrators=CONFIG.methods),
     script:
         "../scripts/task.py"
 

@@ -12,9 +12,9 @@ STABILITY_CUBES = [
 STABILITY_FIGURES = figures_of("experiments.stability", CONFIG.systems, STABILITY_CUBES)
 FIGURES += STABILITY_FIGURES
 
-# Structure is measured on every system, over the interval that the config gives or the system has.
-STRUCTURE_T_END = {name: system.t_end for name, system in systems.items()}
-STRUCTURE_T_END |= {sweep.system: sweep.t_end for sweep in CONFIG.sweeps}
+# Structure is measured on every autonomous system, over the interval that the config gives or the system has.
+STRUCTURE_T_END = {name: system.t_end for name, system in systems.items() if not system.time_dependent}
+STRUCTURE_T_END |= {sweep.system: sweep.t_end for sweep in CONFIG.sweeps if sweep.system in STRUCTURE_T_END}
 
 
 wildcard_constraints:
@@ -54,7 +54,7 @@ rule stability_run:
 
 rule stability_cube:
     input:
-        **{name: f"{RESULTS}/runs/stability/{{ensemble}}/{name}.h5" for name in CONFIG.integrators},
+        **{name: f"{RESULTS}/runs/stability/{{ensemble}}/{name}.h5" for name in CONFIG.methods},
     output:
         cube=CUBE("stability_{ensemble}"),
         table=TABLE("stability_{ensemble}"),
@@ -63,7 +63,7 @@ rule stability_cube:
     params:
         task=lambda wildcards: task(
             f"experiments.stability.{wildcards.ensemble}.reduce:reduce",
-            integrators=CONFIG.integrators,
+            integrators=CONFIG.methods,
             settings=getattr(CONFIG.stability, wildcards.ensemble),
         ),
     script:
@@ -77,7 +77,7 @@ rule linear_stability_cube:
     log:
         LOG("stability/linear"),
     params:
-        task=task("experiments.stability.linear.run:measure", integrators=CONFIG.integrators),
+        task=task("experiments.stability.linear.run:measure", integrators=CONFIG.methods),
     script:
         "../scripts/task.py"
 
@@ -91,7 +91,7 @@ rule structure_cube:
     params:
         task=task(
             "experiments.stability.conservation.run:measure",
-            integrators=CONFIG.integrators,
+            integrators=CONFIG.methods,
             t_end=STRUCTURE_T_END,
         ),
     script:
@@ -105,7 +105,7 @@ rule kinetic_energy_cube:
     log:
         LOG("stability/kinetic_energy"),
     params:
-        task=task("experiments.stability.kinetic_energy.run:measure", integrators=CONFIG.integrators),
+        task=task("experiments.stability.kinetic_energy.run:measure", integrators=CONFIG.methods),
     script:
         "../scripts/task.py"
 

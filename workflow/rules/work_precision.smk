@@ -25,7 +25,7 @@ rule work_precision_times:
         task=lambda wildcards: task(
             "experiments.work_precision.run:measure",
             sweeps=CONFIG.sweeps,
-            methods=CONFIG.work_precision.methods(CONFIG.integrators),
+            methods=CONFIG.work_precision.methods(CONFIG.methods),
             settings=CONFIG.work_precision,
             installed=installed(),
         ),

@@ -6,9 +6,11 @@ import argparse
 from collections.abc import Iterator
 from dataclasses import asdict
 from math import isfinite
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from nearharmonic.answers import Answer
+from nearharmonic.record.folders import RESULTS
 
 if TYPE_CHECKING:
     from nearharmonic.experiments.work_precision.recommend.choices import Choice, Recommendation
@@ -22,16 +24,34 @@ DIGITS = 4
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to ``parser``."""
     parser.add_argument("system", help="name of a system, or a Python file that defines SYSTEM")
+    parser.add_argument("--config", help="a config that defines the system, and integrators beside the registered ones")
     parser.add_argument("--error", required=True, help="the error that is allowed, such as 1e-9")
     parser.add_argument("--measure", default="max", help="one of max, mean, position (default max)")
-    parser.add_argument("--results", default="results/paper", help="folder with timings (default results/paper)")
+    parser.add_argument("--results", help="folder with timings (default that of the config, or results/paper)")
 
 
 def answer(chosen: argparse.Namespace) -> Answer:
     """Return the ranking; its status is 1 if no method meets the error bound."""
+    from nearharmonic.experiments.work_precision.recommend.choices import RESULTS as PAPER
     from nearharmonic.experiments.work_precision.recommend.choices import recommend
 
-    return ranking(recommend(chosen.system, chosen.error, measure=chosen.measure, results=chosen.results))
+    t_end, results = None, PAPER
+    if chosen.config is not None:
+        t_end, results = _configured(chosen.system, Path(chosen.config))
+    results = results if chosen.results is None else chosen.results
+    return ranking(recommend(chosen.system, chosen.error, measure=chosen.measure, results=results, t_end=t_end))
+
+
+def _configured(system: str, place: Path) -> tuple[str | None, str]:
+    """The end of the interval that a config gives a system, None for its own, and the folder of the results.
+
+    From then on the registries hold what the config defines.
+    """
+    from nearharmonic.config import read
+
+    config = read(place)
+    ends = {sweep.system: sweep.t_end for sweep in config.sweeps}
+    return ends.get(system), str(RESULTS / config.name)
 
 
 def ranking(found: Recommendation) -> Answer:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from nearharmonic.engine import invariants
 from nearharmonic.engine.batch import Trajectories
 from nearharmonic.engine.coefficients import Floats
 from nearharmonic.output.dataset import Variables, assembled, described
@@ -130,26 +131,12 @@ def clock_variables(problem: Problem, paths: Trajectories) -> Variables:
 def invariant_variables(problem: Problem, paths: Trajectories, constants: Sequence[Any]) -> Variables:
     """Return what a system conserves besides the energy, at the samples, and the largest change of each.
 
-    The change of an invariant of several components is the length of its vector, relative to the first where that is
-    not 0.
+    Source of the definitions: :func:`nearharmonic.engine.invariants.invariant_variables`.
     """
-    variables: Variables = {}
-    q, p = components(problem, paths)
-    for name, function in problem.system.invariants.items():
-        value = function(q, p, *constants)
-        several = isinstance(value, tuple | list)
-        parts = np.stack([np.broadcast_to(x, q[0].shape) for x in (value if several else (value,))], axis=-1)
-        unit, meaning = getattr(function, "unit", "unknown"), getattr(function, "meaning", "conserved quantity")
-        first = np.linalg.norm(parts[:, :1], axis=-1)
-        relative = (first > 0).all()
-        change = np.linalg.norm(parts - parts[:, :1], axis=-1) / (first if relative else 1.0)
-        # Samples behind the end of a run are no change; a run of no finite sample has none to tell.
-        drift = np.fmax.reduce(change, axis=1)
-        dimensions = ("tau_per_stage", "sample", *([f"{name}_component"] if several else []))
-        variables[name] = dimensions, parts if several else parts[..., 0], described(meaning, unit)
-        what = f"largest change of {name} over the samples{', relative to its first value' if relative else ''}"
-        variables[f"{name}_drift"] = ("tau_per_stage",), drift, described(what, "1" if relative else unit)
-    return variables
+    d = problem.system.dimension
+    return invariants.invariant_variables(
+        problem.system, paths.q[..., :d], paths.p[..., :d], paths.left_at > 0, constants
+    )
 
 
 def components(problem: Problem, paths: Trajectories) -> tuple[tuple[Any, ...], tuple[Any, ...]]:

@@ -22,6 +22,13 @@ BENCHMARKED = (
     "babps9o7h",
 )
 
+
+def _at(place: str) -> Tableau:
+    from nearharmonic.integrators.user_file import tableau_at
+
+    return tableau_at(place)
+
+
 integrators: Registry[Tableau] = make_registry(
-    __name__, "integrator", lambda module: {t.name: t for t in getattr(module, "TABLEAUS", ())}
+    __name__, "integrator", lambda module: {t.name: t for t in getattr(module, "TABLEAUS", ())}, _at
 )

@@ -9,6 +9,7 @@ from hashlib import sha256
 from typing import Literal
 
 from nearharmonic.core.arithmetic import rounded_pair
+from nearharmonic.display import facts_table, line
 from nearharmonic.errors import TableauError, bad_setting
 
 #: The operator applied first in a step: a drift moves q by dT/dp (ABA), a kick moves p by -dV/dq (BAB).
@@ -97,6 +98,29 @@ class Tableau:
         self._expect(fits, "rows", lengths, f"one {self.first} more than the other operator, as first = {self.first!r}")
         for key in ("kick", "drift"):
             self._check_symmetry_and_sum(key)
+
+    @property
+    def facts(self) -> dict[str, object]:
+        """What a notebook shows of the tableau, by name."""
+        return {
+            "name": self.name,
+            "label": self.label,
+            "stages": self.stages,
+            "order": self.order,
+            "first": self.first,
+            "requires": self.requires or "",
+            "source": self.source,
+        }
+
+    def __repr__(self) -> str:
+        return line("Tableau", self.facts)
+
+    def _repr_html_(self) -> str:
+        rows = {
+            f"{name} coefficients": ", ".join(f"{float(c)!r}" for c in getattr(self, name))
+            for name in ("drift", "kick")
+        }
+        return facts_table("Tableau", {**self.facts, **rows})
 
     def _check_numbers(self, key: str) -> None:
         row = getattr(self, key)

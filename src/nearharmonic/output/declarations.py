@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 Drawing = TypeVar("Drawing", bound="Callable[..., Figure]")
 
-#: The cube of a figure that is drawn for each system; names of files and targets end with that of the system.
+#: The cube of a figure that is drawn for each system; names of files and targets begin with that of the system.
 EVERY_SYSTEM = "{system}"
 
 
@@ -42,7 +42,8 @@ class Declaration:
     category : str
         Where a report lists it.
     profile : bool
-        Whether it is the energy-error figure of its system; every system has one.
+        Whether it is the energy-error figure of its system. That of every system has files of the same form of name
+        too; where a system has one of its own, it is drawn once, and its files stand under both names.
     """
 
     function: str
@@ -88,15 +89,17 @@ def figures_of(package: str, systems: Collection[str], cubes: Collection[str] = 
     Returns
     -------
     list of Declaration
-        A figure of :data:`EVERY_SYSTEM` stands once for each system that no other figure shows the profile of.
+        A figure of :data:`EVERY_SYSTEM` stands once for each system.
     """
     declared = list(_declarations(ROOT.joinpath(*package.split("."))))
-    profiled = {one.cube for one in declared if one.profile}
+    profiles = {one.cube: one for one in declared if one.profile and one.cube != EVERY_SYSTEM}
     found = []
     for one in declared:
         if one.cube == EVERY_SYSTEM:
-            names = [name for name in systems if not (one.profile and name in profiled)]
-            found += [replace(one, stem=f"{one.stem}_{n}", target=f"{one.target}_{n}", cube=n) for n in names]
+            own = profiles if one.profile else {}
+            found += [
+                replace(own.get(n, one), stem=f"{n}_{one.stem}", target=f"{n}_{one.target}", cube=n) for n in systems
+            ]
         elif one.cube is None or one.cube in systems or one.cube in cubes:
             found.append(one)
     return found

@@ -14,9 +14,10 @@ from typing import Any
 
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators
-from nearharmonic.output.atomic import write_text
+from nearharmonic.output.atomic import write_bytes, write_text
 from nearharmonic.output.dataset import Contents
-from nearharmonic.output.provenance import function_of, named_in, provenance
+from nearharmonic.output.definitions import defined, files_in
+from nearharmonic.output.provenance import digests, function_of, named_in, provenance
 from nearharmonic.output.receipts import WHOLE, Receipt
 from nearharmonic.output.table import Table, save_document
 from nearharmonic.output.table import save as save_table
@@ -62,7 +63,8 @@ def run(snakemake: Any) -> None:
 def draw(snakemake: Any) -> None:
     """Draw the figures of one cube, each by the package function that ``params.tasks`` names under its stem.
 
-    A function takes the cube, read once, if the rule has the input ``cube``; it returns a matplotlib ``Figure``.
+    A function takes the cube, read once, if the rule has the input ``cube``; it returns a matplotlib ``Figure``. A
+    figure that has two names is drawn once.
 
     Parameters
     ----------
@@ -79,10 +81,16 @@ def draw(snakemake: Any) -> None:
     with logged(snakemake.log[0]), rarely_collected():
         shown = [read(snakemake.input.cube)] if hasattr(snakemake.input, "cube") else []
         receipt = Receipt(snakemake.log[0], map(str, snakemake.input))
+        drawn: dict[str, list[str]] = {}
         for stem, task in snakemake.params.tasks.items():
             places = list(getattr(snakemake.output, stem))
-            with covered(task):
-                write(function_of(task)(*shown), places, provenance(task))
+            if task["function"] in drawn:
+                for made, place in zip(drawn[task["function"]], places, strict=True):
+                    write_bytes(place, Path(made).read_bytes())
+            else:
+                with covered(task):
+                    write(function_of(task)(*shown), places, provenance(task))
+            drawn[task["function"]] = places
             receipt.add(places, task)
         receipt.write()
 
@@ -114,12 +122,25 @@ def covered(task: Mapping[str, Any]) -> Iterator[None]:
     Raises
     ------
     NearharmonicError
-        Inside, on the look-up of a system or an integrator that is neither among the settings nor in a module that the
-        function reaches.
+        A file of a user's system or integrator has changed since the task was described; or inside, on the look-up of a
+        system or an integrator that is neither among the settings nor in a module that the function reaches.
     """
     named, reached = named_in(task["settings"]), task["modules"]
-    with systems.restricted(named, reached), integrators.restricted(named, reached):
-        yield
+    with defined(task["definitions"]):
+        if task["definitions"]:
+            _check_files(task)
+        with systems.restricted(named, reached), integrators.restricted(named, reached):
+            yield
+
+
+def _check_files(task: Mapping[str, Any]) -> None:
+    """Make what users define; refuse a file that is not as it was when the work was planned: digests would be wrong."""
+    for name in task["definitions"].get("systems", ()):
+        systems[name]
+    here = digests(task["function"], task["systems"], task["integrators"])
+    if any(here[what] != task[what] for what in here):
+        message = f"{' or '.join(files_in(task['definitions']))} has changed since the run began: start the run again"
+        raise NearharmonicError(message)
 
 
 def write(result: Any, places: Places, origin: Mapping[str, str]) -> None:

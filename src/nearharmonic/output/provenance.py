@@ -14,7 +14,9 @@ from typing import Any
 
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.output.sources import PACKAGE, closure, module_digest
+from nearharmonic.output.definitions import definitions_of
+from nearharmonic.output.sources import PACKAGE, closure, module_digest, module_of
+from nearharmonic.output.user_sources import digest_of, package_modules_of
 from nearharmonic.systems import systems
 
 #: Libraries whose version may change the last bit of a result or the bytes of its file.
@@ -43,7 +45,8 @@ def task(function: str, **settings: Any) -> Task:
         ``function``, ``settings``, ``modules`` (dotted names of the function's own and of all that it reaches),
         ``code`` (SHA-256, hex), ``coefficients`` (SHA-256, hex), and the names of the ``systems`` and ``integrators``
         that the settings hold. ``code`` covers these modules, those of these systems, and the versions of numpy, numba
-        and llvmlite. ``coefficients`` covers these integrators.
+        and llvmlite. ``coefficients`` covers these integrators. ``definitions`` has those of them that a user defines,
+        from which the job makes them again; ``code`` covers their files.
 
     Raises
     ------
@@ -60,6 +63,7 @@ def task(function: str, **settings: Any) -> Task:
         **digests(function, problems, methods),
         "systems": problems,
         "integrators": methods,
+        "definitions": definitions_of(problems, methods),
     }
 
 
@@ -69,17 +73,23 @@ def digests(function: str, problems: Iterable[str], methods: Iterable[str]) -> d
     Raises
     ------
     NearharmonicError
-        There is no such module, system or integrator.
+        There is no such module, system, integrator or user's file.
     """
-    return {
-        "code": code_digest(_module_of(function), *map(systems.module_of, problems)),
-        "coefficients": coefficients_digest(integrators[name] for name in methods),
-    }
+    names = list(problems)
+    files = {name: one.file for name, one in systems.definitions.items() if name in names and one.file is not None}
+    declared = [module for name in names if (module := systems.module_of(name)) is not None]
+    imported = {module for place in files.values() for name in package_modules_of(place) if (module := module_of(name))}
+    code = code_digest(_module_of(function), *declared, *imported)
+    if files:
+        told = [code, *(f"{name} {digest_of(place)}" for name, place in sorted(files.items()))]
+        code = sha256("\n".join(told).encode()).hexdigest()
+    return {"code": code, "coefficients": coefficients_digest(integrators[name] for name in methods)}
 
 
 def settings_text(task: Mapping[str, Any]) -> str:
-    """Return the settings of ``task`` as JSON."""
-    return json.dumps(task["settings"], sort_keys=True, default=asdict)
+    """Return the settings of ``task`` as JSON, with the definitions of systems and integrators if users define any."""
+    more = {"definitions": task["definitions"]} if task.get("definitions") else {}
+    return json.dumps({**task["settings"], **more}, sort_keys=True, default=asdict)
 
 
 def settings_digest(task: Mapping[str, Any]) -> str:

@@ -63,6 +63,27 @@ def module_digest(module: str, root: Path | None = None) -> str:
     return _files(root).source(module).digest
 
 
+def read_source(path: Path) -> Source:
+    """Return digest and imports of any Python file, as it is now.
+
+    Raises
+    ------
+    OSError
+        It cannot be read.
+    SyntaxError
+        It is no Python.
+    """
+    return _cache().parsed(path.read_bytes())
+
+
+def module_of(name: str) -> str | None:
+    """Return the module of the running package that a dotted name is, or is a part of; None if there is none."""
+    for module in (name, name.rpartition(".")[0]):
+        if module and path_of(module, ROOT).is_file():
+            return module
+    return None
+
+
 def path_of(module: str, root: Path) -> Path:
     """Return the file of the dotted name ``module`` in a package whose folder is ``root``."""
     path = root.joinpath(*module.split(".")[1:])
@@ -122,7 +143,12 @@ def _files(root: Path | None) -> _Files:
 
 @cache
 def _running() -> _Files:
-    return _Files(ROOT, SourceCache().parsed)
+    return _Files(ROOT, _cache().parsed)
+
+
+@cache
+def _cache() -> SourceCache:
+    return SourceCache()
 
 
 class SourceCache:

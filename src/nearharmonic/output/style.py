@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
+from io import BytesIO
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -54,9 +55,19 @@ _METADATA: dict[str, dict[str, Any]] = {"pdf": {"CreationDate": None}, "svg": {"
 house_style = mpl.rc_context(SETTINGS)
 
 
+class NotebookFigure(Figure):
+    """A figure that a notebook shows without pyplot, which is slow to load."""
+
+    def _repr_png_(self) -> bytes:
+        picture = BytesIO()
+        with mpl.rc_context(SETTINGS):
+            FigureCanvasAgg(self).print_png(picture)  # type: ignore[no-untyped-call]
+        return picture.getvalue()
+
+
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure of ``width`` x ``height`` inches on an Agg canvas; pyplot, slow to load, is not needed."""
-    figure = Figure(figsize=(width, height))
+    """An empty figure of ``width`` x ``height`` inches on an Agg canvas; pyplot is not needed."""
+    figure = NotebookFigure(figsize=(width, height))
     FigureCanvasAgg(figure)
     return figure
 

@@ -14,8 +14,11 @@ from typing import Any
 
 from nearharmonic.config import Config
 from nearharmonic.integrators import integrators
+from nearharmonic.output.definitions import files_in
 from nearharmonic.output.provenance import coefficients_digest
 from nearharmonic.output.sources import PACKAGE, ROOT, module_digest
+from nearharmonic.output.user_sources import digest_of as digest_of_file
+from nearharmonic.systems import systems
 
 #: Libraries that touch a number or a picture.
 LIBRARIES = (
@@ -29,11 +32,12 @@ def fingerprint(config: Config) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``config`` as resolved, ``config_digest``, ``code_digest``, ``coefficients_digest``, ``versions``; and ``work``,
-        the SHA-256 over these, which is the same for the same work.
+        ``config`` as resolved, ``config_digest``, ``code_digest``, ``coefficients_digest``, ``versions``; if users
+        define systems or integrators, ``user_files`` with the digest of each file; and ``work``, the SHA-256 over
+        these, which is the same for the same work.
     """
     resolved = json.loads(json.dumps(config, default=_plain))  # keys in their order: it is that of tables and legends
-    methods = dict.fromkeys((*config.integrators, *config.decomposed, *config.compared))
+    methods = dict.fromkeys((*config.methods, *config.decomposed, *config.compared))
     told = {
         "config": resolved,
         "config_digest": digest_of(resolved),
@@ -41,6 +45,9 @@ def fingerprint(config: Config) -> dict[str, Any]:
         "coefficients_digest": coefficients_digest(integrators[name] for name in methods),
         "versions": versions(),
     }
+    files = files_in({"systems": systems.definitions, "integrators": integrators.definitions})
+    if files:
+        told["user_files"] = {file: digest_of_file(file) for file in files}
     return {"work": digest_of(told), **told}
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import random
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from nearharmonic.experiments.paper.plan import runs_of
 from nearharmonic.experiments.paper.run import integrate_run
 from nearharmonic.output import store
 from nearharmonic.output.dataset import Variables
+from nearharmonic.output.definitions import defined, read_definitions
 from nearharmonic.record import manifest
 
 FUNCTION = "experiments.paper.run:integrate"
@@ -78,6 +79,12 @@ def _cells(folder: Path) -> Iterator[tuple[str, str, int]]:
 def _again(folder: Path, name: str, precision: str, index: int) -> Rerun:
     kept = store.read(folder / name, None if precision == "double" else precision)
     settings = json.loads(kept.attrs["settings"])
+    with defined(read_definitions(settings.get("definitions", {}))):
+        return _compared(name, precision, index, kept, settings)
+
+
+def _compared(name: str, precision: str, index: int, kept: Any, settings: Mapping[str, Any]) -> Rerun:
+    """Run ``index`` among those that a file has ``kept``, integrated again."""
     sweep = Sweep(**settings["sweep"] | {"precision": tuple(settings["sweep"]["precision"])})
     planned = runs_of(sweep, settings["integrator"], settings["shard"])
     (run,) = (run for run in planned if run.precision == precision)

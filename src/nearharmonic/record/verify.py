@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from nearharmonic.errors import NearharmonicError, ResultFileError
+from nearharmonic.output.definitions import defined, read_definitions
 from nearharmonic.output.provenance import digests
 from nearharmonic.output.receipts import identity, measured
 from nearharmonic.output.store import command_for, workflow_command
@@ -110,9 +112,9 @@ def _of_origins(folder: Path, entries: Entries) -> Iterator[Fault]:
     """A fault for each function whose code, systems or methods are not here as they were for some of its files."""
     made_otherwise: dict[tuple[str, str], list[str]] = {}
     for name, entry in entries.items():
-        differs = _difference(
-            entry["function"], tuple(entry["systems"]), tuple(entry["integrators"]), **_recorded(entry)
-        )
+        reached = tuple(entry["systems"]), tuple(entry["integrators"])
+        definitions = json.dumps(entry.get("definitions", {}))
+        differs = _difference(entry["function"], *reached, definitions, **_recorded(entry))
         if differs:
             made_otherwise.setdefault((entry["function"], differs), []).append(name)
     for (function, differs), names in made_otherwise.items():
@@ -128,10 +130,13 @@ def _recorded(entry: Mapping[str, Any]) -> dict[str, str]:
 
 
 @cache
-def _difference(function: str, problems: tuple[str, ...], methods: tuple[str, ...], **recorded: str) -> str:
-    """What is not as recorded, in words."""
+def _difference(
+    function: str, problems: tuple[str, ...], methods: tuple[str, ...], definitions: str, **recorded: str
+) -> str:
+    """What is not as recorded, in words; ``definitions`` of systems and integrators are JSON."""
     try:
-        here = digests(function, problems, methods)
+        with defined(read_definitions(json.loads(definitions))):
+            here = digests(function, problems, methods)
     except NearharmonicError as error:
         return f"code, of which something is not here ({error})"
     return " and ".join(what for what in recorded if here[what] != recorded[what])

@@ -8,6 +8,13 @@ from nearharmonic.systems.system import Observable, Parameter, System
 
 __all__ = ["Observable", "Parameter", "System", "systems"]
 
+
+def _at(place: str) -> System:
+    from nearharmonic.systems.user_file import system_at
+
+    return system_at(place)
+
+
 systems: Registry[System] = make_registry(
-    __name__, "system", lambda module: {s.name: s for s in [getattr(module, "SYSTEM", None)] if s is not None}
+    __name__, "system", lambda module: {s.name: s for s in [getattr(module, "SYSTEM", None)] if s is not None}, _at
 )

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 from nearharmonic.core.expression.graph import Graph
 from nearharmonic.core.number import Constant, vector
+from nearharmonic.display import facts_table, line
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems.energy import Energy
 from nearharmonic.systems.formulas import DerivedGradient, ExtendedPotential, Formulas, formulas_of, with_parameters
@@ -128,6 +129,25 @@ class System:
         if self.gravity and not (set(self.parameters) == {"GM"} and self.unit_masses):
             raise SystemDefinitionError(f"{self.name}: gravity means T = p.p/2 and GM as the only parameter")
 
+    @property
+    def facts(self) -> dict[str, object]:
+        """What a notebook shows of the system, by name."""
+        return {
+            "name": self.name,
+            "label": self.label,
+            "coordinates": self.dimension,
+            "parameters": ", ".join(f"{name} = {one.value}" for name, one in self.parameters.items()),
+            "invariants": ", ".join(self.invariants),
+            "t_end": self.t_end,
+            "source": self.source,
+        }
+
+    def __repr__(self) -> str:
+        return line("System", self.facts)
+
+    def _repr_html_(self) -> str:
+        return facts_table("System", self.facts)
+
     def _set_kinetic_energy(self) -> None:
         """Make T of ``masses``, and grad_T if it is not given; in a copy these may be the original's."""
         T, of_masses = self.T, isinstance(self.T, MassKineticEnergy)
@@ -178,15 +198,11 @@ class System:
         if self.energy_scale is not None and Decimal(self.energy_scale) <= 0:
             raise SystemDefinitionError(f"{self.name}: energy_scale = {self.energy_scale!r} is not positive")
 
-    def __repr__(self) -> str:
-        names = "".join(f", {name}" for name in self.parameters)
-        return f"System({self.name!r}, {self.dimension} coordinate{'s' * (self.dimension > 1)}{names})"
-
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle a registered system by its name, another by its fields, whose functions must be importable."""
         from nearharmonic.systems import systems
 
-        if systems.get(self.name) is self:
+        if self.name in systems.registered and systems.get(self.name) is self:
             return systems.__getitem__, (self.name,)
         kept = {x.name: getattr(self, x.name) for x in fields(self) if x.name != "declared_for"}
         for name in ("grad_V", "grad_T"):

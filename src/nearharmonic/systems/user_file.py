@@ -1,42 +1,107 @@
-"""Systems that users define in Python files of their own."""
+"""Systems that users define: in Python files of their own, or as registered ones with other initial values."""
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-from pathlib import Path
-from types import ModuleType
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
-from nearharmonic.errors import NearharmonicError, SystemDefinitionError
-from nearharmonic.systems import System
+from nearharmonic.errors import SystemDefinitionError, unknown_name
+from nearharmonic.registry import split_path
+from nearharmonic.systems import Parameter, System, systems
+from nearharmonic.user_module import load
+
+DECLARES = "A system of your own is a Python file that defines SYSTEM"
 
 
-def load_system(path: Path) -> System:
-    """Return the ``SYSTEM`` that the Python file ``path`` defines.
+@dataclass(frozen=True, kw_only=True)
+class SystemDefinition:
+    """A system of a file, or a registered one, with initial values and parameters of its own.
+
+    Attributes
+    ----------
+    file : str or None
+        The Python file that defines SYSTEM.
+    base : str or None
+        Name of a registered system; given if there is no file.
+    label : str or None
+        Name in titles, in place of the system's own.
+    q0, p0 : tuple of str, or None
+        Initial values in place of the system's own, as decimal strings.
+    parameters : tuple of (str, str)
+        Names and values of those parameters that have others than the system's own.
+    """
+
+    file: str | None = None
+    base: str | None = None
+    label: str | None = None
+    q0: tuple[str, ...] | None = None
+    p0: tuple[str, ...] | None = None
+    parameters: tuple[tuple[str, str], ...] = ()
+
+    def make(self, name: str) -> System:
+        """Return the system under the name that it has here.
+
+        Raises
+        ------
+        SystemDefinitionError
+            The file defines no system, or a number of initial values does not fit it.
+        UnknownNameError
+            A parameter that the system does not have.
+        """
+        original = load_system(self.file) if self.file is not None else systems[str(self.base)]
+        values = {key: value for key in ("q0", "p0") if (value := getattr(self, key)) is not None}
+        for key, value in values.items():
+            if len(value) != original.dimension:
+                message = f"{key} has {len(value)} components, and {original.label} has {original.dimension}"
+                raise SystemDefinitionError(message)
+        parameters = _changed(original, dict(self.parameters))
+        return replace(original, name=name, label=self.label or original.label, **values, parameters=parameters)
+
+
+def _changed(system: System, values: Mapping[str, str]) -> Mapping[str, Parameter]:
+    """The parameters of ``system``, some of them with another value."""
+    for name in values:
+        if name not in system.parameters:
+            if not system.parameters:
+                message = f"parameters has {name!r}, and {system.label} has no parameters"
+                raise SystemDefinitionError(message)
+            raise unknown_name(f"parameter of {system.label}", name, system.parameters)
+    return {
+        name: replace(parameter, value=values[name]) if name in values else parameter
+        for name, parameter in system.parameters.items()
+    }
+
+
+def load_system(place: str | os.PathLike[str]) -> System:
+    """Return the ``SYSTEM`` that a Python file defines.
 
     Raises
     ------
     SystemDefinitionError
         There is no such file, it cannot be run, or it defines no System of that name.
     """
-    if not path.is_file():
-        message = f"{path}: no such file. A system of your own is a Python file that defines SYSTEM"
-        raise SystemDefinitionError(message)
-    spec = importlib.util.spec_from_file_location(f"nearharmonic_user_{path.stem}", path)
-    if spec is None or spec.loader is None:
-        message = f"{path} is no Python file: its name must end in .py"
-        raise SystemDefinitionError(message)
-    module: ModuleType = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    try:
-        spec.loader.exec_module(module)
-    except NearharmonicError:
-        raise
-    except Exception as error:
-        message = f"{path} cannot be run: {type(error).__name__}: {error}"
-        raise SystemDefinitionError(message) from error
-    found = getattr(module, "SYSTEM", None)
+    found = getattr(load(place, DECLARES, SystemDefinitionError), "SYSTEM", None)
     if not isinstance(found, System):
-        message = f"{path} does not define SYSTEM, a nearharmonic.systems.System; it has {found!r}"
+        message = f"{os.fspath(place)} does not define SYSTEM, a nearharmonic.System; it has {found!r}"
+        raise SystemDefinitionError(message)
+    return found
+
+
+def system_at(place: str) -> System:
+    """Return the system of a file that is used by its path, under the name that it has there.
+
+    Raises
+    ------
+    SystemDefinitionError
+        As for :func:`load_system`, or its name is that of a registered system.
+    """
+    path, entry = split_path(place)
+    if entry:
+        message = f"{place}: a file defines one system, SYSTEM; give the path alone"
+        raise SystemDefinitionError(message)
+    found = load_system(path)
+    if found.name in systems.registered:
+        message = f"{path}: SYSTEM has the name of the registered system {found.name!r}; give it another name"
         raise SystemDefinitionError(message)
     return found

@@ -181,8 +181,8 @@ def test_a_method_that_does_not_fit_the_system_is_named_with_the_reason(tmp_path
     ("content", "says"),
     [
         (None, "no such file. A system of your own is a Python file that defines SYSTEM"),
-        ("x = 1", "does not define SYSTEM, a nearharmonic.systems.System; it has None"),
-        ("SYSTEM = 3", "does not define SYSTEM, a nearharmonic.systems.System; it has 3"),
+        ("x = 1", "does not define SYSTEM, a nearharmonic.System; it has None"),
+        ("SYSTEM = 3", "does not define SYSTEM, a nearharmonic.System; it has 3"),
         ("1 / 0", "cannot be run: ZeroDivisionError: division by zero"),
         ("def", "cannot be run: SyntaxError"),
         (QUARTIC.replace('"10"', '"ten"'), "quartic: t_end = 'ten' is not a finite decimal number"),

@@ -62,7 +62,10 @@ class ShownResults:
         drawn = [
             one for one in figures_of("experiments", cubes, cubes) if (self.folder / self.drawing(one.stem)).is_file()
         ]
-        distinct = {one.stem: one for one in drawn}.values()
+        numbered = {one.cube for one in drawn if one.profile and number_of(one)}  # the same drawing under two names
+        distinct = {
+            one.stem: one for one in drawn if number_of(one) or not (one.profile and one.cube in numbered)
+        }.values()
         return sorted(distinct, key=lambda one: (number_of(one) is None, number_of(one) or 0, one.stem))
 
     @staticmethod

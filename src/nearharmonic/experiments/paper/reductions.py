@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from nearharmonic.engine import invariants
 from nearharmonic.engine.statistics import linear_trend
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.output.dataset import Variables, variable
+from nearharmonic.output.dataset import Variables, described, variable
 from nearharmonic.systems.system import System
 
 
@@ -47,6 +48,9 @@ class Runs:
         return self["status"] == "diverged"
 
 
+#: The systems of the paper.
+PAPER = ("sho", "henon_heiles", "kepler")
+
 Reduction = Callable[[Runs], Variables]
 
 #: Each reduction with the variables that it needs: it is left out where the runs lack one of them.
@@ -77,7 +81,7 @@ def max_energy_error(runs: Runs) -> Variables:
     """Maximum over every step of |H - H0|/|H0|; infinite where the run left its energy surface."""
     # The first sample, that of the start, is a number in every run.
     largest = np.where(runs.diverged, np.inf, np.nanmax(runs["block_max_energy_error"], axis=1))
-    return _number("max_energy_error", largest, "maximum of |H - H0|/|H0| over every step, inf if diverged")
+    return _energy_errors(runs, "maximum", largest)
 
 
 @reduction("block_mean_energy_error", "block_steps")
@@ -87,7 +91,16 @@ def mean_energy_error(runs: Runs) -> Variables:
     # Without the padding: the order of numpy's pairwise sum, and so its rounding, depends on the length.
     sums = np.array([row[~np.isnan(row)].sum() for row in blocks])
     mean = np.where(runs.diverged, np.inf, sums / runs["steps"])
-    return _number("mean_energy_error", mean, "mean of |H - H0|/|H0| over every step, inf if diverged")
+    return _energy_errors(runs, "mean", mean)
+
+
+def _energy_errors(runs: Runs, what: str, values: Any) -> Variables:
+    """The maximum or the mean of the energy errors, relative to what those of the samples are."""
+    notes = runs.variables["energy_error"][2] if "energy_error" in runs.variables else described("(H - H0)/|H0|")
+    error = notes["long_name"].replace("(H - H0)", "|H - H0|", 1)
+    name = {"maximum": "max", "mean": "mean"}[what]
+    text = f"{what} of {error} over every step, inf if diverged"
+    return _number(f"{name}_energy_error", values, text, notes["units"])
 
 
 @reduction("t", "perihelion_angle")
@@ -103,6 +116,15 @@ def perihelion_advance(runs: Runs) -> Variables:
         **_number("perihelion_advance_interval", width, interval, "rad"),
         **_number("evaluations_per_orbit", evaluations, "force evaluations per orbit"),
     }
+
+
+@reduction("q", "p")
+def invariant_drifts(runs: Runs) -> Variables:
+    """Drift of each invariant that the system declares, but for the paper's systems: their files hold what it shows."""
+    if runs.system.name in PAPER:
+        return {}
+    found = invariants.invariant_variables(runs.system, runs["q"], runs["p"], runs.diverged)
+    return {name: value for name, value in found.items() if value[0] == ("tau_per_stage",)}
 
 
 def orbital_period(system: System) -> float:

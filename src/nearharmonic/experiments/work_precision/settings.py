@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from nearharmonic.engine.grid import check_fit
 from nearharmonic.engine.settings import STRICT, PositiveNumber, one_of, setting, whole_from
-from nearharmonic.errors import UnknownNameError
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.integrators.user_file import expanded
 from nearharmonic.systems import systems
 
 #: Holds Nielsen's Table 4, of which his figures show a choice.
@@ -25,7 +25,7 @@ class WorkPrecisionSettings:
     integrators: tuple[str, ...] | None = setting(
         "Methods beside those of the figures; if not given, all there are but the rest of the paper's Table 4",
         "a list of integrators, each named once",
-        each="the name of an integrator",
+        each="the name of an integrator, or the path of a Python file that defines TABLEAU or TABLEAUS",
         default=None,
     )
     points_per_decade: int = setting(
@@ -57,22 +57,18 @@ class WorkPrecisionSettings:
         """
         from nearharmonic.experiments.work_precision.peers import LIBRARIES
 
-        for name in self.integrators or ():
-            try:
-                tableau = integrators[name]
-            except UnknownNameError as error:
-                message = f"work_precision.integrators: {error}"
-                raise UnknownNameError(message) from None
+        for name in expanded(self.integrators or ()):
             for problem in problems:
-                check_fit(systems[problem], tableau)
+                check_fit(systems[problem], integrators[name])
         for i, library in enumerate(self.peers or ()):
             one_of(f"work_precision.peers[{i}]", library, LIBRARIES)
 
     def methods(self, figures: Collection[str]) -> list[str]:
         """Return the names of all methods that are timed: those of the ``figures``, then the others."""
-        others = self.integrators
-        if others is None:
+        if self.integrators is None:
             others = tuple(name for name in integrators if integrators.module_of(name) != PAPER)
+        else:
+            others = expanded(self.integrators)
         return [*figures, *(name for name in others if name not in figures)]
 
     def solvers(self) -> list[str]:

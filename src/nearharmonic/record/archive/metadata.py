@@ -32,6 +32,7 @@ FORMATS = {
     ".md": ("text/markdown", "Markdown"),
     ".pdf": ("application/pdf", "PDF"),
     ".png": ("image/png", "PNG"),
+    ".py": ("text/x-python", "Python"),
     ".svg": ("image/svg+xml", "SVG"),
     ".tex": ("application/x-tex", "LaTeX"),
     ".toml": ("application/toml", "TOML"),

@@ -23,6 +23,7 @@ from nearharmonic.record.archive import seal
 from nearharmonic.record.archive.metadata import METADATA, Member, Run, format_of, metadata
 from nearharmonic.record.archive.readme import readme
 from nearharmonic.record.archive.software import DOCUMENTS, document
+from nearharmonic.record.archive.user_files import UserFiles
 
 #: Folder of a result whose files an archive holds only on request: the trajectories.
 RUNS = "runs"
@@ -146,11 +147,13 @@ def _members(result: Path, *, with_runs: bool) -> list[Member]:
     recorded = manifest.read(result)["files"]
     taken = {path: entry for path, entry in recorded.items() if with_runs or PurePosixPath(path).parts[0] != RUNS}
     left_out = len(recorded) - len(taken)
-    configs, texts = _configs(runs)
+    user_files = UserFiles(recorded.values())
+    configs, texts = _configs(runs, user_files)
     members = [_result_file(result, path, entry) for path, entry in taken.items()]
     members += [Member.of_bytes(path, text, _ADDED["config"]) for path, text in texts.items()]
     members += [Member.of_bytes(name, _content(result / name), _ADDED[name]) for name in RECORD]
     members += [Member.of_bytes(name, document(name), _ADDED[name]) for name in DOCUMENTS]
+    members += user_files.members()
     text = readme(result.name, members, runs, left_out)
     members.append(Member.of_bytes("README.md", text, _ADDED["README.md"]))
     members.sort(key=lambda member: member.path)
@@ -159,13 +162,16 @@ def _members(result: Path, *, with_runs: bool) -> list[Member]:
     return sorted(members, key=lambda member: member.path)
 
 
-def _configs(runs: Sequence[Run]) -> tuple[dict[str, str], dict[str, bytes]]:
+def _configs(runs: Sequence[Run], user_files: UserFiles) -> tuple[dict[str, str], dict[str, bytes]]:
     """The path of the config of each run by the run's id, and the text of each by its path.
 
     That of the newest run that ended well is ``config.json``; one that differs carries its digest in its name. Keys
     that are not set are left out, as in a config that a person writes.
     """
-    texts = {run["id"]: json.dumps(_set(run["config"]), indent=1, ensure_ascii=False).encode() + b"\n" for run in runs}
+    texts = {
+        run["id"]: json.dumps(_set(user_files.config(run["config"])), indent=1, ensure_ascii=False).encode() + b"\n"
+        for run in runs
+    }
     newest = texts[next((run for run in reversed(runs) if run["status"] == "ok"), runs[-1])["id"]]
     paths = {
         name: "config.json" if text == newest else f"config-{hashlib.sha256(text).hexdigest()[:12]}.json"

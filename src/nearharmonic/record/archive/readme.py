@@ -16,6 +16,7 @@ PLACES = {
     "figures": "figures as PDF, SVG and PNG",
     "derived": "coefficients that the workflow derived",
     "runs": "trajectories",
+    "user_files": "Python files of systems and integrators that the config names",
     "config.json": "the settings of the newest run that ended well, as resolved",
     "history.jsonl": "every run of the workflow, one JSON object a line",
     "manifest.json": "size and digest of every result file, with the code and the run that made it",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from math import log
 from pathlib import Path
@@ -12,10 +13,12 @@ from typing import Any
 import numpy as np
 
 from nearharmonic.engine.settings import checked_tau, one_of
-from nearharmonic.errors import bad_setting, unknown_name
+from nearharmonic.errors import NearharmonicError, bad_setting, unknown_name
 from nearharmonic.output import store
+from nearharmonic.output.definitions import defined, read_definitions
 from nearharmonic.record.query.run_table import COLUMNS, Columns, runs_of_cube, settings_of, system_cubes
 from nearharmonic.systems import systems
+from nearharmonic.systems.user_file import SystemDefinition
 
 #: Relative spacing of a grid of one step size: the digits that a person would type.
 LEAST_SPACING = 1e-3
@@ -35,6 +38,8 @@ class SingleRun:
         Units of t, q, p and the energy of the system; empty if this package has no such system.
     settings : dict
         The sweep that it is part of, as the cube's attributes hold it.
+    definitions : dict
+        Definitions of the system and of integrators that a user defines, as the cube's attributes hold them.
     cube : Path
         File of the cube.
     file : Path or None
@@ -49,6 +54,7 @@ class SingleRun:
     units: dict[str, str]
     system_units: dict[str, str]
     settings: dict[str, Any]
+    definitions: dict[str, Any]
     cube: Path
     file: Path | None
     samples: int | None
@@ -91,17 +97,26 @@ def single_run(
     row = _nearest(columns["tau_per_stage" if per_stage else "tau"], checked_tau(tau), f"{integrator} on {system}")
     cells = {name: columns[name][row].item() for name in (*COLUMNS, *sorted(set(columns) - set(COLUMNS)))}
     attributes = store.attributes_of(cubes[system])
+    told = settings_of(attributes)
     file, samples = _trajectory(folder, cells)
     return SingleRun(
         cells=cells,
         units=units,
-        system_units=dict(systems[system].units) if system in systems else {},
-        settings=settings_of(attributes).get("sweep", {}),
+        system_units=_units(system, told.get("definitions", {})),
+        settings=told.get("sweep", {}),
+        definitions=told.get("definitions", {}),
         cube=cubes[system],
         file=file,
         samples=samples,
         origin=_origin(attributes if file is None else store.attributes_of(file)),
     )
+
+
+def _units(system: str, definitions: Mapping[str, Any]) -> dict[str, str]:
+    """Units of a registered or a user's system; {} if it is not here."""
+    with suppress(NearharmonicError), defined(read_definitions(definitions)):
+        return dict(systems[system].units)
+    return {}
 
 
 def _known(integrators: np.ndarray, name: str) -> str:
@@ -149,17 +164,37 @@ def _origin(attributes: Mapping[str, Any]) -> dict[str, str]:
 def python_lines(run: SingleRun) -> list[str]:
     """Return the lines of Python that make a run again; the number that they print is that of the cube, bit for bit."""
     cells, settings = run.cells, run.settings
+    system, before = _system_lines(str(cells["system"]), run.definitions)
+    integrator = _integrator_text(str(cells["integrator"]), run.definitions)
     given = {name: settings[name] for name in ("t_end", "summation", "samples") if name in settings}
     more = ", ".join(f"{name}={json.dumps(value)}" for name, value in given.items())
     return [
         "import nearharmonic as nh",
+        *before,
         "",
         "run = nh.integrate(",
-        f'    "{cells["system"]}", "{cells["integrator"]}", tau={cells["tau"]!r}, precision="{cells["precision"]}",',
+        f'    {system}, {integrator}, tau={cells["tau"]!r}, precision="{cells["precision"]}",',
         *([f"    {more},"] if more else []),
         ")",
         f"print(run.max_energy_error.item())  # {cells['max_energy_error']!r}",
     ]
+
+
+def _system_lines(name: str, definitions: Mapping[str, Any]) -> tuple[str, list[str]]:
+    """What stands for a system in a call, and the lines that must come before."""
+    told = read_definitions(definitions).get("systems", {}).get(name)
+    if told is None:
+        return f'"{name}"', []
+    if told == SystemDefinition(file=told.file):
+        return f'"{told.file}"', []
+    lines = ["from nearharmonic.systems.user_file import SystemDefinition", "", f'system = {told!r}.make("{name}")']
+    return "system", lines
+
+
+def _integrator_text(name: str, definitions: Mapping[str, Any]) -> str:
+    """What stands for an integrator in a call."""
+    told = read_definitions(definitions).get("integrators", {}).get(name)
+    return f'"{name}"' if told is None else f'"{told.file}:{name}"'
 
 
 def files_of(run: SingleRun, folder: Path, manifest: Mapping[str, Any]) -> Iterator[tuple[str, str, dict[str, Any]]]:

@@ -9,15 +9,15 @@ import numpy as np
 from nearharmonic.claims.page.plots import panels
 from nearharmonic.claims.page.plots.models import Field, Model
 from nearharmonic.claims.page.plots.panels import Panel
-from nearharmonic.experiments.paper.figures.levels import LARGEST_ERROR
+from nearharmonic.experiments.paper.figures.levels import LARGEST_ERROR, energy_error_label
 
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Variable -> what the panel shows, and its y axis.
+#: Variable -> what the panel shows, and the beginning of the label of its y axis.
 PANELS = {
-    "max_energy_error": ("A. Maximum over all steps", "max |ΔH/H₀|"),
-    "mean_energy_error": ("B. Mean over all steps", "mean |ΔH/H₀|"),
+    "max_energy_error": ("A. Maximum over all steps", "max"),
+    "mean_energy_error": ("B. Mean over all steps", "mean"),
 }
 #: The crosses stand at this share of the upper end of the axis.
 _EDGE = 0.8
@@ -50,7 +50,9 @@ class _Profile:
         )
         self._edge = ranges[1]["end"] * _EDGE
         x_label = "step size per stage, τ/s" + (f" ({unit})" if self._unit else "")
-        self._plots = {name: panels.new_plot(ranges, (x_label, y_label)) for name, (_, y_label) in PANELS.items()}
+        label = energy_error_label(cube["max_energy_error"].attrs, "|ΔH|", "|ΔH/H₀|")
+        self._labels = {name: f"{symbol} {label}" for name, (_, symbol) in PANELS.items()}
+        self._plots = {name: panels.new_plot(ranges, (x_label, self._labels[name])) for name in PANELS}
         for plot in self._plots.values():
             _add_slopes(plot)
         self._hits: dict[str, list[Any]] = {name: [] for name in PANELS}
@@ -90,7 +92,7 @@ class _Profile:
         """The finished panels."""
         for name, plot in self._plots.items():
             for renderers, field in ((self._hits[name], f"@{name}{{%.4e}}"), (self._crosses[name], "∞")):
-                rows = [("method", "$name"), ("τ/s", f"@x{{%.6g}}{self._unit}"), (PANELS[name][1], field)]
+                rows = [("method", "$name"), ("τ/s", f"@x{{%.6g}}{self._unit}"), (self._labels[name], field)]
                 panels.add_hover(plot, renderers, [*rows, ("evaluations", "@evaluations{0,0}"), ("status", "@status")])
         return [Panel(title=PANELS[name][0], plot=plot) for name, plot in self._plots.items()]
 

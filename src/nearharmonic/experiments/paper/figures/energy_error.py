@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from nearharmonic.experiments.paper.figures.levels import LARGEST_ERROR
+from nearharmonic.experiments.paper.figures.levels import LARGEST_ERROR, energy_error_label
 from nearharmonic.output.declarations import figure
 from nearharmonic.output.style import (
     house_style,
@@ -24,9 +26,41 @@ if TYPE_CHECKING:
     import xarray as xr
 
 PANELS = (
-    ("A", "max_energy_error", "maximum over all steps", r"$\max\,|\Delta H/H_0|$"),
-    ("B", "mean_energy_error", "mean over all steps", r"$\mathrm{mean}\,|\Delta H/H_0|$"),
+    ("A", "max_energy_error", "maximum", r"\max"),
+    ("B", "mean_energy_error", "mean", r"\mathrm{mean}"),
 )
+#: Dashes of a curve in extended precision.
+DASHES = (0, (4, 2))
+#: Columns of the legend. Rows of it have their place above the panels, for as many as ten methods.
+COLUMNS, ROWS = 4, 3
+#: Height of a row of the legend, as a share of that of the figure.
+ROW = 0.0195
+
+
+@dataclass(frozen=True, kw_only=True)
+class Profile:
+    """The energy errors of one method over step sizes per stage.
+
+    Attributes
+    ----------
+    integrator : str
+        Name of the method, which has a style.
+    tau_per_stage : array (n,)
+        Step sizes per stage.
+    errors : mapping
+        Arrays (n,) under the names of :data:`PANELS`. Infinite errors (diverged runs), NaN (not computed) and zeros
+        leave gaps.
+    turn : tuple of int
+        Number of the method, and number of methods: they take turns with their markers.
+    look : mapping
+        Changes of the line's style.
+    """
+
+    integrator: str
+    tau_per_stage: Any
+    errors: Mapping[str, Any]
+    turn: tuple[int, int]
+    look: Mapping[str, Any]
 
 
 @figure(
@@ -50,40 +84,73 @@ def draw_profile(cube: xr.Dataset) -> Figure:
     ``cube`` has dimensions (integrator, tau_per_stage), optionally led by ``precision`` with "double" (solid, marked)
     and "extended" (dashed). Infinite errors (diverged runs), NaN (not computed) and zeros leave gaps.
     """
+    handles = method_handles(map(str, cube["integrator"].values), map(str, cube["label"].values))
+    if "precision" in cube.dims and "extended" in cube["precision"].values:
+        handles.append(Line2D([], [], color="#404040", linestyle=DASHES, label="extended precision"))
+    unit = cube["tau_per_stage"].attrs.get("units", "1")
+    return draw_profiles(list(_profiles(cube)), handles, unit, cube["max_energy_error"].attrs)
+
+
+def _profiles(cube: xr.Dataset) -> Iterator[Profile]:
+    names = [str(name) for name in cube["integrator"].values]
+    for precision in [str(p) for p in cube["precision"].values] if "precision" in cube.dims else [""]:
+        layer = cube.sel(precision=precision) if precision else cube
+        for position, name in enumerate(names):
+            runs = layer.sel(integrator=name)
+            yield Profile(
+                integrator=name,
+                tau_per_stage=cube["tau_per_stage"].values,
+                errors={variable: runs[variable].values for _, variable, _, _ in PANELS},
+                turn=(position, len(names)),
+                look=dashed() if precision == "extended" else {},
+            )
+
+
+def dashed() -> dict[str, Any]:
+    """Return the look of a curve in extended precision."""
+    return {"linestyle": DASHES, "marker": "none", "linewidth": 0.9, "zorder": 2}
+
+
+@house_style
+def draw_profiles(
+    profiles: Sequence[Profile], handles: Sequence[Line2D], unit: str, attributes: Mapping[str, str]
+) -> Figure:
+    """Draw the largest (top) and the mean (bottom) energy errors of methods against step size per stage.
+
+    Parameters
+    ----------
+    profiles : sequence of Profile
+        The curves, in the order in which they are drawn.
+    handles : sequence of Line2D
+        Entries of the legend.
+    unit : str
+        Unit of the step sizes; "1" if they have none.
+    attributes : mapping
+        Of the errors: what they are relative to, and what the maximum is over.
+    """
+    over = "over the samples" if "over the samples" in attributes.get("long_name", "") else "over all steps"
     drawn = new_figure(7, 8.2)
-    drawn.subplots_adjust(left=0.105, right=0.985, top=0.885, bottom=0.062, hspace=0.115)
+    spare = ROW * max(0, ROWS - -(-len(handles) // COLUMNS))
+    drawn.subplots_adjust(left=0.105, right=0.985, top=0.885 + spare, bottom=0.062, hspace=0.115)
     upper, lower = drawn.subplots(2, 1, sharex=True, sharey=True)
-    precisions = [str(p) for p in cube["precision"].values] if "precision" in cube.dims else ["double"]
-    for axes, (letter, variable, says, ylabel) in zip((upper, lower), PANELS, strict=True):
-        for precision in precisions:
-            errors = cube[variable].sel(precision=precision) if "precision" in cube.dims else cube[variable]
-            _draw_methods(axes, errors, dashed=precision == "extended")
-        axes.set_ylabel(ylabel)
-        panel_letter(axes, letter, says)
+    for axes, (letter, variable, says, symbol) in zip((upper, lower), PANELS, strict=True):
+        _draw(axes, variable, profiles)
+        label = energy_error_label(attributes, rf"${symbol}\,|\Delta H|$", rf"${symbol}\,|\Delta H/H_0|$")
+        axes.set_ylabel(label)
+        panel_letter(axes, letter, f"{says} {over}")
     _scale(upper)
     for axes in (upper, lower):
         _slope_guide(axes)
-    unit = cube["tau_per_stage"].attrs.get("units", "1")
     lower.set_xlabel(r"step size per stage, $\tau/s$" + ("" if unit == "1" else f"  ({unit})"))
-    handles = method_handles(map(str, cube["integrator"].values), map(str, cube["label"].values))
-    if "extended" in precisions:
-        handles.append(Line2D([], [], color="#404040", linestyle=(0, (4, 2)), label="extended precision"))
-    drawn.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.545, 0.995), ncols=4, columnspacing=1.8)
+    drawn.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.545, 0.995), ncols=COLUMNS, columnspacing=1.8)
     return drawn
 
 
-def _draw_methods(axes: Axes, errors: xr.DataArray, *, dashed: bool) -> None:
-    tau_per_stage = errors["tau_per_stage"].values
-    names = [str(name) for name in errors["integrator"].values]
-    for position, name in enumerate(names):
-        changes = {"linestyle": (0, (4, 2)), "marker": "none", "linewidth": 0.9} if dashed else {}
-        axes.plot(
-            tau_per_stage,
-            errors.sel(integrator=name).values,
-            markevery=mark_every(position, len(names), len(tau_per_stage)),
-            zorder=2 if dashed else 3,
-            **style_of(name).line(**changes),
-        )
+def _draw(axes: Axes, variable: str, profiles: Iterable[Profile]) -> None:
+    for one in profiles:
+        marks = mark_every(*one.turn, len(one.tau_per_stage))
+        look = style_of(one.integrator).line(**{"zorder": 3, **one.look})
+        axes.plot(one.tau_per_stage, one.errors[variable], markevery=marks, **look)
 
 
 def _scale(axes: Axes) -> None:

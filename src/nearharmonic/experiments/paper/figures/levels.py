@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from math import pi
 
 #: An error of ten times the energy is no trajectory any more; the axis ends there.
@@ -15,6 +17,23 @@ MERCURY_RELATIVISTIC_ADVANCE = 42.98
 
 _ARCSECONDS_PER_RADIAN = 180 * 3600 / pi
 _HOURS_PER_CENTURY = 36525 * 24
+
+
+def energy_error_label(attributes: Mapping[str, str], absolute: str, relative: str) -> str:
+    """Return the label of an axis of energy errors, relative to |H0| unless their attributes say otherwise.
+
+    Parameters
+    ----------
+    attributes : mapping
+        ``long_name`` and ``units`` of the errors; without them, they are relative to |H0|.
+    absolute, relative : str
+        What stands for |H - H0| and for |H - H0|/|H0|.
+    """
+    scale = re.search(r"\|H - H0\|/\((.*?)\)", attributes.get("long_name", ""))
+    if scale:
+        return f"{absolute} / ({scale[1]})"
+    unit = attributes.get("units", "1")
+    return relative if "|H - H0|/|H0|" in attributes.get("long_name", "|H - H0|/|H0|") else f"{absolute} ({unit})"
 
 
 def arcseconds_per_century(orbital_period: float) -> float:

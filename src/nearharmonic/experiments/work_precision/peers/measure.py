@@ -83,6 +83,8 @@ def peer_curve(
 
 
 def _misfit(peer: Peer, system: System) -> str:
+    if system.time_dependent:
+        return "not written for a potential that depends on time"
     return "" if system.unit_masses or not peer.quadratic_only else "does not fit: it requires T = p.p/2"
 
 

@@ -23,7 +23,6 @@ from nearharmonic.experiments.work_precision.recommend.step_search import fewest
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.systems import System, systems
-from nearharmonic.systems.user_file import load_system
 
 CUBE = Path("cubes/work_precision.h5")
 RESULTS = "results/paper"
@@ -111,7 +110,14 @@ class Recommendation:
         return tuple(choice for choice in self.choices if choice.status == "met")
 
 
-def recommend(system: str, error: object, *, measure: object = "max", results: str | Path = RESULTS) -> Recommendation:
+def recommend(
+    system: str,
+    error: object,
+    *,
+    measure: object = "max",
+    results: str | Path = RESULTS,
+    t_end: str | None = None,
+) -> Recommendation:
     """Rank every method by the wall time of its cheapest run that meets an error bound.
 
     Each recommended step was run over the whole interval and meets the bound, as do all finer steps that were run.
@@ -128,6 +134,8 @@ def recommend(system: str, error: object, *, measure: object = "max", results: s
         Key of :data:`nearharmonic.experiments.work_precision.curve.MEASURES`.
     results
         Folder of results that may hold timings of other libraries.
+    t_end
+        End of the interval as a decimal string; the system's own if not given.
 
     Returns
     -------
@@ -141,10 +149,10 @@ def recommend(system: str, error: object, *, measure: object = "max", results: s
     """
     bound = checked_tau(error, "error")
     kind = one_of("measure", measure, tuple(MEASURES))
-    own = system.endswith(".py") or "/" in system
-    subject = load_system(Path(system)) if own else systems[system]
-    t_end = position_t_end(subject, subject.t_end) if kind == "position" else subject.t_end
-    peers, origin = _peers_of(None if own else Path(results) / CUBE, subject, t_end, kind)
+    subject = systems[system]
+    end = subject.t_end if t_end is None else t_end
+    t_end = position_t_end(subject, end) if kind == "position" else end
+    peers, origin = _peers_of(Path(results) / CUBE if system in systems else None, subject, t_end, kind)
     exact = reference(subject, t_end) if kind == "position" else None
     with pinned() as core:
         warm_up(subject, modes=(TIMED,))

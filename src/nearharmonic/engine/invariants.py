@@ -1,0 +1,103 @@
+"""Invariants that a system declares beside its energy: their values at the samples, and how far they drift."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from nearharmonic.errors import SystemDefinitionError
+from nearharmonic.output.dataset import Variables, described
+from nearharmonic.systems.system import System
+
+Floats = NDArray[np.float64]
+
+
+def invariant_values(
+    system: System, q: ArrayLike, p: ArrayLike, constants: Sequence[Any] | None = None
+) -> dict[str, Floats]:
+    """Return each invariant of ``system`` at some states, evaluated in double precision.
+
+    Parameters
+    ----------
+    system : System
+        A system of d coordinates.
+    q, p : (..., d) array of float
+        States.
+    constants : sequence of floats or arrays, optional
+        Parameters of the system; its own by default.
+
+    Returns
+    -------
+    dict
+        Arrays (..., k) by the name of the invariant, k its number of components.
+
+    Raises
+    ------
+    SystemDefinitionError
+        An invariant cannot be evaluated.
+    """
+    shape = np.shape(q)[:-1]
+    state = tuple(tuple(np.moveaxis(np.asarray(x, float), -1, 0)) for x in (q, p))
+    given = system.constants(float) if constants is None else constants
+    found: dict[str, Floats] = {}
+    for name, function in system.invariants.items():
+        try:
+            value = function(*state, *given)
+            parts = value if isinstance(value, tuple | list) else (value,)
+            found[name] = np.empty((*shape, len(parts)))
+            for i, part in enumerate(parts):
+                found[name][..., i] = part
+        except Exception as error:
+            message = f"{system.name}: the invariant {name} cannot be evaluated: {type(error).__name__}: {error}"
+            raise SystemDefinitionError(message) from error
+    return found
+
+
+def invariant_variables(
+    system: System, q: Floats, p: Floats, diverged: Any, constants: Sequence[Any] | None = None
+) -> Variables:
+    """Return the invariants of ``system`` at the samples of R runs, and the drift of each, ``<name>_drift``.
+
+    Parameters
+    ----------
+    system : System
+        A system of d coordinates.
+    q, p : (R, S, d) array of float
+        States at the samples, the first of them those at the start; NaN where a run has no sample.
+    diverged : (R,) array of bool
+        Whether each run left its energy surface.
+    constants : sequence of floats or arrays, optional
+        Parameters of the system; its own by default.
+
+    Returns
+    -------
+    Variables
+        Values over (tau_per_stage, sample), with a dimension more, ``<name>_component``, for a vector; and drifts over
+        tau_per_stage: the maximum over the samples of |I - I0| / |I0|, Euclidean for a vector, or of |I - I0| where
+        I0 = 0; infinite where the run left its energy surface. The ``long_name`` says which.
+
+    Raises
+    ------
+    SystemDefinitionError
+        An invariant cannot be evaluated.
+    """
+    found: Variables = {}
+    for name, values in invariant_values(system, q, p, constants).items():
+        function = system.invariants[name]
+        unit, meaning = getattr(function, "unit", "unknown"), getattr(function, "meaning", "conserved quantity")
+        several = [f"{name}_component"] if values.shape[-1] > 1 else []
+        found[name] = (
+            ("tau_per_stage", "sample", *several), values if several else values[..., 0], described(meaning, unit)
+        )  # fmt: skip
+        first = np.hypot.reduce(values[:, :1], axis=-1)
+        relative = bool((first > 0).all())
+        change = np.hypot.reduce(values - values[:, :1], axis=-1) / (first if relative else 1.0)
+        # fmax passes over NaN, of which the first sample has none.
+        drift = np.where(diverged, np.inf, np.fmax.reduce(change, axis=1))
+        measure = "|I - I0|/|I0|" if relative else "|I - I0|"
+        what = f"maximum over the samples of {measure}, I = {name} in double precision, inf if diverged"
+        found[f"{name}_drift"] = ("tau_per_stage",), drift, described(what, "1" if relative else unit)
+    return found

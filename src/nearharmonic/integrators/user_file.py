@@ -1,0 +1,128 @@
+"""Integrators that users define in Python files of their own."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from nearharmonic.errors import TableauError, unknown_name
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.registry import is_path, split_path
+from nearharmonic.user_module import load
+
+DECLARES = "An integrator of your own is a Python file that defines TABLEAU, or several in TABLEAUS"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableauDefinition:
+    """An integrator of a user's file.
+
+    Attributes
+    ----------
+    file : str
+        The Python file.
+    written : str
+        The path of the file as a config gives it.
+    base : None
+        No user's integrator changes a registered one.
+    """
+
+    file: str
+    written: str
+    base: None = None
+
+    def make(self, name: str) -> Tableau:
+        """Return the tableau of this name.
+
+        Raises
+        ------
+        TableauError
+            The file does not define it.
+        """
+        found = load_tableaus(self.file)
+        if name not in found:
+            message = f"{self.file} does not define the integrator {name!r} any more: it has {', '.join(found)}"
+            raise TableauError(message)
+        return found[name]
+
+
+def load_tableaus(place: str | os.PathLike[str]) -> dict[str, Tableau]:
+    """Return the tableaus that a Python file defines as TABLEAU or TABLEAUS, by name.
+
+    Raises
+    ------
+    TableauError
+        There is no such file, it cannot be run, it defines no tableau, or one has the name of another one or of a
+        registered integrator.
+    """
+    path = os.fspath(place)
+    module = load(path, DECLARES, TableauError)
+    several = getattr(module, "TABLEAUS", ())
+    single = getattr(module, "TABLEAU", None)
+    found = [*([] if single is None else [single]), *(several if isinstance(several, list | tuple) else [several])]
+    if not found or not all(isinstance(one, Tableau) for one in found):
+        message = f"{path} does not define TABLEAU, a nearharmonic.Tableau, or a tuple of them as TABLEAUS"
+        raise TableauError(message)
+    named: dict[str, Tableau] = {}
+    for one in found:
+        if one.name in integrators.registered:
+            message = f"{path}: the integrator {one.name!r} is a registered one already; give it another name"
+            raise TableauError(message)
+        if one is not named.setdefault(one.name, one):
+            message = f"{path} defines two integrators with the name {one.name!r}"
+            raise TableauError(message)
+    return named
+
+
+def tableau_at(place: str) -> Tableau:
+    """Return the tableau of a file that is used by its path; of several, the one whose name follows a colon.
+
+    Raises
+    ------
+    TableauError
+        As for :func:`load_tableaus`, or the file defines several and the path names none.
+    UnknownNameError
+        The file does not define the one that is named.
+    """
+    return _chosen(place, *split_path(place))
+
+
+def _chosen(place: str, path: str, name: str) -> Tableau:
+    found = load_tableaus(path)
+    if name and name not in found:
+        raise unknown_name(f"integrator of {path}", name, found)
+    if not name and len(found) > 1:
+        message = f"{place} defines {len(found)} integrators: name one, as in {path}:{next(iter(found))}"
+        raise TableauError(message)
+    return found[name] if name else next(iter(found.values()))
+
+
+def expanded(entries: Iterable[str]) -> tuple[str, ...]:
+    """Return the names of integrators for the entries of a list in a config.
+
+    Parameters
+    ----------
+    entries : iterable of str
+        Names, and paths of files; a path stands for all integrators of the file, ``path:name`` for one of them. The
+        integrators of these files are defined.
+
+    Raises
+    ------
+    UnknownNameError
+        There is no such integrator.
+    """
+    names: list[str] = []
+    for entry in entries:
+        if is_path(entry):
+            path, name = split_path(entry)
+            names += [
+                key
+                for key, one in integrators.definitions.items()
+                if isinstance(one, TableauDefinition) and one.written == path and name in ("", key)
+            ]
+        else:
+            integrators[entry]
+            names.append(entry)
+    return tuple(names)

@@ -1,0 +1,97 @@
+"""Python files that users write, as modules: loaded once, and again after an edit of the file or of those beside it."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+
+from nearharmonic.errors import NearharmonicError
+
+#: Size and time of the last change of each file that a module was loaded from.
+Files = dict[Path, tuple[int, int]]
+
+_LOADED: dict[Path, tuple[ModuleType, Files]] = {}
+
+
+def load(place: str | os.PathLike[str], declares: str, error: type[NearharmonicError]) -> ModuleType:
+    """Return the module of a Python file; the same one as long as no file that it was loaded from changes.
+
+    The file may import modules that stand beside it. They are its own: two files in different folders may each import
+    another ``common``.
+
+    Parameters
+    ----------
+    place : path
+        The file.
+    declares : str
+        What it is to hold, for the message if there is no such file.
+    error : type
+        Class of the error.
+
+    Raises
+    ------
+    NearharmonicError
+        Of this class: there is no such file, its name does not end in ``.py``, or it cannot be run.
+    """
+    path = Path(place)
+    if not path.is_file():
+        message = f"{path}: no such file. {declares}"
+        raise error(message)
+    key = path.resolve()
+    if key in _LOADED:
+        module, files = _LOADED[key]
+        if _state(files) == files:
+            return module
+    spec = importlib.util.spec_from_file_location(f"nearharmonic_user_{path.stem}", key)
+    if spec is None or spec.loader is None:
+        message = f"{path} is no Python file: its name must end in .py"
+        raise error(message)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # dataclasses look up the module that they are defined in
+    files = {key: (0, 0)}
+    try:
+        with _own_modules(key.parent, files):
+            spec.loader.exec_module(module)
+    except NearharmonicError:
+        raise
+    except Exception as fault:
+        message = f"{path} cannot be run: {type(fault).__name__}: {fault}"
+        raise error(message) from fault
+    _LOADED[key] = module, _state(files)
+    return module
+
+
+def _state(files: Files) -> Files:
+    """``files`` as they are now; one that is gone is left out."""
+    found: Files = {}
+    for path in files:
+        try:
+            told = path.stat()
+        except OSError:
+            continue
+        found[path] = told.st_size, told.st_mtime_ns
+    return found
+
+
+@contextmanager
+def _own_modules(folder: Path, files: Files) -> Iterator[None]:
+    """Let modules of ``folder`` be imported inside, add their files to ``files``, and forget them afterwards."""
+    before = set(sys.modules)
+    writes, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # a source edited twice in a second would look old
+    sys.path.insert(0, str(folder))
+    importlib.invalidate_caches()
+    try:
+        yield
+    finally:
+        sys.path.remove(str(folder))
+        sys.dont_write_bytecode = writes
+        for name in set(sys.modules) - before:
+            origin = getattr(sys.modules[name], "__file__", None)
+            if origin and Path(origin).is_relative_to(folder) and "site-packages" not in Path(origin).parts:
+                files[Path(origin)] = (0, 0)
+                del sys.modules[name]

@@ -1,0 +1,77 @@
+"""Systems, tableaus and registries as a notebook and an interpreter show them."""
+
+from __future__ import annotations
+
+from html.parser import HTMLParser
+
+import pytest
+
+import nearharmonic as nh
+
+TOP = (
+    "System", "Parameter", "Observable", "Tableau", "palindrome", "order_of", "stability_limit", "kappa", "plot",
+    "integrate", "sweep", "systems", "integrators",
+)  # fmt: skip
+
+
+class Cells(HTMLParser):
+    """The texts of a table's cells; every element that is opened must be closed."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.cells = [], []
+        self.feed(text)
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        assert self.open[-1] in ("td", "th", "caption")
+        self.cells.append(data)
+
+
+@pytest.mark.parametrize("name", TOP)
+def test_a_name_stands_at_the_top_of_the_package_and_is_listed(name):
+    assert name in dir(nh)
+    assert name in nh.__all__
+    assert getattr(nh, name) is not None
+
+
+@pytest.mark.parametrize("entry", [*nh.systems.values(), *nh.integrators.values()], ids=lambda entry: entry.name)
+def test_an_entry_is_one_line_with_its_name_and_a_table_of_its_facts(entry):
+    line = repr(entry)
+    assert line.startswith(f"<{type(entry).__name__} {entry.name}: label {entry.label}, ")
+    assert "\n" not in line
+    assert len(line) < 200
+    cells = Cells(entry._repr_html_()).cells
+    assert {entry.name, entry.label} <= set(cells)
+
+
+def test_the_lines_of_two_entries_read_as_the_paper_has_them():
+    assert repr(nh.integrators["ruth"]) == "<Tableau ruth: label Ruth, stages 3, order 4, first drift>"
+    assert repr(nh.systems["sho"]) == "<System sho: label simple harmonic oscillator, coordinates 1, t_end 500>"
+
+
+def test_a_tableau_shows_each_coefficient():
+    (row,) = [cell for cell in Cells(nh.integrators["leapfrog"]._repr_html_()).cells if cell == "0.5, 0.5"]
+    assert row
+
+
+@pytest.mark.parametrize("registry", [nh.systems, nh.integrators], ids=["systems", "integrators"])
+def test_a_registry_is_a_table_with_a_row_for_each_entry(registry):
+    html = registry._repr_html_()
+    assert html.count("<tr>") == len(registry) + 1
+    assert set(registry) <= set(Cells(html).cells)
+    assert "\n" not in repr(registry)
+
+
+def test_what_a_user_writes_is_no_markup():
+    from own_systems import spring
+
+    shown = spring(label="<b>spring</b> & more")._repr_html_()
+    assert "<b>" not in shown
+    assert "&lt;b&gt;spring&lt;/b&gt; &amp; more" in shown

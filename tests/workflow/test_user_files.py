@@ -1,0 +1,223 @@
+"""A config with users' systems and an integrator, run to its end: files, record, archive, and what edits make again."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import zipfile
+
+import h5py
+import numpy as np
+import pytest
+import yaml
+
+import nearharmonic as nh
+from nearharmonic.systems.user_file import load_system
+from workflow_project import ROOT, Project
+
+GRID = {"lowest": 0.05, "highest": 0.25, "points_per_decade": 4}
+MINE = {
+    "name": "mine",
+    "integrators": ["ruth", "fourth_order.py"],
+    "systems": {
+        "well": {"file": "quartic_well.py", "t_end": 10, "tau_per_stage": GRID},
+        "wide": {"file": "quartic_well.py", "q0": [3, 0], "parameters": {"b": 0.5}, "t_end": 5, "tau_per_stage": GRID},
+        "venus": {
+            "system": "kepler", "q0": ["108.94", 0], "p0": [0, "0.12528"], "t_end": 5000,
+            "tau_per_stage": {"lowest": 20, "highest": 100, "points_per_decade": 4},
+        },
+    },
+    "samples": 20,
+    "overview": ["ruth", "fourth_order.py"],
+}  # fmt: skip
+OPTION = ("--configfile", "own/mine.yaml")
+RESULTS = "results/mine"
+
+pytestmark = pytest.mark.slow  # the figure and the cube of one system alone: test_user_file.py
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """The project with a config, a system and an integrator in a folder of their own, after ``snakemake``."""
+    project = Project(tmp_path_factory.mktemp("user_files"))
+    own = project.folder / "own"
+    own.mkdir()
+    for name in ("quartic_well.py", "fourth_order.py"):
+        (own / name).write_text((ROOT / "examples" / name).read_text(encoding="utf-8"))
+    (own / "mine.yaml").write_text(yaml.safe_dump(MINE))
+    done = project.snakemake("-j2", *OPTION)
+    assert done.returncode == 0, done.stdout
+    return project
+
+
+def edited(project, name, before, after):
+    """A dry run's jobs while a file of the user reads otherwise."""
+    path = project.folder / "own" / name
+    text = path.read_text()
+    assert before in text
+    path.write_text(text.replace(before, after))
+    try:
+        return project.jobs("all", *OPTION)
+    finally:
+        path.write_text(text)
+
+
+def test_every_system_has_its_cube_its_figure_and_its_rows(made):
+    results = made.folder / RESULTS
+    for key in ("well", "wide", "venus"):
+        for suffix in ("pdf", "svg", "png"):
+            assert (results / f"figures/{key}_energy_error.{suffix}").stat().st_size > 5000
+        with h5py.File(results / f"cubes/{key}.h5") as cube:
+            assert cube.attrs["system"] == key
+            assert [name.decode() for name in cube["integrator"][:]] == ["ruth", "five_leapfrogs"]
+            assert (cube["max_energy_error"][:, 0] < 0.01).all()
+    rows = [line.split(",")[:2] for line in (results / "tables/skipped.csv").read_text().splitlines()]
+    assert {("well", "five_leapfrogs"), ("wide", "ruth"), ("venus", "ruth")} <= {tuple(row) for row in rows}
+    page = (results / "report.html").read_text(encoding="utf-8")
+    assert all(f'id="figure-{key}_energy_error' in page for key in ("well", "wide", "venus"))
+    assert "five leapfrogs" in page
+    assert (results / "figures/fig2_decomposition.pdf").is_file()  # of methods, whatever the systems are
+    assert not (results / "figures/fig1_sho.pdf").exists()
+
+
+def test_a_cube_has_the_numbers_of_the_same_run_from_python(made):
+    system = load_system(made.folder / "own/quartic_well.py")
+    with h5py.File(made.folder / RESULTS / "cubes/well.h5") as cube:
+        tau, found = cube["tau"][1, :], cube["max_energy_error"][1, :]
+    again = nh.sweep(system, made.folder / "own/fourth_order.py", tau, t_end="10").max_energy_error.values
+    assert again.tobytes() == found.tobytes()
+
+
+def test_the_drift_of_an_invariant_is_that_of_the_samples(made):
+    with h5py.File(made.folder / RESULTS / "cubes/well.h5") as cube:
+        drift = cube["angular_momentum_drift"]
+        assert b"|I - I0|/|I0|" in np.bytes_(drift.attrs["long_name"])
+        found = drift[0, :]
+    with h5py.File(made.folder / RESULTS / "runs/well/ruth/0.h5") as run:
+        (x, y), (u, v) = np.moveaxis(run["q"][:], -1, 0), np.moveaxis(run["p"][:], -1, 0)
+    momentum = x * v - y * u
+    np.testing.assert_allclose(found, np.nanmax(abs(momentum / 0.5 - 1), axis=1), rtol=1e-12, atol=1e-30)
+    # Each substep of a splitting method keeps the angular momentum of a central force: rounding alone is left.
+    assert (found < 1e-13).all()
+    with h5py.File(made.folder / RESULTS / "cubes/venus.h5") as cube:
+        assert cube["eccentricity_vector_drift"].shape == cube["perihelion_advance"].shape == (2, 3)
+
+
+def test_a_second_run_has_nothing_to_do(made):
+    assert made.jobs("all", *OPTION) == {}
+
+
+def test_an_edit_of_the_system_runs_what_depends_on_it_and_nothing_else(made):
+    jobs = edited(made, "quartic_well.py", "b * square**2 / 4", "b * square**2 / 8 * 2")
+    assert jobs == {
+        "compile": 2, "integrate": 4, "reduce": 2, "draw_well": 1, "draw_wide": 1, "skipped": 1, "decide_claims": 1,
+        "page": 1, "all": 1,
+    }  # fmt: skip
+
+
+def test_a_comment_in_a_users_file_runs_nothing(made):
+    assert edited(made, "quartic_well.py", "from near", "# a comment\nfrom near") == {}
+    assert edited(made, "fourth_order.py", "from near", "# a comment\nfrom near") == {}
+
+
+def test_an_edit_of_the_integrator_runs_its_runs_and_what_is_made_of_them(made):
+    jobs = edited(made, "fourth_order.py", "five leapfrogs", "leapfrogs, five of them")
+    drawn = {f"draw_{name}": 1 for name in ("well", "wide", "venus", "sho_terms")}
+    assert jobs == {
+        "integrate": 3, "reduce": 3, "decompose": 1, "skipped": 1, "paper_tables": 1, "decide_claims": 1, **drawn,
+        "page": 1, "all": 1,
+    }  # fmt: skip
+
+
+def test_other_initial_values_run_that_system_alone(made):
+    jobs = edited(made, "mine.yaml", "b: 0.5", "b: 0.25")
+    assert (jobs["compile"], jobs["integrate"], jobs["reduce"]) == (1, 2, 1)
+    assert [name for name in jobs if name.startswith("draw_")] == ["draw_wide"]
+
+
+def test_verify_finds_no_fault_and_integrates_runs_again_and_an_edit_is_a_fault(made):
+    done = made.nearharmonic("verify", RESULTS, "--rerun", "4")
+    assert done.returncode == 0, done.stdout
+    assert "4 have the same bits" in done.stdout
+    path = made.folder / "own/quartic_well.py"
+    text = path.read_text()
+    path.write_text(text.replace("b * square**2 / 4", "b * square**2 / 8 * 2"))
+    done = made.nearharmonic("verify", RESULTS)
+    path.write_text(text)
+    assert done.returncode == 1
+    assert "runs/well/five_leapfrogs/0.h5  was made with other code (and 3 more)" in done.stdout
+    assert "venus" not in done.stdout
+
+
+def test_the_record_holds_the_digest_of_the_files(made):
+    (run,) = [json.loads(line) for line in (made.folder / RESULTS / "history.jsonl").read_text().splitlines()]
+    assert set(run["user_files"]) == {"own/quartic_well.py", "own/fourth_order.py"}
+    with h5py.File(made.folder / RESULTS / "cubes/wide.h5") as cube:
+        told = json.loads(cube.attrs["settings"])["definitions"]
+    assert told["systems"]["wide"]["file"] == "own/quartic_well.py"
+    assert told["systems"]["wide"]["q0"] == ["3", "0"]
+    assert told["integrators"]["five_leapfrogs"]["file"] == "own/fourth_order.py"
+
+
+def test_a_shown_run_is_made_again_by_its_lines_of_python(made, tmp_path):
+    for key, method in (("well", "ruth"), ("wide", "five_leapfrogs"), ("venus", "five_leapfrogs")):
+        tau = {"venus": "100"}.get(key, "0.5")
+        shown = made.nearharmonic("show", "mine", key, method, tau, "--format", "json")
+        assert shown.returncode == 0, shown.stderr
+        document = json.loads(shown.stdout)
+        script = tmp_path / "again.py"
+        script.write_text(document["python"])
+        made_again = made.python(str(script))
+        assert made_again.returncode == 0, made_again.stderr
+        assert float(made_again.stdout) == document["run"]["max_energy_error"]
+
+
+def test_an_archive_holds_the_files_and_its_config_runs_from_them(made, tmp_path):
+    place = tmp_path / "mine.zip"
+    done = made.nearharmonic("archive", "mine", "-o", str(place))
+    assert done.returncode == 0, done.stderr
+    assert made.nearharmonic("verify", str(place)).returncode == 0
+    unpacked = made.folder / "unpacked"
+    with zipfile.ZipFile(place) as archive:
+        archive.extractall(unpacked)
+    for name in ("quartic_well.py", "fourth_order.py"):
+        assert (unpacked / "user_files" / name).read_text() == (made.folder / "own" / name).read_text()
+    config = json.loads((unpacked / "config.json").read_text())
+    assert config["systems"]["well"]["file"] == "user_files/quartic_well.py"
+    assert config["integrators"] == ["ruth", "user_files/fourth_order.py"]
+    cubes = [f"results/again/cubes/{key}.h5" for key in ("well", "venus")]
+    done = made.snakemake(*cubes, "-j2", "--configfile", "unpacked/config.json", "--config", "name=again")
+    assert done.returncode == 0, done.stdout
+    for key in ("well", "venus"):
+        with (
+            h5py.File(made.folder / f"results/again/cubes/{key}.h5") as again,
+            h5py.File(unpacked / f"cubes/{key}.h5") as before,
+        ):
+            assert all(again[name][()].tobytes() == before[name][()].tobytes() for name in ("tau", "max_energy_error"))
+
+
+def test_results_are_adopted_by_a_copy_of_the_project_that_has_the_files(made, tmp_path):
+    copy = Project(tmp_path / "copy")
+    for name in ("own", RESULTS):
+        shutil.copytree(made.folder / name, copy.folder / name)
+    done = copy.nearharmonic("adopt", "mine")
+    assert done.returncode == 0, done.stderr
+    assert copy.jobs("all", *OPTION) == {}
+    path = copy.folder / "own/quartic_well.py"
+    path.write_text(path.read_text().replace("b * square**2 / 4", "b * square**2 / 8 * 2"))
+    assert copy.jobs("all", *OPTION)["integrate"] == 4
+    done = copy.nearharmonic("adopt", "mine")
+    assert done.returncode == 1
+    assert "was made with other code" in done.stdout + done.stderr
+
+
+def test_recommend_knows_the_systems_and_the_integrators_of_a_config(made):
+    done = made.nearharmonic("recommend", "wide", "--error", "1e-3", "--config", "own/mine.yaml", "--format", "json")
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert (told["system"], told["t_end"]) == ("wide", "5")
+    assert "five_leapfrogs" in {choice["method"] for choice in told["choices"]}
+    assert "snakemake work_precision makes it" in told["basis"]
+    without = made.nearharmonic("recommend", "wide", "--error", "1e-3")
+    assert without.returncode == 2
+    assert "unknown system 'wide'" in without.stderr
