@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from nearharmonic.integrators.tableau import Tableau as Tableau
     from nearharmonic.integrators.tableau import palindrome as palindrome
     from nearharmonic.systems import systems as systems
-    from nearharmonic.systems.system import Observable as Observable
-    from nearharmonic.systems.system import Parameter as Parameter
+    from nearharmonic.systems.quantities import Observable as Observable
+    from nearharmonic.systems.quantities import Parameter as Parameter
     from nearharmonic.systems.system import System as System
     from nearharmonic.theory.linear_stability import stability_limit as stability_limit
     from nearharmonic.theory.order import order_of as order_of
@@ -32,8 +32,8 @@ __version__ = "0.1.0"
 
 #: Where the names are that are loaded when they are first asked for: numpy takes longer than a command that needs none.
 _MODULES = {
-    "Observable": "systems.system",
-    "Parameter": "systems.system",
+    "Observable": "systems.quantities",
+    "Parameter": "systems.quantities",
     "System": "systems.system",
     "Tableau": "integrators.tableau",
     "ensemble": "engine.ensemble",

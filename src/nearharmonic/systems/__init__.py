@@ -4,7 +4,8 @@ This package is itself the mapping ``systems``: see :mod:`nearharmonic.registry`
 """
 
 from nearharmonic.registry import Registry, make_registry
-from nearharmonic.systems.system import Observable, Parameter, System
+from nearharmonic.systems.quantities import Observable, Parameter
+from nearharmonic.systems.system import System
 
 __all__ = ["Observable", "Parameter", "System", "systems"]
 

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from nearharmonic.core.arithmetic import sqrt
-from nearharmonic.systems.system import Observable, Parameter, System, Vector
+from nearharmonic.systems.quantities import Observable, Parameter, Vector
+from nearharmonic.systems.system import System
 
 
 def V(q: Vector, GM: Any) -> Any:
@@ -94,7 +95,14 @@ SYSTEM = System(
         # 1.32712e11 km^3 s^-2 times (3600 s/h)^2, in (1e6 km)^3 h^-2: exact.
         "GM": Parameter(value="1.71994752", unit="1e18 km3 h-2", meaning="gravitational constant times solar mass"),
     },
-    invariants={"angular_momentum": angular_momentum, "eccentricity_vector": eccentricity_vector},
+    invariants={
+        "angular_momentum": Observable(
+            function=angular_momentum, unit="1e12 km2 h-1", meaning="angular momentum per unit mass"
+        ),
+        "eccentricity_vector": Observable(
+            function=eccentricity_vector, unit="1", meaning="Laplace-Runge-Lenz vector over GM"
+        ),
+    },
     observables={
         "perihelion_angle": Observable(
             function=perihelion_angle, unit="rad", meaning="angle of the Laplace-Runge-Lenz vector"

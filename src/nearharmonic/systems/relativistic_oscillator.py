@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from nearharmonic.core.arithmetic import sqrt
-from nearharmonic.systems.system import System, Vector
+from nearharmonic.systems.quantities import Vector
+from nearharmonic.systems.system import System
 
 
 def V(q: Vector) -> Any:

@@ -16,32 +16,12 @@ from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems.energy import Energy
 from nearharmonic.systems.formulas import DerivedGradient, ExtendedPotential, Formulas, formulas_of, with_parameters
 from nearharmonic.systems.kinetic_energy import MassKineticEnergy, quadratic_grad_T, quadratic_T
-
-#: A coordinate tuple of any number type: float, numpy array, mpf, or a number traced into a kernel.
-Vector = tuple[Any, ...]
+from nearharmonic.systems.quantities import Observable, Parameter, Vector, decimal, sequence
 
 Scalar = TypeVar("Scalar")
 
 #: Members of a system that hold for its V and T alone.
 DECLARED = ("harmonic", "gravity", "exact_position", "position_t_end")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Parameter:
-    """One constant of a system: exact decimal ``value`` with its ``unit`` and ``meaning``."""
-
-    value: str
-    unit: str
-    meaning: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Observable:
-    """A function ``f(q, p, *parameters)`` of the sampled states (numpy arrays), recorded with each run."""
-
-    function: Callable[..., Any]
-    unit: str
-    meaning: str
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)  # formulas have no equality but identity
@@ -62,11 +42,13 @@ class System:
     parameters, or a constant symmetric positive definite matrix (d, d) of strings and fractions. Without ``masses`` and
     T the masses are 1.
 
-    ``q0``, ``p0``, ``t_end`` and the parameters are decimal strings: exact, rounded once per precision.
-    ``units`` names the units of ``q``, ``p``, ``t`` and ``energy``. ``invariants`` are conserved functions
-    ``f(q, p, *parameters)`` besides the energy; ``observables`` are recorded at the samples; ``period(q, p,
-    *parameters)`` is the period of the exact orbit through floats q, p, if it has one. ``energy_scale`` is what energy
-    errors are relative to, a decimal string in the unit of energy; if None, |H0|, or that unit where H0 = 0.
+    ``q0``, ``p0``, ``t_end`` and the parameters are decimal strings, exact, rounded once per precision; numbers mean
+    the decimals that they print as, and a parameter may be given by its value alone. ``units`` names the units of ``q``,
+    ``p``, ``t`` and ``energy``, "1" by default. ``invariants`` are conserved functions ``f(q, p, *parameters)`` besides
+    the energy, an :class:`Observable` where their units matter; ``observables`` are recorded at the samples;
+    ``period(q, p, *parameters)`` is the period of the exact orbit through floats q, p, if it has one. ``energy_scale``
+    is what energy errors are relative to, a decimal string in the unit of energy; if None, |H0|, or that unit where
+    H0 = 0.
     ``surface_limit`` is the relative energy error beyond which a run has diverged; ``surface_reason`` says why.
 
     ``harmonic`` marks the unit oscillator H = (p^2 + q^2)/2, whose energy errors are known in closed form, ``gravity``
@@ -86,14 +68,14 @@ class System:
     """
 
     name: str
-    label: str
+    label: str = ""
     V: Callable[..., Any]
     grad_V: Callable[..., Vector] = None  # type: ignore[assignment]  # never None once built
     q0: tuple[str, ...]
     p0: tuple[str, ...]
     t_end: str
-    units: Mapping[str, str]
-    source: str
+    units: Mapping[str, str] = field(default_factory=lambda: dict.fromkeys(("q", "p", "t", "energy"), "1"))
+    source: str = "defined by its user"
     T: Callable[..., Any] = quadratic_T
     grad_T: Callable[..., Vector] = None  # type: ignore[assignment]
     masses: Sequence[Any] | None = None
@@ -112,6 +94,7 @@ class System:
     surface_reason: str = "the energy error is as large as the energy itself"
 
     def __post_init__(self) -> None:
+        self._write_out()
         if len(self.q0) != len(self.p0) or not self.q0:
             raise SystemDefinitionError(
                 f"{self.name}: q0 has {len(self.q0)} components and p0 {len(self.p0)}, expected equal and >= 1"
@@ -181,6 +164,17 @@ class System:
                 if getattr(self, name) is original[name]:
                     object.__setattr__(self, name, getattr(System, name))
         object.__setattr__(self, "declared_for", {name: getattr(self, name) for name in ("V", "T", *DECLARED)})
+
+    def _write_out(self) -> None:
+        """Write out what was given in short: numbers, a parameter by its value alone, no label."""
+        named = {
+            key: value if isinstance(value, Parameter) else Parameter(value=decimal(value), unit="1", meaning=key)
+            for key, value in self.parameters.items()
+        }
+        rows = {key: tuple(map(decimal, sequence(getattr(self, key)))) for key in ("q0", "p0")}
+        written = {"label": self.label or self.name, "parameters": named, "t_end": decimal(self.t_end), **rows}
+        for key, value in written.items():
+            object.__setattr__(self, key, value)
 
     def _check_numbers(self) -> None:
         named = {f"parameter {k}": v.value for k, v in self.parameters.items()} | {"t_end": self.t_end}

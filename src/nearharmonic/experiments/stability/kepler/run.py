@@ -22,7 +22,8 @@ from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.dataset import Contents, coordinate, variable
 from nearharmonic.systems.kepler import SYSTEM as MERCURY
 from nearharmonic.systems.kepler import perihelion_angle
-from nearharmonic.systems.system import Parameter, System
+from nearharmonic.systems.quantities import Parameter
+from nearharmonic.systems.system import System
 
 #: The Kepler problem in units of the orbit: GM = 1 and semi-major axis 1, so H = -1/2 and the period is 2 pi.
 SYSTEM: System = replace(

@@ -1,0 +1,45 @@
+"""Quantities that a system is declared with: its parameters and observables, and numbers as decimals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from numbers import Real
+from typing import Any
+
+#: A coordinate tuple of any number type: float, numpy array, mpf, or a number traced into a kernel.
+Vector = tuple[Any, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """One constant of a system: exact decimal ``value`` with its ``unit`` and ``meaning``."""
+
+    value: str
+    unit: str
+    meaning: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Observable:
+    """A function ``f(q, p, *parameters)`` of states, with its unit and meaning."""
+
+    function: Callable[..., Any]
+    unit: str
+    meaning: str
+
+    def __call__(self, q: Vector, p: Vector, *parameters: Any) -> Any:
+        """Its value, or its values, at states of any number type."""
+        return self.function(q, p, *parameters)
+
+
+def decimal(value: Any) -> Any:
+    """Return a number as the shortest decimal that it prints as, and anything else as it is."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return value
+    return str(value) if isinstance(value, int) else repr(float(value))
+
+
+def sequence(values: Any) -> Any:
+    """Return what is no sequence as one of itself alone."""
+    return values if isinstance(values, Iterable) and not isinstance(values, str) else (values,)
