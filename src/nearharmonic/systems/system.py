@@ -43,9 +43,9 @@ class System:
     T the masses are 1.
 
     ``q0``, ``p0``, ``t_end`` and the parameters are decimal strings, exact, rounded once per precision; numbers mean
-    the decimals that they print as, and a parameter may be given by its value alone. ``units`` names the units of ``q``,
-    ``p``, ``t`` and ``energy``, "1" by default. ``invariants`` are conserved functions ``f(q, p, *parameters)`` besides
-    the energy, an :class:`Observable` where their units matter; ``observables`` are recorded at the samples;
+    the decimals that they print as, and a parameter may be given by its value alone. ``units`` names the units of
+    ``q``, ``p``, ``t`` and ``energy``, "1" by default. ``invariants`` are conserved functions ``f(q, p, *parameters)``
+    besides the energy, an :class:`Observable` where their units matter; ``observables`` are recorded at the samples;
     ``period(q, p, *parameters)`` is the period of the exact orbit through floats q, p, if it has one. ``energy_scale``
     is what energy errors are relative to, a decimal string in the unit of energy; if None, |H0|, or that unit where
     H0 = 0.

@@ -1,0 +1,126 @@
+"""What runs cost beside their kernels: prepared calls, ensembles, and the energy at every step of larger systems.
+
+Run: ``python benchmarks/trajectories.py`` (about a minute). Times are minima of calls that take turns on one core.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from fractions import Fraction
+
+import numpy as np
+
+import nearharmonic as nh
+from nearharmonic.engine.coefficients import coefficients, lane_rows, parameter_row, start_row
+from nearharmonic.engine.ensemble import ensemble_width
+from nearharmonic.engine.kernels import kernel_of
+from nearharmonic.engine.settings import Numerics
+from nearharmonic.math import sqrt
+
+BODIES, SITES = 10, 64
+
+
+def fastest(calls, repeats):
+    """The shortest time of each call in seconds; the calls take turns."""
+    best = dict.fromkeys(calls, np.inf)
+    for _ in range(repeats):
+        for name, call in calls.items():
+            begin = time.perf_counter()
+            call()
+            best[name] = min(best[name], time.perf_counter() - begin)
+    return best
+
+
+def prepared_calls(repeats):
+    problem = nh.problem("henon_heiles", "aba864", t_end=1)
+    problem(0.5)
+    (slot,) = problem._slots[2]
+    fresh = iter(range(3, 10**9))
+    calls = {
+        "kernel alone": slot.batch.call,
+        "a step size that was seen": lambda: problem(0.5),
+        "a new step size": lambda: problem(1 / next(fresh)),
+        "initial values as floats": lambda: problem(0.5, q0=(0.1, 0.2)),
+        "initial values as strings": lambda: problem(0.5, q0=("0.1", "0.2")),
+    }
+    best = fastest(calls, repeats)
+    for name, seconds in best.items():
+        print(f"problem: {name:32s}{1e6 * seconds:8.1f} microseconds")
+
+
+def ensembles(members, repeats):
+    system, tableau, steps = nh.systems["henon_heiles"], nh.integrators["aba864"], 1000
+    rng = np.random.default_rng(1)
+    q0, p0 = rng.uniform(-0.2, 0.2, (2, members, 2))
+    width = ensemble_width(2, compensated=True, extended=False)
+    wide = [np.repeat(row[0], width, axis=1).reshape(-1) for row in coefficients(tableau, [Fraction(1, 10)], 1)]
+    fresh = lane_rows(start_row(*system.start(Fraction)), parameter_row([]), width)
+    for energy in ("none", "every"):
+        advance = kernel_of(system, Numerics(width=width, energy=energy)).advance()
+
+        def kernel(advance=advance):
+            for _ in range(members // width):
+                advance(steps, tableau.stages, False, *wide, fresh.copy())
+
+        def whole(energy=energy):
+            nh.ensemble("henon_heiles", "aba864", 0.1, q0=q0, p0=p0, t_end=100, energy=energy)
+
+        best = fastest({"kernel": kernel, "ensemble": whole}, repeats)
+        each = {name: 1e6 * seconds / members for name, seconds in best.items()}
+        ratio = each["ensemble"] / each["kernel"]
+        print(f"ensemble, energy {energy:6s}: {each['ensemble']:.2f} microseconds a member of {members}, "
+              f"kernel {each['kernel']:.2f}: {ratio:.2f}")  # fmt: skip
+
+
+def bodies():
+    """A heavy body and nine light ones around it."""
+    masses = [1.0] + [1e-3] * (BODIES - 1)
+    rng, q0, p0 = np.random.default_rng(3), [0.0] * 3, [0.0] * 3
+    for i in range(1, BODIES):
+        radius, angle = 1 + 0.5 * i, rng.uniform(0, 2 * np.pi)
+        q0 += [radius * np.cos(angle), radius * np.sin(angle), 0.01 * i]
+        p0 += [-1e-3 * radius**-0.5 * np.sin(angle), 1e-3 * radius**-0.5 * np.cos(angle), 0.0]
+
+    def V(q):
+        pairs = ((i, j) for i in range(BODIES) for j in range(i))
+        return -sum(masses[i] * masses[j] / sqrt(sum((q[3 * i + k] - q[3 * j + k]) ** 2 for k in range(3)))
+                    for i, j in pairs)  # fmt: skip
+
+    return nh.System(name="bodies", V=V, q0=q0, p0=p0, t_end=10, masses=[str(m) for m in masses for _ in range(3)])
+
+
+def chain():
+    """FPUT beta chain in its first mode, ends fixed."""
+
+    def V(q):
+        q = (0, *q, 0)
+        return sum((b - a) ** 2 / 2 + (b - a) ** 4 / 40 for a, b in zip(q, q[1:], strict=False))
+
+    q0 = [float(f"{np.sin(np.pi * (i + 1) / (SITES + 1)):.6f}") for i in range(SITES)]
+    return nh.System(name="chain", V=V, q0=q0, p0=[0] * SITES, t_end=100)
+
+
+def energies(repeats):
+    for system, tau in ((bodies(), 0.01), (chain(), 0.1)):
+        problems = {energy: nh.problem(system, "leapfrog", energy=energy) for energy in ("none", "every")}
+        best = fastest({name: lambda one=one: one(tau) for name, one in problems.items()}, repeats)
+        print(
+            f"energy at every step of leapfrog, {system.name:7s}{best['every'] / best['none']:5.2f} times a run without"
+        )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser.add_argument("--members", type=int, default=100_000, help="members of the ensembles (default 100000)")
+    members = parser.parse_args().members
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    prepared_calls(3000)
+    energies(100)
+    ensembles(members, 5)
+
+
+if __name__ == "__main__":
+    main()
