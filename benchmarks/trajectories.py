@@ -9,6 +9,7 @@ import argparse
 import os
 import time
 from fractions import Fraction
+from itertools import pairwise
 
 import numpy as np
 
@@ -96,7 +97,7 @@ def chain():
 
     def V(q):
         q = (0, *q, 0)
-        return sum((b - a) ** 2 / 2 + (b - a) ** 4 / 40 for a, b in zip(q, q[1:], strict=False))
+        return sum((b - a) ** 2 / 2 + (b - a) ** 4 / 40 for a, b in pairwise(q))
 
     q0 = [float(f"{np.sin(np.pi * (i + 1) / (SITES + 1)):.6f}") for i in range(SITES)]
     return nh.System(name="chain", V=V, q0=q0, p0=[0] * SITES, t_end=100)
