@@ -107,9 +107,8 @@ def energies(repeats):
     for system, tau in ((bodies(), 0.01), (chain(), 0.1)):
         problems = {energy: nh.problem(system, "leapfrog", energy=energy) for energy in ("none", "every")}
         best = fastest({name: lambda one=one: one(tau) for name, one in problems.items()}, repeats)
-        print(
-            f"energy at every step of leapfrog, {system.name:7s}{best['every'] / best['none']:5.2f} times a run without"
-        )
+        ratio = best["every"] / best["none"]
+        print(f"energy at every step of leapfrog, {system.name:7s}{ratio:5.2f} times a run without")
 
 
 def main() -> None:
