@@ -106,7 +106,7 @@ def chain():
 def energies(repeats):
     for system, tau in ((bodies(), 0.01), (chain(), 0.1)):
         problems = {energy: nh.problem(system, "leapfrog", energy=energy) for energy in ("none", "every")}
-        best = fastest({name: lambda one=one: one(tau) for name, one in problems.items()}, repeats)
+        best = fastest({name: lambda one=one, tau=tau: one(tau) for name, one in problems.items()}, repeats)
         ratio = best["every"] / best["none"]
         print(f"energy at every step of leapfrog, {system.name:7s}{ratio:5.2f} times a run without")
 
