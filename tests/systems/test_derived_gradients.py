@@ -260,11 +260,6 @@ def quartic(q, k):
     return k * q[0] ** 4
 
 
-def test_a_system_is_shown_in_one_line():
-    assert repr(nh.systems["kepler"]) == "System('kepler', 2 coordinates, GM)"
-    assert repr(nh.systems["sho"]) == "System('sho', 1 coordinate)"
-
-
 def test_systems_pickle_registered_ones_to_themselves():
     for system in nh.systems.values():
         assert pickle.loads(pickle.dumps(system)) is system
