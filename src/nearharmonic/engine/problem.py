@@ -17,6 +17,7 @@ from nearharmonic.engine.batch import (
     sample_marks,
 )
 from nearharmonic.engine.coefficients import Floats, scaled_rows
+from nearharmonic.engine.continuation import Start
 from nearharmonic.engine.grid import check_fit, steps_of
 from nearharmonic.engine.initial_values import (
     exact,
@@ -84,10 +85,11 @@ def problem(
 class _Slot:
     """A batch of one run, with what its arrays hold."""
 
-    __slots__ = ("batch", "default", "step")
+    __slots__ = ("batch", "default", "given", "step")
 
     def __init__(self, batch: Batch, step: StepSize) -> None:
         self.batch, self.step, self.default = batch, step, True
+        self.given: Start | None = None
 
 
 class Problem:
@@ -181,7 +183,7 @@ class Problem:
             slot.batch.parameters[:] = standard_parameters(self.system)
             slot.default = True
         slot.batch.run(self.tableau.stages * self.system.dimension, step.steps)
-        solution = Solution(self, step, slot.batch)
+        solution = Solution(self, step, slot.batch, None if slot.default else slot.given)
         slots.append(slot)
         return solution
 
@@ -256,8 +258,9 @@ class Problem:
         for key, rows in given:
             if len(rows) != 1:
                 raise bad_setting(key, f"{len(rows)} rows", "those of one trajectory; nearharmonic.ensemble takes many")
-        slot.batch.start[:], slot.default = given[0][1], False
-        slot.batch.parameters[:] = standard_parameters(self.system) if parameters is None else given[1][1]
+        rows = standard_parameters(self.system)[None, :] if parameters is None else given[1][1]
+        slot.batch.start[:], slot.batch.parameters[:], slot.default = given[0][1], rows, False
+        slot.given = Start(state=given[0][1], parameters=rows, given=dict(parameters or {}))
 
 
 def _unpickled(system: System, tableau: Tableau, t_end: str, numerics: Numerics, scale: float, samples: int) -> Problem:
