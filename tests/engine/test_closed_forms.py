@@ -5,10 +5,10 @@ Each system is made once for the whole file, so that its kernels are compiled on
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import log2
 
 import mpmath
-import numpy as np
 import pytest
 from mpmath import mp, mpf
 
@@ -48,7 +48,7 @@ MORSE = nh.System(
 SITES = 12
 CHAIN = nh.System(
     name="linear chain",
-    V=lambda q, k: (q[0] ** 2 + sum((x - y) ** 2 for x, y in zip(q[1:], q, strict=False)) + q[-1] ** 2) * k / 2,
+    V=lambda q, k: (q[0] ** 2 + sum((x - y) ** 2 for x, y in pairwise(q)) + q[-1] ** 2) * k / 2,
     q0=tuple(str((7 * i) % 5 - 2) for i in range(SITES)),
     p0=tuple(str((3 * i) % 4 - 1) for i in range(SITES)),
     t_end="25",
@@ -139,7 +139,7 @@ def test_the_third_invariant_of_a_toda_ring_drifts_as_its_lax_matrix_says():
 
 
 def morse_position(t, energy, D, a, m):
-    """exp(a q) = (1 + r cos(w t)) / (1 - r^2) from the outer turning point, r^2 = E / D, w = a (2 D (1 - r^2) / m)^1/2."""
+    """exp(a q) = (1 + r cos(w t)) / (1 - r^2) from the outer turn, with r^2 = E / D and w^2 = 2 a^2 D (1 - r^2) / m."""
     w = a * mpmath.sqrt(2 * D * (1 - energy / D) / m)
     return mpmath.log((1 + mpmath.sqrt(energy / D) * mpmath.cos(w * t)) / (1 - energy / D)) / a
 
@@ -174,7 +174,7 @@ def chain_state(t):
 
 def chain_energy(q, p):
     q = [mpf(0), *q, mpf(0)]
-    return sum(x**2 for x in p) / 2 + mpf("1.25") / 2 * sum((y - x) ** 2 for x, y in zip(q, q[1:], strict=False))
+    return sum(x**2 for x in p) / 2 + mpf("1.25") / 2 * sum((y - x) ** 2 for x, y in pairwise(q))
 
 
 @pytest.mark.parametrize(("precision", "tau", "close"), [("double", 0.02, 2e-12), ("extended", 0.01, 1e-13)])
@@ -185,7 +185,7 @@ def test_a_chain_of_twelve_sites_moves_in_its_normal_modes(precision, tau, close
 
 
 def test_the_energy_of_twelve_coordinates_is_as_good_as_in_double_double():
-    """Far above rounding it is measured in double; to rounding, 2^-53 an operation, the maxima are those of extended."""
+    """Far above rounding it is measured in double; to rounding, 2^-53 an operation, so are the maxima."""
     for integrator, tau in (("leapfrog", 0.1), ("blanes_moan_s6o4", 0.1), ("s9odr6a", 0.05)):
         double, extended = (nh.integrate(CHAIN, integrator, tau, precision=x) for x in ("double", "extended"))
         for name in ("max_energy_error", "mean_energy_error"):

@@ -95,9 +95,8 @@ def trajectory_variables(
     }
     if problem.numerics.precision == "extended":
         table |= low_digits(problem, paths)
-    q, p = components(problem, paths)
-    for name, observable in system.observables.items():
-        table[name] = (observable.function(q, p, *constants), observable.meaning, observable.unit)
+    for name, values in invariants.observable_values(system, paths.q[..., :d], paths.p[..., :d], constants).items():
+        table[name] = values, system.observables[name].meaning, system.observables[name].unit
     return over_runs(table)
 
 
@@ -141,13 +140,6 @@ def invariant_variables(problem: Problem, paths: Trajectories, begin: Start) -> 
         problem.system, paths.q[..., :d], paths.p[..., :d], paths.left_at > 0, begin.constants,
         start=(state[:, 0], state[:, 2]),
     )  # fmt: skip
-
-
-def components(problem: Problem, paths: Trajectories) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-    """Return positions and momenta as tuples of d arrays (R, S), as formulas take them."""
-    d = problem.system.dimension
-    q, p = (tuple(np.moveaxis(state[..., :d], -1, 0)) for state in (paths.q, paths.p))
-    return q, p
 
 
 def trajectory_dataset(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -53,6 +54,41 @@ def invariant_values(
                 found[name][..., i] = _real(part)
         except Exception as error:
             message = f"{system.name}: the invariant {name} cannot be evaluated: {type(error).__name__}: {error}"
+            raise SystemDefinitionError(message) from error
+    return found
+
+
+@lru_cache(maxsize=128)
+def check_quantities(system: System) -> None:
+    """Evaluate what a system conserves and records at its start, so that what fails does so before any work.
+
+    Raises
+    ------
+    SystemDefinitionError
+        An invariant or an observable cannot be evaluated.
+    """
+    q, p = (np.array([row]) for row in system.start(float))
+    invariant_values(system, q, p)
+    observable_values(system, q, p, system.constants(float))
+
+
+def observable_values(system: System, q: Floats, p: Floats, constants: Sequence[Any]) -> dict[str, Floats]:
+    """Return the observables of ``system`` at states ``q``, ``p`` (..., d) as arrays (...), by name.
+
+    Raises
+    ------
+    SystemDefinitionError
+        An observable cannot be evaluated.
+    """
+    state = tuple(tuple(np.moveaxis(x, -1, 0)) for x in (q, p))
+    found: dict[str, Floats] = {}
+    for name, observable in system.observables.items():
+        try:
+            with np.errstate(all="ignore"):
+                value = _real(observable.function(*state, *constants))
+            found[name] = value if np.shape(value) == q.shape[:-1] else np.broadcast_to(value, q.shape[:-1]).copy()
+        except Exception as error:
+            message = f"{system.name}: the observable {name} cannot be evaluated: {type(error).__name__}: {error}"
             raise SystemDefinitionError(message) from error
     return found
 

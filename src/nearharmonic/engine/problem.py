@@ -26,6 +26,7 @@ from nearharmonic.engine.initial_values import (
     standard_start,
     start_array,
 )
+from nearharmonic.engine.invariants import check_quantities
 from nearharmonic.engine.settings import (
     Numerics,
     checked_first,
@@ -126,6 +127,7 @@ class Problem:
         tableau = integrator if isinstance(integrator, Tableau) else integrators[integrator]
         self.tableau = tableau.role(checked_first(first))  # type: ignore[arg-type]
         check_fit(self.system, self.tableau)
+        check_quantities(self.system)
         self.t_end = checked_t_end(self.system.t_end if t_end is None else t_end)
         self.end = exact_decimal(self.t_end)
         self.numerics = Numerics(precision=precision, summation=summation, energy=energy)
@@ -164,7 +166,10 @@ class Problem:
         NearharmonicError
             A step size, initial value or parameter outside what is allowed, before any work.
         """
-        step = self._step_sizes.get(tau)
+        try:
+            step = self._step_sizes.get(tau)
+        except TypeError:  # a list or an array
+            step = None
         if step is None:
             step = self._prepared_step(tau)
         slots = self._slots.setdefault(step.marks.size, [])
