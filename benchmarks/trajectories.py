@@ -9,6 +9,7 @@ import argparse
 import os
 import time
 from fractions import Fraction
+from itertools import pairwise
 
 import numpy as np
 
@@ -96,7 +97,7 @@ def chain():
 
     def V(q):
         q = (0, *q, 0)
-        return sum((b - a) ** 2 / 2 + (b - a) ** 4 / 40 for a, b in zip(q, q[1:], strict=False))
+        return sum((b - a) ** 2 / 2 + (b - a) ** 4 / 40 for a, b in pairwise(q))
 
     q0 = [float(f"{np.sin(np.pi * (i + 1) / (SITES + 1)):.6f}") for i in range(SITES)]
     return nh.System(name="chain", V=V, q0=q0, p0=[0] * SITES, t_end=100)
@@ -105,10 +106,9 @@ def chain():
 def energies(repeats):
     for system, tau in ((bodies(), 0.01), (chain(), 0.1)):
         problems = {energy: nh.problem(system, "leapfrog", energy=energy) for energy in ("none", "every")}
-        best = fastest({name: lambda one=one: one(tau) for name, one in problems.items()}, repeats)
-        print(
-            f"energy at every step of leapfrog, {system.name:7s}{best['every'] / best['none']:5.2f} times a run without"
-        )
+        best = fastest({name: lambda one=one, tau=tau: one(tau) for name, one in problems.items()}, repeats)
+        ratio = best["every"] / best["none"]
+        print(f"energy at every step of leapfrog, {system.name:7s}{ratio:5.2f} times a run without")
 
 
 def main() -> None:

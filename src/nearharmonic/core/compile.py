@@ -237,19 +237,19 @@ def _advance_with_quick_energy(rules: Rules, width: int) -> Callable[..., Any]:
         state, given = load_state(rows, 0), load_given(rows, given_at)
         tally = load_tally(rows, tally_at)
         shift = 1 if kick_first else 0
-        rate = force(state, given)
+        rate, height = force(state, given), load_step(kicks, 0)  # any number: V is known after the last stage
         done = 0
         while done < count:
             if kick_first:
                 state = kick(state, load_step(kicks, 0), rate)
-            for i in range(stages - 1):
+            for i in range(stages):
                 state = drift(state, load_step(drifts, i * width), given)
-                rate = force(state, given)
+                if i + 1 < stages:
+                    rate = force(state, given)
+                else:
+                    both = pull(state, given)
+                    rate, height = force_of(both), potential_of(both)
                 state = kick(state, load_step(kicks, (i + shift) * width), rate)
-            state = drift(state, load_step(drifts, (stages - 1) * width), given)
-            both = pull(state, given)
-            rate, height = force_of(both), potential_of(both)
-            state = kick(state, load_step(kicks, (stages - 1 + shift) * width), rate)
             if not kick_first:
                 state = drift(state, load_step(drifts, stages * width), given)
                 height = potential(state, given)

@@ -178,10 +178,11 @@ class PreparedCall:
     """A call of a packed function, whose arguments were converted once: converting them takes 10 microseconds."""
 
     def __init__(self, function: Any, slots: list[Any], members: list[Any]) -> None:
-        block = np.empty(len(slots), np.int64)
+        numbers = {i: slot for i, slot in enumerate(slots) if type(slot) is float}
+        block = np.array([0 if i in numbers else slot for i, slot in enumerate(slots)], np.int64)
         doubles = block.view(np.float64)
-        for i, slot in enumerate(slots):
-            (doubles if isinstance(slot, float) else block)[i] = slot
+        for i, number in numbers.items():
+            doubles[i] = number
         self._function, self._place = function, block.ctypes.data
         self._alive = block, members  # the block holds addresses of these
 

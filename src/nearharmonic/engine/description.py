@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nearharmonic.engine import invariants
-from nearharmonic.engine.batch import Trajectories
 from nearharmonic.engine.coefficients import Floats
+from nearharmonic.engine.results import Trajectories
 from nearharmonic.output.dataset import Variables, assembled, described
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nearharmonic.engine import execution
-from nearharmonic.engine.batch import Batch, Trajectories, prepared_batch, sample_marks, trajectories_of
+from nearharmonic.engine.batch import Batch, prepared_batch, sample_marks
 from nearharmonic.engine.coefficients import Floats, scaled_rows
 from nearharmonic.engine.description import (
     error_variables,
@@ -23,6 +23,7 @@ from nearharmonic.engine.description import (
 from nearharmonic.engine.initial_values import parameter_array, standard_parameters, start_array
 from nearharmonic.engine.output_times import checked_times, run_at
 from nearharmonic.engine.problem import Problem
+from nearharmonic.engine.results import Trajectories, trajectories_of
 from nearharmonic.engine.settings import WIDTH, checked_samples, checked_threads
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nearharmonic.engine.batch import Integers, Trajectories, integrate_batch, prepared_batch
+from nearharmonic.engine.batch import integrate_batch, prepared_batch
 from nearharmonic.engine.coefficients import Floats, scaled_rows
 from nearharmonic.engine.initial_values import exact, standard_parameters
+from nearharmonic.engine.results import Integers, Trajectories
 from nearharmonic.engine.settings import MOST_SAMPLES
 from nearharmonic.errors import bad_setting
 

@@ -8,14 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.engine.batch import (
-    Batch,
-    Integers,
-    Trajectories,
-    integrate_batch,
-    prepared_batch,
-    sample_marks,
-)
+from nearharmonic.engine.batch import Batch, integrate_batch, prepared_batch, sample_marks
 from nearharmonic.engine.coefficients import Floats, scaled_rows
 from nearharmonic.engine.continuation import Start
 from nearharmonic.engine.grid import check_fit, steps_of
@@ -27,6 +20,7 @@ from nearharmonic.engine.initial_values import (
     start_array,
 )
 from nearharmonic.engine.invariants import check_quantities
+from nearharmonic.engine.results import Integers, Trajectories
 from nearharmonic.engine.settings import (
     Numerics,
     checked_first,
@@ -46,43 +40,6 @@ from nearharmonic.systems.system import System
 MOST_STEP_SIZES = 4096
 
 
-def problem(
-    system: str | System,
-    integrator: str | Tableau,
-    *,
-    precision: str = "double",
-    summation: str = "compensated",
-    first: str | None = None,
-    energy: str = "every",
-    t_end: float | str | None = None,
-    energy_scale: float | str | None = None,
-    samples: int = 2,
-) -> Problem:
-    """Prepare runs of one method on one system, for calls that cost microseconds.
-
-    Parameters
-    ----------
-    system, integrator, precision, summation, first, energy, t_end, energy_scale
-        As for :func:`nearharmonic.integrate`.
-    samples : int
-        Most states that a run keeps, by default the first and the last.
-
-    Returns
-    -------
-    Problem
-        To be called with a step size, and with initial values and parameters where they differ from the system's own.
-
-    Raises
-    ------
-    NearharmonicError
-        An unknown name, or a setting outside what is allowed.
-    """
-    return Problem(
-        system, integrator, precision=precision, summation=summation, first=first, energy=energy, t_end=t_end,
-        energy_scale=energy_scale, samples=samples,
-    )  # fmt: skip
-
-
 class _Slot:
     """A batch of one run, with what its arrays hold."""
 
@@ -94,7 +51,14 @@ class _Slot:
 
 
 class Problem:
-    """A system, a tableau and how to integrate; :func:`problem` makes one.
+    """Runs of one method on one system, prepared for calls that cost microseconds: ``nearharmonic.problem``.
+
+    Parameters
+    ----------
+    system, integrator, precision, summation, first, energy, t_end, energy_scale
+        As for :func:`nearharmonic.integrate`.
+    samples : int
+        Most states that a run keeps, by default the first and the last.
 
     Attributes
     ----------
@@ -108,6 +72,11 @@ class Problem:
         Arithmetic, and when the energy is measured.
     scale : float
         Energy that errors are relative to; 0 for |H0|, or for the unit of energy where H0 = 0.
+
+    Raises
+    ------
+    NearharmonicError
+        An unknown name, or a setting outside what is allowed.
     """
 
     def __init__(
@@ -266,6 +235,10 @@ class Problem:
         rows = standard_parameters(self.system)[None, :] if parameters is None else given[1][1]
         slot.batch.start[:], slot.batch.parameters[:], slot.default = given[0][1], rows, False
         slot.given = Start(state=given[0][1], parameters=rows, given=dict(parameters or {}))
+
+
+#: The name at the top of the package.
+problem = Problem
 
 
 def _unpickled(system: System, tableau: Tableau, t_end: str, numerics: Numerics, scale: float, samples: int) -> Problem:

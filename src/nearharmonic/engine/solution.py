@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nearharmonic.engine.batch import Batch, Integers, Trajectories, split_results, trajectories_of
+from nearharmonic.engine.batch import Batch, split_results
 from nearharmonic.engine.coefficients import Floats
+from nearharmonic.engine.results import Integers, Trajectories, trajectories_of
 
 if TYPE_CHECKING:
     import xarray as xr

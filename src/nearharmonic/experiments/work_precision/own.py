@@ -11,11 +11,12 @@ from math import inf, isfinite
 import numpy as np
 
 from nearharmonic.core.kernel import inner
-from nearharmonic.engine.batch import Trajectories, integrate_batch
+from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.coefficients import coefficients, lane_rows, parameter_row, start_row
 from nearharmonic.engine.grid import check_fit, evaluations_of, steps_of, tau_grid
 from nearharmonic.engine.kernels import kernel_of, physics_of
 from nearharmonic.engine.reference import Reference
+from nearharmonic.engine.results import Trajectories
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import SettingError
 from nearharmonic.experiments.work_precision.curve import MODES, Curve, Point

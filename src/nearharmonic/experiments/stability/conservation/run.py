@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nearharmonic.engine.batch import Trajectories, integrate_batch
+from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.coefficients import start_row
 from nearharmonic.engine.grid import check_fit
+from nearharmonic.engine.results import Trajectories
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.engine.statistics import line_fit
 from nearharmonic.experiments.stability.conservation.reduce import structure_cube

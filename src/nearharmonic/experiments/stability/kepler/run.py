@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nearharmonic.engine.batch import Integers, Trajectories, integrate_batch
+from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.coefficients import Floats
 from nearharmonic.engine.kernels import kernel_of
+from nearharmonic.engine.results import Integers, Trajectories
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.experiments.stability.initial_conditions import kepler_apoapsis
 from nearharmonic.experiments.stability.settings import MapSettings

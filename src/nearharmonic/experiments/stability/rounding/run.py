@@ -21,9 +21,10 @@ from math import ceil, pi, sqrt
 import numpy as np
 
 from nearharmonic.core.arithmetic import rounded_pair
-from nearharmonic.engine.batch import Integers, Trajectories, integrate_batch
+from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.coefficients import Floats
 from nearharmonic.engine.kernels import kernel_of
+from nearharmonic.engine.results import Integers, Trajectories
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.experiments.stability.initial_conditions import kepler_apoapsis, quasi_random
 from nearharmonic.experiments.stability.kepler.run import PERIOD, SYSTEM

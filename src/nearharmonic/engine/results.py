@@ -1,0 +1,111 @@
+"""What a batch of runs comes to: states, energy errors, and which runs were lost, as arrays with names."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nearharmonic.engine.coefficients import Floats
+from nearharmonic.engine.settings import Numerics
+from nearharmonic.integrators.tableau import Tableau
+
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trajectories:
+    """R runs of up to S samples each, of a system with d coordinates.
+
+    ``marks`` (R, S): the step of each sample, -1 where a run has fewer. ``q``, ``p``, ``q_low``, ``p_low`` (R, S, d):
+    the states and what compensation or double-double keeps below them; NaN where there is no sample, or where the run
+    had left before. ``energy_error`` (R, S): (H - H0)/|H0|, or over the scale asked for. ``block_max``, ``block_mean``
+    (R, S): of its modulus over the steps since the previous sample. ``max_energy_error``, ``mean_energy_error`` (R,):
+    over every step, or over the samples, as :class:`Numerics` says, infinite if the run left; maxima over looks have no
+    means. ``steps`` (R,) asked for; ``done`` (R,) taken; ``left_at`` (R,) step at which the run left its energy
+    surface, 0 if it did not; ``evaluations`` (R,) of the force; ``energy``, ``energy_low``
+    (R,): H0.
+    """
+
+    marks: Integers
+    q: Floats
+    p: Floats
+    q_low: Floats
+    p_low: Floats
+    energy_error: Floats
+    block_max: Floats
+    block_mean: Floats
+    max_energy_error: Floats
+    mean_energy_error: Floats
+    steps: Integers
+    done: Integers
+    left_at: Integers
+    evaluations: Integers
+    energy: Floats
+    energy_low: Floats
+
+    def take(self, runs: Integers) -> Trajectories:
+        """The runs at these indices, in this order."""
+        return Trajectories(**{field.name: getattr(self, field.name)[runs] for field in fields(self)})
+
+
+def trajectories_of(
+    tableau: Tableau,
+    steps: Integers,
+    marks: Integers,
+    states: Floats,
+    blocks: Floats,
+    energy: Floats,
+    left_at: Integers,
+    numerics: Numerics,
+    scale: float,
+) -> Trajectories:
+    """The results of a kernel by name, energies relative to |H0|, to ``scale``, or to 1."""
+    unit = np.abs(energy[:, 0]) if scale == 0 else np.full(steps.size, scale)
+    unit[unit == 0] = 1.0
+    error, worst, total = blocks / unit[:, None]
+    length = marks.copy()
+    length[:, 1:] -= marks[:, :-1]
+    np.maximum(length, 1, out=length)
+    if numerics.energy == "none":
+        error[:] = worst[:] = total[:] = energy[:] = np.nan
+    d = states.shape[-1] // 4
+    left = left_at > 0
+    done = np.where(left, left_at, steps)
+    largest = np.fmax.reduce(worst, axis=1)  # which passes NaN over
+    mean = _means(total, steps, marks, numerics)
+    if left.any():
+        mean[left] = largest[left] = np.inf
+    return Trajectories(
+        marks=marks,
+        q=states[:, :, :d],
+        q_low=states[:, :, d : 2 * d],
+        p=states[:, :, 2 * d : 3 * d],
+        p_low=states[:, :, 3 * d :],
+        energy_error=error,
+        block_max=worst,
+        block_mean=total / length,
+        max_energy_error=largest,
+        mean_energy_error=mean,
+        steps=steps,
+        done=done,
+        left_at=left_at,
+        evaluations=done * tableau.stages + int(tableau.first_same_as_last),
+        energy=energy[:, 0],
+        energy_low=energy[:, 1],
+    )
+
+
+def _means(total: Floats, steps: Integers, marks: Integers, numerics: Numerics) -> Floats:
+    """Mean of |H - H0| over the steps, or over the samples; NaN if it was measured at other times."""
+    if numerics.look is not None and numerics.energy == "samples":  # sums over looks are no means over steps
+        total[:] = np.nan
+        return np.full(steps.size, np.nan)
+    weight = steps if numerics.energy == "every" else np.maximum(np.count_nonzero(marks > 0, axis=1), 1)
+    mean: Floats = np.add.reduce(total, axis=1) / weight
+    if np.isnan(mean).any():  # blocks without a step, or behind the end of a run, count for nothing
+        unknown = np.isnan(total)
+        mean = np.add.reduce(np.where(unknown, 0, total), axis=1) / weight
+        mean[unknown.all(axis=1)] = np.nan
+    return mean
