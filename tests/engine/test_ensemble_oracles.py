@@ -81,7 +81,7 @@ def test_driven_oscillators_follow_their_closed_forms_for_every_frequency_and_am
     assert np.array_equal(many.parameter_w, w)
 
 
-@pytest.mark.parametrize("energy", ["every", "samples"])
+@pytest.mark.parametrize("energy", ["every", pytest.param("samples", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("t", [None, [0.3, 2.5, 9.99]], ids=["samples", "output times"])
 def test_members_with_functions_have_the_bits_of_single_runs(t, energy):
     given = members(19)
