@@ -229,8 +229,11 @@ def _typed(mapping: Mapping[str, Any]) -> Config:
 
 
 def _leaves(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[tuple[str | int, ...], Any]]:
-    """Path and value of all that is no mapping and no list."""
+    """Path and value of all that is no mapping and no list; a key that YAML does not read as text is refused."""
     if isinstance(value, Mapping | list | tuple):
+        for step in value if isinstance(value, Mapping) else ():
+            if not isinstance(step, str):
+                raise bad_setting(f"a key of {_dotted(path) or 'the config'}", step, "a name, in quotes if need be")
         for step, member in value.items() if isinstance(value, Mapping) else enumerate(value):
             yield from _leaves(member, (*path, step))
     else:

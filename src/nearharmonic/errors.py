@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+#: Characters of a value that a message repeats in full.
+LONGEST_VALUE = 500
+
 
 class NearharmonicError(ValueError):
     """Base of every error this package raises on purpose."""
@@ -50,4 +53,12 @@ def unknown_name(kind: str, name: object, known: Iterable[str]) -> UnknownNameEr
 
 def bad_setting(key: str, value: object, allowed: str) -> SettingError:
     """The error for a ``value`` of ``key`` outside ``allowed``."""
-    return SettingError(f"{key} = {value!r} is not allowed: {allowed}")
+    return SettingError(f"{key} = {_shown(value)} is not allowed: {allowed}")
+
+
+def _shown(value: object) -> str:
+    try:
+        text = repr(value)
+    except ValueError:  # an integer of more digits than Python writes
+        return f"a number of type {type(value).__name__}"
+    return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE // 2]}... ({len(text)} characters)"

@@ -39,7 +39,7 @@ def load(place: str | os.PathLike[str], declares: str, error: type[NearharmonicE
         Of this class: there is no such file, its name does not end in ``.py``, or it cannot be run.
     """
     path = Path(place)
-    if not path.is_file():
+    if not is_file(path):
         message = f"{path}: no such file. {declares}"
         raise error(message)
     key = path.resolve()
@@ -59,11 +59,19 @@ def load(place: str | os.PathLike[str], declares: str, error: type[NearharmonicE
             spec.loader.exec_module(module)
     except NearharmonicError:
         raise
-    except Exception as fault:
+    except (Exception, SystemExit) as fault:
         message = f"{path} cannot be run: {type(fault).__name__}: {fault}"
         raise error(message) from fault
     _LOADED[key] = module, _state(files)
     return module
+
+
+def is_file(path: Path) -> bool:
+    """Return whether there is such a file; a path that no file can have is none."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # a name that is too long, or no name at all
+        return False
 
 
 def _state(files: Files) -> Files:

@@ -8,6 +8,7 @@ words. A constant in a formula is exact: a float literal means the shortest deci
 from __future__ import annotations
 
 from collections.abc import Callable
+from sys import float_info
 from typing import Any, NoReturn, Protocol
 
 from nearharmonic.core.constant import (
@@ -28,6 +29,9 @@ __all__ = [
     "FUNCTIONS", "OPERATIONS", "PI", "ROOT_BITS", "Constant", "FormulaError", "Formulas", "Number", "applied", "call",
     "constant", "power", "scalar", "vector",
 ]  # fmt: skip
+
+#: The largest double.
+LARGEST = int(float_info.max)
 
 
 class Number(Value):
@@ -191,11 +195,19 @@ def scalar(system: Formulas, formula: str, *arguments: Any) -> Any:
         The formula raises, or returns something other than one number.
     """
     result = call(system, formula, getattr(system, formula), *arguments)
-    value = result if isinstance(result, Number) else call(system, formula, constant, result)
+    value = result if isinstance(result, Number) else call(system, formula, _constant, result)
     if value is None:
         raise SystemDefinitionError(
             f"{system.name}: {formula} returns an object of type {type(result).__name__}, expected one number"
         )
+    return value
+
+
+def _constant(result: Any) -> Constant | None:
+    """A result that is a constant, if a double can hold it."""
+    value = constant(result)
+    if value is not None and abs(value) > LARGEST:
+        raise FormulaError("is a constant larger than any double")
     return value
 
 
@@ -217,7 +229,7 @@ def vector(system: Formulas, formula: str, *arguments: Any) -> tuple[Any, ...]:
         raise SystemDefinitionError(f"{system.name}: {formula} returns {len(entries)} components, {expected}")
     components = []
     for i, entry in enumerate(entries):
-        component = entry if isinstance(entry, Number) else call(system, f"{formula}[{i}]", constant, entry)
+        component = entry if isinstance(entry, Number) else call(system, f"{formula}[{i}]", _constant, entry)
         if component is None:
             raise SystemDefinitionError(
                 f"{system.name}: {formula}[{i}] is an object of type {type(entry).__name__}, expected a number"

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from math import nan
+from numbers import Rational
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
 
     from nearharmonic.engine.problem import Problem
 
+#: Variables of a result that a continuation needs.
+CONTINUED = ("q", "p", "t", "status", "diverged_at", "initial_energy", "initial_energy_low")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
@@ -31,8 +35,8 @@ class Start:
         Position and momentum with the digits below them.
     parameters : (1, 2 P) array of float
         Parameters of the system, as pairs.
-    given : dict
-        Parameters that differ from the system's own, as exact decimal strings by name.
+    given : mapping
+        Parameters in place of the system's own by name, as the caller gave them.
     t : float
         Time at which the run begins.
     reference : pair of float
@@ -41,7 +45,7 @@ class Start:
 
     state: Floats
     parameters: Floats
-    given: Mapping[str, str]
+    given: Mapping[str, Any]
     t: float = 0.0
     reference: tuple[float, float] = (nan, nan)
 
@@ -57,7 +61,8 @@ class Start:
 
     def attributes(self) -> dict[str, str]:
         """What a Dataset says of it."""
-        notes = {"parameters": json.dumps(self.given)} if self.given else {}
+        texts = {name: _exact_text(value) for name, value in self.given.items()}
+        notes = {"parameters": json.dumps(texts)} if texts else {}
         return notes | ({"t_start": repr(self.t)} if self.t else {})
 
 
@@ -78,17 +83,16 @@ def start_of(
     earlier = {} if start is None else json.loads(_result(start).attrs.get("parameters", "{}"))
     asked = {**earlier, **_mapping(parameters)}
     rows = parameter_array(problem.system, asked) if asked else standard_parameters(problem.system)[None, :]
-    given = {name: _exact_text(value) for name, value in asked.items()}
     if start is not None:
         if q0 is not None or p0 is not None:
             key, value = ("q0", q0) if q0 is not None else ("p0", p0)
             raise bad_setting(key, value, "with start=, a run continues from the state of that result")
-        return _end_of(problem, start, rows, given, changed=bool(parameters))
+        return _end_of(problem, start, rows, asked, changed=bool(parameters))
     state = start_array(problem.system, q0, p0, plain=problem.plain)
     for key, array in (("q0 and p0", state), ("parameters", rows)):
         if len(array) != 1:
             raise bad_setting(key, f"{len(array)} rows", "those of one trajectory; nearharmonic.ensemble takes many")
-    return Start(state=state, parameters=rows, given=given)
+    return Start(state=state, parameters=rows, given=asked)
 
 
 def _mapping(parameters: object) -> Mapping[str, Any]:
@@ -98,16 +102,23 @@ def _mapping(parameters: object) -> Mapping[str, Any]:
 
 
 def _exact_text(value: Any) -> str:
-    return str(Decimal(value)) if isinstance(value, float) else str(value)
+    """A number that was accepted, in digits: those of its binary value if it is a float of any type."""
+    if isinstance(value, str | Decimal | Rational):
+        return str(value)
+    if isinstance(value, Sequence):  # of one number
+        return _exact_text(value[0])
+    return str(Decimal(np.asarray(value, float).item()))
 
 
 def _result(start: Any) -> Any:
-    if not hasattr(start, "attrs") or "q" not in start or "p" not in start or "sample" not in start.q.dims:
-        raise bad_setting("start", type(start).__name__, "a Dataset that nearharmonic.integrate returned")
+    complete = hasattr(start, "attrs") and all(name in start for name in CONTINUED)
+    if not complete or start.q.dims != ("sample", "component") or not start.q.size:
+        allowed = "a Dataset that nearharmonic.integrate returned, with all its variables"
+        raise bad_setting("start", type(start).__name__, allowed)
     return start
 
 
-def _end_of(problem: Problem, start: Any, rows: Floats, given: Mapping[str, str], *, changed: bool) -> Start:
+def _end_of(problem: Problem, start: Any, rows: Floats, given: Mapping[str, Any], *, changed: bool) -> Start:
     """The last sample of an earlier result."""
     system, last = problem.system, start.isel(sample=-1)
     if start.attrs.get("system") != system.name or last.q.size != system.dimension:

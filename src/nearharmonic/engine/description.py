@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from nearharmonic.output.dataset import Variables, assembled, described
 if TYPE_CHECKING:
     import xarray as xr
 
+    from nearharmonic.engine.continuation import Start
     from nearharmonic.engine.problem import Problem
 
 STATUS = "ok, or diverged: the run left its energy surface"
@@ -40,9 +41,10 @@ def energy_scale(paths: Trajectories, problem: Problem) -> tuple[str, str]:
     """Return what energy errors are relative to, as in "|H - H0|/|H0|", and their unit."""
     if problem.scale != 0:
         return f"/({problem.scale:g} {problem.system.units['energy']})", "1"
-    if (paths.energy == 0).any():
-        return "", problem.system.units["energy"]
-    return "/|H0|", "1"
+    unit, none = problem.system.units["energy"], paths.energy == 0
+    if none.all():
+        return "", unit
+    return f"/|H0| (absolute, in {unit}, where H0 = 0)" if none.any() else "/|H0|", "1"
 
 
 def first_run(variables: Variables) -> Variables:
@@ -93,9 +95,8 @@ def trajectory_variables(
     }
     if problem.numerics.precision == "extended":
         table |= low_digits(problem, paths)
-    q, p = components(problem, paths)
-    for name, observable in system.observables.items():
-        table[name] = (observable.function(q, p, *constants), observable.meaning, observable.unit)
+    for name, values in invariants.observable_values(system, paths.q[..., :d], paths.p[..., :d], constants).items():
+        table[name] = values, system.observables[name].meaning, system.observables[name].unit
     return over_runs(table)
 
 
@@ -128,42 +129,35 @@ def clock_variables(problem: Problem, paths: Trajectories) -> Variables:
     return over_runs(table)
 
 
-def invariant_variables(problem: Problem, paths: Trajectories, constants: Sequence[Any]) -> Variables:
+def invariant_variables(problem: Problem, paths: Trajectories, begin: Start) -> Variables:
     """Return what a system conserves besides the energy, at the samples, and the largest change of each.
 
     Source of the definitions: :func:`nearharmonic.engine.invariants.invariant_variables`.
     """
     d = problem.system.dimension
+    state = begin.state.reshape(1, 4, -1)[..., :d]
     return invariants.invariant_variables(
-        problem.system, paths.q[..., :d], paths.p[..., :d], paths.left_at > 0, constants
-    )
-
-
-def components(problem: Problem, paths: Trajectories) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-    """Return positions and momenta as tuples of d arrays (R, S), as formulas take them."""
-    d = problem.system.dimension
-    q, p = (tuple(np.moveaxis(state[..., :d], -1, 0)) for state in (paths.q, paths.p))
-    return q, p
+        problem.system, paths.q[..., :d], paths.p[..., :d], paths.left_at > 0, begin.constants,
+        start=(state[:, 0], state[:, 2]),
+    )  # fmt: skip
 
 
 def trajectory_dataset(
     problem: Problem,
     paths: Trajectories,
     *,
-    constants: Sequence[float] | None = None,
+    begin: Start,
     times: Floats | None = None,
-    attributes: Mapping[str, str] | None = None,
 ) -> xr.Dataset:
-    """Return the first of ``paths`` as :func:`nearharmonic.integrate` does; arguments as above."""
-    given = problem.system.constants(float) if constants is None else constants
-    variables = trajectory_variables(problem, paths, given, times) | error_variables(paths, problem)
+    """Return the first of ``paths``, which began at ``begin``, as :func:`nearharmonic.integrate` does."""
+    variables = trajectory_variables(problem, paths, begin.constants, times) | error_variables(paths, problem)
     if problem.numerics.compensated:
         variables |= over_runs(low_digits(problem, paths))
     variables |= (
-        clock_variables(problem, paths) | invariant_variables(problem, paths, given) | tau_variable(problem, paths)
+        clock_variables(problem, paths) | invariant_variables(problem, paths, begin) | tau_variable(problem, paths)
     )
     variables |= initial_energy_variables(problem, paths)
-    return assembled(first_run(variables), ["t"], problem_attributes(problem) | dict(attributes or {}))
+    return assembled(first_run(variables), ["t"], problem_attributes(problem) | begin.attributes())
 
 
 def initial_energy_variables(problem: Problem, paths: Trajectories) -> Variables:

@@ -50,7 +50,8 @@ def steps_of(t_end: str, tau: float, key: str = "tau", given: object = None) -> 
     steps = max(1, round(exact_decimal(t_end) / Fraction(tau)))
     if steps > MOST_STEPS:
         number = f"{Decimal(steps):.4g}" if steps > 10**15 else str(steps)
-        allowed = f"t_end = {t_end} would take {number} steps, and one run takes at most {MOST_STEPS}"
+        shown = t_end if len(t_end) <= 40 else f"{Decimal(t_end):.4g}"
+        allowed = f"t_end = {shown} would take {number} steps, and one run takes at most {MOST_STEPS}"
         raise bad_setting(key, tau if given is None else given, allowed)
     return steps
 

@@ -17,12 +17,11 @@ import numpy as np
 from nearharmonic.core.arithmetic import rounded_pair
 from nearharmonic.engine.coefficients import Floats, parameter_row, start_row
 from nearharmonic.errors import bad_setting, unknown_name
+from nearharmonic.systems.quantities import is_extreme
 from nearharmonic.systems.system import System
 
 #: What a number may be, as errors tell.
 NUMBER = "a finite number: a float, or an exact decimal string or fraction"
-#: Decimal exponents beyond this are outside the range of doubles, and slow to make fractions of.
-LARGEST_EXPONENT = 400
 
 
 def exact(key: str, value: object) -> Fraction:
@@ -58,7 +57,7 @@ def _fraction(text: str) -> Fraction:
     """The exact value of a decimal or of a quotient of decimals."""
     top, slash, bottom = text.partition("/")
     parts = [Decimal(part.strip()) for part in ([top, bottom] if slash else [top])]
-    if any(not part.is_finite() or (part and abs(part.adjusted()) > LARGEST_EXPONENT) for part in parts):
+    if any(not part.is_finite() or is_extreme(part) for part in parts):
         raise InvalidOperation
     return Fraction(parts[0]) / Fraction(parts[1]) if slash else Fraction(parts[0])
 
@@ -164,7 +163,7 @@ def _rows(key: str, values: Any, d: int) -> Floats:
         return _pairs_of(key, array.reshape(-1, d))
     if isinstance(values, str | Real | Decimal):
         values = [values]
-    if not isinstance(values, Sequence) or not values:
+    if not isinstance(values, Sequence) or isinstance(values, bytes) or not values:
         raise bad_setting(key, values, allowed)
     if isinstance(values[0], Sequence | np.ndarray) and not isinstance(values[0], str):
         return np.concatenate([_rows(f"{key}[{i}]", row, d) for i, row in enumerate(values)])

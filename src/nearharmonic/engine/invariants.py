@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -45,19 +46,61 @@ def invariant_values(
     found: dict[str, Floats] = {}
     for name, function in system.invariants.items():
         try:
-            value = function(*state, *given)
+            with np.errstate(all="ignore"):  # a state may be too large for it
+                value = function(*state, *given)
             parts = value if isinstance(value, tuple | list) else (value,)
             found[name] = np.empty((*shape, len(parts)))
             for i, part in enumerate(parts):
-                found[name][..., i] = part
+                found[name][..., i] = _real(part)
         except Exception as error:
             message = f"{system.name}: the invariant {name} cannot be evaluated: {type(error).__name__}: {error}"
             raise SystemDefinitionError(message) from error
     return found
 
 
+@lru_cache(maxsize=128)
+def check_quantities(system: System) -> None:
+    """Evaluate what a system conserves and records at its start, so that what fails does so before any work.
+
+    Raises
+    ------
+    SystemDefinitionError
+        An invariant or an observable cannot be evaluated.
+    """
+    q, p = (np.array([row]) for row in system.start(float))
+    invariant_values(system, q, p)
+    observable_values(system, q, p, system.constants(float))
+
+
+def observable_values(system: System, q: Floats, p: Floats, constants: Sequence[Any]) -> dict[str, Floats]:
+    """Return the observables of ``system`` at states ``q``, ``p`` (..., d) as arrays (...), by name.
+
+    Raises
+    ------
+    SystemDefinitionError
+        An observable cannot be evaluated.
+    """
+    state = tuple(tuple(np.moveaxis(x, -1, 0)) for x in (q, p))
+    found: dict[str, Floats] = {}
+    for name, observable in system.observables.items():
+        try:
+            with np.errstate(all="ignore"):
+                value = _real(observable.function(*state, *constants))
+            found[name] = value if np.shape(value) == q.shape[:-1] else np.broadcast_to(value, q.shape[:-1]).copy()
+        except Exception as error:
+            message = f"{system.name}: the observable {name} cannot be evaluated: {type(error).__name__}: {error}"
+            raise SystemDefinitionError(message) from error
+    return found
+
+
 def invariant_variables(
-    system: System, q: Floats, p: Floats, diverged: Any, constants: Sequence[Any] | None = None
+    system: System,
+    q: Floats,
+    p: Floats,
+    diverged: Any,
+    constants: Sequence[Any] | None = None,
+    *,
+    start: tuple[Floats, Floats] | None = None,
 ) -> Variables:
     """Return the invariants of ``system`` at the samples of R runs, and the drift of each, ``<name>_drift``.
 
@@ -66,11 +109,13 @@ def invariant_variables(
     system : System
         A system of d coordinates.
     q, p : (R, S, d) array of float
-        States at the samples, the first of them those at the start; NaN where a run has no sample.
+        States at the samples; NaN where a run has no sample.
     diverged : (R,) array of bool
         Whether each run left its energy surface.
     constants : sequence of floats or arrays, optional
         Parameters of the system; its own by default.
+    start : pair of (R, d) arrays of float, optional
+        Positions and momenta at the start; by default the first sample.
 
     Returns
     -------
@@ -85,6 +130,8 @@ def invariant_variables(
         An invariant cannot be evaluated.
     """
     found: Variables = {}
+    q0, p0 = (q[:, 0], p[:, 0]) if start is None else start
+    at_start = invariant_values(system, q0[:, None], p0[:, None], constants)
     for name, values in invariant_values(system, q, p, constants).items():
         function = system.invariants[name]
         unit, meaning = getattr(function, "unit", "unknown"), getattr(function, "meaning", "conserved quantity")
@@ -92,12 +139,19 @@ def invariant_variables(
         found[name] = (
             ("tau_per_stage", "sample", *several), values if several else values[..., 0], described(meaning, unit)
         )  # fmt: skip
-        first = np.hypot.reduce(values[:, :1], axis=-1)
+        first = np.hypot.reduce(at_start[name], axis=-1)
         relative = bool((first > 0).all())
-        change = np.hypot.reduce(values - values[:, :1], axis=-1) / (first if relative else 1.0)
-        # fmax passes over NaN, of which the first sample has none.
-        drift = np.where(diverged, np.inf, np.fmax.reduce(change, axis=1))
+        with np.errstate(all="ignore"):  # a state may be too large for an invariant
+            change = np.hypot.reduce(values - at_start[name], axis=-1) / (first if relative else 1.0)
+        # fmax passes over NaN, the samples that a run does not have.
+        drift = np.where(diverged, np.inf, np.fmax.reduce(change, axis=1, initial=np.nan))
         measure = "|I - I0|/|I0|" if relative else "|I - I0|"
         what = f"maximum over the samples of {measure}, I = {name} in double precision, inf if diverged"
         found[f"{name}_drift"] = ("tau_per_stage",), drift, described(what, "1" if relative else unit)
     return found
+
+
+def _real(value: Any) -> Any:
+    if value is None or np.iscomplexobj(value):
+        raise TypeError(f"it returns an object of type {type(value).__name__}, expected real numbers")
+    return value

@@ -77,21 +77,23 @@ def run_at(
         As for :func:`nearharmonic.engine.batch.integrate_batch`.
     """
     count = np.asarray(steps, np.int64)
-    before = np.array([[int(time * n / problem.end) for time in times] for n in steps], np.int64).reshape(
-        len(steps), -1
-    )
-    marks, where = _marks(before, count)
+    # Members of an ensemble take equal steps: what is exact, and slow, is worked out once for all of them.
+    different, which = np.unique(count, return_inverse=True)
+    exact_before = [[int(time * n / problem.end) for time in times] for n in different.tolist()]
+    rests = [[time - problem.end * k / n for k, time in zip(row, times, strict=True)]
+             for row, n in zip(exact_before, different.tolist(), strict=True)]  # fmt: skip
+    lengths = {rest: i for i, rest in enumerate(dict.fromkeys(rest for row in rests for rest in row if rest))}
+    shorter = np.array([[lengths.get(rest, -1) for rest in row] for row in rests])[which]
+    before = np.array(exact_before, np.int64)[which]
+    marks, where = (rows[which] for rows in _marks(np.array(exact_before, np.int64), different))
     paths = integrate_batch(
         problem.system, problem.tableau, t_end=problem.end, steps=count, samples=2, numerics=problem.numerics,
         start=start, parameters=parameters, marks=marks, scale=problem.scale, reference=reference,
     )  # fmt: skip
     rows = np.arange(len(count))[:, None]
     columns = {name: getattr(paths, name)[rows, where] for name in ("q", "q_low", "p", "p_low", "energy_error")}
-    rests = [[time - problem.end * k / n for k, time in zip(row, times, strict=True)]
-             for row, n in zip(before.tolist(), steps, strict=True)]  # fmt: skip
-    between = [(r, k) for r, row in enumerate(rests) for k, rest in enumerate(row) if rest]
-    if between:
-        _step_on(problem, paths, columns, between, [rests[r][k] for r, k in between], parameters)
+    if lengths:
+        _step_on(problem, paths, columns, shorter, list(lengths), parameters)
     unknown = np.full(before.shape, np.nan)
     found = replace(paths, marks=before, block_max=unknown, block_mean=unknown, **columns)
     return _over_samples(found) if problem.numerics.energy == "samples" else found
@@ -110,20 +112,22 @@ def _step_on(
     problem: Problem,
     paths: Trajectories,
     columns: dict[str, Floats],
-    between: Sequence[tuple[int, int]],
-    rests: Sequence[Fraction],
+    shorter: Integers,
+    lengths: Sequence[Fraction],
     parameters: Floats,
 ) -> None:
-    """Replace the states of the step before by those one shorter step of length ``rests`` later."""
-    members, samples = (np.array(index) for index in zip(*between, strict=True))
+    """Replace states of the step before by those one shorter step later.
+
+    ``shorter`` (R, K) says which of ``lengths`` that step has, -1 where a state is that of a step itself.
+    """
+    members, samples = np.nonzero(shorter >= 0)
     first = [columns[name][members, samples] for name in ("q", "q_low", "p", "p_low")]
-    distinct = {rest: i for i, rest in enumerate(dict.fromkeys(rests))}
     parts = 2 if problem.numerics.precision == "extended" else 1
     given = standard_parameters(problem.system)[None, :] if parameters is None else parameters
     batch = prepared_batch(
         problem.system, problem.tableau, problem.numerics,
-        marks=np.tile(np.array([[0, 1]]), (len(rests), 1)), scheme=np.array([distinct[rest] for rest in rests]),
-        rows=scaled_rows(problem.tableau, list(distinct), parts, problem.numerics.double_coefficients),
+        marks=np.tile(np.array([[0, 1]]), (members.size, 1)), scheme=shorter[members, samples],
+        rows=scaled_rows(problem.tableau, lengths, parts, problem.numerics.double_coefficients),
         start=np.concatenate(first, axis=1), parameters=given if len(given) == 1 else given[members],
         scale=problem.scale,
     )  # fmt: skip
@@ -132,7 +136,7 @@ def _step_on(
     for i, name in enumerate(("q", "q_low", "p", "p_low")):
         columns[name][members, samples] = batch.states[:, 1, i * d : (i + 1) * d]
     gained = (batch.energy[:, 0] - paths.energy[members]) + (batch.energy[:, 1] - paths.energy_low[members])
-    unit = np.abs(paths.energy[members]) if problem.scale == 0 else np.full(len(rests), problem.scale)
+    unit = np.abs(paths.energy[members]) if problem.scale == 0 else np.full(members.size, problem.scale)
     unit[unit == 0] = 1.0
     columns["energy_error"][members, samples] = (gained + batch.blocks[0, :, 1]) / unit
 

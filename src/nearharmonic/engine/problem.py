@@ -10,6 +10,7 @@ import numpy as np
 
 from nearharmonic.engine.batch import Batch, integrate_batch, prepared_batch, sample_marks
 from nearharmonic.engine.coefficients import Floats, scaled_rows
+from nearharmonic.engine.continuation import Start
 from nearharmonic.engine.grid import check_fit, steps_of
 from nearharmonic.engine.initial_values import (
     exact,
@@ -18,6 +19,7 @@ from nearharmonic.engine.initial_values import (
     standard_start,
     start_array,
 )
+from nearharmonic.engine.invariants import check_quantities
 from nearharmonic.engine.results import Integers, Trajectories
 from nearharmonic.engine.settings import (
     Numerics,
@@ -41,10 +43,11 @@ MOST_STEP_SIZES = 4096
 class _Slot:
     """A batch of one run, with what its arrays hold."""
 
-    __slots__ = ("batch", "default", "step")
+    __slots__ = ("batch", "default", "given", "step")
 
     def __init__(self, batch: Batch, step: StepSize) -> None:
         self.batch, self.step, self.default = batch, step, True
+        self.given: Start | None = None
 
 
 class Problem:
@@ -93,6 +96,7 @@ class Problem:
         tableau = integrator if isinstance(integrator, Tableau) else integrators[integrator]
         self.tableau = tableau.role(checked_first(first))  # type: ignore[arg-type]
         check_fit(self.system, self.tableau)
+        check_quantities(self.system)
         self.t_end = checked_t_end(self.system.t_end if t_end is None else t_end)
         self.end = exact_decimal(self.t_end)
         self.numerics = Numerics(precision=precision, summation=summation, energy=energy)
@@ -131,7 +135,10 @@ class Problem:
         NearharmonicError
             A step size, initial value or parameter outside what is allowed, before any work.
         """
-        step = self._step_sizes.get(tau)
+        try:
+            step = self._step_sizes.get(tau)
+        except TypeError:  # a list or an array
+            step = None
         if step is None:
             step = self._prepared_step(tau)
         slots = self._slots.setdefault(step.marks.size, [])
@@ -150,7 +157,7 @@ class Problem:
             slot.batch.parameters[:] = standard_parameters(self.system)
             slot.default = True
         slot.batch.run(self.tableau.stages * self.system.dimension, step.steps)
-        solution = Solution(self, step, slot.batch)
+        solution = Solution(self, step, slot.batch, None if slot.default else slot.given)
         slots.append(slot)
         return solution
 
@@ -225,8 +232,9 @@ class Problem:
         for key, rows in given:
             if len(rows) != 1:
                 raise bad_setting(key, f"{len(rows)} rows", "those of one trajectory; nearharmonic.ensemble takes many")
-        slot.batch.start[:], slot.default = given[0][1], False
-        slot.batch.parameters[:] = standard_parameters(self.system) if parameters is None else given[1][1]
+        rows = standard_parameters(self.system)[None, :] if parameters is None else given[1][1]
+        slot.batch.start[:], slot.batch.parameters[:], slot.default = given[0][1], rows, False
+        slot.given = Start(state=given[0][1], parameters=rows, given=dict(parameters or {}))
 
 
 #: The name at the top of the package.

@@ -251,7 +251,13 @@ class Reading:
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         from pydantic_core import core_schema
 
-        return core_schema.no_info_plain_validator_function(self.accept)
+        return core_schema.no_info_plain_validator_function(self._accept)
+
+    def _accept(self, value: Any) -> Any:
+        try:
+            return self.accept(value)
+        except TypeError:  # which pydantic takes for an error of ours
+            raise ValueError from None
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
         return {key: list(value) if isinstance(value, tuple) else value for key, value in self.schema}

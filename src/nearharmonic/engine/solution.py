@@ -15,6 +15,7 @@ from nearharmonic.engine.results import Integers, Trajectories, trajectories_of
 if TYPE_CHECKING:
     import xarray as xr
 
+    from nearharmonic.engine.continuation import Start
     from nearharmonic.engine.problem import Problem
 
 
@@ -35,10 +36,10 @@ class Solution:
     A run that left its energy surface keeps the samples until then; both errors are infinite.
     """
 
-    __slots__ = ("__dict__", "_diverged_at", "_results", "_step", "problem")
+    __slots__ = ("__dict__", "_begin", "_diverged_at", "_results", "_step", "problem")
 
-    def __init__(self, problem: Problem, step: StepSize, batch: Batch) -> None:
-        self.problem, self._step = problem, step
+    def __init__(self, problem: Problem, step: StepSize, batch: Batch, begin: Start | None) -> None:
+        self.problem, self._step, self._begin = problem, step, begin
         self._results, self._diverged_at = batch.results.copy(), int(batch.left_at[0])
 
     def _split(self) -> tuple[Floats, Floats, Floats]:
@@ -121,6 +122,7 @@ class Solution:
 
     def to_dataset(self) -> xr.Dataset:
         """Return the run as :func:`nearharmonic.integrate` does."""
+        from nearharmonic.engine.continuation import start_of
         from nearharmonic.engine.description import trajectory_dataset
 
-        return trajectory_dataset(self.problem, self.trajectories)
+        return trajectory_dataset(self.problem, self.trajectories, begin=self._begin or start_of(self.problem))

@@ -114,7 +114,7 @@ def integrate(
         asked = checked_times(t, problem.end, problem.t_end)
         paths = run_at(problem, [steps], asked, **begin.arrays)
         times = np.array([float(time) for time in asked]) + begin.t
-    return trajectory_dataset(problem, paths, constants=begin.constants, times=times, attributes=begin.attributes())
+    return trajectory_dataset(problem, paths, begin=begin, times=times)
 
 
 def sweep(

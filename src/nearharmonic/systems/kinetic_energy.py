@@ -6,13 +6,18 @@ from collections.abc import Callable, Collection, Sequence
 from fractions import Fraction
 from inspect import Parameter as Argument
 from inspect import signature
+from sys import float_info
 from typing import Any
 
 from nearharmonic.core.number import Constant
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems.energy import constants_beside
+from nearharmonic.systems.quantities import is_extreme
 
 Vector = tuple[Any, ...]
+
+#: The inverse of the largest double, about 5.6e-309.
+SMALLEST_MASS = 1 / Fraction(float_info.max)
 
 
 def quadratic_T(p: Vector) -> Any:
@@ -97,7 +102,7 @@ def _number(key: str, value: Any) -> Fraction:
         It is none, or none that a double can hold.
     """
     try:
-        number = Fraction(value) if not isinstance(value, float) else None
+        number = Fraction(value) if not (isinstance(value, float) or is_extreme(value)) else None
         if number is not None:
             float(number)
     except (ValueError, TypeError, ZeroDivisionError, OverflowError):
@@ -119,6 +124,8 @@ def _mass(i: int, mass: Any, names: list[str]) -> int | Constant:
         raise SystemDefinitionError(f"{error}{known}") from None
     if number <= 0:
         raise SystemDefinitionError(f"masses[{i}] = {mass!r} is not allowed: a mass must be positive")
+    if number < SMALLEST_MASS:
+        raise SystemDefinitionError(f"masses[{i}] = {mass!r} is not allowed: no double holds its inverse")
     return Constant(number)
 
 

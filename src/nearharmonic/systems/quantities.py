@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
 from numbers import Real
 from typing import Any
 
 #: A coordinate tuple of any number type: float, numpy array, mpf, or a number traced into a kernel.
 Vector = tuple[Any, ...]
+#: Decimal exponents beyond this are outside the range of doubles, and slow to make fractions of.
+LARGEST_EXPONENT = 400
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +41,15 @@ def decimal(value: Any) -> Any:
     if isinstance(value, bool) or not isinstance(value, Real):
         return value
     return str(value) if isinstance(value, int) else repr(float(value))
+
+
+def is_extreme(value: Any) -> bool:
+    """Whether a decimal is far outside the range of doubles, so that a fraction of it has very many digits."""
+    try:
+        number = Decimal(value) if isinstance(value, str | Decimal) else Decimal(1)
+    except InvalidOperation:
+        return False
+    return number.is_finite() and number != 0 and abs(number.adjusted()) > LARGEST_EXPONENT
 
 
 def sequence(values: Any) -> Any:

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from decimal import Decimal, InvalidOperation
 from functools import cached_property
-from math import isinf
 from typing import Any, TypeVar
 
 from nearharmonic.core.expression.graph import Graph
 from nearharmonic.core.number import Constant, vector
 from nearharmonic.display import facts_table, line
 from nearharmonic.errors import SystemDefinitionError
+from nearharmonic.systems.declaration import check_members, check_numbers
 from nearharmonic.systems.energy import Energy
 from nearharmonic.systems.formulas import DerivedGradient, ExtendedPotential, Formulas, formulas_of, with_parameters
 from nearharmonic.systems.kinetic_energy import MassKineticEnergy, quadratic_grad_T, quadratic_T
@@ -94,15 +93,13 @@ class System:
     surface_reason: str = "the energy error is as large as the energy itself"
 
     def __post_init__(self) -> None:
+        check_members(self)
         self._write_out()
         if len(self.q0) != len(self.p0) or not self.q0:
             raise SystemDefinitionError(
                 f"{self.name}: q0 has {len(self.q0)} components and p0 {len(self.p0)}, expected equal and >= 1"
             )
-        for key in ("q", "p", "t", "energy"):
-            if key not in self.units:
-                raise SystemDefinitionError(f"{self.name}: units lack {key!r}")
-        self._check_numbers()
+        check_numbers(self)
         self._set_kinetic_energy()
         if self.grad_V is None or isinstance(self.grad_V, DerivedGradient):
             object.__setattr__(self, "grad_V", DerivedGradient(self._potential, self.time_dependent))
@@ -175,22 +172,6 @@ class System:
         written = {"label": self.label or self.name, "parameters": named, "t_end": decimal(self.t_end), **rows}
         for key, value in written.items():
             object.__setattr__(self, key, value)
-
-    def _check_numbers(self) -> None:
-        named = {f"parameter {k}": v.value for k, v in self.parameters.items()} | {"t_end": self.t_end}
-        named |= {f"q0[{i}]": v for i, v in enumerate(self.q0)} | {f"p0[{i}]": v for i, v in enumerate(self.p0)}
-        named |= {k: v for k in ("position_t_end", "energy_scale") if (v := getattr(self, k)) is not None}
-        for key, text in named.items():
-            try:
-                finite = Decimal(text).is_finite()
-            except (InvalidOperation, TypeError, ValueError):
-                finite = False
-            if not finite:
-                raise SystemDefinitionError(f"{self.name}: {key} = {text!r} is not a finite decimal number")
-            if isinf(float(text)):
-                raise SystemDefinitionError(f"{self.name}: {key} = {text!r} is larger than any double")
-        if self.energy_scale is not None and Decimal(self.energy_scale) <= 0:
-            raise SystemDefinitionError(f"{self.name}: energy_scale = {self.energy_scale!r} is not positive")
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle a registered system by its name, another by its fields, whose functions must be importable."""

@@ -17,6 +17,7 @@ from nearharmonic.registry import is_path, split_path
 from nearharmonic.systems import System, systems
 from nearharmonic.systems.gradients import check_gradients
 from nearharmonic.systems.user_file import SystemDefinition
+from nearharmonic.user_module import is_file
 
 #: Names that files and rules of the workflow have already.
 TAKEN = frozenset(
@@ -176,7 +177,7 @@ def found(key: str, written: str, folders: Sequence[Path]) -> str:
     """
     for folder in folders:
         place = folder / written
-        if place.is_file():
+        if is_file(place):
             inside = os.path.relpath(place)
             return str(place.absolute()) if inside.startswith(os.pardir) else inside
     looked = " or ".join(dict.fromkeys(str(folder.absolute()) for folder in folders))

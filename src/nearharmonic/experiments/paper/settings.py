@@ -10,6 +10,7 @@ from numbers import Real
 from typing import Annotated, Literal
 
 from nearharmonic.engine.settings import STRICT, PositiveDecimal, PositiveNumber, Reading, setting, whole_from
+from nearharmonic.systems.quantities import is_extreme
 
 Precision = Literal["double", "extended"]
 Summation = Literal["compensated", "plain"]
@@ -27,7 +28,7 @@ def _exact_decimal(value: object) -> str:
         number = Decimal(value) if isinstance(value, str | Decimal | int) else Decimal(repr(float(value)))
     except InvalidOperation:
         raise ValueError from None
-    if not (number.is_finite() and isfinite(float(number))):
+    if not (number.is_finite() and isfinite(float(number))) or is_extreme(number):
         raise ValueError
     return str(number.normalize() + 0)
 

@@ -1,0 +1,189 @@
+"""Ensembles, continued and backward runs of systems with functions, parameters and time, against closed forms."""
+
+from __future__ import annotations
+
+import pickle
+from fractions import Fraction
+
+import mpmath
+import numpy as np
+import pytest
+from mpmath import mp, mpf
+
+import nearharmonic as nh
+from nearharmonic.engine import ensemble as ensembles
+from nearharmonic.math import cos
+
+
+def driven_potential(q, t, F, w):
+    return q[0] ** 2 / 2 - F * q[0] * cos(w * t)
+
+
+#: Functions of the module, so that the system pickles.
+DRIVEN = nh.System(
+    name="driven oscillator",
+    V=driven_potential,
+    time_dependent=True,
+    q0=("1",),
+    p0=("0.5",),
+    t_end="10",
+    parameters={"F": "0.5", "w": "0.7"},
+)
+BITS = ("q", "p", "q_low", "p_low", "energy_error", "max_energy_error", "initial_energy", "diverged_at")
+
+
+@pytest.fixture(autouse=True)
+def forty_digits():
+    with mp.workdps(40):
+        yield
+
+
+def driven_state(t, q0, p0, F, w):
+    """q'' = -q + F cos(w t): q = (q0 - A) cos t + p0 sin t + A cos(w t), A = F / (1 - w^2)."""
+    q0, p0, F, w, t = map(mpf, (q0, p0, F, w, t))
+    A = F / (1 - w * w)
+    q = (q0 - A) * mpmath.cos(t) + p0 * mpmath.sin(t) + A * mpmath.cos(w * t)
+    return float(q), float((A - q0) * mpmath.sin(t) + p0 * mpmath.cos(t) - A * w * mpmath.sin(w * t))
+
+
+def members(count):
+    rng = np.random.default_rng(5)
+    q0, p0 = rng.uniform(-2, 2, (2, count, 1))
+    return {"q0": q0, "p0": p0, "parameters": {"F": rng.uniform(0, 2, count), "w": rng.uniform(0.1, 0.8, count)}}
+
+
+def one(given, i):
+    return {
+        "q0": given["q0"][i],
+        "p0": given["p0"][i],
+        "parameters": {name: float(values[i]) for name, values in given["parameters"].items()},
+    }
+
+
+def assert_same_bits(many, i, single):
+    for name in BITS:
+        member, alone = many[name][i].values, single[name].values
+        assert np.asarray(member).tobytes() == np.asarray(alone, member.dtype).tobytes(), name
+
+
+@pytest.mark.parametrize("t", [None, [0.3, 2.5, 9.99]], ids=["samples", "output times"])
+def test_driven_oscillators_follow_their_closed_forms_for_every_frequency_and_amplitude(t):
+    """Members have frequencies, amplitudes and starts of their own; the method's error at this step is 1e-12."""
+    given = members(37)
+    many = nh.ensemble(DRIVEN, "srkn_a14", 0.04, t=t, samples=3, energy_scale=1, **given)
+    F, w = given["parameters"].values()
+    for i in range(37):
+        for k, time in enumerate(many.t[i].values):
+            q, p = driven_state(time, given["q0"][i, 0], given["p0"][i, 0], F[i], w[i])
+            assert abs(many.q.values[i, k, 0] - q) < 1e-11
+            assert abs(many.p.values[i, k, 0] - p) < 1e-11
+    assert np.array_equal(many.parameter_F, F)
+    assert np.array_equal(many.parameter_w, w)
+
+
+@pytest.mark.parametrize("energy", ["every", pytest.param("samples", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("t", [None, [0.3, 2.5, 9.99]], ids=["samples", "output times"])
+def test_members_with_functions_have_the_bits_of_single_runs(t, energy):
+    given = members(19)
+    settings = {"t": t, "samples": 4, "energy": energy, "energy_scale": 1}
+    many = nh.ensemble(DRIVEN, "blanes_moan_s6o4", 0.1, **settings, **given)
+    for i in (0, 7, 18):
+        assert_same_bits(many, i, nh.integrate(DRIVEN, "blanes_moan_s6o4", 0.1, **settings, **one(given, i)))
+
+
+WIDTHS = [16, *(pytest.param(width, marks=pytest.mark.slow) for width in (1, 2, 3, 8, 32, 64))]
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("summation", ["compensated", pytest.param("plain", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("precision", ["double", pytest.param("extended", marks=pytest.mark.slow)])
+def test_every_width_and_number_of_threads_has_the_same_bits(width, summation, precision, monkeypatch):
+    """More members than two blocks, of sizes that fill no lanes evenly; enough work for threads to take part."""
+    monkeypatch.setattr(ensembles, "ensemble_width", lambda dimension, **how: width)
+    monkeypatch.setattr(ensembles, "BLOCK", 29)
+    given = members(101)
+    how = {"energy_scale": 1, "t_end": 100, "summation": summation, "precision": precision}
+    few = nh.ensemble(DRIVEN, "blanes_moan_s6o4", 0.01, **how, **given)
+    for threads in (2, 7):
+        assert few.identical(nh.ensemble(DRIVEN, "blanes_moan_s6o4", 0.01, threads=threads, **how, **given))
+    for i in (0, 28, 29, 100):
+        single = nh.integrate(DRIVEN, "blanes_moan_s6o4", 0.01, samples=2, **how, **one(given, i))
+        if summation == "plain":
+            single = single.assign(q_low=few.q_low[i], p_low=few.p_low[i]) if "q_low" in few else single
+        names = [name for name in BITS if name in few]
+        for name in names:
+            assert few[name][i].values.tobytes() == np.asarray(single[name].values, few[name].dtype).tobytes(), name
+
+
+@pytest.mark.parametrize("first", [None, "drift", "kick"])
+def test_a_driven_run_in_two_parts_has_the_bits_of_one(first):
+    """The time goes on: a run that began anew at t = 0 would be driven by another phase."""
+    given = {"parameters": {"F": 1.25, "w": "0.3"}}
+    whole = nh.integrate(DRIVEN, "s9odr6a", "0.125", t_end=12, first=first, samples=97, **given)
+    half = nh.integrate(DRIVEN, "s9odr6a", "0.125", t_end=5, first=first, samples=41, **given)
+    rest = nh.integrate(DRIVEN, "s9odr6a", "0.125", t_end=7, first=first, samples=57, start=half)
+    for name in ("q", "p", "q_low", "p_low", "energy_error", "clock", "clock_momentum", "t"):
+        assert np.array_equal(rest[name].values, whole[name].values[40:]), name
+    assert max(half.max_energy_error, rest.max_energy_error) == whole.max_energy_error
+
+
+def test_a_driven_run_back_in_time_follows_the_closed_form_at_its_output_times():
+    times = [0, -0.01, -0.125, -0.13, -4, -4, -7.99, -8]
+    run = nh.integrate(DRIVEN, "srkn_a14", "0.05", t_end=-8, t=times, energy_scale=1)
+    assert run.t.values.tolist() == times
+    for k, time in enumerate(times):
+        q, p = driven_state(time, 1, mpf("0.5"), mpf("0.5"), mpf("0.7"))
+        assert abs(run.q.values[k, 0] - q) < 1e-11
+        assert abs(run.p.values[k, 0] - p) < 1e-11
+
+
+def test_a_driven_run_returns_from_its_end():
+    """Symmetric methods: a run on to t = 6 and one of the same steps back ends where the first began."""
+    out = nh.integrate(DRIVEN, "s9odr6a", 0.1, t_end=6)
+    back = nh.integrate(DRIVEN, "s9odr6a", 0.1, t_end=-6, start=out)
+    assert abs(back.t.values[-1]) < 1e-14
+    assert abs(back.clock.values[-1]) < 1e-14
+    assert abs(back.q.values[-1, 0] - 1) < 1e-13
+    assert abs(back.p.values[-1, 0] - 0.5) < 1e-13
+
+
+def test_problems_of_systems_with_parameters_and_time_pickle_with_their_results():
+    problem = nh.problem(DRIVEN, "blanes_moan_s6o4", t_end=10, samples=4, energy_scale=1)
+    given = {"q0": [0.25], "parameters": {"w": Fraction(1, 3)}}
+    result, again = problem(0.1, **given), pickle.loads(pickle.dumps(problem))(0.1, **given)
+    copied = pickle.loads(pickle.dumps(result))
+    single = nh.integrate(DRIVEN, "blanes_moan_s6o4", 0.1, t_end=10, samples=4, energy_scale=1, **given)
+    for other in (again.to_dataset(), copied.to_dataset(), single):
+        assert result.to_dataset().identical(other)
+
+
+def test_a_result_knows_the_parameters_that_it_was_computed_with():
+    """Invariants, what continues from it, and its description are those of its own parameters."""
+    spring = nh.System(
+        name="spring of a constant",
+        V=lambda q, k: k * q[0] ** 2 / 2,
+        q0=("1",),
+        p0=("0",),
+        t_end="2",
+        parameters={"k": "1"},
+        invariants={"twice_the_energy": lambda q, p, k: k * q[0] ** 2 + p[0] ** 2},
+    )
+    problem = nh.problem(spring, "leapfrog", samples=5)
+    for value in ("4", np.float32(0.1), np.array(2.5), [0.3]):
+        given = {"q0": [1.5], "parameters": {"k": value}}
+        result, single = problem(0.1, **given).to_dataset(), nh.integrate(spring, "leapfrog", 0.1, samples=5, **given)
+        assert result.identical(single)
+        assert result.twice_the_energy.values[0] == pytest.approx(2 * result.initial_energy.item(), rel=1e-15)
+        whole = nh.integrate(spring, "leapfrog", 0.1, t_end=4, **given)
+        rest = nh.integrate(spring, "leapfrog", 0.1, start=result)
+        assert np.array_equal(rest.q.values[-1], whole.q.values[-1])
+        assert np.array_equal(rest.q_low.values[-1], whole.q_low.values[-1])
+        whole_drift = nh.integrate(spring, "leapfrog", 0.1, **given).twice_the_energy_drift
+        assert nh.integrate(spring, "leapfrog", 0.1, samples=1, **given).twice_the_energy_drift.item() > 0
+        assert nh.integrate(spring, "leapfrog", 0.1, t=[0.5, 2], **given).twice_the_energy_drift <= whole_drift
+    # Members of energy 0 are measured absolutely, and the Dataset says so of them alone.
+    some = nh.ensemble(spring, "leapfrog", 0.1, q0=np.array([[0.0], [2.0]])).max_energy_error
+    none = nh.ensemble(spring, "leapfrog", 0.1, q0=np.array([[0.0], [0.0]])).max_energy_error
+    assert "|H - H0|/|H0| (absolute, in 1, where H0 = 0)" in some.long_name
+    assert "|H - H0| over" in none.long_name
+    assert some.values[1] == nh.integrate(spring, "leapfrog", 0.1, q0=[2.0]).max_energy_error
