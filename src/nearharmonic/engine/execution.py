@@ -6,7 +6,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, wait
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -102,6 +101,8 @@ class Blocks:
             for i in range(self._count):
                 self._compute(i, _run)
             return
+        from concurrent.futures import ThreadPoolExecutor, wait
+
         with ThreadPoolExecutor(threads) as pool, _Progress(self._steps) as progress:
             futures = [pool.submit(self._one, i) for i in range(self._count)]
             try:
