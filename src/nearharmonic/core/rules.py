@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from hashlib import sha256
 from typing import Any
 
@@ -231,6 +232,7 @@ def tallied(tally: Entries, latest: LLVMValue) -> Entries:
     return [size.larger(tally[WORST]), total, carry, latest, *tally[ENERGY:]]
 
 
+@lru_cache(maxsize=64)
 def fingerprint(rules: Rules) -> str:
     """Digest of the instructions that the formulas emit: the one thing about a system that compiled code depends on."""
     count, given = 4 * rules.physics.dimension, parameter_rows(rules.physics.parameters)

@@ -11,7 +11,6 @@ from __future__ import annotations
 from typing import Any
 
 from nearharmonic.core import arithmetic
-from nearharmonic.core.functions import double, extended
 from nearharmonic.core.number import Constant, Number
 from nearharmonic.core.values import LLVMValue
 
@@ -95,6 +94,8 @@ class Double(Number):
         return self._constant(number)
 
     def apply(self, function: str, *others: Double | Constant) -> Double:
+        from nearharmonic.core.functions import double  # with coefficients that most formulas do without
+
         operands = [self, *(self.lifted(x) if isinstance(x, Constant) else x for x in others)]
         return Double(double.FUNCTIONS[function](*(x.carrier for x in operands)))
 
@@ -162,5 +163,7 @@ class DoubleDouble(Number):
         return DoubleDouble.of(number, self.high)
 
     def apply(self, function: str, *others: DoubleDouble | Constant) -> DoubleDouble:
+        from nearharmonic.core.functions import extended
+
         operands = [self, *(self.lifted(x) if isinstance(x, Constant) else x for x in others)]
         return DoubleDouble(*extended.FUNCTIONS[function](*(x.pair for x in operands)))
