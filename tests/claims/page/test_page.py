@@ -156,7 +156,7 @@ def test_the_present_run_is_shown_as_this_run_and_finished_ones_in_the_history(c
     monkeypatch.setenv("NEARHARMONIC_RUN", run["id"])
     found = page(folder=copied)["page"]
     (said,) = [words for told, words in Reader(found).all("p", **{"class": "run"})]
-    assert said.startswith(f"Run {run['id']} began 2026-01-01 00:00:03 UTC and was not finished")
+    assert said.startswith(f"Run {run['id']} began 2026-01-01 00:00:03 UTC and made this page before it ended")
     assert "commit 0123456789ab with uncommitted changes; 2 cores of Fast 9." in said
     rows = re.search(r'<table class="runs">.*?<tbody>(.*?)</tbody>', found, re.DOTALL)[1].split("</tr>")
     assert ["this run" in row for row in rows] == [True, False, False, False]
