@@ -69,9 +69,8 @@ def interactive(results: ShownResults) -> Iterator[ShownFigure]:
     for one in results.figures:
         if one.function.startswith(_INTERACTIVE):
             shown, methods, title, hint = _drawn(one, cubes)
-            if one.profile and one.cube:
-                one = replace(one, caption=_caption(one.caption, cubes(one.cube)))
-            yield _figure(one, results, title, panels=shown, methods=methods, hint=hint)
+            caption = _caption(one.caption, cubes(one.cube)) if one.profile and one.cube else one.caption
+            yield _figure(replace(one, caption=caption), results, title, panels=shown, methods=methods, hint=hint)
 
 
 def static(results: ShownResults, titles: Mapping[str, str]) -> Iterator[ShownFigure]:
@@ -99,7 +98,9 @@ def _caption(caption: str, cube: xr.Dataset) -> str:
     """``caption``, with what the energy errors of ``cube`` are, unless they are relative to |H0|."""
     relative = "|ΔH/H₀|"
     label = energy_error_label(cube["max_energy_error"].attrs, "|ΔH|", relative)
-    return caption if label == relative else f"{caption.replace('relative energy', 'energy')} Energy errors are {label}."
+    return (
+        caption if label == relative else f"{caption.replace('relative energy', 'energy')} Energy errors are {label}."
+    )
 
 
 def _figure(one: Declaration, results: ShownResults, title: str, **more: Any) -> ShownFigure:

@@ -69,7 +69,11 @@ def draw_members(
 
 def _says(given: Sequence[xr.Dataset]) -> str:
     """What the points are, and how many members have none."""
-    over = "over the samples" if "over the samples" in given[0]["max_energy_error"].attrs["long_name"] else "over all steps"
+    over = (
+        "over the samples"
+        if "over the samples" in given[0]["max_energy_error"].attrs["long_name"]
+        else "over all steps"
+    )
     lost = sum(int((one["status"] == "diverged").sum()) for one in given)
     members = sum(one.sizes[MEMBER] for one in given)
     return f"maximum {over}, a point for each member" + (f"; {lost} of {members} diverged" if lost else "")

@@ -13,8 +13,8 @@ from matplotlib.lines import Line2D
 
 from nearharmonic.errors import bad_setting
 from nearharmonic.experiments.paper.figures.energy_error import PANELS, Profile, dashed, draw_profile, draw_profiles
-from nearharmonic.experiments.paper.figures.members import MEMBER, check_measured, draw_members, varying
 from nearharmonic.experiments.paper.figures.levels import energy_error_label
+from nearharmonic.experiments.paper.figures.members import MEMBER, check_measured, draw_members, varying
 from nearharmonic.integrators import integrators
 from nearharmonic.output.style import house_style, log_scale, new_figure, panel_letter, style_of
 
@@ -46,7 +46,7 @@ def plot(datasets: xr.Dataset | Iterable[xr.Dataset]) -> Figure:
     Parameters
     ----------
     datasets : xarray.Dataset, or list of them
-        One or several of ``integrate``, of ``sweep`` or of ``ensemble``, with one entry of the legend each; or one cube.
+        One or several of ``integrate``, of ``sweep`` or of ``ensemble``, each with an entry of the legend; or one cube.
 
     Returns
     -------

@@ -178,7 +178,7 @@ def recommend(
 
 
 def _quantity(system: System, t_end: str, measure: str) -> str:
-    """What is bounded, in the words of a Dataset: relative to |H0|, to an energy that the system chooses, or in a unit."""
+    """What is bounded, as a Dataset has it: relative to |H0|, or to an energy that the system chooses, or in a unit."""
     if measure == "position":
         return NAMES[measure]
     notes = sweep(system, "ruth", [float(t_end)], t_end=t_end)[MEASURES[measure]].attrs
