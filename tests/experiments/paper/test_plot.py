@@ -182,3 +182,4 @@ def test_a_figure_of_diverged_runs_alone_says_so():
     figure = nh.plot(nh.sweep("kepler", "babps9o7h", [20000.0, 40000.0]))
     for axes in figure.axes:
         assert any("every run diverged" in text.get_text() for text in axes.texts)
+        assert axes.get_xlim()[0] > 1000  # as wide as the steps that were tried
