@@ -98,9 +98,9 @@ def _caption(caption: str, cube: xr.Dataset) -> str:
     """``caption``, with what the energy errors of ``cube`` are, unless they are relative to |H0|."""
     relative = "|ΔH/H₀|"
     label = energy_error_label(cube["max_energy_error"].attrs, "|ΔH|", relative)
-    return (
-        caption if label == relative else f"{caption.replace('relative energy', 'energy')} Energy errors are {label}."
-    )
+    if label == relative:
+        return caption
+    return f"{caption.replace('relative energy', 'energy')} Energy errors are {label}."
 
 
 def _figure(one: Declaration, results: ShownResults, title: str, **more: Any) -> ShownFigure:
