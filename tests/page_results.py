@@ -53,6 +53,7 @@ def cube(system, methods=made.METHODS):
     if system == "kepler":
         advances = made.advances(methods).drop_vars("label")
         found = found.merge(advances, compat="override", combine_attrs="override").assign_attrs(orbital_period=2000.0)
+    found.max_energy_error.attrs |= {"long_name": "maximum of |H - H0|/|H0| over every step", "units": "1"}
     return found.assign_attrs(system=system, system_label=SYSTEMS[system])
 
 

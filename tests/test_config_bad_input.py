@@ -63,3 +63,22 @@ def test_a_key_that_is_no_text_is_refused(key):
 def test_a_file_without_a_system_is_refused(folder, text, words):
     (folder / "other.py").write_text(text)
     assert words in refused({"mine": {"file": "other.py", "tau_per_stage": GRID}})
+
+
+def test_a_misspelt_key_is_told_before_the_one_that_is_missing():
+    said = refused({"mine": {"file": "quartic_well.py", "tau_per_stag": GRID}})
+    assert "unknown key of systems.mine 'tau_per_stag'. Did you mean 'tau_per_stage'?" in said
+
+
+def test_a_file_under_a_registered_name_is_told_to_take_another_name():
+    said = refused({"kepler": {"file": "quartic_well.py", "tau_per_stage": GRID}})
+    assert said.endswith("choose another name for the system of the file")
+    assert refused({"kepler": {"q0": [1, 2], "tau_per_stage": GRID}}).endswith("with system: kepler")
+
+
+@pytest.mark.parametrize("name", ["TABLEAUX", "tableau"])
+def test_a_file_of_integrators_under_another_name_is_told_the_near_miss(folder, name):
+    text = (Path(__file__).parents[1] / "examples" / "fourth_order.py").read_text(encoding="utf-8")
+    (folder / "method.py").write_text(text.replace("TABLEAU =", f"{name} ="))
+    with pytest.raises(NearharmonicError, match=f"did you mean its '{name}'"):
+        load({"name": "mine", "integrators": ["method.py"], "systems": {"sho": {"tau_per_stage": GRID}}})

@@ -275,7 +275,7 @@ def test_a_system_that_is_none_is_refused_in_one_sentence(system, says):
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        ("x = 1\n", "systems.mine: quartic_well.py does not define SYSTEM, a nearharmonic.System; it has None"),
+        ("x = 1\n", "systems.mine: quartic_well.py does not define SYSTEM, a nearharmonic.System"),
         ("1 / 0\n", "systems.mine: quartic_well.py cannot be run: ZeroDivisionError: division by zero"),
         ("def", "systems.mine: quartic_well.py cannot be run: SyntaxError"),
         (WELL.replace('"1", "0"', '"nan", "0"'), "systems.mine: quartic_well: q0[0] = 'nan' is not a finite decimal"),

@@ -224,7 +224,8 @@ def _typed(mapping: Mapping[str, Any]) -> Config:
         inside = {"missing", "unexpected_keyword_argument"}
         # A list with an entry that is refused counts as too short as well.
         told = [fault for fault in faults.errors() if not (fault["type"] == "too_short" and fault["input"])]
-        first = min(told, key=lambda fault: len(fault["loc"]) - (fault["type"] in inside))
+        # A key that is misspelt is unknown and missing: what is unknown has the nearest match.
+        first = min(told, key=lambda fault: (len(fault["loc"]) - (fault["type"] in inside), fault["type"] == "missing"))
         raise _error_of(first) from None
 
 

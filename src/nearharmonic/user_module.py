@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from difflib import get_close_matches
 from pathlib import Path
 from types import ModuleType
 
@@ -64,6 +65,29 @@ def load(place: str | os.PathLike[str], declares: str, error: type[NearharmonicE
         raise error(message) from fault
     _LOADED[key] = module, _state(files)
     return module
+
+
+def near_miss(module: ModuleType, name: str, kind: type) -> str:
+    """Return why a module that should define ``name`` does not, for the end of a message.
+
+    Parameters
+    ----------
+    module : module
+        A user's file.
+    name : str
+        What it should define: of ``kind``, or a tuple of them.
+    kind : type
+        Class of what it should define.
+    """
+    if hasattr(module, name):
+        return f": its {name} is of type {type(getattr(module, name)).__name__}"
+    alike = [
+        key
+        for key, value in vars(module).items()
+        if isinstance(value, kind) or (isinstance(value, list | tuple) and value and isinstance(value[0], kind))
+    ]
+    nearest = get_close_matches(name, sorted(alike, key=str.upper), n=1, cutoff=0.6) or alike[:1]
+    return f"; did you mean its {nearest[0]!r}?" if nearest else ""
 
 
 def is_file(path: Path) -> bool:

@@ -138,3 +138,7 @@ def test_a_file_that_would_hide_a_method_of_the_mapping_is_refused(folder):
 def test_the_package_lists_what_it_offers():
     assert set(nh.__all__) <= set(dir(nh))
     assert "kappa" in dir(nh)
+
+
+def test_the_top_lists_what_it_offers_and_nothing_that_it_imports():
+    assert {name for name in dir(nh) if not name.startswith("__")} == set(nh.__all__) - {"__version__"}

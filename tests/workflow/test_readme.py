@@ -47,10 +47,7 @@ def beside_results(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", BLOCKS)
 def test_a_python_block_runs_as_printed(beside_results, name):
-    block, names = BLOCKS[name], {}
-    if "nh." in block and "import nearharmonic" not in block:
-        exec("import nearharmonic as nh", names)
-    exec(compile(block, name, "exec"), names)
+    exec(compile(BLOCKS[name], name, "exec"), {})
 
 
 def test_the_cube_snippet_ranks_the_methods(beside_results, capsys):

@@ -56,8 +56,6 @@ def _configured(system: str, place: Path) -> tuple[str | None, str]:
 
 def ranking(found: Recommendation) -> Answer:
     """Return ``found`` as an answer: a row for each method that meets the bound, and notes on the others."""
-    from nearharmonic.experiments.work_precision.tables import NAMES
-
     best = found.ranked
     unit = found.system.units["t"]
     interval = f"{found.system.label}, t = {found.t_end} {unit if unit != '1' else ''}".rstrip()
@@ -66,7 +64,7 @@ def ranking(found: Recommendation) -> Answer:
         rows=[_row(rank, choice, best[0], found.t_end) for rank, choice in enumerate(best, start=1)],
         document=_document(found),
         status=0 if best else 1,
-        title=f"{interval}: {NAMES[found.measure]} <= {found.error:g}",
+        title=f"{interval}: {found.quantity} <= {found.error:g}",
         notes=list(_notes(found)),
         digits=3,
     )

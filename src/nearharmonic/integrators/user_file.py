@@ -10,7 +10,7 @@ from nearharmonic.errors import TableauError, unknown_name
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.registry import is_path, split_path
-from nearharmonic.user_module import load
+from nearharmonic.user_module import load, near_miss
 
 DECLARES = "An integrator of your own is a Python file that defines TABLEAU, or several in TABLEAUS"
 
@@ -63,7 +63,8 @@ def load_tableaus(place: str | os.PathLike[str]) -> dict[str, Tableau]:
     single = getattr(module, "TABLEAU", None)
     found = [*([] if single is None else [single]), *(several if isinstance(several, list | tuple) else [several])]
     if not found or not all(isinstance(one, Tableau) for one in found):
-        message = f"{path} does not define TABLEAU, a nearharmonic.Tableau, or a tuple of them as TABLEAUS"
+        why = near_miss(module, "TABLEAUS" if hasattr(module, "TABLEAUS") else "TABLEAU", Tableau)
+        message = f"{path} does not define TABLEAU, a nearharmonic.Tableau, or a tuple of them as TABLEAUS{why}"
         raise TableauError(message)
     named: dict[str, Tableau] = {}
     for one in found:

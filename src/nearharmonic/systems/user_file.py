@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from nearharmonic.errors import SystemDefinitionError, unknown_name
 from nearharmonic.registry import split_path
 from nearharmonic.systems import Parameter, System, systems
-from nearharmonic.user_module import load
+from nearharmonic.user_module import load, near_miss
 
 DECLARES = "A system of your own is a Python file that defines SYSTEM"
 
@@ -81,9 +81,11 @@ def load_system(place: str | os.PathLike[str]) -> System:
     SystemDefinitionError
         There is no such file, it cannot be run, or it defines no System of that name.
     """
-    found = getattr(load(place, DECLARES, SystemDefinitionError), "SYSTEM", None)
+    module = load(place, DECLARES, SystemDefinitionError)
+    found = getattr(module, "SYSTEM", None)
     if not isinstance(found, System):
-        message = f"{os.fspath(place)} does not define SYSTEM, a nearharmonic.System; it has {found!r}"
+        why = near_miss(module, "SYSTEM", System)
+        message = f"{os.fspath(place)} does not define SYSTEM, a nearharmonic.System{why}"
         raise SystemDefinitionError(message)
     return found
 

@@ -17,7 +17,17 @@ from nearharmonic.claims.page import page as room
 from nearharmonic.claims.page.page import page
 from nearharmonic.errors import ResultFileError
 from page_reader import Reader, written
-from page_results import CLAIMS, DRAWN, SYSTEMS, run_of_history, write_claims, write_results, write_table
+from page_results import (
+    CLAIMS,
+    DRAWN,
+    SYSTEMS,
+    cube,
+    run_of_history,
+    write_claims,
+    write_cube,
+    write_results,
+    write_table,
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -156,7 +166,7 @@ def test_the_present_run_is_shown_as_this_run_and_finished_ones_in_the_history(c
     monkeypatch.setenv("NEARHARMONIC_RUN", run["id"])
     found = page(folder=copied)["page"]
     (said,) = [words for told, words in Reader(found).all("p", **{"class": "run"})]
-    assert said.startswith(f"Run {run['id']} began 2026-01-01 00:00:03 UTC and was not finished")
+    assert said.startswith(f"Run {run['id']} began 2026-01-01 00:00:03 UTC and made this page before it ended")
     assert "commit 0123456789ab with uncommitted changes; 2 cores of Fast 9." in said
     rows = re.search(r'<table class="runs">.*?<tbody>(.*?)</tbody>', found, re.DOTALL)[1].split("</tr>")
     assert ["this run" in row for row in rows] == [True, False, False, False]
@@ -200,3 +210,24 @@ def test_the_order_of_claims_is_that_of_the_file(copied):
     write_claims(copied, CLAIMS[::-1])
     found = page(folder=copied)["page"]
     assert re.findall(r'<tr id="claim-(\w+)"', found) == [claim[0] for claim in CLAIMS[::-1]]
+
+
+def test_the_figures_of_ones_own_systems_come_first_where_none_is_the_papers(tmp_path, monkeypatch):
+    monkeypatch.setitem(SYSTEMS, "well", "well of the tests")
+    folder = write_results(tmp_path / "own", systems=("well",))
+    absolute = cube("well")
+    absolute.max_energy_error.attrs |= {"long_name": "maximum of |H - H0| over every step", "units": "J"}
+    write_cube(folder / "cubes/well.h5", absolute)
+    text = page(folder=folder)["page"]
+    found = Reader(text)
+    first, *others = [words.partition(".")[0] for _, words in found.all("h3")]
+    assert first == "Energy error against step size: well of the tests"
+    assert others[:2] == ["Figure 2", "Figure 6"]
+    assert "No system here is one of the paper's" in text
+    assert "largest (A) and mean (B) energy error" in text
+    assert "Energy errors are |ΔH| (J)." in text
+
+
+def test_the_page_of_the_papers_systems_says_nothing_of_ones_own(text):
+    assert "No system here is one of the paper's" not in text
+    assert "Energy errors are |ΔH|" not in text

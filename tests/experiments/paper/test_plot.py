@@ -136,10 +136,50 @@ def test_the_axis_says_what_energy_errors_are_relative_to():
     labels = {
         r"$\max\,|\Delta H/H_0|$": spring(),
         r"$\max\,|\Delta H|$ (m2 s-2)": zero,
-        r"$\max\,|\Delta H|$ / (2 m2 s-2)": dataclasses.replace(zero, energy_scale="2"),
+        r"$\max\,|\Delta H|$ relative to energy_scale 2, in m2 s-2": dataclasses.replace(zero, energy_scale="2"),
     }
     for label, system in labels.items():
         curve = nh.sweep(system, "ruth", [0.1, 0.2], t_end=5)
         assert nh.plot(curve).axes[0].get_ylabel() == label
         run = nh.integrate(system, "ruth", 0.1, t_end=5)
         assert nh.plot(run).axes[0].get_ylabel() == label.replace(r"\max\,", "")
+
+
+def test_an_ensemble_is_drawn_against_the_one_parameter_that_varies():
+    gm = np.linspace(1.5, 2.0, 7)
+    many = nh.ensemble("kepler", "ruth", 200.0, parameters={"GM": gm}, t_end=8000)
+    (axes,) = nh.plot(many).axes
+    line_of(axes, gm, many.max_energy_error)
+    assert axes.get_xlabel().startswith("GM")
+    assert axes.get_yscale() == "log"
+
+
+def test_an_ensemble_of_starts_is_drawn_against_its_members_and_tells_how_many_diverged():
+    starts = [(0.1, 0.0), (0.2, 0.0), (8.0, 8.0)]  # far outside of the well
+    many = nh.ensemble("henon_heiles", "ruth", 0.5, q0=starts, p0=(0.0, 0.1), t_end=50)
+    (axes,) = nh.plot(many).axes
+    line_of(axes, [0, 1, 2], many.max_energy_error)
+    assert "1 of 3 diverged" in axes.get_title(loc="left")
+
+
+def test_errors_relative_to_different_energies_are_refused():
+    curves = [nh.sweep("sho", "ruth", TAUS, t_end=20, energy_scale=scale) for scale in (None, 3)]
+    with pytest.raises(SettingError, match="Datasets whose energy errors mean the same"):
+        nh.plot(curves)
+    runs = [nh.integrate("sho", "ruth", 0.5, t_end=20, energy_scale=scale) for scale in (None, 3)]
+    with pytest.raises(SettingError, match="Datasets whose energy errors mean the same"):
+        nh.plot(runs)
+
+
+def test_a_run_without_energies_is_its_orbit_alone_and_a_sweep_without_is_refused():
+    (axes,) = nh.plot(nh.integrate("sho", "ruth", 0.5, t_end=20, energy="none")).axes
+    assert axes.get_title(loc="left").endswith("phase space, from the dot on")
+    with pytest.raises(SettingError, match="energy='none'"):
+        nh.plot(nh.sweep("sho", "ruth", TAUS, t_end=20, energy="none"))
+
+
+def test_a_figure_of_diverged_runs_alone_says_so():
+    figure = nh.plot(nh.sweep("kepler", "babps9o7h", [20000.0, 40000.0]))
+    for axes in figure.axes:
+        assert any("every run diverged" in text.get_text() for text in axes.texts)
+        assert axes.get_xlim()[0] > 1000  # as wide as the steps that were tried

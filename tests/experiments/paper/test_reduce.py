@@ -20,6 +20,7 @@ from nearharmonic.experiments.paper.run import integrate_run
 from nearharmonic.integrators import integrators
 from nearharmonic.output.store import write
 from nearharmonic.systems import systems
+from nearharmonic.systems.user_file import SystemDefinition
 
 
 def numbers(variables):
@@ -295,3 +296,11 @@ def test_terms_stand_at_their_method_composition_and_order():
             assert np.isnan(found[highest:]).all()
     assert terms.label.values.tolist() == [integrators[name].label for name in ("ruth", "babs7o7h")]
     assert all({"units", "long_name"} <= set(v.attrs) for v in terms.variables.values())
+
+
+def test_labels_are_names_in_the_paper_in_cubes_of_its_systems_alone():
+    own = {"venus": SystemDefinition(base="sho", label="not in the paper")}
+    with systems.defining(own):
+        for name, says in (("sho", "name in the paper"), ("venus", "label")):
+            cube = assembled(name, runs_in_memory(sweep(name), ["ruth"]))
+            assert cube.label.attrs["long_name"] == says

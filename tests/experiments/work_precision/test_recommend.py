@@ -171,6 +171,23 @@ def test_a_system_of_ones_own_is_measured_on_the_spot(tmp_path):
     assert "aba864" in [choice.method for choice in found.ranked]
 
 
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ("", "maximum of |H - H0|/|H0| <= 0.001"),
+        ('energy_scale="2",', "maximum of |H - H0|/(2 J) <= 0.001"),
+        ("V=lambda q: sum(x**4 for x in q) / 4 - 0.765625,", "maximum of |H - H0| in J <= 0.001"),  # H0 = 0
+    ],
+)
+def test_the_bound_is_said_in_the_words_of_the_energy_errors_of_the_system(tmp_path, change, says):
+    text = QUARTIC.replace('"energy": "1"', '"energy": "J"').replace("    V=lambda q: sum(x**4 for x in q) / 4,", "")
+    (tmp_path / "quartic.py").write_text(
+        text.replace("    q0=", f"    {'' if 'V=' in change else 'V=lambda q: sum(x**4 for x in q) / 4,'} {change} q0=")
+    )
+    found = recommend(str(tmp_path / "quartic.py"), 1e-3, results=tmp_path)
+    assert text_of(found).splitlines()[0].endswith(says)
+
+
 def test_a_method_that_does_not_fit_the_system_is_named_with_the_reason(tmp_path):
     found = recommend("relativistic_oscillator", 1e-3, results=tmp_path)
     assert choice_of(found, "srkn_a14").status == "not run"
@@ -181,8 +198,12 @@ def test_a_method_that_does_not_fit_the_system_is_named_with_the_reason(tmp_path
     ("content", "says"),
     [
         (None, "no such file. A system of your own is a Python file that defines SYSTEM"),
-        ("x = 1", "does not define SYSTEM, a nearharmonic.System; it has None"),
-        ("SYSTEM = 3", "does not define SYSTEM, a nearharmonic.System; it has 3"),
+        ("x = 1", "does not define SYSTEM, a nearharmonic.System"),
+        ("SYSTEM = 3", "does not define SYSTEM, a nearharmonic.System: its SYSTEM is of type int"),
+        (
+            QUARTIC.replace("SYSTEM", "system"),
+            "a nearharmonic.System; did you mean its 'system'?",
+        ),
         ("1 / 0", "cannot be run: ZeroDivisionError: division by zero"),
         ("def", "cannot be run: SyntaxError"),
         (QUARTIC.replace('"10"', '"ten"'), "quartic: t_end = 'ten' is not a finite decimal number"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatch
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from nearharmonic.claims.page.pictures import picture
 from nearharmonic.claims.page.plots.panels import Panel
 from nearharmonic.claims.page.results import ShownResults, number_of
+from nearharmonic.experiments.paper.figures.levels import energy_error_label
 from nearharmonic.output.declarations import Declaration
 from nearharmonic.output.store import read
 
@@ -68,7 +69,8 @@ def interactive(results: ShownResults) -> Iterator[ShownFigure]:
     for one in results.figures:
         if one.function.startswith(_INTERACTIVE):
             shown, methods, title, hint = _drawn(one, cubes)
-            yield _figure(one, results, title, panels=shown, methods=methods, hint=hint)
+            caption = _caption(one.caption, cubes(one.cube)) if one.profile and one.cube else one.caption
+            yield _figure(replace(one, caption=caption), results, title, panels=shown, methods=methods, hint=hint)
 
 
 def static(results: ShownResults, titles: Mapping[str, str]) -> Iterator[ShownFigure]:
@@ -90,6 +92,15 @@ def static(results: ShownResults, titles: Mapping[str, str]) -> Iterator[ShownFi
             cube=one.cube if one else None,
             picture=picture(results.svg(stem)),
         )
+
+
+def _caption(caption: str, cube: xr.Dataset) -> str:
+    """``caption``, with what the energy errors of ``cube`` are, unless they are relative to |H0|."""
+    relative = "|ΔH/H₀|"
+    label = energy_error_label(cube["max_energy_error"].attrs, "|ΔH|", relative)
+    return (
+        caption if label == relative else f"{caption.replace('relative energy', 'energy')} Energy errors are {label}."
+    )
 
 
 def _figure(one: Declaration, results: ShownResults, title: str, **more: Any) -> ShownFigure:

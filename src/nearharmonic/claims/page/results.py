@@ -57,7 +57,7 @@ class ShownResults:
 
     @cached_property
     def figures(self) -> list[Declaration]:
-        """The declared figures that have been drawn, those with a number first."""
+        """The declared figures that have been drawn: those with a number first, if the paper's systems are here."""
         cubes = [path.stem for path in sorted((self.folder / "cubes").glob("*.h5"))]
         drawn = [
             one for one in figures_of("experiments", cubes, cubes) if (self.folder / self.drawing(one.stem)).is_file()
@@ -66,7 +66,13 @@ class ShownResults:
         distinct = {
             one.stem: one for one in drawn if number_of(one) or not (one.profile and one.cube in numbered)
         }.values()
-        return sorted(distinct, key=lambda one: (number_of(one) is None, number_of(one) or 0, one.stem))
+        later = bool(numbered)  # figures without a number
+        return sorted(distinct, key=lambda one: ((number_of(one) is None) is later, number_of(one) or 0, one.stem))
+
+    @property
+    def has_systems_of_the_paper(self) -> bool:
+        """Whether a figure of one of the paper's systems has been drawn."""
+        return any(one.profile and number_of(one) for one in self.figures)
 
     @staticmethod
     def drawing(stem: str) -> str:

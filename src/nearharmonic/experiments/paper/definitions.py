@@ -98,7 +98,8 @@ def _is_own(name: str, asked: SystemSettings) -> bool:
     if name in systems.registered:
         if given:
             example = name if asked.system is None else asked.system
-            allowed = f"{name} is a registered system, taken as it is: choose another name, with system: {example}"
+            remedy = "for the system of the file" if asked.file is not None else f"with system: {example}"
+            allowed = f"{name} is a registered system, taken as it is: choose another name {remedy}"
             value = getattr(asked, given[0])
             raise bad_setting(f"systems.{name}.{given[0]}", list(value) if isinstance(value, tuple) else value, allowed)
         return False

@@ -91,7 +91,8 @@ def _describe(dataset: xr.Dataset, problem: System) -> None:
         text = "; or skipped: the plan left the run out (tables/skipped.csv)"
         dataset.status.attrs["long_name"] = f"{dataset.status.attrs['long_name']}{text}"
     dataset.tau_per_stage.attrs |= {"units": problem.units["t"], "long_name": "step size per stage"}
-    for name, text in (("integrator", "integrator"), ("label", "name in the paper"), ("precision", "precision")):
+    label = "name in the paper" if problem.name in systems.registered else "label"
+    for name, text in (("integrator", "integrator"), ("label", label), ("precision", "precision")):
         if name in dataset.coords:
             dataset[name].attrs |= described(text)
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -139,11 +140,28 @@ def draw_profiles(
         axes.set_ylabel(label)
         panel_letter(axes, letter, f"{says} {over}")
     _scale(upper)
-    for axes in (upper, lower):
-        _slope_guide(axes)
+    for (_, variable, _, _), axes in zip(PANELS, (upper, lower), strict=True):
+        if say_if_empty(axes, [one.errors[variable] for one in profiles]):
+            taus = np.concatenate([one.tau_per_stage for one in profiles])
+            axes.set_xlim(taus.min() / 2, taus.max() * 2)
+        else:
+            _slope_guide(axes)
     lower.set_xlabel(r"step size per stage, $\tau/s$" + ("" if unit == "1" else f"  ({unit})"))
     drawn.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.545, 0.995), ncols=COLUMNS, columnspacing=1.8)
     return drawn
+
+
+def say_if_empty(axes: Axes, errors: Iterable[Any]) -> bool:
+    """Say in the middle of ``axes`` why it is empty, if none of ``errors`` can be drawn; return whether none can."""
+    values = np.concatenate([np.ravel(one) for one in errors])
+    if np.any(np.isfinite(values) & (values > 0)):
+        return False
+    if np.isinf(values).any():
+        text = "every run diverged: it left its energy surface"
+    else:
+        text = "every energy error is 0" if np.any(values == 0) else "no energy errors"
+    axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color="#595959")
+    return True
 
 
 def _draw(axes: Axes, variable: str, profiles: Iterable[Profile]) -> None:

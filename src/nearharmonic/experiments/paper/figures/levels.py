@@ -29,11 +29,13 @@ def energy_error_label(attributes: Mapping[str, str], absolute: str, relative: s
     absolute, relative : str
         What stands for |H - H0| and for |H - H0|/|H0|.
     """
-    scale = re.search(r"\|H - H0\|/\((.*?)\)", attributes.get("long_name", ""))
+    meaning = attributes.get("long_name", "|H - H0|/|H0|")
+    scale = re.search(r"\|H - H0\|/\((\S+) (.*?)\)(?: over|, |$)", meaning)
     if scale:
-        return f"{absolute} / ({scale[1]})"
-    unit = attributes.get("units", "1")
-    return relative if "|H - H0|/|H0|" in attributes.get("long_name", "|H - H0|/|H0|") else f"{absolute} ({unit})"
+        return f"{absolute} relative to energy_scale {scale[1]}" + ("" if scale[2] == "1" else f", in {scale[2]}")
+    if "|H - H0|/|H0|" not in meaning:
+        return f"{absolute} ({attributes.get('units', '1')})"
+    return f"{relative}, or {absolute} where H0 = 0" if "where H0 = 0" in meaning else relative
 
 
 def arcseconds_per_century(orbital_period: float) -> float:

@@ -14,19 +14,23 @@ from matplotlib.lines import Line2D
 from nearharmonic.errors import bad_setting
 from nearharmonic.experiments.paper.figures.energy_error import PANELS, Profile, dashed, draw_profile, draw_profiles
 from nearharmonic.experiments.paper.figures.levels import energy_error_label
+from nearharmonic.experiments.paper.figures.members import MEMBER, check_measured, draw_members, varying
 from nearharmonic.integrators import integrators
 from nearharmonic.output.style import house_style, log_scale, new_figure, panel_letter, style_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
-ALLOWED = "a Dataset of nearharmonic.integrate or nearharmonic.sweep, the cube of a system, or a list of the former"
+ALLOWED = (
+    "a Dataset of nearharmonic.integrate, nearharmonic.sweep or nearharmonic.ensemble, or a list of those of one of "
+    "them, or the cube of a system"
+)
 #: Attributes that tell Datasets of one integrator apart, in the order of the legend.
 TOLD = ("system", "precision", "summation", "first", "t_end")
 #: Dashes of the second, third, ... Dataset of one integrator; those of a run in extended precision are the figures'.
 DASHES = ("solid", (0, (6, 2)), (0, (1, 1)), (0, (6, 2, 1, 2)))
 #: What a Dataset shows.
-PROFILE, TRAJECTORY, CUBE = "energy errors over tau", "a trajectory", "a cube"
+PROFILE, TRAJECTORY, CUBE, ENSEMBLE = "energy errors over tau", "a trajectory", "a cube", "an ensemble"
 
 
 def plot(datasets: xr.Dataset | Iterable[xr.Dataset]) -> Figure:
@@ -34,13 +38,15 @@ def plot(datasets: xr.Dataset | Iterable[xr.Dataset]) -> Figure:
 
     - A Dataset of ``sweep``: largest and mean energy error against step size per stage.
     - One of ``integrate``: the energy error over time, and the orbit: (q, p) of a system of one coordinate, the first
-      two coordinates of any other.
+      two coordinates of any other. Without energy errors (``energy="none"``) there is the orbit alone.
+    - One of ``ensemble``: the largest energy error of each member, against the parameter that varies if it is one
+      alone, else against the number of the member.
     - The cube of a system, as ``xarray.open_dataset`` returns it: its energy-error figure.
 
     Parameters
     ----------
     datasets : xarray.Dataset, or list of them
-        One or several of ``integrate`` or of ``sweep``, with one entry of the legend each; or one cube.
+        One or several of ``integrate``, of ``sweep`` or of ``ensemble``, each with an entry of the legend; or one cube.
 
     Returns
     -------
@@ -50,7 +56,8 @@ def plot(datasets: xr.Dataset | Iterable[xr.Dataset]) -> Figure:
     Raises
     ------
     SettingError
-        Something else, Datasets of different kinds, or step sizes or times in different units.
+        Something else, Datasets of different kinds, step sizes or times in different units, energy errors that are
+        relative to different things, or none at all.
     """
     given: list[Any] = list(datasets) if isinstance(datasets, list | tuple) else [datasets]
     kinds = {_kind(one) for one in given}
@@ -60,7 +67,11 @@ def plot(datasets: xr.Dataset | Iterable[xr.Dataset]) -> Figure:
         raise bad_setting("datasets", shown, ALLOWED)
     if kinds == {CUBE}:
         return draw_profile(given[0])
-    return _profiles(given) if kinds == {PROFILE} else _trajectories(given)
+    if kinds == {TRAJECTORY}:
+        return _trajectories(given)
+    check_measured(given)
+    _common_meaning(given, "max_energy_error")
+    return _profiles(given) if kinds == {PROFILE} else _members(given)
 
 
 def _kind(dataset: Any) -> str:
@@ -71,6 +82,8 @@ def _kind(dataset: Any) -> str:
         return CUBE
     if "integrator" in dataset.attrs and "tau" in dataset.dims and "max_energy_error" in dataset:
         return PROFILE
+    if "integrator" in dataset.attrs and MEMBER in dataset.dims and "max_energy_error" in dataset:
+        return ENSEMBLE
     return (
         TRAJECTORY
         if "integrator" in dataset.attrs and {"t", "q", "p", "energy_error"} <= set(dataset.variables)
@@ -83,6 +96,21 @@ def _common_unit(given: Sequence[xr.Dataset], name: str) -> str:
     if len(units) > 1:
         raise bad_setting("datasets", f"units of {name}: {', '.join(units)}", "Datasets whose units are the same")
     return units[0]
+
+
+def _common_meaning(given: Sequence[xr.Dataset], name: str) -> None:
+    """Refuse energy errors that one axis cannot have: relative to different things, or in different units."""
+    found = [one[name].attrs for one in given]
+    meanings = sorted({f"{notes.get('long_name', name)}, in {notes.get('units', '1')}" for notes in found})
+    if len(meanings) > 1:
+        allowed = "Datasets whose energy errors mean the same"
+        raise bad_setting("datasets", " | ".join(meanings), allowed)
+
+
+def _members(given: Sequence[xr.Dataset]) -> Figure:
+    against, looks = varying(given), _looks(given)
+    unit = "1" if against == MEMBER else _common_unit(given, against)
+    return draw_members(given, _handles(given, looks, linestyle="none"), looks, unit)
 
 
 def _in_brackets(unit: str) -> str:
@@ -156,7 +184,6 @@ def _profiles(given: Sequence[xr.Dataset]) -> Figure:
                 look=look,
             )
         )
-    _common_unit(given, "max_energy_error")
     return draw_profiles(profiles, _handles(given, looks), unit, given[0]["max_energy_error"].attrs)
 
 
@@ -170,31 +197,47 @@ def _stages(dataset: xr.Dataset) -> int:
 def _trajectories(given: Sequence[xr.Dataset]) -> Figure:
 
     unit, looks = _common_unit(given, "t"), _looks(given)
-    drawn = new_figure(7, 8.2)
-    drawn.subplots_adjust(left=0.115, right=0.985, top=0.925, bottom=0.062, hspace=0.2)
-    upper, lower = drawn.subplots(2, 1, height_ratios=(2, 3))
+    measured = [(one, look) for one, look in zip(given, looks, strict=True) if one.attrs.get("energy") != "none"]
+    drawn = new_figure(7, 8.2 if measured else 5.2)
+    drawn.subplots_adjust(
+        left=0.115, right=0.985, top=0.925 if measured else 0.885, bottom=0.062 if measured else 0.095, hspace=0.2
+    )
+    if measured:
+        upper, lower = drawn.subplots(2, 1, height_ratios=(2, 3))
+        for one, look in measured:
+            _draw_errors(upper, one, look)
+        _finish_errors(upper, [one for one, _ in measured], unit)
+    else:
+        lower = drawn.subplots()
     for one, look in zip(given, looks, strict=True):
-        _draw_trajectory(upper, lower, one, look)
-    log_scale(upper, "y")
-    upper.set_xlabel(r"time $t$" + _in_brackets(unit))
-    _common_unit(given, "energy_error")
-    notes = given[0]["max_energy_error"].attrs
-    upper.set_ylabel(energy_error_label(notes, r"$|\Delta H|$", r"$|\Delta H/H_0|$"))
-    panel_letter(upper, "A", "energy error at the samples")
+        _draw_orbit(lower, one, look)
     _finish_orbit(lower, given)
+    panel_letter(lower, "B" if measured else "A", _orbit(given[0]))
     handles = _handles(given, looks, marker="none")
     drawn.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.545, 0.995), ncols=4, columnspacing=1.8)
     return drawn
 
 
-def _draw_trajectory(upper: Axes, lower: Axes, one: xr.Dataset, look: Mapping[str, Any]) -> None:
-
+def _draw_errors(axes: Axes, one: xr.Dataset, look: Mapping[str, Any]) -> None:
     line = style_of(str(one.attrs["integrator"])).line(**{**look, "marker": "none"})
-    upper.plot(one["t"].values, np.abs(one["energy_error"].values), **{**line, "linewidth": 0.8})
+    axes.plot(one["t"].values, np.abs(one["energy_error"].values), **{**line, "linewidth": 0.8})
+
+
+def _finish_errors(axes: Axes, given: Sequence[xr.Dataset], unit: str) -> None:
+    log_scale(axes, "y")
+    axes.set_xlabel(r"time $t$" + _in_brackets(unit))
+    _common_meaning(given, "energy_error")
+    notes = given[0]["max_energy_error"].attrs
+    axes.set_ylabel(energy_error_label(notes, r"$|\Delta H|$", r"$|\Delta H/H_0|$"))
+    panel_letter(axes, "A", "energy error at the samples")
+
+
+def _draw_orbit(axes: Axes, one: xr.Dataset, look: Mapping[str, Any]) -> None:
+    line = style_of(str(one.attrs["integrator"])).line(**{**look, "marker": "none"})
     q, p = one["q"].values, one["p"].values
     first, second = (q[:, 0], p[:, 0]) if q.shape[1] == 1 else (q[:, 0], q[:, 1])
-    lower.plot(first, second, **{**line, "linewidth": 0.8})
-    lower.plot(first[:1], second[:1], marker="o", markersize=5, color="#404040", linestyle="none", zorder=4)
+    axes.plot(first, second, **{**line, "linewidth": 0.8})
+    axes.plot(first[:1], second[:1], marker="o", markersize=5, color="#404040", linestyle="none", zorder=4)
 
 
 def _finish_orbit(axes: Axes, given: Sequence[xr.Dataset]) -> None:
@@ -208,4 +251,6 @@ def _finish_orbit(axes: Axes, given: Sequence[xr.Dataset]) -> None:
     if units[0] == units[1]:
         axes.set_aspect("equal", adjustable="datalim")
 
-    panel_letter(axes, "B", "orbit, from the dot on" if flat else "phase space, from the dot on")
+
+def _orbit(dataset: xr.Dataset) -> str:
+    return ("orbit" if dataset["q"].sizes["component"] > 1 else "phase space") + ", from the dot on"

@@ -13,13 +13,16 @@ import numpy as np
 
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.grid import check_fit, evaluations_of
+from nearharmonic.engine.problem import checked_scale
 from nearharmonic.engine.reference import Reference, position_t_end, reference
 from nearharmonic.engine.settings import checked_tau, one_of
+from nearharmonic.engine.trajectory import sweep
 from nearharmonic.errors import SettingError
 from nearharmonic.experiments.work_precision.clock import Patience, interleaved, machine, pinned
 from nearharmonic.experiments.work_precision.curve import MEASURES, Curve
 from nearharmonic.experiments.work_precision.own import POSITION_ROUNDING, ROUNDING, kernel_calls, warm_up
 from nearharmonic.experiments.work_precision.recommend.step_search import fewest_steps, ladder, measured_errors
+from nearharmonic.experiments.work_precision.tables import NAMES
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.systems import System, systems
@@ -86,6 +89,8 @@ class Recommendation:
         Decimal string, in the system's unit of time.
     measure
         Key of :data:`nearharmonic.experiments.work_precision.curve.MEASURES`.
+    quantity
+        The error in words, what it is relative to or its unit included.
     error
         Error bound.
     budget
@@ -99,6 +104,7 @@ class Recommendation:
     system: System
     t_end: str
     measure: str
+    quantity: str
     error: float
     budget: int
     choices: tuple[Choice, ...]
@@ -166,8 +172,18 @@ def recommend(
     )
     order = sorted(choices, key=lambda choice: inf if isnan(choice.time) else choice.time)
     return Recommendation(
-        system=subject, t_end=t_end, measure=kind, error=bound, budget=EVALUATIONS, choices=tuple(order), basis=basis
-    )
+        system=subject, t_end=t_end, measure=kind, quantity=_quantity(subject, t_end, kind), error=bound,
+        budget=EVALUATIONS, choices=tuple(order), basis=basis,
+    )  # fmt: skip
+
+
+def _quantity(system: System, t_end: str, measure: str) -> str:
+    """What is bounded, as a Dataset has it: relative to |H0|, or to an energy that the system chooses, or in a unit."""
+    if measure == "position":
+        return NAMES[measure]
+    notes = sweep(system, "ruth", [float(t_end)], t_end=t_end)[MEASURES[measure]].attrs
+    words, unit = notes["long_name"].partition(" over every step")[0], notes["units"]
+    return words if unit == "1" else f"{words} in {unit}"
 
 
 def _choice(
@@ -180,8 +196,10 @@ def _choice(
     except SettingError:
         return replace(choice, reason=f"does not fit: it requires a {tableau.requires}")
 
+    scale = checked_scale(system.energy_scale)
+
     def run(steps: Sequence[int]) -> Sequence[float]:
-        paths = integrate_batch(system, tableau, t_end=Fraction(t_end), steps=steps, samples=2)
+        paths = integrate_batch(system, tableau, t_end=Fraction(t_end), steps=steps, samples=2, scale=scale)
         if exact is None:
             found = getattr(paths, MEASURES[measure])
         else:
