@@ -62,7 +62,7 @@ DECLARATIONS = {
     ),
     "limit": ({"surface_limit": "x"}, "surface_limit = 'x'"),
     "time_dependent": ({"time_dependent": "yes"}, "time_dependent = 'yes'"),
-    "no time": ({"time_dependent": True}, "V raises TypeError"),
+    "no time": ({"time_dependent": True}, "V takes (q), and is called as V(q, t)"),
 }
 
 

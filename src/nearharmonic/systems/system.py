@@ -11,6 +11,7 @@ from nearharmonic.core.expression.graph import Graph
 from nearharmonic.core.number import Constant, vector
 from nearharmonic.display import facts_table, line
 from nearharmonic.errors import SystemDefinitionError
+from nearharmonic.systems.arguments import check_arguments
 from nearharmonic.systems.declaration import check_members, check_numbers
 from nearharmonic.systems.energy import Energy
 from nearharmonic.systems.formulas import DerivedGradient, ExtendedPotential, Formulas, formulas_of, with_parameters
@@ -62,7 +63,8 @@ class System:
     ------
     SystemDefinitionError
         Rows of different length, a string that is no number finite as a double, a unit missing, ``masses`` that make no
-        kinetic energy or beside a T, or ``harmonic`` or ``gravity`` where dimension, kinetic energy or parameters rule
+        kinetic energy or beside a T, a formula that takes other arguments than it is called with or names the
+        parameters in another order, or ``harmonic`` or ``gravity`` where dimension, kinetic energy or parameters rule
         it out.
     """
 
@@ -108,6 +110,7 @@ class System:
             raise SystemDefinitionError(f"{self.name}: harmonic means one coordinate and T = p^2/2")
         if self.gravity and not (set(self.parameters) == {"GM"} and self.unit_masses):
             raise SystemDefinitionError(f"{self.name}: gravity means T = p.p/2 and GM as the only parameter")
+        check_arguments(self)
 
     @property
     def facts(self) -> dict[str, object]:
