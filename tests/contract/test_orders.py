@@ -7,8 +7,11 @@ from decimal import Decimal, localcontext
 
 import pytest
 
+import nearharmonic as nh
+from nearharmonic.errors import TableauError
 from nearharmonic.experiments.paper.tables import overview
 from nearharmonic.integrators import integrators
+from nearharmonic.integrators.user_file import load_tableaus
 from nearharmonic.theory.order import (
     generalised_order_of,
     harmonic_order_of,
@@ -99,3 +102,28 @@ def test_the_overview_can_be_asked_for_some_methods_in_an_order():
     header, rows = overview("babps9o7h", "ruth")
     assert [row[0] for row in rows] == ["babps9o7h", "ruth"]
     assert dict(zip(header, rows[1], strict=True))["first gap closes"] == "inf"
+
+
+TABLEAU = """
+import nearharmonic as nh
+TABLEAU = nh.Tableau(
+    name="mine", order={order}, first="kick", kick={kick}, drift=("1",), digits=15, source="here", {more}
+)
+"""
+
+
+@pytest.mark.parametrize(("order", "more"), [(4, ""), (1000, ""), (3, 'requires="quadratic kinetic energy"')])
+def test_a_users_tableau_of_a_lower_order_than_it_declares_is_refused(tmp_path, order, more):
+    """Leapfrog is of order 2."""
+    (tmp_path / "own.py").write_text(TABLEAU.format(order=order, kick=("0.5", "0.5"), more=more))
+    kind = "a quadratic kinetic energy" if more else "every separable H"
+    words = f"the integrator 'mine' declares order {order}, and its coefficients, of 15 digits, have order 2 for {kind}"
+    with pytest.raises(TableauError, match=f"own.py: {words}$"):
+        load_tableaus(tmp_path / "own.py")
+    with pytest.raises(TableauError, match=words):
+        nh.integrate("sho", str(tmp_path / "own.py"), 0.1)
+
+
+def test_a_users_tableau_of_the_order_that_it_declares_is_loaded(tmp_path):
+    (tmp_path / "own.py").write_text(TABLEAU.format(order=2, kick=("0.5", "0.5"), more=""))
+    assert load_tableaus(tmp_path / "own.py")["mine"].order == 2

@@ -124,14 +124,17 @@ REFUSED = {
     "text as exponent": (lambda q: (q[0] ** "2",), "grad_V raises a value to the power '2': formulas use"),
     "remainder": (lambda q: (q[0] % 2,), "grad_V raises TypeError: .*%.*formulas use"),
     "zero": (lambda q: (q[0] / (0.3 - 0.3),), "grad_V raises ZeroDivisionError"),
-    "index": (lambda q: (q[1],), "grad_V raises IndexError: tuple index out of range$"),
+    "index": (lambda q: (q[1],), "grad_V raises IndexError: tuple index out of range: q has 1 component$"),
+    "arguments": (lambda q: (sine(),), r"grad_V raises TypeError: .* missing 1 required .* argument: 'q'$"),
+    "attribute": (lambda q: (q[0].real,), "grad_V raises AttributeError: .*'real'.*formulas use"),
+    "attribute of a module": (lambda q: (math.arcsin(q[0]),), "grad_V raises AttributeError: .*'arcsin'$"),
     "name": (lambda q: (nothing,), "grad_V raises NameError"),  # noqa: F821
     "infinite": (lambda q: (math.inf * q[0],), "grad_V contains the number inf, which is not finite"),
     "NaN": (lambda q: (math.nan,), r"grad_V\[0\] contains the number nan"),
     "too many": (lambda q: (q[0], 0), "grad_V returns 2 components, expected a tuple of 1, one number a coordinate"),
     "none": (lambda q: (), "grad_V returns 0 components, expected a tuple of 1"),
     "no tuple": (lambda q: q[0], "grad_V returns one number, expected a tuple of 1"),
-    "nothing": (lambda q: None, "grad_V returns an object of type NoneType"),
+    "nothing": (lambda q: None, "grad_V returns None, expected a tuple of 1, .*: is a return missing.$"),
     "text": (lambda q: ("a",), r"grad_V\[0\] is an object of type str, expected a number"),
 }
 
@@ -170,6 +173,12 @@ def test_the_error_names_the_formula_that_failed(formula):
 def test_an_energy_that_is_no_number_is_refused():
     with pytest.raises(SystemDefinitionError, match=r"^mine: V returns an object of type tuple, expected one number$"):
         traced(system(lambda q: (1,), V=lambda q: q))
+
+
+def test_an_energy_that_returns_nothing_asks_for_its_return():
+    words = r"^mine: V returns None, expected one number: is a return missing\?$"
+    with pytest.raises(SystemDefinitionError, match=words):
+        traced(system(lambda q: (1,), V=lambda q: None))
 
 
 def test_numpys_arrays_work_in_formulas():

@@ -13,6 +13,7 @@ import nearharmonic as nh
 from nearharmonic.errors import NearharmonicError
 
 FIELDS = {"name": "probe", "V": lambda q: q[0] * q[0] / 2, "q0": ("1",), "p0": ("0",), "t_end": "1"}
+UNITS = dict.fromkeys(("q", "p", "t", "energy"), "1")
 OBSERVED = {"function": lambda q, p: None, "unit": "1", "meaning": "nothing"}
 
 
@@ -22,7 +23,7 @@ def endless(q):
 
 DECLARATIONS = {
     "no name": ({"name": None}, "name = None"),
-    "no number": ({"V": lambda q: None}, "V returns an object of type NoneType"),
+    "no number": ({"V": lambda q: None}, "V returns None, expected one number: is a return missing?"),
     "array": ({"V": lambda q: np.array([q[0]])}, "V returns an object of type ndarray"),
     "complex": ({"V": lambda q: 1j}, "V returns an object of type complex"),
     "not finite": ({"V": lambda q: q[0] + float("nan")}, "V contains the number nan"),
@@ -33,9 +34,9 @@ DECLARATIONS = {
     "function of math": ({"V": lambda q: math.sin(q[0])}, "nearharmonic.math"),
     "function of numpy": ({"V": lambda q: np.sin(q[0])}, "nearharmonic.math"),
     "branch": ({"V": lambda q: q[0] if q[0] > 0 else -q[0]}, "must not branch"),
-    "no such coordinate": ({"V": lambda q: q[1]}, "V raises IndexError"),
+    "no such coordinate": ({"V": lambda q: q[1]}, "V raises IndexError: tuple index out of range: q has 1 component"),
     "endless": ({"V": endless}, "V raises RecursionError"),
-    "no function": ({"V": 3}, "V raises TypeError"),
+    "no function": ({"V": 3}, "V = 3 is not allowed: a function"),
     "wrong gradient": ({"grad_V": lambda q: (-q[0],)}, "grad_V[0] contradicts V"),
     "short gradient": ({"grad_V": lambda q: ()}, "grad_V returns 0 components"),
     "wrong velocity": ({"T": lambda p: p[0] ** 4, "grad_T": lambda p: (p[0],)}, "grad_T[0] contradicts T"),
@@ -46,6 +47,12 @@ DECLARATIONS = {
     "huge start": ({"q0": ("1e400",)}, "q0[0] = '1e400' is larger than any double"),
     "tiny start": ({"q0": ("1e-999999999",)}, "q0[0] = '1e-999999999' is smaller"),
     "bool": ({"p0": (True,)}, "p0[0] = True"),
+    "unit that is a number": ({"units": UNITS | {"q": 1}}, "units['q'] = 1 is not allowed: a string"),
+    "unit of nothing": ({"units": UNITS | {"x": "m"}}, "units has 'x', and names the units of q, p, t, energy alone"),
+    "bool in a list": ({"q0": [True]}, "q0[0] = True is not a finite decimal number"),
+    "parameter of two words": ({"parameters": {"a b": 1}, "V": lambda q, a: q[0]}, "parameters has 'a b'"),
+    "label of a number": ({"label": 3}, "label = 3 is not allowed: a string"),
+    "mass of a name": ({"masses": ("m",)}, "masses[0] = 'm' is not allowed"),
     "units that are none": ({"units": None}, "units = None"),
     "parameters in a list": ({"parameters": ["a"]}, "parameters = ['a']"),
     "parameter without a name": ({"parameters": {3: 1}, "V": lambda q, a: q[0]}, "parameters = {3: 1}"),
@@ -55,14 +62,14 @@ DECLARATIONS = {
     "invariant that fails": ({"invariants": {"I": lambda q, p: 1 / 0}}, "the invariant I cannot be evaluated"),
     "invariant of nothing": ({"invariants": {"I": lambda q, p: None}}, "expected real numbers"),
     "complex invariant": ({"invariants": {"I": lambda q, p: 1j * q[0]}}, "expected real numbers"),
-    "observable that is none": ({"observables": {"x": lambda q, p: q[0]}}, "a nearharmonic.Observable"),
+    "observable that is none": ({"observables": {"x": 3}}, "a nearharmonic.Observable"),
     "observable of nothing": (
         {"observables": {"x": nh.Observable(**OBSERVED)}},
         "the observable x cannot be evaluated",
     ),
     "limit": ({"surface_limit": "x"}, "surface_limit = 'x'"),
     "time_dependent": ({"time_dependent": "yes"}, "time_dependent = 'yes'"),
-    "no time": ({"time_dependent": True}, "V raises TypeError"),
+    "no time": ({"time_dependent": True}, "V takes (q), and is called as V(q, t)"),
 }
 
 

@@ -207,6 +207,44 @@ def test_a_formula_of_exploding_size_is_refused_before_any_work(monkeypatch, gra
         nh.integrate(spring(V=V, grad_V=grad_V, name="mine"), "ruth", 0.1)
 
 
+SUMS = {  # each term a difference, a square or a function, and a sum of two
+    "terms": (lambda q: sum((q[0] - k) ** 2 for k in range(20_000)), 79_998),
+    "functions": (lambda q: sum(math.sin(q[0] - k) for k in range(700)), 9_098),
+}
+
+
+@pytest.mark.parametrize("case", SUMS)
+def test_a_formula_that_would_compile_for_minutes_is_refused_by_its_number_of_operations(monkeypatch, case):
+    V, operations = SUMS[case]
+    monkeypatch.setattr("nearharmonic.core.kernel.build", None)
+    words = rf"^mine: V takes {operations} operations, a function counted as 10: at most 8000 are compiled"
+    with pytest.raises(SystemDefinitionError, match=words):
+        nh.integrate(spring(V=V, grad_V=None, name="mine"), "ruth", 0.1)
+
+
+def test_a_gradient_that_would_compile_for_minutes_is_refused_too():
+    def grad_V(q):
+        x = q[0]
+        terms = sum((x - k) ** 2 for k in range(3000))
+        return (x * (1 + terms) - x * terms,)
+
+    with pytest.raises(SystemDefinitionError, match=r"^mine: grad_V takes 120\d\d operations, .* at most 8000"):
+        check_gradients(spring(grad_V=grad_V, name="mine"))
+
+
+def test_bodies_and_chains_of_many_coordinates_are_not_too_large():
+    def pairs(q):
+        points = [q[i : i + 3] for i in range(0, 60, 3)]
+        squares = (sum((a - b) ** 2 for a, b in zip(x, y, strict=True)) for x, y in combinations(points, 2))
+        return -sum(1 / math.sqrt(square) for square in squares)
+
+    def chain(q):
+        return sum((b - a) ** 2 / 2 + (b - a) ** 3 / 12 + (b - a) ** 4 / 40 for a, b in pairwise((0, *q, 0)))
+
+    for V, d in ((pairs, 60), (chain, 250)):
+        check_gradients(spring(V=V, grad_V=None, q0=tuple(map(str, range(d))), p0=("0",) * d))
+
+
 def test_threads_that_derive_at_once_get_the_same():
     """The V of many terms, derived by eight threads that begin together."""
     made = spring(V=lambda q, k: sum((k + i) * q[0] ** i * math.sin(q[0]) for i in range(60)), grad_V=None,

@@ -159,5 +159,11 @@ def test_a_relativistic_particle_may_be_driven_too():
 
 def test_a_potential_of_the_wrong_arguments_is_refused():
     for V in (lambda q: q[0], lambda q, t, F, w, more: q[0]):
-        with pytest.raises(SystemDefinitionError, match=r"^driven: V raises TypeError"):
+        with pytest.raises(SystemDefinitionError, match=r"^driven: V takes \(q.* and is called as V\(q, t, F, w\): "):
             nh.integrate(driven(V=V), "aba864", 0.1)
+
+
+def test_the_time_is_no_component_of_the_coordinates():
+    for formulas in ({"V": lambda q, t, F, w: q[1]}, {"grad_V": lambda q, t, F, w: (q[1],)}):
+        with pytest.raises(SystemDefinitionError, match=r"V raises IndexError: .*range: q has 1 component$"):
+            check_gradients(driven(**formulas))

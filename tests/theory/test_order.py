@@ -15,6 +15,7 @@ from nearharmonic.errors import SettingError, UnknownNameError
 from nearharmonic.exact import lie
 from nearharmonic.exact.words import logarithm, product_of_exponentials, words
 from nearharmonic.integrators import integrators
+from nearharmonic.integrators.order_conditions import operators_of, tolerance
 from nearharmonic.integrators.tableau import Tableau, palindrome
 from nearharmonic.theory.order import (
     ErrorTerm,
@@ -23,9 +24,7 @@ from nearharmonic.theory.order import (
     harmonic_orders_of,
     leading_errors,
     nystrom_order_of,
-    operators_of,
     order_of,
-    tolerance,
 )
 
 

@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Callable, Iterable
+import sys
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import version
@@ -61,11 +64,29 @@ def native(key: str, signature: Signature, make: Callable[[], tuple[str, bytes]]
             return NativeFunction(_address(*kept), signature)
         except CompiledCodeError:
             disk.discard(place)
-    name, code = make()
+    with _announced():
+        name, code = make()
     function = NativeFunction(_address(name, code), signature)
     if place:
         disk.write(place, name, code)
     return function
+
+
+@contextmanager
+def _announced() -> Iterator[None]:
+    """Say on a terminal what takes so long, if the block takes more than two seconds."""
+
+    def say() -> None:
+        print("nearharmonic: compiling a kernel, which is kept for later runs", file=sys.stderr, flush=True)
+
+    timer = threading.Timer(2.0, say)
+    timer.daemon = True
+    if sys.stderr.isatty():
+        timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 def loaded(name: str, code: bytes, signature: Signature) -> NativeFunction:

@@ -7,6 +7,7 @@ words. A constant in a formula is exact: a float literal means the shortest deci
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from sys import float_info
 from typing import Any, NoReturn, Protocol
@@ -32,6 +33,9 @@ __all__ = [
 
 #: The largest double.
 LARGEST = int(float_info.max)
+#: What Python says of a tuple with too few components.
+NO_SUCH_COMPONENT = "tuple index out of range"
+_ARGUMENTS = re.compile(r"\(\) (takes|missing|got) |is not callable$")
 
 
 class Number(Value):
@@ -182,8 +186,31 @@ def call(system: Formulas, formula: str, function: Callable[..., Any], *argument
     except FormulaError as error:
         raise SystemDefinitionError(f"{system.name}: {formula} {error}") from error
     except Exception as error:
-        hint = f" ({OPERATIONS})" if isinstance(error, TypeError | AttributeError) else ""
+        hint = _hint(system, formula, error)
         raise SystemDefinitionError(f"{system.name}: {formula} raises {type(error).__name__}: {error}{hint}") from error
+
+
+def _hint(system: Formulas, formula: str, error: Exception) -> str:
+    """What may help beside the message of an exception."""
+    if isinstance(error, IndexError) and str(error) == NO_SUCH_COMPONENT:
+        return f": {components('q' if formula.endswith('V') else 'p', system.dimension)}"
+    unsupported = (isinstance(error, TypeError) and not _ARGUMENTS.search(str(error))) or (
+        isinstance(error, AttributeError) and isinstance(error.obj, Value)
+    )
+    return f" ({OPERATIONS})" if unsupported else ""
+
+
+def components(name: str, count: int) -> str:
+    """Return how many components a tuple has, for errors."""
+    return f"{name} has {count} component{'' if count == 1 else 's'}"
+
+
+def _shown_type(result: Any) -> str:
+    return "None" if result is None else f"an object of type {type(result).__name__}"
+
+
+def _forgotten(result: Any) -> str:
+    return ": is a return missing?" if result is None else ""
 
 
 def scalar(system: Formulas, formula: str, *arguments: Any) -> Any:
@@ -198,7 +225,7 @@ def scalar(system: Formulas, formula: str, *arguments: Any) -> Any:
     value = result if isinstance(result, Number) else call(system, formula, _constant, result)
     if value is None:
         raise SystemDefinitionError(
-            f"{system.name}: {formula} returns an object of type {type(result).__name__}, expected one number"
+            f"{system.name}: {formula} returns {_shown_type(result)}, expected one number{_forgotten(result)}"
         )
     return value
 
@@ -222,8 +249,8 @@ def vector(system: Formulas, formula: str, *arguments: Any) -> tuple[Any, ...]:
     result = call(system, formula, getattr(system, formula), *arguments)
     expected = f"expected a tuple of {system.dimension}, one number a coordinate"
     if not hasattr(result, "__iter__"):
-        what = "one number" if isinstance(result, Number) else f"an object of type {type(result).__name__}"
-        raise SystemDefinitionError(f"{system.name}: {formula} returns {what}, {expected}")
+        what = "one number" if isinstance(result, Number) else _shown_type(result)
+        raise SystemDefinitionError(f"{system.name}: {formula} returns {what}, {expected}{_forgotten(result)}")
     entries = call(system, formula, tuple, result)
     if len(entries) != system.dimension:
         raise SystemDefinitionError(f"{system.name}: {formula} returns {len(entries)} components, {expected}")

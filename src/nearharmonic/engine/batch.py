@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from math import nan
+from math import inf, nan
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -148,7 +148,7 @@ def prepared_batch(
     drift, kick = rows
     call = kernel.prepared(
         measured(numerics), np.argsort(-marks.max(axis=1), kind="stable"), marks, scheme, start, parameters,
-        system.surface_limit, scale, np.array(reference), numerics.look or execution.stretch(tableau.stages, d),
+        surface_limit(system, scale), scale, np.array(reference), numerics.look or execution.stretch(tableau.stages, d),
         tableau.stages, tableau.first == "kick", drift, kick, control, states, *blocks, energy, left_at,
     )  # fmt: skip
     return Batch(
@@ -163,6 +163,15 @@ def _compiled_in(system: System, parameters: Floats) -> Floats:
         return np.empty((1, 0))
     what = f"a formula of {system.name} decides by its parameters, so that they are compiled in: make a copy of the "
     raise bad_setting("parameters", parameters[0, ::2].tolist(), f"{what}system with dataclasses.replace")
+
+
+def surface_limit(system: System, scale: float) -> float:
+    """Return the largest energy error of a run, in units of |H0| or of ``scale``, beyond which it has diverged.
+
+    The energy of a system that depends on time starts at any value, so that |H0| is no measure of it: without a
+    ``scale`` only what is not finite has diverged.
+    """
+    return inf if system.time_dependent and scale == 0 else system.surface_limit
 
 
 def split_results(results: Floats, runs: int, samples: int, d: int) -> tuple[Floats, Floats, Floats]:

@@ -14,12 +14,15 @@ import numpy as np
 
 from nearharmonic.engine.coefficients import Floats
 from nearharmonic.engine.initial_values import parameter_array, standard_parameters, start_array
+from nearharmonic.engine.kernels import formulas_digest
+from nearharmonic.engine.solution import Solution
 from nearharmonic.errors import bad_setting
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from nearharmonic.engine.problem import Problem
+    from nearharmonic.systems.system import System
 
 #: Variables of a result that a continuation needs.
 CONTINUED = ("q", "p", "t", "status", "diverged_at", "initial_energy", "initial_energy_low")
@@ -35,6 +38,8 @@ class Start:
         Position and momentum with the digits below them.
     parameters : (1, 2 P) array of float
         Parameters of the system, as pairs.
+    system : System
+        What is integrated.
     given : mapping
         Parameters in place of the system's own by name, as the caller gave them.
     t : float
@@ -45,6 +50,7 @@ class Start:
 
     state: Floats
     parameters: Floats
+    system: System
     given: Mapping[str, Any]
     t: float = 0.0
     reference: tuple[float, float] = (nan, nan)
@@ -61,8 +67,10 @@ class Start:
 
     def attributes(self) -> dict[str, str]:
         """What a Dataset says of it."""
-        texts = {name: _exact_text(value) for name, value in self.given.items()}
+        own = {name: parameter.value for name, parameter in self.system.parameters.items()}
+        texts = own | {name: _exact_text(value) for name, value in self.given.items()}
         notes = {"parameters": json.dumps(texts)} if texts else {}
+        notes["formulas"] = formulas_digest(self.system)
         return notes | ({"t_start": repr(self.t)} if self.t else {})
 
 
@@ -71,7 +79,7 @@ def start_of(
     q0: object = None,
     p0: object = None,
     parameters: Mapping[str, Any] | None = None,
-    start: xr.Dataset | None = None,
+    start: xr.Dataset | Solution | None = None,
 ) -> Start:
     """Return where a run of ``problem`` begins; arguments as for :func:`nearharmonic.integrate`.
 
@@ -80,6 +88,8 @@ def start_of(
     NearharmonicError
         A value outside what is allowed, or an earlier result that cannot be continued so.
     """
+    if isinstance(start, Solution):
+        start = start.to_dataset()
     earlier = {} if start is None else json.loads(_result(start).attrs.get("parameters", "{}"))
     asked = {**earlier, **_mapping(parameters)}
     rows = parameter_array(problem.system, asked) if asked else standard_parameters(problem.system)[None, :]
@@ -92,7 +102,7 @@ def start_of(
     for key, array in (("q0 and p0", state), ("parameters", rows)):
         if len(array) != 1:
             raise bad_setting(key, f"{len(array)} rows", "those of one trajectory; nearharmonic.ensemble takes many")
-    return Start(state=state, parameters=rows, given=asked)
+    return Start(state=state, parameters=rows, system=problem.system, given=asked)
 
 
 def _mapping(parameters: object) -> Mapping[str, Any]:
@@ -123,6 +133,9 @@ def _end_of(problem: Problem, start: Any, rows: Floats, given: Mapping[str, Any]
     system, last = problem.system, start.isel(sample=-1)
     if start.attrs.get("system") != system.name or last.q.size != system.dimension:
         raise bad_setting("start", f"a result of {start.attrs.get('system')}", f"a result of {system.name}")
+    if start.attrs.get("formulas", formulas_digest(system)) != formulas_digest(system):
+        what = f"a result of another system of the name {system.name}"
+        raise bad_setting("start", what, "one of the same formulas, masses and parameters that are compiled in")
     if str(start.status.values) != "ok":
         raise bad_setting(
             "start", f"a run that diverged at step {int(start.diverged_at)}", "a run that did not diverge"
@@ -135,4 +148,6 @@ def _end_of(problem: Problem, start: Any, rows: Floats, given: Mapping[str, Any]
         if clock in last and not (problem.plain and k % 2):
             state[k, system.dimension] = float(last[clock])
     reference = (nan, nan) if changed else (float(start.initial_energy), float(start.initial_energy_low))
-    return Start(state=state.reshape(1, -1), parameters=rows, given=given, t=float(last.t), reference=reference)
+    return Start(
+        state=state.reshape(1, -1), parameters=rows, system=system, given=given, t=float(last.t), reference=reference
+    )

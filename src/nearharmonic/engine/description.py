@@ -25,8 +25,8 @@ def error_variables(paths: Trajectories, problem: Problem) -> Variables:
     """Return errors, steps, evaluations and status of runs over tau_per_stage."""
     status = np.where(paths.left_at > 0, "diverged", "ok")
     scale, unit = energy_scale(paths, problem)
-    over = {"every": "over every step", "samples": "over the samples", "none": "which was not measured"}
-    what = f"|H - H0|{scale} {over[problem.numerics.energy]}, inf if diverged"
+    over = {"every": "over every step, inf if diverged", "samples": "over the samples, inf if diverged"}
+    what = f"|H - H0|{scale} {over.get(problem.numerics.energy, 'was not asked for')}"
     return over_runs({
         "max_energy_error": (paths.max_energy_error, f"maximum of {what}", unit),
         "mean_energy_error": (paths.mean_energy_error, f"mean of {what}", unit),
@@ -85,7 +85,8 @@ def trajectory_variables(
     system, d = problem.system, problem.system.dimension
     units = system.units
     if times is None:
-        times = np.where(paths.marks >= 0, paths.marks * float(problem.end) / paths.steps[:, None], np.nan)
+        # The sum makes 0 of the -0 with which a run backwards begins.
+        times = np.where(paths.marks >= 0, paths.marks * float(problem.end) / paths.steps[:, None] + 0.0, np.nan)
     scale, unit = energy_scale(paths, problem)
     table = {
         "t": (np.broadcast_to(times, paths.marks.shape), "time", units["t"]),
@@ -129,15 +130,22 @@ def clock_variables(problem: Problem, paths: Trajectories) -> Variables:
     return over_runs(table)
 
 
-def invariant_variables(problem: Problem, paths: Trajectories, begin: Start) -> Variables:
+def invariant_variables(problem: Problem, paths: Trajectories, start: Floats, constants: Sequence[Any]) -> Variables:
     """Return what a system conserves besides the energy, at the samples, and the largest change of each.
 
-    Source of the definitions: :func:`nearharmonic.engine.invariants.invariant_variables`.
+    Parameters
+    ----------
+    problem, paths
+        What was integrated, and R runs.
+    start : (R or 1, 4 d) array of float
+        Initial states.
+    constants : sequence of float or (R, 1) array of float
+        Parameters of the system.
     """
     d = problem.system.dimension
-    state = begin.state.reshape(1, 4, -1)[..., :d]
+    state = np.broadcast_to(start, (len(paths.q), start.shape[1])).reshape(len(paths.q), 4, -1)[..., :d]
     return invariants.invariant_variables(
-        problem.system, paths.q[..., :d], paths.p[..., :d], paths.left_at > 0, begin.constants,
+        problem.system, paths.q[..., :d], paths.p[..., :d], paths.left_at > 0, constants,
         start=(state[:, 0], state[:, 2]),
     )  # fmt: skip
 
@@ -153,10 +161,9 @@ def trajectory_dataset(
     variables = trajectory_variables(problem, paths, begin.constants, times) | error_variables(paths, problem)
     if problem.numerics.compensated:
         variables |= over_runs(low_digits(problem, paths))
-    variables |= (
-        clock_variables(problem, paths) | invariant_variables(problem, paths, begin) | tau_variable(problem, paths)
-    )
-    variables |= initial_energy_variables(problem, paths)
+    variables |= clock_variables(problem, paths)
+    variables |= invariant_variables(problem, paths, begin.state, begin.constants)
+    variables |= tau_variable(problem, paths) | initial_energy_variables(problem, paths)
     return assembled(first_run(variables), ["t"], problem_attributes(problem) | begin.attributes())
 
 

@@ -15,6 +15,7 @@ from nearharmonic.engine.coefficients import Floats, scaled_rows
 from nearharmonic.engine.description import (
     error_variables,
     initial_energy_variables,
+    invariant_variables,
     low_digits,
     over_runs,
     problem_attributes,
@@ -109,7 +110,7 @@ def ensemble(
         rows = np.repeat(start, members, axis=0) if len(start) < members else start
         paths = run_at(problem, [steps] * members, asked, start=rows, parameters=given, reference=(nan, nan))
         times = np.array([float(time) for time in asked])
-    return _dataset(problem, paths, given, times)
+    return _dataset(problem, paths, start, given, times)
 
 
 def _members(start: Floats, parameters: Floats) -> int:
@@ -201,12 +202,15 @@ class _Runs:
         )  # fmt: skip
 
 
-def _dataset(problem: Problem, paths: Trajectories, parameters: Floats, times: Floats | None) -> xr.Dataset:
+def _dataset(
+    problem: Problem, paths: Trajectories, start: Floats, parameters: Floats, times: Floats | None
+) -> xr.Dataset:
     constants = [column if len(parameters) == 1 else column[:, None] for column in parameters.T[::2]]
     variables = trajectory_variables(problem, paths, constants, times)
     if problem.numerics.compensated:
         variables |= over_runs(low_digits(problem, paths))
     variables |= error_variables(paths, problem) | initial_energy_variables(problem, paths)
+    variables |= invariant_variables(problem, paths, start, constants)
     for name, column in zip(problem.system.parameters, parameters.T[::2], strict=True):
         if len(parameters) > 1:
             parameter = problem.system.parameters[name]
@@ -216,4 +220,5 @@ def _dataset(problem: Problem, paths: Trajectories, parameters: Floats, times: F
     }
     notes = described("step size as used, t_end / steps", problem.system.units["t"])
     renamed["tau"] = (), problem.taus(paths.steps[:1])[0], notes
-    return assembled(renamed, [], problem_attributes(problem))
+    coordinates = [name for name in renamed if name.startswith("parameter_")]
+    return assembled(renamed, coordinates, problem_attributes(problem))

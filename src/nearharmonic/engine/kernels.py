@@ -47,6 +47,14 @@ def kernel_of(system: System, numerics: Numerics = STANDARD) -> Kernel:
     )
 
 
+@cache
+def formulas_digest(system: System) -> str:
+    """Return a digest of what is integrated: of the instructions that the formulas emit, with parameters as values."""
+    from nearharmonic.core.rules import Rules, fingerprint
+
+    return fingerprint(Rules(physics_of(system), extended=True, compensated=True))
+
+
 def physics_of(system: System) -> Physics:
     """Return what a kernel has to know of ``system``, whose gradients are compared with its energies first.
 

@@ -234,7 +234,7 @@ class Problem:
                 raise bad_setting(key, f"{len(rows)} rows", "those of one trajectory; nearharmonic.ensemble takes many")
         rows = standard_parameters(self.system)[None, :] if parameters is None else given[1][1]
         slot.batch.start[:], slot.batch.parameters[:], slot.default = given[0][1], rows, False
-        slot.given = Start(state=given[0][1], parameters=rows, given=dict(parameters or {}))
+        slot.given = Start(system=self.system, state=given[0][1], parameters=rows, given=dict(parameters or {}))
 
 
 #: The name at the top of the package.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from nearharmonic.engine.continuation import start_of
 from nearharmonic.engine.description import (
     block_variables,
     error_variables,
+    invariant_variables,
     problem_attributes,
     tau_variable,
     trajectory_dataset,
@@ -20,8 +22,9 @@ from nearharmonic.engine.description import (
 from nearharmonic.engine.kernels import STANDARD, kernel_of
 from nearharmonic.engine.output_times import checked_times, run_at
 from nearharmonic.engine.problem import Problem
+from nearharmonic.engine.results import Trajectories
 from nearharmonic.engine.settings import checked_precision, checked_samples, checked_tau
-from nearharmonic.errors import bad_setting
+from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.dataset import Variables, assembled, described
 from nearharmonic.systems import systems
@@ -29,6 +32,8 @@ from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from nearharmonic.engine.solution import Solution
 
 
 def integrate(
@@ -47,7 +52,7 @@ def integrate(
     t: object = None,
     energy: str = "every",
     energy_scale: float | str | None = None,
-    start: xr.Dataset | None = None,
+    start: xr.Dataset | Solution | None = None,
 ) -> xr.Dataset:
     """Integrate one trajectory over [0, t_end] in ``steps = max(1, round(|t_end| / tau))`` equal steps.
 
@@ -80,7 +85,7 @@ def integrate(
         as diverged at the first sample that says so; never: errors are NaN, and only what is not finite has diverged.
     energy_scale : float or str, optional
         Energy that errors are relative to, in the system's unit; by default |H0|, or that unit where H0 = 0.
-    start : xarray.Dataset, optional
+    start : xarray.Dataset or Solution, optional
         Continue from the last sample of this result, with its parameters and relative to its H0, with the same bits as
         one long run. ``t_end`` is then the length of the continuation.
 
@@ -114,6 +119,7 @@ def integrate(
         asked = checked_times(t, problem.end, problem.t_end)
         paths = run_at(problem, [steps], asked, **begin.arrays)
         times = np.array([float(time) for time in asked]) + begin.t
+    _check_start(problem, paths)
     return trajectory_dataset(problem, paths, begin=begin, times=times)
 
 
@@ -173,12 +179,23 @@ def sweep(
         asked = checked_times(t, problem.end, problem.t_end)
         paths = run_at(problem, steps, asked, **begin.arrays)
         variables = trajectory_variables(problem, paths, begin.constants, np.array([float(time) for time in asked]))
+        variables |= invariant_variables(problem, paths, begin.state, begin.constants)
+    _check_start(problem, paths)
     variables |= error_variables(paths, problem)
     one: Variables = {name: (("tau", *dims[1:]), values, notes) for name, (dims, values, notes) in variables.items()}
     unit = problem.system.units["t"]
     one["tau_requested"] = (("tau",), np.array(requested), described("step size asked for", unit))
     one["tau"] = ("tau",), problem.taus(paths.steps), described("step size", unit)
     return assembled(one, ["tau"], problem_attributes(problem) | begin.attributes())
+
+
+def _check_start(problem: Problem, paths: Trajectories) -> None:
+    """Refuse a start at which the energy is no number: the run has ended at its first step."""
+    H = float(paths.energy[0])
+    if problem.numerics.energy != "none" and not isfinite(H):
+        start = f"({paths.q[0, 0].tolist()}, {paths.p[0, 0].tolist()})"
+        message = f"(q0, p0) = {start} is not allowed: the energy of {problem.system.name} there is {H}"
+        raise SettingError(message)
 
 
 def _checked_taus(taus: Iterable[float]) -> list[float]:

@@ -39,7 +39,7 @@ class Tableau:
     Parameters
     ----------
     name, label : str
-        Name in settings, and in figures and tables.
+        Name in settings, and in figures and tables, where it is the same by default.
     order : int
         Order for any separable H (for T = p.p/2 only, if ``requires`` says so).
     first : {"drift", "kick"}
@@ -71,7 +71,7 @@ class Tableau:
     """
 
     name: str
-    label: str
+    label: str = ""
     order: int
     first: First
     kick: Row
@@ -85,6 +85,7 @@ class Tableau:
     generalised_order: tuple[int, ...] | None = None
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "label", self.label or self.name)
         self._expect(self.first in _OTHER, "first", self.first, "'drift' or 'kick'")
         for key, number in (("order", self.order), ("digits", self.digits)):
             positive = isinstance(number, int) and not isinstance(number, bool) and number >= 1

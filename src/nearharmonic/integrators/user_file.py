@@ -55,7 +55,7 @@ def load_tableaus(place: str | os.PathLike[str]) -> dict[str, Tableau]:
     ------
     TableauError
         There is no such file, it cannot be run, it defines no tableau, or one has the name of another one or of a
-        registered integrator.
+        registered integrator, or a lower order than it declares.
     """
     path = os.fspath(place)
     module = load(path, DECLARES, TableauError)
@@ -74,7 +74,23 @@ def load_tableaus(place: str | os.PathLike[str]) -> dict[str, Tableau]:
         if one is not named.setdefault(one.name, one):
             message = f"{path} defines two integrators with the name {one.name!r}"
             raise TableauError(message)
+        _check_order(path, one)
     return named
+
+
+def _check_order(path: str, tableau: Tableau) -> None:
+    """Refuse a tableau whose coefficients contradict the order that it declares, as far as orders are examined."""
+    from nearharmonic.integrators.order_conditions import HIGHEST, proved_order
+
+    quadratic = tableau.requires is not None
+    order = proved_order(tableau, min(tableau.order, HIGHEST), quadratic=quadratic)
+    if order < min(tableau.order, HIGHEST):
+        kind = "a quadratic kinetic energy" if quadratic else "every separable H"
+        declared = (
+            f"declares order {tableau.order}, and its coefficients, of {tableau.digits} digits, have order {order}"
+        )
+        message = f"{path}: the integrator {tableau.name!r} {declared} for {kind}"
+        raise TableauError(message)
 
 
 def tableau_at(place: str) -> Tableau:

@@ -9,11 +9,13 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 from nearharmonic.errors import SystemDefinitionError
-from nearharmonic.systems.quantities import Observable, is_extreme
+from nearharmonic.systems.quantities import is_extreme
 
 if TYPE_CHECKING:
     from nearharmonic.systems.system import System
 
+#: What a system has units of.
+UNITS = ("q", "p", "t", "energy")
 #: Variables that every result has, with their dimensions: names that no invariant or observable may have.
 VARIABLES = frozenset((
     "t", "q", "p", "q_low", "p_low", "tau", "tau_requested", "energy_error", "max_energy_error", "mean_energy_error",
@@ -36,16 +38,8 @@ def check_members(system: System) -> None:
         raise SystemDefinitionError(f"name = {name!r} is not allowed: a system has a name")
     for key in ("units", "parameters", "invariants", "observables"):
         _check_mapping(system, key)
-    for key in ("q", "p", "t", "energy"):
-        if key not in system.units:
-            raise SystemDefinitionError(f"{name}: units lack {key!r}")
-    for key, functions in (("invariants", system.invariants), ("observables", system.observables)):
-        for entry, function in functions.items():
-            if entry in VARIABLES or (key == "observables" and entry in system.invariants):
-                raise SystemDefinitionError(f"{name}: {key} has {entry!r}, and a result has a variable of that name")
-            if not (callable(function) if key == "invariants" else isinstance(function, Observable)):
-                allowed = "a function f(q, p, *parameters)" if key == "invariants" else "a nearharmonic.Observable"
-                raise SystemDefinitionError(f"{name}: {key}[{entry!r}] = {function!r} is not allowed: {allowed}")
+    _check_names(system)
+    _check_functions(system)
     if not isinstance(system.time_dependent, bool):
         raise SystemDefinitionError(f"{name}: time_dependent = {system.time_dependent!r} is not allowed: True or False")
     limit = system.surface_limit
@@ -57,6 +51,40 @@ def _check_mapping(system: System, key: str) -> None:
     value = getattr(system, key)
     if not isinstance(value, Mapping) or not all(isinstance(entry, str) for entry in value):
         raise SystemDefinitionError(f"{system.name}: {key} = {value!r} is not allowed: a mapping of names")
+
+
+def _check_names(system: System) -> None:
+    name = system.name
+    for key in UNITS:
+        if key not in system.units:
+            raise SystemDefinitionError(f"{name}: units lack {key!r}")
+    for key, unit in system.units.items():
+        if key not in UNITS:
+            raise SystemDefinitionError(f"{name}: units has {key!r}, and names the units of {', '.join(UNITS)} alone")
+        if not isinstance(unit, str) or not unit:
+            raise SystemDefinitionError(f"{name}: units[{key!r}] = {unit!r} is not allowed: a string, '1' for no unit")
+    for key in ("label", "source"):
+        if not isinstance(text := getattr(system, key), str):
+            raise SystemDefinitionError(f"{name}: {key} = {text!r} is not allowed: a string")
+    for key in system.parameters:
+        if not key.isidentifier():
+            allowed = "a name that an argument of V may have, of letters, digits and _"
+            raise SystemDefinitionError(f"{name}: parameters has {key!r}, which is not allowed: {allowed}")
+
+
+def _check_functions(system: System) -> None:
+    name = system.name
+    for key in ("V", "grad_V", "T", "grad_T"):
+        function = getattr(system, key)
+        if not callable(function) and (function is not None or key in ("V", "T")):
+            raise SystemDefinitionError(f"{name}: {key} = {function!r} is not allowed: a function")
+    for key, functions in (("invariants", system.invariants), ("observables", system.observables)):
+        for entry, function in functions.items():
+            if entry in VARIABLES or (key == "observables" and entry in system.invariants):
+                raise SystemDefinitionError(f"{name}: {key} has {entry!r}, and a result has a variable of that name")
+            if not callable(function):
+                allowed = "a function f(q, p, *parameters), or a nearharmonic.Observable, which has a unit too"
+                raise SystemDefinitionError(f"{name}: {key}[{entry!r}] = {function!r} is not allowed: {allowed}")
 
 
 def check_numbers(system: System) -> None:

@@ -17,6 +17,7 @@ from nearharmonic.core.expression.derivative import gradient, hessian_vector
 from nearharmonic.core.expression.graph import Graph, Value, Variable, value_of
 from nearharmonic.core.expression.polynomial import is_quadratic, polynomial_of, shortest_program
 from nearharmonic.core.expression.program import Program
+from nearharmonic.core.expression.size import check_size
 from nearharmonic.core.number import Constant, Number, call, constant, scalar
 from nearharmonic.errors import SystemDefinitionError
 
@@ -79,9 +80,10 @@ class Energy:
         Raises
         ------
         SystemDefinitionError
-            It fails, or takes too many operations.
+            It fails, or takes too many operations to be compiled.
         """
-        assert self._standard
+        graph, value, _ = self._standard
+        call(_Named(self), self.formula, check_size, graph, [value])
 
     def _trace(self, parameters: tuple[Constant, ...] | None) -> _Traced:
         """The expression, with parameters that are variables or these constants."""

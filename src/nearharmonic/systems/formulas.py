@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from nearharmonic.core.number import FormulaError
+from nearharmonic.core.number import NO_SUCH_COMPONENT, FormulaError, components
 from nearharmonic.systems.energy import Energy
 from nearharmonic.systems.kinetic_energy import takes_parameters
 
@@ -116,7 +116,17 @@ class ExtendedPotential:
 
     def __call__(self, x: Vector, *parameters: Any) -> Any:
         *q, t = x
-        return self.V(tuple(q), t, *parameters)
+        return _of_time(self.V, tuple(q), t, *parameters)
+
+
+def _of_time(formula: Callable[..., Any], q: Vector, t: Any, *parameters: Any) -> Any:
+    """V or grad_V of the coordinates without the time, which errors do not count."""
+    try:
+        return formula(q, t, *parameters)
+    except IndexError as error:
+        if str(error) != NO_SUCH_COMPONENT:
+            raise
+        raise IndexError(f"{error}: {components('q', len(q))}") from error
 
 
 @dataclass(frozen=True)
@@ -128,7 +138,7 @@ class _ExtendedForce:
 
     def __call__(self, x: Vector, *parameters: Any) -> Vector:
         *q, t = x
-        force = tuple(self.grad_V(tuple(q), t, *parameters))
+        force = tuple(_of_time(self.grad_V, tuple(q), t, *parameters))
         if len(force) != len(q):
             raise FormulaError(
                 f"returns {len(force)} components, expected a tuple of {len(q)}, one number a coordinate"

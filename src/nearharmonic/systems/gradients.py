@@ -13,7 +13,9 @@ from random import Random
 from typing import Any, NamedTuple
 
 from nearharmonic.core.arithmetic import sqrt
-from nearharmonic.core.number import Constant, Number, scalar, vector
+from nearharmonic.core.expression.graph import Graph, value_of
+from nearharmonic.core.expression.size import check_size
+from nearharmonic.core.number import Constant, Number, call, scalar, vector
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems.formulas import DerivedGradient, Formulas
 from nearharmonic.systems.kinetic_energy import MassKineticEnergy, quadratic_grad_T, quadratic_T
@@ -137,6 +139,13 @@ class _Pair(NamedTuple):
         value = scalar(self.formulas, self.energy, tuple(map(Multiprecision, point)), *self.constants)
         return Multiprecision.of(value) if isinstance(value, Constant) else value
 
+    def check_size(self) -> None:
+        """Refuse a gradient that takes too many operations to be compiled."""
+        graph = Graph()
+        x = graph.variables(self.formulas.dimension)
+        components = vector(self.formulas, self.gradient, x, *self.constants)
+        call(self.formulas, self.gradient, check_size, graph, [value_of(component) for component in components])
+
     def slope(self, point: Sequence[Decimal], gradient: Sequence[Multiprecision], along: Sequence[Decimal]) -> _Slope:
         """Both slopes at ``point`` (d,) in the direction ``along`` (d,), whose length is that of the coordinates."""
         ahead, behind = (
@@ -170,8 +179,8 @@ def check_gradients(system: System) -> None:
     Raises
     ------
     SystemDefinitionError
-        A component differs from the derivative of its energy, V from the potential declared, or a formula fails for
-        another reason.
+        A component differs from the derivative of its energy, V from the potential declared, a formula takes too many
+        operations to be compiled, or fails for another reason.
     """
     formulas, constants = system.formulas(), system.constants(Constant)
     q0, p0 = system.extended_start(Decimal)
@@ -185,9 +194,13 @@ def check_gradients(system: System) -> None:
         potential = _Pair(system, formulas, "V", constants)
         if not isinstance(system.grad_V, DerivedGradient) or any(getattr(system, name) for name in POTENTIALS):
             _compare(potential, "q", q0)
+        if not isinstance(system.grad_V, DerivedGradient):
+            potential.check_size()
         known = isinstance(system.T, MassKineticEnergy) or (system.T, system.grad_T) == (quadratic_T, quadratic_grad_T)
         if not (known or isinstance(system.grad_T, DerivedGradient)):
-            _compare(_Pair(system, formulas, "T", constants), "p", p0)
+            kinetic = _Pair(system, formulas, "T", constants)
+            _compare(kinetic, "p", p0)
+            kinetic.check_size()
 
 
 def _compare(pair: _Pair, letter: str, start: Sequence[Decimal]) -> None:

@@ -120,8 +120,8 @@ def _mass(i: int, mass: Any, names: list[str]) -> int | Constant:
     try:
         number = _number(f"masses[{i}]", mass)
     except SystemDefinitionError as error:
-        known = f"; or the name of a parameter: {', '.join(names)}" if names else ""
-        raise SystemDefinitionError(f"{error}{known}") from None
+        known = f": {', '.join(names)}" if names else ", of which there is none"
+        raise SystemDefinitionError(f"{error}; or the name of a parameter{known}") from None
     if number <= 0:
         raise SystemDefinitionError(f"masses[{i}] = {mass!r} is not allowed: a mass must be positive")
     if number < SMALLEST_MASS:

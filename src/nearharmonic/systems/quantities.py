@@ -16,11 +16,17 @@ LARGEST_EXPONENT = 400
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """One constant of a system: exact decimal ``value`` with its ``unit`` and ``meaning``."""
+    """One constant of a system: exact decimal ``value`` with its ``unit``, "1" for none, and ``meaning``.
+
+    A number as ``value`` means the decimal that it prints as.
+    """
 
     value: str
-    unit: str
-    meaning: str
+    unit: str = "1"
+    meaning: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "value", decimal(self.value))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,8 @@ from nearharmonic.core.expression.graph import Graph
 from nearharmonic.core.number import Constant, vector
 from nearharmonic.display import facts_table, line
 from nearharmonic.errors import SystemDefinitionError
-from nearharmonic.systems.declaration import check_members, check_numbers
+from nearharmonic.systems.arguments import check_arguments
+from nearharmonic.systems.declaration import UNITS, check_members, check_numbers
 from nearharmonic.systems.energy import Energy
 from nearharmonic.systems.formulas import DerivedGradient, ExtendedPotential, Formulas, formulas_of, with_parameters
 from nearharmonic.systems.kinetic_energy import MassKineticEnergy, quadratic_grad_T, quadratic_T
@@ -44,10 +45,10 @@ class System:
     ``q0``, ``p0``, ``t_end`` and the parameters are decimal strings, exact, rounded once per precision; numbers mean
     the decimals that they print as, and a parameter may be given by its value alone. ``units`` names the units of
     ``q``, ``p``, ``t`` and ``energy``, "1" by default. ``invariants`` are conserved functions ``f(q, p, *parameters)``
-    besides the energy, an :class:`Observable` where their units matter; ``observables`` are recorded at the samples;
-    ``period(q, p, *parameters)`` is the period of the exact orbit through floats q, p, if it has one. ``energy_scale``
-    is what energy errors are relative to, a decimal string in the unit of energy; if None, |H0|, or that unit where
-    H0 = 0.
+    besides the energy, an :class:`Observable` where their units matter; ``observables`` are recorded at the samples,
+    functions of the same arguments or each an :class:`Observable`; ``period(q, p, *parameters)`` is the period of the
+    exact orbit through floats q, p, if it has one. ``energy_scale`` is what energy errors are relative to, a decimal
+    string in the unit of energy; if None, |H0|, or that unit where H0 = 0.
     ``surface_limit`` is the relative energy error beyond which a run has diverged; ``surface_reason`` says why.
 
     ``harmonic`` marks the unit oscillator H = (p^2 + q^2)/2, whose energy errors are known in closed form, ``gravity``
@@ -62,7 +63,8 @@ class System:
     ------
     SystemDefinitionError
         Rows of different length, a string that is no number finite as a double, a unit missing, ``masses`` that make no
-        kinetic energy or beside a T, or ``harmonic`` or ``gravity`` where dimension, kinetic energy or parameters rule
+        kinetic energy or beside a T, a formula that takes other arguments than it is called with or names the
+        parameters in another order, or ``harmonic`` or ``gravity`` where dimension, kinetic energy or parameters rule
         it out.
     """
 
@@ -73,7 +75,7 @@ class System:
     q0: tuple[str, ...]
     p0: tuple[str, ...]
     t_end: str
-    units: Mapping[str, str] = field(default_factory=lambda: dict.fromkeys(("q", "p", "t", "energy"), "1"))
+    units: Mapping[str, str] = field(default_factory=lambda: dict.fromkeys(UNITS, "1"))
     source: str = "defined by its user"
     T: Callable[..., Any] = quadratic_T
     grad_T: Callable[..., Vector] = None  # type: ignore[assignment]
@@ -108,6 +110,7 @@ class System:
             raise SystemDefinitionError(f"{self.name}: harmonic means one coordinate and T = p^2/2")
         if self.gravity and not (set(self.parameters) == {"GM"} and self.unit_masses):
             raise SystemDefinitionError(f"{self.name}: gravity means T = p.p/2 and GM as the only parameter")
+        check_arguments(self)
 
     @property
     def facts(self) -> dict[str, object]:
@@ -163,13 +166,18 @@ class System:
         object.__setattr__(self, "declared_for", {name: getattr(self, name) for name in ("V", "T", *DECLARED)})
 
     def _write_out(self) -> None:
-        """Write out what was given in short: numbers, a parameter by its value alone, no label."""
+        """Write out what was given in short: numbers, parameters and observables by themselves, no label."""
         named = {
-            key: value if isinstance(value, Parameter) else Parameter(value=decimal(value), unit="1", meaning=key)
+            key: value if isinstance(value, Parameter) else Parameter(value=value, meaning=key)
             for key, value in self.parameters.items()
         }
+        observed = {
+            key: f if isinstance(f, Observable) else Observable(function=f, unit="unknown", meaning=key)
+            for key, f in self.observables.items()
+        }
         rows = {key: tuple(map(decimal, sequence(getattr(self, key)))) for key in ("q0", "p0")}
-        written = {"label": self.label or self.name, "parameters": named, "t_end": decimal(self.t_end), **rows}
+        rows |= {key: decimal(getattr(self, key)) for key in ("t_end", "position_t_end", "energy_scale")}
+        written = {"label": self.label or self.name, "parameters": named, "observables": observed, **rows}
         for key, value in written.items():
             object.__setattr__(self, key, value)
 

@@ -1,37 +1,30 @@
 """The orders of an integrator, proved on its printed coefficients in exact arithmetic, and its leading error terms.
 
 A step is the product of exponentials of a tableau's operators; the exact flow is exp(A + B), where A drifts and B
-kicks. The logarithm of the step, A + B + error terms, is compared with A + B degree by degree, which settles the order
-for every separable H at once (:mod:`nearharmonic.exact.words`, :mod:`nearharmonic.exact.lie`).
-
-Printed coefficients fulfil an order condition only to their digits. If each of the m coefficients is off by up to
-10^-digits, then the logarithm's coefficients on words of n letters are off by at most
-
-    m 10^-digits M^(n-1) [x^(n-1)] e^x / (2 - e^x)  <=  m 10^-digits M^(n-1) (3/2)^n
-
-in total, M being the sum of the absolute values of all coefficients: the first-order perturbation of log(1 + X) with
-every term replaced by its absolute value. A condition counts as fulfilled within this bound, and not otherwise: so
-coefficients of a dozen digits may show a higher order than they have, since nothing they violate can be told from them.
+kicks. The logarithm of the step is A + B + error terms; :mod:`nearharmonic.integrators.order_conditions` has them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
-from functools import lru_cache
-from itertools import chain
-from math import factorial, lcm, sqrt
+from math import factorial, sqrt
 from numbers import Integral
 from typing import NamedTuple
 
 from nearharmonic.errors import bad_setting
-from nearharmonic.exact.lie import conditions, lyndon_words
-from nearharmonic.exact.words import Operator, logarithm, product_of_exponentials
+from nearharmonic.exact.lie import conditions
+from nearharmonic.exact.words import logarithm, product_of_exponentials
+from nearharmonic.integrators.order_conditions import (
+    HIGHEST,
+    errors_of,
+    operators_of,
+    proved_order,
+    tolerance,
+    weighted,
+)
 from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.theory.oscillator import StepPolynomials, step_polynomials, tableau_of
-
-#: Up to this order methods are examined unless told otherwise; the number of words doubles with each more.
-HIGHEST = 8
 
 #: Length of the words that a generalised order is looked for in first: most fail at their order already.
 _SHORT = 7
@@ -88,7 +81,7 @@ def order_of(integrator: str | Tableau, *, first: First | None = None, highest: 
     SettingError
         ``first`` is no operator, or ``highest`` no integer >= 1.
     """
-    return _order(tableau_of(integrator, first), _integer("highest", highest), quadratic=False)
+    return proved_order(tableau_of(integrator, first), _integer("highest", highest), quadratic=False)
 
 
 def nystrom_order_of(integrator: str | Tableau, *, first: First | None = None, highest: int = HIGHEST) -> int:
@@ -106,7 +99,7 @@ def nystrom_order_of(integrator: str | Tableau, *, first: First | None = None, h
     SettingError
         ``first`` is no operator, or ``highest`` no integer >= 1.
     """
-    return _order(tableau_of(integrator, first), _integer("highest", highest), quadratic=True)
+    return proved_order(tableau_of(integrator, first), _integer("highest", highest), quadratic=True)
 
 
 def harmonic_order_of(integrator: str | Tableau, *, first: First | None = None) -> int:
@@ -148,7 +141,7 @@ def generalised_order_of(integrator: str | Tableau, *, first: First | None = Non
     """
     tableau = tableau_of(integrator, first)
     highest = 2 * tableau.stages
-    order, orders = _order(tableau, highest, quadratic=False), [highest]
+    order, orders = proved_order(tableau, highest, quadratic=False), [highest]
     for kicks in range(1, order + 2):
         orders.append(_first_failure(tableau, kicks, orders[-1]))
         if orders[-1] <= order:
@@ -178,7 +171,7 @@ def leading_errors(integrator: str | Tableau, *, first: First | None = None, hig
     tableau = tableau_of(integrator, first)
     terms = []
     for quadratic in (False, True):
-        order = _order(tableau, _integer("highest", highest) + 1, quadratic=quadratic)
+        order = proved_order(tableau, _integer("highest", highest) + 1, quadratic=quadratic)
         if order > highest:
             key = "highest"
             raise bad_setting(key, highest, f"the order of {tableau.name} is larger")
@@ -209,39 +202,9 @@ def error_norm(integrator: str | Tableau, degree: int, *, quadratic: bool = Fals
         ``first`` is no operator, or ``degree`` no integer >= 1.
     """
     tableau = tableau_of(integrator, first)
-    errors = _errors(tableau, _integer("degree", degree))
+    errors = errors_of(tableau, _integer("degree", degree))
     rows = conditions(degree, quadratic=quadratic)
-    return sqrt(sum((_weighted(row.weights, errors) ** 2 / row.scale for row in rows), Fraction(0)))
-
-
-@lru_cache(maxsize=1024)
-def tolerance(tableau: Tableau, degree: int) -> Fraction:
-    """Return what guaranteed digits allow a condition of ``degree`` to be off by: the bound above."""
-    count = 2 * tableau.stages + 1
-    return count * Fraction(1, 10**tableau.digits) * _size(tableau) ** (degree - 1) * Fraction(3, 2) ** degree
-
-
-@lru_cache(maxsize=256)
-def _size(tableau: Tableau) -> Fraction:
-    """The sum of the absolute values of all coefficients."""
-    return sum((abs(c) for row in tableau.rows_exact() for c in row), Fraction(0))
-
-
-def operators_of(tableau: Tableau) -> list[Operator]:
-    """Return the operators of one step in the order of their application, as letters A (drift) and B (kick)."""
-    outer, inner = tableau.rows_exact()
-    letters = "AB" if tableau.first == "drift" else "BA"
-    pairs = [((letters[0], a), (letters[1], b)) for a, b in zip(outer, inner, strict=False)]
-    return [*chain.from_iterable(pairs), (letters[0], outer[-1])]
-
-
-def _order(tableau: Tableau, highest: int, *, quadratic: bool) -> int:
-    for degree in range(1, highest + 1):
-        errors, allowed = _errors(tableau, degree), tolerance(tableau, degree)
-        rows = conditions(degree, quadratic=quadratic)
-        if any(abs(_weighted(row.weights, errors)) > allowed for row in rows):
-            return degree - 1
-    return highest
+    return sqrt(sum((weighted(row.weights, errors) ** 2 / row.scale for row in rows), Fraction(0)))
 
 
 def _first_failure(tableau: Tableau, kicks: int, highest: int) -> int:
@@ -256,18 +219,6 @@ def _first_failure(tableau: Tableau, kicks: int, highest: int) -> int:
         if failing or length == highest:
             return min(failing, default=highest)
         length = min(highest, 2 * length)
-
-
-@lru_cache(maxsize=512)
-def _errors(tableau: Tableau, degree: int) -> tuple[tuple[int, ...], int]:
-    """Coefficients of log(step) - (A + B) on the Lyndon words of ``degree``: numerators, and their denominator."""
-    words = lyndon_words(degree)
-    if degree % 2 == 0:  # a symmetric step undoes itself with tau reversed: its logarithm is odd in tau
-        return (0,) * len(words), 1
-    found = logarithm(product_of_exponentials(operators_of(tableau), degree), words)
-    errors = [found[word] - (degree == 1) for word in words]
-    unit = lcm(*(x.denominator for x in errors))
-    return tuple(x.numerator * (unit // x.denominator) for x in errors), unit
 
 
 def _harmonic_error(tableau: Tableau) -> ErrorTerm:
@@ -295,14 +246,6 @@ def _first_power(tableau: Tableau, *rows: Sequence[Fraction]) -> int:
     / (n-1)! at most: less than what is allowed for their logarithm.
     """
     return next(n for n in range(1, len(rows[0])) if any(abs(row[n]) > 2 * tolerance(tableau, n) for row in rows))
-
-
-def _weighted(weights: tuple[Fraction, ...], errors: tuple[tuple[int, ...], int]) -> Fraction:
-    """The sum of ``errors``, numerators and their denominator, each times its weight."""
-    numerators, denominator = errors
-    unit = lcm(*(w.denominator for w in weights))
-    total = sum(w.numerator * (unit // w.denominator) * x for w, x in zip(weights, numerators, strict=True))
-    return Fraction(total, unit * denominator)
 
 
 def _integer(key: str, number: int) -> int:

@@ -23,7 +23,7 @@ MEMBER = "member"
 def varying(given: Sequence[xr.Dataset]) -> str:
     """Return the parameter, as ``parameter_<name>``, that alone varies in each ensemble, else :data:`MEMBER`."""
     found = {
-        tuple(name for name in one.data_vars if str(name).startswith("parameter_") and np.ptp(one[name].values) > 0)
+        tuple(name for name in one.variables if str(name).startswith("parameter_") and np.ptp(one[name].values) > 0)
         for one in given
     }
     names = found.pop()

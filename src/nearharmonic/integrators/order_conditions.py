@@ -1,0 +1,80 @@
+"""The order conditions of an integrator, checked on its printed coefficients in exact arithmetic.
+
+A step is the product of exponentials of a tableau's operators; the exact flow is exp(A + B), where A drifts and B
+kicks. The logarithm of the step, A + B + error terms, is compared with A + B degree by degree, which settles the order
+for every separable H at once (:mod:`nearharmonic.exact.words`, :mod:`nearharmonic.exact.lie`).
+
+Printed coefficients fulfil an order condition only to their digits. If each of the m coefficients is off by up to
+10^-digits, then the logarithm's coefficients on words of n letters are off by at most
+
+    m 10^-digits M^(n-1) [x^(n-1)] e^x / (2 - e^x)  <=  m 10^-digits M^(n-1) (3/2)^n
+
+in total, M being the sum of the absolute values of all coefficients: the first-order perturbation of log(1 + X) with
+every term replaced by its absolute value. A condition counts as fulfilled within this bound, and not otherwise: so
+coefficients of a dozen digits may show a higher order than they have, since nothing they violate can be told from them.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from functools import lru_cache
+from itertools import chain
+from math import lcm
+
+from nearharmonic.exact.lie import conditions, lyndon_words
+from nearharmonic.exact.words import Operator, logarithm, product_of_exponentials
+from nearharmonic.integrators.tableau import Tableau
+
+#: Up to this order methods are examined unless told otherwise; the number of words doubles with each more.
+HIGHEST = 8
+
+
+@lru_cache(maxsize=1024)
+def tolerance(tableau: Tableau, degree: int) -> Fraction:
+    """Return what guaranteed digits allow a condition of ``degree`` to be off by: the bound above."""
+    count = 2 * tableau.stages + 1
+    return count * Fraction(1, 10**tableau.digits) * _size(tableau) ** (degree - 1) * Fraction(3, 2) ** degree
+
+
+@lru_cache(maxsize=256)
+def _size(tableau: Tableau) -> Fraction:
+    """The sum of the absolute values of all coefficients."""
+    return sum((abs(c) for row in tableau.rows_exact() for c in row), Fraction(0))
+
+
+def operators_of(tableau: Tableau) -> list[Operator]:
+    """Return the operators of one step in the order of their application, as letters A (drift) and B (kick)."""
+    outer, inner = tableau.rows_exact()
+    letters = "AB" if tableau.first == "drift" else "BA"
+    pairs = [((letters[0], a), (letters[1], b)) for a, b in zip(outer, inner, strict=False)]
+    return [*chain.from_iterable(pairs), (letters[0], outer[-1])]
+
+
+def proved_order(tableau: Tableau, highest: int, *, quadratic: bool) -> int:
+    """Return the order for every separable H, or for those of quadratic T; ``highest`` if it is that or more."""
+    for degree in range(1, highest + 1):
+        errors, allowed = errors_of(tableau, degree), tolerance(tableau, degree)
+        rows = conditions(degree, quadratic=quadratic)
+        if any(abs(weighted(row.weights, errors)) > allowed for row in rows):
+            return degree - 1
+    return highest
+
+
+@lru_cache(maxsize=512)
+def errors_of(tableau: Tableau, degree: int) -> tuple[tuple[int, ...], int]:
+    """Return log(step) - (A + B) on the Lyndon words of ``degree``: numerators, and their denominator."""
+    words = lyndon_words(degree)
+    if degree % 2 == 0:  # a symmetric step undoes itself with tau reversed: its logarithm is odd in tau
+        return (0,) * len(words), 1
+    found = logarithm(product_of_exponentials(operators_of(tableau), degree), words)
+    errors = [found[word] - (degree == 1) for word in words]
+    unit = lcm(*(x.denominator for x in errors))
+    return tuple(x.numerator * (unit // x.denominator) for x in errors), unit
+
+
+def weighted(weights: tuple[Fraction, ...], errors: tuple[tuple[int, ...], int]) -> Fraction:
+    """Return the sum of ``errors``, numerators and their denominator, each times its weight."""
+    numerators, denominator = errors
+    unit = lcm(*(w.denominator for w in weights))
+    total = sum(w.numerator * (unit // w.denominator) * x for w, x in zip(weights, numerators, strict=True))
+    return Fraction(total, unit * denominator)

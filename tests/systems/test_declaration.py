@@ -1,0 +1,43 @@
+"""What a system may be declared with in short, and what it is then."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+
+import nearharmonic as nh
+from own_systems import spring
+
+
+def square(q, p, k):
+    return q[0] ** 2
+
+
+def test_a_parameter_is_its_value_with_a_unit_and_a_meaning_by_default():
+    assert nh.Parameter(value=3) == nh.Parameter(value="3", unit="1", meaning="")
+    assert nh.Parameter(value=0.1).value == nh.Parameter(value=np.float64(0.1)).value == "0.1"
+    made = spring(V=lambda q, k: k * q[0] ** 2 / 2, grad_V=None, parameters={"k": nh.Parameter(value=4)})
+    run = nh.integrate(made, "aba864", 0.05, t_end=1)
+    frequency, error_of_the_method = 2, 1e-7
+    assert abs(run.q.values[-1, 0] - np.cos(frequency)) < error_of_the_method
+    assert spring(V=lambda q, k: q[0], grad_V=None, parameters={"k": 4}).parameters["k"].meaning == "k"
+
+
+def test_an_observable_is_a_function_with_a_unit_unknown_and_its_name_as_meaning():
+    made = spring(V=lambda q, k: k * q[0] ** 2 / 2, grad_V=None, parameters={"k": 1}, observables={"x2": square})
+    run = nh.integrate(made, "aba864", 0.05, t_end=1)
+    assert made.observables["x2"] == nh.Observable(function=square, unit="unknown", meaning="x2")
+    assert pickle.loads(pickle.dumps(made.observables)) == made.observables
+    assert np.array_equal(run.x2.values, run.q.values[:, 0] ** 2)
+
+
+def test_scales_and_times_may_be_numbers():
+    made = spring(t_end=3, energy_scale=0.1, position_t_end=2)
+    assert (made.t_end, made.energy_scale, made.position_t_end) == ("3", "0.1", "2")
+
+
+def test_a_tableau_has_its_name_as_label_by_default():
+    fields = {"order": 2, "first": "kick", "kick": ("0.5", "0.5"), "drift": ("1",), "source": "here", "digits": 15}
+    assert nh.Tableau(name="mine", **fields).label == "mine"
+    assert nh.Tableau(name="mine", label="Mine", **fields).label == "Mine"
