@@ -217,7 +217,7 @@ SUMS = {  # each term a difference, a square or a function, and a sum of two
 def test_a_formula_that_would_compile_for_minutes_is_refused_by_its_number_of_operations(monkeypatch, case):
     V, operations = SUMS[case]
     monkeypatch.setattr("nearharmonic.core.kernel.build", None)
-    words = rf"^mine: V takes {operations} operations, a function counted as 10: at most 8000 are compiled"
+    words = rf"^mine: V takes {operations} operations, a function counted as 10: at most 4000 are compiled"
     with pytest.raises(SystemDefinitionError, match=words):
         nh.integrate(spring(V=V, grad_V=None, name="mine"), "ruth", 0.1)
 
@@ -228,7 +228,7 @@ def test_a_gradient_that_would_compile_for_minutes_is_refused_too():
         terms = sum((x - k) ** 2 for k in range(3000))
         return (x * (1 + terms) - x * terms,)
 
-    with pytest.raises(SystemDefinitionError, match=r"^mine: grad_V takes 120\d\d operations, .* at most 8000"):
+    with pytest.raises(SystemDefinitionError, match=r"^mine: grad_V takes 120\d\d operations, .* at most 4000"):
         check_gradients(spring(grad_V=grad_V, name="mine"))
 
 

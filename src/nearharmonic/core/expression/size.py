@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from nearharmonic.core.expression.graph import Application, Graph, Node, Product, Sum, Value
 from nearharmonic.core.number import FUNCTIONS, FormulaError
 
-#: Most operations of a formula that is compiled: its kernel takes about a minute then, 7 ms an operation.
-MOST_OPERATIONS = 8000
+#: Most operations of a formula that is compiled: its kernel takes about a minute then, 5 to 20 ms an operation.
+MOST_OPERATIONS = 4000
 #: Operations that a function is counted as: it takes as long to compile.
 OPERATIONS_OF_A_FUNCTION = 10
 
