@@ -8,7 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, cast, get_args, get_type_hints
 
-from nearharmonic.engine.settings import STRICT, Reading, Sweep, one_of, setting, whole_from
+from nearharmonic.engine.config_entries import STRICT, Reading, setting, whole_from
+from nearharmonic.engine.settings import Sweep, one_of
 from nearharmonic.errors import NearharmonicError, SettingError, bad_setting, unknown_name
 from nearharmonic.experiments.derivation.settings import DerivationSettings
 from nearharmonic.experiments.paper.definitions import define, folders_of, named

@@ -91,10 +91,13 @@ def test_bits_do_not_depend_on_threads_blocks_or_width(monkeypatch):
     rows = np.random.default_rng(6).uniform(-0.3, 0.3, (300, 4))
     given = {"q0": rows[:, :2], "p0": rows[:, 2:], "t_end": 100}
     expected = nh.ensemble("henon_heiles", "ruth", 0.1, **given)
+    at_times = nh.ensemble("henon_heiles", "ruth", 0.1, t=[2.25, 50, 100], **given)
     monkeypatch.setattr(module, "BLOCK", 32)
     monkeypatch.setattr("nearharmonic.engine.execution.SHORT", 0)
     for threads in (1, 2, 5):
         assert nh.ensemble("henon_heiles", "ruth", 0.1, threads=threads, **given).identical(expected)
+        found = nh.ensemble("henon_heiles", "ruth", 0.1, threads=threads, t=[2.25, 50, 100], **given)
+        assert found.identical(at_times)
     monkeypatch.setattr(module, "ensemble_width", lambda *_, **__: 4)
     assert nh.ensemble("henon_heiles", "ruth", 0.1, **given).identical(expected)
 

@@ -14,7 +14,6 @@ from numba.np.arrayobj import populate_array
 
 from nearharmonic.core.lanes import (
     Record,
-    outlined_function,
     record_function,
     record_loader,
     record_storer,
@@ -226,7 +225,7 @@ def _advance_with_quick_energy(rules: Rules, width: int) -> Callable[..., Any]:
     kick = record_function(rules.kick, state_type, state_type, step_type, rate_type)
     drift = record_function(rules.drift, state_type, state_type, step_type, given_type)
     quick = record_function(rules.quick, look_type, state_type, step_type, tally_type, given_type)
-    sharpened = outlined_function(rules.sharpened, look_type, state_type, tally_type, look_type, given_type)
+    sharpened = record_function(rules.sharpened, look_type, state_type, tally_type, look_type, given_type)
     counted = record_function(lambda tally, look: tallied(tally, look[0]), tally_type, tally_type, look_type)
     near = record_test(lambda look: (~look[0].absolute().greater(look[1])).anywhere(), look_type)
     left = record_test(lambda tally: tally[LATEST].absolute().any_not_within(tally[LIMIT]), tally_type)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from llvmlite import ir
-from numba.core import cgutils, types
+from numba.core import types
 from numba.extending import intrinsic, models, register_model
 
 from nearharmonic.core.tracing import LLVMValue
@@ -96,52 +96,6 @@ def record_storer(kind: Record) -> Callable[..., Any]:
 def record_function(rule: Callable[..., Sequence[LLVMValue]], result: Record, *arguments: Record) -> Callable[..., Any]:
     """An intrinsic (records) -> record whose code ``rule`` writes: lists of entries in, a list of entries out."""
     return _function(lambda builder, entries: _pack(builder, result, rule(*entries)), result, arguments)
-
-
-def outlined_function(
-    rule: Callable[..., Sequence[LLVMValue]], result: Record, *arguments: Record
-) -> Callable[..., Any]:
-    """The same as :func:`record_function` for code that is seldom reached: a function of its own, called by address.
-
-    It takes no registers from the loop around it.
-    """
-
-    def write(builder: ir.IRBuilder, given: list[list[LLVMValue]]) -> ir.Value:
-        kinds = *arguments, result
-        places = [cgutils.alloca_once(builder, kind.entry, size=kind.count) for kind in kinds]
-        for place, entries in zip(places, given, strict=False):
-            _spread(builder, place, entries)
-        builder.call(_outlined(builder.module, rule, kinds), places)
-        return _pack(builder, result, _gathered(builder, places[-1], result.count))
-
-    return _function(write, result, arguments)
-
-
-def _outlined(module: ir.Module, rule: Callable[..., Sequence[LLVMValue]], kinds: Sequence[Record]) -> ir.Function:
-    name = f"outlined.{rule.__name__}.{kinds[-1].width}"
-    if name in module.globals:
-        return module.globals[name]
-    signature = ir.FunctionType(ir.VoidType(), [kind.entry.as_pointer() for kind in kinds])
-    function = ir.Function(module, signature, name)
-    function.linkage = "internal"
-    function.attributes.add("noinline")
-    builder = ir.IRBuilder(function.append_basic_block())
-    *given, place = function.args
-    entries = [_gathered(builder, x, kind.count) for x, kind in zip(given, kinds, strict=False)]
-    _spread(builder, place, rule(*entries))
-    builder.ret_void()
-    return function
-
-
-def _spread(builder: ir.IRBuilder, place: ir.Value, entries: Sequence[LLVMValue]) -> None:
-    for i, entry in enumerate(entries):
-        builder.store(entry.value, builder.gep(place, [ir.Constant(ir.IntType(64), i)]))
-
-
-def _gathered(builder: ir.IRBuilder, place: ir.Value, count: int) -> list[LLVMValue]:
-    return [
-        LLVMValue(builder, builder.load(builder.gep(place, [ir.Constant(ir.IntType(64), i)]))) for i in range(count)
-    ]
 
 
 def record_test(rule: Callable[..., ir.Value], *arguments: Record) -> Callable[..., Any]:

@@ -12,6 +12,7 @@ from llvmlite import ir
 
 from nearharmonic.core import arithmetic
 from nearharmonic.core.condition import Conditioned
+from nearharmonic.core.functions.emit import called
 from nearharmonic.core.layout import (
     CONDITION,
     ENERGY,
@@ -189,9 +190,14 @@ class Rules:
         return [latest, tally[NEAR] + tally[CONDITION] * (T.absolute() + V.absolute())]
 
     def sharpened(self, state: Entries, tally: Entries, quick: Entries, parameters: Entries) -> Entries:
-        """``quick`` with H - H0 in double-double in the lanes where it is near the rounding of doubles."""
+        """``quick`` with H - H0 in double-double in the lanes where it is near the rounding of doubles.
+
+        That is seldom, and long: a function of its own, which takes no registers from the loop.
+        """
         latest, bound = quick
-        exact = self.latest(state, tally, parameters)
+        size = len(state)
+        high, low = called("energy", lambda *x: self.energy([*x[:size]], [*x[size:]]).pair, *state, *parameters)
+        exact = (high - tally[ENERGY]) + (low - tally[ENERGY_LOW])
         return [latest.absolute().greater(bound).choose(latest, exact), bound]
 
     def rounding(self, state: Entries, parameters: Entries) -> Entries:

@@ -230,13 +230,13 @@ def integrate_batch(
     """
     count = np.asarray(steps, dtype=np.int64)
     distinct, scheme = _distinct(count)
-    parts = 2 if numerics.precision == "extended" else 1
     first = standard_start(system, not numerics.compensated) if start is None else start
     rows = np.empty((count.size, first.shape[-1]))
     rows[:] = first
+    taus = [t_end / n for n in distinct]
     batch = prepared_batch(
         system, tableau, numerics, marks=sample_marks(count, samples) if marks is None else marks, scheme=scheme,
-        rows=scaled_rows(tableau, [t_end / n for n in distinct], parts, numerics.double_coefficients), start=rows,
+        rows=scaled_rows(tableau, taus, numerics.parts, numerics.double_coefficients), start=rows,
         parameters=standard_parameters(system)[None, :] if parameters is None else parameters,
         scale=scale, reference=reference,
     )  # fmt: skip

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from fractions import Fraction
 from math import nan
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +25,7 @@ from nearharmonic.engine.description import (
 from nearharmonic.engine.initial_values import parameter_array, standard_parameters, start_array
 from nearharmonic.engine.output_times import checked_times, run_at
 from nearharmonic.engine.problem import Problem
-from nearharmonic.engine.results import Trajectories, trajectories_of
+from nearharmonic.engine.results import Trajectories, joined, trajectories_of
 from nearharmonic.engine.settings import WIDTH, checked_samples, checked_threads
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
@@ -107,8 +108,7 @@ def ensemble(
     else:
         asked = checked_times(t, problem.end, problem.t_end)
         _check_size(problem, members, len(asked))
-        rows = np.repeat(start, members, axis=0) if len(start) < members else start
-        paths = run_at(problem, [steps] * members, asked, start=rows, parameters=given, reference=(nan, nan))
+        paths = _at_times(problem, steps, asked, start, given, members, count)
         times = np.array([float(time) for time in asked])
     return _dataset(problem, paths, start, given, times)
 
@@ -140,6 +140,49 @@ def ensemble_width(dimension: int, *, compensated: bool, extended: bool) -> int:
     return width
 
 
+def _block(i: int, members: int) -> slice:
+    """The members that a thread integrates at a time."""
+    return slice(i * BLOCK, min((i + 1) * BLOCK, members))
+
+
+def _of(block: slice, rows: Floats) -> Floats:
+    """The rows of a block, or the one row that is for all members."""
+    return rows[block] if len(rows) > 1 else rows
+
+
+def _cost(problem: Problem) -> int:
+    return problem.tableau.stages * problem.system.dimension
+
+
+def _execute(problem: Problem, compute: Callable[[int], None], members: int, steps: int, threads: int) -> None:
+    """Compute all blocks of members of so many steps each."""
+    count = -(-members // BLOCK)
+    execution.Blocks(compute, count, steps=members * steps, cost=_cost(problem)).execute(threads)
+
+
+def _at_times(
+    problem: Problem,
+    steps: int,
+    times: Sequence[Fraction],
+    start: Floats,
+    parameters: Floats,
+    members: int,
+    threads: int,
+) -> Trajectories:
+    """The members at output times."""
+    parts: dict[int, Trajectories] = {}
+
+    def compute(i: int) -> None:
+        block = _block(i, members)
+        parts[i] = run_at(
+            problem, [steps] * (block.stop - block.start), times, start=_of(block, start),
+            parameters=_of(block, parameters), reference=(nan, nan),
+        )  # fmt: skip
+
+    _execute(problem, compute, members, steps, threads)
+    return joined([parts[i] for i in sorted(parts)])
+
+
 class _Runs:
     """The runs of an ensemble that are sampled at whole steps."""
 
@@ -161,19 +204,16 @@ class _Runs:
         errors = np.empty((3, self.members, self.marks.size - cut))
         energy, left_at = np.empty((self.members, 2)), np.empty(self.members, np.int64)
 
-        def compute(i: int, run: execution.Run) -> None:
-            block = slice(i * BLOCK, min((i + 1) * BLOCK, self.members))
+        def compute(i: int) -> None:
+            block = _block(i, self.members)
             batch, size = self._batch(block), block.stop - block.start
-            batch.clear()
-            run(batch.call, batch.control)
+            batch.run(_cost(self.problem), size * self.steps)
             states[block], errors[:, block] = batch.states[:, cut:], batch.blocks[..., cut:]
             energy[block], left_at[block] = batch.energy, batch.left_at
             if size == BLOCK:
                 self._free.append(batch)
 
-        count = -(-self.members // BLOCK)
-        cost = self.problem.tableau.stages * self.problem.system.dimension
-        execution.Blocks(compute, count, steps=self.members * self.steps, cost=cost).execute(threads)
+        _execute(self.problem, compute, self.members, self.steps, threads)
         steps, marks = np.full(self.members, self.steps), np.broadcast_to(self.marks, (self.members, self.marks.size))
         results = marks[:, cut:], states, errors, energy, left_at
         return trajectories_of(self.problem.tableau, steps, *results, self.problem.numerics, self.problem.scale)
@@ -181,19 +221,16 @@ class _Runs:
     def _batch(self, block: slice) -> Batch:
         """A batch that holds the members of ``block``: a used one of the same size, or a new one."""
         size = block.stop - block.start
-        start = self.start[block] if len(self.start) > 1 else self.start
-        parameters = self.parameters[block] if len(self.parameters) > 1 else self.parameters
         try:
             batch = self._free.pop() if size == BLOCK else self._new(size)
         except IndexError:
             batch = self._new(size)
-        batch.start[:], batch.parameters[:] = start, parameters
+        batch.start[:], batch.parameters[:] = _of(block, self.start), _of(block, self.parameters)
         return batch
 
     def _new(self, size: int) -> Batch:
         problem = self.problem
-        parts = 2 if problem.numerics.precision == "extended" else 1
-        rows = scaled_rows(problem.tableau, [problem.end / self.steps], parts, False)
+        rows = scaled_rows(problem.tableau, [problem.end / self.steps], problem.numerics.parts, False)
         return prepared_batch(
             problem.system, problem.tableau, self.numerics, marks=np.repeat(self.marks, size, axis=0),
             scheme=np.zeros(size, np.int64), rows=rows, start=np.empty((size, self.start.shape[1])),

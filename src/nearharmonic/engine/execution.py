@@ -16,9 +16,6 @@ from nearharmonic.core.layout import PROGRESS, STOP
 if TYPE_CHECKING:
     from nearharmonic.core.native import PreparedCall
 
-#: How a block calls a kernel: with the call and its control array.
-Run = Callable[["PreparedCall", NDArray[np.int64]], None]
-
 #: Products of steps, stages and coordinates: below this a call takes less than about 20 ms, and is simply made.
 SHORT = 2_000_000
 #: Seconds between looks at the keyboard, and after which a call is worth a progress bar.
@@ -40,6 +37,8 @@ def stretch(stages: int, dimension: int) -> int:
 def execute(call: PreparedCall, state: NDArray[np.int64], steps: int, cost: int) -> None:
     """Make the call; Ctrl-C stops it within a stretch, and one of more than two seconds shows its progress.
 
+    Inside of :class:`Blocks` the call is one of theirs, and is stopped and shown with them.
+
     Parameters
     ----------
     call : PreparedCall
@@ -56,6 +55,9 @@ def execute(call: PreparedCall, state: NDArray[np.int64], steps: int, cost: int)
     KeyboardInterrupt
         When the kernel has stopped. What it computed until then is not to be used.
     """
+    if (blocks := getattr(_OWN, "blocks", None)) is not None:
+        blocks.call(call, state)
+        return
     if steps * cost < SHORT or not _in_main_thread():
         call()
         return
@@ -72,20 +74,24 @@ def execute(call: PreparedCall, state: NDArray[np.int64], steps: int, cost: int)
             raise
 
 
+#: The blocks of which a thread computes one.
+_OWN = threading.local()
+
+
 class Blocks:
-    """Calls of kernels that threads take from a queue.
+    """Blocks of runs that threads take from a queue.
 
     Parameters
     ----------
     compute : callable
-        Computes one block, given its index and the function ``run(call, control)`` through which it calls a kernel.
+        Computes one block, given its index; it calls kernels by :func:`execute`.
     count : int
         Number of blocks.
     steps, cost : int
         Steps of all runs of all blocks together; stages times coordinates.
     """
 
-    def __init__(self, compute: Callable[[int, Run], None], count: int, *, steps: int, cost: int) -> None:
+    def __init__(self, compute: Callable[[int], None], count: int, *, steps: int, cost: int) -> None:
         self._compute, self._count, self._steps, self._cost = compute, count, steps, cost
         self._stopped, self._done, self._controls = False, 0, dict[int, NDArray[np.int64]]()
 
@@ -99,7 +105,7 @@ class Blocks:
         """
         if self._steps * self._cost < SHORT or (threads == 1 and not _in_main_thread()):
             for i in range(self._count):
-                self._compute(i, _run)
+                self._compute(i)
             return
         from concurrent.futures import ThreadPoolExecutor, wait
 
@@ -118,22 +124,20 @@ class Blocks:
                 pool.shutdown(cancel_futures=True)
                 raise
 
-    def _one(self, i: int) -> None:
-        def run(call: PreparedCall, state: NDArray[np.int64]) -> None:
-            key = threading.get_ident()
-            self._controls[key] = state
-            # In this order: a stop is seen here, or by the kernel.
-            if not self._stopped:
-                call()
-            self._done += int(state[PROGRESS])
-            del self._controls[key]
-
+    def call(self, call: PreparedCall, state: NDArray[np.int64]) -> None:
+        """Make a call of one of the blocks, unless they have been stopped."""
+        key = threading.get_ident()
+        self._controls[key] = state
+        # In this order: a stop is seen here, or by the kernel.
         if not self._stopped:
-            self._compute(i, run)
+            call()
+        self._done += int(state[PROGRESS])
+        del self._controls[key]
 
-
-def _run(call: PreparedCall, state: NDArray[np.int64]) -> None:
-    call()
+    def _one(self, i: int) -> None:
+        if not self._stopped:
+            _OWN.blocks = self
+            self._compute(i)
 
 
 def _in_main_thread() -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 from nearharmonic.engine.batch import integrate_batch, prepared_batch
 from nearharmonic.engine.coefficients import Floats, scaled_rows
 from nearharmonic.engine.initial_values import exact, standard_parameters
-from nearharmonic.engine.results import Integers, Trajectories
+from nearharmonic.engine.results import Integers, Trajectories, energy_unit
 from nearharmonic.engine.settings import MOST_SAMPLES
 from nearharmonic.errors import bad_setting
 
@@ -122,12 +122,11 @@ def _step_on(
     """
     members, samples = np.nonzero(shorter >= 0)
     first = [columns[name][members, samples] for name in ("q", "q_low", "p", "p_low")]
-    parts = 2 if problem.numerics.precision == "extended" else 1
     given = standard_parameters(problem.system)[None, :] if parameters is None else parameters
     batch = prepared_batch(
         problem.system, problem.tableau, problem.numerics,
         marks=np.tile(np.array([[0, 1]]), (members.size, 1)), scheme=shorter[members, samples],
-        rows=scaled_rows(problem.tableau, lengths, parts, problem.numerics.double_coefficients),
+        rows=scaled_rows(problem.tableau, lengths, problem.numerics.parts, problem.numerics.double_coefficients),
         start=np.concatenate(first, axis=1), parameters=given if len(given) == 1 else given[members],
         scale=problem.scale,
     )  # fmt: skip
@@ -136,8 +135,7 @@ def _step_on(
     for i, name in enumerate(("q", "q_low", "p", "p_low")):
         columns[name][members, samples] = batch.states[:, 1, i * d : (i + 1) * d]
     gained = (batch.energy[:, 0] - paths.energy[members]) + (batch.energy[:, 1] - paths.energy_low[members])
-    unit = np.abs(paths.energy[members]) if problem.scale == 0 else np.full(members.size, problem.scale)
-    unit[unit == 0] = 1.0
+    unit = energy_unit(paths.energy[members], problem.scale)
     columns["energy_error"][members, samples] = (gained + batch.blocks[0, :, 1]) / unit
 
 

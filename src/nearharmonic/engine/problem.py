@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import nan
 from typing import Any
 
@@ -10,14 +11,12 @@ import numpy as np
 
 from nearharmonic.engine.batch import Batch, integrate_batch, prepared_batch, sample_marks
 from nearharmonic.engine.coefficients import Floats, scaled_rows
-from nearharmonic.engine.continuation import Start
+from nearharmonic.engine.continuation import Start, start_of
 from nearharmonic.engine.grid import check_fit, steps_of
 from nearharmonic.engine.initial_values import (
     exact,
-    parameter_array,
     standard_parameters,
     standard_start,
-    start_array,
 )
 from nearharmonic.engine.invariants import check_quantities
 from nearharmonic.engine.results import Integers, Trajectories
@@ -204,8 +203,7 @@ class Problem:
         steps = self.steps_of(tau)
         size = self.end / steps
         marks = sample_marks(np.array([steps]), self.samples)
-        parts = 2 if self.numerics.precision == "extended" else 1
-        rows = scaled_rows(self.tableau, [size], parts, self.numerics.double_coefficients)
+        rows = scaled_rows(self.tableau, [size], self.numerics.parts, self.numerics.double_coefficients)
         step = StepSize(float(size), steps, marks, *rows)
         if len(self._step_sizes) >= MOST_STEP_SIZES:
             self._step_sizes.clear()
@@ -213,9 +211,7 @@ class Problem:
         return step
 
     def _new_slot(self, step: StepSize) -> _Slot:
-        numerics = Numerics(
-            precision=self.numerics.precision, summation=self.numerics.summation, energy=self.numerics.energy, width=1
-        )
+        numerics = replace(self.numerics, width=1)
         batch = prepared_batch(
             self.system, self.tableau, numerics, marks=step.marks.copy(), scheme=np.zeros(1, np.int64),
             rows=(step.drift.copy(), step.kick.copy()), scale=self.scale,
@@ -226,15 +222,9 @@ class Problem:
 
     def _fill(self, slot: _Slot, q0: object, p0: object, parameters: Mapping[str, Any] | None) -> None:
         """The initial values and parameters of a run, which the slot holds only once all of them are checked."""
-        given = [("q0 and p0", start_array(self.system, q0, p0, plain=self.plain))]
-        if parameters is not None:
-            given.append(("parameters", parameter_array(self.system, parameters)))
-        for key, rows in given:
-            if len(rows) != 1:
-                raise bad_setting(key, f"{len(rows)} rows", "those of one trajectory; nearharmonic.ensemble takes many")
-        rows = standard_parameters(self.system)[None, :] if parameters is None else given[1][1]
-        slot.batch.start[:], slot.batch.parameters[:], slot.default = given[0][1], rows, False
-        slot.given = Start(system=self.system, state=given[0][1], parameters=rows, given=dict(parameters or {}))
+        given = start_of(self, q0, p0, parameters)
+        slot.batch.start[:], slot.batch.parameters[:] = given.state, given.parameters
+        slot.given, slot.default = given, False
 
 
 #: The name at the top of the package.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -50,6 +51,19 @@ class Trajectories:
         return Trajectories(**{field.name: getattr(self, field.name)[runs] for field in fields(self)})
 
 
+def joined(parts: Sequence[Trajectories]) -> Trajectories:
+    """Return the runs of several batches, one behind the other."""
+    columns = {field.name: [getattr(part, field.name) for part in parts] for field in fields(Trajectories)}
+    return Trajectories(**{name: np.concatenate(arrays) for name, arrays in columns.items()})
+
+
+def energy_unit(energy: Floats, scale: float) -> Floats:
+    """Return what energy errors are divided by: |H0| (R,), 1 where that is 0, or ``scale`` if that is not 0."""
+    unit = np.abs(energy) if scale == 0 else np.full(energy.size, scale)
+    unit[unit == 0] = 1.0
+    return unit
+
+
 def trajectories_of(
     tableau: Tableau,
     steps: Integers,
@@ -62,9 +76,7 @@ def trajectories_of(
     scale: float,
 ) -> Trajectories:
     """The results of a kernel by name, energies relative to |H0|, to ``scale``, or to 1."""
-    unit = np.abs(energy[:, 0]) if scale == 0 else np.full(steps.size, scale)
-    unit[unit == 0] = 1.0
-    error, worst, total = blocks / unit[:, None]
+    error, worst, total = blocks / energy_unit(energy[:, 0], scale)[:, None]
     length = marks.copy()
     length[:, 1:] -= marks[:, :-1]
     np.maximum(length, 1, out=length)

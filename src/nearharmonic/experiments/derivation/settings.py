@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from nearharmonic.engine.settings import STRICT, Reading, setting, whole_between, whole_from
+from nearharmonic.engine.config_entries import STRICT, Reading, setting, whole_between, whole_from
 
 MOST_STARTS = 10**7
 

@@ -9,7 +9,7 @@ from math import isfinite
 from numbers import Real
 from typing import Annotated, Literal
 
-from nearharmonic.engine.settings import STRICT, PositiveDecimal, PositiveNumber, Reading, setting, whole_from
+from nearharmonic.engine.config_entries import STRICT, PositiveDecimal, PositiveNumber, Reading, setting, whole_from
 from nearharmonic.systems.quantities import is_extreme
 
 Precision = Literal["double", "extended"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from nearharmonic.engine.settings import STRICT, setting, whole_from
+from nearharmonic.engine.config_entries import STRICT, setting, whole_from
 
 
 @dataclass(frozen=True, kw_only=True)

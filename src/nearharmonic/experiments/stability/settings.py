@@ -7,15 +7,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Annotated, Any
 
-from nearharmonic.engine.settings import (
-    MOST_STEPS,
-    STRICT,
-    PositiveDecimal,
-    PositiveNumber,
-    Reading,
-    setting,
-    whole_from,
-)
+from nearharmonic.engine.config_entries import STRICT, PositiveDecimal, PositiveNumber, Reading, setting, whole_from
+from nearharmonic.engine.settings import MOST_STEPS
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
+from nearharmonic.engine.config_entries import STRICT, PositiveNumber, setting, whole_from
 from nearharmonic.engine.grid import check_fit
-from nearharmonic.engine.settings import STRICT, PositiveNumber, one_of, setting, whole_from
+from nearharmonic.engine.settings import one_of
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.integrators.user_file import expanded
