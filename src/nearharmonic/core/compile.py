@@ -21,7 +21,7 @@ from nearharmonic.core.lanes import (
 )
 from nearharmonic.core.layout import LATEST, LIMIT, TALLY, Argument, Group, Scalar, Signature, parameter_rows
 from nearharmonic.core.native import target_machine
-from nearharmonic.core.rules import Rules, tallied
+from nearharmonic.core.rules import Rules, tallied, uncertain
 
 _TYPES: dict[Scalar, Any] = {"int64": types.int64, "float64": types.float64, "bool": types.boolean}
 
@@ -227,7 +227,7 @@ def _advance_with_quick_energy(rules: Rules, width: int) -> Callable[..., Any]:
     quick = record_function(rules.quick, look_type, state_type, step_type, tally_type, given_type)
     sharpened = record_function(rules.sharpened, look_type, state_type, tally_type, look_type, given_type)
     counted = record_function(lambda tally, look: tallied(tally, look[0]), tally_type, tally_type, look_type)
-    near = record_test(lambda look: (~look[0].absolute().greater(look[1])).anywhere(), look_type)
+    near = record_test(lambda look: uncertain(*look), look_type)
     left = record_test(lambda tally: tally[LATEST].absolute().any_not_within(tally[LIMIT]), tally_type)
     tally_at, given_at = 4 * d * width, (4 * d + TALLY) * width
 

@@ -63,9 +63,15 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
     energy : {"every", "samples", "none"}
         Whether the energy is measured at every step, at the end of each stretch of steps, or never.
     """
-    rules = Rules(physics, extended, compensated)
+    rules, room = Rules(physics, extended, compensated), 0
+    if physics.loops is not None:
+        from nearharmonic.core.loops import functions
+
+        room = functions.room(*physics.loops, extended=extended)
 
     def make_begin() -> tuple[str, bytes]:
+        if physics.loops is not None:
+            return functions.machine_code(*functions.begin(rules))
         from nearharmonic.core import compile
 
         return compile.machine_code(compile.begin(rules, width), BEGIN)
@@ -83,7 +89,9 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
         measured: int, order: Any, marks: Any, scheme: Any, start: Any, parameters: Any, limit: float, scale: float,
         reference: Any, stretch: int, stages: int, *more: Any,
     ) -> PreparedCall:  # fmt: skip
-        own = workspace(start.shape[1], stages, parameters=physics.parameters, parts=rules.parts, width=width)
+        own = workspace(
+            start.shape[1], stages, parameters=physics.parameters, parts=rules.parts, width=width, room=room
+        )
         first = advance.address, begin, measured, order, marks, scheme, start, parameters
         return run.prepared(*first, limit, scale, reference, stretch, stages, *more, *own)
 
@@ -111,6 +119,10 @@ def _key(rules: Rules, width: int, *more: str) -> str:
 
 def _advance(rules: Rules, width: int, energy: str) -> Any:
     def make() -> tuple[str, bytes]:
+        if rules.physics.loops is not None:
+            from nearharmonic.core.loops import functions
+
+            return functions.machine_code(*functions.advance(rules, energy))
         from nearharmonic.core import compile
 
         return compile.machine_code(compile.advance(rules, width, energy), ADVANCE)

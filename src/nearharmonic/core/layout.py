@@ -149,9 +149,14 @@ def parameter_rows(parameters: int) -> int:
     return max(1, 2 * parameters)
 
 
-def workspace(size: int, stages: int, *, parameters: int, parts: int, width: int) -> tuple[NDArray[Any], ...]:
-    """The flat arrays that ``run`` works in: two row blocks, drifts, kicks; and per lane its run, step and sample."""
-    rows = (size + TALLY + parameter_rows(parameters)) * width
+def workspace(
+    size: int, stages: int, *, parameters: int, parts: int, width: int, room: int = 0
+) -> tuple[NDArray[Any], ...]:
+    """The flat arrays that ``run`` works in: two row blocks, drifts, kicks; and per lane its run, step and sample.
+
+    Each row block ends with ``room`` doubles that the kernel works in.
+    """
+    rows = (size + TALLY + parameter_rows(parameters)) * width + room
     coefficients = (stages + 1) * parts * width
     doubles = tuple(aligned_zeros(n) for n in (rows, rows, coefficients, coefficients))
     return (*doubles, *(np.zeros(width, np.int64) for _ in range(3)))

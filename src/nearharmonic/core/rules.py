@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from hashlib import sha256
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from llvmlite import ir
 
@@ -26,6 +26,9 @@ from nearharmonic.core.layout import (
 )
 from nearharmonic.core.number import Constant, Number, call, constant, scalar, vector
 from nearharmonic.core.tracing import Double, DoubleDouble, LLVMValue
+
+if TYPE_CHECKING:
+    from nearharmonic.core.loops.energy import LoopedEnergy
 
 Entries = list[LLVMValue]
 
@@ -55,6 +58,10 @@ class Physics:
         Parameters that are compiled in, because a formula needs their values; there are none of the others then.
     dimension : int
         Number of coordinates.
+    loops : tuple of LoopedEnergy, or None
+        V and T as loops, for many coordinates: then nothing of the formulas above is compiled.
+    unit_masses : bool
+        Whether T = p.p / 2.
     """
 
     name: str
@@ -67,6 +74,8 @@ class Physics:
     parameters: int
     constants: tuple[Constant, ...]
     dimension: int
+    loops: tuple[LoopedEnergy, LoopedEnergy] | None = None
+    unit_masses: bool = False
 
 
 def _pairs(entries: Entries, dimension: int) -> list[tuple[LLVMValue, LLVMValue]]:
@@ -160,9 +169,11 @@ class Rules:
 
     def latest(self, state: Entries, tally: Entries, parameters: Entries) -> LLVMValue:
         """H - H0, each in double-double."""
-        H = self.energy(state, parameters)
-        difference: LLVMValue = (H.high - tally[ENERGY]) + (H.low - tally[ENERGY_LOW])
-        return difference
+        return self.difference(*self.energy(state, parameters).pair, tally)
+
+    def difference(self, high: LLVMValue, low: LLVMValue, tally: Entries) -> LLVMValue:
+        """H - H0 for H in double-double."""
+        return (high - tally[ENERGY]) + (low - tally[ENERGY_LOW])
 
     def measure(self, state: Entries, tally: Entries, parameters: Entries) -> Entries:
         """The tally with one more step in it."""
@@ -184,9 +195,11 @@ class Rules:
         half, d = 2 * self.physics.dimension, self.physics.dimension
         p = self.numbers(_pairs(state[half:], d))
         T = _carrier(scalar(self.physics, "balanced_T", p, *self.constants(parameters)), state[0])
-        (V,) = potential
-        H, error = arithmetic.two_sum(T, V)
-        latest = (H - tally[ENERGY]) + (error - tally[ENERGY_LOW])
+        return self.quick_difference(T, potential[0], tally)
+
+    def quick_difference(self, T: LLVMValue, V: LLVMValue, tally: Entries) -> Entries:
+        """H - H0 for T and V in double, and the least of its modulus that can be told from rounding."""
+        latest = self.difference(*arithmetic.two_sum(T, V), tally)
         return [latest, tally[NEAR] + tally[CONDITION] * (T.absolute() + V.absolute())]
 
     def sharpened(self, state: Entries, tally: Entries, quick: Entries, parameters: Entries) -> Entries:
@@ -197,7 +210,7 @@ class Rules:
         latest, bound = quick
         size = len(state)
         high, low = called("energy", lambda *x: self.energy([*x[:size]], [*x[size:]]).pair, *state, *parameters)
-        exact = (high - tally[ENERGY]) + (low - tally[ENERGY_LOW])
+        exact = self.difference(high, low, tally)
         return [latest.absolute().greater(bound).choose(latest, exact), bound]
 
     def rounding(self, state: Entries, parameters: Entries) -> Entries:
@@ -206,18 +219,18 @@ class Rules:
         q, p = (tuple(map(Conditioned, self.numbers(_pairs(entries, d)))) for entries in (state, state[half:]))
         given = [x if isinstance(x, Constant) else Conditioned(x) for x in constants]
         zero = Conditioned(Double(state[0].constant(0.0)))
-        T, V = (zero + scalar(self.physics, name, x, *given) for name, x in (("T", p), ("V", q)))
-        unit = state[0].constant(CERTAINTY * 2.0**-53)
-        size = (T.size + V.size).carrier * unit
+        return self.rounding_of(*(zero + scalar(self.physics, name, x, *given) for name, x in (("T", p), ("V", q))))
+
+    def rounding_of(self, T: Conditioned, V: Conditioned) -> Entries:
+        """The same of T and V."""
+        size = (T.size + V.size).carrier * (CERTAINTY * 2.0**-53)
         return [size, size / (abs(T.value) + abs(V.value)).carrier]
 
     def begin(self, state: Entries, parameters: Entries) -> Entries:
         """A fresh tally whose H0 is the energy of ``state``, with |T| at the place of the limit."""
         T, V = self.energies(state, parameters)
-        H, kinetic = (_double_double(x, state[0]) for x in (T + V, T))
-        zero = H.high.constant(0.0)
-        rounding = self.rounding(state, parameters) if self.quick_energy else [zero, zero]
-        return [zero, zero, zero, zero, H.high, H.low, kinetic.high.absolute(), *rounding]
+        rounding = self.rounding(state, parameters) if self.quick_energy else [state[0].constant(0.0)] * 2
+        return fresh_tally(_double_double(T + V, state[0]), _double_double(T, state[0]), rounding)
 
 
 def _double_double(number: Any, like: LLVMValue) -> DoubleDouble:
@@ -227,6 +240,17 @@ def _double_double(number: Any, like: LLVMValue) -> DoubleDouble:
 def _carrier(number: Any, like: LLVMValue) -> LLVMValue:
     carrier: LLVMValue = (Double.of(number, like) if isinstance(number, Constant) else number).carrier
     return carrier
+
+
+def fresh_tally(H: DoubleDouble, T: DoubleDouble, rounding: Entries) -> Entries:
+    """The tally of a run that begins, with |T| at the place of the limit."""
+    zero = H.high.constant(0.0)
+    return [zero, zero, zero, zero, H.high, H.low, T.high.absolute(), *rounding]
+
+
+def uncertain(latest: LLVMValue, bound: LLVMValue) -> Any:
+    """One bit: whether in any lane an energy error in double is too near its rounding."""
+    return (~latest.absolute().greater(bound)).anywhere()
 
 
 def tallied(tally: Entries, latest: LLVMValue) -> Entries:
@@ -241,6 +265,10 @@ def tallied(tally: Entries, latest: LLVMValue) -> Entries:
 @lru_cache(maxsize=64)
 def fingerprint(rules: Rules) -> str:
     """Digest of the instructions that the formulas emit: the one thing about a system that compiled code depends on."""
+    if rules.physics.loops is not None:
+        from nearharmonic.core.loops import functions
+
+        return sha256("".join((functions.begin(rules)[0], functions.advance(rules, "every")[0])).encode()).hexdigest()
     count, given = 4 * rules.physics.dimension, parameter_rows(rules.physics.parameters)
     double = ir.DoubleType()
     module = ir.Module()

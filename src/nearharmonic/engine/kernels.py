@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
+from nearharmonic.core.expression.size import MOST_UNROLLED
 from nearharmonic.core.number import Constant
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.systems.gradients import check_gradients
@@ -42,7 +43,7 @@ def kernel_of(system: System, numerics: Numerics = STANDARD) -> Kernel:
         physics_of(system),
         extended=numerics.precision == "extended",
         compensated=numerics.compensated,
-        width=numerics.width,
+        width=1 if is_looped(system) else numerics.width,
         energy=numerics.energy,
     )
 
@@ -53,6 +54,11 @@ def formulas_digest(system: System) -> str:
     from nearharmonic.core.rules import Rules, fingerprint
 
     return fingerprint(Rules(physics_of(system), extended=True, compensated=True))
+
+
+def is_looped(system: System) -> bool:
+    """Whether the formulas of ``system`` are compiled as loops, one trajectory at a time."""
+    return system.formulas().dimension > MOST_UNROLLED
 
 
 def physics_of(system: System) -> Physics:
@@ -67,6 +73,7 @@ def physics_of(system: System) -> Physics:
 
     check_gradients(system)
     formulas, at_run_time = system.formulas(), system.parameters_at_run_time
+    loops = tuple(energy.looped(at_run_time) for energy in formulas.energies) if is_looped(system) else None
     return Physics(
         name=system.name,
         V=formulas.V,
@@ -78,4 +85,6 @@ def physics_of(system: System) -> Physics:
         parameters=len(system.parameters) if at_run_time else 0,
         constants=() if at_run_time else system.constants(Constant),
         dimension=formulas.dimension,
+        loops=loops,
+        unit_masses=loops is not None and formulas.energies[1].is_half_square,
     )

@@ -17,7 +17,8 @@ from nearharmonic.core.expression.derivative import gradient, hessian_vector
 from nearharmonic.core.expression.graph import Graph, Value, Variable, value_of
 from nearharmonic.core.expression.polynomial import is_quadratic, polynomial_of, shortest_program
 from nearharmonic.core.expression.program import Program
-from nearharmonic.core.expression.size import check_size
+from nearharmonic.core.expression.size import MOST_UNROLLED, check_loops, check_size
+from nearharmonic.core.loops.energy import LoopedEnergy
 from nearharmonic.core.number import Constant, Number, call, constant, scalar
 from nearharmonic.errors import SystemDefinitionError
 
@@ -56,6 +57,7 @@ class Energy:
         self.dimension, self.parameters = dimension, parameters
         self._traced: dict[Any, _Traced] = {}
         self._programs: dict[Any, Program] = {}
+        self._loops: dict[Any, LoopedEnergy] = {}
         self._at_run_time: bool | None = None
         self._lock = RLock()  # a graph grows while it is differentiated, and systems are used from several threads
 
@@ -82,8 +84,12 @@ class Energy:
         SystemDefinitionError
             It fails, or takes too many operations to be compiled.
         """
-        graph, value, _ = self._standard
-        call(_Named(self), self.formula, check_size, graph, [value])
+        if self.dimension > MOST_UNROLLED:
+            operations = self.looped(self.parameters_at_run_time).operations
+            call(_Named(self), self.formula, check_loops, operations)
+        else:
+            graph, value, _ = self._standard
+            call(_Named(self), self.formula, check_size, graph, [value])
 
     def _trace(self, parameters: tuple[Constant, ...] | None) -> _Traced:
         """The expression, with parameters that are variables or these constants."""
@@ -98,6 +104,16 @@ class Energy:
     @property
     def _standard(self) -> _Traced:
         return self._trace(None if self.parameters_at_run_time else self.parameters)
+
+    def looped(self, parameters_at_run_time: bool) -> LoopedEnergy:
+        """Return the energy as loops, with parameters that are values or the system's own."""
+        parameters = None if parameters_at_run_time else self.parameters
+        with self._lock:
+            if parameters not in self._loops:
+                graph, value, _ = self._trace(parameters)
+                count = len(self.parameters) if parameters_at_run_time else 0
+                self._loops[parameters] = LoopedEnergy(graph, value, self.dimension, count)
+            return self._loops[parameters]
 
     @property
     def is_quadratic(self) -> bool:

@@ -30,7 +30,7 @@ class Formulas:
     ``grad_T(p, *parameters)`` a tuple of ``dimension`` components. ``hessian_V_times(q, vector, *parameters)`` and
     ``hessian_T_times(p, vector, *parameters)`` are derived from them. ``grad_V_and_V(q, *parameters)`` returns the
     components of the gradient and V behind them, of shared operations, ``balanced_T(p, *parameters)`` is T in an order
-    that keeps chains of operations short. ``name`` is that of the system, for errors.
+    that keeps chains of operations short. ``energies`` are V and T as expressions. ``name`` is that of the system, for errors.
     """
 
     name: str
@@ -43,6 +43,7 @@ class Formulas:
     balanced_T: Callable[..., Any]
     hessian_V_times: Callable[..., Vector]
     hessian_T_times: Callable[..., Vector]
+    energies: tuple[Energy, Energy]
 
 
 class DerivedGradient:
@@ -89,6 +90,7 @@ def formulas_of(system: System, potential: Energy, kinetic_energy: Energy) -> Fo
         balanced_T=kinetic.balanced,
         hessian_V_times=potential.hessian_times,
         hessian_T_times=kinetic.hessian_times,
+        energies=(potential, kinetic),
     )
 
 

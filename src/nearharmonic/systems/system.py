@@ -238,7 +238,8 @@ class System:
         values = Graph().variables(formulas.dimension + len(self.parameters))
         try:
             for name in ("grad_V", "grad_T"):
-                vector(formulas, name, values[: formulas.dimension], *values[formulas.dimension :])
+                if not isinstance(getattr(self, name), DerivedGradient):  # of an energy, which takes them
+                    vector(formulas, name, values[: formulas.dimension], *values[formulas.dimension :])
         except SystemDefinitionError:
             return False
         return True

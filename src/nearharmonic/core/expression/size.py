@@ -13,6 +13,25 @@ MOST_OPERATIONS = 4000
 OPERATIONS_OF_A_FUNCTION = 10
 
 
+#: Coordinates up to which formulas are written out in a kernel; those of more become loops.
+MOST_UNROLLED = 50
+
+
+def check_loops(operations: int) -> None:
+    """Refuse loops that take too long to compile.
+
+    Raises
+    ------
+    FormulaError
+        Their bodies take more than :data:`MOST_OPERATIONS`.
+    """
+    if operations > MOST_OPERATIONS:
+        raise FormulaError(
+            f"has terms of so many forms that they take {operations} operations: at most {MOST_OPERATIONS} are "
+            "compiled, and terms of one form count once"
+        )
+
+
 def check_size(graph: Graph, roots: Sequence[Value]) -> None:
     """Refuse values that take too long to compile.
 

@@ -1,0 +1,276 @@
+"""Machine code of an energy and its gradient as loops, for numbers of one kind."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+
+from nearharmonic.core import arithmetic
+from nearharmonic.core.expression.program import Program
+from nearharmonic.core.loops.energy import LoopedEnergy, Totals, Work
+from nearharmonic.core.loops.memory import Array, Doubles, Writer, is_consecutive, is_constant
+from nearharmonic.core.loops.patterns import COORDINATES
+from nearharmonic.core.loops.tables import BLOCK, Places
+from nearharmonic.core.number import Constant
+from nearharmonic.core.tracing import LLVMValue
+from nearharmonic.core.values import LLVMMask
+
+#: Terms of a sum up to which they are written one after the other.
+FEW_TERMS = 8
+#: Terms of a sum from which on they are added in as many partial sums as a block has lanes.
+MANY_TERMS = 32
+
+
+class Emission:
+    """Writes the loops of an energy at the end of a function.
+
+    Parameters
+    ----------
+    writer : Writer
+        Where to.
+    energy : LoopedEnergy
+        What.
+    kind : Doubles
+        Numbers to compute with.
+    state : Array
+        The coordinates, planes of values and of carries.
+    kept : Array
+        Room for what the loops keep.
+    parameters : sequence of LLVMValue
+        High and low halves of the parameters in turns, scalars.
+    """
+
+    def __init__(
+        self, writer: Writer, energy: LoopedEnergy, kind: Doubles, state: Array, kept: Array,
+        parameters: Sequence[LLVMValue],
+    ) -> None:  # fmt: skip
+        self.writer, self.builder, self.energy, self.kind = writer, writer.builder, energy, kind
+        self.state, self.kept = state, kept
+        self.parameters = list(zip(parameters[::2], parameters[1::2], strict=False))[: energy.parameters]
+
+    def value(self) -> Any:
+        """Compute the energy, a number."""
+        for level in range(1, len(self.energy.levels)):
+            self._sums(level)
+        return self._total([self._loop(len(self.energy.levels), i, False) for i in range(len(self.energy.work[-1]))])
+
+    def gradient(self) -> Any:
+        """Keep the gradient, at the offset 0, and compute the energy."""
+        last = len(self.energy.levels)
+        for level in range(1, last):
+            self._sums(level)
+        value = self._total([self._loop(last, i, True) for i in range(len(self.energy.work[-1]))])
+        for level in range(last - 1, 0, -1):
+            self._gradient_of(level)
+            for i in range(len(self.energy.work[level - 1])):
+                self._loop(level, i, True)
+        self._gradient_of(COORDINATES)
+        return value
+
+    def _sums(self, level: int) -> None:
+        for i in range(len(self.energy.work[level - 1])):
+            self._loop(level, i, False)
+        for totals in self.energy.values_of(level):
+            self._totals(totals, self.energy.offsets["value", level, 0])
+
+    def _gradient_of(self, array: int) -> None:
+        for totals in self.energy.gradient_of(array):
+            self._totals(totals, self.energy.offsets["gradient", array, 0])
+
+    def _total(self, numbers: Sequence[Any]) -> Any:
+        total, *rest = numbers
+        for number in rest:
+            total = total + number
+        return total
+
+    def _loop(self, level: int, number: int, with_derivatives: bool) -> Any:
+        """Write one loop: what it keeps is kept, the sum of its values in the last level is returned."""
+        work, offsets = self.energy.work[level - 1][number], self.energy.offsets
+        last, count = level == len(self.energy.levels), work.loop.count
+        program = work.both if with_derivatives else work.value
+        read = self._operands(work, level)
+        totals = [self.writer.variable(self.writer.zero(_width(count)).value) for _ in range(self.kind.planes)]
+        with self.writer.blocks(count) as (first, width):
+            arguments = read(first, width, with_derivatives)
+            results = [self._number(x, width) for x in _run(program, arguments)]
+            if with_derivatives:
+                for k, derivative in enumerate(results[:-1]):
+                    self._keep(derivative, offsets[f"derivative {k}", level, number], first)
+            if last:
+                self._accumulate(totals, results[-1], first, count)
+            elif not with_derivatives:
+                self._keep(results[-1], offsets["term", level, number], first)
+        return self._joined(totals) if last else None
+
+    def _number(self, value: Any, width: int) -> Any:
+        return self.kind.constant(value, self.writer.zero(width)) if isinstance(value, Constant) else value
+
+    def _operands(self, work: Work, level: int) -> Any:
+        """What reads the arguments of a block: tables are written once, before the loop."""
+        loop = work.loop
+        operands = [self._reader(operand.array, operand.places) for operand in loop.operands]
+        data = [self._data(column) for column in loop.data]
+        adjoint = None if work.scaled is None else self._reader(level, loop.sums, gradient=True)
+
+        def read(first: ir.Value, width: int, with_derivatives: bool) -> list[Any]:
+            found = [one(first, width) for one in (*operands, *data)]
+            for pair in self.parameters:
+                found.append(self.kind.of_state(*(self.writer.broadcast(x, width) for x in pair)))
+            return [*found, adjoint(first, width)] if adjoint is not None and with_derivatives else found
+
+        return read
+
+    def _reader(self, array: int, places: Places, gradient: bool = False) -> Any:
+        """What reads numbers of an array, by the number of the repetition."""
+        if array == COORDINATES:
+            addresses = [self.state.address, self.writer.place(self.state.address, self.state.stride)]
+            make = lambda planes: self.kind.of_state(*planes)  # noqa: E731
+        else:
+            offset = self.energy.offsets["gradient" if gradient else "value", array, 0]
+            addresses = self._planes(offset)
+            make = self.kind.read
+        load = self._loader(places)
+        return lambda first, width: make([load(address, first, width) for address in addresses])
+
+    def _planes(self, offset: int) -> list[ir.Value]:
+        return [self.writer.place(self.kept.address, offset + k * self.kept.stride) for k in range(self.kind.planes)]
+
+    def _loader(self, places: Places) -> Any:
+        """What loads the doubles of ``places`` behind an address."""
+        writer = self.writer
+        if is_constant(places):
+            return lambda address, _, width: writer.broadcast(
+                writer.load(writer.place(address, int(places[0])), 1), width
+            )
+        if is_consecutive(places):
+            return lambda address, first, width: writer.load(
+                writer.place(writer.place(address, int(places[0])), first), width
+            )
+        table = writer.table(places)
+        return lambda address, first, width: writer.gather(address, writer.looked_up(table, first, width))
+
+    def _data(self, column: Sequence[Any]) -> Any:
+        """What reads constants."""
+        pairs = np.array([arithmetic.rounded_pair(c.numerator, c.denominator) for c in column])
+        addresses = [self.writer.table(np.ascontiguousarray(plane)) for plane in pairs.T]
+        writer = self.writer
+        return lambda first, width: self.kind.of_state(
+            *(writer.load(writer.place(address, first), width) for address in addresses)
+        )
+
+    def _keep(self, number: Any, offset: int, first: ir.Value) -> None:
+        for value, address in zip(self.kind.written(number), self._planes(offset), strict=True):
+            self.writer.store(value, self.writer.place(address, first))
+
+    def _accumulate(self, totals: Sequence[ir.Value], number: Any, first: ir.Value, count: int) -> None:
+        """Add a block to running sums, those of its results that no block before it had."""
+        planes = self.kind.written(number)
+        width = planes[0].width
+        if count >= BLOCK and count % BLOCK:
+            new = self._new_in_block(first, count)
+            planes = [new.choose(plane, 0.0) for plane in planes]
+        before = [LLVMValue(self.builder, self.builder.load(room)) for room in totals]
+        total = self.kind.read(before) + self.kind.read(planes)
+        assert width == before[0].width
+        for value, room in zip(self.kind.written(total), totals, strict=True):
+            self.builder.store(value.value, room)
+
+    def _new_in_block(self, first: ir.Value, count: int) -> LLVMMask:
+        """The lanes of a block that are in no block before it: all but some of the last block."""
+        lanes = ir.VectorType(ir.IntType(64), BLOCK)
+        numbers = ir.Constant(lanes, [i - count + count % BLOCK for i in range(BLOCK)])
+        start = ir.Constant(lanes, ir.Undefined)
+        for i in range(BLOCK):
+            start = self.builder.insert_element(start, first, ir.Constant(ir.IntType(32), i))
+        # Only the last block starts at a place that is no multiple of its length.
+        whole = self.builder.icmp_signed("==", self.builder.and_(first, self.writer.index(BLOCK - 1)), self.writer.index(0))
+        behind = self.builder.icmp_signed(">=", self.builder.add(start, numbers), ir.Constant(lanes, [0] * BLOCK))
+        every = ir.Constant(behind.type, [1] * BLOCK)
+        return LLVMMask(self.builder, self.builder.select(whole, every, behind))
+
+    def _joined(self, totals: Sequence[ir.Value]) -> Any:
+        """The sum of the lanes of a running sum."""
+        planes = [LLVMValue(self.builder, self.builder.load(room)).lanes() for room in totals]
+        return _pairwise([self.kind.read(lane) for lane in zip(*planes, strict=True)])
+
+    def _totals(self, totals: Totals, offset: int) -> None:
+        """Write the sums of what was kept."""
+        count, terms = totals.sources.shape
+        if terms == 0:
+            self._put(totals.targets, offset, lambda _, width: self._number(Constant(0), width))
+        elif count < BLOCK and terms >= MANY_TERMS:
+            for target, sources in zip(totals.targets, totals.sources, strict=True):
+                total = self._along(sources)
+                self._keep(total, offset + int(target), self.writer.index(0))
+        elif terms <= FEW_TERMS:
+            readers = [self._loader(column) for column in totals.sources.T]
+            self._put(totals.targets, offset, lambda first, width: self._total([self._read(x, first, width) for x in readers]))
+        else:
+            self._put(totals.targets, offset, self._across(totals.sources))
+
+    def _put(self, targets: Places, offset: int, computed: Any) -> None:
+        """Write numbers to the targets, computed by the number of the first of a block and the width."""
+        table = None if is_consecutive(targets) or len(targets) == 1 else self.writer.table(targets)
+        addresses = self._planes(offset if table is not None else offset + int(targets[0]))
+        with self.writer.blocks(len(targets)) as (first, width):
+            planes = self.kind.written(computed(first, width))
+            places = self.writer.looked_up(table, first, width) if table is not None else []
+            for value, address in zip(planes, addresses, strict=True):
+                if table is None:
+                    self.writer.store(value, self.writer.place(address, first))
+                for lane, place in zip(value.lanes(), places, strict=False):
+                    self.writer.store(lane, self.writer.place(address, place))
+
+    def _read(self, load: Any, first: ir.Value, width: int) -> Any:
+        return self.kind.read([load(address, first, width) for address in self._planes(0)])
+
+    def _across(self, sources: Places) -> Any:
+        """Sums of many terms, as many sums side by side as a block has lanes."""
+        count, terms = sources.shape
+        table = self.writer.table(np.ascontiguousarray(sources.T))
+
+        def computed(first: ir.Value, width: int) -> Any:
+            def term(i: ir.Value) -> Any:
+                at = self.builder.add(self.builder.mul(i, self.writer.index(count)), first)
+                places = self.writer.looked_up(table, at, width)
+                return self.kind.read([self.writer.gather(address, places) for address in self._planes(0)])
+
+            totals = [self.writer.variable(x.value) for x in self.kind.written(term(self.writer.index(0)))]
+            with self.writer.repeated(terms - 1) as i:
+                self._accumulate(totals, term(self.builder.add(i, self.writer.index(1))), i, 0)
+            return self.kind.read([LLVMValue(self.builder, self.builder.load(room)) for room in totals])
+
+        return computed
+
+    def _along(self, sources: Places) -> Any:
+        """One sum of many terms, in as many partial sums as a block has lanes."""
+        load, terms = self._loader(sources), len(sources)
+        totals = [self.writer.variable(self.writer.zero(BLOCK).value) for _ in range(self.kind.planes)]
+        with self.writer.blocks(terms) as (first, width):
+            self._accumulate(totals, self._read(load, first, width), first, terms)
+        return self._joined(totals)
+
+
+def _width(count: int) -> int:
+    return BLOCK if count >= BLOCK else 1
+
+
+def _pairwise(numbers: Sequence[Any]) -> Any:
+    """The sum of a number of numbers that is a power of two, in pairs."""
+    while len(numbers) > 1:
+        half = len(numbers) // 2
+        numbers = [a + b for a, b in zip(numbers[:half], numbers[half:], strict=True)]
+    return numbers[0]
+
+
+def _run(program: Program, arguments: Sequence[Any]) -> tuple[Any, ...]:
+    return program.run(arguments, lambda c: c, _function)
+
+
+def _function(name: str, x: Any, *others: Any) -> Any:
+    if name == "root":
+        return x.sqrt()
+    return x.sign() if name == "sign" else x.apply(name, *others)

@@ -1,0 +1,203 @@
+"""Numbers in memory as compiled loops see them: arrays of doubles or double-doubles, tables, and loops themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numpy.typing import NDArray
+
+from nearharmonic.core.condition import Conditioned
+from nearharmonic.core.loops.tables import BLOCK
+from nearharmonic.core.number import Constant
+from nearharmonic.core.tracing import Double, DoubleDouble, LLVMValue
+
+INDEX, PLACE, DOUBLE = ir.IntType(64), ir.IntType(32), ir.DoubleType()
+
+
+class Doubles:
+    """Doubles, in memory one plane of them."""
+
+    planes = 1
+
+    def read(self, planes: Sequence[LLVMValue]) -> Any:
+        """The number of its planes in memory."""
+        return Double(planes[0])
+
+    def of_state(self, high: LLVMValue, low: LLVMValue) -> Any:
+        """The number that a coordinate and its carry are."""
+        return Double(high)
+
+    def written(self, number: Any) -> list[LLVMValue]:
+        """The planes of a number."""
+        return [number.carrier]
+
+    def constant(self, number: Constant, like: LLVMValue) -> Any:
+        """An exact number."""
+        return Double.of(number, like)
+
+
+class DoubleDoubles(Doubles):
+    """Double-doubles: a plane of the high halves and one of the low ones."""
+
+    planes = 2
+
+    def read(self, planes: Sequence[LLVMValue]) -> Any:
+        return DoubleDouble(*planes)
+
+    def of_state(self, high: LLVMValue, low: LLVMValue) -> Any:
+        return DoubleDouble(high, low)
+
+    def written(self, number: Any) -> list[LLVMValue]:
+        return [number.high, number.low]
+
+    def constant(self, number: Constant, like: LLVMValue) -> Any:
+        return DoubleDouble.of(number, like)
+
+
+class ConditionedDoubles(Doubles):
+    """Doubles with the condition of the formula that led to them: a plane of values and one of sizes."""
+
+    planes = 2
+
+    def read(self, planes: Sequence[LLVMValue]) -> Any:
+        number = Conditioned(Double(planes[0]))
+        number.size = Double(planes[1])
+        return number
+
+    def of_state(self, high: LLVMValue, low: LLVMValue) -> Any:
+        return Conditioned(Double(high))
+
+    def written(self, number: Any) -> list[LLVMValue]:
+        return [number.value.carrier, number.size.carrier]
+
+    def constant(self, number: Constant, like: LLVMValue) -> Any:
+        return Conditioned(Double.of(number, like))
+
+
+@dataclass(frozen=True)
+class Array:
+    """Numbers in memory: the address of the first double, and the doubles from one plane to the next."""
+
+    address: ir.Value
+    stride: int
+
+
+class Writer:
+    """Writes loops and accesses to memory at the end of a function."""
+
+    def __init__(self, builder: ir.IRBuilder) -> None:
+        self.builder = builder
+
+    def index(self, number: int) -> ir.Constant:
+        return ir.Constant(INDEX, number)
+
+    def zero(self, width: int) -> LLVMValue:
+        """0 in each of ``width`` lanes."""
+        kind = DOUBLE if width == 1 else ir.VectorType(DOUBLE, width)
+        return LLVMValue(self.builder, ir.Constant(kind, 0.0 if width == 1 else [0.0] * width))
+
+    def place(self, address: ir.Value, offset: ir.Value | int) -> ir.Value:
+        """The address of the double ``offset`` behind another."""
+        return self.builder.gep(address, [self.index(offset) if isinstance(offset, int) else offset])
+
+    def load(self, address: ir.Value, width: int) -> LLVMValue:
+        """``width`` neighbouring doubles."""
+        kind = DOUBLE if width == 1 else ir.VectorType(DOUBLE, width)
+        value = self.builder.load(self.builder.bitcast(address, kind.as_pointer()))
+        value.align = 8
+        return LLVMValue(self.builder, value)
+
+    def store(self, value: LLVMValue, address: ir.Value) -> None:
+        """Neighbouring doubles."""
+        place = self.builder.bitcast(address, value.value.type.as_pointer())
+        self.builder.store(value.value, place).align = 8
+
+    def broadcast(self, value: LLVMValue, width: int) -> LLVMValue:
+        """A double in every lane."""
+        if width == value.width:
+            return value
+        return self.zero(width).from_lanes([value] * width)
+
+    def gather(self, address: ir.Value, places: Sequence[ir.Value]) -> LLVMValue:
+        """The doubles at some places, one a lane."""
+        scalars = [self.load(self.place(address, place), 1) for place in places]
+        return self.zero(len(scalars)).from_lanes(scalars)
+
+    def variable(self, initial: ir.Value) -> ir.AllocaInstr:
+        """Room for a value that changes in loops, with its first value."""
+        with self.builder.goto_entry_block():
+            room = self.builder.alloca(initial.type)
+        self.builder.store(initial, room)
+        return room
+
+    @contextmanager
+    def repeated(self, count: int | ir.Value) -> Iterator[ir.Value]:
+        """Write the body of a loop over 0, ..., ``count`` - 1."""
+        builder = self.builder
+        before, head = builder.block, builder.append_basic_block("repeated")
+        body, behind = builder.append_basic_block("body"), builder.append_basic_block("behind")
+        builder.branch(head)
+        builder.position_at_end(head)
+        i = builder.phi(INDEX)
+        i.add_incoming(self.index(0), before)
+        limit = self.index(count) if isinstance(count, int) else count
+        builder.cbranch(builder.icmp_signed("<", i, limit), body, behind)
+        builder.position_at_end(body)
+        yield i
+        i.add_incoming(builder.add(i, self.index(1)), builder.block)
+        builder.branch(head)
+        builder.position_at_end(behind)
+
+    @contextmanager
+    def blocks(self, count: int) -> Iterator[tuple[ir.Value, int]]:
+        """Write the body of a loop over ``count`` results: the first of each block, and how many it has.
+
+        The last of several blocks ends with the last result, and computes some a second time.
+        """
+        if count < BLOCK:
+            with self.repeated(count) as i:
+                yield i, 1
+            return
+        with self.repeated(-(-count // BLOCK)) as i:
+            first = self.builder.mul(i, self.index(BLOCK))
+            if count % BLOCK:
+                last = self.index(count - BLOCK)
+                first = self.builder.select(self.builder.icmp_signed("<", first, last), first, last)
+            yield first, BLOCK
+
+    def table(self, numbers: NDArray[Any]) -> ir.Value:
+        """The address of constant numbers: 32-bit integers or doubles."""
+        element = DOUBLE if numbers.dtype.kind == "f" else PLACE
+        contents = bytearray(numbers.astype("<f8" if element is DOUBLE else "<i4").tobytes())
+        module = self.builder.module
+        kind = ir.ArrayType(ir.IntType(8), len(contents))
+        table = ir.GlobalVariable(module, kind, f"table.{len(module.globals)}")
+        table.linkage, table.global_constant, table.align = "internal", True, 64
+        table.initializer = ir.Constant(kind, contents)
+        return self.builder.bitcast(table, element.as_pointer())
+
+    def looked_up(self, table: ir.Value, first: ir.Value, width: int) -> list[ir.Value]:
+        """``width`` neighbouring entries of a table of places."""
+        address = self.builder.gep(table, [first])
+        if width == 1:
+            return [self.builder.sext(self.builder.load(address), INDEX)]
+        kind = ir.VectorType(PLACE, width)
+        entries = self.builder.load(self.builder.bitcast(address, kind.as_pointer()))
+        entries.align = 4
+        lanes = (self.builder.extract_element(entries, ir.Constant(PLACE, i)) for i in range(width))
+        return [self.builder.sext(lane, INDEX) for lane in lanes]
+
+
+def is_consecutive(places: NDArray[np.int64]) -> bool:
+    """Whether places ascend by 1."""
+    return len(places) > 1 and bool((np.diff(places) == 1).all())
+
+
+def is_constant(places: NDArray[np.int64]) -> bool:
+    """Whether all places are the same one."""
+    return bool((places == places[0]).all())
