@@ -11,6 +11,7 @@ eps*eps)`` for ``hypot(x, y)``, ``sqrt(x*x + eps*eps)`` for ``abs(x)``.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cache
 from numbers import Rational
 from typing import Any
@@ -19,12 +20,50 @@ from nearharmonic.core.arithmetic import sqrt
 from nearharmonic.core.number import PI, Constant, Number, applied
 
 __all__ = [
-    "atan2", "cbrt", "cos", "cosh", "erf", "exp", "hypot", "log", "pi", "pow", "sin", "sinh", "sqrt", "tan", "tanh",
+    "array", "atan2", "cbrt", "cos", "cosh", "erf", "exp", "hypot", "log", "pi", "pow", "sin", "sinh", "sqrt", "sum",
+    "tan", "tanh",
 ]  # fmt: skip
 
 _NUMBERS = {float, int}  # by their types: a subclass, as numpy's, takes longer to recognise
 #: pi to 1100 bits: exact enough for every precision. With constants and floats it makes constants, with arrays arrays.
 pi = PI
+
+
+def array(components: Iterable[Any], *shape: int) -> Any:
+    """Return numbers of any one type as a numpy array, so that formulas can use slices, indices and ``reshape``.
+
+    Parameters
+    ----------
+    components : iterable of n numbers
+        Coordinates or momenta as a formula is given them, or arrays of them, which stay together: each is an element.
+    *shape : int
+        Lengths of the axes, (n,) by default; one of them may be -1.
+
+    Returns
+    -------
+    numpy.ndarray
+        Of objects. Operators, ``**``, ``abs``, the functions of this module and :func:`sum` take its elements one by
+        one.
+    """
+    import numpy as np
+
+    elements = tuple(components)
+    made = np.empty(len(elements), object)
+    for i, element in enumerate(elements):
+        made[i] = element
+    return made.reshape(shape or (-1,))
+
+
+def sum(terms: Any) -> Any:
+    """Return the sum of numbers of any one type, or of all elements of an array, added in pairs; 0 if there are none.
+
+    Beyond 50 coordinates terms of one form are computed in one loop.
+    """
+    left = list(terms.ravel() if hasattr(terms, "ravel") else terms)
+    while len(left) > 1:
+        pairs = [a + b for a, b in zip(left[::2], left[1::2], strict=False)]
+        left = pairs + left[len(pairs) * 2 :]
+    return left[0] if left else 0
 
 
 def sin(x: Any) -> Any:

@@ -9,6 +9,7 @@ from nearharmonic.core.expression.size import MOST_UNROLLED
 from nearharmonic.core.number import Constant
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.systems.gradients import check_gradients
+from nearharmonic.systems.kinetic_energy import quadratic_T
 from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:
@@ -86,5 +87,5 @@ def physics_of(system: System) -> Physics:
         constants=() if at_run_time else system.constants(Constant),
         dimension=formulas.dimension,
         loops=loops,
-        unit_masses=loops is not None and formulas.energies[1].is_half_square,
+        unit_masses=system.T is quadratic_T and not system.time_dependent,
     )
