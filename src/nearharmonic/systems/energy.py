@@ -17,7 +17,7 @@ from nearharmonic.core.expression.derivative import gradient, hessian_vector
 from nearharmonic.core.expression.graph import Graph, Value, Variable, value_of
 from nearharmonic.core.expression.polynomial import is_quadratic, polynomial_of, shortest_program
 from nearharmonic.core.expression.program import Program
-from nearharmonic.core.expression.size import MOST_UNROLLED, check_loops, check_size
+from nearharmonic.core.expression.size import becomes_loops, check_loops, check_size
 from nearharmonic.core.loops.energy import LoopedEnergy
 from nearharmonic.core.number import Constant, Number, call, constant, scalar
 from nearharmonic.errors import SystemDefinitionError
@@ -84,9 +84,9 @@ class Energy:
         SystemDefinitionError
             It fails, or takes too many operations to be compiled.
         """
-        if self.dimension > MOST_UNROLLED:
-            operations = self.looped(self.parameters_at_run_time).operations
-            call(_Named(self), self.formula, check_loops, operations)
+        if becomes_loops(self.dimension):
+            looped = call(_Named(self), self.formula, self.looped, self.parameters_at_run_time)
+            call(_Named(self), self.formula, check_loops, looped.operations)
         else:
             graph, value, _ = self._standard
             call(_Named(self), self.formula, check_size, graph, [value])

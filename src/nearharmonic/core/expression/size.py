@@ -17,6 +17,11 @@ OPERATIONS_OF_A_FUNCTION = 10
 MOST_UNROLLED = 50
 
 
+def becomes_loops(dimension: int) -> bool:
+    """Return whether formulas of so many coordinates are compiled as loops."""
+    return dimension > MOST_UNROLLED
+
+
 def check_loops(operations: int) -> None:
     """Refuse loops that take too long to compile.
 

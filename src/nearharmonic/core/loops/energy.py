@@ -17,8 +17,9 @@ from nearharmonic.core.expression.derivative import gradient
 from nearharmonic.core.expression.graph import Graph, Value
 from nearharmonic.core.expression.polynomial import shortest_program
 from nearharmonic.core.expression.program import Program
-from nearharmonic.core.loops.patterns import COORDINATES, Level, Loop, Places, levels
-from nearharmonic.core.loops.tables import runs
+from nearharmonic.core.loops.patterns import Level, Loop, levels
+from nearharmonic.core.loops.tables import Places, runs
+from nearharmonic.core.loops.terms import COORDINATES
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,6 +155,5 @@ def _totals(terms: Sequence[tuple[Places, Places]], size: int) -> list[Totals]:
     for count in np.unique(counts):
         chosen = np.flatnonzero(counts == count)
         table = sources[order[starts[chosen][:, None] + np.arange(count)]]
-        for run in runs([chosen, *table.T], len(chosen)):
-            found.append(Totals(chosen[run], table[run]))
+        found += [Totals(chosen[run], table[run]) for run in runs([chosen, *table.T], len(chosen))]
     return found
