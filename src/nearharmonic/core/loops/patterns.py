@@ -108,7 +108,11 @@ def _level(sums: LongSums, terms: Sequence[Sequence[Term]], parameters: int) -> 
 
 
 def _loops(sums: LongSums, group: Sequence[tuple[int, Term]], parameters: int) -> Iterator[Loop]:
-    """The loops of one pattern: one for each run of neighbouring places, and one for the others."""
+    """The loops of one pattern: one for each run of neighbouring places, and one for the others.
+
+    The terms of a sum are in the order of their places, however the sum was written.
+    """
+    group = sorted(group, key=lambda pair: (pair[0], [sums.operand(node)[1] for node in pair[1].operands]))
     terms, targets = [term for _, term in group], np.array([place for place, _ in group], np.int64)
     places = np.array([[sums.operand(node)[1] for node in term.operands] for term in terms], np.int64)
     places = places.reshape(len(terms), -1)
