@@ -1,4 +1,4 @@
-"""A chain of 1024 sites and a hundred bodies: normal modes, conserved momenta, ensembles, and the room that runs take."""
+"""A chain of 1024 sites and a hundred bodies: normal modes, conserved momenta, ensembles, what is measured of them."""
 
 from __future__ import annotations
 
@@ -130,5 +130,7 @@ def test_formulas_of_many_coordinates_serve_numpy_and_multiprecision(bodies):
     direct = np.sum(np.diff([0, *q0, 0]) ** 2 / 2 + 0.1 * np.diff([0, *q0, 0]) ** 4 / 4)
     assert system.energy(q0, p0, (0.1,)) == pytest.approx(direct, rel=1e-13)
     slopes = system.grad_V(q0, 0.1)
-    assert slopes[0] == pytest.approx(q0[0] + 0.1 * q0[0] ** 3 - (q0[1] - q0[0]) - 0.1 * (q0[1] - q0[0]) ** 3, rel=1e-12)
+    assert slopes[0] == pytest.approx(
+        q0[0] + 0.1 * q0[0] ** 3 - (q0[1] - q0[0]) - 0.1 * (q0[1] - q0[0]) ** 3, rel=1e-12
+    )
     assert len(list(pairwise(slopes))) == 59

@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
-from nearharmonic.core.expression.size import becomes_loops
 from nearharmonic.core.number import Constant
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.systems.gradients import check_gradients
@@ -44,7 +43,7 @@ def kernel_of(system: System, numerics: Numerics = STANDARD) -> Kernel:
         physics_of(system),
         extended=numerics.precision == "extended",
         compensated=numerics.compensated,
-        width=1 if becomes_loops(system.formulas().dimension) else numerics.width,
+        width=1 if system.formulas().are_loops else numerics.width,
         energy=numerics.energy,
     )
 
@@ -70,7 +69,7 @@ def physics_of(system: System) -> Physics:
     check_gradients(system)
     formulas, at_run_time = system.formulas(), system.parameters_at_run_time
     loops = None
-    if becomes_loops(formulas.dimension):
+    if formulas.are_loops:
         V, T = formulas.energies
         loops = V.looped(at_run_time), T.looped(at_run_time)
     return Physics(

@@ -46,6 +46,11 @@ class Formulas:
     hessian_T_times: Callable[..., Vector]
     energies: tuple[Energy, Energy]
 
+    @property
+    def are_loops(self) -> bool:
+        """Whether kernels of the system are loops, for one trajectory at a time."""
+        return any(energy.is_long for energy in self.energies)
+
 
 class DerivedGradient:
     """The gradient of an energy, derived from it at the first call."""

@@ -22,7 +22,7 @@ from nearharmonic.core.expression.graph import (
     Variable,
     exact,
 )
-from nearharmonic.core.expression.size import check_loops
+from nearharmonic.core.expression.size import check_size
 from nearharmonic.core.loops.tables import Places, runs
 from nearharmonic.core.loops.terms import Entry, LongSums, Term
 
@@ -102,7 +102,7 @@ def _level(sums: LongSums, terms: Sequence[Sequence[Term]], parameters: int) -> 
         for term in of_sum:
             if term.key not in groups:
                 operations += len(term.nodes)
-                check_loops(operations)
+                check_size(operations)
             groups.setdefault(term.key, []).append((place, term))
     return Level(len(terms), tuple(loop for group in groups.values() for loop in _loops(sums, group, parameters)))
 

@@ -1,6 +1,6 @@
 """The long sums of an expression and their terms, written down so that terms of one pattern are told by one key.
 
-The terms of a sum that use the same coordinates are taken together: d^2/2 + d^4/40 of one distance is one term.
+A few terms of a sum that use the same coordinates are taken together: d^2/2 + d^4/40 of one distance is one term.
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ from nearharmonic.core.expression.graph import (
 
 #: Terms from which on a sum is computed in loops, and not as a part of what it occurs in.
 LONG_SUM = 16
+#: Terms of the same coordinates up to which they are taken together: of more, as of a Fourier series, there are loops.
+MOST_TOGETHER = 8
 #: The array of the coordinates; those of the sums have the numbers of their levels, from 1 on.
 COORDINATES = 0
 
@@ -80,6 +82,7 @@ class LongSums:
         #: The level of each long sum but the root's, and its place among the sums of that level.
         self.place: dict[int, tuple[int, int]] = {}
         self._terms: dict[int, tuple[Exact, dict[int, Exact]]] = {}
+        self._orders: dict[int, list[int]] = {}
         self._find(reachable)
         #: Levels below that of the root.
         self.levels = max((level for level, _ in self.place.values()), default=0)
@@ -135,7 +138,11 @@ class LongSums:
             groups.setdefault(used, []).append(Value(c, node))
         if constant:
             groups.setdefault(frozenset(), []).append(Value(constant, None))
-        return [self._term(values) for values in groups.values()]
+        found: list[Term] = []
+        for values in groups.values():
+            together = [values] if len(values) <= MOST_TOGETHER else [[value] for value in values]
+            found += [self._term(values) for values in together]
+        return found
 
     def operand(self, node: int) -> tuple[int, int]:
         """Return the array and the place of a coordinate or a long sum."""
@@ -162,12 +169,18 @@ class LongSums:
 
     def _children(self, node: int) -> Sequence[int]:
         """Children, those of sums and products in the order of their shapes and constants."""
-        found = self.graph.nodes[node]
-        if isinstance(found, Sum):
-            return [child for child, _ in sorted(found.terms, key=lambda term: (self._shape(term[0]), -term[1]))]
-        if isinstance(found, Product):
-            return [child for child, _ in sorted(found.factors, key=lambda factor: (self._shape(factor[0]), factor[1]))]
-        return tuple(children(found))
+        order = self._orders.get(node)
+        if order is None:
+            found = self.graph.nodes[node]
+            order = list(children(found))
+            if isinstance(found, Sum):
+                factors = dict(found.terms)
+                order.sort(key=lambda child: (self._shape(child), -factors[child]))
+            elif isinstance(found, Product):
+                exponents = dict(found.factors)
+                order.sort(key=lambda child: (self._shape(child), exponents[child]))
+            self._orders[node] = order
+        return order
 
     def _shape(self, node: int) -> tuple[int, int]:
         """What sorts nodes of different kinds, and not those of one kind in different places."""
