@@ -65,7 +65,7 @@ def embedded(q):
 def spread(q):
     """Long sums in a long sum in a long sum."""
     mean = sum(q) / len(q)
-    variance = sum((x - mean) ** 2 for x in q)
+    variance = sum((x - mean / 2) ** 2 for x in q)  # about the mean itself, it would not depend on it
     return sum(x**2 / 2 + exp(-variance / 40) * cos(x) for x in q)
 
 
@@ -118,11 +118,15 @@ def oracle(system):
         return gradient
 
     q0, p0 = system.extended_start(str)
-    momentum = slopes(lambda p: T(tuple(p), *map(mpf, (x.value for x in system.parameters.values()))))
+    momentum = slopes(lambda p: T(tuple(p), *map(mpf, values(system))))
     return SimpleNamespace(
         q0=q0, p0=p0, parameters=system.parameters, V=V, T=T, grad_T=momentum,
         grad_V=slopes(lambda q, *given: V(tuple(q), *given)),
     )  # fmt: skip
+
+
+def values(system):
+    return [parameter.value for parameter in system.parameters.values()]
 
 
 def in_digits(run, name):
@@ -141,6 +145,12 @@ def test_a_step_is_that_of_multiprecision(name, looped):
         # A few hundred operations in double-double, each off by at most 2^-100 of numbers of size 30.
         for name_of, exact in (("q", q), ("p", p)):
             assert max(abs(a - b) for a, b in zip(in_digits(run, name_of), exact[:d], strict=True)) < 1e-27
+        start, given = (list(map(mpf, x)) for x in system.extended_start(str)), [mpf(x) for x in values(system)]
+        q, p = start
+        energy = system.formulas().T(p, *given) + system.formulas().V(tuple(q), *given)
+        initial = mpf(run.initial_energy.item()) + mpf(run.initial_energy_low.item())
+        # A sum of as many numbers, whose moduli add up to a few thousand.
+        assert abs(initial - energy) < 1e-26
 
 
 @pytest.mark.parametrize("name", ["uneven", "embedded", "driven"])
