@@ -47,7 +47,7 @@ def test_an_integrator_of_a_file_is_exported_by_its_path(tmp_path, capsys):
     ("words", "says"),
     [
         (["ruht", "--to", "c"], "unknown integrator 'ruht'. Did you mean 'ruth'?"),
-        (["ruth", "--to", "fortan"], "to = 'fortan' is not allowed: one of json, toml, c, julia, rebound, diffrax, "
+        (["ruth", "--to", "fortrn"], "to = 'fortrn' is not allowed: one of json, toml, c, julia, rebound, diffrax, "
          "sundials, fortran. Did you mean 'fortran'?"),
         (["ruth", "--to", "c", "--digits", "many"], "digits = 'many' is not allowed: a whole number"),
         (["ruth", "--to", "c", "--digits", "0"], "digits = 0 is not allowed: a whole number from 1 to 79"),

@@ -38,6 +38,11 @@ JULIA_TO_PYTHON = (
     (r"\blength\b", "len"),
     (r"\[([^]]+)\]", r"[\1 - 1]"),
 )
+QUADRUPLE = """
+#define __STDC_WANT_IEC_60559_TYPES_EXT__
+#include <stdlib.h>
+int main(void) { char text[64]; return strfromf128(text, sizeof text, "%g", 1.0f128) < 0; }
+"""
 SUNDIALS = ("-lsundials_arkode", "-lsundials_nvecserial", "-lsundials_core", "-lm")
 
 needs_c = pytest.mark.skipif(not shutil.which("cc"), reason="there is no C compiler")
@@ -71,6 +76,13 @@ def check(name, printed, precision="double"):
     assert [abs(x - y) <= tolerance for x, y in zip(found, ours(name, precision), strict=True)] == [True] * 4
 
 
+def compiles(text, folder, libraries=()):
+    """Whether the C compiler takes a program, a small one that tells what is installed."""
+    (folder / "probe.c").write_text(text, encoding="utf-8")
+    words = ["cc", "-std=c11", "-o", "probe", "probe.c", *libraries]
+    return subprocess.run(words, cwd=folder, capture_output=True, check=False).returncode == 0
+
+
 def test_the_tolerance_tells_exchanged_roles():
     for name in ROLES:
         tableau = nh.integrators[name]
@@ -90,12 +102,12 @@ def test_a_program_in_c_compiles_without_warnings_and_reproduces_our_states(name
 
 
 @needs_c
-@pytest.mark.parametrize("name", ROLES)
+@pytest.mark.parametrize("name", ["leapfrog", *ROLES])
 def test_a_program_in_c_with_more_digits_reproduces_our_extended_states(name, tmp_path):
-    file = written(tmp_path, name, "c", "c", digits=36)
-    compiled = subprocess.run(["cc", "-std=c11", "-o", "program", file], cwd=tmp_path, capture_output=True, check=False)
-    if compiled.returncode:
+    if not compiles(QUADRUPLE, tmp_path):
         pytest.skip("the C compiler or its library has no _Float128")
+    file = written(tmp_path, name, "c", "c", digits=36)
+    run(["cc", "-std=c11", "-Wall", "-Wextra", "-Werror", "-o", "program", file], tmp_path)
     check(name, run(["./program"], tmp_path), "extended")
 
 
@@ -171,6 +183,53 @@ def test_an_integrator_of_rebound_moves_its_planets_with_the_order_of_the_integr
     assert ratio > 2**4 / 1.5  # order 4 halves the step: 16, less what higher orders add
 
 
+DRIVEN_PARTICLE = """
+import rebound
+import {name}
+
+def force(pointer):
+    pointer.contents.particles[0].ax += pointer.contents.t ** 3
+
+simulation = rebound.Simulation()
+simulation.add(m=1.0)
+simulation.additional_forces = force
+simulation.integrator = "nearharmonic_{name}"
+simulation.dt = 0.25
+simulation.steps(16)
+print(simulation.particles[0].vx)
+"""
+DRIVEN_STATE = """
+import diffrax
+import jax
+from {name} import {Name}
+
+jax.config.update("jax_enable_x64", True)
+terms = (diffrax.ODETerm(lambda t, p, args: p), diffrax.ODETerm(lambda t, q, args: t**3))
+print(diffrax.diffeqsolve(terms, {Name}(), 0.0, 4.0, 0.25, (0.0, 0.0)).ys[1][-1].item())
+"""
+
+
+def driven(program, name, to, folder):
+    """The momentum after four units of time under the force t^3, from the program that uses an export."""
+    written(folder, name, to, "py")
+    (folder / "driven.py").write_text(program.format(name=name, Name=name.capitalize()), encoding="utf-8")
+    return float(run([sys.executable, "driven.py"], folder))
+
+
+@needs_rebound
+@pytest.mark.parametrize("name", ROLES)
+def test_an_integrator_of_rebound_kicks_with_the_force_at_the_time_of_the_positions(name, tmp_path):
+    # a method of order 4 integrates t^3 exactly: 4^4 / 4, to the rounding of 16 steps of ten kicks
+    assert abs(driven(DRIVEN_PARTICLE, name, "rebound", tmp_path) / 64 - 1) < 160 * 2.0**-52
+
+
+@needs_diffrax
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ROLES)
+def test_a_solver_of_diffrax_kicks_with_the_force_at_the_time_of_the_positions(name, tmp_path):
+    assert abs(driven(DRIVEN_STATE, name, "diffrax", tmp_path) / 64 - 1) < 160 * 2.0**-52
+
+
 @needs_diffrax
 @pytest.mark.slow  # JAX takes seconds to start
 @pytest.mark.parametrize("name", [*ROLES, "srkn_b11"])
@@ -181,8 +240,7 @@ def test_a_solver_of_diffrax_reproduces_our_states(name, tmp_path):
 @needs_c
 @pytest.mark.parametrize("name", METHODS)
 def test_a_table_of_sundials_reproduces_our_states(name, tmp_path):
-    (tmp_path / "probe.c").write_text("#include <arkode/arkode_sprkstep.h>\nint main(void) { return 0; }\n")
-    if subprocess.run(["cc", "probe.c", *SUNDIALS], cwd=tmp_path, capture_output=True, check=False).returncode:
+    if not compiles("#include <arkode/arkode_sprkstep.h>\nint main(void) { return 0; }\n", tmp_path, SUNDIALS):
         pytest.skip("the C compiler does not find SUNDIALS; CPATH and LIBRARY_PATH tell it where")
     file = written(tmp_path, name, "sundials", "c")
     run(["cc", "-std=c99", "-Wall", "-Werror", "-o", "program", file, *SUNDIALS], tmp_path)

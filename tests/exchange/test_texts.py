@@ -134,6 +134,16 @@ def test_the_head_says_name_orders_roles_and_source(name, to):
     assert f"Source: {' '.join(tableau.source.split())}" in head
 
 
+@EVERY
+@pytest.mark.parametrize("to", ["rebound", "diffrax", "sundials"])
+def test_the_head_says_if_a_step_takes_more_force_evaluations_than_stages(name, to):
+    tableau = integrators[name]
+    (comments,) = re.findall(r"\A((?:(?:#|//) .*\n)+)", export(tableau, to))
+    said = re.findall(r" (\d+) times", " ".join(comments.replace("//", "").replace("#", "").split()))
+    more = to == "sundials" or tableau.first == "kick"
+    assert said == ([str(tableau.stages + 1)] if more else [])
+
+
 @pytest.mark.parametrize(
     ("to", "says"),
     [

@@ -43,8 +43,8 @@ def _description(coefficients: Coefficients) -> Iterator[str]:
     )
     if tableau.requires is not None:
         yield (
-            f"Requires: a {tableau.requires}, T = p.p/2 or p.A p/2 with a constant matrix A. For any other T, or if "
-            "the two rows exchange their roles, the order is 2 for certain and no more."
+            f"Requires: a {tableau.requires}, T = p.p/2 or p.A p/2 with a constant matrix A. For any other T, or "
+            "if the two rows exchange their roles, only order 2 is certain."
         )
     elif tableau.harmonic_order is not None:
         yield "The harmonic order is lost if the two rows exchange their roles."
@@ -72,8 +72,7 @@ def comment(paragraphs: list[str], mark: str) -> str:
     """
     lines = []
     for paragraph in paragraphs:
-        text = " ".join(paragraph.split())
-        lines += wrap(text, WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
+        lines += wrap(paragraph, WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
     return "\n".join(f"{mark} {line}." if line.endswith("\\") else f"{mark} {line}" for line in lines)
 
 

@@ -11,6 +11,7 @@ TERMS = (
     "diffrax: the terms are a pair (velocity, force), the state is a pair (q, p): velocity(t, p, args) is dT/dp and "
     "force(t, q, args) is -dV/dq. The step size is constant; values between steps are interpolated linearly."
 )
+OWN_FORCE = "A step evaluates the force {count} times: the force at its end is not kept for the next step."
 DOUBLES = "JAX computes in double precision at most: digits beyond 17 have no effect."
 
 PROGRAM = Template("""\
@@ -101,8 +102,13 @@ def write(coefficients: Coefficients) -> str:
     tableau = coefficients.tableau
     name = identifier(tableau)
     inner = "drift" if tableau.first == "kick" else "kick"
+    remarks = [TERMS]
+    if tableau.first_same_as_last:
+        remarks.append(OWN_FORCE.format(count=tableau.stages + 1))
+    if coefficients.digits > DOUBLE_DIGITS:
+        remarks.append(DOUBLES)
     return PROGRAM.substitute(
-        head=head(coefficients, "#", TERMS, *([DOUBLES] if coefficients.digits > DOUBLE_DIGITS else [])),
+        head=head(coefficients, "#", *remarks),
         name=name,
         Name=name.capitalize(),
         order=tableau.order,

@@ -13,7 +13,7 @@ from nearharmonic.exchange.coefficients import Coefficients
 from nearharmonic.exchange.description import elements, head, identifier
 
 STAGES = (
-    "SUNDIALS: stage i of ARKODE is a kick with ahat[i], then a drift with a[i]; the added {zero} changes nothing. "
+    "SUNDIALS: stage i of ARKODE is a kick with ahat[i], then a drift with a[i]; the added {zero} is 0. "
     "ARKODE evaluates the force once a stage, {count} times a step."
 )
 AUTONOMOUS = (
