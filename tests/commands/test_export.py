@@ -15,7 +15,7 @@ OWN = """
 from nearharmonic import Tableau, palindrome
 
 TABLEAUS = tuple(
-    Tableau(name=name, order=2, first="drift", drift=palindrome("0.2", "0.3"), kick=palindrome("0.35", centre="0.3"),
+    Tableau(name=name, order=2, first="drift", drift=palindrome("2e-1", "+.3"), kick=palindrome("0.35", centre="0.3"),
             source="made up", digits=20)
     for name in ("mine", "other")
 )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from decimal import Context, Decimal
 
 from nearharmonic.errors import bad_setting
-from nearharmonic.integrators.tableau import Row, Tableau
+from nearharmonic.integrators.tableau import First, Row, Tableau
 
 #: Significant decimal digits that tell any two doubles apart.
 DOUBLE_DIGITS = 17
@@ -35,6 +35,11 @@ class Coefficients:
     rounding: str
 
     @property
+    def operators(self) -> tuple[First, First]:
+        """The operator that comes first and last in a step, and the one in between."""
+        return ("kick", "drift") if self.tableau.first == "kick" else ("drift", "kick")
+
+    @property
     def outer(self) -> Row:
         """The s + 1 coefficients of the operator that comes first and last in a step."""
         return self.kick if self.tableau.first == "kick" else self.drift
@@ -46,11 +51,11 @@ class Coefficients:
 
 
 def as_registered(tableau: Tableau) -> Coefficients:
-    """Return the coefficients of ``tableau`` with all digits that it has."""
+    """Return the coefficients of ``tableau`` with all digits that it has; exponents are written out."""
     return Coefficients(
         tableau=tableau,
-        kick=tableau.kick,
-        drift=tableau.drift,
+        kick=tuple(format(Decimal(text), "f") for text in tableau.kick),
+        drift=tuple(format(Decimal(text), "f") for text in tableau.drift),
         digits=tableau.digits,
         rounding=f"not rounded; the source guarantees {tableau.digits} digits",
     )

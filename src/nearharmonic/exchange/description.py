@@ -35,8 +35,7 @@ def _description(coefficients: Coefficients) -> Iterator[str]:
     tableau = coefficients.tableau
     yield f"{tableau.label}: symplectic integrator for H(q, p) = T(p) + V(q), written by nearharmonic {__version__}."
     yield f"Name: {tableau.name}. {_orders(tableau)}"
-    other = "drift" if tableau.first == "kick" else "kick"
-    sequence = _sequence(tableau.first, other, tableau.stages)
+    sequence = _sequence(*coefficients.operators, tableau.stages)
     yield (
         f"First: {tableau.first}. A step of length tau is {sequence}. A kick with coefficient c is p -= c tau dV/dq, a "
         "drift with coefficient c is q += c tau dT/dp."

@@ -94,6 +94,7 @@ static void show(const char *label, const real *x)
 def write(coefficients: Coefficients) -> str:
     """Return the program, in quadruple precision if the coefficients have more digits than a double."""
     tableau = coefficients.tableau
+    outer, inner = coefficients.operators
     quadruple = coefficients.digits > DOUBLE_DIGITS
     suffix = "f128" if quadruple else ""
     feature = "#define __STDC_WANT_IEC_60559_TYPES_EXT__ // for strfromf128\n"
@@ -103,8 +104,8 @@ def write(coefficients: Coefficients) -> str:
         includes=f"{feature}#include <stdio.h>\n#include <stdlib.h>" if quadruple else "#include <stdio.h>",
         real="_Float128" if quadruple else "double",
         stages=tableau.stages,
-        outer=tableau.first,
-        inner="drift" if tableau.first == "kick" else "kick",
+        outer=outer,
+        inner=inner,
         outer_rows=elements(coefficients.outer, f"{{}}{suffix}"),
         inner_rows=elements(coefficients.inner, f"{{}}{suffix}"),
         suffix=suffix,

@@ -101,7 +101,7 @@ def write(coefficients: Coefficients) -> str:
     """Return the program, whose class has the name of the integrator."""
     tableau = coefficients.tableau
     name = identifier(tableau)
-    inner = "drift" if tableau.first == "kick" else "kick"
+    outer, inner = coefficients.operators
     remarks = [TERMS]
     if tableau.first_same_as_last:
         remarks.append(OWN_FORCE.format(count=tableau.stages + 1))
@@ -114,8 +114,8 @@ def write(coefficients: Coefficients) -> str:
         order=tableau.order,
         kick=elements(coefficients.kick),
         drift=elements(coefficients.drift),
-        outer=tableau.first,
+        outer=outer,
         inner=inner,
-        OUTER=tableau.first.upper(),
+        OUTER=outer.upper(),
         INNER=inner.upper(),
     )

@@ -104,14 +104,15 @@ end program example
 def write(coefficients: Coefficients) -> str:
     """Return the program, in quadruple precision if the coefficients have more digits than a double."""
     tableau = coefficients.tableau
+    outer, inner = coefficients.operators
     quadruple = coefficients.digits > DOUBLE_DIGITS
     return PROGRAM.substitute(
         head=head(coefficients, "!", *([QUADRUPLE] if quadruple else [])),
         name=identifier(tableau),
         kind="real128" if quadruple else "real64",
         stages=tableau.stages,
-        outer=tableau.first,
-        inner="drift" if tableau.first == "kick" else "kick",
+        outer=outer,
+        inner=inner,
         outer_rows=elements(coefficients.outer, "{}_real_kind", ", &"),
         inner_rows=elements(coefficients.inner, "{}_real_kind", ", &"),
         width="45.35e4" if quadruple else "25.16e3",

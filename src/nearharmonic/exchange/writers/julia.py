@@ -64,14 +64,15 @@ println("p = ", join(p, " "))
 def write(coefficients: Coefficients) -> str:
     """Return the program, with numbers of type BigFloat if the coefficients have more digits than a double."""
     tableau = coefficients.tableau
+    outer, inner = coefficients.operators
     big = coefficients.digits > DOUBLE_DIGITS
 
     number = 'big"{}"' if big else "{}"
     return PROGRAM.substitute(
         head=head(coefficients, "#", *([BIG] if big else [])),
         name=identifier(tableau),
-        outer=tableau.first,
-        inner="drift" if tableau.first == "kick" else "kick",
+        outer=outer,
+        inner=inner,
         outer_rows=elements(coefficients.outer, number),
         inner_rows=elements(coefficients.inner, number),
         zero=number.format("0.0"),

@@ -99,7 +99,7 @@ if __name__ == "__main__":
 def write(coefficients: Coefficients) -> str:
     """Return the program, which registers the integrator when it is run or imported."""
     tableau = coefficients.tableau
-    inner = "drift" if tableau.first == "kick" else "kick"
+    outer, inner = coefficients.operators
     remarks = [VELOCITIES]
     if tableau.first_same_as_last:
         remarks.append(OWN_FORCE.format(count=tableau.stages + 1))
@@ -110,8 +110,8 @@ def write(coefficients: Coefficients) -> str:
         name=identifier(tableau),
         kick=elements(coefficients.kick),
         drift=elements(coefficients.drift),
-        outer=tableau.first,
+        outer=outer,
         inner=inner,
-        OUTER=tableau.first.upper(),
+        OUTER=outer.upper(),
         INNER=inner.upper(),
     )
