@@ -107,6 +107,12 @@ def test_values_that_make_no_sense_are_refused_by_every_call(call, given, words)
     assert len(str(caught.value)) < 700
 
 
+def test_a_run_is_no_initial_value():
+    run = nh.integrate("sho", "leapfrog", 0.1, t_end=1)
+    with pytest.raises(NearharmonicError, match=r"q0 = 'a Dataset' is not allowed: .* a run is continued by start="):
+        nh.integrate("sho", "leapfrog", 0.1, q0=run)
+
+
 def test_only_one_trajectory_of_its_own_system_can_be_continued():
     many = nh.ensemble("sho", "leapfrog", 0.1, t_end=1)
     swept = nh.sweep("sho", "leapfrog", [0.1], t_end=1, t=[0.5])

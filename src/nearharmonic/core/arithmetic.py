@@ -41,7 +41,7 @@ def sqrt(x: Any) -> Any:
         return math.sqrt(x)
     import numpy as np
 
-    return np.frompyfunc(sqrt, 1, 1)(x) if getattr(x, "dtype", None) == object else np.sqrt(x)
+    return np.frompyfunc(sqrt, 1, 1)(x) if str(getattr(x, "dtype", "")) == "object" else np.sqrt(x)
 
 
 def absolute(x: Any) -> Any:

@@ -7,6 +7,8 @@ Layout of a lane's row block, ``width`` doubles a row: d positions, their d carr
 the tally: largest and summed |H - H0| of the block, the sum's carry, the latest H - H0, H0 as a pair, the largest
 |H - H0| allowed, and by how much the rounding of doubles changes H (see :meth:`Rules.quick`); then each parameter as a
 pair. In extended precision the carries are the low halves of double-doubles.
+
+Formulas of many coordinates are compiled as loops (:mod:`nearharmonic.core.loops`), for one lane.
 """
 
 from __future__ import annotations
@@ -29,8 +31,8 @@ class Kernel:
     ``advance()`` compiles the inner kernel by itself, for benchmarks and ensembles that schedule their own lanes:
     ``advance()(count, stages, kick_first, drift, kick, rows) -> steps done``: ``drift`` and ``kick`` are float64
     (stages + 1, parts, width) with the step size multiplied in, ``rows`` float64 (4 d + :data:`TALLY` +
-    :func:`parameter_rows`, width), changed in place. It returns before ``count`` when a lane's energy error passes its
-    limit.
+    :func:`parameter_rows`, width), changed in place, and ``room`` more behind them. It returns before ``count`` when a
+    lane's energy error passes its limit.
 
     ``prepared`` passes a queue of runs through the lanes, as often as what it returns is called: its arguments are
     :data:`nearharmonic.core.layout.RUN` without the addresses in front and without the workspace at the end, which
@@ -41,6 +43,7 @@ class Kernel:
     dimension: int
     parts: int
     parameters: int
+    room: int
     advance: Callable[[], Callable[..., int]]
     prepared: Callable[..., PreparedCall]
 
@@ -100,6 +103,7 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
         dimension=physics.dimension,
         parts=rules.parts,
         parameters=physics.parameters,
+        room=room,
         advance=lambda: advance,
         prepared=prepared,
     )

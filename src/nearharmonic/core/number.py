@@ -194,6 +194,8 @@ def _hint(system: Formulas, formula: str, error: Exception) -> str:
     """What may help beside the message of an exception."""
     if isinstance(error, IndexError) and str(error) == NO_SUCH_COMPONENT:
         return f": {components('q' if formula.endswith('V') else 'p', system.dimension)}"
+    if isinstance(error, TypeError) and "tuple" in str(error):
+        return ": q and p are tuples, which nearharmonic.math.array makes arrays of"
     unsupported = (isinstance(error, TypeError) and not _ARGUMENTS.search(str(error))) or (
         isinstance(error, AttributeError) and isinstance(error.obj, Value)
     )

@@ -266,9 +266,8 @@ def tallied(tally: Entries, latest: LLVMValue) -> Entries:
 def fingerprint(rules: Rules) -> str:
     """Digest of the instructions that the formulas emit: the one thing about a system that compiled code depends on."""
     if rules.physics.loops is not None:
-        from nearharmonic.core.loops import functions
-
-        return sha256("".join((functions.begin(rules)[0], functions.advance(rules, "every")[0])).encode()).hexdigest()
+        digests = " ".join(energy.digest for energy in rules.physics.loops)
+        return sha256(f"{digests} {rules.physics.unit_masses}".encode()).hexdigest()
     count, given = 4 * rules.physics.dimension, parameter_rows(rules.physics.parameters)
     double = ir.DoubleType()
     module = ir.Module()

@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
-from nearharmonic.core.expression.size import MOST_UNROLLED
 from nearharmonic.core.number import Constant
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.systems.gradients import check_gradients
@@ -44,7 +43,7 @@ def kernel_of(system: System, numerics: Numerics = STANDARD) -> Kernel:
         physics_of(system),
         extended=numerics.precision == "extended",
         compensated=numerics.compensated,
-        width=1 if is_looped(system) else numerics.width,
+        width=1 if system.formulas().are_loops else numerics.width,
         energy=numerics.energy,
     )
 
@@ -55,11 +54,6 @@ def formulas_digest(system: System) -> str:
     from nearharmonic.core.rules import Rules, fingerprint
 
     return fingerprint(Rules(physics_of(system), extended=True, compensated=True))
-
-
-def is_looped(system: System) -> bool:
-    """Whether the formulas of ``system`` are compiled as loops, one trajectory at a time."""
-    return system.formulas().dimension > MOST_UNROLLED
 
 
 def physics_of(system: System) -> Physics:
@@ -74,7 +68,10 @@ def physics_of(system: System) -> Physics:
 
     check_gradients(system)
     formulas, at_run_time = system.formulas(), system.parameters_at_run_time
-    loops = tuple(energy.looped(at_run_time) for energy in formulas.energies) if is_looped(system) else None
+    loops = None
+    if formulas.are_loops:
+        V, T = formulas.energies
+        loops = V.looped(at_run_time), T.looped(at_run_time)
     return Physics(
         name=system.name,
         V=formulas.V,

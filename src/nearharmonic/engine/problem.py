@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from nearharmonic.core.layout import workspace
 from nearharmonic.engine.batch import Batch, integrate_batch, prepared_batch, sample_marks
 from nearharmonic.engine.coefficients import Floats, scaled_rows
 from nearharmonic.engine.continuation import Start, start_of
@@ -19,6 +20,7 @@ from nearharmonic.engine.initial_values import (
     standard_start,
 )
 from nearharmonic.engine.invariants import check_quantities
+from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.results import Integers, Trajectories
 from nearharmonic.engine.settings import (
     Numerics,
@@ -114,6 +116,16 @@ class Problem:
     def plain(self) -> bool:
         """Whether the digits below a double are dropped."""
         return not self.numerics.compensated
+
+    @property
+    def memory(self) -> int:
+        """Bytes that a trajectory works in, beside the states that are kept."""
+        kernel = kernel_of(self.system, replace(self.numerics, width=1).compiled)
+        arrays = workspace(
+            4 * kernel.dimension, self.tableau.stages, parameters=kernel.parameters, parts=kernel.parts, width=1,
+            room=kernel.room,
+        )  # fmt: skip
+        return sum(array.nbytes for array in arrays)
 
     def __call__(
         self, tau: float, q0: object = None, p0: object = None, parameters: Mapping[str, Any] | None = None

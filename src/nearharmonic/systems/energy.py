@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from decimal import Decimal
 from fractions import Fraction
+from functools import cached_property
 from numbers import Rational
 from threading import RLock
 from typing import Any, NamedTuple
@@ -17,7 +18,7 @@ from nearharmonic.core.expression.derivative import gradient, hessian_vector
 from nearharmonic.core.expression.graph import Graph, Value, Variable, value_of
 from nearharmonic.core.expression.polynomial import is_quadratic, polynomial_of, shortest_program
 from nearharmonic.core.expression.program import Program
-from nearharmonic.core.expression.size import MOST_UNROLLED, check_loops, check_size
+from nearharmonic.core.expression.size import becomes_loops, check_size, operations
 from nearharmonic.core.loops.energy import LoopedEnergy
 from nearharmonic.core.number import Constant, Number, call, constant, scalar
 from nearharmonic.errors import SystemDefinitionError
@@ -84,12 +85,15 @@ class Energy:
         SystemDefinitionError
             It fails, or takes too many operations to be compiled.
         """
-        if self.dimension > MOST_UNROLLED:
-            operations = self.looped(self.parameters_at_run_time).operations
-            call(_Named(self), self.formula, check_loops, operations)
-        else:
-            graph, value, _ = self._standard
-            call(_Named(self), self.formula, check_size, graph, [value])
+        if self.is_long:
+            looped = call(_Named(self), self.formula, self.looped, self.parameters_at_run_time)
+            call(_Named(self), self.formula, check_size, looped.operations)
+
+    @cached_property
+    def is_long(self) -> bool:
+        """Whether the formula is compiled as loops."""
+        graph, value, _ = self._standard
+        return becomes_loops(self.dimension, operations(graph, [value]))
 
     def _trace(self, parameters: tuple[Constant, ...] | None) -> _Traced:
         """The expression, with parameters that are variables or these constants."""

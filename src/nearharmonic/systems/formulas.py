@@ -30,7 +30,8 @@ class Formulas:
     ``grad_T(p, *parameters)`` a tuple of ``dimension`` components. ``hessian_V_times(q, vector, *parameters)`` and
     ``hessian_T_times(p, vector, *parameters)`` are derived from them. ``grad_V_and_V(q, *parameters)`` returns the
     components of the gradient and V behind them, of shared operations, ``balanced_T(p, *parameters)`` is T in an order
-    that keeps chains of operations short. ``energies`` are V and T as expressions. ``name`` is that of the system, for errors.
+    that keeps chains of operations short. ``energies`` are V and T as expressions. ``name`` is that of the system, for
+    errors.
     """
 
     name: str
@@ -44,6 +45,11 @@ class Formulas:
     hessian_V_times: Callable[..., Vector]
     hessian_T_times: Callable[..., Vector]
     energies: tuple[Energy, Energy]
+
+    @property
+    def are_loops(self) -> bool:
+        """Whether kernels of the system are loops, for one trajectory at a time."""
+        return any(energy.is_long for energy in self.energies)
 
 
 class DerivedGradient:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from nearharmonic.core.arithmetic import sqrt
 from nearharmonic.core.expression.graph import Graph, value_of
-from nearharmonic.core.expression.size import check_size
+from nearharmonic.core.expression.size import check_size, operations
 from nearharmonic.core.number import Constant, Number, call, scalar, vector
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems.formulas import DerivedGradient, Formulas
@@ -140,11 +140,14 @@ class _Pair(NamedTuple):
         return Multiprecision.of(value) if isinstance(value, Constant) else value
 
     def check_size(self) -> None:
-        """Refuse a gradient that takes too many operations to be compiled."""
+        """Refuse a gradient that takes too many operations to be compiled, if it is."""
+        if self.formulas.are_loops:
+            return
         graph = Graph()
         x = graph.variables(self.formulas.dimension)
         components = vector(self.formulas, self.gradient, x, *self.constants)
-        call(self.formulas, self.gradient, check_size, graph, [value_of(component) for component in components])
+        count = operations(graph, [value_of(component) for component in components])
+        call(self.formulas, self.gradient, check_size, count)
 
     def slope(self, point: Sequence[Decimal], gradient: Sequence[Multiprecision], along: Sequence[Decimal]) -> _Slope:
         """Both slopes at ``point`` (d,) in the direction ``along`` (d,), whose length is that of the coordinates."""

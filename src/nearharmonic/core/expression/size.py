@@ -1,4 +1,4 @@
-"""How many operations an expression takes, and how many are compiled."""
+"""How many operations an expression takes, which are compiled as loops, and how many are compiled at all."""
 
 from __future__ import annotations
 
@@ -7,43 +7,43 @@ from collections.abc import Sequence
 from nearharmonic.core.expression.graph import Application, Graph, Node, Product, Sum, Value
 from nearharmonic.core.number import FUNCTIONS, FormulaError
 
-#: Most operations of a formula that is compiled: its kernel takes about a minute then, 5 to 20 ms an operation.
+#: Coordinates and operations up to which formulas are written out in a kernel, which takes 5 to 20 ms an operation to
+#: compile; larger ones become loops.
+MOST_UNROLLED, MOST_OPERATIONS_UNROLLED = 50, 1000
+#: Most operations of a kernel of loops, each pattern counted once.
 MOST_OPERATIONS = 4000
 #: Operations that a function is counted as: it takes as long to compile.
 OPERATIONS_OF_A_FUNCTION = 10
 
 
-#: Coordinates up to which formulas are written out in a kernel; those of more become loops.
-MOST_UNROLLED = 50
+def operations(graph: Graph, roots: Sequence[Value]) -> int:
+    """Return how many operations the values take."""
+    return sum(_operations(graph.nodes[node]) for node in graph.reachable(roots))
 
 
-def check_loops(operations: int) -> None:
-    """Refuse loops that take too long to compile.
-
-    Raises
-    ------
-    FormulaError
-        Their bodies take more than :data:`MOST_OPERATIONS`.
-    """
-    if operations > MOST_OPERATIONS:
-        raise FormulaError(
-            f"has terms of so many forms that they take {operations} operations: at most {MOST_OPERATIONS} are "
-            "compiled, and terms of one form count once"
-        )
+def operations_of(name: str) -> int:
+    """Return how many operations one of this name is counted as."""
+    return OPERATIONS_OF_A_FUNCTION if name in FUNCTIONS else 1
 
 
-def check_size(graph: Graph, roots: Sequence[Value]) -> None:
-    """Refuse values that take too long to compile.
+def becomes_loops(dimension: int, operations: int) -> bool:
+    """Return whether a formula of so many coordinates and operations is compiled as loops."""
+    return dimension > MOST_UNROLLED or operations > MOST_OPERATIONS_UNROLLED
+
+
+def check_size(operations: int) -> None:
+    """Refuse formulas that take too long to compile.
 
     Raises
     ------
     FormulaError
         They take more than :data:`MOST_OPERATIONS`.
     """
-    count = sum(_operations(graph.nodes[node]) for node in graph.reachable(roots))
-    if count > MOST_OPERATIONS:
-        counted = f"{count} operations, a function counted as {OPERATIONS_OF_A_FUNCTION}"
-        raise FormulaError(f"takes {counted}: at most {MOST_OPERATIONS} are compiled, which takes about a minute")
+    if operations > MOST_OPERATIONS:
+        raise FormulaError(
+            f"takes {operations} operations, a function counted as {OPERATIONS_OF_A_FUNCTION} and terms of one form "
+            f"once: at most {MOST_OPERATIONS} are compiled, which takes about a minute"
+        )
 
 
 def _operations(node: Node) -> int:
@@ -51,4 +51,4 @@ def _operations(node: Node) -> int:
         return len(node.terms)
     if isinstance(node, Product):
         return len(node.factors)
-    return OPERATIONS_OF_A_FUNCTION if isinstance(node, Application) and node.function in FUNCTIONS else 1
+    return operations_of(node.function) if isinstance(node, Application) else 1

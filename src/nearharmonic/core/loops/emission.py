@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,11 +12,14 @@ from nearharmonic.core import arithmetic
 from nearharmonic.core.expression.program import Program
 from nearharmonic.core.loops.energy import LoopedEnergy, Totals, Work
 from nearharmonic.core.loops.memory import Array, Doubles, Writer, is_consecutive, is_constant
-from nearharmonic.core.loops.patterns import COORDINATES
 from nearharmonic.core.loops.tables import BLOCK, Places
+from nearharmonic.core.loops.terms import COORDINATES
 from nearharmonic.core.number import Constant
 from nearharmonic.core.tracing import LLVMValue
-from nearharmonic.core.values import LLVMMask
+
+#: What computes a block of numbers, of so many lanes, from the number of its first; and what loads it from an address.
+Computed = Callable[[ir.Value, int], Any]
+Loader = Callable[[ir.Value, ir.Value, int], LLVMValue]
 
 #: Terms of a sum up to which they are written one after the other.
 FEW_TERMS = 8
@@ -108,7 +111,7 @@ class Emission:
     def _number(self, value: Any, width: int) -> Any:
         return self.kind.constant(value, self.writer.zero(width)) if isinstance(value, Constant) else value
 
-    def _operands(self, work: Work, level: int) -> Any:
+    def _operands(self, work: Work, level: int) -> Callable[[ir.Value, int, bool], list[Any]]:
         """What reads the arguments of a block: tables are written once, before the loop."""
         loop = work.loop
         operands = [self._reader(operand.array, operand.places) for operand in loop.operands]
@@ -117,28 +120,25 @@ class Emission:
 
         def read(first: ir.Value, width: int, with_derivatives: bool) -> list[Any]:
             found = [one(first, width) for one in (*operands, *data)]
-            for pair in self.parameters:
-                found.append(self.kind.of_state(*(self.writer.broadcast(x, width) for x in pair)))
+            given = ([self.writer.broadcast(x, width) for x in pair] for pair in self.parameters)
+            found += [self.kind.of_state(*pair) for pair in given]
             return [*found, adjoint(first, width)] if adjoint is not None and with_derivatives else found
 
         return read
 
-    def _reader(self, array: int, places: Places, gradient: bool = False) -> Any:
+    def _reader(self, array: int, places: Places, gradient: bool = False) -> Computed:
         """What reads numbers of an array, by the number of the repetition."""
+        load = self._loader(places)
         if array == COORDINATES:
             addresses = [self.state.address, self.writer.place(self.state.address, self.state.stride)]
-            make = lambda planes: self.kind.of_state(*planes)  # noqa: E731
-        else:
-            offset = self.energy.offsets["gradient" if gradient else "value", array, 0]
-            addresses = self._planes(offset)
-            make = self.kind.read
-        load = self._loader(places)
-        return lambda first, width: make([load(address, first, width) for address in addresses])
+            return lambda first, width: self.kind.of_state(*(load(address, first, width) for address in addresses))
+        kept = self._planes(self.energy.offsets["gradient" if gradient else "value", array, 0])
+        return lambda first, width: self.kind.read([load(address, first, width) for address in kept])
 
     def _planes(self, offset: int) -> list[ir.Value]:
         return [self.writer.place(self.kept.address, offset + k * self.kept.stride) for k in range(self.kind.planes)]
 
-    def _loader(self, places: Places) -> Any:
+    def _loader(self, places: Places) -> Loader:
         """What loads the doubles of ``places`` behind an address."""
         writer = self.writer
         if is_constant(places):
@@ -152,7 +152,7 @@ class Emission:
         table = writer.table(places)
         return lambda address, first, width: writer.gather(address, writer.looked_up(table, first, width))
 
-    def _data(self, column: Sequence[Any]) -> Any:
+    def _data(self, column: Sequence[Any]) -> Computed:
         """What reads constants."""
         pairs = np.array([arithmetic.rounded_pair(c.numerator, c.denominator) for c in column])
         addresses = [self.writer.table(np.ascontiguousarray(plane)) for plane in pairs.T]
@@ -168,28 +168,13 @@ class Emission:
     def _accumulate(self, totals: Sequence[ir.Value], number: Any, first: ir.Value, count: int) -> None:
         """Add a block to running sums, those of its results that no block before it had."""
         planes = self.kind.written(number)
-        width = planes[0].width
         if count >= BLOCK and count % BLOCK:
-            new = self._new_in_block(first, count)
+            new = self.writer.new_in_block(first, count)
             planes = [new.choose(plane, 0.0) for plane in planes]
         before = [LLVMValue(self.builder, self.builder.load(room)) for room in totals]
         total = self.kind.read(before) + self.kind.read(planes)
-        assert width == before[0].width
         for value, room in zip(self.kind.written(total), totals, strict=True):
             self.builder.store(value.value, room)
-
-    def _new_in_block(self, first: ir.Value, count: int) -> LLVMMask:
-        """The lanes of a block that are in no block before it: all but some of the last block."""
-        lanes = ir.VectorType(ir.IntType(64), BLOCK)
-        numbers = ir.Constant(lanes, [i - count + count % BLOCK for i in range(BLOCK)])
-        start = ir.Constant(lanes, ir.Undefined)
-        for i in range(BLOCK):
-            start = self.builder.insert_element(start, first, ir.Constant(ir.IntType(32), i))
-        # Only the last block starts at a place that is no multiple of its length.
-        whole = self.builder.icmp_signed("==", self.builder.and_(first, self.writer.index(BLOCK - 1)), self.writer.index(0))
-        behind = self.builder.icmp_signed(">=", self.builder.add(start, numbers), ir.Constant(lanes, [0] * BLOCK))
-        every = ir.Constant(behind.type, [1] * BLOCK)
-        return LLVMMask(self.builder, self.builder.select(whole, every, behind))
 
     def _joined(self, totals: Sequence[ir.Value]) -> Any:
         """The sum of the lanes of a running sum."""
@@ -206,12 +191,11 @@ class Emission:
                 total = self._along(sources)
                 self._keep(total, offset + int(target), self.writer.index(0))
         elif terms <= FEW_TERMS:
-            readers = [self._loader(column) for column in totals.sources.T]
-            self._put(totals.targets, offset, lambda first, width: self._total([self._read(x, first, width) for x in readers]))
+            self._put(totals.targets, offset, self._in_turn([self._loader(column) for column in totals.sources.T]))
         else:
             self._put(totals.targets, offset, self._across(totals.sources))
 
-    def _put(self, targets: Places, offset: int, computed: Any) -> None:
+    def _put(self, targets: Places, offset: int, computed: Computed) -> None:
         """Write numbers to the targets, computed by the number of the first of a block and the width."""
         table = None if is_consecutive(targets) or len(targets) == 1 else self.writer.table(targets)
         addresses = self._planes(offset if table is not None else offset + int(targets[0]))
@@ -224,10 +208,14 @@ class Emission:
                 for lane, place in zip(value.lanes(), places, strict=False):
                     self.writer.store(lane, self.writer.place(address, place))
 
-    def _read(self, load: Any, first: ir.Value, width: int) -> Any:
+    def _read(self, load: Loader, first: ir.Value, width: int) -> Any:
         return self.kind.read([load(address, first, width) for address in self._planes(0)])
 
-    def _across(self, sources: Places) -> Any:
+    def _in_turn(self, loaders: Sequence[Loader]) -> Computed:
+        """Sums of few terms."""
+        return lambda first, width: self._total([self._read(load, first, width) for load in loaders])
+
+    def _across(self, sources: Places) -> Computed:
         """Sums of many terms, as many sums side by side as a block has lanes."""
         count, terms = sources.shape
         table = self.writer.table(np.ascontiguousarray(sources.T))

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from hashlib import sha256
 
 import numpy as np
 
@@ -17,8 +18,10 @@ from nearharmonic.core.expression.derivative import gradient
 from nearharmonic.core.expression.graph import Graph, Value
 from nearharmonic.core.expression.polynomial import shortest_program
 from nearharmonic.core.expression.program import Program
-from nearharmonic.core.loops.patterns import COORDINATES, Level, Loop, Places, levels
-from nearharmonic.core.loops.tables import runs
+from nearharmonic.core.expression.size import operations_of
+from nearharmonic.core.loops.patterns import Level, Loop, levels
+from nearharmonic.core.loops.tables import Places, runs
+from nearharmonic.core.loops.terms import COORDINATES
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +78,20 @@ class LoopedEnergy:
     @property
     def operations(self) -> int:
         """Operations of all patterns with their derivatives, each pattern once: what takes time to compile."""
-        return sum(len(work.both.operations) for level in self.work for work in level)
+        return sum(operations_of(name) for level in self.work for work in level for name, *_ in work.both.operations)
+
+    @cached_property
+    def digest(self) -> str:
+        """Digest of what is computed: the operations of all loops, and their tables."""
+        text = sha256(f"{self.dimension} {self.parameters}".encode())
+        for level in self.work:
+            for work in level:
+                programs = [(one.operations, one.results) for one in (work.value, work.both)]
+                arrays = [operand.array for operand in work.loop.operands]
+                text.update(repr((programs, arrays, work.loop.data, work.scaled)).encode())
+                for places in (work.loop.sums, *(operand.places for operand in work.loop.operands)):
+                    text.update(places.tobytes())
+        return text.hexdigest()
 
     @cached_property
     def offsets(self) -> dict[tuple[str, int, int], int]:
@@ -154,6 +170,5 @@ def _totals(terms: Sequence[tuple[Places, Places]], size: int) -> list[Totals]:
     for count in np.unique(counts):
         chosen = np.flatnonzero(counts == count)
         table = sources[order[starts[chosen][:, None] + np.arange(count)]]
-        for run in runs([chosen, *table.T], len(chosen)):
-            found.append(Totals(chosen[run], table[run]))
+        found += [Totals(chosen[run], table[run]) for run in runs([chosen, *table.T], len(chosen))]
     return found

@@ -13,7 +13,6 @@ from typing import Any
 
 from llvmlite import binding, ir
 
-from nearharmonic.core import arithmetic
 from nearharmonic.core.layout import LATEST, LIMIT, TALLY, parameter_rows
 from nearharmonic.core.loops.emission import Emission
 from nearharmonic.core.loops.energy import LoopedEnergy

@@ -15,6 +15,7 @@ from nearharmonic.core.condition import Conditioned
 from nearharmonic.core.loops.tables import BLOCK
 from nearharmonic.core.number import Constant
 from nearharmonic.core.tracing import Double, DoubleDouble, LLVMValue
+from nearharmonic.core.values import LLVMMask
 
 INDEX, PLACE, DOUBLE = ir.IntType(64), ir.IntType(32), ir.DoubleType()
 
@@ -169,6 +170,19 @@ class Writer:
                 last = self.index(count - BLOCK)
                 first = self.builder.select(self.builder.icmp_signed("<", first, last), first, last)
             yield first, BLOCK
+
+    def new_in_block(self, first: ir.Value, count: int) -> LLVMMask:
+        """The lanes of a block that no block before it has: all, but some of the last of several blocks."""
+        lanes = ir.VectorType(INDEX, BLOCK)
+        # Only the last block starts at a place that is no multiple of its length.
+        behind = count - count % BLOCK
+        others = self.builder.icmp_signed("==", self.builder.and_(first, self.index(BLOCK - 1)), self.index(0))
+        least = self.builder.select(others, self.index(0), self.builder.sub(self.index(behind), first))
+        bound = ir.Constant(lanes, ir.Undefined)
+        for i in range(BLOCK):
+            bound = self.builder.insert_element(bound, least, ir.Constant(PLACE, i))
+        numbers = ir.Constant(lanes, list(range(BLOCK)))
+        return LLVMMask(self.builder, self.builder.icmp_signed(">=", numbers, bound))
 
     def table(self, numbers: NDArray[Any]) -> ir.Value:
         """The address of constant numbers: 32-bit integers or doubles."""

@@ -22,8 +22,8 @@ def runs(columns: Sequence[Places], count: int) -> Iterator[slice | Places]:
     There are at most :data:`MOST_RUNS` runs, each of at least :data:`BLOCK` rows.
     """
     steps = np.stack([np.diff(column) for column in columns], axis=1) if columns else np.zeros((count - 1, 0))
-    regular = np.isin(steps, (0, 1)).all(axis=1)
-    alike = regular[1:] & regular[:-1] & (steps[1:] == steps[:-1]).all(axis=1)
+    regular = np.all(np.isin(steps, (0, 1)), axis=1)
+    alike = np.all(steps[1:] == steps[:-1], axis=1)
     found: list[slice] = []
     start = 0
     while start < len(regular):

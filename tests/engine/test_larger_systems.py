@@ -1,0 +1,136 @@
+"""A chain of 1024 sites and a hundred bodies: normal modes, conserved momenta, ensembles, what is measured of them."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import nearharmonic as nh
+from nearharmonic.math import array, sqrt, sum
+
+SITES, BODIES = 1024, 100
+MASSES = [1 + i % 7 for i in range(BODIES)]
+
+
+def chain(q, beta):
+    q = array((0, *q, 0))
+    stretched = q[1:] - q[:-1]
+    return sum(stretched**2 / 2 + beta * stretched**4 / 4)
+
+
+def attraction(q):
+    """Of softened bodies, of all pairs at once."""
+    first, second = np.triu_indices(BODIES, 1)
+    masses, r = np.array(MASSES), array(q, BODIES, 3)
+    distance = r[first] - r[second]
+    square = (distance * distance) @ [1, 1, 1]
+    return -sum(masses[first] * masses[second] / sqrt(square + 0.01))
+
+
+def fput(q0, beta="0.1", t_end="50", sites=SITES):
+    return nh.System(
+        name=f"fput_{sites}", V=chain, q0=q0, p0=["0"] * sites, t_end=t_end, parameters={"beta": beta},
+    )  # fmt: skip
+
+
+def mode(k, sites=SITES):
+    return np.sin(np.pi * k * np.arange(1, sites + 1) / (sites + 1))
+
+
+@pytest.fixture(scope="module")
+def bodies():
+    rng = np.random.default_rng(7)
+    q, p = rng.uniform(-3, 3, (BODIES, 3)).round(4), rng.uniform(-1, 1, (BODIES, 3)).round(4)
+    return nh.System(
+        name="bodies_100", V=attraction, masses=np.repeat(MASSES, 3).tolist(), q0=q.ravel().tolist(),
+        p0=p.ravel().tolist(), t_end="0.2",
+    )  # fmt: skip
+
+
+def test_a_linear_chain_of_1024_sites_follows_its_normal_modes():
+    """Leapfrog turns a mode of frequency w = 2 sin(pi k / 2 (n + 1)) by the angle 2 asin(w tau / 2) a step."""
+    modes, tau, steps = {1: 1.0, 7: 0.3, 600: 0.2, 1024: 0.1}, 0.25, 200
+    start = [f"{x:.12f}" for x in np.sum([a * mode(k) for k, a in modes.items()], axis=0)]
+    run = nh.integrate(fput(start, beta="0"), "leapfrog", tau, first="kick", energy="none", samples=2)
+    exact = np.zeros(SITES)
+    for k, a in modes.items():
+        frequency = 2 * np.sin(np.pi * k / 2 / (SITES + 1))
+        exact += a * mode(k) * np.cos(steps * 2 * np.arcsin(frequency * tau / 2))
+    # Initial values of 12 digits, and the rounding of forces over 200 steps.
+    assert np.abs(run.q[-1].values - exact).max() < 5e-12
+
+
+def test_the_energy_of_a_chain_of_1024_sites_is_measured_to_rounding():
+    run = nh.integrate(fput([f"{x:.6f}" for x in mode(3)]), "aba864", 0.5, samples=5)
+
+    def energy(k):
+        q, p = np.longdouble(run.q[k].values), np.longdouble(run.p[k].values)
+        q, p = q + run.q_low[k].values, p + run.p_low[k].values
+        stretched = np.diff(np.concatenate([[0], q, [0]]))
+        return (p @ p) / 2 + (stretched**2 / 2 + np.longdouble("0.1") * stretched**4 / 4).sum()
+
+    errors = [(energy(k) - energy(0)) / energy(0) for k in range(5)]
+    # Long doubles: 1024 terms, each with 1e-19 of its distance, 1, over the stretch, 1e-2.
+    assert run.energy_error.values == pytest.approx(np.array(errors, float), abs=1e-15, rel=1e-3)
+
+
+def test_a_hundred_bodies_conserve_momentum_and_angular_momentum_to_rounding(bodies):
+    run = nh.integrate(bodies, "aba864", 0.005, samples=3)
+    q, p = (run[name].values.reshape(-1, BODIES, 3) for name in ("q", "p"))
+    momentum, angular = p.sum(axis=1), np.cross(q, p).sum(axis=1)
+    # 40 steps, each with 8 forces of 99 terms: each term is off by 1e-16 of itself, about 30 in all.
+    assert np.abs(momentum - momentum[0]).max() < 1e-12
+    assert np.abs(angular - angular[0]).max() < 1e-11
+    assert 0 < run.max_energy_error.item() < 1e-2
+    assert np.abs(p[-1] - p[0]).max() > 1
+
+
+def test_a_hundred_bodies_feel_the_sum_of_all_pairs(bodies):
+    """The first kick of leapfrog against a sum of numpy's."""
+    tau = 1e-3
+    run = nh.problem(bodies, "leapfrog", first="kick", t_end="1e-3", energy="none")(tau)
+    q, p, m = (np.array(x, float).reshape(BODIES, -1) for x in (bodies.q0, bodies.p0, MASSES))
+
+    def pull(q):
+        distance = q[:, None] - q[None]
+        strength = m * m.T / ((distance**2).sum(axis=2) + 0.01) ** 1.5
+        return -(strength[:, :, None] * distance).sum(axis=1)
+
+    half = p + tau / 2 * pull(q)
+    q = q + tau * half / m
+    assert run.q[-1].reshape(BODIES, 3) == pytest.approx(q, abs=1e-14)
+    assert run.p[-1].reshape(BODIES, 3) == pytest.approx(half + tau / 2 * pull(q), abs=1e-13)
+
+
+def test_members_of_an_ensemble_have_the_bits_of_single_runs():
+    starts = np.stack([mode(k, 70) for k in (1, 2, 5)])
+    system = fput([f"{x:.6f}" for x in mode(1, 70)], sites=70, t_end="5")
+    members = nh.ensemble(system, "aba864", 0.25, q0=starts, t_end="5")
+    swept = nh.sweep(system, "aba864", [0.5, 0.25], t=[5])
+    for i, start in enumerate(starts):
+        alone = nh.integrate(system, "aba864", 0.25, q0=start, samples=2)
+        assert np.array_equal(members.q[i, -1], alone.q[-1])
+        assert members.max_energy_error[i] == alone.max_energy_error
+    assert np.array_equal(swept.q[1, 0], nh.integrate(system, "aba864", 0.25, samples=2).q[-1])
+
+
+def test_a_long_run_can_be_continued_with_its_bits():
+    system = fput([f"{x:.6f}" for x in mode(2, 60)], sites=60, t_end="10")
+    once = nh.integrate(system, "aba864", 0.25, samples=2)
+    half = nh.integrate(system, "aba864", 0.25, t_end="5", samples=2)
+    more = nh.integrate(system, "aba864", 0.25, t_end="5", samples=2, start=half)
+    assert np.array_equal(more.q[-1], once.q[-1])
+
+
+def test_formulas_of_many_coordinates_serve_numpy_and_multiprecision(bodies):
+    system = fput([f"{x:.6f}" for x in mode(1, 60)], sites=60)
+    q0, p0 = system.start(float)
+    direct = np.sum(np.diff([0, *q0, 0]) ** 2 / 2 + 0.1 * np.diff([0, *q0, 0]) ** 4 / 4)
+    assert system.energy(q0, p0, (0.1,)) == pytest.approx(direct, rel=1e-13)
+    slopes = system.grad_V(q0, 0.1)
+    assert slopes[0] == pytest.approx(
+        q0[0] + 0.1 * q0[0] ** 3 - (q0[1] - q0[0]) - 0.1 * (q0[1] - q0[0]) ** 3, rel=1e-12
+    )
+    assert len(list(pairwise(slopes))) == 59
