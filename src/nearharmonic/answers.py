@@ -40,6 +40,8 @@ class Answer:
         Lines below the table. JSON and CSV leave title and notes out.
     digits : int or None
         Significant digits of the floats of the table, None for all; JSON and CSV keep them all.
+    text : str, optional
+        What is printed in place of a table, as it stands.
 
     Raises
     ------
@@ -54,6 +56,7 @@ class Answer:
     title: str = ""
     notes: Sequence[str] = ()
     digits: int | None = SHOWN
+    text: str | None = None
 
     def __post_init__(self) -> None:
         check_rows(self.header, self.rows)
@@ -66,6 +69,8 @@ def printed(answer: Answer, form: str) -> str:
 
 
 def _table(answer: Answer) -> str:
+    if answer.text is not None:
+        return answer.text
     lines = [answer.title] if answer.title else []
     if answer.rows:
         from tabulate import tabulate

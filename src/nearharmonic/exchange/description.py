@@ -1,0 +1,97 @@
+"""What the head of an exported program says of an integrator, and the names that it gives it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from textwrap import wrap
+
+from nearharmonic import __version__
+from nearharmonic.exchange.coefficients import Coefficients
+from nearharmonic.integrators.tableau import Row, Tableau
+
+#: Columns of a comment.
+WIDTH = 96
+#: Characters of an identifier that every language takes: Fortran has 63, and a suffix is added to some.
+LONGEST_IDENTIFIER = 40
+
+
+def head(coefficients: Coefficients, mark: str, *remarks: str) -> str:
+    """Return the comment at the head of a program: what the integrator is, which operator is first, and its source.
+
+    Parameters
+    ----------
+    coefficients : Coefficients
+        The integrator and its rows.
+    mark : str
+        What begins a line of comment in the language.
+    *remarks : str
+        Sentences on the target, a paragraph each.
+    """
+    return comment([*_description(coefficients), *remarks], mark)
+
+
+def _description(coefficients: Coefficients) -> Iterator[str]:
+    tableau = coefficients.tableau
+    yield f"{tableau.label}: symplectic integrator for H(q, p) = T(p) + V(q), written by nearharmonic {__version__}."
+    yield f"Name: {tableau.name}. {_orders(tableau)}"
+    sequence = _sequence(*coefficients.operators, tableau.stages)
+    yield (
+        f"First: {tableau.first}. A step of length tau is {sequence}. A kick with coefficient c is p -= c tau dV/dq, a "
+        "drift with coefficient c is q += c tau dT/dp."
+    )
+    if tableau.requires is not None:
+        yield (
+            f"Requires: a {tableau.requires}, T = p.p/2 or p.A p/2 with a constant matrix A. For any other T, or "
+            "if the two rows exchange their roles, only order 2 is certain."
+        )
+    elif tableau.harmonic_order is not None:
+        yield "The harmonic order is lost if the two rows exchange their roles."
+    yield f"Coefficients: {coefficients.rounding}."
+    yield f"Source: {tableau.source}"
+
+
+def _orders(tableau: Tableau) -> str:
+    harmonic = "" if tableau.harmonic_order is None else f" Harmonic order: {tableau.harmonic_order}."
+    return f"Order: {tableau.order}.{harmonic} Stages (force evaluations per step): {tableau.stages}."
+
+
+def _sequence(outer: str, inner: str, stages: int) -> str:
+    """The substeps of a step in order, such as kick[0], drift[0], kick[1]."""
+    if stages == 1:
+        return f"{outer}[0], {inner}[0], {outer}[1]"
+    between = ", ..., " if stages > 2 else ", "
+    return f"{outer}[0], {inner}[0], {outer}[1]{between}{inner}[{stages - 1}], {outer}[{stages}]"
+
+
+def comment(paragraphs: list[str], mark: str) -> str:
+    """Return ``paragraphs`` as lines of comment, each begun by ``mark``.
+
+    A user's label or source may hold line ends, which become spaces, and a backslash that would continue the line.
+    """
+    lines = []
+    for paragraph in paragraphs:
+        lines += wrap(paragraph, WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
+    return "\n".join(f"{mark} {line}." if line.endswith("\\") else f"{mark} {line}" for line in lines)
+
+
+def identifier(tableau: Tableau) -> str:
+    """Return the name of ``tableau`` as an identifier of C, Fortran, Julia and Python."""
+    name = re.sub(r"\W+", "_", tableau.name, flags=re.ASCII).strip("_").lower()[:LONGEST_IDENTIFIER]
+    return name if name[:1].isalpha() else f"method_{name}".rstrip("_")
+
+
+def elements(row: Row, form: str = "{}", separator: str = ",") -> str:
+    """Return the numbers of ``row``, one a line.
+
+    Parameters
+    ----------
+    row : tuple of str
+        Decimal numbers.
+    form : str
+        How the language writes a number, which stands for the braces.
+    separator : str
+        What ends the lines; the last one too if it is a comma alone.
+    """
+    lines = [f"    {form.format(text)}" for text in row]
+    return f"{separator}\n".join(lines) + ("," if separator == "," else "")

@@ -1,0 +1,53 @@
+"""An integrator as text for another program: which targets there are, and with how many digits each is written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from nearharmonic.exchange.coefficients import Coefficients, as_registered, nearest_doubles, rounded
+from nearharmonic.exchange.writers import c, data, diffrax, fortran, julia, rebound, sundials
+from nearharmonic.integrators.tableau import Tableau
+
+#: The functions that write, by target.
+WRITERS: Mapping[str, Callable[[Coefficients], str]] = {
+    "json": data.write_json,
+    "toml": data.write_toml,
+    "c": c.write,
+    "julia": julia.write,
+    "rebound": rebound.write,
+    "diffrax": diffrax.write,
+    "sundials": sundials.write,
+    "fortran": fortran.write,
+}
+#: Targets that are data, not programs.
+DATA = ("json", "toml")
+
+
+def export(tableau: Tableau, to: str, digits: int | None = None) -> str:
+    """Return an integrator as text for another program.
+
+    Parameters
+    ----------
+    tableau : Tableau
+        The integrator.
+    to : str
+        One of :data:`nearharmonic.exchange.TARGETS`.
+    digits : int, optional
+        Significant digits of the coefficients. By default data have the digits of the tableau, and programs those of
+        the nearest doubles.
+
+    Returns
+    -------
+    str
+        The text, with a line end.
+
+    Raises
+    ------
+    SettingError
+        ``digits`` is below 1 or above the number of digits to which the coefficients are known.
+    """
+    if digits is not None:
+        coefficients = rounded(tableau, digits)
+    else:
+        coefficients = as_registered(tableau) if to in DATA else nearest_doubles(tableau)
+    return WRITERS[to](coefficients)

@@ -1,0 +1,81 @@
+"""An integrator as a program in Julia: a function that takes steps, and the Hénon-Heiles system as an example."""
+
+from __future__ import annotations
+
+from string import Template
+
+from nearharmonic.exchange.coefficients import DOUBLE_DIGITS, Coefficients
+from nearharmonic.exchange.description import elements, head, identifier
+
+BIG = "More than 17 digits are for BigFloat, which holds 77 of them unless setprecision says otherwise."
+
+PROGRAM = Template("""\
+$head
+# Indices below begin with 1, those above with 0. Run: julia $name.jl
+
+const ${name}_$outer = [
+$outer_rows
+]
+
+const ${name}_$inner = [
+$inner_rows
+]
+
+\"\"\"
+    ${name}!(kick!, drift!, tau, steps, q, p)
+
+Take `steps` steps of length `tau` and change the vectors `q` and `p` in place.
+
+Your system is two functions: `kick!(h, q, p)` does `p .-= h * dV/dq(q)`, `drift!(h, q, p)` does `q .+= h * dT/dp(p)`.
+\"\"\"
+function ${name}!(kick!, drift!, tau, steps, q, p)
+    steps < 1 && return q, p
+    stages = length(${name}_$inner)
+    $outer!(${name}_$outer[1] * tau, q, p)
+    for step in 1:steps, i in 1:stages
+        $inner!(${name}_$inner[i] * tau, q, p)
+        c = ${name}_$outer[i + 1]
+        if i == stages && step < steps
+            c += ${name}_$outer[1] # the last $outer of this step and the first of the next are one
+        end
+        $outer!(c * tau, q, p)
+    end
+    return q, p
+end
+
+# Example, to be replaced: the Henon-Heiles system, V = (x^2 + y^2)/2 + x^2 y - y^3/3, T = (px^2 + py^2)/2.
+function henon_heiles_kick!(h, q, p)
+    x, y = q
+    p[1] -= h * (x + 2x * y)
+    p[2] -= h * (y + x^2 - y^2)
+end
+
+function henon_heiles_drift!(h, q, p)
+    q .+= h .* p
+end
+
+q, p = [$three, $zero], [$zero, $four]
+${name}!(henon_heiles_kick!, henon_heiles_drift!, 0.25, 80, q, p)
+println("q = ", join(q, " "))
+println("p = ", join(p, " "))
+""")
+
+
+def write(coefficients: Coefficients) -> str:
+    """Return the program, with numbers of type BigFloat if the coefficients have more digits than a double."""
+    tableau = coefficients.tableau
+    outer, inner = coefficients.operators
+    big = coefficients.digits > DOUBLE_DIGITS
+
+    number = 'big"{}"' if big else "{}"
+    return PROGRAM.substitute(
+        head=head(coefficients, "#", *([BIG] if big else [])),
+        name=identifier(tableau),
+        outer=outer,
+        inner=inner,
+        outer_rows=elements(coefficients.outer, number),
+        inner_rows=elements(coefficients.inner, number),
+        zero=number.format("0.0"),
+        three=number.format("0.3"),
+        four=number.format("0.4"),
+    )

@@ -1,0 +1,247 @@
+"""Exported programs run and reproduce our states of the Hénon-Heiles system, wherever their compiler or library is."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from fractions import Fraction
+from functools import cache
+from importlib.util import find_spec
+from itertools import product
+
+import pytest
+
+import nearharmonic as nh
+from exported_programs import array, run, state, written
+from nearharmonic.exchange.export import export
+
+#: Kick first and drift first, with and without a harmonic order, and two that require a quadratic kinetic energy.
+METHODS = ("leapfrog", "ruth", "babps8o7h", "abas5o6h", "srkn_b11", "srkn_a14")
+#: One of each role.
+ROLES = ("babps8o7h", "abas5o6h")
+#: Those of the examples.
+TAU, STEPS = 0.25, 80
+#: Neighbours of this orbit part by a factor e in ten units of time, and the examples take twenty.
+GROWTH = 7.4
+
+#: The few words of Julia in which the loop is written, as Python; indices of arrays begin with 0 there.
+JULIA_TO_PYTHON = (
+    (r"!", ""),
+    (r"^function (.*)$", r"def \1:"),
+    (r"^( +)(.*) && return", r"\1if \2: return"),
+    (r"&&", "and"),
+    (r"for step in 1:steps, i in 1:stages", "for step, i in product(range(1, steps + 1), range(1, stages + 1)):"),
+    (r"^( +if [^:\n]*)$", r"\1:"),
+    (r"^ *end$", ""),
+    (r"\blength\b", "len"),
+    (r"\[([^]]+)\]", r"[\1 - 1]"),
+)
+QUADRUPLE = """
+#define __STDC_WANT_IEC_60559_TYPES_EXT__
+#include <stdlib.h>
+int main(void) { char text[64]; return strfromf128(text, sizeof text, "%g", 1.0f128) < 0; }
+"""
+SUNDIALS = ("-lsundials_arkode", "-lsundials_nvecserial", "-lsundials_core", "-lm")
+
+needs_c = pytest.mark.skipif(not shutil.which("cc"), reason="there is no C compiler")
+needs_fortran = pytest.mark.skipif(not shutil.which("gfortran"), reason="gfortran is not installed")
+needs_julia = pytest.mark.skipif(not shutil.which("julia"), reason="julia is not installed")
+needs_rebound = pytest.mark.skipif(not find_spec("rebound"), reason="rebound is not installed")
+needs_diffrax = pytest.mark.skipif(not find_spec("diffrax"), reason="diffrax is not installed")
+
+
+@cache
+def ours(name, precision):
+    """Position and momentum behind the steps of the examples, exactly as the two parts of each number say."""
+    ran = nh.integrate("henon_heiles", name, tau=TAU, t_end=20, precision=precision)
+    assert ran.steps == STEPS
+    parts = [(ran.q, ran.q_low), (ran.p, ran.p_low)]
+    return [
+        Fraction(float(a)) + Fraction(float(b)) for high, low in parts for a, b in zip(high[-1], low[-1], strict=True)
+    ]
+
+
+def check(name, printed, precision="double"):
+    """Compare with our state, to the rounding of the program.
+
+    Each of its substeps adds to numbers below 1 and is off by half a unit in the last place, 2^-54, at most twice: of
+    the sum, and of the product, which the step makes smaller. What is off grows as neighbours part.
+    """
+    substeps = STEPS * (2 * nh.integrators[name].stages + 1)
+    tolerance = substeps * GROWTH * 2.0 ** {"double": -53, "extended": -104}[precision]
+    found = state(printed)
+    assert len(found) == 4
+    assert [abs(x - y) <= tolerance for x, y in zip(found, ours(name, precision), strict=True)] == [True] * 4
+
+
+def compiles(text, folder, libraries=()):
+    """Whether the C compiler takes a program, a small one that tells what is installed."""
+    (folder / "probe.c").write_text(text, encoding="utf-8")
+    words = ["cc", "-std=c11", "-o", "probe", "probe.c", *libraries]
+    return subprocess.run(words, cwd=folder, capture_output=True, check=False).returncode == 0
+
+
+def test_the_tolerance_tells_exchanged_roles():
+    for name in ROLES:
+        tableau = nh.integrators[name]
+        other = nh.integrate(
+            "henon_heiles", name, tau=TAU, t_end=20, first="drift" if tableau.first == "kick" else "kick"
+        )
+        with pytest.raises(AssertionError):
+            check(name, "q = {} {}\np = {} {}".format(*other.q.values[-1], *other.p.values[-1]))
+
+
+@needs_c
+@pytest.mark.parametrize("name", METHODS)
+def test_a_program_in_c_compiles_without_warnings_and_reproduces_our_states(name, tmp_path):
+    file = written(tmp_path, name, "c", "c")
+    run(["cc", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-o", "program", file], tmp_path)
+    check(name, run(["./program"], tmp_path))
+
+
+@needs_c
+@pytest.mark.parametrize("name", ["leapfrog", *ROLES])
+def test_a_program_in_c_with_more_digits_reproduces_our_extended_states(name, tmp_path):
+    if not compiles(QUADRUPLE, tmp_path):
+        pytest.skip("the C compiler or its library has no _Float128")
+    file = written(tmp_path, name, "c", "c", digits=36)
+    run(["cc", "-std=c11", "-Wall", "-Wextra", "-Werror", "-o", "program", file], tmp_path)
+    check(name, run(["./program"], tmp_path), "extended")
+
+
+@needs_fortran
+@pytest.mark.parametrize(("name", "digits"), [*((name, None) for name in METHODS), *((name, 36) for name in ROLES)])
+def test_a_program_in_fortran_compiles_without_warnings_and_reproduces_our_states(name, digits, tmp_path):
+    file = written(tmp_path, name, "fortran", "f90", digits)
+    run(["gfortran", "-std=f2008", "-Wall", "-Wextra", "-Werror", "-o", "program", file], tmp_path)
+    check(name, run(["./program"], tmp_path), "extended" if digits else "double")
+
+
+@needs_julia
+@pytest.mark.parametrize(("name", "digits"), [*((name, None) for name in ROLES), *((name, 36) for name in ROLES)])
+def test_a_program_in_julia_reproduces_our_states(name, digits, tmp_path):
+    file = written(tmp_path, name, "julia", "jl", digits)
+    check(name, run(["julia", "--startup-file=no", file], tmp_path), "extended" if digits else "double")
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_the_loop_in_julia_read_as_python_reproduces_our_states(name):
+    text = export(nh.integrators[name], "julia")
+    (loop,) = re.findall(r"^function \w+!\(kick!.*?^end$", text, flags=re.MULTILINE | re.DOTALL)
+    for julia, python in JULIA_TO_PYTHON:
+        loop = re.sub(julia, python, loop, flags=re.MULTILINE)
+    space = {"product": product}
+    space |= {key: list(map(float, array(text, key))) for key in (f"{name}_kick", f"{name}_drift")}
+    exec(loop, space)
+    q, p = space[name](henon_heiles_kick, henon_heiles_drift, TAU, STEPS, [0.3, 0.0], [0.0, 0.4])
+    check(name, "q = {} {}\np = {} {}".format(*q, *p))
+
+
+def henon_heiles_kick(h, q, p):
+    x, y = q
+    p[:] = p[0] - h * (x + 2 * x * y), p[1] - h * (y + x * x - y * y)
+
+
+def henon_heiles_drift(h, q, p):
+    q[:] = q[0] + h * p[0], q[1] + h * p[1]
+
+
+@needs_rebound
+@pytest.mark.parametrize("name", ["leapfrog", *ROLES, "srkn_a14"])
+def test_an_integrator_of_rebound_reproduces_our_states(name, tmp_path):
+    check(name, run([sys.executable, written(tmp_path, name, "rebound", "py")], tmp_path))
+
+
+PLANETS = """
+import rebound
+import {name}
+
+simulation = rebound.Simulation()
+simulation.add(m=1.0)
+simulation.add(m=1e-3, a=1.0, e=0.2)
+simulation.add(m=1e-3, a=2.5, e=0.1, inc=0.3)
+simulation.integrator = "nearharmonic_{name}"
+errors, start = [], simulation.energy()
+for dt in (0.2, 0.1):
+    run = simulation.copy()
+    run.dt = dt
+    run.steps(round(20 / dt))
+    assert abs(run.t - 20) < 1e-12
+    errors.append(abs(run.energy() / start - 1))
+print(errors[0] / errors[1])
+"""
+
+
+@needs_rebound
+@pytest.mark.parametrize("name", ROLES)
+def test_an_integrator_of_rebound_moves_its_planets_with_the_order_of_the_integrator(name, tmp_path):
+    written(tmp_path, name, "rebound", "py")
+    (tmp_path / "planets.py").write_text(PLANETS.format(name=name), encoding="utf-8")
+    ratio = float(run([sys.executable, "planets.py"], tmp_path))
+    assert ratio > 2**4 / 1.5  # order 4 halves the step: 16, less what higher orders add
+
+
+DRIVEN_PARTICLE = """
+import rebound
+import {name}
+
+def force(pointer):
+    pointer.contents.particles[0].ax += pointer.contents.t ** 3
+
+simulation = rebound.Simulation()
+simulation.add(m=1.0)
+simulation.additional_forces = force
+simulation.integrator = "nearharmonic_{name}"
+simulation.dt = 0.25
+simulation.steps(16)
+print(simulation.particles[0].vx)
+"""
+DRIVEN_STATE = """
+import diffrax
+import jax
+from {name} import {Name}
+
+jax.config.update("jax_enable_x64", True)
+terms = (diffrax.ODETerm(lambda t, p, args: p), diffrax.ODETerm(lambda t, q, args: t**3))
+print(diffrax.diffeqsolve(terms, {Name}(), 0.0, 4.0, 0.25, (0.0, 0.0)).ys[1][-1].item())
+"""
+
+
+def driven(program, name, to, folder):
+    """The momentum after four units of time under the force t^3, from the program that uses an export."""
+    written(folder, name, to, "py")
+    (folder / "driven.py").write_text(program.format(name=name, Name=name.capitalize()), encoding="utf-8")
+    return float(run([sys.executable, "driven.py"], folder))
+
+
+@needs_rebound
+@pytest.mark.parametrize("name", ROLES)
+def test_an_integrator_of_rebound_kicks_with_the_force_at_the_time_of_the_positions(name, tmp_path):
+    # a method of order 4 integrates t^3 exactly: 4^4 / 4, to the rounding of 16 steps of ten kicks
+    assert abs(driven(DRIVEN_PARTICLE, name, "rebound", tmp_path) / 64 - 1) < 160 * 2.0**-52
+
+
+@needs_diffrax
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ROLES)
+def test_a_solver_of_diffrax_kicks_with_the_force_at_the_time_of_the_positions(name, tmp_path):
+    assert abs(driven(DRIVEN_STATE, name, "diffrax", tmp_path) / 64 - 1) < 160 * 2.0**-52
+
+
+@needs_diffrax
+@pytest.mark.slow  # JAX takes seconds to start
+@pytest.mark.parametrize("name", [*ROLES, "srkn_b11"])
+def test_a_solver_of_diffrax_reproduces_our_states(name, tmp_path):
+    check(name, run([sys.executable, written(tmp_path, name, "diffrax", "py")], tmp_path))
+
+
+@needs_c
+@pytest.mark.parametrize("name", METHODS)
+def test_a_table_of_sundials_reproduces_our_states(name, tmp_path):
+    if not compiles("#include <arkode/arkode_sprkstep.h>\nint main(void) { return 0; }\n", tmp_path, SUNDIALS):
+        pytest.skip("the C compiler does not find SUNDIALS; CPATH and LIBRARY_PATH tell it where")
+    file = written(tmp_path, name, "sundials", "c")
+    run(["cc", "-std=c99", "-Wall", "-Werror", "-o", "program", file, *SUNDIALS], tmp_path)
+    check(name, run(["./program"], tmp_path))
