@@ -90,6 +90,11 @@ def near_miss(module: ModuleType, name: str, kind: type) -> str:
     return f"; did you mean its {nearest[0]!r}?" if nearest else ""
 
 
+def place_of(name: str, value: object) -> Path | None:
+    """Return the file whose ``name`` is ``value``, if one was loaded."""
+    return next((path for path, (module, _) in _LOADED.items() if getattr(module, name, None) is value), None)
+
+
 def is_file(path: Path) -> bool:
     """Return whether there is such a file; a path that no file can have is none."""
     try:

@@ -63,6 +63,19 @@ def test_problems_and_results_pickle():
     assert repr(copy) == repr(problem) == "Problem('kepler', 'srkn_a14', t_end=4000)"
 
 
+def test_a_result_of_a_system_in_a_file_is_read_in_another_process(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(
+        "from nearharmonic import System\n"
+        "SYSTEM = System(name='mine', V=lambda q: q[0]**2 / 2 + q[0]**4, q0=['1'], p0=['0'], t_end=1)\n"
+    )
+    result = nh.problem(str(path), "leapfrog")(0.1)
+    (tmp_path / "result.pickle").write_bytes(pickle.dumps(result))
+    read = "import pickle, sys; r = pickle.load(open(sys.argv[1], 'rb')); print(r.problem(0.1).q[-1, 0], r.q[-1, 0])"
+    told = subprocess.run([sys.executable, "-c", read, "result.pickle"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert told.stdout.split() == [str(result.q[-1, 0])] * 2
+
+
 def test_one_problem_serves_several_threads():
     problem = nh.problem("henon_heiles", "aba864", t_end=50)
     expected = [problem(0.05, q0=row[:2], p0=row[2:]).q for row in STARTS]

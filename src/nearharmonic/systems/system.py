@@ -17,6 +17,7 @@ from nearharmonic.systems.energy import Energy
 from nearharmonic.systems.formulas import DerivedGradient, ExtendedPotential, Formulas, formulas_of, with_parameters
 from nearharmonic.systems.kinetic_energy import MassKineticEnergy, quadratic_grad_T, quadratic_T
 from nearharmonic.systems.quantities import Observable, Parameter, Vector, decimal, sequence
+from nearharmonic.user_module import place_of
 
 Scalar = TypeVar("Scalar")
 
@@ -182,11 +183,19 @@ class System:
             object.__setattr__(self, key, value)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle a registered system by its name, another by its fields, whose functions must be importable."""
+        """Pickle a registered system by its name, that of a file by its path, another by its fields.
+
+        The functions in these fields must be importable.
+        """
         from nearharmonic.systems import systems
 
         if self.name in systems.registered and systems.get(self.name) is self:
             return systems.__getitem__, (self.name,)
+        place = place_of("SYSTEM", self)
+        if place is not None:
+            from nearharmonic.systems.user_file import load_system
+
+            return load_system, (str(place),)
         kept = {x.name: getattr(self, x.name) for x in fields(self) if x.name != "declared_for"}
         for name in ("grad_V", "grad_T"):
             if isinstance(kept[name], DerivedGradient) or (self.masses is not None and name == "grad_T"):
