@@ -154,6 +154,7 @@ def test_a_file_that_is_there_stays_as_it_is(capsys):
         ("system class", "no keyword of Python"),
         ("integrator substeps", "the workflow has another use of this name"),
         ("system random", "scripts beside random.py would import it in place of the module random: choose another"),
+        ("system time", "in place of the module time"),
         ("integrator numpy", "in place of the module numpy"),
         ("system mine -o random.py", "-o = 'random.py' is not allowed: scripts beside random.py would import it"),
         ("system mine -o well.txt", "-o = 'well.txt' is not allowed: a file with the ending .py"),

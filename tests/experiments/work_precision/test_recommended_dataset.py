@@ -89,17 +89,17 @@ def test_errors_are_those_of_a_loop_in_plain_python_from_the_values_given():
 
 
 def test_a_mean_meets_the_error_however_many_samples_are_kept():
-    # Sums over other blocks differ in their last digits: the bound is the least of them, which others exceed.
+    # Sums over other blocks differ in their last digits: the bound is one of them, which others exceed.
     samples = (2, 7, 100, 1000)
     for steps in range(300, 400):
-        means = {nh.integrate("sho", "ruth", 500 / steps, samples=n).mean_energy_error.item() for n in samples}
-        if len(means) > 1:
+        means = [nh.integrate("sho", "ruth", 500 / steps, samples=n).mean_energy_error.item() for n in samples]
+        if means[0] < max(means):
             break
-    bound = min(means)
-    assert bound < max(means)
-    found = nh.recommend("sho", bound, measure="mean", methods=["ruth"])
+    assert means[0] < max(means)
+    found = nh.recommend("sho", means[0], measure="mean", methods=["ruth"])
+    assert found.steps.item() > steps
     for n in samples:
-        assert run_of("sho", found, 0, samples=n).mean_energy_error <= bound
+        assert run_of("sho", found, 0, samples=n).mean_energy_error <= means[0]
 
 
 def test_times_are_in_seconds_and_rank_the_methods(monkeypatch):
@@ -133,6 +133,8 @@ def test_no_run_takes_more_than_the_budget_and_none_is_made_beyond_five_quarters
     assert max(longest) <= needed["aba864"] * 5 / 4
     assert re.fullmatch(r"Ruth \(\d\.\de-05 at tau 0\.\d+ at best\)", few.attrs["missed"])
     assert few.attrs["budget"] == needed["aba864"]
+    fewer = nh.recommend("henon_heiles", 1e-6, t_end=50, methods=FEW, budget=needed["aba864"] - 1)
+    assert set(fewer.integrator.values) == {"babps9o7h"}
 
 
 def test_a_budget_below_a_single_step_is_said():
@@ -145,10 +147,10 @@ def test_a_budget_below_a_single_step_is_said():
 def test_the_finest_run_within_a_small_budget_is_made():
     # Order 2 on the oscillator: the error falls as steps^-2, so that the fewest steps are known from one run.
     leapfrog = integrators["leapfrog"]
-    error = nh.integrate("sho", leapfrog, 1 / 39, t_end=1).max_energy_error.item()
-    budget = 39 * leapfrog.stages + leapfrog.first_same_as_last
+    error = nh.integrate("sho", leapfrog, 1 / 12, t_end=1).max_energy_error.item()
+    budget = 12 * leapfrog.stages + leapfrog.first_same_as_last
     found = nh.recommend("sho", error, t_end=1, methods=["leapfrog"], budget=budget)
-    assert found.steps.values.tolist() == [39]
+    assert found.steps.values.tolist() == [12]
 
 
 def test_methods_are_names_paths_tableaus_and_files_of_several(tmp_path):
