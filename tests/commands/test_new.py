@@ -159,7 +159,7 @@ def test_a_file_that_is_there_stays_as_it_is(capsys):
         ("system mine -o random.py", "-o = 'random.py' is not allowed: scripts beside random.py would import it"),
         ("system mine -o well.txt", "-o = 'well.txt' is not allowed: a file with the ending .py"),
         ('system mine -o a"b.py', "of printable letters other than quotes"),
-        ("sytem mine", "kind = 'sytem' is not allowed: one of system, integrator. Did you mean 'system'?"),
+        ("syystem mine", "kind = 'syystem' is not allowed: one of system, integrator. Did you mean 'system'?"),
         ("system", "the following arguments are required: NAME"),
     ],
 )
