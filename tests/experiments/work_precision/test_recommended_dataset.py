@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
+from nearharmonic.core.expression.size import MOST_UNROLLED
 from nearharmonic.errors import NearharmonicError
+from nearharmonic.experiments.work_precision.curve import MODES
+from nearharmonic.experiments.work_precision.own import kernel_calls
 from nearharmonic.experiments.work_precision.recommend import choices
 from nearharmonic.integrators import integrators
 from own_systems import spring
@@ -189,6 +192,29 @@ def test_a_position_is_compared_from_the_values_given():
         distance = abs(q - exact) / max(2, abs(exact))
         assert distance <= 1e-5
         assert found.position_error[i].item() == pytest.approx(distance, rel=1e-6)  # cos and sin in doubles
+
+
+def chain(sites):
+    """Unit masses between unit springs, whose ends are held; the first one is displaced."""
+    q0 = [1, *[0] * (sites - 1)]
+
+    def V(q):
+        held = (0, *q, 0)
+        return sum((held[i + 1] - held[i]) ** 2 for i in range(sites + 1)) / 2
+
+    return nh.System(name="chain", V=V, q0=q0, p0=[0] * sites, t_end=10)
+
+
+def test_a_system_of_more_coordinates_than_are_unrolled_is_timed_as_it_is_integrated():
+    system = chain(MOST_UNROLLED + 1)
+    found = nh.recommend(system, 1e-4, methods=FEW)
+    for i in range(3):
+        run = run_of(system, found, i)
+        assert run.max_energy_error.item() == found.max_energy_error[i].item() <= 1e-4
+        tableau = integrators[str(found.integrator[i].values)]
+        calls = kernel_calls(system, tableau, Fraction(10), int(found.steps[i]), tuple(MODES))
+        assert sorted(calls) == ["energy", "trajectory"]  # one lane alone
+        assert calls["trajectory"]()[: system.dimension].tolist() == run.q[-1].values.tolist()
 
 
 def test_an_error_that_none_meets_gives_no_row_and_says_who_misses_it():
