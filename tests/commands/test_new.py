@@ -171,6 +171,18 @@ def test_bad_input_is_one_sentence_and_nothing_is_written(words, says, capsys, t
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_module_below_the_working_folder_is_not_hidden_and_one_in_it_is_no_fault(tmp_path, monkeypatch, capsys):
+    (tmp_path / "lib").mkdir()
+    (tmp_path / "lib/theirs.py").write_text("")
+    (tmp_path / "ours").mkdir()
+    (tmp_path / "ours/__init__.py").write_text("")
+    monkeypatch.syspath_prepend(tmp_path / "lib")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert main(["new", "system", "theirs"]) == 2
+    assert "in place of the module theirs" in capsys.readouterr().err
+    assert main(["new", "system", "ours"]) == 0
+
+
 def test_a_name_of_one_kind_may_be_registered_for_the_other():
     assert main(["new", "system", "ruth"]) == 0
     assert systems["ruth.py"].name == "ruth"

@@ -85,8 +85,9 @@ def _check_name(kind: str, name: str, place: Path) -> None:
 
 
 def _is_module(name: str, folder: Path) -> bool:
-    """Whether ``import name`` finds a module outside of ``folder``."""
+    """Whether ``import name`` finds a module, other than one that stands in ``folder`` itself."""
     if name in sys.stdlib_module_names:
         return True
     found = importlib.util.find_spec(name) if name.isidentifier() else None
-    return found is not None and found.origin is not None and folder not in Path(found.origin).resolve().parents
+    own = {folder / f"{name}.py", folder / name / "__init__.py"}
+    return found is not None and found.origin is not None and Path(found.origin).resolve() not in own
