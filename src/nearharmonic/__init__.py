@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from nearharmonic.engine.trajectory import integrate as integrate
     from nearharmonic.engine.trajectory import sweep as sweep
     from nearharmonic.experiments.paper.figures.plot import plot as plot
+    from nearharmonic.experiments.work_precision.recommend.dataset import recommend as recommend
     from nearharmonic.integrators import integrators as integrators
     from nearharmonic.integrators.tableau import Tableau as Tableau
     from nearharmonic.integrators.tableau import palindrome as palindrome
@@ -44,6 +45,7 @@ _MODULES = {
     "palindrome": "integrators.tableau",
     "problem": "engine.problem",
     "plot": "experiments.paper.figures.plot",
+    "recommend": "experiments.work_precision.recommend.dataset",
     "stability_limit": "theory.linear_stability",
     "sweep": "engine.trajectory",
     "systems": "systems",
@@ -51,7 +53,8 @@ _MODULES = {
 
 __all__ = [
     "NearharmonicError", "Observable", "Parameter", "System", "Tableau", "__version__", "ensemble", "integrate",
-    "integrators", "kappa", "order_of", "palindrome", "plot", "problem", "stability_limit", "sweep", "systems",
+    "integrators", "kappa", "order_of", "palindrome", "plot", "problem", "recommend", "stability_limit", "sweep",
+    "systems",
 ]  # fmt: skip
 
 

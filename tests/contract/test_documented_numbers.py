@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import re
 from math import isclose
 from pathlib import Path
@@ -9,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import nearharmonic as nh
+from nearharmonic.cli import main
 
 ROOT = Path(__file__).parents[2]
 SIXTH_ORDER = ("babs8o6_7h", "abas9o6_7h", "babs10o6_8h", "abas11o6_8h")
@@ -66,3 +69,23 @@ def test_the_methods_of_order_six_lose_on_the_oscillator_by_what_the_page_says()
     loss = lost("sho", ["babs7o7h"], [0.03, 0.05, 0.1, 0.2, 0.3])
     assert (loss[:, 3:] > 0).all()
     assert [loss[0].min().round(1), loss[0].max().round(1)] == [low, high]
+
+
+def test_the_budget_of_a_recommendation_is_what_the_pages_say():
+    from nearharmonic.experiments.work_precision.recommend.question import question
+
+    asked = question("sho", 1e-3)
+    (thousands,) = stated("README.md", r"reaches the error within (\d+) 000 evaluations")
+    (again,) = stated("docs/own_systems.md", r"in a run that is recommended, (\d+) 000 by default")
+    assert 1000 * thousands == 1000 * again == asked.budget
+    (top, bottom) = stated("docs/own_systems.md", r"whole numbers of steps, up to (\d)/(\d) of the budget")
+    assert asked.longest == asked.budget * top / bottom
+    (word,) = [word for word in shown("recommend", "--help").split() if word.startswith("200000")]
+    assert word == f"{asked.budget})"
+
+
+def shown(*words):
+    """What the command prints."""
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        main([*words])
+    return out.getvalue()

@@ -86,7 +86,14 @@ def checked_t_end(t_end: object, key: str = "t_end") -> str:
     return format(number.normalize(), "f")
 
 
-def _count(key: str, value: object, most: int) -> int:
+def checked_count(key: str, value: object, most: int) -> int:
+    """Return ``value``, the setting named ``key``, as an int if it is a whole number from 1 to ``most``.
+
+    Raises
+    ------
+    SettingError
+        Anything else.
+    """
     if isinstance(value, bool) or not isinstance(value, Integral) or not 1 <= int(value) <= most:
         raise bad_setting(key, value, f"a whole number from 1 to {most}")
     return int(value)
@@ -113,7 +120,7 @@ def checked_samples(samples: object, key: str = "samples") -> int:
     SettingError
         Anything else.
     """
-    return _count(key, samples, MOST_SAMPLES)
+    return checked_count(key, samples, MOST_SAMPLES)
 
 
 def checked_threads(threads: object, key: str = "threads") -> int:
@@ -124,7 +131,7 @@ def checked_threads(threads: object, key: str = "threads") -> int:
     SettingError
         Anything else.
     """
-    return _count(key, threads, MOST_THREADS)
+    return checked_count(key, threads, MOST_THREADS)
 
 
 def one_of(key: str, value: object, allowed: Sequence[str]) -> str:
@@ -202,10 +209,10 @@ class Numerics:
     def __post_init__(self) -> None:
         checked_precision(self.precision)
         checked_summation(self.summation)
-        _count("width", self.width, MOST_LANES)
+        checked_count("width", self.width, MOST_LANES)
         one_of("energy", self.energy, ENERGIES)
         if self.look is not None:
-            _count("look", self.look, MOST_STEPS)
+            checked_count("look", self.look, MOST_STEPS)
 
     @property
     def compensated(self) -> bool:

@@ -11,7 +11,8 @@ from nearharmonic.answers import printed
 from nearharmonic.commands.recommend import ranking
 from nearharmonic.errors import NearharmonicError, ResultFileError, SystemDefinitionError
 from nearharmonic.experiments.work_precision.curve import Curve, Point
-from nearharmonic.experiments.work_precision.recommend.choices import recommend
+from nearharmonic.experiments.work_precision.recommend.choices import recommendation
+from nearharmonic.experiments.work_precision.recommend.question import question
 from nearharmonic.experiments.work_precision.run import variables
 from nearharmonic.integrators import integrators
 from nearharmonic.output import store
@@ -38,7 +39,7 @@ SYSTEM = System(
 def few(monkeypatch):
     """Three methods instead of all: what is asked here does not depend on their number."""
     chosen = {name: integrators[name] for name in ("ruth", "aba864", "srkn_a14")}
-    monkeypatch.setattr("nearharmonic.experiments.work_precision.recommend.choices.integrators", chosen)
+    monkeypatch.setattr("nearharmonic.experiments.work_precision.recommend.question.integrators", chosen)
     return chosen
 
 
@@ -80,6 +81,11 @@ def choice_of(found, method):
     return next(choice for choice in found.choices if choice.method == method)
 
 
+def recommend(system, error, *, results, **more):
+    """What the command finds."""
+    return recommendation(question(system, error, **more), results)
+
+
 def text_of(found):
     return printed(ranking(found), "table")
 
@@ -88,7 +94,7 @@ def test_other_libraries_are_taken_from_the_timings_that_are_there(results, few)
     found = recommend("sho", "1e-6", results=results)
     assert {choice.method for choice in found.choices} == {*few, "theirs", "lucky", "absent"}
     assert found.choices[0].method == "lucky"
-    assert found.t_end == "500"
+    assert found.question.t_end == "500"
     assert f"other libraries: {results}/cubes/work_precision.h5, measured 2026-01-02T03:04:05+00:00 on Fast 9" in (
         found.basis
     )
@@ -166,7 +172,7 @@ def test_a_measure_that_the_timings_lack_is_measured(results):
 def test_a_system_of_ones_own_is_measured_on_the_spot(tmp_path):
     (tmp_path / "quartic.py").write_text(QUARTIC)
     found = recommend(str(tmp_path / "quartic.py"), 1e-6, measure="position", results=tmp_path)
-    assert found.system.name == "quartic"
+    assert found.question.system.name == "quartic"
     assert "not timed for a system of your own" in found.basis
     assert "aba864" in [choice.method for choice in found.ranked]
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import nearharmonic as nh
 from nearharmonic.cli import main
-from nearharmonic.commands.recommend import printed_step
+from nearharmonic.experiments.work_precision.recommend.recommendation import printed_step
 from nearharmonic.integrators import integrators
 from nearharmonic.systems import systems
 from nearharmonic.theory.oscillator import harmonic_energy_error
@@ -57,7 +57,7 @@ def check(capsys, system, error, measure="max"):
 @pytest.fixture
 def slippery(monkeypatch):
     monkeypatch.setattr(
-        "nearharmonic.experiments.work_precision.recommend.choices.integrators",
+        "nearharmonic.experiments.work_precision.recommend.question.integrators",
         {name: integrators[name] for name in SLIPPERY},
     )
 

@@ -108,7 +108,7 @@ def _is_own(name: str, asked: SystemSettings) -> bool:
 
 def _definition(name: str, asked: SystemSettings, folders: Sequence[Path]) -> SystemDefinition:
     here = f"systems.{name}"
-    _check_name(here, name)
+    check_name(here, name)
     if asked.file is not None and asked.system is not None:
         raise bad_setting(f"{here}.system", asked.system, "file is given as well, and a system has one of the two")
     if asked.file is None and asked.system is None:
@@ -127,7 +127,14 @@ def _definition(name: str, asked: SystemSettings, folders: Sequence[Path]) -> Sy
     )
 
 
-def _check_name(key: str, name: str) -> None:
+def check_name(key: str, name: str) -> None:
+    """Refuse what cannot be the name of a user's system or integrator.
+
+    Raises
+    ------
+    SettingError
+        Of the setting ``key``: no name, or one that the workflow uses already.
+    """
     if not _NAME.fullmatch(name) or keyword.iskeyword(name):
         allowed = f"a letter, then letters, digits and '_', at most {LONGEST} characters, no keyword of Python"
     elif name in TAKEN | RESERVED or name.startswith("stability_"):
@@ -152,7 +159,7 @@ def _tableaus(methods: Mapping[str, Sequence[str]], folders: Sequence[Path]) -> 
             if one and one not in names:
                 raise bad_setting(here, entry, f"{written} defines {', '.join(names)}")
             for name in names:
-                _check_name(here, name)
+                check_name(here, name)
                 other = defined.setdefault(name, TableauDefinition(file=place, written=written))
                 if other.file != place:
                     raise bad_setting(here, entry, f"{other.written} defines the integrator {name!r} as well")

@@ -10,6 +10,7 @@ from math import inf, isfinite
 
 import numpy as np
 
+from nearharmonic.core.expression.size import becomes_loops
 from nearharmonic.core.kernel import inner
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.coefficients import coefficients, lane_rows, parameter_row, start_row
@@ -131,19 +132,35 @@ def kernel_calls(
     Returns
     -------
     dict
-        Call by mode; each begins at the start of the system.
+        Call by mode; each begins at the start of the system. Formulas that are loops have no mode of several lanes.
     """
     drift, kick = coefficients(tableau, [t_end / steps], 1)
     start = start_row(*system.extended_start(Fraction), plain=summation == "plain")
     parameters = parameter_row(system.constants(Fraction))
     calls = {}
-    for mode in modes:
+    for mode in _possible(system, modes):
         width = MODES[mode]
         advance = _advance(system, summation, width, _measured(mode))
-        fresh = lane_rows(start, parameters, width)
+        fresh = np.append(lane_rows(start, parameters, width), np.zeros(_room(system)))
         wide = [np.repeat(row[0], width, axis=1).reshape(-1) for row in (drift, kick)]
         calls[mode] = _call(advance, steps, tableau, wide, fresh)
     return calls
+
+
+def _possible(system: System, modes: Collection[str]) -> list[str]:
+    """Those of ``modes`` for which there is a kernel of ``system``."""
+    return [mode for mode in modes if MODES[mode] == 1 or not becomes_loops(system.formulas().dimension)]
+
+
+@cache
+def _room(system: System) -> int:
+    """Doubles behind the rows of a kernel that its loops keep numbers in."""
+    loops = physics_of(system).loops
+    if loops is None:
+        return 0
+    from nearharmonic.core.loops.functions import room
+
+    return room(*loops, extended=False)
 
 
 def _measured(mode: str) -> str:
@@ -184,5 +201,5 @@ def _setup(system: System, tableau: Tableau, t_end: Fraction, summation: str) ->
 def warm_up(system: System, summation: str = "compensated", modes: Collection[str] = tuple(MODES)) -> None:
     """Compile every kernel that a curve with these ``modes`` uses, or load it from the cache."""
     kernel_of(system, Numerics(summation=summation))
-    for mode in modes:
+    for mode in _possible(system, modes):
         _advance(system, summation, MODES[mode], _measured(mode))

@@ -62,10 +62,10 @@ def measured_errors(
 ) -> dict[int, float]:
     """Run the rungs that decide which is the fewest number of steps that meets ``bound``.
 
-    The scouts come first, every ``SCOUT``-th rung from coarse to fine. They end where all errors of one call are down
-    to the rounding floor: finer steps would show rounding only. Then all rungs around :func:`fewest_steps` and its
-    finer neighbours are run, and numbers of steps between it and the last that misses the bound, until none is left
-    out.
+    The scouts come first, every ``SCOUT``-th rung from coarse to fine, and the finest. They end where all errors of one
+    call are down to the rounding floor: finer steps would show rounding only. Then all rungs around
+    :func:`fewest_steps` and its finer neighbours are run, and numbers of steps between it and the last that misses the
+    bound, until none is left out.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def measured_errors(
         Error by number of steps, of all runs made.
     """
     errors: dict[int, float] = {}
-    scouts = rungs[::SCOUT]
+    scouts = sorted({*rungs[::SCOUT], rungs[-1]})
     for i in range(0, len(scouts), LANES):
         call = dict(zip(scouts[i : i + LANES], run(scouts[i : i + LANES]), strict=True))
         errors |= call

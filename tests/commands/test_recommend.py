@@ -1,0 +1,100 @@
+"""The command ``nearharmonic recommend``: its options, and JSON that agrees with the Dataset."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+import nearharmonic as nh
+from nearharmonic.cli import main
+
+METHODS = "ruth,aba864, babps9o7h"
+
+
+def told(capsys, *words):
+    """(what JSON holds, exit status) of the command."""
+    status = main(["recommend", *words, "--format", "json"])
+    return json.loads(capsys.readouterr().out), status
+
+
+def test_interval_methods_and_budget_are_those_of_the_options(capsys):
+    words = ["--error", "1e-6", "--t-end", "50", "--methods", METHODS, "--budget", "5000"]
+    document, status = told(capsys, "henon_heiles", *words)
+    assert (status, document["t_end"], document["budget"], document["error"]) == (0, "50", 5000, 1e-6)
+    assert {choice["method"] for choice in document["choices"]} == {"ruth", "aba864", "babps9o7h"}
+    for choice in document["choices"]:
+        run = nh.integrate("henon_heiles", choice["method"], choice["tau"], t_end="50")
+        assert run.max_energy_error.item() == choice["error"] == choice["max_energy_error"] <= 1e-6
+        assert run.evaluations.item() == choice["evaluations"] <= 5000
+
+
+def test_json_holds_the_columns_of_the_dataset(capsys):
+    document, _ = told(capsys, "kepler", "--error", "1e-4", "--methods", METHODS, "--t-end", "8766")
+    found = nh.recommend("kepler", "1e-4", t_end="8766", methods=["ruth", "aba864", "babps9o7h"])
+    by_name = {choice["method"]: choice for choice in document["choices"]}
+    for i, name in enumerate(found.integrator.values):
+        for column in ("tau", "steps", "evaluations", "max_energy_error", "mean_energy_error"):
+            assert by_name[name][column] == found[column][i].item(), column
+    times = [choice["time"] for choice in document["choices"]]
+    assert times == sorted(times)
+    assert [choice["rank"] for choice in document["choices"]] == [1, 2, 3]
+
+
+def test_a_method_that_misses_the_error_has_no_rank_and_the_status_is_1_if_all_do(capsys):
+    words = ["sho", "--error", "1e-6", "--methods", "leapfrog,babps9o7h"]
+    document, status = told(capsys, *words, "--budget", "20000")
+    assert status == 0
+    assert [(choice["rank"], choice["status"]) for choice in document["choices"]] == [(1, "met"), (None, "missed")]
+    document, status = told(capsys, *words, "--budget", "100")
+    assert status == 1
+    assert {choice["rank"] for choice in document["choices"]} == {None}
+
+
+def test_a_method_of_a_file_is_ranked_by_its_path(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "integrator", "mine"]) == 0
+    capsys.readouterr()
+    document, status = told(capsys, "sho", "--error", "1e-3", "--methods", "mine.py,ruth")
+    assert status == 0
+    (mine,) = [choice for choice in document["choices"] if choice["method"] == "mine.py"]
+    assert nh.integrate("sho", "mine.py", mine["tau"]).max_energy_error <= 1e-3
+
+
+def test_an_interval_of_the_option_takes_the_place_of_that_of_a_config(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("mine.yaml").write_text(
+        "name: mine\nintegrators: [ruth]\nsystems:\n  far:\n    system: sho\n    q0: [2]\n    t_end: 30\n"
+        "    tau_per_stage: {lowest: 0.01, highest: 1, points_per_decade: 20}\n"
+    )
+    words = ["far", "--config", "mine.yaml", "--error", "1e-3", "--methods", "ruth"]
+    assert told(capsys, *words)[0]["t_end"] == "30"
+    assert told(capsys, *words, "--t-end", "12.5")[0]["t_end"] == "12.5"
+
+
+def test_other_libraries_are_left_out_if_methods_are_named(capsys):
+    with_all, _ = told(capsys, "sho", "--error", "1e-2", "--budget", "2000", "--results", "/nowhere")
+    assert "other libraries: not timed (/nowhere" in with_all["basis"]
+    named, _ = told(capsys, "sho", "--error", "1e-2", "--budget", "2000", "--methods", "ruth")
+    assert "other libraries" not in named["basis"]
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ("--t-end -5", "t_end = '-5' is not allowed: a finite number above 0"),
+        ("--t-end soon", "t_end = 'soon' is not allowed: a finite number above 0"),
+        ("--methods ruth,rut", "unknown integrator 'rut'. Did you mean 'ruth'?"),
+        ("--methods nowhere.py", "nowhere.py: no such file"),
+        ("--methods ,", "unknown integrator ''"),
+        ("--budget 1e5", "budget = '1e5' is not allowed: a whole number"),
+        ("--budget 0", "budget = 0 is not allowed: a whole number from 1 to 1000000000"),
+        ("--method ruth", "Did you mean '--methods'?"),
+    ],
+)
+def test_bad_input_is_one_sentence_with_status_2(words, says, capsys):
+    assert main(["recommend", "sho", "--error", "1e-3", *words.split()]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert says in err
