@@ -72,7 +72,9 @@ def test_a_result_of_a_system_in_a_file_is_read_in_another_process(tmp_path):
     result = nh.problem(str(path), "leapfrog")(0.1)
     (tmp_path / "result.pickle").write_bytes(pickle.dumps(result))
     read = "import pickle, sys; r = pickle.load(open(sys.argv[1], 'rb')); print(r.problem(0.1).q[-1, 0], r.q[-1, 0])"
-    told = subprocess.run([sys.executable, "-c", read, "result.pickle"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    told = subprocess.run(
+        [sys.executable, "-c", read, "result.pickle"], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
     assert told.stdout.split() == [str(result.q[-1, 0])] * 2
 
 

@@ -21,7 +21,7 @@ from nearharmonic.core.layout import ADVANCE, BEGIN, RUN, workspace
 from nearharmonic.core.native import PreparedCall, code_key, native
 from nearharmonic.core.rules import Physics, Rules, fingerprint
 
-__all__ = ["Kernel", "Physics", "build", "inner"]
+__all__ = ["Kernel", "Physics", "build", "inner", "room"]
 
 
 @dataclass(frozen=True)
@@ -66,14 +66,12 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
     energy : {"every", "samples", "none"}
         Whether the energy is measured at every step, at the end of each stretch of steps, or never.
     """
-    rules, room = Rules(physics, extended, compensated), 0
-    if physics.loops is not None:
-        from nearharmonic.core.loops import functions
-
-        room = functions.room(*physics.loops, extended=extended)
+    rules, more = Rules(physics, extended, compensated), room(physics, extended=extended)
 
     def make_begin() -> tuple[str, bytes]:
         if physics.loops is not None:
+            from nearharmonic.core.loops import functions
+
             return functions.machine_code(*functions.begin(rules))
         from nearharmonic.core import compile
 
@@ -90,29 +88,38 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
 
     def prepared(
         measured: int, order: Any, marks: Any, scheme: Any, start: Any, parameters: Any, limit: float, scale: float,
-        reference: Any, stretch: int, stages: int, *more: Any,
+        reference: Any, stretch: int, stages: int, *others: Any,
     ) -> PreparedCall:  # fmt: skip
         own = workspace(
-            start.shape[1], stages, parameters=physics.parameters, parts=rules.parts, width=width, room=room
+            start.shape[1], stages, parameters=physics.parameters, parts=rules.parts, width=width, room=more
         )
         first = advance.address, begin, measured, order, marks, scheme, start, parameters
-        return run.prepared(*first, limit, scale, reference, stretch, stages, *more, *own)
+        return run.prepared(*first, limit, scale, reference, stretch, stages, *others, *own)
 
     return Kernel(
         width=width,
         dimension=physics.dimension,
         parts=rules.parts,
         parameters=physics.parameters,
-        room=room,
+        room=more,
         advance=lambda: advance,
         prepared=prepared,
     )
 
 
+def room(physics: Physics, *, extended: bool) -> int:
+    """Return the doubles behind the rows that a kernel of ``physics`` works in."""
+    if physics.loops is None:
+        return 0
+    from nearharmonic.core.loops import functions
+
+    return functions.room(*physics.loops, extended=extended)
+
+
 def inner(
     physics: Physics, *, extended: bool, compensated: bool, width: int, energy: str = "every"
 ) -> Callable[..., int]:
-    """Load the function that ``advance()`` of :func:`build` gives, and nothing else; the arguments are the same."""
+    """Load the function that ``advance()`` of :func:`build` gives, and nothing else; its rows end in :func:`room`."""
     advance: Callable[..., int] = _advance(Rules(physics, extended, compensated), width, energy)
     return advance
 

@@ -37,7 +37,7 @@ def parameter_row(values: Sequence[Fraction]) -> Floats:
     return np.array(pairs, dtype=np.float64).reshape(-1)
 
 
-def lane_rows(start: Floats, parameters: Floats, width: int) -> Floats:
+def lane_rows(start: Floats, parameters: Floats, width: int, room: int = 0) -> Floats:
     """Return the rows of a kernel (flat) whose lanes all hold one start, with H0 = 1 and no limit of the energy error.
 
     Parameters
@@ -46,12 +46,14 @@ def lane_rows(start: Floats, parameters: Floats, width: int) -> Floats:
         As :func:`start_row` and :func:`parameter_row` lay them out.
     width : int
         Number of lanes.
+    room : int
+        Doubles behind the rows that the kernel works in.
     """
     rows = np.zeros((start.size + TALLY + parameter_rows(parameters.size // 2), width))
     rows[: start.size] = start[:, None]
     rows[start.size + ENERGY], rows[start.size + LIMIT] = 1.0, np.inf
     rows[start.size + TALLY : start.size + TALLY + parameters.size] = parameters[:, None]
-    return rows.reshape(-1)
+    return np.append(rows, np.zeros(room))
 
 
 def coefficients(tableau: Tableau, taus: Sequence[Fraction], parts: int) -> tuple[Floats, Floats]:

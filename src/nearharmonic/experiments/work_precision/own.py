@@ -10,8 +10,7 @@ from math import inf, isfinite
 
 import numpy as np
 
-from nearharmonic.core.expression.size import becomes_loops
-from nearharmonic.core.kernel import inner
+from nearharmonic.core.kernel import inner, room
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.coefficients import coefficients, lane_rows, parameter_row, start_row
 from nearharmonic.engine.grid import check_fit, evaluations_of, steps_of, tau_grid
@@ -141,7 +140,7 @@ def kernel_calls(
     for mode in _possible(system, modes):
         width = MODES[mode]
         advance = _advance(system, summation, width, _measured(mode))
-        fresh = np.append(lane_rows(start, parameters, width), np.zeros(_room(system)))
+        fresh = lane_rows(start, parameters, width, room(physics_of(system), extended=False))
         wide = [np.repeat(row[0], width, axis=1).reshape(-1) for row in (drift, kick)]
         calls[mode] = _call(advance, steps, tableau, wide, fresh)
     return calls
@@ -149,18 +148,7 @@ def kernel_calls(
 
 def _possible(system: System, modes: Collection[str]) -> list[str]:
     """Those of ``modes`` for which there is a kernel of ``system``."""
-    return [mode for mode in modes if MODES[mode] == 1 or not becomes_loops(system.formulas().dimension)]
-
-
-@cache
-def _room(system: System) -> int:
-    """Doubles behind the rows of a kernel that its loops keep numbers in."""
-    loops = physics_of(system).loops
-    if loops is None:
-        return 0
-    from nearharmonic.core.loops.functions import room
-
-    return room(*loops, extended=False)
+    return [mode for mode in modes if MODES[mode] == 1 or not system.formulas().are_loops]
 
 
 def _measured(mode: str) -> str:
