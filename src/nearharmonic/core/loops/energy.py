@@ -20,7 +20,7 @@ from nearharmonic.core.expression.polynomial import shortest_program
 from nearharmonic.core.expression.program import Program
 from nearharmonic.core.expression.size import operations_of
 from nearharmonic.core.loops.patterns import Level, Loop, levels
-from nearharmonic.core.loops.tables import Places, runs
+from nearharmonic.core.loops.tables import BLOCK, Places, runs
 from nearharmonic.core.loops.terms import COORDINATES
 
 
@@ -103,7 +103,7 @@ class LoopedEnergy:
         def keep(key: tuple[str, int, int], count: int) -> None:
             nonlocal at
             found[key] = at
-            at += count
+            at += -(-count // BLOCK) * BLOCK  # blocks that cross cache lines take twice the time to store
 
         keep(("gradient", COORDINATES, 0), self.dimension)
         for number, (level, work) in enumerate(zip(self.levels, self.work, strict=True), start=1):
