@@ -167,7 +167,7 @@ class Problem:
             slot.batch.start[:] = standard_start(self.system, self.plain)
             slot.batch.parameters[:] = standard_parameters(self.system)
             slot.default = True
-        slot.batch.run(self.tableau.stages * self.system.dimension, step.steps)
+        slot.batch.run(step.steps)
         solution = Solution(self, step, slot.batch, None if slot.default else slot.given)
         slots.append(slot)
         return solution

@@ -11,7 +11,7 @@ from fractions import Fraction
 from functools import cached_property
 from numbers import Rational
 from threading import RLock
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from nearharmonic.core import arithmetic
 from nearharmonic.core.expression.derivative import gradient, hessian_vector
@@ -19,9 +19,11 @@ from nearharmonic.core.expression.graph import Graph, Value, Variable, value_of
 from nearharmonic.core.expression.polynomial import is_quadratic, polynomial_of, shortest_program
 from nearharmonic.core.expression.program import Program
 from nearharmonic.core.expression.size import becomes_loops, check_size, operations
-from nearharmonic.core.loops.energy import LoopedEnergy
 from nearharmonic.core.number import Constant, Number, call, constant, scalar
 from nearharmonic.errors import SystemDefinitionError
+
+if TYPE_CHECKING:
+    from nearharmonic.core.loops.energy import LoopedEnergy
 
 Vector = tuple[Any, ...]
 
@@ -85,14 +87,18 @@ class Energy:
         SystemDefinitionError
             It fails, or takes too many operations to be compiled.
         """
+        _ = self._standard  # raises what the formula does
         if self.is_long:
             looped = call(_Named(self), self.formula, self.looped, self.parameters_at_run_time)
             call(_Named(self), self.formula, check_size, looped.operations)
 
     @cached_property
     def is_long(self) -> bool:
-        """Whether the formula is compiled as loops."""
-        graph, value, _ = self._standard
+        """Whether the formula is compiled as loops; not if it fails."""
+        try:
+            graph, value, _ = self._standard
+        except SystemDefinitionError:
+            return False
         return becomes_loops(self.dimension, operations(graph, [value]))
 
     def _trace(self, parameters: tuple[Constant, ...] | None) -> _Traced:
@@ -111,6 +117,8 @@ class Energy:
 
     def looped(self, parameters_at_run_time: bool) -> LoopedEnergy:
         """Return the energy as loops, with parameters that are values or the system's own."""
+        from nearharmonic.core.loops.energy import LoopedEnergy  # which most systems do without
+
         parameters = None if parameters_at_run_time else self.parameters
         with self._lock:
             if parameters not in self._loops:

@@ -80,6 +80,11 @@ class LoopedEnergy:
         """Operations of all patterns with their derivatives, each pattern once: what takes time to compile."""
         return sum(operations_of(name) for level in self.work for work in level for name, *_ in work.both.operations)
 
+    @property
+    def work_of_loops(self) -> int:
+        """Operations of all repetitions of all loops, with their derivatives."""
+        return sum(work.both.work * work.loop.count for level in self.work for work in level)
+
     @cached_property
     def digest(self) -> str:
         """Digest of what is computed: the operations of all loops, and their tables."""
