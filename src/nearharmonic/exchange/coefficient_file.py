@@ -24,8 +24,8 @@ from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, First, Ro
 HIGHEST_ORDER = 10
 #: Harmonic orders that a file may claim.
 HIGHEST_HARMONIC_ORDER = 100
-#: Coefficients of a row, and characters of one of them, at most.
-LONGEST_ROW, LONGEST_NUMBER = 200, 1000
+#: Coefficients of a row, characters of one of them, and its size, at most.
+LONGEST_ROW, LONGEST_NUMBER, LARGEST_NUMBER = 200, 400, 1000
 
 _ROWS = ("kick", "drift")
 _TEXTS = ("name", "label", "source", "note")
@@ -181,8 +181,12 @@ def _row(path: str, found: Mapping[str, Any], key: str) -> Row:
     for i, value in enumerate(row):
         number = isinstance(value, str | int | Decimal) and not isinstance(value, bool)
         text = str(value).strip() if number else ""
-        if len(text) > LONGEST_NUMBER or _DECIMAL.fullmatch(text) is None:
-            _refuse(path, f"{key}[{i}]", value, f"a finite decimal number of at most {LONGEST_NUMBER} characters")
+        decimal = len(text) <= LONGEST_NUMBER and _DECIMAL.fullmatch(text) is not None
+        if not decimal or abs(Decimal(text)) > LARGEST_NUMBER:
+            allowed = (
+                f"a decimal number of at most {LONGEST_NUMBER} characters, from -{LARGEST_NUMBER} to {LARGEST_NUMBER}"
+            )
+            _refuse(path, f"{key}[{i}]", value, allowed)
         texts.append(text)
     return tuple(texts)
 
@@ -197,7 +201,9 @@ def _first(path: str, claimed: Any, kicks: int, drifts: int) -> First:
         claimed = "kick" if kicks > drifts else "drift"
     ahead = (kicks - drifts) * (1 if claimed == "kick" else -1)
     if ahead not in (0, 1):
-        raise TableauError(f"{path}: {lengths} cannot take turns with the {claimed} first, which has as many or one more")
+        raise TableauError(
+            f"{path}: {lengths} cannot take turns with the {claimed} first, which has as many or one more"
+        )
     return cast("First", claimed)
 
 
@@ -221,7 +227,7 @@ def _requirement(path: str, value: Any) -> str | None:
 def _truth(path: str, value: Any) -> bool | None:
     if value is not None and not isinstance(value, bool):
         _refuse(path, "symmetric", value, "true or false")
-    return cast("bool | None", value)
+    return value
 
 
 def _refuse(path: str, key: str, value: object, allowed: str) -> NoReturn:

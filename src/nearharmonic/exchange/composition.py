@@ -46,6 +46,11 @@ class Digits(NamedTuple):
     number: int
     basis: str
 
+    @property
+    def words(self) -> str:
+        """The digits in words."""
+        return f"{self.number} digits" if self.number else "exact coefficients"
+
 
 Step = tuple[Substep, ...]
 
@@ -57,14 +62,14 @@ def digits_of(file: CoefficientFile) -> Digits:
     coefficients are exact. Numbers of 16 to 18 digits are doubles as a program prints them, of which 16 digits hold.
     """
     if file.digits is not None:
-        return Digits(file.digits, f"the {file.digits} digits that the file claims")
+        return Digits(file.digits, "as the file claims")
     counts = [n for n in map(significant_digits, (*file.kick, *file.drift)) if n > EXACT_DIGITS]
     if not counts:
-        return Digits(0, "exact coefficients")
+        return Digits(0, f"as none has more than {EXACT_DIGITS} digits")
     shown = median_low(counts)
     if DOUBLE_DIGITS <= shown <= LONGEST_DOUBLE:
-        return Digits(DOUBLE_DIGITS, f"the {DOUBLE_DIGITS} digits of doubles")
-    return Digits(shown, f"the {shown} digits that the file shows")
+        return Digits(DOUBLE_DIGITS, "which hold of doubles")
+    return Digits(shown, "as the file shows")
 
 
 def significant_digits(text: str) -> int:
@@ -76,8 +81,8 @@ def significant_digits(text: str) -> int:
 def uncertainty(text: str, digits: int) -> Fraction:
     """Return :data:`LAST_DIGIT` units of the last of ``digits`` digits of a coefficient; 0 for exact ones.
 
-    ``digits`` are counted from the first digit of the number, but behind the point for numbers below 1, as sources count
-    either way and this is the larger unit.
+    ``digits`` are counted from the first digit of the number, but behind the point for numbers below 1. Sources count
+    either way, and this is the larger unit.
     """
     if digits == 0:
         return Fraction(0)

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.exact.words import LETTERS
 from nearharmonic.exchange.composition import Step, is_palindrome, operators_of, size_of
-from nearharmonic.exchange.series import logarithm_and_derivatives
+from nearharmonic.exchange.series import derivatives_of_logarithm
 from nearharmonic.integrators.order_conditions import errors_on_words, weighted
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ def allowances(step: Step, degree: int, weights: Sequence[Sequence[Fraction]]) -
 
 
 def linear_allowance(step: Step, gradient: Iterable[float]) -> Fraction:
-    """Return what the digits allow a function of the coefficients with this ``gradient`` to be off by, to first order."""
+    """Return what the digits allow a function of the coefficients to be off by, to first order in its ``gradient``."""
     slopes = [abs(Fraction(float(g))) for g in gradient]
     single = sum((g * one.uncertainty for g, one in zip(slopes, step, strict=True)), Fraction(0))
     for letter in LETTERS:
@@ -121,9 +121,8 @@ def _gradients(step: Step, degree: int, weights: Sequence[Sequence[Fraction]]) -
     """The derivatives of the weighted sums by the coefficients, (weights, substeps), in double precision."""
     import numpy as np
 
-    _, derivatives = logarithm_and_derivatives(
-        np.array([[float(one.value) for one in step]]), [one.letter for one in step], degree
-    )
+    values = np.array([[float(one.value) for one in step]])
+    derivatives = derivatives_of_logarithm(values, [one.letter for one in step], degree)
     words = [int(word.translate(_BITS), 2) for word in lyndon_words(degree)]
     result: np.ndarray = np.array(weights, dtype=float) @ derivatives[:, words].T
     return result

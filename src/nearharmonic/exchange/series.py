@@ -1,8 +1,9 @@
 """Truncated power series in A (drift) and B (kick) in double precision, many at once.
 
-Exact series are in :mod:`nearharmonic.exact.words`. These are for what needs few digits: derivatives of order conditions
-by the coefficients, and a search through thousands of changed tableaus. A series is a list over the length k of words of
-arrays (member, 2^k); a word is the binary number of its letters, A = 0 and B = 1, the first letter being the highest bit.
+Exact series are in :mod:`nearharmonic.exact.words`. These are for what needs few digits: derivatives of order
+conditions by the coefficients, and a search through thousands of changed rows. A series is a list over the length k of
+words of arrays (member, 2^k). A word is the binary number of its letters, A = 0 and B = 1, the first letter being the
+highest bit.
 """
 
 from __future__ import annotations
@@ -43,10 +44,8 @@ def logarithm(values: np.ndarray, letters: Sequence[str], degree: int) -> Series
     return result
 
 
-def logarithm_and_derivatives(
-    values: np.ndarray, letters: Sequence[str], degree: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the logarithm of one product of exponentials on the words of ``degree`` letters, and its derivatives.
+def derivatives_of_logarithm(values: np.ndarray, letters: Sequence[str], degree: int) -> np.ndarray:
+    """Return the derivatives of the logarithm of one product of exponentials by its coefficients.
 
     Parameters
     ----------
@@ -59,8 +58,8 @@ def logarithm_and_derivatives(
 
     Returns
     -------
-    array (2^degree,), array (m, 2^degree)
-        The logarithm, and its derivative by each coefficient.
+    array (m, 2^degree)
+        Derivatives of the coefficients of the words of ``degree`` letters.
     """
     factors = [_exponential(values[:, i], letter, degree) for i, letter in enumerate(letters)]
     before, after = [_identity(1, degree)], [_identity(1, degree)]
@@ -73,14 +72,12 @@ def logarithm_and_derivatives(
     change = [np.concatenate(parts) for parts in zip(*changes, strict=True)]
     X = before[-1]
     X[0] = np.zeros_like(X[0])
-    power, d_power = X, change
-    value, d_value = X[degree], change[degree]
+    power, d_power, result = X, change, change[degree]
     for k in range(2, degree + 1):
         d_power = [a + b for a, b in zip(_product(d_power, X), _product(power, change), strict=True)]
         power = _product(power, X)
-        value = value + (-1) ** (k - 1) / k * power[degree]
-        d_value = d_value + (-1) ** (k - 1) / k * d_power[degree]
-    return value[0], d_value
+        result = result + (-1) ** (k - 1) / k * d_power[degree]
+    return result
 
 
 def _identity(members: int, degree: int) -> Series:
@@ -106,6 +103,8 @@ def _product(x: Series, y: Series) -> Series:
     members = max(len(x[0]), len(y[0]))
     result = []
     for n in range(len(x)):
-        parts = (x[k][:, :, None] * y[n - k][:, None, :] for k in range(n + 1))
-        result.append(sum(np.broadcast_to(p, (members, *p.shape[1:])).reshape(members, -1) for p in parts))
+        total = np.zeros((members, 1 << n))
+        for k in range(n + 1):
+            total += (x[k][:, :, None] * y[n - k][:, None, :]).reshape(-1, 1 << n)
+        result.append(total)
     return result
