@@ -28,14 +28,14 @@ def answer(chosen: argparse.Namespace) -> Answer:
     from nearharmonic.exchange.verdict import Verdict
 
     found = Verdict(read(chosen.file))
-    failing = sum(not claim.holds for claim in found.claims)
-    number = len(found.claims)
+    failing, number = sum(not claim.holds for claim in found.claims), len(found.claims)
+    verb = "does" if failing == 1 else "do"
     return Answer(
         header=HEADER,
         rows=[list(claim) for claim in found.claims],
         document=_document(found),
         status=1 if failing else 0,
-        title=f"{found.file.label}: {f'{failing} of {number} claims do not hold' if failing else 'all claims hold'}",
+        title=f"{found.file.label}: {f'{failing} of {number} claims {verb} not hold' if failing else 'all claims hold'}",
         notes=list(_notes(found)),
     )
 
@@ -49,11 +49,11 @@ def _notes(found: Verdict) -> Iterator[str]:
         f"order: {_shown(order)} for every separable H, {_shown(quadratic)} for quadratic T, "
         f"{oscillator.order} on the oscillator"
     )
-    yield (
-        f"on the oscillator, {found.file.first} first: position {oscillator.harmonic_order} (harmonic order), "
-        f"momentum {oscillator.momentum_order}, energy {oscillator.energy_order}, phase {oscillator.phase_order}"
-    )
     if found.stability_limit is not None:
+        yield (
+            f"on the oscillator, {found.file.first} first: position {oscillator.harmonic_order} (harmonic order), "
+            f"momentum {oscillator.momentum_order}, energy {oscillator.energy_order}, phase {oscillator.phase_order}"
+        )
         yield f"stability limit: tau = {float(found.stability_limit):.12g}"
     yield f"symmetric: {'yes' if found.is_symmetric else 'no'}"
     yield f"nearest registered method: {_nearest(found.nearest)}"

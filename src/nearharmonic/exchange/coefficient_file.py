@@ -25,7 +25,7 @@ HIGHEST_ORDER = 10
 #: Harmonic orders that a file may claim.
 HIGHEST_HARMONIC_ORDER = 100
 #: Coefficients of a row, characters of one of them, and its size, at most.
-LONGEST_ROW, LONGEST_NUMBER, LARGEST_NUMBER = 200, 400, 1000
+LONGEST_ROW, LONGEST_NUMBER, LARGEST_NUMBER = 100, 400, 1000
 
 _ROWS = ("kick", "drift")
 _TEXTS = ("name", "label", "source", "note")
@@ -188,13 +188,15 @@ def _row(path: str, found: Mapping[str, Any], key: str) -> Row:
             )
             _refuse(path, f"{key}[{i}]", value, allowed)
         texts.append(text)
+    if not any(map(Decimal, texts)):
+        raise TableauError(f"{path}: every {key} coefficient is 0")
     return tuple(texts)
 
 
 def _first(path: str, claimed: Any, kicks: int, drifts: int) -> First:
     if claimed not in (None, *_ROWS):
         _refuse(path, "first", claimed, "'kick' or 'drift'")
-    lengths = f"{kicks} kicks and {drifts} drifts"
+    lengths = f"{kicks} kick{'s' * (kicks > 1)} and {drifts} drift{'s' * (drifts > 1)}"
     if claimed is None:
         if kicks == drifts:
             raise TableauError(f"{path}: with {lengths}, the key 'first' has to say which one is applied first")

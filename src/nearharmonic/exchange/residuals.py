@@ -86,8 +86,6 @@ def residuals(step: Step, degree: int, *, quadratic: bool) -> list[Residual]:
     A palindrome undoes itself with tau reversed, so that its conditions of even degree vanish.
     """
     rows = conditions(degree, quadratic=quadratic)
-    if not step:  # a step that does nothing
-        return [Residual(degree, Fraction(-1 if degree == 1 else 0), Fraction(0)) for _ in rows]
     if degree % 2 == 0 and is_palindrome(step, exactly=True):
         return [Residual(degree, Fraction(0), Fraction(0)) for _ in rows]
     errors = errors_on_words(operators_of(step), degree)

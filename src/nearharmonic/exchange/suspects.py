@@ -7,13 +7,13 @@ the roles exchanged. The sum of the row, or double precision, excludes most; wha
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from decimal import Decimal
+from decimal import Decimal, localcontext
 from fractions import Fraction
 from itertools import combinations, islice, pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 from nearharmonic.exact.lie import lyndon_words
-from nearharmonic.exchange.coefficient_file import CoefficientFile
+from nearharmonic.exchange.coefficient_file import LONGEST_NUMBER, CoefficientFile
 from nearharmonic.integrators.tableau import First, Row
 
 if TYPE_CHECKING:
@@ -60,8 +60,11 @@ def suspects(file: CoefficientFile, digits: int, proves: Callable[[Rows], bool],
     tolerance = max(FILTER_TOLERANCE, 10.0 ** (3 - digits)) if digits else FILTER_TOLERANCE
     seen, proved = {rows}, 0
     found: list[Suspect] = []
-    for group in (_roles, _mirrors, _single_edits, _exchanges, _closed_edits):
-        candidates = [one for one in group(rows) if one.rows not in seen]
+    balanced = all(abs(sum(map(float, row)) - 1) <= tolerance for row in (rows.kick, rows.drift))
+    # What keeps the sums cannot mend them.
+    keeping = (_exchanges, _closed_edits) if balanced else ()
+    for group in (_roles, _mirrors, _single_edits, *keeping):
+        candidates = list({one.rows: one for one in group(rows) if one.rows not in seen}.values())
         seen.update(one.rows for one in candidates)
         for one in _plausible(candidates, min(degree, FILTER_DEGREE), tolerance):
             if proved == MOST_PROVED or len(found) == MOST_REPORTED:
@@ -159,7 +162,7 @@ def _exchanges(rows: Rows) -> Iterator[Suspect]:
             changes = {i: row[j], j: row[i]}
             says = f"{key}[{i}] and {key}[{j}]: exchanged, every claim holds"
             if palindrome:
-                if i + j == len(row) - 1 or i > len(row) - 1 - i:
+                if 2 * j > len(row) - 1:  # its mirror image is in the first half
                     continue
                 changes |= {len(row) - 1 - k: text for k, text in changes.items()}
                 says = f"{key}[{i}] and {key}[{j}]: exchanged, as their mirror images, every claim holds"
@@ -180,9 +183,10 @@ def _closed_edits(rows: Rows) -> Iterator[Suspect]:
         for i, new, what in _edits_of(row, LEADING_DIGITS):
             if i in middle:
                 continue
-            change = 2 * (Decimal(new) - Decimal(row[i])) / len(middle)
             changes = {i: new, len(row) - 1 - i: new}
-            closing = {k: format(Decimal(row[k]) - change, "f") for k in middle}
+            with localcontext(prec=3 * LONGEST_NUMBER):
+                change = 2 * (Decimal(new) - Decimal(row[i])) / len(middle)
+                closing = {k: format(Decimal(row[k]) - change, "f") for k in middle}
             says = f"{_edit_says(key, row, changes, what)}, {key}[{middle[0]}] closing the sum"
             yield Suspect(says, _changed(rows, key, changes | closing))
 
@@ -200,11 +204,17 @@ def _edits_of(row: Row, digits: int | None = None) -> Iterator[tuple[int, str, s
         places = list(islice((k for k, letter in enumerate(mantissa) if letter.isdigit()), digits))
         for k in places:
             for digit in "0123456789".replace(text[k], ""):
-                yield i, f"{text[:k]}{digit}{text[k + 1 :]}", "one other digit"
+                what = f"{digit} for {text[k]} as {_decimal_place(text, k)}"
+                yield i, f"{text[:k]}{digit}{text[k + 1 :]}", what
         for k, n in pairwise(places):
             if text[k] != text[n]:
                 swapped = f"{text[:k]}{text[n]}{text[k + 1 : n]}{text[k]}{text[n + 1 :]}"
                 yield i, swapped, "two neighbouring digits exchanged"
+
+
+def _decimal_place(text: str, k: int) -> str:
+    point = text.find(".")
+    return f"decimal {k - point}" if 0 <= point < k else "digit before the point"
 
 
 def _edit_says(key: str, row: Row, changes: dict[int, str], what: str) -> str:

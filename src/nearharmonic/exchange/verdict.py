@@ -126,15 +126,19 @@ class Verdict:
         """Single mistakes that would explain the claims that do not hold; none if all hold."""
         if self.holds:
             return []
-        target = self.file.order or min(self.order.order + 2, HIGHEST_ORDER)
-        return suspects(self.file, self.digits.number, self._proves, target)
+        return suspects(self.file, self.digits.number, self._proves, self._target)
+
+    @property
+    def _target(self) -> int:
+        """The claimed order; without a claim, order 4, which is hardly reached by chance."""
+        return self.file.order or min(max(4, self.quadratic_order.order + 2), HIGHEST_ORDER)
 
     def _proves(self, rows: Rows) -> bool:
-        """Whether every claim holds of other rows; of a file without an order, whether that rises by two."""
+        """Whether every claim holds of other rows, and they have the order of :attr:`_target`."""
         step = step_of(rows.kick, rows.drift, rows.first, self.digits.number)
         symmetric = self.file.symmetric in (None, is_palindrome(step))
-        order = self.file.order or min(self.order.order + 2, HIGHEST_ORDER)
-        reached = proved_order(step, order, quadratic=self.file.requires is not None).order >= order
+        quadratic = self.file.order is None or self.file.requires is not None
+        reached = proved_order(step, self._target, quadratic=quadratic).order == self._target
         return symmetric and reached and _role_claims_hold(self.file, step)
 
     @cached_property
