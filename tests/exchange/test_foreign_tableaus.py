@@ -171,3 +171,36 @@ def test_of_a_wrong_claim_no_coefficient_is_suspected():
     assert failing(found) == ["order"]
     assert found.order.order == 6
     assert found.suspects == []
+
+
+def energy_error(file, tau):
+    """The largest relative error of the oscillator's energy in the steps of a time of 40, from a state of no symmetry."""
+    kick, drift = ([mpf(text) for text in row] for row in (file.kick, file.drift))
+    turns = [kick, drift] if file.first == "kick" else [drift, kick]
+    q, p, worst = mpf("0.3"), mpf("0.4"), mpf(0)
+    for _ in range(int(40 / tau)):
+        for i in range(len(turns[0])):
+            for row in turns:
+                if i < len(row):
+                    q, p = (q + tau * row[i] * p, p) if row is drift else (q, p - tau * row[i] * q)
+        worst = max(worst, abs((q * q + p * p) / mpf("0.25") - 1))
+    return worst
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "position", "energy"),
+    [
+        ("published", "predescu_s3", 2, 6),
+        ("published", "mclachlan_atela_4", 4, 4),
+        ("libraries", "ordinarydiffeq_mcate5", 5, 5),
+        ("libraries", "desolver_babs9o7h", 7, 6),
+        ("libraries", "geometricintegrators_mclachlan4", 2, 2),
+    ],
+)
+def test_the_energy_order_on_the_oscillator_is_that_of_many_steps(kind, name, position, energy):
+    """BAB's9o7H is of order 7 in the position (Nielsen 2015, Table 4)."""
+    found = verdict(kind, name)
+    assert (found.oscillator.harmonic_order, found.oscillator.energy_order) == (position, energy)
+    with mp.workdps(30):
+        slope = log(energy_error(found.file, mpf(1) / 8) / energy_error(found.file, mpf(1) / 16), 2)
+    assert float(slope) == pytest.approx(energy, abs=0.1)

@@ -1,4 +1,4 @@
-"""What digits allow a residual to be: never less than coefficients that fulfil the conditions leave, and little more."""
+"""What digits allow a residual to be: never less than coefficients that fulfil the conditions leave."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def test_an_order_higher_by_two_is_refuted_with_sixteen_digits(name):
 @pytest.mark.parametrize("quadratic", [False, True])
 @pytest.mark.parametrize("name", SOME[:4])
 def test_residuals_of_rounded_coefficients_stay_within_what_the_digits_allow(name, quadratic):
-    """Every coefficient is off by up to three units of its tenth decimal, one of each row also by what closes the sum."""
+    """Each coefficient is off by up to three units of its tenth decimal, one of each row by what closes the sum too."""
     tableau, generator = integrators[name], random.Random(1)
     exact = step_of(tableau.kick, tableau.drift, tableau.first, 10)
     for _ in range(5):

@@ -143,3 +143,16 @@ def test_a_harmonic_order_decides_the_role():
     assert claimed.claims[-1].proof == "harmonic order 7 with the kick first, harmonic order 6 with the drift first"
     wrong = Verdict(replace(claimed.file, kick=t.drift, drift=t.kick, first="drift"))
     assert failing(wrong) == ["harmonic_order", "first"]
+
+
+def test_few_digits_are_said_to_prove_little():
+    found = registered("ruth", kick=("1.3512", "-1.7024", "1.3512"), drift=("0.6756", "-0.1756", "-0.1756", "0.6756"))
+    warning = "5 digits allow so much that orders may be proved to them which the method does not have"
+    assert found.warnings[0] == warning
+    assert not any("allow so much" in warning for warning in registered("ruth").warnings)
+
+
+def test_the_method_with_most_coefficients_in_common_is_nearest_although_one_of_them_is_far_off():
+    found = registered("aba864", drift=("9.5", *integrators["aba864"].drift[1:]))
+    assert found.nearest.tableau.name == "aba864"
+    assert [place for place, _, _ in found.nearest.differing] == ["drift[0]"]

@@ -29,13 +29,13 @@ def answer(chosen: argparse.Namespace) -> Answer:
 
     found = Verdict(read(chosen.file))
     failing, number = sum(not claim.holds for claim in found.claims), len(found.claims)
-    verb = "does" if failing == 1 else "do"
+    words = f"{failing} of {number} claims {'does' if failing == 1 else 'do'} not hold" if failing else "all claims hold"
     return Answer(
         header=HEADER,
         rows=[list(claim) for claim in found.claims],
         document=_document(found),
         status=1 if failing else 0,
-        title=f"{found.file.label}: {f'{failing} of {number} claims {verb} not hold' if failing else 'all claims hold'}",
+        title=f"{found.file.label}: {words}",
         notes=list(_notes(found)),
     )
 

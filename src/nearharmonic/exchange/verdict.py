@@ -260,6 +260,8 @@ def _orders_of_role(file: CoefficientFile, step: Step) -> str:
 
 def _warnings(found: Verdict) -> Iterator[str]:
     file = found.file
+    if 0 < found.digits.number < FEWEST_DIGITS:
+        yield f"{found.digits.words} allow so much that orders may be proved to them which the method does not have"
     exchanged = with_roles_exchanged(found.step)
     quadratic = proved_order(exchanged, HIGHEST_ORDER, quadratic=True).order
     if quadratic > found.quadratic_order.order:
