@@ -136,7 +136,7 @@ def test_the_role_that_no_claim_depends_on_is_judged_by_the_nearest_method():
     assert own.warnings == []
 
 
-def test_a_digit_that_a_transcription_has_wrong_is_found_at_its_twentieth_decimal():
+def test_a_digit_that_a_transcription_has_wrong_is_found_at_its_twenty_first_decimal():
     found = verdict("libraries", "teloy_8a17c")
     assert failing(found) == ["rows", "order"]
     assert found.digits_that_hold == 22
@@ -174,7 +174,7 @@ def test_of_a_wrong_claim_no_coefficient_is_suspected():
 
 
 def energy_error(file, tau):
-    """The largest relative error of the oscillator's energy in the steps of a time of 40, from a state of no symmetry."""
+    """The largest relative error of the oscillator's energy in the steps of a time of 40."""
     kick, drift = ([mpf(text) for text in row] for row in (file.kick, file.drift))
     turns = [kick, drift] if file.first == "kick" else [drift, kick]
     q, p, worst = mpf("0.3"), mpf("0.4"), mpf(0)

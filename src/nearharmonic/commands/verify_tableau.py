@@ -29,7 +29,8 @@ def answer(chosen: argparse.Namespace) -> Answer:
 
     found = Verdict(read(chosen.file))
     failing, number = sum(not claim.holds for claim in found.claims), len(found.claims)
-    words = f"{failing} of {number} claims {'does' if failing == 1 else 'do'} not hold" if failing else "all claims hold"
+    verb = "does" if failing == 1 else "do"
+    words = f"{failing} of {number} claims {verb} not hold" if failing else "all claims hold"
     return Answer(
         header=HEADER,
         rows=[list(claim) for claim in found.claims],
