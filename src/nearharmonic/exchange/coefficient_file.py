@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, NoReturn, cast
 
 from nearharmonic.errors import TableauError
-from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, First, Row
+from nearharmonic.integrators.tableau import DECIMAL, QUADRATIC_KINETIC_ENERGY, First, Row
 
 #: Orders up to which conditions are examined; the number of words doubles with each more.
 HIGHEST_ORDER = 10
@@ -30,8 +30,6 @@ LONGEST_ROW, LONGEST_NUMBER, LARGEST_NUMBER = 100, 400, 1000
 _ROWS = ("kick", "drift")
 _TEXTS = ("name", "label", "source", "note")
 _KEYS = (*_TEXTS, "order", "harmonic_order", "requires", "symmetric", "first", "digits", *_ROWS)
-# Exponents are bounded because coefficients are held as exact fractions: 1e999999999 would fill the memory.
-_DECIMAL = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,7 +179,7 @@ def _row(path: str, found: Mapping[str, Any], key: str) -> Row:
     for i, value in enumerate(row):
         number = isinstance(value, str | int | Decimal) and not isinstance(value, bool)
         text = str(value).strip() if number else ""
-        decimal = len(text) <= LONGEST_NUMBER and _DECIMAL.fullmatch(text) is not None
+        decimal = len(text) <= LONGEST_NUMBER and DECIMAL.fullmatch(text) is not None
         if not decimal or abs(Decimal(text)) > LARGEST_NUMBER:
             allowed = (
                 f"a decimal number of at most {LONGEST_NUMBER} characters, from -{LARGEST_NUMBER} to {LARGEST_NUMBER}"

@@ -1,4 +1,7 @@
-"""The registered method that coefficients from elsewhere are nearest to, whatever their roles, direction and scale."""
+"""The registered method that coefficients from elsewhere are nearest to, whatever their roles, direction and scale.
+
+Every registered method is a palindrome, so that a step and the same step reversed are as near to it.
+"""
 
 from __future__ import annotations
 
@@ -23,9 +26,8 @@ class Likeness:
     ----------
     tableau : Tableau
         The method.
-    exchanged, reversed_, rescaled : bool
-        Whether its roles are exchanged, its order of application is reversed, and the rows of the step are divided by
-        their sums.
+    exchanged, rescaled : bool
+        Whether its roles are exchanged, and whether its rows are multiplied by the sums of those of the step.
     differing : tuple of (str, Fraction, Fraction)
         Of each coefficient that differs by more than the digits of both allow: its place, its value, and that of the
         method, in the scale of the step.
@@ -37,7 +39,6 @@ class Likeness:
 
     tableau: Tableau
     exchanged: bool
-    reversed_: bool
     rescaled: bool
     differing: tuple[tuple[str, Fraction, Fraction], ...]
     distance: Fraction
@@ -74,19 +75,16 @@ def _likenesses(step: Step, tableau: Tableau) -> Iterator[Likeness]:
     for scale, rescaled in _scales(step):
         for exchanged in (False, True):
             other = with_roles_exchanged(registered) if exchanged else registered
-            for backwards in (False, True):
-                candidate = other[::-1] if backwards else other
-                if candidate[0].letter == step[0].letter and not (backwards and candidate == other):
-                    differing, distance = _difference(step, candidate, scale)
-                    yield Likeness(
-                        tableau=tableau,
-                        exchanged=exchanged,
-                        reversed_=backwards,
-                        rescaled=rescaled,
-                        differing=differing,
-                        distance=distance,
-                        compared=len(step),
-                    )
+            if other[0].letter == step[0].letter:
+                differing, distance = _difference(step, other, scale)
+                yield Likeness(
+                    tableau=tableau,
+                    exchanged=exchanged,
+                    rescaled=rescaled,
+                    differing=differing,
+                    distance=distance,
+                    compared=len(step),
+                )
 
 
 def _scales(step: Step) -> Iterator[tuple[dict[str, Fraction], bool]]:
