@@ -59,7 +59,8 @@ def digits_of(file: CoefficientFile) -> Digits:
     """Return the significant digits of the coefficients: those that the file claims, or those that it shows.
 
     Those shown are the median over the coefficients that have more than :data:`EXACT_DIGITS` digits; without any, the
-    coefficients are exact. Numbers of 16 to 18 digits are doubles as a program prints them, of which 16 digits hold.
+    coefficients are exact. Numbers of 16 to 18 digits are doubles as a program prints them, of which 16 digits hold,
+    and so are longer ones that are nothing but doubles written out.
     """
     if file.digits is not None:
         return Digits(file.digits, "as the file claims")
@@ -67,15 +68,21 @@ def digits_of(file: CoefficientFile) -> Digits:
     if not counts:
         return Digits(0, f"as none has more than {EXACT_DIGITS} digits")
     shown = median_low(counts)
-    if DOUBLE_DIGITS <= shown <= LONGEST_DOUBLE:
+    written_out = shown > LONGEST_DOUBLE and all(map(_is_double_written_out, (*file.kick, *file.drift)))
+    if DOUBLE_DIGITS <= shown <= LONGEST_DOUBLE or written_out:
         return Digits(DOUBLE_DIGITS, "which hold of doubles")
     return Digits(shown, "as the file shows")
 
 
+def _is_double_written_out(text: str) -> bool:
+    """Whether a number is the nearest double to itself, to its last digit; others are so once in 10^(digits - 16)."""
+    exponent = Decimal(text).as_tuple().exponent
+    return abs(Fraction(text) - Fraction(float(text))) <= Fraction(10) ** int(exponent) / 2
+
+
 def significant_digits(text: str) -> int:
-    """Return the number of digits of a decimal number from the first that is not 0; trailing zeros count."""
-    sign_digits_exponent = Decimal(text).as_tuple()
-    return len(sign_digits_exponent.digits) if any(sign_digits_exponent.digits) else 0
+    """Return the number of digits of a decimal number from the first to the last that is not 0."""
+    return len("".join(map(str, Decimal(text).as_tuple().digits)).strip("0"))
 
 
 def uncertainty(text: str, digits: int) -> Fraction:
