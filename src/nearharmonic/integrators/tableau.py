@@ -9,7 +9,6 @@ from hashlib import sha256
 from typing import Literal
 
 from nearharmonic.core.arithmetic import rounded_pair
-from nearharmonic.display import facts_table, line
 from nearharmonic.errors import TableauError, bad_setting
 
 #: The operator applied first in a step: a drift moves q by dT/dp (ABA), a kick moves p by -dV/dq (BAB).
@@ -115,9 +114,13 @@ class Tableau:
         }
 
     def __repr__(self) -> str:
+        from nearharmonic.display import line
+
         return line("Tableau", self.facts)
 
     def _repr_html_(self) -> str:
+        from nearharmonic.display import facts_table
+
         rows = {
             f"{name} coefficients": ", ".join(f"{float(c)!r}" for c in getattr(self, name))
             for name in ("drift", "kick")

@@ -14,15 +14,13 @@ from threading import RLock
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from nearharmonic.core import arithmetic
-from nearharmonic.core.expression.derivative import gradient, hessian_vector
 from nearharmonic.core.expression.graph import Graph, Value, Variable, value_of
-from nearharmonic.core.expression.polynomial import is_quadratic, polynomial_of, shortest_program
-from nearharmonic.core.expression.program import Program
 from nearharmonic.core.expression.size import becomes_loops, check_size, operations
 from nearharmonic.core.number import Constant, Number, call, constant, scalar
 from nearharmonic.errors import SystemDefinitionError
 
 if TYPE_CHECKING:
+    from nearharmonic.core.expression.program import Program
     from nearharmonic.core.loops.energy import LoopedEnergy
 
 Vector = tuple[Any, ...]
@@ -130,12 +128,16 @@ class Energy:
     @property
     def is_quadratic(self) -> bool:
         """Whether the energy is a polynomial of degree at most 2 in its coordinates, however it is written."""
+        from nearharmonic.core.expression.polynomial import is_quadratic
+
         graph, value, coordinates = self._standard
         return is_quadratic(graph, value, frozenset(x.node for x in coordinates if x.node is not None))
 
     @property
     def is_half_square(self) -> bool:
         """Whether the energy is x.x / 2, however it is written."""
+        from nearharmonic.core.expression.polynomial import polynomial_of
+
         graph, value, coordinates = self._standard
         half = {((x.node, 2),): Fraction(1, 2) for x in coordinates}
         return self.is_quadratic and polynomial_of(graph, value) == half
@@ -179,6 +181,9 @@ class Energy:
         return evaluate(self._programs[wanted, constants], (*arguments, *vector))
 
     def _program(self, wanted: Any, traced: _Traced) -> Program:
+        from nearharmonic.core.expression.derivative import gradient, hessian_vector
+        from nearharmonic.core.expression.polynomial import shortest_program
+
         graph, value, coordinates = traced
         if wanted == "hessian":
             # The components of the vector are arguments behind all others.
