@@ -19,7 +19,7 @@ from nearharmonic.core.loops.energy import LoopedEnergy
 from nearharmonic.core.loops.tables import runs
 from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.errors import SystemDefinitionError
-from nearharmonic.math import array, cos, exp, sin, sqrt, sum
+from nearharmonic.math import array, atan2, cos, exp, sin, sqrt, sum
 
 #: Digits of the oracle, and the step of its central differences, off by 1e-60 of third derivatives, which are near 1.
 DIGITS, STEP = 100, mpf(10) ** -30
@@ -37,7 +37,7 @@ def ring(q, strength):
 def uneven(q):
     """Constants and signs that differ from term to term, a site that is different, and a term of three."""
     sites = sum((i + 1) * q[i] ** 2 / 7 + (-1) ** i * (i + 2) * q[i] ** 3 / 60 for i in range(len(q)))
-    return sites + q[3] ** 4 / 3 + q[0] * q[5] * q[7] + 2
+    return sites + sum(atan2(1, 2 + x * x) for x in q) + q[3] ** 4 / 3 + q[0] * q[5] * q[7] + 2
 
 
 def bodies(q):
@@ -80,6 +80,7 @@ def driven(q, t, strength):
 
 
 SYSTEMS = {
+    "one site": (lambda q: q[0] ** 2 / 2 + q[0] ** 4, 1, {}),
     "chain": (chain, 19, {}),
     "chain of masses": (chain, 24, {"masses": [1 + i % 3 for i in range(24)]}),
     "ring with a parameter": (ring, 17, {"parameters": {"strength": "0.7"}}),

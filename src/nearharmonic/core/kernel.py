@@ -121,7 +121,7 @@ def cost(physics: Physics, *, extended: bool) -> int:
     if physics.loops is None:
         return physics.dimension * (physics.dimension + 4) // 2
     # A double-double operation takes about 16 of doubles.
-    return sum(energy.work_of_loops for energy in physics.loops) * (16 if extended else 1) // 50
+    return 1 + sum(energy.work_of_loops for energy in physics.loops) * (16 if extended else 1) // 50
 
 
 def inner(

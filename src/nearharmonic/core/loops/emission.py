@@ -14,7 +14,7 @@ from nearharmonic.core.loops.energy import LoopedEnergy, Totals, Work
 from nearharmonic.core.loops.memory import Array, Doubles, Writer, is_consecutive, is_constant
 from nearharmonic.core.loops.tables import BLOCK, Places
 from nearharmonic.core.loops.terms import COORDINATES
-from nearharmonic.core.number import Constant
+from nearharmonic.core.number import Constant, applied
 from nearharmonic.core.tracing import LLVMValue
 
 #: What computes a block of numbers, of so many lanes, from the number of its first; and what loads it from an address.
@@ -260,4 +260,4 @@ def _run(program: Program, arguments: Sequence[Any]) -> tuple[Any, ...]:
 def _function(name: str, x: Any, *others: Any) -> Any:
     if name == "root":
         return x.sqrt()
-    return x.sign() if name == "sign" else x.apply(name, *others)
+    return x.sign() if name == "sign" else applied(name, x, *others)
