@@ -24,3 +24,26 @@ SYSTEM = System(
     parameters={"beta": Parameter(value="0.1", unit="1", meaning="strength of the quartic term")},
     source="Fermi, Pasta, Ulam & Tsingou (1955), Los Alamos report LA-1940",
 )
+
+
+def main():
+    import matplotlib as mpl
+    import numpy as np
+
+    import nearharmonic as nh
+    from nearharmonic.output.style import SETTINGS, new_figure, save
+
+    mpl.rcParams.update(SETTINGS)
+    run = nh.integrate(SYSTEM, "babps8o7h", 2, samples=401, energy="samples")
+    strain = np.diff(run.q.values, prepend=0, append=0, axis=-1)
+    figure = new_figure(7, 4.6)
+    axes = figure.subplots()
+    axes.grid(visible=False)
+    image = axes.imshow(1000 * strain, aspect="auto", origin="lower", extent=(0, SITES + 1, 0, 1000), cmap="cividis")
+    figure.colorbar(image, label="strain $d$ ($10^{-3}$)")
+    axes.set(xlabel="spring", ylabel="time $t$")
+    print("wrote", save(figure, ["fput_chain.png"])[0].resolve())
+
+
+if __name__ == "__main__":
+    main()
