@@ -3,28 +3,24 @@
 from math import hypot, pi
 from random import Random
 
-from nearharmonic import Parameter, System
-from nearharmonic.math import sqrt, sum
+from nearharmonic import System
+from nearharmonic.math import array, sqrt, sum
 
-STARS = 32
-UNIT = 3 * pi / 16  # the length scale of the sphere
-RANDOM = Random(1)
+STARS, RANDOM, UNIT = 32, Random(1), 3 * pi / 16  # UNIT is the length scale of the sphere
 
 
 def star():
     """Position and velocity of a star; its share x of the speed of escape has the density x^2 (1 - x^2)^(7/2)."""
     r = (RANDOM.uniform(0.02, 0.98) ** (-2 / 3) - 1) ** -0.5
     speed = RANDOM.betavariate(1.5, 4.5) ** 0.5 * (2 / UNIT) ** 0.5 / (1 + r * r) ** 0.25
-    ways = [[RANDOM.gauss(0, 1) for _ in range(3)] for _ in range(2)]
+    ways = ([RANDOM.gauss(0, 1) for _ in range(3)] for _ in range(2))
     return [[length * x / hypot(*way) for x in way] for length, way in zip((r * UNIT, speed), ways, strict=True)]
 
 
 def V(q, softening):
-    def pair(i, j):
-        x, y, z = (q[3 * i + k] - q[3 * j + k] for k in range(3))
-        return 1 / sqrt(x * x + y * y + z * z + softening**2)
-
-    return -sum(pair(i, j) for i in range(STARS) for j in range(i)) / STARS**2
+    places = array(q, STARS, 3)
+    pairs = [places[i] - places[j] for i in range(STARS) for j in range(i)]
+    return -sum(1 / sqrt(sum(d * d) + softening**2) for d in pairs) / STARS**2
 
 
 CLUSTER = [star() for _ in range(STARS)]
@@ -36,7 +32,7 @@ SYSTEM = System(
     p0=[f"{v / STARS:.9f}" for _, velocity in CLUSTER for v in velocity],
     masses=[f"1/{STARS}"] * (3 * STARS),
     t_end="10",
-    parameters={"softening": Parameter(value="0.05", unit="1", meaning="softening length of the attraction")},
+    parameters={"softening": "0.05"},
     source="Aarseth, Henon & Wielen (1974), Astron. Astrophys. 37, 183, Appendix",
 )
 
@@ -50,8 +46,8 @@ def main():
 
     mpl.rcParams.update(SETTINGS)
     run = nh.integrate(SYSTEM, "srkn_a14", 0.05, t_end=20, samples=401)
-    places = run.q.values.reshape(-1, STARS, 3)
-    distances = np.sort(np.linalg.norm(places - places.mean(axis=1, keepdims=True), axis=-1), axis=-1)
+    places = run.q.values.reshape(-1, STARS, 3) - run.q.values.reshape(-1, STARS, 3).mean(axis=1, keepdims=True)
+    distances = np.sort(np.linalg.norm(places, axis=-1), axis=-1)
     axes = new_figure(7, 4.4).subplots()
     for quarter, dashes in enumerate((":", "-", "--"), 1):
         axes.plot(run.t, distances[:, quarter * STARS // 4 - 1], dashes, color="#0b3c8c", label=f"{25 * quarter} %")
