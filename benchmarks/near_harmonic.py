@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
+from itertools import pairwise
 from math import inf, isnan, log, log10, nan, pi
 from pathlib import Path
 
@@ -67,9 +68,10 @@ class Result:
     def best(self, cost, names):
         return min(names, key=self.errors[cost].__getitem__)
 
-    def shown(self, cost):
+    def shown(self, cost, name):
         """What the table says of the error of a method."""
-        return lambda name: f"{error:.0e}" if (error := self.errors[cost][name]) < 1 else "fails"
+        error = self.errors[cost][name]
+        return "rounding" if error < ROUNDING else f"{error:.0e}" if error < 1 else "fails"
 
     def gain(self, cost, names):
         """Decades by which the best of NEW is better than the best of ``names``; NaN where one fails or only rounds."""
@@ -104,7 +106,7 @@ def families():
         q0, p0 = system.start(float)
         for a in scales:
             start = {"q0": [a * x for x in q0], "p0": [a * x for x in p0]}
-            yield Orbit(system=system, family=system.label, amplitude=f"{a} times the example's", start=start)
+            yield Orbit(system=system, family=system.label, amplitude=f"{a} × the example's", start=start)
 
 
 class Hessian:
@@ -115,10 +117,8 @@ class Hessian:
         times = [run.t.values] if system.time_dependent else []
         self.places = (*run.q.values.T, *times)
         rows = np.eye(self.formulas.dimension)[:d]
-        inverse_masses = [
-            self.formulas.hessian_T_times(rows[0], row, *self.parameters)[i] for i, row in enumerate(rows)
-        ]
-        self.scales = np.sqrt(np.array(inverse_masses, float))
+        of_T = [self.formulas.hessian_T_times(rows[0], row, *self.parameters)[i] for i, row in enumerate(rows)]
+        self.scales = np.sqrt(np.array(of_T, float))  # masses are diagonal in all examples
 
     def times(self, x):
         """W at each place times the rows of x, (n, d) or one row for all."""
@@ -181,13 +181,13 @@ def table(header, rows):
 
 
 def table_of_examples(results):
-    header = ("example", "forces in a period", "delta", "best of the ten", "error", "best of other authors", "error",
+    header = ("example", "forces", "δ", "best of the ten", "error", "best of other authors", "error",
               "gain over the six", "gain over all")  # fmt: skip
     rows = []
     for result in sorted(results, key=lambda one: one.delta):
         for cost in COSTS:
             ten, other = (result.best(cost, names) for names in (NEW + SIX, OTHERS))
-            named = [f(name) for name in (ten, other) for f in (lambda n: nh.integrators[n].label, result.shown(cost))]
+            named = [text for name in (ten, other) for text in (nh.integrators[name].label, result.shown(cost, name))]
             first = cost == COSTS[0]
             file = f"[{result.orbit.family}](../examples/{result.orbit.family}.py)" if first else ""
             gains = [decades(result.gain(cost, names)) for names in (SIX, OTHERS)]
@@ -196,7 +196,7 @@ def table_of_examples(results):
 
 
 def table_of_families(results):
-    header = ("orbit", "amplitude", "delta", *(f"over the six, {cost}" for cost in COSTS),
+    header = ("orbit", "amplitude", "δ", *(f"over the six, {cost}" for cost in COSTS),
               *(f"over all, {cost}" for cost in COSTS))  # fmt: skip
     rows = []
     for i, result in enumerate(results):
@@ -208,9 +208,9 @@ def table_of_families(results):
 
 def table_of_bands(results):
     """Least, median and largest gain of the orbits whose delta is in a band."""
-    header = ("delta", "compared with", *(f"{cost} forces" for cost in COSTS))
+    header = ("δ", "compared with", *(f"{cost} forces" for cost in COSTS))
     rows = []
-    for low, high in zip(BANDS[:-1], BANDS[1:], strict=True):
+    for low, high in pairwise(BANDS):
         inside = [one for one in results if low <= one.delta < high]
         for names, says in ((SIX, "the other six"), (OTHERS, "all others")):
             cells = []
@@ -230,7 +230,8 @@ def draw(results, place):
 
     mpl.rcParams.update(SETTINGS)
     figure = new_figure(7, 6.4)
-    panels = figure.subplots(2, 1, sharex=True, gridspec_kw={"hspace": 0.17})
+    figure.subplots_adjust(left=0.09, right=0.985, top=0.88, bottom=0.08, hspace=0.15)
+    panels = figure.subplots(2, 1, sharex=True)
     looks = iter(zip("osD^vP", ("#0b3c8c", "#e86a10", "#00a070", "#8e3fb5", "#8b0000", "#4a90e2"), strict=True))
     seen = {}
     for result in results:
@@ -240,15 +241,14 @@ def draw(results, place):
             seen[family] = {"marker": marker, "color": colour, "linestyle": "none"}
         for axes, names in zip(panels, (SIX, OTHERS), strict=True):
             axes.plot(result.delta, result.gain(COSTS[1], names), **seen[family])
-    for axes, letter, says in zip(
-        panels, "AB", ("the other six of the paper", "all methods of other authors"), strict=True
-    ):
+    compared = ("the other six of the paper", "all methods of other authors")
+    for axes, letter, says in zip(panels, "AB", compared, strict=True):
         axes.axhline(0, color="#404040", linewidth=0.8)
         axes.set(xscale="log", xlim=(1e-4, 1.3), ylabel="gain (decades)")
         panel_letter(axes, letter, f"over {says}, {COSTS[1]} forces in the shortest period")
     panels[1].set_xlabel(r"variation of the Hessian along the orbit, $\delta$")
     handles = [mpl.lines.Line2D([], [], label=family, **look) for family, look in seen.items()]
-    figure.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.53, 1), ncols=4)
+    figure.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.54, 1), ncols=4)
     save(figure, [place])
 
 
@@ -256,9 +256,8 @@ def tables():
     """The text between the marks of the page, and every result."""
     of_examples = [measured(orbit) for orbit in examples()]
     of_families = [measured(orbit) for orbit in families()]
-    others = [
-        one for one in of_examples if one.orbit.system.name not in {each.orbit.system.name for each in of_families}
-    ]
+    twice = {one.orbit.system.name for one in of_families}
+    others = [one for one in of_examples if one.orbit.system.name not in twice]
     results = [*of_families, *others]
     parts = {"bands": table_of_bands(results), "examples": table_of_examples(of_examples)}
     return parts | {"families": table_of_families(of_families)}, results

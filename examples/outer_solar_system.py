@@ -1,5 +1,6 @@
 """The Sun and five outer planets for 200 000 days; in au, days and masses of the Sun, which starts at rest."""
 
+from decimal import Decimal
 from fractions import Fraction
 
 from nearharmonic import Parameter, System
@@ -15,6 +16,7 @@ BODIES = {
     "Pluto": ("1/130000000", "-15.5387357 -25.2225594 -3.1902382", "0.00276725 -0.00170702 -0.00136504"),
 }
 MASSES = [Fraction(mass) for mass, _, _ in BODIES.values()]
+TABLE = list(zip(MASSES, BODIES.values(), strict=True))
 
 
 def V(q, G):
@@ -28,7 +30,7 @@ SYSTEM = System(
     label="outer solar system",
     V=V,
     q0=[x for _, place, _ in BODIES.values() for x in place.split()],
-    p0=[Fraction(mass) * Fraction(v) for mass, _, velocity in BODIES.values() for v in velocity.split()],
+    p0=[f"{m.numerator * Decimal(v) / m.denominator}" for m, (_, _, row) in TABLE for v in row.split()],
     masses=[mass for mass in MASSES for _ in range(3)],
     t_end="200000",
     units={"q": "au", "p": "Msun au d-1", "t": "d", "energy": "Msun au2 d-2"},
@@ -45,14 +47,13 @@ def main():
 
     mpl.rcParams.update(SETTINGS)
     run = nh.integrate(SYSTEM, "aba104", 700, t=range(0, 200001, 50))  # 100 days a force
-    figure = new_figure(6.4, 6.8)
-    axes = figure.subplots()
+    axes = new_figure(6.4, 6.8).subplots()
     for i, colour in enumerate(("#806515", "#e86a10", "#00a070", "#4a90e2", "#8e3fb5"), 1):
         x, y = (run.q[:, 3 * i + k] - run.q[:, k] for k in (0, 1))
         axes.plot(x, y, color=colour, linewidth=0.6, label=list(BODIES)[i])
     axes.set(xlabel="$x$ from the Sun (au)", ylabel="$y$ (au)", aspect="equal")
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1), ncols=6, handlelength=1, columnspacing=1.2)
-    print("wrote", save(figure, ["outer_solar_system.png"])[0].resolve())
+    print("wrote", save(axes.figure, ["outer_solar_system.png"])[0].resolve())
 
 
 if __name__ == "__main__":
