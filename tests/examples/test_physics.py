@@ -189,6 +189,22 @@ def test_the_outer_solar_system_keeps_its_momentum_and_its_centre_moves_evenly()
     np.testing.assert_allclose(centre, moved, atol=1e-13)
 
 
+def test_the_planets_start_where_another_print_of_the_table_says():
+    """The same table by columns, as the documentation of DiffEqPhysics.jl prints it."""
+    x = (0.0, -3.5023653, 9.0755314, 8.3101420, 11.4707666, -15.5387357)
+    y = (0.0, -3.8169847, -3.0458353, -16.2901086, -25.7294829, -25.2225594)
+    z = (0.0, -1.5507963, -1.6483708, -7.2521278, -10.8169456, -3.1902382)
+    vx = (0.0, 0.00565429, 0.00168318, 0.00354178, 0.00288930, 0.00276725)
+    vy = (0.0, -0.00412490, 0.00483525, 0.00137102, 0.00114527, -0.00170702)
+    vz = (0.0, -0.00190589, 0.00192462, 0.00055029, 0.00039677, -0.00136504)
+    masses = (1.00000597682, 0.000954786104043, 0.000285583733151, 0.0000437273164546, 0.0000517759138449, 1 / 1.3e8)
+    planets = module("outer_solar_system")
+    q, p = (np.reshape(row, (6, 3)) for row in planets.SYSTEM.start(float))
+    assert q.T.tolist() == [[*x], [*y], [*z]]
+    np.testing.assert_allclose(p / np.reshape(masses, (6, 1)), np.transpose([vx, vy, vz]), rtol=1e-15)
+    assert planets.SYSTEM.constants(str) == ("2.95912208286e-4",)
+
+
 def test_the_planets_have_the_momenta_of_the_table():
     planets = module("outer_solar_system")
     velocities = [v for _, _, row in planets.BODIES.values() for v in row.split()]
