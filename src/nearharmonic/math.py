@@ -57,7 +57,7 @@ def array(components: Iterable[Any], *shape: int) -> Any:
 def sum(terms: Any) -> Any:
     """Return the sum of numbers of any one type, or of all elements of an array, added in pairs; 0 if there are none.
 
-    Beyond 50 coordinates terms of one form are computed in one loop.
+    Kernels of many coordinates compute terms of one form in one loop.
     """
     left = list(terms.ravel() if hasattr(terms, "ravel") else terms)
     while len(left) > 1:

@@ -10,14 +10,16 @@ from __future__ import annotations
 
 import os
 import pkgutil
+import re
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from importlib import import_module
+from importlib.machinery import SourceFileLoader
+from importlib.util import find_spec
 from types import ModuleType
 from typing import Any, Generic, Protocol, TypeVar, cast
 
-from nearharmonic.display import entries_table
 from nearharmonic.errors import NearharmonicError, unknown_name
 
 Entry = TypeVar("Entry")
@@ -58,6 +60,7 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
     """
 
     _kind: str
+    _declares: str
     _entries_of: Callable[[ModuleType], Mapping[str, Entry]]
     _entries: dict[str, Entry] | None
     _modules: dict[str, str]
@@ -72,6 +75,8 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
             for name in self._files():
                 if hasattr(type(self), name):
                     raise NearharmonicError(f"{self.__name__}: a file must not have the name {name!r} of a method")
+                if not self._may_declare(name):
+                    continue
                 module = import_module(f"{self.__name__}.{name}")
                 for key, entry in self._entries_of(module).items():
                     if key in entries:
@@ -81,6 +86,14 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
                     self._modules[key] = module.__name__
             self._entries = entries
         return self._entries
+
+    def _may_declare(self, name: str) -> bool:
+        """Whether a module assigns or imports what entries are called: every process would import the others too."""
+        spec = find_spec(f"{self.__name__}.{name}")
+        source = spec.loader.get_source(spec.name) if spec and isinstance(spec.loader, SourceFileLoader) else None
+        if source is None:
+            return True
+        return re.search(rf"^\s*(from\b.*\b)?{self._declares}\b", source, re.MULTILINE) is not None
 
     def _files(self) -> list[str]:
         return sorted(info.name for info in pkgutil.iter_modules(self.__path__))
@@ -192,6 +205,8 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
         return f"<module {self.__name__!r}, a mapping of {len(self)} {self._kind}s: {', '.join(self)}>"
 
     def _repr_html_(self) -> str:
+        from nearharmonic.display import entries_table
+
         return entries_table([cast("Any", entry).facts for entry in self.values()])
 
     # The mapping of a package is equal to itself alone, and a module can be hashed: Mapping would compare contents.
@@ -216,6 +231,7 @@ def split_path(place: str) -> tuple[str, str]:
 def make_registry(
     package: str,
     kind: str,
+    declares: str,
     entries_of: Callable[[ModuleType], Mapping[str, Entry]],
     read: Callable[[str], Entry] | None = None,
 ) -> Registry[Entry]:
@@ -227,6 +243,8 @@ def make_registry(
         Dotted name of the package; its ``__init__`` calls this function.
     kind
         What an entry is called in error messages, singular.
+    declares
+        What a module that declares entries calls them.
     entries_of
         Function of a module that returns its entries by name, an empty mapping if it declares none.
     read
@@ -240,6 +258,6 @@ def make_registry(
     module = sys.modules[package]
     module.__class__ = Registry
     made = cast("Registry[Entry]", module)
-    made._kind, made._entries_of, made._entries, made._modules = kind, entries_of, None, {}
+    made._kind, made._declares, made._entries_of, made._entries, made._modules = kind, declares, entries_of, None, {}
     made._covered, made._read, made._definitions, made._made = None, read, {}, {}
     return made

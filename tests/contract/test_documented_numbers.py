@@ -89,3 +89,10 @@ def shown(*words):
     with contextlib.redirect_stdout(io.StringIO()) as out:
         main([*words])
     return out.getvalue()
+
+
+def test_chains_and_bodies_take_the_memory_that_the_page_says():
+    stated_bytes = stated("docs/larger_systems.md", r"(\d+) kB for the chain and (\d+) kB for the bodies")
+    examples = (ROOT / "examples" / name for name in ("fput_chain.py", "hundred_bodies.py"))
+    taken = [nh.problem(str(path), "leapfrog").memory for path in examples]
+    assert [round(bytes_taken / 1000) for bytes_taken in taken] == stated_bytes

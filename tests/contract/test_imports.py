@@ -115,12 +115,25 @@ def folder(tmp_path, monkeypatch):
 
 def registry_in(folder):
     __import__(folder.name)
-    return make_registry(folder.name, "entry", lambda module: {getattr(module, "ENTRY", "none"): module.__name__})
+    return make_registry(
+        folder.name, "entry", "ENTRY", lambda module: {getattr(module, "ENTRY", "none"): module.__name__}
+    )
 
 
 def test_a_file_in_the_folder_is_all_that_an_entry_takes(folder):
     (folder / "second.py").write_text("ENTRY = 'two'")
     assert dict(registry_in(folder)) == {"one": "made_up_registry.first", "two": "made_up_registry.second"}
+
+
+def test_a_file_that_declares_nothing_is_not_imported(folder):
+    (folder / "second.py").write_text("from made_up_registry.third import ENTRY")
+    (folder / "third.py").write_text("if True:\n    ENTRY = 'three'")
+    (folder / "tools.py").write_text("raise AssertionError('no ENTRY here')")
+    with pytest.raises(NearharmonicError, match="entry 'three' is declared in"):
+        len(registry_in(folder))
+    (folder / "third.py").unlink()
+    (folder / "second.py").unlink()
+    assert dict(registry_in(folder)) == {"one": "made_up_registry.first"}
 
 
 def test_two_files_that_declare_one_name_are_both_named(folder):

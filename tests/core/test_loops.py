@@ -255,9 +255,9 @@ def test_a_component_of_the_gradient_is_summed_in_the_order_of_the_loops():
 
 
 def test_kept_numbers_are_those_of_the_gradient_and_of_its_terms():
-    """Each bond has two derivatives, and each pair six."""
-    assert looped_energy(chain, 64).room == 64 + 2 * 63 + 2
-    assert looped_energy(bodies, 30).room == 30 + 6 * 45
+    """Each of 63 bonds has two derivatives, either end one, and each of 45 pairs six; in whole blocks of eight."""
+    assert looped_energy(chain, 64).room == 64 + 2 * 64 + 8
+    assert looped_energy(bodies, 30).room == 32 + 6 * 48
 
 
 def test_terms_of_too_many_forms_are_refused_before_they_are_compiled():

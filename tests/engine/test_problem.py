@@ -160,7 +160,8 @@ def test_ensembles_that_make_no_sense_are_refused(given, words):
 
 
 LONG = """
-import sys, nearharmonic as nh
+import signal, sys, nearharmonic as nh
+signal.signal(signal.SIGINT, signal.default_int_handler)  # which a process in the background ignores
 nh.sweep("sho", "ruth", [1.0]); nh.ensemble("sho", "ruth", 1.0, q0=[["1"], ["2"]], t_end=10)
 print("ready", flush=True)
 try:

@@ -21,7 +21,7 @@ from nearharmonic.core.layout import ADVANCE, BEGIN, RUN, workspace
 from nearharmonic.core.native import PreparedCall, code_key, native
 from nearharmonic.core.rules import Physics, Rules, fingerprint
 
-__all__ = ["Kernel", "Physics", "build", "inner", "room"]
+__all__ = ["Kernel", "Physics", "build", "cost", "inner", "room"]
 
 
 @dataclass(frozen=True)
@@ -114,6 +114,14 @@ def room(physics: Physics, *, extended: bool) -> int:
     from nearharmonic.core.loops import functions
 
     return functions.room(*physics.loops, extended=extended)
+
+
+def cost(physics: Physics, *, extended: bool) -> int:
+    """Return the time that a force takes, in units of a few nanoseconds at most: without loops, that of all pairs."""
+    if physics.loops is None:
+        return physics.dimension * (physics.dimension + 4) // 2
+    # A double-double operation takes about 16 of doubles.
+    return sum(energy.work_of_loops for energy in physics.loops) * (16 if extended else 1) // 50
 
 
 def inner(

@@ -11,8 +11,6 @@ from typing import TYPE_CHECKING, Any
 from llvmlite import ir
 
 from nearharmonic.core import arithmetic
-from nearharmonic.core.condition import Conditioned
-from nearharmonic.core.functions.emit import called
 from nearharmonic.core.layout import (
     CONDITION,
     ENERGY,
@@ -28,6 +26,7 @@ from nearharmonic.core.number import Constant, Number, call, constant, scalar, v
 from nearharmonic.core.tracing import Double, DoubleDouble, LLVMValue
 
 if TYPE_CHECKING:
+    from nearharmonic.core.condition import Conditioned
     from nearharmonic.core.loops.energy import LoopedEnergy
 
 Entries = list[LLVMValue]
@@ -207,6 +206,8 @@ class Rules:
 
         That is seldom, and long: a function of its own, which takes no registers from the loop.
         """
+        from nearharmonic.core.functions.emit import called
+
         latest, bound = quick
         size = len(state)
         high, low = called("energy", lambda *x: self.energy([*x[:size]], [*x[size:]]).pair, *state, *parameters)
@@ -215,6 +216,8 @@ class Rules:
 
     def rounding(self, state: Entries, parameters: Entries) -> Entries:
         """:data:`NEAR` and :data:`CONDITION` of a tally: the rounding of H, absolute and relative to |T| + |V|."""
+        from nearharmonic.core.condition import Conditioned
+
         half, d, constants = 2 * self.physics.dimension, self.physics.dimension, self.constants(parameters)
         q, p = (tuple(map(Conditioned, self.numbers(_pairs(entries, d)))) for entries in (state, state[half:]))
         given = [x if isinstance(x, Constant) else Conditioned(x) for x in constants]

@@ -14,7 +14,7 @@ from nearharmonic.core.layout import EVERY_STEP, LOOKS, NEVER, SAMPLES
 from nearharmonic.engine import execution
 from nearharmonic.engine.coefficients import Floats, scaled_rows
 from nearharmonic.engine.initial_values import standard_parameters, standard_start
-from nearharmonic.engine.kernels import STANDARD, kernel_of
+from nearharmonic.engine.kernels import STANDARD, cost_of, kernel_of
 from nearharmonic.engine.results import Integers, Trajectories, trajectories_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import bad_setting
@@ -67,6 +67,8 @@ class Batch:
     states, blocks, energy, left_at
         (R, S, 4 D) states; (3, R, S) energy error, and the maximum and sum of its modulus over the block before each
         sample; (R, 2) H0 as pairs; (R,) the step at which a run left its energy surface, or 0.
+    cost : int
+        Cost of a step.
     """
 
     numerics: Numerics
@@ -83,6 +85,7 @@ class Batch:
     left_at: Integers
     control: Integers
     call: PreparedCall
+    cost: int
 
     @property
     def steps(self) -> Integers:
@@ -96,18 +99,16 @@ class Batch:
         self.left_at.fill(0)
         self.control.fill(0)
 
-    def run(self, cost: int, steps: int | None = None) -> None:
+    def run(self, steps: int | None = None) -> None:
         """Compute the results.
 
         Parameters
         ----------
-        cost : int
-            Stages times coordinates.
         steps : int, optional
             Steps of all runs together, where they are known.
         """
         self.clear()
-        execution.execute(self.call, self.control, int(self.steps.sum()) if steps is None else steps, cost)
+        execution.execute(self.call, self.control, int(self.steps.sum()) if steps is None else steps, self.cost)
 
 
 def prepared_batch(
@@ -141,19 +142,20 @@ def prepared_batch(
     kernel = kernel_of(system, numerics.compiled)
     if kernel.parameters < len(system.parameters):
         parameters = _compiled_in(system, parameters)
-    runs, d = len(marks), kernel.dimension
+    runs, d, cost = len(marks), kernel.dimension, tableau.stages * cost_of(system, numerics.compiled)
     left_at, control = np.zeros(runs, np.int64), execution.control()
     results = np.empty((4 * d + 3) * marks.size + 2 * runs)
     states, blocks, energy = split_results(results, runs, marks.shape[1], d)
     drift, kick = rows
     call = kernel.prepared(
         measured(numerics), np.argsort(-marks.max(axis=1), kind="stable"), marks, scheme, start, parameters,
-        surface_limit(system, scale), scale, np.array(reference), numerics.look or execution.stretch(tableau.stages, d),
+        surface_limit(system, scale), scale, np.array(reference), numerics.look or execution.stretch(cost),
         tableau.stages, tableau.first == "kick", drift, kick, control, states, *blocks, energy, left_at,
     )  # fmt: skip
     return Batch(
         numerics=numerics, marks=marks, scheme=scheme, start=start, parameters=parameters, drift=drift, kick=kick,
         results=results, states=states, blocks=blocks, energy=energy, left_at=left_at, control=control, call=call,
+        cost=cost,
     )  # fmt: skip
 
 
@@ -240,7 +242,7 @@ def integrate_batch(
         parameters=standard_parameters(system)[None, :] if parameters is None else parameters,
         scale=scale, reference=reference,
     )  # fmt: skip
-    batch.run(tableau.stages * system.dimension)
+    batch.run()
     cut = int(samples == 1 and marks is None)
     results = batch.marks[:, cut:], batch.states[:, cut:], batch.blocks[..., cut:], batch.energy, batch.left_at
     return trajectories_of(tableau, count, *results, numerics, scale)

@@ -23,6 +23,7 @@ from nearharmonic.engine.description import (
     trajectory_variables,
 )
 from nearharmonic.engine.initial_values import parameter_array, standard_parameters, start_array
+from nearharmonic.engine.kernels import cost_of
 from nearharmonic.engine.output_times import checked_times, run_at
 from nearharmonic.engine.problem import Problem
 from nearharmonic.engine.results import Trajectories, joined, trajectories_of
@@ -151,7 +152,8 @@ def _of(block: slice, rows: Floats) -> Floats:
 
 
 def _cost(problem: Problem) -> int:
-    return problem.tableau.stages * problem.system.dimension
+    """Cost of a step."""
+    return problem.tableau.stages * cost_of(problem.system, problem.numerics.compiled)
 
 
 def _execute(problem: Problem, compute: Callable[[int], None], members: int, steps: int, threads: int) -> None:
@@ -207,7 +209,7 @@ class _Runs:
         def compute(i: int) -> None:
             block = _block(i, self.members)
             batch, size = self._batch(block), block.stop - block.start
-            batch.run(_cost(self.problem), size * self.steps)
+            batch.run(size * self.steps)
             states[block], errors[:, block] = batch.states[:, cut:], batch.blocks[..., cut:]
             energy[block], left_at[block] = batch.energy, batch.left_at
             if size == BLOCK:

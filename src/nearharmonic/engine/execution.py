@@ -16,12 +16,12 @@ from nearharmonic.core.layout import PROGRESS, STOP
 if TYPE_CHECKING:
     from nearharmonic.core.native import PreparedCall
 
-#: Products of steps, stages and coordinates: below this a call takes less than about 20 ms, and is simply made.
-SHORT = 2_000_000
+#: Products of steps, stages and the cost of a force: below this a call takes less than about 20 ms, and is simply made.
+SHORT = 5_000_000
 #: Seconds between looks at the keyboard, and after which a call is worth a progress bar.
 PATIENCE, LONG = 0.05, 2.0
-#: Most products of steps, stages and squared coordinates between two looks of a kernel at what it is told.
-STRETCH = 4_000_000
+#: Most products of these between two looks of a kernel at what it is told.
+STRETCH = 2_000_000
 
 
 def control() -> NDArray[np.int64]:
@@ -29,9 +29,9 @@ def control() -> NDArray[np.int64]:
     return np.zeros(2, np.int64)
 
 
-def stretch(stages: int, dimension: int) -> int:
-    """Return the steps between two looks of a kernel at its control array: some milliseconds."""
-    return max(64, STRETCH // (stages * dimension * (dimension + 4)))
+def stretch(cost: int) -> int:
+    """Return the steps of so much cost between two looks of a kernel at its control array: some milliseconds."""
+    return max(1, STRETCH // cost)
 
 
 def execute(call: PreparedCall, state: NDArray[np.int64], steps: int, cost: int) -> None:
@@ -48,7 +48,7 @@ def execute(call: PreparedCall, state: NDArray[np.int64], steps: int, cost: int)
     steps : int
         Steps of all its runs together.
     cost : int
-        Stages times coordinates.
+        Of a step: stages times the cost of a force.
 
     Raises
     ------
@@ -61,16 +61,22 @@ def execute(call: PreparedCall, state: NDArray[np.int64], steps: int, cost: int)
     if steps * cost < SHORT or not _in_main_thread():
         call()
         return
-    worker = threading.Thread(target=call, daemon=True)
-    with _Progress(steps) as progress:
-        worker.start()
+    ended = threading.Event()  # a thread that Ctrl-C interrupts the joining of counts as ended while it still runs
+
+    def work() -> None:
         try:
-            while worker.is_alive():
-                worker.join(PATIENCE)
+            call()
+        finally:
+            ended.set()
+
+    with _Progress(steps) as progress:
+        try:
+            threading.Thread(target=work, daemon=True).start()
+            while not ended.wait(PATIENCE):
                 progress.show(int(state[PROGRESS]))
         except BaseException:
             state[STOP] = 1
-            worker.join()
+            ended.wait()
             raise
 
 
@@ -88,7 +94,7 @@ class Blocks:
     count : int
         Number of blocks.
     steps, cost : int
-        Steps of all runs of all blocks together; stages times coordinates.
+        Steps of all runs of all blocks together; cost of a step.
     """
 
     def __init__(self, compute: Callable[[int], None], count: int, *, steps: int, cost: int) -> None:

@@ -49,6 +49,14 @@ def kernel_of(system: System, numerics: Numerics = STANDARD) -> Kernel:
 
 
 @cache
+def cost_of(system: System, numerics: Numerics) -> int:
+    """Return the time that a force takes, in units of a few nanoseconds at most."""
+    from nearharmonic.core.kernel import cost
+
+    return cost(physics_of(system), extended=numerics.precision == "extended")
+
+
+@cache
 def formulas_digest(system: System) -> str:
     """Return a digest of what is integrated: of the instructions that the formulas emit, with parameters as values."""
     from nearharmonic.core.rules import Rules, fingerprint

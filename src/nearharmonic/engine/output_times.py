@@ -130,7 +130,7 @@ def _step_on(
         start=np.concatenate(first, axis=1), parameters=given if len(given) == 1 else given[members],
         scale=problem.scale,
     )  # fmt: skip
-    batch.run(problem.tableau.stages * problem.system.dimension)
+    batch.run()
     d = first[0].shape[1]
     for i, name in enumerate(("q", "q_low", "p", "p_low")):
         columns[name][members, samples] = batch.states[:, 1, i * d : (i + 1) * d]

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import nan
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from nearharmonic.core.layout import workspace
 from nearharmonic.engine.batch import Batch, integrate_batch, prepared_batch, sample_marks
 from nearharmonic.engine.coefficients import Floats, scaled_rows
-from nearharmonic.engine.continuation import Start, start_of
 from nearharmonic.engine.grid import check_fit, steps_of
 from nearharmonic.engine.initial_values import (
     exact,
@@ -36,6 +35,9 @@ from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.systems import systems
 from nearharmonic.systems.system import System
+
+if TYPE_CHECKING:
+    from nearharmonic.engine.continuation import Start
 
 #: Step sizes whose coefficients a problem keeps: half a kilobyte each.
 MOST_STEP_SIZES = 4096
@@ -167,7 +169,7 @@ class Problem:
             slot.batch.start[:] = standard_start(self.system, self.plain)
             slot.batch.parameters[:] = standard_parameters(self.system)
             slot.default = True
-        slot.batch.run(self.tableau.stages * self.system.dimension, step.steps)
+        slot.batch.run(step.steps)
         solution = Solution(self, step, slot.batch, None if slot.default else slot.given)
         slots.append(slot)
         return solution
@@ -234,6 +236,8 @@ class Problem:
 
     def _fill(self, slot: _Slot, q0: object, p0: object, parameters: Mapping[str, Any] | None) -> None:
         """The initial values and parameters of a run, which the slot holds only once all of them are checked."""
+        from nearharmonic.engine.continuation import start_of
+
         given = start_of(self, q0, p0, parameters)
         slot.batch.start[:], slot.batch.parameters[:] = given.state, given.parameters
         slot.given, slot.default = given, False

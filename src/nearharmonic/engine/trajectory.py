@@ -11,11 +11,9 @@ import numpy as np
 
 from nearharmonic.engine.continuation import start_of
 from nearharmonic.engine.description import (
-    block_variables,
     error_variables,
     invariant_variables,
     problem_attributes,
-    tau_variable,
     trajectory_dataset,
     trajectory_variables,
 )
@@ -208,37 +206,6 @@ def _checked_taus(taus: Iterable[float]) -> list[float]:
     if not asked:
         raise bad_setting("taus", asked, "at least one step size")
     return [checked_tau(tau, f"taus[{i}]") for i, tau in enumerate(asked)]
-
-
-def sampled(
-    system: str | System,
-    integrator: str | Tableau,
-    steps: Sequence[int],
-    *,
-    t_end: str,
-    precision: str,
-    summation: str,
-    first: str | None,
-    samples: int,
-) -> Variables:
-    """Integrate one run for each of ``steps``, without loading xarray; settings as in :func:`integrate`.
-
-    Returns
-    -------
-    Variables
-        t, q, p, energy_error and the system's observables over (tau_per_stage, sample, component); the maximum, the
-        mean and the number of the steps since the previous sample over (tau_per_stage, sample); tau, steps,
-        evaluations, status and diverged_at over tau_per_stage, which has no coordinate.
-    """
-    problem = Problem(system, integrator, t_end=t_end, precision=precision, summation=summation, first=first)
-    paths = problem.run(steps, samples)
-    path = trajectory_variables(problem, paths, problem.system.constants(float))
-    # The order of variables is that of the files.
-    leading = {name: path.pop(name) for name in ("t", "q", "p", "energy_error")}
-    errors = {
-        name: value for name, value in error_variables(paths, problem).items() if not name.endswith("energy_error")
-    }
-    return {**leading, **block_variables(paths), **path, **errors, **tau_variable(problem, paths)}
 
 
 def warm_up(system: str, precisions: Sequence[str] = ("double",)) -> dict[str, Any]:

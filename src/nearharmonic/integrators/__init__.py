@@ -30,5 +30,5 @@ def _at(place: str) -> Tableau:
 
 
 integrators: Registry[Tableau] = make_registry(
-    __name__, "integrator", lambda module: {t.name: t for t in getattr(module, "TABLEAUS", ())}, _at
+    __name__, "integrator", "TABLEAUS", lambda module: {t.name: t for t in getattr(module, "TABLEAUS", ())}, _at
 )

@@ -16,6 +16,7 @@ coefficients of a dozen digits may show a higher order than they have, since not
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from fractions import Fraction
 from functools import lru_cache
 from itertools import chain
@@ -63,10 +64,15 @@ def proved_order(tableau: Tableau, highest: int, *, quadratic: bool) -> int:
 @lru_cache(maxsize=512)
 def errors_of(tableau: Tableau, degree: int) -> tuple[tuple[int, ...], int]:
     """Return log(step) - (A + B) on the Lyndon words of ``degree``: numerators, and their denominator."""
-    words = lyndon_words(degree)
     if degree % 2 == 0:  # a symmetric step undoes itself with tau reversed: its logarithm is odd in tau
-        return (0,) * len(words), 1
-    found = logarithm(product_of_exponentials(operators_of(tableau), degree), words)
+        return (0,) * len(lyndon_words(degree)), 1
+    return errors_on_words(operators_of(tableau), degree)
+
+
+def errors_on_words(operators: Sequence[Operator], degree: int) -> tuple[tuple[int, ...], int]:
+    """Return what :func:`errors_of` does for any product of exponentials, symmetric or not."""
+    words = lyndon_words(degree)
+    found = logarithm(product_of_exponentials(operators, degree), words)
     errors = [found[word] - (degree == 1) for word in words]
     unit = lcm(*(x.denominator for x in errors))
     return tuple(x.numerator * (unit // x.denominator) for x in errors), unit

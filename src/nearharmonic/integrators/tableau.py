@@ -9,7 +9,6 @@ from hashlib import sha256
 from typing import Literal
 
 from nearharmonic.core.arithmetic import rounded_pair
-from nearharmonic.display import facts_table, line
 from nearharmonic.errors import TableauError, bad_setting
 
 #: The operator applied first in a step: a drift moves q by dT/dp (ABA), a kick moves p by -dV/dq (BAB).
@@ -20,8 +19,9 @@ Row = tuple[str, ...]
 QUADRATIC_KINETIC_ENERGY = "quadratic kinetic energy"
 
 _OTHER: dict[First, First] = {"drift": "kick", "kick": "drift"}
-# Exponents are bounded because coefficients are held as exact fractions: 1e999999999 would fill the memory.
-_DECIMAL = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
+#: A coefficient. Exponents are bounded because coefficients are held as exact fractions: 1e999999999 would fill the
+#: memory.
+DECIMAL = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 
 
 def palindrome(*half: str, centre: str | None = None) -> Row:
@@ -114,9 +114,13 @@ class Tableau:
         }
 
     def __repr__(self) -> str:
+        from nearharmonic.display import line
+
         return line("Tableau", self.facts)
 
     def _repr_html_(self) -> str:
+        from nearharmonic.display import facts_table
+
         rows = {
             f"{name} coefficients": ", ".join(f"{float(c)!r}" for c in getattr(self, name))
             for name in ("drift", "kick")
@@ -127,7 +131,7 @@ class Tableau:
         row = getattr(self, key)
         self._expect(isinstance(row, tuple), key, row, "a tuple of decimal strings")
         for i, text in enumerate(row):
-            decimal = isinstance(text, str) and _DECIMAL.fullmatch(text) is not None
+            decimal = isinstance(text, str) and DECIMAL.fullmatch(text) is not None
             self._expect(decimal, f"{key}[{i}]", text, "a finite decimal number as a string")
 
     def _check_symmetry_and_sum(self, key: str) -> None:

@@ -8,9 +8,7 @@ from typing import Any
 
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators
-from nearharmonic.integrators.user_file import TableauDefinition
 from nearharmonic.systems import systems
-from nearharmonic.systems.user_file import SystemDefinition
 
 #: Definitions by name, of "systems" and of "integrators".
 Definitions = Mapping[str, Mapping[str, Any]]
@@ -49,6 +47,9 @@ def read_definitions(document: Mapping[str, Mapping[str, Mapping[str, Any]]]) ->
     NearharmonicError
         The document holds something else.
     """
+    from nearharmonic.integrators.user_file import TableauDefinition
+    from nearharmonic.systems.user_file import SystemDefinition
+
     kinds: dict[str, Any] = {"systems": SystemDefinition, "integrators": TableauDefinition}
     try:
         return {

@@ -16,7 +16,6 @@ from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.definitions import definitions_of
 from nearharmonic.output.sources import PACKAGE, closure, module_digest, module_of
-from nearharmonic.output.user_sources import digest_of, package_modules_of
 from nearharmonic.systems import systems
 
 #: Libraries whose version may change the last bit of a result or the bytes of its file.
@@ -76,14 +75,17 @@ def digests(function: str, problems: Iterable[str], methods: Iterable[str]) -> d
         There is no such module, system, integrator or user's file.
     """
     names = list(problems)
+    coefficients = coefficients_digest(integrators[name] for name in methods)
     files = {name: one.file for name, one in systems.definitions.items() if name in names and one.file is not None}
     declared = [module for name in names if (module := systems.module_of(name)) is not None]
+    if not files:
+        return {"code": code_digest(_module_of(function), *declared), "coefficients": coefficients}
+    from nearharmonic.output.user_sources import digest_of, package_modules_of
+
     imported = {module for place in files.values() for name in package_modules_of(place) if (module := module_of(name))}
     code = code_digest(_module_of(function), *declared, *imported)
-    if files:
-        told = [code, *(f"{name} {digest_of(place)}" for name, place in sorted(files.items()))]
-        code = sha256("\n".join(told).encode()).hexdigest()
-    return {"code": code, "coefficients": coefficients_digest(integrators[name] for name in methods)}
+    told = [code, *(f"{name} {digest_of(place)}" for name, place in sorted(files.items()))]
+    return {"code": sha256("\n".join(told).encode()).hexdigest(), "coefficients": coefficients}
 
 
 def settings_text(task: Mapping[str, Any]) -> str:

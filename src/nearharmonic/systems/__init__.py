@@ -17,5 +17,9 @@ def _at(place: str) -> System:
 
 
 systems: Registry[System] = make_registry(
-    __name__, "system", lambda module: {s.name: s for s in [getattr(module, "SYSTEM", None)] if s is not None}, _at
+    __name__,
+    "system",
+    "SYSTEM",
+    lambda module: {s.name: s for s in [getattr(module, "SYSTEM", None)] if s is not None},
+    _at,
 )

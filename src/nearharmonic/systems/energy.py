@@ -11,17 +11,17 @@ from fractions import Fraction
 from functools import cached_property
 from numbers import Rational
 from threading import RLock
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from nearharmonic.core import arithmetic
-from nearharmonic.core.expression.derivative import gradient, hessian_vector
 from nearharmonic.core.expression.graph import Graph, Value, Variable, value_of
-from nearharmonic.core.expression.polynomial import is_quadratic, polynomial_of, shortest_program
-from nearharmonic.core.expression.program import Program
 from nearharmonic.core.expression.size import becomes_loops, check_size, operations
-from nearharmonic.core.loops.energy import LoopedEnergy
 from nearharmonic.core.number import Constant, Number, call, constant, scalar
 from nearharmonic.errors import SystemDefinitionError
+
+if TYPE_CHECKING:
+    from nearharmonic.core.expression.program import Program
+    from nearharmonic.core.loops.energy import LoopedEnergy
 
 Vector = tuple[Any, ...]
 
@@ -85,14 +85,18 @@ class Energy:
         SystemDefinitionError
             It fails, or takes too many operations to be compiled.
         """
+        _ = self._standard  # raises what the formula does
         if self.is_long:
             looped = call(_Named(self), self.formula, self.looped, self.parameters_at_run_time)
             call(_Named(self), self.formula, check_size, looped.operations)
 
     @cached_property
     def is_long(self) -> bool:
-        """Whether the formula is compiled as loops."""
-        graph, value, _ = self._standard
+        """Whether the formula is compiled as loops; not if it fails."""
+        try:
+            graph, value, _ = self._standard
+        except SystemDefinitionError:
+            return False
         return becomes_loops(self.dimension, operations(graph, [value]))
 
     def _trace(self, parameters: tuple[Constant, ...] | None) -> _Traced:
@@ -111,6 +115,8 @@ class Energy:
 
     def looped(self, parameters_at_run_time: bool) -> LoopedEnergy:
         """Return the energy as loops, with parameters that are values or the system's own."""
+        from nearharmonic.core.loops.energy import LoopedEnergy  # which most systems do without
+
         parameters = None if parameters_at_run_time else self.parameters
         with self._lock:
             if parameters not in self._loops:
@@ -122,12 +128,16 @@ class Energy:
     @property
     def is_quadratic(self) -> bool:
         """Whether the energy is a polynomial of degree at most 2 in its coordinates, however it is written."""
+        from nearharmonic.core.expression.polynomial import is_quadratic
+
         graph, value, coordinates = self._standard
         return is_quadratic(graph, value, frozenset(x.node for x in coordinates if x.node is not None))
 
     @property
     def is_half_square(self) -> bool:
         """Whether the energy is x.x / 2, however it is written."""
+        from nearharmonic.core.expression.polynomial import polynomial_of
+
         graph, value, coordinates = self._standard
         half = {((x.node, 2),): Fraction(1, 2) for x in coordinates}
         return self.is_quadratic and polynomial_of(graph, value) == half
@@ -171,6 +181,9 @@ class Energy:
         return evaluate(self._programs[wanted, constants], (*arguments, *vector))
 
     def _program(self, wanted: Any, traced: _Traced) -> Program:
+        from nearharmonic.core.expression.derivative import gradient, hessian_vector
+        from nearharmonic.core.expression.polynomial import shortest_program
+
         graph, value, coordinates = traced
         if wanted == "hessian":
             # The components of the vector are arguments behind all others.

@@ -9,7 +9,6 @@ from typing import Any, TypeVar
 
 from nearharmonic.core.expression.graph import Graph
 from nearharmonic.core.number import Constant, vector
-from nearharmonic.display import facts_table, line
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems.arguments import check_arguments
 from nearharmonic.systems.declaration import UNITS, check_members, check_numbers
@@ -17,7 +16,6 @@ from nearharmonic.systems.energy import Energy
 from nearharmonic.systems.formulas import DerivedGradient, ExtendedPotential, Formulas, formulas_of, with_parameters
 from nearharmonic.systems.kinetic_energy import MassKineticEnergy, quadratic_grad_T, quadratic_T
 from nearharmonic.systems.quantities import Observable, Parameter, Vector, decimal, sequence
-from nearharmonic.user_module import place_of
 
 Scalar = TypeVar("Scalar")
 
@@ -127,9 +125,13 @@ class System:
         }
 
     def __repr__(self) -> str:
+        from nearharmonic.display import line
+
         return line("System", self.facts)
 
     def _repr_html_(self) -> str:
+        from nearharmonic.display import facts_table
+
         return facts_table("System", self.facts)
 
     def _set_kinetic_energy(self) -> None:
@@ -191,10 +193,11 @@ class System:
 
         if self.name in systems.registered and systems.get(self.name) is self:
             return systems.__getitem__, (self.name,)
+        from nearharmonic.systems.user_file import load_system
+        from nearharmonic.user_module import place_of
+
         place = place_of("SYSTEM", self)
         if place is not None:
-            from nearharmonic.systems.user_file import load_system
-
             return load_system, (str(place),)
         kept = {x.name: getattr(self, x.name) for x in fields(self) if x.name != "declared_for"}
         for name in ("grad_V", "grad_T"):

@@ -26,7 +26,7 @@ from nearharmonic.exact.polynomials import (
     whole,
 )
 from nearharmonic.integrators.tableau import First, Tableau
-from nearharmonic.theory.oscillator import stability_trace, step_polynomials, tableau_of
+from nearharmonic.theory.oscillator import StepPolynomials, stability_trace, step_polynomials, tableau_of
 
 #: Digits of the edges that are returned.
 EDGE_DIGITS = 30
@@ -69,6 +69,19 @@ def stability_gaps(integrator: str | Tableau, *, first: First | None = None) -> 
         ``first`` is no operator.
     """
     crossing, _ = _special_squares(tableau_of(integrator, first))
+    return _gaps(crossing)
+
+
+def gaps_of(K: StepPolynomials) -> list[tuple[BigFloat, BigFloat]]:
+    """Return the intervals of step sizes with |tr K| > 2 of any step matrix whose trace is 2 - tau^2 + ...
+
+    The step need not be symmetric: without K11 = K22 the polynomial is (tr K)^2 - 4 itself.
+    """
+    crossing, _ = _squares_of(K)
+    return _gaps(crossing)
+
+
+def _gaps(crossing: tuple[Fraction, ...]) -> list[tuple[BigFloat, BigFloat]]:
     # The oscillator is stable for small steps and the trace is unbounded for large ones: the edges alternate.
     edges = [*_step_sizes(crossing), inf]
     return list(zip(edges[0::2], edges[1::2], strict=True))
@@ -192,9 +205,16 @@ def largest_growth(integrator: str | Tableau, gap: tuple[BigFloat, BigFloat], *,
 
 @lru_cache(maxsize=256)
 def _special_squares(tableau: Tableau) -> tuple[tuple[Fraction, ...], tuple[Fraction, ...]]:
+    return _squares_of(step_polynomials(tableau))
+
+
+def _squares_of(K: StepPolynomials) -> tuple[tuple[Fraction, ...], tuple[Fraction, ...]]:
     """The x = tau^2 at which |tr K| passes 2, and those at which it touches 2."""
-    K = step_polynomials(tableau)
-    a, b = whole(K.K12[1::2]), whole(K.K21[1::2])
+    if K.K11 == K.K22:
+        a, b = whole(K.K12[1::2]), whole(K.K21[1::2])
+    else:  # tr K - 2 = -x + ..., of which x itself is left out, and tr K + 2
+        trace = [a + b for a, b in zip(K.K11, K.K22, strict=True)][0::2]
+        a, b = whole(trace[1:]), whole([trace[0] + 2, *trace[1:]])
     # With no root in common the factors can be taken by themselves, which takes a fifth of the time.
     apart = len(common_divisor(a, b)) == 1
     parts = [by_parity(factor) for factor in ((a, b) if apart else (product(a, b),))]

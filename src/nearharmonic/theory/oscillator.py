@@ -18,7 +18,9 @@ from mpmath import inf, isfinite, mp, mpf
 
 from nearharmonic.errors import bad_setting
 from nearharmonic.exact.decimals import BigFloat, as_mpf
+from nearharmonic.exact.words import Operator
 from nearharmonic.integrators import integrators
+from nearharmonic.integrators.order_conditions import operators_of
 from nearharmonic.integrators.tableau import First, Tableau
 
 #: Coefficients of tau^0, tau^1, ...
@@ -231,22 +233,23 @@ def _closed_form(tableau: Tableau) -> _ClosedForm:
 
 @lru_cache(maxsize=256)
 def _step_polynomials(tableau: Tableau) -> StepPolynomials:
-    outer, inner = tableau.rows_exact()
-    operators = [c for pair in zip(outer, inner, strict=False) for c in pair] + [outer[-1]]
+    return polynomials_of(operators_of(tableau))
+
+
+def polynomials_of(operators: Sequence[Operator]) -> StepPolynomials:
+    """Return the step matrix of drifts (letter A) and kicks (letter B) in the order of their application, exact."""
     # A term in tau^l is a sum of products of l coefficients: in units of 1/unit and 1/unit^l all are integers, which
     # spares the greatest common divisor of every product.
-    unit = lcm(*(c.denominator for c in operators))
+    unit = lcm(*(c.denominator for _, c in operators))
     images = []
     for q_a, p_a in ((1, 0), (0, 1)):
         q, p = [q_a] + [0] * len(operators), [p_a] + [0] * len(operators)
-        drifts = tableau.first == "drift"
-        for c in operators:
+        for letter, c in operators:
             factor = int(c * unit)
-            if drifts:
+            if letter == "A":
                 q = [a + factor * b for a, b in zip(q, [0, *p], strict=False)]
             else:
                 p = [a - factor * b for a, b in zip(p, [0, *q], strict=False)]
-            drifts = not drifts
         images.append([tuple(Fraction(n, unit**power) for power, n in enumerate(x)) for x in (q, p)])
     (K11, K21), (K12, K22) = images
     return StepPolynomials(K11, K12, K21, K22)

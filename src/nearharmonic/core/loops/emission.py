@@ -96,14 +96,14 @@ class Emission:
         program = work.both if with_derivatives else work.value
         read = self._operands(work, level)
         totals = [self.writer.variable(self.writer.zero(_width(count)).value) for _ in range(self.kind.planes)]
-        with self.writer.blocks(count) as (first, width):
+        for first, width, again in self.writer.blocks(count):
             arguments = read(first, width, with_derivatives)
             results = [self._number(x, width) for x in _run(program, arguments)]
             if with_derivatives:
                 for k, derivative in enumerate(results[:-1]):
                     self._keep(derivative, offsets[f"derivative {k}", level, number], first)
             if last:
-                self._accumulate(totals, results[-1], first, count)
+                self._accumulate(totals, results[-1], again)
             elif not with_derivatives:
                 self._keep(results[-1], offsets["term", level, number], first)
         return self._joined(totals) if last else None
@@ -165,14 +165,13 @@ class Emission:
         for value, address in zip(self.kind.written(number), self._planes(offset), strict=True):
             self.writer.store(value, self.writer.place(address, first))
 
-    def _accumulate(self, totals: Sequence[ir.Value], number: Any, first: ir.Value, count: int) -> None:
-        """Add a block to running sums, those of its results that no block before it had."""
-        planes = self.kind.written(number)
-        if count >= BLOCK and count % BLOCK:
-            new = self.writer.new_in_block(first, count)
-            planes = [new.choose(plane, 0.0) for plane in planes]
+    def _accumulate(self, totals: Sequence[ir.Value], number: Any, again: int) -> None:
+        """Add a block to running sums, without its first results if a block before it has them."""
+        if again:
+            new = self.writer.last_lanes(again)
+            number = self.kind.read([new.choose(plane, 0.0) for plane in self.kind.written(number)])
         before = [LLVMValue(self.builder, self.builder.load(room)) for room in totals]
-        total = self.kind.read(before) + self.kind.read(planes)
+        total = self.kind.read(before) + number
         for value, room in zip(self.kind.written(total), totals, strict=True):
             self.builder.store(value.value, room)
 
@@ -199,7 +198,7 @@ class Emission:
         """Write numbers to the targets, computed by the number of the first of a block and the width."""
         table = None if is_consecutive(targets) or len(targets) == 1 else self.writer.table(targets)
         addresses = self._planes(offset if table is not None else offset + int(targets[0]))
-        with self.writer.blocks(len(targets)) as (first, width):
+        for first, width, _ in self.writer.blocks(len(targets)):
             planes = self.kind.written(computed(first, width))
             places = self.writer.looked_up(table, first, width) if table is not None else []
             for value, address in zip(planes, addresses, strict=True):
@@ -228,7 +227,7 @@ class Emission:
 
             totals = [self.writer.variable(x.value) for x in self.kind.written(term(self.writer.index(0)))]
             with self.writer.repeated(terms - 1) as i:
-                self._accumulate(totals, term(self.builder.add(i, self.writer.index(1))), i, 0)
+                self._accumulate(totals, term(self.builder.add(i, self.writer.index(1))), 0)
             return self.kind.read([LLVMValue(self.builder, self.builder.load(room)) for room in totals])
 
         return computed
@@ -237,8 +236,8 @@ class Emission:
         """One sum of many terms, in as many partial sums as a block has lanes."""
         load, terms = self._loader(sources), len(sources)
         totals = [self.writer.variable(self.writer.zero(BLOCK).value) for _ in range(self.kind.planes)]
-        with self.writer.blocks(terms) as (first, width):
-            self._accumulate(totals, self._read(load, first, width), first, terms)
+        for first, width, again in self.writer.blocks(terms):
+            self._accumulate(totals, self._read(load, first, width), again)
         return self._joined(totals)
 
 

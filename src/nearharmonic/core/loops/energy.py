@@ -20,7 +20,7 @@ from nearharmonic.core.expression.polynomial import shortest_program
 from nearharmonic.core.expression.program import Program
 from nearharmonic.core.expression.size import operations_of
 from nearharmonic.core.loops.patterns import Level, Loop, levels
-from nearharmonic.core.loops.tables import Places, runs
+from nearharmonic.core.loops.tables import BLOCK, Places, runs
 from nearharmonic.core.loops.terms import COORDINATES
 
 
@@ -80,6 +80,11 @@ class LoopedEnergy:
         """Operations of all patterns with their derivatives, each pattern once: what takes time to compile."""
         return sum(operations_of(name) for level in self.work for work in level for name, *_ in work.both.operations)
 
+    @property
+    def work_of_loops(self) -> int:
+        """Operations of all repetitions of all loops, with their derivatives."""
+        return sum(work.both.work * work.loop.count for level in self.work for work in level)
+
     @cached_property
     def digest(self) -> str:
         """Digest of what is computed: the operations of all loops, and their tables."""
@@ -103,7 +108,7 @@ class LoopedEnergy:
         def keep(key: tuple[str, int, int], count: int) -> None:
             nonlocal at
             found[key] = at
-            at += count
+            at += -(-count // BLOCK) * BLOCK  # blocks that cross cache lines take twice the time to store
 
         keep(("gradient", COORDINATES, 0), self.dimension)
         for number, (level, work) in enumerate(zip(self.levels, self.work, strict=True), start=1):

@@ -36,7 +36,7 @@ _POINTER = DOUBLE.as_pointer()
 def room(V: LoopedEnergy, T: LoopedEnergy, extended: bool) -> int:
     """Return the doubles behind the parameters that the loops of a kernel keep numbers in."""
     planes = 2 if extended or max(len(V.levels), len(T.levels)) > 1 else 1
-    return planes * max(V.room, T.room)
+    return BLOCK + planes * max(V.room, T.room)
 
 
 def machine_code(text: str, name: str) -> tuple[str, bytes]:
@@ -71,7 +71,8 @@ class _Functions:
         self.d = physics.dimension
         self.tally_at = 4 * self.d
         self.parameters_at = self.tally_at + TALLY
-        self.kept_at = self.parameters_at + parameter_rows(physics.parameters)
+        behind = self.parameters_at + parameter_rows(physics.parameters)
+        self.kept_at = -(-behind // BLOCK) * BLOCK
         self.stride = max(self.V.room, self.T.room)
         self.state_kind: Doubles = DoubleDoubles() if rules.extended else Doubles()
         self.module = ir.Module("loops")

@@ -154,35 +154,25 @@ class Writer:
         builder.branch(head)
         builder.position_at_end(behind)
 
-    @contextmanager
-    def blocks(self, count: int) -> Iterator[tuple[ir.Value, int]]:
-        """Write the body of a loop over ``count`` results: the first of each block, and how many it has.
+    def blocks(self, count: int) -> Iterator[tuple[ir.Value, int, int]]:
+        """Blocks of ``count`` results, whose code the caller writes at each turn of a loop over this.
 
-        The last of several blocks ends with the last result, and computes some a second time.
+        Yields the first of a block, its length, and how many of it a block before it has: the last block ends with the
+        last result.
         """
         if count < BLOCK:
             with self.repeated(count) as i:
-                yield i, 1
+                yield i, 1, 0
             return
-        with self.repeated(-(-count // BLOCK)) as i:
-            first = self.builder.mul(i, self.index(BLOCK))
-            if count % BLOCK:
-                last = self.index(count - BLOCK)
-                first = self.builder.select(self.builder.icmp_signed("<", first, last), first, last)
-            yield first, BLOCK
+        with self.repeated(count // BLOCK) as i:
+            yield self.builder.mul(i, self.index(BLOCK)), BLOCK, 0
+        if count % BLOCK:
+            yield self.index(count - BLOCK), BLOCK, BLOCK - count % BLOCK
 
-    def new_in_block(self, first: ir.Value, count: int) -> LLVMMask:
-        """The lanes of a block that no block before it has: all, but some of the last of several blocks."""
-        lanes = ir.VectorType(INDEX, BLOCK)
-        # Only the last block starts at a place that is no multiple of its length.
-        behind = count - count % BLOCK
-        others = self.builder.icmp_signed("==", self.builder.and_(first, self.index(BLOCK - 1)), self.index(0))
-        least = self.builder.select(others, self.index(0), self.builder.sub(self.index(behind), first))
-        bound = ir.Constant(lanes, ir.Undefined)
-        for i in range(BLOCK):
-            bound = self.builder.insert_element(bound, least, ir.Constant(PLACE, i))
-        numbers = ir.Constant(lanes, list(range(BLOCK)))
-        return LLVMMask(self.builder, self.builder.icmp_signed(">=", numbers, bound))
+    def last_lanes(self, skipped: int) -> LLVMMask:
+        """The lanes of a block but the first ones."""
+        lanes = [int(i >= skipped) for i in range(BLOCK)]
+        return LLVMMask(self.builder, ir.Constant(ir.VectorType(ir.IntType(1), BLOCK), lanes))
 
     def table(self, numbers: NDArray[Any]) -> ir.Value:
         """The address of constant numbers: 32-bit integers or doubles."""

@@ -26,7 +26,7 @@ class Runs:
     Attributes
     ----------
     variables : Variables
-        What :func:`nearharmonic.engine.trajectory.sampled` returns: arrays over tau_per_stage, most of them over sample
+        What :func:`nearharmonic.engine.sampled.sampled` returns: arrays over tau_per_stage, most of them over sample
         as well; runs with fewer samples than the longest are padded with NaN.
     system : System
         The system.

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from nearharmonic.engine.sampled import sampled
 from nearharmonic.engine.settings import Sweep
-from nearharmonic.engine.trajectory import sampled
 from nearharmonic.experiments.paper.plan import Run, runs_of
 from nearharmonic.experiments.paper.reductions import Runs, reduced
 from nearharmonic.integrators import integrators

@@ -1,0 +1,135 @@
+"""``nearharmonic verify-tableau``: whether coefficients from anywhere are what their file claims."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from nearharmonic.answers import Answer
+
+if TYPE_CHECKING:
+    from nearharmonic.exchange.nearest import Likeness
+    from nearharmonic.exchange.residuals import Order, Residual
+    from nearharmonic.exchange.verdict import Verdict
+
+HELP = "prove what a file of coefficients claims: sums, symmetry, orders, and which operator is first"
+HEADER = ("claim", "holds", "proof")
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command to ``parser``."""
+    parser.add_argument("file", help="a .json, .toml or .csv file with the rows kick and drift, and claims")
+
+
+def answer(chosen: argparse.Namespace) -> Answer:
+    """Return a row for each claim; the status is 1 if one does not hold."""
+    from nearharmonic.exchange.coefficient_file import read
+    from nearharmonic.exchange.verdict import Verdict
+
+    found = Verdict(read(chosen.file))
+    failing, number = sum(not claim.holds for claim in found.claims), len(found.claims)
+    verb = "does" if failing == 1 else "do"
+    words = f"{failing} of {number} claims {verb} not hold" if failing else "all claims hold"
+    return Answer(
+        header=HEADER,
+        rows=[list(claim) for claim in found.claims],
+        document=_document(found),
+        status=1 if failing else 0,
+        title=f"{found.file.label}: {words}",
+        notes=list(_notes(found)),
+    )
+
+
+def _notes(found: Verdict) -> Iterator[str]:
+    order, quadratic, oscillator = found.order, found.quadratic_order, found.oscillator
+    yield f"digits: {found.digits.number or 'exact'}, {found.digits.basis}"
+    if found.digits_that_hold is not None:
+        yield f"every claim holds to {found.digits_that_hold} digits"
+    yield (
+        f"order: {_shown(order)} for every separable H, {_shown(quadratic)} for quadratic T, "
+        f"{oscillator.order} on the oscillator"
+    )
+    if found.stability_limit is not None:
+        yield (
+            f"on the oscillator, {found.file.first} first: position {oscillator.harmonic_order} (harmonic order), "
+            f"momentum {oscillator.momentum_order}, energy {oscillator.energy_order}, phase {oscillator.phase_order}"
+        )
+        yield f"stability limit: tau = {float(found.stability_limit):.12g}"
+    yield f"symmetric: {'yes' if found.is_symmetric else 'no'}"
+    yield f"nearest registered method: {_nearest(found.nearest)}"
+    yield from (f"warning: {warning}" for warning in found.warnings)
+    yield from (f"looks wrong: {suspect.says}" for suspect in found.suspects)
+
+
+def _shown(order: Order) -> str:
+    return f"{order.order}{' or more' if order.failing is None else ''}"
+
+
+def _nearest(like: Likeness | None) -> str:
+    if like is None:
+        return "none has as many kicks and drifts"
+    changes = [("its roles exchanged", like.exchanged), ("rescaled", like.rescaled)]
+    changed = "".join(f", {text}" for text, applies in changes if applies)
+    name = f"{like.tableau.label} ({like.tableau.name}){changed}"
+    if like.is_same:
+        return f"{name}: the same to all digits"
+    differing = f"{len(like.differing)} of {like.compared} coefficients differ"
+    return f"{name}: {differing}, by at most {float(like.distance):.2g}"
+
+
+def _document(found: Verdict) -> dict[str, Any]:
+    file, oscillator, like = found.file, found.oscillator, found.nearest
+    return {
+        "file": file.path,
+        "name": file.name,
+        "label": file.label,
+        "source": file.source,
+        "first": file.first,
+        "kicks": len(file.kick),
+        "drifts": len(file.drift),
+        "digits": found.digits.number or None,
+        "digits_basis": found.digits.basis,
+        "digits_that_hold": found.digits_that_hold,
+        "holds": all(claim.holds for claim in found.claims),
+        "claims": [claim._asdict() for claim in found.claims],
+        "excess_of_sums": {key: _residual(one) for key, one in found.sums.items()},
+        "symmetric": found.is_symmetric,
+        "order": _order(found.order),
+        "quadratic_order": _order(found.quadratic_order),
+        "oscillator_order": oscillator.order,
+        "harmonic_order": oscillator.harmonic_order,
+        "momentum_order": oscillator.momentum_order,
+        "energy_order": oscillator.energy_order,
+        "phase_order": oscillator.phase_order,
+        "stability_limit": None if found.stability_limit is None else float(found.stability_limit),
+        "nearest": None if like is None else _likeness(like),
+        "warnings": found.warnings,
+        "suspects": [{"says": says, **rows._asdict()} for says, rows in found.suspects],
+    }
+
+
+def _residual(one: Residual) -> dict[str, Any]:
+    return {"degree": one.degree, "residual": float(one.value), "allowed": float(one.allowed)}
+
+
+def _order(proved: Order) -> dict[str, Any]:
+    """An order, the condition that ends it, and the largest residual below it in units of what the digits allow."""
+    return {
+        "order": proved.order,
+        "failing": None if proved.failing is None else _residual(proved.failing),
+        "largest_vanishing": _residual(proved.largest),
+    }
+
+
+def _likeness(like: Likeness) -> dict[str, Any]:
+    return {
+        "name": like.tableau.name,
+        "same": like.is_same,
+        "roles_exchanged": like.exchanged,
+        "rescaled": like.rescaled,
+        "largest_difference": float(like.distance),
+        "differing": [
+            {"place": place, "here": float(here), "there": float(there)} for place, here, there in like.differing
+        ],
+    }

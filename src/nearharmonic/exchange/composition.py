@@ -1,0 +1,150 @@
+"""A step as a product of drifts and kicks, each with the uncertainty that its digits leave."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from decimal import Decimal
+from fractions import Fraction
+from itertools import zip_longest
+from statistics import median_low
+from typing import NamedTuple
+
+from nearharmonic.exact.words import Operator
+from nearharmonic.exchange.coefficient_file import CoefficientFile
+from nearharmonic.integrators.tableau import First, Row
+
+#: Numbers of at most so many significant digits are exact: nobody rounds a method to four.
+EXACT_DIGITS = 4
+#: Decimals that are written for doubles have 16 to 18 significant digits, of which 16 hold.
+DOUBLE_DIGITS, LONGEST_DOUBLE = 16, 18
+#: Units of the last digit by which a coefficient may be off. A number that is cut off is off by one, and the iterations
+#: that found published coefficients stopped a unit or two before the end.
+LAST_DIGIT = 3
+
+
+class Substep(NamedTuple):
+    """One drift (letter A) or kick (letter B) of a step.
+
+    ``uncertainty`` bounds how far the coefficient can be from the one that its decimals were rounded from, and
+    ``places`` are where the file has it, such as ("kick[2]",); several if neighbours of one operator were joined.
+    """
+
+    letter: str
+    value: Fraction
+    uncertainty: Fraction
+    places: tuple[str, ...]
+
+    @property
+    def place(self) -> str:
+        """The places in words."""
+        return " + ".join(self.places)
+
+
+class Digits(NamedTuple):
+    """Significant digits that the coefficients have, 0 if they are exact, and how that is known."""
+
+    number: int
+    basis: str
+
+    @property
+    def words(self) -> str:
+        """The digits in words."""
+        return f"{self.number} digits" if self.number else "exact coefficients"
+
+
+Step = tuple[Substep, ...]
+
+
+def digits_of(file: CoefficientFile) -> Digits:
+    """Return the significant digits of the coefficients: those that the file claims, or those that it shows.
+
+    Those shown are the median over the coefficients that have more than :data:`EXACT_DIGITS` digits; without any, the
+    coefficients are exact. Numbers of 16 to 18 digits are doubles as a program prints them, of which 16 digits hold,
+    and so are longer ones that are nothing but doubles written out.
+    """
+    if file.digits is not None:
+        return Digits(file.digits, "as the file claims")
+    counts = [n for n in map(significant_digits, (*file.kick, *file.drift)) if n > EXACT_DIGITS]
+    if not counts:
+        return Digits(0, f"as none has more than {EXACT_DIGITS} digits")
+    shown = median_low(counts)
+    written_out = shown > LONGEST_DOUBLE and all(map(_is_double_written_out, (*file.kick, *file.drift)))
+    if DOUBLE_DIGITS <= shown <= LONGEST_DOUBLE or written_out:
+        return Digits(DOUBLE_DIGITS, "which hold of doubles")
+    return Digits(shown, "as the file shows")
+
+
+def _is_double_written_out(text: str) -> bool:
+    """Whether a number is the nearest double to itself, to its last digit; others are so once in 10^(digits - 16)."""
+    exponent = Decimal(text).as_tuple().exponent
+    return abs(Fraction(text) - Fraction(float(text))) <= Fraction(10) ** int(exponent) / 2
+
+
+def significant_digits(text: str) -> int:
+    """Return the number of digits of a decimal number from the first to the last that is not 0."""
+    return len("".join(map(str, Decimal(text).as_tuple().digits)).strip("0"))
+
+
+def uncertainty(text: str, digits: int) -> Fraction:
+    """Return :data:`LAST_DIGIT` units of the last of ``digits`` digits of a coefficient; 0 for exact ones.
+
+    ``digits`` are counted from the first digit of the number, but behind the point for numbers below 1. Sources count
+    either way, and this is the larger unit.
+    """
+    if digits == 0:
+        return Fraction(0)
+    return LAST_DIGIT * Fraction(10) ** (max(Decimal(text).adjusted(), -1) + 1 - digits)
+
+
+def step_of(kick: Row, drift: Row, first: First, digits: int) -> Step:
+    """Return the substeps in the order of their application, without those of 0, and with neighbours joined."""
+    rows = {"A": ("drift", drift), "B": ("kick", kick)}
+    letters = "BA" if first == "kick" else "AB"
+    found: list[Substep] = []
+    for pair in zip_longest(*(range(len(rows[letter][1])) for letter in letters)):
+        for letter, i in zip(letters, pair, strict=True):
+            if i is None:
+                continue
+            name, row = rows[letter]
+            value = Fraction(row[i])
+            if value == 0:
+                continue
+            one = Substep(letter, value, uncertainty(row[i], digits), (f"{name}[{i}]",))
+            found[-1:] = _joined(found[-1:], one)
+    return tuple(found)
+
+
+def _joined(last: Sequence[Substep], one: Substep) -> list[Substep]:
+    if not last or last[0].letter != one.letter:
+        return [*last, one]
+    before = last[0]
+    places = (*before.places, *one.places)
+    return [Substep(one.letter, before.value + one.value, before.uncertainty + one.uncertainty, places)]
+
+
+def operators_of(step: Step) -> list[Operator]:
+    """Return the letters and coefficients of a step."""
+    return [(one.letter, one.value) for one in step]
+
+
+def with_roles_exchanged(step: Step) -> Step:
+    """Return the step whose drifts are kicks and whose kicks are drifts."""
+    return tuple(one._replace(letter="B" if one.letter == "A" else "A") for one in step)
+
+
+def size_of(step: Iterable[Substep]) -> Fraction:
+    """Return the sum of the absolute values of all coefficients."""
+    return sum((abs(one.value) for one in step), Fraction(0))
+
+
+def is_palindrome(step: Step, *, exactly: bool = False) -> bool:
+    """Return whether a step reads the same backwards, to the digits of its coefficients or exactly."""
+    return all(
+        a.letter == b.letter and abs(a.value - b.value) <= (0 if exactly else a.uncertainty + b.uncertainty)
+        for a, b in zip(step, reversed(step), strict=True)
+    )
+
+
+def symmetrised(step: Step) -> Step:
+    """Return the palindrome whose coefficients are the means of each coefficient and its mirror image."""
+    return tuple(a._replace(value=(a.value + b.value) / 2) for a, b in zip(step, reversed(step), strict=True))

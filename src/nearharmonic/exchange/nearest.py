@@ -1,0 +1,108 @@
+"""The registered method that coefficients from elsewhere are nearest to, whatever their roles, direction and scale.
+
+Every registered method is a palindrome, so that a step and the same step reversed are as near to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+
+from nearharmonic.exact.words import LETTERS
+from nearharmonic.exchange.composition import Step, step_of, with_roles_exchanged
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.tableau import Tableau
+
+#: Of the coefficients, the part that has to agree for the others to be called wrong digits of the same method.
+MOST = Fraction(1, 2)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Likeness:
+    """A registered method beside a step.
+
+    Attributes
+    ----------
+    tableau : Tableau
+        The method.
+    exchanged, rescaled : bool
+        Whether its roles are exchanged, and whether its rows are multiplied by the sums of those of the step.
+    differing : tuple of (str, Fraction, Fraction)
+        Of each coefficient that differs by more than the digits of both allow: its place, its value, and that of the
+        method, in the scale of the step.
+    distance : Fraction
+        The largest difference of two coefficients.
+    compared : int
+        Number of coefficients that were compared.
+    """
+
+    tableau: Tableau
+    exchanged: bool
+    rescaled: bool
+    differing: tuple[tuple[str, Fraction, Fraction], ...]
+    distance: Fraction
+    compared: int
+
+    @property
+    def is_same(self) -> bool:
+        """Whether all coefficients are those of the method, to the digits of both."""
+        return not self.differing
+
+    @property
+    def is_recognised(self) -> bool:
+        """Whether so many agree that those that do not look wrong."""
+        return len(self.differing) <= MOST * self.compared
+
+
+def nearest(step: Step) -> Likeness | None:
+    """Return the registered method with the most coefficients in common, of those the one that differs least.
+
+    Returns
+    -------
+    Likeness or None
+        None if no method has as many substeps.
+    """
+    found = [likeness for tableau in integrators.values() for likeness in _likenesses(step, tableau)]
+    # Of equal candidates, those that change less come first, and min keeps the first.
+    return min(found, key=lambda one: (len(one.differing), one.distance), default=None)
+
+
+def _likenesses(step: Step, tableau: Tableau) -> Iterator[Likeness]:
+    registered = step_of(tableau.kick, tableau.drift, tableau.first, tableau.digits)
+    if len(registered) != len(step):
+        return
+    for scale, rescaled in _scales(step):
+        for exchanged in (False, True):
+            other = with_roles_exchanged(registered) if exchanged else registered
+            if other[0].letter == step[0].letter:
+                differing, distance = _difference(step, other, scale)
+                yield Likeness(
+                    tableau=tableau,
+                    exchanged=exchanged,
+                    rescaled=rescaled,
+                    differing=differing,
+                    distance=distance,
+                    compared=len(step),
+                )
+
+
+def _scales(step: Step) -> Iterator[tuple[dict[str, Fraction], bool]]:
+    """Factors of the drifts and kicks of a method: 1, and the sums of the rows if these are clearly something else."""
+    yield dict.fromkeys(LETTERS, Fraction(1)), False
+    sums = {letter: sum((one.value for one in step if one.letter == letter), Fraction(0)) for letter in LETTERS}
+    if all(sums.values()) and any(abs(x - 1) > Fraction(1, 10**6) for x in sums.values()):
+        yield sums, True
+
+
+def _difference(
+    step: Step, other: Step, scale: dict[str, Fraction]
+) -> tuple[tuple[tuple[str, Fraction, Fraction], ...], Fraction]:
+    differing, largest = [], Fraction(0)
+    for a, b in zip(step, other, strict=True):
+        expected = b.value * scale[b.letter]
+        distance = abs(a.value - expected)
+        largest = max(largest, distance)
+        if distance > a.uncertainty + b.uncertainty * abs(scale[b.letter]):
+            differing.append((a.place, a.value, expected))
+    return tuple(differing), largest

@@ -1,0 +1,141 @@
+"""Residuals of the order conditions of a step, exact, and what the digits of its coefficients allow them to be.
+
+Let c be the coefficients of a file. Each is off by at most u_i, a few units of its last digit, from the number that its
+author rounded; one coefficient of each row may besides be off by what closes the sum of its row, at most the sum of the
+u_i there. A condition of degree n is a polynomial r(c) of degree n, and with g_i = dr/dc_i
+
+    |r(c) - r(true c)|  <=  sum_i |g_i| u_i  +  sum_rows max |g_i| sum u_i  +  2 U^2 d^2/dM^2 [f_n M^n]  at M + 2 U,
+
+with M the sum of all |c_i| and U that of all u_i. This is Taylor's formula, the second derivative being bounded by
+replacing every term of log(product of exponentials) by its absolute value; f_n = [x^n] (-log(2 - e^x)). The true
+coefficients fulfil a condition only if |r(c)| is within this bound. A residual beyond it therefore proves that no
+coefficients that round to the given ones fulfil the condition. One within it is zero to the digits given, which is all
+that they can show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from fractions import Fraction
+from functools import cache
+from math import comb, factorial
+from typing import TYPE_CHECKING, NamedTuple
+
+from nearharmonic.exact.lie import conditions, lyndon_words
+from nearharmonic.exact.words import LETTERS
+from nearharmonic.exchange.composition import Step, is_palindrome, operators_of, size_of
+from nearharmonic.exchange.series import derivatives_of_logarithm
+from nearharmonic.integrators.order_conditions import errors_on_words, weighted
+
+if TYPE_CHECKING:
+    import numpy as np
+
+#: What is added to the bound for the rounding of derivatives in double precision, in units of their own bound.
+ROUNDING = Fraction(1, 10**9)
+
+
+class Residual(NamedTuple):
+    """The value of a condition of ``degree`` in tau, and what the digits of the coefficients ``allow``; both exact."""
+
+    degree: int
+    value: Fraction
+    allowed: Fraction
+
+    @property
+    def vanishes(self) -> bool:
+        """Whether the value is zero to the digits given."""
+        return abs(self.value) <= self.allowed
+
+
+class Order(NamedTuple):
+    """An order, the residual that ends it (None if no condition examined fails), and the largest that vanishes.
+
+    The largest is in units of what is allowed.
+    """
+
+    order: int
+    failing: Residual | None
+    largest: Residual
+
+
+def proved_order(step: Step, highest: int, *, quadratic: bool) -> Order:
+    """Return the order of a step for every separable H, or for those with quadratic T; ``highest`` if that or more.
+
+    Parameters
+    ----------
+    step : tuple of Substep
+        The substeps.
+    highest : int
+        Degree of the last conditions examined.
+    quadratic : bool
+        Whether T is p.p/2.
+    """
+    largest = Residual(1, Fraction(0), Fraction(0))
+    for degree in range(1, highest + 1):
+        found = residuals(step, degree, quadratic=quadratic)
+        failing = [one for one in found if not one.vanishes]
+        if failing:
+            return Order(degree - 1, max(failing, key=lambda one: abs(one.value)), largest)
+        largest = max([largest, *found], key=lambda one: abs(one.value) / one.allowed if one.allowed else 0)
+    return Order(highest, None, largest)
+
+
+def residuals(step: Step, degree: int, *, quadratic: bool) -> list[Residual]:
+    """Return the residual of each condition of ``degree``.
+
+    A palindrome undoes itself with tau reversed, so that its conditions of even degree vanish.
+    """
+    rows = conditions(degree, quadratic=quadratic)
+    if degree % 2 == 0 and is_palindrome(step, exactly=True):
+        return [Residual(degree, Fraction(0), Fraction(0)) for _ in rows]
+    errors = errors_on_words(operators_of(step), degree)
+    weights = [row.weights for row in rows]
+    allowed = allowances(step, degree, weights)
+    return [Residual(degree, weighted(w, errors), most) for w, most in zip(weights, allowed, strict=True)]
+
+
+def allowances(step: Step, degree: int, weights: Sequence[Sequence[Fraction]]) -> list[Fraction]:
+    """Return what the digits allow each weighted sum of the logarithm's coefficients on Lyndon words to be off by."""
+    total = sum((one.uncertainty for one in step), Fraction(0))
+    if total == 0:
+        return [Fraction(0)] * len(weights)
+    size = size_of(step)
+    slack = ROUNDING * total * degree * majorant(degree) * size ** (degree - 1)
+    slack += 2 * total**2 * degree * (degree - 1) * majorant(degree) * (size + 2 * total) ** max(degree - 2, 0)
+    return [linear_allowance(step, row) + slack for row in _gradients(step, degree, weights)]
+
+
+def linear_allowance(step: Step, gradient: Iterable[float]) -> Fraction:
+    """Return what the digits allow a function of the coefficients to be off by, to first order in its ``gradient``."""
+    slopes = [abs(Fraction(float(g))) for g in gradient]
+    single = sum((g * one.uncertainty for g, one in zip(slopes, step, strict=True)), Fraction(0))
+    for letter in LETTERS:
+        row = [(g, one.uncertainty) for g, one in zip(slopes, step, strict=True) if one.letter == letter]
+        single += max((g for g, _ in row), default=Fraction(0)) * sum((u for _, u in row), Fraction(0))
+    return single
+
+
+def _gradients(step: Step, degree: int, weights: Sequence[Sequence[Fraction]]) -> np.ndarray:
+    """The derivatives of the weighted sums by the coefficients, (weights, substeps), in double precision."""
+    import numpy as np
+
+    values = np.array([[float(one.value) for one in step]])
+    derivatives = derivatives_of_logarithm(values, [one.letter for one in step], degree)
+    words = [int(word.translate(_BITS), 2) for word in lyndon_words(degree)]
+    result: np.ndarray = np.array(weights, dtype=float) @ derivatives[:, words].T
+    return result
+
+
+_BITS = str.maketrans("AB", "01")
+
+
+@cache
+def majorant(degree: int) -> Fraction:
+    """Return f_n, the coefficient of x^n in -log(2 - e^x), n >= 1."""
+    # Its derivative is e^x / (2 - e^x) = 2 / (2 - e^x) - 1, and 1 / (2 - e^x) generates the Fubini numbers.
+    return Fraction((2 if degree > 1 else 1) * _fubini(degree - 1), factorial(degree))
+
+
+@cache
+def _fubini(n: int) -> int:
+    return 1 if n == 0 else sum(comb(n, k) * _fubini(n - k) for k in range(1, n + 1))

@@ -1,0 +1,235 @@
+"""Single mistakes that would explain why claims of a file do not hold: what looks wrong, and what would be right.
+
+Every change of one kind is tried: a digit, a sign, two neighbouring digits, two coefficients or two lines exchanged,
+the roles exchanged. The sum of the row, or double precision, excludes most; what is left has to prove all claims.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from decimal import Decimal, localcontext
+from fractions import Fraction
+from itertools import combinations, islice, pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+from nearharmonic.exact.lie import lyndon_words
+from nearharmonic.exchange.coefficient_file import LONGEST_NUMBER, CoefficientFile
+from nearharmonic.integrators.tableau import First, Row
+
+if TYPE_CHECKING:
+    import numpy as np
+
+#: Changes that are proved, and of these that are reported, at most.
+MOST_PROVED, MOST_REPORTED = 40, 3
+#: Degrees of the conditions that are checked in double precision, and what they may be off by there.
+FILTER_DEGREE, FILTER_TOLERANCE = 3, 1e-10
+#: Digits of a number that are changed one by one together with the middle of its row.
+LEADING_DIGITS = 12
+
+
+class Rows(NamedTuple):
+    """The rows of a file, and the operator that is applied first."""
+
+    kick: Row
+    drift: Row
+    first: First
+
+
+class Suspect(NamedTuple):
+    """A mistake that would explain the failing claims: in words, and the rows without it."""
+
+    says: str
+    rows: Rows
+
+
+def suspects(file: CoefficientFile, digits: int, proves: Callable[[Rows], bool], degree: int) -> list[Suspect]:
+    """Return the single changes of a file with which all its claims hold.
+
+    Parameters
+    ----------
+    file : CoefficientFile
+        The coefficients.
+    digits : int
+        Significant digits that they have, 0 if they are exact.
+    proves : function
+        Whether all claims hold of some rows.
+    degree : int
+        Order that the claims imply; conditions up to it are checked in double precision.
+    """
+    rows = Rows(file.kick, file.drift, file.first)
+    tolerance = max(FILTER_TOLERANCE, 10.0 ** (3 - digits)) if digits else FILTER_TOLERANCE
+    seen, proved = {rows}, 0
+    found: list[Suspect] = []
+    balanced = all(abs(sum(map(float, row)) - 1) <= tolerance for row in (rows.kick, rows.drift))
+    # What keeps the sums cannot mend them.
+    keeping = (_exchanges, _closed_edits) if balanced else ()
+    for group in (_roles, _mirrors, _single_edits, *keeping):
+        candidates = list({one.rows: one for one in group(rows) if one.rows not in seen}.values())
+        seen.update(one.rows for one in candidates)
+        for one in _plausible(candidates, min(degree, FILTER_DEGREE), tolerance):
+            if proved == MOST_PROVED or len(found) == MOST_REPORTED:
+                return found
+            proved += 1
+            if proves(one.rows):
+                found.append(one)
+        if found:  # a simpler mistake explains it
+            break
+    return found
+
+
+def _plausible(candidates: Sequence[Suspect], degree: int, tolerance: float) -> Iterator[Suspect]:
+    """Those of ``candidates`` whose conditions up to ``degree`` hold in double precision."""
+    import numpy as np
+
+    from nearharmonic.exchange.series import logarithm
+
+    for start in range(0, len(candidates), 4096):
+        part = candidates[start : start + 4096]
+        by_first: dict[First, list[Suspect]] = {}
+        for one in part:
+            by_first.setdefault(one.rows.first, []).append(one)
+        for members in by_first.values():
+            letters = _letters(members[0].rows)
+            values = np.array([_values(one.rows) for one in members])
+            found = logarithm(values, letters, degree)
+            worst = np.max([_worst(found, k) for k in range(1, degree + 1)], axis=0)
+            yield from (one for one, error in zip(members, worst, strict=True) if error <= tolerance)
+
+
+def _worst(found: list[np.ndarray], degree: int) -> np.ndarray:
+    """The largest error of each member on the Lyndon words of ``degree``."""
+    words = [int(word.translate(str.maketrans("AB", "01")), 2) for word in lyndon_words(degree)]
+    errors: np.ndarray = abs(found[degree][:, words] - (degree == 1)).max(axis=1)
+    return errors
+
+
+def _letters(rows: Rows) -> list[str]:
+    pair = "BA" if rows.first == "kick" else "AB"
+    return [pair[i % 2] for i in range(len(rows.kick) + len(rows.drift))]
+
+
+def _values(rows: Rows) -> list[float]:
+    outer, inner = (rows.kick, rows.drift) if rows.first == "kick" else (rows.drift, rows.kick)
+    values = [0.0] * (len(outer) + len(inner))
+    values[0::2], values[1::2] = map(float, outer), map(float, inner)
+    return values
+
+
+def _roles(rows: Rows) -> Iterator[Suspect]:
+    other: First = "drift" if rows.first == "kick" else "kick"
+    if len(rows.kick) == len(rows.drift):
+        yield Suspect(f"the first operator: with the {other} first, the rows as they are, every claim holds",
+                      rows._replace(first=other))  # fmt: skip
+        yield Suspect("the rows kick and drift: exchanged, with the same operator first, every claim holds",
+                      rows._replace(kick=rows.drift, drift=rows.kick))  # fmt: skip
+    yield Suspect(f"the roles: with the drifts as kicks and the kicks as drifts, the {other} first, every claim holds",
+                  Rows(rows.drift, rows.kick, other))  # fmt: skip
+
+
+def _mirrors(rows: Rows) -> Iterator[Suspect]:
+    """A coefficient that is not its mirror image, with the value of that."""
+    for key in ("kick", "drift"):
+        row: Row = getattr(rows, key)
+        for i, text in enumerate(row):
+            mirror = row[-1 - i]
+            if Fraction(text) != Fraction(mirror):
+                image = f"its mirror image {key}[{len(row) - 1 - i}]"
+                says = f"{key}[{i}] = {text}: with {mirror}, as {image}, every claim holds"
+                yield Suspect(says, _changed(rows, key, {i: mirror}))
+
+
+def _single_edits(rows: Rows) -> Iterator[Suspect]:
+    """One coefficient, or one and its mirror image, written otherwise, where this makes the sum of the row 1."""
+    for key in ("kick", "drift"):
+        row: Row = getattr(rows, key)
+        excess, palindrome = sum(map(Fraction, row), Fraction(-1)), _is_palindrome(row)
+        if not excess:
+            continue
+        nearly = abs(excess) / 10**6
+        for i, new, what in _edits_of(row):
+            changes = {i: new, len(row) - 1 - i: new} if palindrome else {i: new}
+            change = len(changes) * (Fraction(new) - Fraction(row[i]))
+            if abs(excess + change) <= nearly:
+                yield Suspect(_edit_says(key, row, changes, what), _changed(rows, key, changes))
+
+
+def _exchanges(rows: Rows) -> Iterator[Suspect]:
+    """Two coefficients of a row exchanged, with their mirror images in a palindrome; two lines of both rows."""
+    for key in ("kick", "drift"):
+        row: Row = getattr(rows, key)
+        palindrome = _is_palindrome(row)
+        for i, j in combinations(range(len(row)), 2):
+            changes = {i: row[j], j: row[i]}
+            says = f"{key}[{i}] and {key}[{j}]: exchanged, every claim holds"
+            if palindrome:
+                if 2 * j > len(row) - 1:  # its mirror image is in the first half
+                    continue
+                changes |= {len(row) - 1 - k: text for k, text in changes.items()}
+                says = f"{key}[{i}] and {key}[{j}]: exchanged, as their mirror images, every claim holds"
+            yield Suspect(says, _changed(rows, key, changes))
+    for i, j in combinations(range(min(len(rows.kick), len(rows.drift))), 2):
+        changed = _changed(rows, "kick", {i: rows.kick[j], j: rows.kick[i]})
+        changed = _changed(changed, "drift", {i: rows.drift[j], j: rows.drift[i]})
+        yield Suspect(f"lines {i} and {j} of kick and drift: exchanged, every claim holds", changed)
+
+
+def _closed_edits(rows: Rows) -> Iterator[Suspect]:
+    """A coefficient and its mirror image written otherwise, with the middle of the row closing the sum."""
+    for key in ("kick", "drift"):
+        row: Row = getattr(rows, key)
+        middle = sorted({(len(row) - 1) // 2, len(row) // 2})
+        if not _is_palindrome(row) or len(row) < 3:
+            continue
+        for i, new, what in _edits_of(row, LEADING_DIGITS):
+            if i in middle:
+                continue
+            changes = {i: new, len(row) - 1 - i: new}
+            with localcontext(prec=3 * LONGEST_NUMBER):
+                change = 2 * (Decimal(new) - Decimal(row[i])) / len(middle)
+                closing = {k: format(Decimal(row[k]) - change, "f") for k in middle}
+            says = f"{_edit_says(key, row, changes, what)}, {key}[{middle[0]}] closing the sum"
+            yield Suspect(says, _changed(rows, key, changes | closing))
+
+
+def _edits_of(row: Row, digits: int | None = None) -> Iterator[tuple[int, str, str]]:
+    """(index, new text, kind) for each change of the sign, of a digit, or of two neighbouring digits.
+
+    Of a palindrome, the first half is changed; of a number, the first ``digits`` digits.
+    """
+    last = (len(row) + 1) // 2 if _is_palindrome(row) else len(row)
+    for i, text in enumerate(row[:last]):
+        if Fraction(text):
+            yield i, text[1:] if text[0] == "-" else f"-{text.lstrip('+')}", "the other sign"
+        mantissa = text.lower().partition("e")[0]
+        places = list(islice((k for k, letter in enumerate(mantissa) if letter.isdigit()), digits))
+        for k in places:
+            for digit in "0123456789".replace(text[k], ""):
+                what = f"{digit} for {text[k]} as {_decimal_place(text, k)}"
+                yield i, f"{text[:k]}{digit}{text[k + 1 :]}", what
+        for k, n in pairwise(places):
+            if text[k] != text[n]:
+                swapped = f"{text[:k]}{text[n]}{text[k + 1 : n]}{text[k]}{text[n + 1 :]}"
+                yield i, swapped, "two neighbouring digits exchanged"
+
+
+def _decimal_place(text: str, k: int) -> str:
+    point = text.find(".")
+    return f"decimal {k - point}" if 0 <= point < k else "digit before the point"
+
+
+def _edit_says(key: str, row: Row, changes: dict[int, str], what: str) -> str:
+    (i, new), *others = changes.items()
+    image = f" and its mirror image {key}[{others[0][0]}]" if others else ""
+    return f"{key}[{i}]{image} = {row[i]}: with {what}, {new}, every claim holds"
+
+
+def _is_palindrome(row: Row) -> bool:
+    numbers = [Fraction(text) for text in row]
+    return numbers == numbers[::-1]
+
+
+def _changed(rows: Rows, key: str, changes: dict[int, str]) -> Rows:
+    row = list(getattr(rows, key))
+    for i, text in changes.items():
+        row[i] = text
+    return rows._replace(kick=tuple(row)) if key == "kick" else rows._replace(drift=tuple(row))

@@ -1,0 +1,207 @@
+"""Coefficients from elsewhere: what papers say of theirs is proved, and what is wrong is named for what it is.
+
+The orders of the published files are those of their papers. The states that show the order of a library's method are
+computed here, by a loop of drifts and kicks in multiprecision that shares no code with the proofs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from mpmath import log, mp, mpf
+
+from tableau_files import failing, names, verdict
+
+#: General order, order for quadratic T, and order on the oscillator.
+PUBLISHED = {
+    "bcss_s3": (2, 2, 2),
+    "mclachlan_atela_4": (3, 4, 4),
+    "morales_s17o8": (8, 8, 8),
+    "na7": (4, 6, 6),
+    "nystrom_6a8": (4, 6, 6),
+    "omelyan_s7o6": (4, 6, 6),
+    "predescu_s3": (2, 2, 2),
+    "s17odr8a": (8, 8, 8),
+    "sofspa_s11o6": (6, 6, 6),
+    "sofspa_s19o8": (8, 8, 8),
+    "srkn_a17": (4, 8, 8),
+    "srkn_b18": (4, 8, 8),
+    "teloy_6a9": (6, 6, 6),
+    "teloy_8a17b": (4, 8, 8),
+}
+#: Claimed order, and proved: general, for quadratic T, on the oscillator.
+LIBRARIES = {
+    "desolver_abas5o6h": (6, 4, 4, 6),
+    "desolver_babs9o7h": (7, 4, 4, 6),
+    "geometricintegrators_mclachlan4": (4, 2, 2, 2),
+    "geometricintegrators_mclachlan4_since": (4, 4, 4, 4),
+    "ordinarydiffeq_calvosanz4": (4, 3, 3, 4),
+    "ordinarydiffeq_mcate4": (4, 3, 3, 4),
+    "ordinarydiffeq_mcate42": (4, 1, 1, 1),
+    "ordinarydiffeq_mcate5": (5, 3, 3, 5),
+    "suzuki_yoshida_3": (4, 2, 2, 2),
+    "suzuki_yoshida_5": (4, 2, 2, 2),
+    "suzuki_yoshida_7": (6, 6, 6, 6),
+}
+
+
+def orders(found):
+    return found.order.order, found.quadratic_order.order, found.oscillator.order
+
+
+def henon_heiles(q):
+    return [q[0] + 2 * q[0] * q[1], q[1] + q[0] ** 2 - q[1] ** 2]
+
+
+def oscillator(q):
+    return q
+
+
+def final_state(file, gradient, steps):
+    kick, drift = ([mpf(text) for text in row] for row in (file.kick, file.drift))
+    turns = [kick, drift] if file.first == "kick" else [drift, kick]
+    q, p, tau = [mpf("0.3"), mpf("0.1")], [mpf("0.2"), mpf("0.4")], mpf(2) / steps
+    for _ in range(steps):
+        for i in range(len(turns[0])):
+            for row in turns:
+                if i < len(row) and row is drift:
+                    q = [x + tau * row[i] * y for x, y in zip(q, p, strict=True)]
+                elif i < len(row):
+                    p = [y - tau * row[i] * f for y, f in zip(p, gradient(q), strict=True)]
+    return q + p
+
+
+def observed_order(file, gradient):
+    """From three step sizes; its own next order leaves 0.05 at these."""
+    with mp.workdps(40):
+        coarse, middle, fine = (final_state(file, gradient, steps) for steps in (64, 128, 256))
+        errors = [max(abs(x - y) for x, y in zip(a, b, strict=True)) for a, b in ((coarse, middle), (middle, fine))]
+        return float(log(errors[0] / errors[1], 2))
+
+
+def test_every_file_is_in_a_table_of_this_test():
+    assert names("published") == sorted(PUBLISHED)
+    assert names("libraries") == sorted([*LIBRARIES, "teloy_8a17c"])
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_what_a_paper_says_of_its_method_is_proved(name):
+    found = verdict("published", name)
+    assert found.holds
+    assert orders(found) == PUBLISHED[name]
+    assert found.file.order == found.quadratic_order.order
+    assert found.file.requires is not None or found.file.order == found.order.order
+
+
+@pytest.mark.parametrize("name", LIBRARIES)
+def test_the_order_that_a_library_states_is_refuted_if_it_is_wrong(name):
+    found = verdict("libraries", name)
+    claimed, *proved = LIBRARIES[name]
+    assert found.file.order == claimed
+    assert orders(found) == tuple(proved)
+    assert ("order" in failing(found)) == (claimed > proved[0])
+
+
+@pytest.mark.parametrize("name", [name for name in LIBRARIES if name.startswith("ordinarydiffeq")])
+def test_what_is_proved_of_a_library_is_what_its_steps_show(name):
+    found = verdict("libraries", name)
+    assert observed_order(found.file, henon_heiles) == pytest.approx(found.quadratic_order.order, abs=0.1)
+    assert observed_order(found.file, oscillator) == pytest.approx(found.oscillator.order, abs=0.1)
+
+
+@pytest.mark.parametrize(("name", "order"), [("ordinarydiffeq_mcate4", 4), ("ordinarydiffeq_mcate5", 5)])
+def test_a_nystrom_method_whose_kicks_and_drifts_are_exchanged_is_said_to_be_in_the_wrong_role(name, order):
+    found = verdict("libraries", name)
+    assert failing(found) == ["order", "first"]
+    (role,) = [claim for claim in found.claims if claim.says == "first = drift"]
+    both = f"order 3 for quadratic T with the drift first, order {order} for quadratic T with the kick first"
+    assert role.proof == both
+    (suspect,) = found.suspects
+    assert (suspect.rows.kick, suspect.rows.drift, suspect.rows.first) == (found.file.drift, found.file.kick, "kick")
+
+
+def test_the_role_that_no_claim_depends_on_is_judged_by_the_nearest_method():
+    found = verdict("libraries", "desolver_abas5o6h")
+    assert failing(found) == ["order"]
+    assert found.nearest.tableau.name == "abas5o6h"
+    assert found.nearest.is_same
+    assert found.nearest.exchanged
+    assert found.warnings == [
+        "the kick is first here, and the drift is in ABAs5o6H (abas5o6h), to which the coefficients belong"
+    ]
+    own = verdict("libraries", "desolver_babs9o7h")
+    assert own.nearest.tableau.name == "babps9o7h"
+    assert own.nearest.is_same
+    assert not own.nearest.exchanged
+    assert own.warnings == []
+
+
+def test_a_digit_that_a_transcription_has_wrong_is_found_at_its_twenty_first_decimal():
+    found = verdict("libraries", "teloy_8a17c")
+    assert failing(found) == ["rows", "order"]
+    assert found.digits_that_hold == 22
+    (suspect,) = found.suspects
+    start = "drift[5] and its mirror image drift[11] = 0.26500275499062083398"
+    assert suspect.says.startswith(start)
+    mended = replace(found.file, kick=suspect.rows.kick, drift=suspect.rows.drift)
+    assert observed_order(mended, henon_heiles) == pytest.approx(8, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "claims", "says"),
+    [
+        ("digit", ["rows", "order"], "drift[1] and its mirror image drift[5] = 0.60470788"),
+        (
+            "sign",
+            ["rows", "order"],
+            "kick[2] and its mirror image kick[4] = 0.19724296189768175230925663095622519644388",
+        ),
+        ("lines", ["order"], "lines 1 and 2 of kick and drift: exchanged, every claim holds"),
+        ("role", ["order", "first"], "the roles: with the drifts as kicks and the kicks as drifts, the kick first"),
+    ],
+)
+def test_a_damage_is_named_for_what_it_is(name, claims, says):
+    found = verdict("damaged", name)
+    assert failing(found) == claims
+    assert [one.says[: len(says)] for one in found.suspects] == [says]
+
+
+def test_of_a_wrong_claim_no_coefficient_is_suspected():
+    found = verdict("damaged", "claim")
+    assert failing(found) == ["order"]
+    assert found.order.order == 6
+    assert found.suspects == []
+
+
+def energy_error(file, tau):
+    """The largest relative error of the oscillator's energy in the steps of a time of 40."""
+    kick, drift = ([mpf(text) for text in row] for row in (file.kick, file.drift))
+    turns = [kick, drift] if file.first == "kick" else [drift, kick]
+    q, p, worst = mpf("0.3"), mpf("0.4"), mpf(0)
+    for _ in range(int(40 / tau)):
+        for i in range(len(turns[0])):
+            for row in turns:
+                if i < len(row):
+                    q, p = (q + tau * row[i] * p, p) if row is drift else (q, p - tau * row[i] * q)
+        worst = max(worst, abs((q * q + p * p) / mpf("0.25") - 1))
+    return worst
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "position", "energy"),
+    [
+        ("published", "predescu_s3", 2, 6),
+        ("published", "mclachlan_atela_4", 4, 4),
+        ("libraries", "ordinarydiffeq_mcate5", 5, 5),
+        ("libraries", "desolver_babs9o7h", 7, 6),
+        ("libraries", "geometricintegrators_mclachlan4", 2, 2),
+    ],
+)
+def test_the_energy_order_on_the_oscillator_is_that_of_many_steps(kind, name, position, energy):
+    """BAB's9o7H is of order 7 in the position (Nielsen 2015, Table 4)."""
+    found = verdict(kind, name)
+    assert (found.oscillator.harmonic_order, found.oscillator.energy_order) == (position, energy)
+    with mp.workdps(30):
+        slope = log(energy_error(found.file, mpf(1) / 8) / energy_error(found.file, mpf(1) / 16), 2)
+    assert float(slope) == pytest.approx(energy, abs=0.1)
