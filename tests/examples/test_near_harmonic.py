@@ -139,3 +139,12 @@ def test_the_best_methods_of_the_page_are_those_that_it_names():
     assert max(set(best[50]), key=best[50].count) == "BABs7o7H"
     for cost in (25, 100):
         assert max(set(best[cost]), key=best[cost].count) == "BAB's9o7H"
+
+
+def test_the_page_counts_the_methods_and_systems_that_it_compares():
+    (others,) = re.findall(r"all (\d+) methods of other authors", re.sub(r"\s+", " ", PAGE))
+    assert int(others) == len(benchmark().OTHERS)
+    assert set(benchmark().SIX) < set(benchmark().OTHERS)
+    assert not set(benchmark().NEW) & set(benchmark().OTHERS)
+    assert "six systems from small amplitudes to large ones" in re.sub(r"\s+", " ", PAGE)
+    assert len({orbit.family for orbit in benchmark().families()}) == 6
