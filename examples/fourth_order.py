@@ -27,3 +27,17 @@ TABLEAU = Tableau(
     source="Suzuki (1990), Phys. Lett. A 146, 319, doi:10.1016/0375-9601(90)90962-N",
     digits=DIGITS,
 )
+
+
+def main():
+    import nearharmonic as nh
+    from nearharmonic.output.style import save
+
+    methods = [TABLEAU, nh.integrators["ruth"], nh.integrators["babps9o7h"]]
+    sizes = [0.01 * 10 ** (i / 12) for i in range(19)]  # per stage
+    sweeps = [nh.sweep("henon_heiles", one, [one.stages * size for size in sizes]) for one in methods]
+    print("wrote", save(nh.plot(sweeps), ["fourth_order.png"])[0].resolve())
+
+
+if __name__ == "__main__":
+    main()

@@ -24,3 +24,29 @@ SYSTEM = System(
     parameters={"beta": Parameter(value="0.1", unit="1", meaning="strength of the quartic term")},
     source="Fermi, Pasta, Ulam & Tsingou (1955), Los Alamos report LA-1940",
 )
+
+
+def main():
+    import matplotlib as mpl
+    import numpy as np
+
+    import nearharmonic as nh
+    from nearharmonic.output.style import SETTINGS, new_figure, save
+
+    mpl.rcParams.update(SETTINGS)
+    place = np.arange(1, SITES + 1) - 150
+    bump = 24 * np.exp(-((place / 14) ** 2) / 2)  # of the displacement, on its way to the right at speed 1
+    start = {"q0": bump, "p0": bump * place / 14**2}
+    run = nh.integrate(SYSTEM, "babps8o7h", 2, t_end=500, samples=251, energy="none", **start)
+    strain = np.diff(run.q.values, prepend=0, append=0, axis=-1)
+    figure = new_figure(7, 4.6)
+    axes = figure.subplots()
+    axes.grid(visible=False)
+    image = axes.imshow(strain, aspect="auto", origin="lower", extent=(0, SITES + 1, 0, 500), cmap="cividis")
+    figure.colorbar(image, label="strain $d$")
+    axes.set(xlabel="spring", ylabel="time $t$")
+    print("wrote", save(figure, ["fput_chain.png"])[0].resolve())
+
+
+if __name__ == "__main__":
+    main()

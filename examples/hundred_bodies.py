@@ -31,3 +31,26 @@ SYSTEM = System(
     },
     source="textbook example",
 )
+
+
+def main():
+    import matplotlib as mpl
+
+    import nearharmonic as nh
+    from nearharmonic.output.style import SETTINGS, new_figure, save
+
+    mpl.rcParams.update(SETTINGS)
+    run = nh.integrate(SYSTEM, "aba864", 0.02, samples=101)
+    places = run.q.values.reshape(-1, BODIES, 3)
+    figure = new_figure(6, 6.2)
+    axes = figure.subplots()
+    for i in range(BODIES):
+        axes.plot(*places[:, i, :2].T, color="#4a90e2", linewidth=0.7)
+    axes.scatter(*places[-1, :, :2].T, s=[2000 * float(mass) for mass in MASSES], color="#0b3c8c", zorder=3)
+    axes.set(xlabel="$x$", ylabel="$y$", aspect="equal")
+    axes.set_title("paths over $t = 0$ to 2; areas of the dots are masses")
+    print("wrote", save(figure, ["hundred_bodies.png"])[0].resolve())
+
+
+if __name__ == "__main__":
+    main()

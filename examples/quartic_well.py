@@ -26,3 +26,17 @@ SYSTEM = System(
     invariants={"angular_momentum": angular_momentum},
     source="textbook example",
 )
+
+
+def main():
+    import nearharmonic as nh
+    from nearharmonic.output.style import save
+
+    times = [i / 20 for i in range(20, 2001)]
+    methods = [nh.integrators[name] for name in ("ruth", "aba864", "babps9o7h")]
+    runs = [nh.integrate(SYSTEM, method, 0.1 * method.stages, t=times) for method in methods]
+    print("wrote", save(nh.plot(runs), ["quartic_well.png"])[0].resolve())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,76 @@
+"""Every file of examples runs as printed, draws its picture, fits on a screen, and is in the gallery and the config."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from matplotlib.image import imread
+
+import nearharmonic as nh
+from nearharmonic.config import load
+from nearharmonic.systems.user_file import load_system
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+SYSTEMS = [path for path in EXAMPLES if "SYSTEM = " in path.read_text(encoding="utf-8")]
+CONFIG = yaml.safe_load((ROOT / "examples/examples.yaml").read_text(encoding="utf-8"))
+#: Its formulas take 20 s to compile.
+SLOW = {"hundred_bodies"}
+ALL = [pytest.param(path, id=path.stem, marks=[pytest.mark.slow] * (path.stem in SLOW)) for path in EXAMPLES]
+
+
+@pytest.mark.parametrize("path", ALL)
+def test_an_example_draws_its_picture_into_the_working_directory(path, tmp_path):
+    command = [sys.executable, "-W", "error", str(path)]
+    environment = os.environ | {"PYTHONPATH": str(ROOT / "src")}
+    done = subprocess.run(
+        command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    picture = tmp_path / f"{path.stem}.png"
+    assert done.stdout == f"wrote {picture.resolve()}\n"
+    assert [file.name for file in tmp_path.iterdir()] == [picture.name]
+    pixels = imread(picture)[..., :3]
+    assert pixels.shape[0] > 700
+    assert 0.01 < (pixels < 0.9).any(axis=-1).mean() < 0.9  # neither empty nor full
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_is_one_file_of_at_most_sixty_lines_that_says_what_it_is(path):
+    text = path.read_text(encoding="utf-8")
+    assert text.count("\n") <= 60
+    assert text.startswith('"""')
+    assert "source=" in text
+
+
+def test_there_are_as_many_examples_as_asked_for():
+    assert len(SYSTEMS) >= 10
+    assert {load_system(path).name for path in SYSTEMS} == {path.stem for path in SYSTEMS}
+
+
+def test_the_config_draws_the_ten_methods_on_every_example():
+    with nh.systems.defining({}), nh.integrators.defining({}):
+        config = load(CONFIG, files=[ROOT / "examples/examples.yaml"])
+        assert {Path(each["file"]).stem for each in CONFIG["systems"].values()} == {path.stem for path in SYSTEMS}
+        paper = yaml.safe_load((ROOT / "config/config.yaml").read_text(encoding="utf-8"))
+        assert config.methods == tuple(paper["integrators"])
+
+
+def test_the_gallery_has_each_example_once():
+    page = (ROOT / "docs/examples.md").read_text(encoding="utf-8")
+    gallery = page[: page.index("## Which method")]
+    assert sorted(re.findall(r"^\| \[(\w+)\.py\]", gallery, flags=re.MULTILINE)) == [path.stem for path in EXAMPLES]
+    for path in SYSTEMS:
+        assert f"| [{path.stem}](../examples/{path.name}) |" in page
+
+
+def test_paths_of_examples_stand_where_names_do():
+    curve = nh.sweep(str(ROOT / "examples/morse.py"), str(ROOT / "examples/fourth_order.py"), [0.4, 0.2])
+    assert np.log2(curve.max_energy_error[0] / curve.max_energy_error[1]) == pytest.approx(4, abs=0.5)

@@ -1,0 +1,150 @@
+"""How near to harmonic an orbit is, and the tables of docs/examples.md that compare methods by it."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from itertools import pairwise
+from math import isfinite
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import nearharmonic as nh
+from nearharmonic.user_module import load
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs/examples.md").read_text(encoding="utf-8")
+
+
+def benchmark():
+    return load(ROOT / "benchmarks/near_harmonic.py", "the benchmark", ValueError)
+
+
+def variation(system, tau, t_end, **start):
+    return benchmark().variation(benchmark().Orbit(system=system, family="", start=start), tau, t_end)
+
+
+def table(name):
+    """Rows of cells of a table of the page; an empty first cell means the one above."""
+    (text,) = re.findall(rf"<!-- {name} -->\n(.*?)\n<!-- end -->", PAGE, flags=re.DOTALL)
+    rows = [[cell.strip() for cell in row.strip("|").split("|")] for row in text.splitlines()[2:]]
+    for above, row in pairwise(rows):
+        row[0] = row[0] or above[0]
+    return rows
+
+
+def number(cell):
+    return float(cell.replace("\N{MINUS SIGN}", "-")) if cell else np.nan
+
+
+def gains(kind, cost):
+    """Gains of the page at a cost by (orbit, amplitude or empty, delta): of the families and the other examples."""
+    column = 3 + (25, 50, 100).index(cost) + 3 * (kind == "all")
+    found = {(row[0], row[1], number(row[2])): number(row[column]) for row in table("families")}
+    names, deltas = [row[0] for row in table("examples")], [row[2] for row in table("examples")]
+    twice = ("pendulum", "morse", "quartic_well", "toda_chain", "fput_recurrence")
+    for i, row in enumerate(table("examples")):
+        delta = next(number(deltas[j]) for j in range(i, -1, -1) if names[j] == row[0] and deltas[j])
+        if int(row[1]) == cost and not any(f"/{name}.py" in row[0] for name in twice):
+            found[row[0], "", delta] = number(row[8 if kind == "all" else 7])
+    return found
+
+
+def test_the_hessian_of_a_harmonic_system_does_not_vary():
+    assert variation(nh.systems["sho"], 0.1, 50.0) == (0, 1)
+    masses = nh.System(name="two", V=lambda q: 2 * q[0] ** 2 + q[0] * q[1] + q[1] ** 2, q0=[1, 2], p0=[0, 0], t_end=1,
+                       masses=("4", "1/4"))  # fmt: skip
+    delta, omega = variation(masses, 0.02, 10.0)
+    assert delta < 1e-14  # rounding of the mean over samples
+    # det([[4/4 - w2, 1], [1, 2 * 4 - w2]]) = 0
+    assert omega == pytest.approx(np.sqrt(4.5 + np.sqrt(4.5**2 - 7)), rel=5e-3)  # rounded to three digits
+
+
+def test_the_variation_of_the_pendulum_is_that_of_its_cosine_along_the_orbit():
+    pendulum = benchmark().example("pendulum")
+    q = nh.integrate(pendulum, "srkn_a14", 0.01, samples=257, q0=[1.0]).q.values[:, 0]
+    delta, omega = variation(pendulum, 0.01, 60.0, q0=[1.0])
+    stiffness = np.cos(q)
+    assert delta == pytest.approx(stiffness.std() / np.sqrt((stiffness**2).mean()), rel=1e-6)
+    assert omega == pytest.approx(np.sqrt(9.80665), rel=5e-3)
+
+
+def test_the_variation_of_a_circular_kepler_orbit_is_that_of_its_turning_axes():
+    circle = replace(
+        nh.systems["kepler"], q0=("1", "0"), p0=("0", "1"), parameters={"GM": "1"}, t_end="62.83185307179586"
+    )
+    delta, omega = variation(circle, 0.01, 20 * np.pi)
+    # W = 1 - 3 r r has the norm sqrt(5), and -1/2 is its mean over a turn: norm sqrt(1/2).
+    assert delta == pytest.approx(np.sqrt(1 - 0.5 / 5), rel=5e-3)
+    assert omega == pytest.approx(np.sqrt(2), rel=5e-3)
+
+
+def test_random_probes_find_the_variation_of_a_large_system(monkeypatch):
+    chain = benchmark().example("fput_recurrence")
+    formed = variation(chain, 0.5, 200.0)
+    monkeypatch.setattr(benchmark(), "FORMED", 5)
+    probed = variation(chain, 0.5, 200.0)
+    assert probed == pytest.approx(formed, rel=0.25)  # 16 probes at 9 samples
+
+
+@pytest.mark.parametrize("place", [1, 2, 6])
+def test_a_row_of_the_page_is_what_the_benchmark_finds(place):
+    orbit = [*benchmark().families()][place]
+    (text,) = (row for row in table("families") if row[:2] == [orbit.family, orbit.amplitude])
+    again = benchmark().table_of_families([benchmark().measured(orbit)]).splitlines()[-1]
+    assert [cell.strip() for cell in again.strip("|").split("|")] == text
+
+
+@pytest.mark.slow
+def test_the_tables_of_the_page_are_what_the_benchmark_finds():
+    found, _ = benchmark().tables()
+    assert benchmark().filled(PAGE, found) == PAGE
+
+
+def test_what_the_page_says_about_small_variations_is_what_its_tables_say():
+    six, every = gains("six", 50), gains("all", 50)
+    small = [gain for (_, _, delta), gain in six.items() if delta <= 0.1 and isfinite(gain)]
+    assert len(small) > 15
+    assert [min(small), max(small)] == [1.2, 4.1]
+    tiny = [gain for (_, _, delta), gain in every.items() if delta <= 0.01 and isfinite(gain)]
+    assert np.median(tiny) == pytest.approx(1, abs=0.1)
+    between = [gain for (_, _, delta), gain in every.items() if 0.01 < delta <= 0.1]
+    assert np.mean(np.array(between) > 0) > 0.8
+
+
+def test_what_the_page_says_about_large_variations_is_what_its_tables_say():
+    six = {f"{orbit} {amplitude}": gain for (orbit, amplitude, delta), gain in gains("six", 50).items() if delta > 0.5}
+    win = [gain for name, gain in six.items() if any(x in name for x in ("Hénon", "double_well", "quadrupole"))]
+    lose = [gain for name, gain in six.items() if any(x in name for x in ("outer", "plummer", "hundred", "poincare"))]
+    assert [len(win), min(win), max(win)] == [3, 1.2, 1.4]
+    assert [len(lose), min(lose), max(lose)] == [4, -0.7, -0.5]
+    everyone = [gains("all", cost).items() for cost in (25, 50, 100)]
+    assert max(gain for items in everyone for (_, _, delta), gain in items if delta > 0.5) == 0.7
+
+
+def test_what_the_page_says_about_families_is_what_its_tables_say():
+    six = {key[:2]: gain for key, gain in gains("six", 50).items()}
+    assert [six["pendulum", "0.2 rad"], six["pendulum", "1 rad"]] == [2.1, 0]
+    alike = [gain for (_, _, delta), gain in gains("six", 50).items() if 0.2 < delta < 0.3]
+    assert np.ptp(alike) > 1
+
+
+def test_the_best_methods_of_the_page_are_those_that_it_names():
+    rows = [row for row in table("examples") if row[4] != "rounding"]
+    new = [nh.integrators[name].label for name in benchmark().NEW]
+    best = {cost: [row[3] for row in rows if int(row[1]) == cost and row[3] in new] for cost in (25, 50, 100)}
+    assert {row[3] for row in rows if "/outer_solar_system.py" in row[0]} == {"ABA104"}
+    assert max(set(best[50]), key=best[50].count) == "BABs7o7H"
+    for cost in (25, 100):
+        assert max(set(best[cost]), key=best[cost].count) == "BAB's9o7H"
+
+
+def test_the_page_counts_the_methods_and_systems_that_it_compares():
+    (others,) = re.findall(r"all (\d+) methods of other authors", re.sub(r"\s+", " ", PAGE))
+    assert int(others) == len(benchmark().OTHERS)
+    assert set(benchmark().SIX) < set(benchmark().OTHERS)
+    assert not set(benchmark().NEW) & set(benchmark().OTHERS)
+    assert "six systems from small amplitudes to large ones" in re.sub(r"\s+", " ", PAGE)
+    assert len({orbit.family for orbit in benchmark().families()}) == 6
