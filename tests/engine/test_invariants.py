@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.engine.invariants import invariant_values, invariant_variables
+from nearharmonic.engine.invariants import invariant_values, invariant_variables, observable_values
 from nearharmonic.errors import SystemDefinitionError
 from own_systems import spring
 
@@ -46,6 +46,22 @@ def test_a_run_that_leaves_its_energy_surface_has_an_infinite_drift():
 
 def test_a_system_without_invariants_has_no_variable_more():
     assert not [name for name in nh.integrate("sho", "ruth", 0.5, t_end=5).variables if str(name).endswith("_drift")]
+
+
+def test_an_invariant_that_fails_far_from_the_start_is_nan_there():
+    def picky(q, p, *_):
+        if np.any(np.abs(q[0]) > 2):
+            raise ValueError("too far")
+        return p[0], q[0]
+
+    system = spring(invariants={"picky": picky}, observables={"near": lambda q, p: picky(q, p)[0]})
+    q, p = np.array([[[1.0], [3.0], [2.0]]]), np.array([[[4.0], [5.0], [6.0]]])
+    found = invariant_variables(system, q, p, np.array([False]))
+    np.testing.assert_array_equal(found["picky"][1], [[[4.0, 1.0], [np.nan, np.nan], [6.0, 2.0]]])
+    assert found["picky_drift"][1] == pytest.approx(np.hypot(2, 1) / np.hypot(4, 1))
+    np.testing.assert_array_equal(observable_values(system, q, p, ())["near"], [[4.0, np.nan, 6.0]])
+    with pytest.raises(SystemDefinitionError, match="the invariant picky cannot be evaluated: ValueError: too far"):
+        invariant_values(system, q + 5, p)
 
 
 def test_an_invariant_that_fails_is_named():

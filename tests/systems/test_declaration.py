@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from fractions import Fraction
 
 import numpy as np
 
@@ -22,6 +23,15 @@ def test_a_parameter_is_its_value_with_a_unit_and_a_meaning_by_default():
     frequency, error_of_the_method = 2, 1e-7
     assert abs(run.q.values[-1, 0] - np.cos(frequency)) < error_of_the_method
     assert spring(V=lambda q, k: q[0], grad_V=None, parameters={"k": 4}).parameters["k"].meaning == "k"
+
+
+def test_a_fraction_is_exact_where_it_is_a_decimal_and_has_100_digits_elsewhere():
+    made = spring(q0=[Fraction(1, 3)], p0=[Fraction(-5, 8)], t_end=Fraction(7, 2))
+    assert made.p0 == ("-0.625",)
+    assert made.t_end == "3.5"
+    assert made.q0 == ("0." + 100 * "3",)
+    run = nh.integrate(made, "leapfrog", 0.1, precision="extended")
+    assert Fraction(run.q[0, 0].item()) + Fraction(run.q_low[0, 0].item()) - Fraction(1, 3) < Fraction(1, 2**105)
 
 
 def test_an_observable_is_a_function_with_a_unit_unknown_and_its_name_as_meaning():

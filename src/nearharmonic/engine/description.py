@@ -10,6 +10,7 @@ import numpy as np
 from nearharmonic.engine import invariants
 from nearharmonic.engine.coefficients import Floats
 from nearharmonic.engine.results import Trajectories
+from nearharmonic.integrators import integrators
 from nearharmonic.output.dataset import Variables, assembled, described
 
 if TYPE_CHECKING:
@@ -187,6 +188,7 @@ def problem_attributes(problem: Problem) -> dict[str, str]:
     notes = {
         "system": problem.system.name,
         "integrator": problem.tableau.name,
+        **({} if problem.tableau.name in integrators else {"label": problem.tableau.label}),
         "first": problem.tableau.first,
         "t_end": problem.t_end,
         "precision": problem.numerics.precision,

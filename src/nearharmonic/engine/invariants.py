@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -40,22 +40,53 @@ def invariant_values(
     SystemDefinitionError
         An invariant cannot be evaluated.
     """
-    shape = np.shape(q)[:-1]
-    state = tuple(tuple(np.moveaxis(np.asarray(x, float), -1, 0)) for x in (q, p))
     given = system.constants(float) if constants is None else constants
-    found: dict[str, Floats] = {}
-    for name, function in system.invariants.items():
-        try:
-            with np.errstate(all="ignore"):  # a state may be too large for it
-                value = function(*state, *given)
-            parts = value if isinstance(value, tuple | list) else (value,)
-            found[name] = np.empty((*shape, len(parts)))
-            for i, part in enumerate(parts):
-                found[name][..., i] = _real(part)
-        except Exception as error:
-            message = f"{system.name}: the invariant {name} cannot be evaluated: {type(error).__name__}: {error}"
+    states = np.asarray(q, float), np.asarray(p, float)
+    return {
+        name: _evaluated(f"{system.name}: the invariant {name}", function, *states, given)
+        for name, function in system.invariants.items()
+    }
+
+
+def _evaluated(what: str, function: Callable[..., Any], q: Floats, p: Floats, constants: Sequence[Any]) -> Floats:
+    """The components (..., k) of a function at states (..., d); NaN where it fails, unless it fails everywhere."""
+    shape = q.shape[:-1]
+    try:
+        return _components(function, tuple(np.moveaxis(q, -1, 0)), tuple(np.moveaxis(p, -1, 0)), constants, shape)
+    except Exception as error:
+        places = list(np.ndindex(shape)) if np.prod(shape) > 1 else []
+        rows = {place: row for place in places if (row := _at_state(function, q, p, constants, place)) is not None}
+        if not rows:
+            message = f"{what} cannot be evaluated: {type(error).__name__}: {error}"
             raise SystemDefinitionError(message) from error
+    found = np.full((*shape, len(next(iter(rows.values())))), np.nan)
+    for place, row in rows.items():
+        found[place] = row
     return found
+
+
+def _components(
+    function: Callable[..., Any], q: Sequence[Any], p: Sequence[Any], constants: Sequence[Any], shape: tuple[int, ...]
+) -> Floats:
+    """The components (..., k) of a function of d coordinates and d momenta, each an array of this shape."""
+    with np.errstate(all="ignore"):  # a state may be too large for it
+        value = function(tuple(q), tuple(p), *constants)
+    parts = value if isinstance(value, tuple | list) else (value,)
+    found = np.empty((*shape, len(parts)))
+    for i, part in enumerate(parts):
+        found[..., i] = _real(part)
+    return found
+
+
+def _at_state(
+    function: Callable[..., Any], q: Floats, p: Floats, constants: Sequence[Any], place: tuple[int, ...]
+) -> Floats | None:
+    """The components at one state of many, None where the function fails, as it may far from the start."""
+    given = [np.broadcast_to(x, q.shape[:-1])[place] for x in constants]
+    try:
+        return _components(function, q[place], p[place], given, ())
+    except Exception:
+        return None
 
 
 @lru_cache(maxsize=128)
@@ -80,17 +111,10 @@ def observable_values(system: System, q: Floats, p: Floats, constants: Sequence[
     SystemDefinitionError
         An observable cannot be evaluated.
     """
-    state = tuple(tuple(np.moveaxis(x, -1, 0)) for x in (q, p))
-    found: dict[str, Floats] = {}
-    for name, observable in system.observables.items():
-        try:
-            with np.errstate(all="ignore"):
-                value = _real(observable.function(*state, *constants))
-            found[name] = value if np.shape(value) == q.shape[:-1] else np.broadcast_to(value, q.shape[:-1]).copy()
-        except Exception as error:
-            message = f"{system.name}: the observable {name} cannot be evaluated: {type(error).__name__}: {error}"
-            raise SystemDefinitionError(message) from error
-    return found
+    return {
+        name: _evaluated(f"{system.name}: the observable {name}", observable.function, q, p, constants)[..., 0]
+        for name, observable in system.observables.items()
+    }
 
 
 def invariant_variables(

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from decimal import Decimal, InvalidOperation
-from numbers import Real
+from decimal import Context, Decimal, InvalidOperation
+from numbers import Rational, Real
 from typing import Any
 
 #: A coordinate tuple of any number type: float, numpy array, mpf, or a number traced into a kernel.
 Vector = tuple[Any, ...]
 #: Decimal exponents beyond this are outside the range of doubles, and slow to make fractions of.
 LARGEST_EXPONENT = 400
+#: Digits of a fraction that is no decimal: three times those of double-double.
+DIGITS = 100
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,10 +45,17 @@ class Observable:
 
 
 def decimal(value: Any) -> Any:
-    """Return a number as the shortest decimal that it prints as, and anything else as it is."""
+    """Return a number as the shortest decimal that it prints as, and anything else as it is.
+
+    A fraction that is no decimal is rounded to :data:`DIGITS` digits.
+    """
     if isinstance(value, bool) or not isinstance(value, Real):
         return value
-    return str(value) if isinstance(value, int) else repr(float(value))
+    if isinstance(value, int):
+        return str(value)
+    if isinstance(value, Rational):
+        return str(Context(prec=DIGITS).divide(Decimal(int(value.numerator)), Decimal(int(value.denominator))))
+    return repr(float(value))
 
 
 def is_extreme(value: Any) -> bool:

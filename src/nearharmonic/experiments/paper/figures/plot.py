@@ -125,7 +125,7 @@ def _labels(given: Sequence[xr.Dataset]) -> list[str]:
     found = []
     for one in given:
         name = str(one.attrs["integrator"])
-        label = integrators[name].label if name in integrators else name
+        label = one.attrs.get("label") or (integrators[name].label if name in integrators else name)
         same = [other for other in given if other.attrs["integrator"] == name]
         more = [key for key in varied if key == "system" or len({other.attrs.get(key) for other in same}) > 1]
         if (
