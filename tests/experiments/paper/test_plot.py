@@ -47,7 +47,7 @@ def test_several_sweeps_are_told_apart_in_the_legend_and_by_their_lines():
         nh.sweep("sho", EXAMPLES / "fourth_order.py", TAUS, t_end=20),
     ]
     figure = nh.plot(curves)
-    assert legend(figure) == ["Ruth, double precision", "Ruth, extended precision", "ABA864", "five_leapfrogs"]
+    assert legend(figure) == ["Ruth, double precision", "Ruth, extended precision", "ABA864", "five leapfrogs"]
     stages = (3, 3, 7, 5)
     lines = [
         line_of(figure.axes[0], np.sort(one.tau) / s, one.sortby("tau").max_energy_error)
