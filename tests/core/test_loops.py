@@ -80,6 +80,7 @@ def driven(q, t, strength):
 
 
 SYSTEMS = {
+    "free": (lambda q: q[0] - q[0], 9, {}),
     "one site": (lambda q: q[0] ** 2 / 2 + q[0] ** 4, 1, {}),
     "chain": (chain, 19, {}),
     "chain of masses": (chain, 24, {"masses": [1 + i % 3 for i in range(24)]}),

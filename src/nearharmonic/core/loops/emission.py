@@ -84,6 +84,8 @@ class Emission:
             self._totals(totals, self.energy.offsets["gradient", array, 0])
 
     def _total(self, numbers: Sequence[Any]) -> Any:
+        if not numbers:  # V of free particles
+            return self._number(Constant(0), 1)
         total, *rest = numbers
         for number in rest:
             total = total + number
