@@ -1,4 +1,4 @@
-"""Multiprecision is reset after each test; tests that share a workflow run in one process."""
+"""Multiprecision and the registries are reset after each test; tests that share a workflow run in one process."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import mpmath
 import pytest
 from hypothesis import settings
 from xdist.scheduler.loadscope import LoadScopeScheduling
+
+import nearharmonic as nh
 
 #: Their tests read the one project in which ``everything`` has run.
 FINISHED = {"test_adopt", "test_derive", "test_everything", "test_results", "test_work_precision"}
@@ -20,6 +22,16 @@ settings.load_profile("shared")
 @pytest.fixture(autouse=True)
 def _working_precision():
     with mpmath.workdps(60):
+        yield
+
+
+@pytest.fixture(autouse=True)
+def _registries():
+    """What a config defines stays in the registries of a process, and would be found by the tests after it."""
+    with (
+        nh.systems.defining(nh.systems.definitions),
+        nh.integrators.defining(nh.integrators.definitions),
+    ):
         yield
 
 

@@ -13,13 +13,6 @@ from nearharmonic.cli import main
 METHODS = "ruth,aba864, babps9o7h"
 
 
-@pytest.fixture(autouse=True)
-def without_definitions():
-    """What a config defines stays in the registries of a process."""
-    with nh.systems.defining({}), nh.integrators.defining({}):
-        yield
-
-
 def told(capsys, *words):
     """(what JSON holds, exit status) of the command."""
     status = main(["recommend", *words, "--format", "json"])
