@@ -15,8 +15,7 @@ import sys
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from importlib import import_module
-from importlib.machinery import SourceFileLoader
-from importlib.util import find_spec
+from pathlib import Path
 from types import ModuleType
 from typing import Any, Generic, Protocol, TypeVar, cast
 
@@ -89,11 +88,11 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
 
     def _may_declare(self, name: str) -> bool:
         """Whether a module assigns or imports what entries are called: every process would import the others too."""
-        spec = find_spec(f"{self.__name__}.{name}")
-        source = spec.loader.get_source(spec.name) if spec and isinstance(spec.loader, SourceFileLoader) else None
-        if source is None:
+        try:
+            source = Path(self.__path__[0], f"{name}.py").read_bytes()
+        except OSError:  # a folder, or no file at all
             return True
-        return re.search(rf"^\s*(from\b.*\b)?{self._declares}\b", source, re.MULTILINE) is not None
+        return re.search(rb"^\s*(from\b.*\b)?%b\b" % self._declares.encode(), source, re.MULTILINE) is not None
 
     def _files(self) -> list[str]:
         return sorted(info.name for info in pkgutil.iter_modules(self.__path__))
