@@ -159,7 +159,6 @@ def test_a_step_is_that_of_multiprecision(name, looped):
 def test_doubles_follow_double_doubles_to_rounding(name, looped):
     """Ten steps of a fourth-order method; both summations, either part first, the three ways to measure the energy."""
     system = system_of(name, tau="1")
-    exact = nh.integrate(system, "aba864", 0.1, precision="extended", energy="every")
     for summation, first, energy in [
         ("compensated", "kick", "every"), ("compensated", "drift", "samples"), ("plain", "drift", "none"),
     ]:  # fmt: skip

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
@@ -130,7 +128,5 @@ def test_formulas_of_many_coordinates_serve_numpy_and_multiprecision(bodies):
     direct = np.sum(np.diff([0, *q0, 0]) ** 2 / 2 + 0.1 * np.diff([0, *q0, 0]) ** 4 / 4)
     assert system.energy(q0, p0, (0.1,)) == pytest.approx(direct, rel=1e-13)
     slopes = system.grad_V(q0, 0.1)
-    assert slopes[0] == pytest.approx(
-        q0[0] + 0.1 * q0[0] ** 3 - (q0[1] - q0[0]) - 0.1 * (q0[1] - q0[0]) ** 3, rel=1e-12
-    )
-    assert len(list(pairwise(slopes))) == 59
+    pull = np.diff([0, *q0, 0]) + 0.1 * np.diff([0, *q0, 0]) ** 3
+    assert slopes == pytest.approx(pull[:-1] - pull[1:], abs=1e-15)  # differences of numbers below 0.05

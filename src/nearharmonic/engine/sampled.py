@@ -22,8 +22,9 @@ def sampled(
     first: str | None,
     samples: int,
 ) -> Variables:
-    """Integrate one run for each of ``steps``; settings as in
-    :func:`nearharmonic.engine.trajectory.integrate`.
+    """Integrate one run for each of ``steps``.
+
+    Settings are those of :func:`nearharmonic.engine.trajectory.integrate`.
 
     Returns
     -------

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from textwrap import wrap
 
 from nearharmonic import __version__
-from nearharmonic.exchange.coefficients import Coefficients
+from nearharmonic.exchange.coefficients import DOUBLE_DIGITS, Coefficients
 from nearharmonic.integrators.tableau import Row, Tableau
 
 #: Columns of a comment.
@@ -95,3 +95,37 @@ def elements(row: Row, form: str = "{}", separator: str = ",") -> str:
     """
     lines = [f"    {form.format(text)}" for text in row]
     return f"{separator}\n".join(lines) + ("," if separator == "," else "")
+
+
+def names_of_python(coefficients: Coefficients) -> dict[str, str]:
+    """Return what a program in Python calls the integrator, its rows and its operators, and what the rows hold."""
+    outer, inner = coefficients.operators
+    return {
+        "name": identifier(coefficients.tableau),
+        "kick": elements(coefficients.kick),
+        "drift": elements(coefficients.drift),
+        "outer": outer,
+        "inner": inner,
+        "OUTER": outer.upper(),
+        "INNER": inner.upper(),
+    }
+
+
+def remarks_of_python(coefficients: Coefficients, own_force: str, doubles: str) -> list[str]:
+    """Return those remarks that hold of the integrator in a library for Python.
+
+    Parameters
+    ----------
+    coefficients : Coefficients
+        The integrator and its rows.
+    own_force : str
+        Why a method with kicks at both ends evaluates the force ``{count}`` times a step.
+    doubles : str
+        What the library makes of more digits than doubles have.
+    """
+    remarks = []
+    if coefficients.tableau.first_same_as_last:
+        remarks.append(own_force.format(count=coefficients.tableau.stages + 1))
+    if coefficients.digits > DOUBLE_DIGITS:
+        remarks.append(doubles)
+    return remarks

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from string import Template
 
-from nearharmonic.exchange.coefficients import DOUBLE_DIGITS, Coefficients
-from nearharmonic.exchange.description import elements, head, identifier
+from nearharmonic.exchange.coefficients import Coefficients
+from nearharmonic.exchange.description import head, names_of_python, remarks_of_python
 
 TERMS = (
     "diffrax: the terms are a pair (velocity, force), the state is a pair (q, p): velocity(t, p, args) is dT/dp and "
@@ -99,23 +99,8 @@ if __name__ == "__main__":
 
 def write(coefficients: Coefficients) -> str:
     """Return the program, whose class has the name of the integrator."""
-    tableau = coefficients.tableau
-    name = identifier(tableau)
-    outer, inner = coefficients.operators
-    remarks = [TERMS]
-    if tableau.first_same_as_last:
-        remarks.append(OWN_FORCE.format(count=tableau.stages + 1))
-    if coefficients.digits > DOUBLE_DIGITS:
-        remarks.append(DOUBLES)
+    tableau, names = coefficients.tableau, names_of_python(coefficients)
+    remarks = [TERMS, *remarks_of_python(coefficients, OWN_FORCE, DOUBLES)]
     return PROGRAM.substitute(
-        head=head(coefficients, "#", *remarks),
-        name=name,
-        Name=name.capitalize(),
-        order=tableau.order,
-        kick=elements(coefficients.kick),
-        drift=elements(coefficients.drift),
-        outer=outer,
-        inner=inner,
-        OUTER=outer.upper(),
-        INNER=inner.upper(),
+        head=head(coefficients, "#", *remarks), Name=names["name"].capitalize(), order=tableau.order, **names
     )

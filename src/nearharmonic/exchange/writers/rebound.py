@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from string import Template
 
-from nearharmonic.exchange.coefficients import DOUBLE_DIGITS, Coefficients
-from nearharmonic.exchange.description import elements, head, identifier
+from nearharmonic.exchange.coefficients import Coefficients
+from nearharmonic.exchange.description import head, names_of_python, remarks_of_python
 
 VELOCITIES = (
     "REBOUND: q are positions and p velocities, T is quadratic, and a kick is v += c dt a with REBOUND's forces."
@@ -98,20 +98,5 @@ if __name__ == "__main__":
 
 def write(coefficients: Coefficients) -> str:
     """Return the program, which registers the integrator when it is run or imported."""
-    tableau = coefficients.tableau
-    outer, inner = coefficients.operators
-    remarks = [VELOCITIES]
-    if tableau.first_same_as_last:
-        remarks.append(OWN_FORCE.format(count=tableau.stages + 1))
-    if coefficients.digits > DOUBLE_DIGITS:
-        remarks.append(DOUBLES)
-    return PROGRAM.substitute(
-        head=head(coefficients, "#", *remarks),
-        name=identifier(tableau),
-        kick=elements(coefficients.kick),
-        drift=elements(coefficients.drift),
-        outer=outer,
-        inner=inner,
-        OUTER=outer.upper(),
-        INNER=inner.upper(),
-    )
+    remarks = [VELOCITIES, *remarks_of_python(coefficients, OWN_FORCE, DOUBLES)]
+    return PROGRAM.substitute(head=head(coefficients, "#", *remarks), **names_of_python(coefficients))
