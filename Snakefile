@@ -2,6 +2,9 @@
 
 import gc
 
+# While this is read, nothing that is made can go: the garbage collector would scan it in vain.
+gc.disable()
+
 from snakemake.utils import min_version
 
 from nearharmonic.experiments.paper.omissions import summary_line
@@ -47,6 +50,7 @@ rule everything:
 
 # The garbage collector skips all modules and rules loaded so far: scanning them takes a fifth of a dry run.
 gc.freeze()
+gc.enable()
 
 
 onstart:
