@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.core import compile, disk, native
+from nearharmonic.core import assembly, compile, disk, native
 from nearharmonic.core.layout import Group, Signature, floats
 from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
@@ -138,7 +138,7 @@ def test_code_that_cannot_be_loaded_when_just_made_is_one_clear_error_and_is_not
 
 
 def test_a_fault_of_compiled_code_is_not_blamed_on_the_systems_formulas(folder, monkeypatch):
-    monkeypatch.setattr(compile, "machine_code", lambda *_: ("entry", b"no object file"))
+    monkeypatch.setattr(assembly, "machine_code", lambda *_: ("entry", b"no object file"))
     kernel_of.cache_clear()
     with pytest.raises(CompiledCodeError, match="no object file"):
         kernel_of(nh.systems["sho"], Numerics(width=2))
@@ -282,7 +282,7 @@ def test_the_folder_follows_the_environment(monkeypatch, tmp_path):
 TWINS = """
 import os, sys
 import numba
-from nearharmonic.core import compile, native
+from nearharmonic.core import assembly, compile, native
 from nearharmonic.core.layout import Signature, floats
 signature = Signature((floats("x"),), result="float64")
 def make(number):

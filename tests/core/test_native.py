@@ -74,7 +74,7 @@ def test_a_changed_formula_is_never_served_old_code(own_cache):
 def test_an_array_of_the_wrong_kind_is_refused_before_the_call(own_cache):
     advance = kernel_of(OSCILLATOR).advance()
     with pytest.raises(TypeError, match="contiguous float64 array of 1 dimensions"):
-        advance(1, 3, False, np.zeros(32, dtype=np.float32), np.zeros(32), np.zeros(88))
+        advance(1, 3, False, np.zeros(32, dtype=np.float32), np.zeros(88))
 
 
 def test_the_kernels_of_both_searches_are_found_again_without_the_compiler():

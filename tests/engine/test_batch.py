@@ -10,7 +10,7 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.engine.batch import integrate_batch, sample_marks
-from nearharmonic.engine.coefficients import coefficients
+from nearharmonic.engine.coefficients import moves
 from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import SettingError
@@ -52,33 +52,71 @@ def test_a_batch_that_looks_more_often_loads_no_other_kernel():
         assert look is None or kernel_of.cache_info().misses == before
 
 
-def expected(tableau, operator, tau):
-    row = tableau.kick if operator == "kick" else tableau.drift
-    exact = [(-1 if operator == "kick" else 1) * Fraction(text) * tau for text in row]
-    return exact + [Fraction(0)] * (tableau.stages + 1 - len(exact))
+def substeps(tableau, tau, steps):
+    """Kicks and drifts of so many steps, one after the other, as (operator, coefficient) without those that are 0."""
+    outer, inner = tableau.outer, tableau.inner
+    other = "drift" if tableau.first == "kick" else "kick"
+    one = [(tableau.first, outer[0])]
+    for i, text in enumerate(inner):
+        one += [(other, text), (tableau.first, outer[i + 1])]
+    return [(name, Fraction(text) * (-tau if name == "kick" else tau)) for name, text in one * steps if Fraction(text)]
 
 
-def test_coefficients_are_exact_products_rounded_once_whatever_was_asked_before():
+def joined(pieces):
+    """Neighbours of one operator as one; those that come to nothing are left out."""
+    found = []
+    for name, c in pieces:
+        if found and found[-1][0] == name:
+            c += found.pop()[1]
+        if c:
+            found.append((name, c))
+    return found
+
+
+def test_moves_are_the_substeps_of_the_method_rounded_once_whatever_was_asked_before():
     """Twice through methods, roles, steps and parts, so that each follows each other one; to u/2 or (u/2)^2."""
     own, other = nh.integrators["babps9o7h"], nh.integrators["aba864"]
     taus = [Fraction(9, 10), Fraction(-1, 3), Fraction(10, 9)]
     for tableau in (own, own.role("drift"), other, own):
         for parts in (1, 2, 1):
-            rows = coefficients(tableau, taus, parts)
-            for operator, row in zip(("drift", "kick"), rows, strict=True):
-                assert row.shape == (3, tableau.stages + 1, parts)
-                for i, tau in enumerate(taus):
-                    for found, exact in zip(row[i], expected(tableau, operator, tau), strict=True):
-                        assert found[0] == float(exact)
-                        assert abs(sum(map(Fraction, found)) - exact) <= abs(exact) / 2 ** (53 * parts)
+            rows = moves(tableau, taus, parts)
+            assert rows.shape == (3, tableau.stages + 2, 4)
+            for row, tau in zip(rows, taus, strict=True):
+                opening, merged, *inner, closing = row
+                run = [opening, *inner, merged, *inner, merged, *inner, closing]
+                order = [(name, move[k * parts : (k + 1) * parts]) for move in run
+                         for k, name in enumerate(("kick", "drift")) if move[k * parts]]  # fmt: skip
+                exact = joined(substeps(tableau, tau, 3))
+                assert [name for name, _ in order] == [name for name, _ in exact]
+                for (_, found), (_, c) in zip(order, exact, strict=True):
+                    assert found[0] == float(c)
+                    assert abs(sum(map(Fraction, found)) - c) <= abs(c) / 2 ** (53 * parts)
+
+
+def test_the_product_of_kick_and_drift_is_rounded_once_and_comes_with_what_that_leaves_out():
+    tableau, tau = nh.integrators["srkn_b11"], Fraction(7, 30)
+    exact = [c for _, c in joined(substeps(tableau, tau, 2))]
+    opening, merged, *inner, _ = moves(tableau, [tau], 1)[0]
+    for i, (kick, drift, product, rest) in enumerate([opening, *inner, merged]):
+        assert product == float(exact[2 * i] * exact[2 * i + 1])
+        left_out = Fraction(kick) * Fraction(drift) - Fraction(product)
+        assert abs(Fraction(rest) - left_out) <= abs(left_out) / 2**52
+
+
+def test_moves_of_a_rounded_method_are_exactly_its_rounded_coefficients():
+    tableau, tau = nh.integrators["aba864"], Fraction(1, 3)
+    pieces = [(name, Fraction(float(c))) for name, c in substeps(tableau, tau, 1)]
+    opening, merged, *inner, closing = moves(tableau, [tau], 2, rounded=True)[0]
+    order = [Fraction(part[0]) + Fraction(part[1]) for move in (opening, *inner, merged, *inner, closing)
+             for part in (move[:2], move[2:]) if part[0]]  # fmt: skip
+    assert order == [c for _, c in joined(pieces * 2)]
 
 
 def test_what_a_caller_does_to_coefficients_or_states_does_not_reach_later_runs():
     tableau, sho = nh.integrators["ruth"], nh.systems["sho"]
     settings = {"t_end": Fraction(3), "steps": [6], "samples": 2}
     before = integrate_batch(sho, tableau, **settings)
-    for row in coefficients(tableau, [Fraction(1, 2)], 1):
-        row[:] = 9.0
+    moves(tableau, [Fraction(1, 2)], 1)[:] = 9.0
     kept = before.q.copy()
     before.q[:] = before.p[:] = 5.0
     assert np.array_equal(integrate_batch(sho, tableau, **settings).q, kept)

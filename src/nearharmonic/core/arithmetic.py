@@ -102,6 +102,18 @@ def two_product(a: Any, b: Any) -> Pair:
     return product, fma(a, b, -product)
 
 
+def two_products(a: Any, b: Any) -> Pair:
+    """The same for numpy arrays, which have no fma (Dekker 1971), where nothing over- or underflows."""
+    halves = []
+    for x in (a, b):
+        shifted = x * 134217729.0  # 2^27 + 1
+        high = shifted - (shifted - x)
+        halves.append((high, x - high))
+    (a1, a2), (b1, b2) = halves
+    product = a * b
+    return product, a2 * b2 - (((product - a1 * b1) - a2 * b1) - a1 * b2)
+
+
 def compensated_update(state: Pair, coefficient: Any, rate: Any) -> Pair:
     """state += coefficient * rate, the rounding error kept in the carry (Kahan 1965, doi:10.1145/363707.363723)."""
     value, carry = state

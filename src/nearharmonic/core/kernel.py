@@ -6,7 +6,8 @@
 Layout of a lane's row block, ``width`` doubles a row: d positions, their d carries, d momenta, their d carries; then
 the tally: largest and summed |H - H0| of the block, the sum's carry, the latest H - H0, H0 as a pair, the largest
 |H - H0| allowed, and by how much the rounding of doubles changes H (see :meth:`Rules.quick`); then each parameter as a
-pair. In extended precision the carries are the low halves of double-doubles.
+pair; then the state that runs, laid out as the first 4 d rows, and the d numbers that its next move is late by (see
+:mod:`nearharmonic.core.rules`). In extended precision the carries are the low halves of double-doubles.
 
 Formulas of many coordinates are compiled as loops (:mod:`nearharmonic.core.loops`), for one lane.
 """
@@ -29,10 +30,10 @@ class Kernel:
     """Compiled code for one system, precision and width, with the layout its arrays must have.
 
     ``advance()`` compiles the inner kernel by itself, for benchmarks and ensembles that schedule their own lanes:
-    ``advance()(count, stages, kick_first, drift, kick, rows) -> steps done``: ``drift`` and ``kick`` are float64
-    (stages + 1, parts, width) with the step size multiplied in, ``rows`` float64 (4 d + :data:`TALLY` +
-    :func:`parameter_rows`, width), changed in place, and ``room`` more behind them. It returns before ``count`` when a
-    lane's energy error passes its limit.
+    ``advance()(count, stages, kick_first, moves, rows) -> steps done``: ``moves`` is float64 (stages + 2, columns,
+    width), the rows of coefficients, of which the first is replaced by the second; ``rows`` float64 (4 d +
+    :data:`TALLY` + :func:`parameter_rows` + 5 d, width), changed in place, and ``room`` more behind them. It returns
+    before ``count`` when a lane's energy error passes its limit.
 
     ``prepared`` passes a queue of runs through the lanes, as often as what it returns is called: its arguments are
     :data:`nearharmonic.core.layout.RUN` without the addresses in front and without the workspace at the end, which
@@ -53,7 +54,7 @@ class Kernel:
 
 
 def build(physics: Physics, *, extended: bool, compensated: bool, width: int, energy: str = "every") -> Kernel:
-    """Load the kernel from the cache, or compile it into the cache; only then is numba loaded.
+    """Load the kernel from the cache, or compile it into the cache.
 
     Parameters
     ----------
@@ -69,31 +70,29 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
     rules, more = Rules(physics, extended, compensated), room(physics, extended=extended)
 
     def make_begin() -> tuple[str, bytes]:
+        from nearharmonic.core import advance, assembly
+
         if physics.loops is not None:
             from nearharmonic.core.loops import functions
 
-            return functions.machine_code(*functions.begin(rules))
-        from nearharmonic.core import compile
-
-        return compile.machine_code(compile.begin(rules, width), BEGIN)
+            return assembly.machine_code(*functions.begin(rules))
+        return assembly.machine_code(*advance.begin(rules, width))
 
     def make_run() -> tuple[str, bytes]:
-        from nearharmonic.core import compile, scheduler
+        from nearharmonic.core import assembly, scheduler
 
-        return compile.machine_code(scheduler.run, RUN)
+        return assembly.machine_code(*scheduler.run())
 
     advance = _advance(rules, width, energy)
     begin = 0 if energy == "none" else native(f"begin-{_key(rules, width)}", BEGIN, make_begin).address
     run = native(f"run-{code_key()}", RUN, make_run)
 
     def prepared(
-        measured: int, order: Any, marks: Any, scheme: Any, start: Any, parameters: Any, limit: float, scale: float,
-        reference: Any, stretch: int, stages: int, *others: Any,
+        measured: int, order: Any, marks: Any, scheme: Any, start: Any, resumed: Any, parameters: Any, limit: float,
+        scale: float, reference: Any, stretch: int, stages: int, *others: Any,
     ) -> PreparedCall:  # fmt: skip
-        own = workspace(
-            start.shape[1], stages, parameters=physics.parameters, parts=rules.parts, width=width, room=more
-        )
-        first = advance.address, begin, measured, order, marks, scheme, start, parameters
+        own = workspace(physics.dimension, stages, parameters=physics.parameters, width=width, room=more)
+        first = advance.address, begin, measured, order, marks, scheme, start, resumed, parameters
         return run.prepared(*first, limit, scale, reference, stretch, stages, *others, *own)
 
     return Kernel(
@@ -138,12 +137,12 @@ def _key(rules: Rules, width: int, *more: str) -> str:
 
 def _advance(rules: Rules, width: int, energy: str) -> Any:
     def make() -> tuple[str, bytes]:
+        from nearharmonic.core import advance, assembly
+
         if rules.physics.loops is not None:
             from nearharmonic.core.loops import functions
 
-            return functions.machine_code(*functions.advance(rules, energy))
-        from nearharmonic.core import compile
-
-        return compile.machine_code(compile.advance(rules, width, energy), ADVANCE)
+            return assembly.machine_code(*functions.advance(rules, energy))
+        return assembly.machine_code(*advance.advance(rules, width, energy))
 
     return native(f"advance-{_key(rules, width, energy)}", ADVANCE, make)

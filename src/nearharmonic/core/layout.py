@@ -19,6 +19,15 @@ Scalar = Literal["int64", "float64", "bool"]
 WORST, TOTAL, TOTAL_CARRY, LATEST, ENERGY, ENERGY_LOW, LIMIT, NEAR, CONDITION = range(9)
 TALLY = 9
 
+#: Entries of a row of coefficients: of the kick, of the drift behind it, their product, and by how much the product of
+#: the two as rounded exceeds it. In extended precision kick and drift are pairs, and that is all.
+KICK, DRIFT, PRODUCT, REST = range(4)
+#: Doubles in such a row.
+COLUMNS = 4
+#: Rows of coefficients: of a lane's next first move, of first moves but for the very first, of the other moves, and of
+#: the one that closes a step.
+OPENING, MERGED, INNER = range(3)
+
 #: When the energy is measured: at every step, every so many steps, at the samples alone, never.
 EVERY_STEP, LOOKS, SAMPLES, NEVER = range(4)
 #: Entries of a control array: a number other than 0 stops a queue of runs; the steps done by then.
@@ -94,8 +103,7 @@ ADVANCE = Signature(
         integers("count"),
         integers("stages"),
         flags("kick_first"),
-        floats("drift", 1),
-        floats("kick", 1),
+        floats("moves", 1),
         floats("rows", 1),
     ),
     result="int64",
@@ -114,6 +122,7 @@ RUN = Signature(
         integers("marks", 2),  # (R, S) steps at which to sample, first 0, padded with -1
         integers("scheme", 1),  # (R,) rows of the coefficient arrays
         floats("start", 2),  # (R, size)
+        floats("resumed", 2),  # (R, running), states that run, of runs that go on; or (0, running)
         floats("parameters", 2),  # (R, parts of all parameters), or one row for all runs
         floats("limit"),  # largest energy error, in units of ``scale``
         floats("scale"),  # energy that errors are relative to; 0 for |H0|
@@ -121,8 +130,7 @@ RUN = Signature(
         integers("stretch"),  # most steps between looks at ``control``; with LOOKS, between looks at the energy
         integers("stages"),
         flags("kick_first"),
-        floats("drift", 3),  # (schemes, stages + 1, parts), with the step size multiplied in
-        floats("kick", 3),
+        floats("moves", 3),  # (schemes, stages + 2, COLUMNS), with the step size multiplied in
         integers("control", 1),  # STOP and PROGRESS
         # Results, filled in place.
         floats("states", 3),  # (R, S, size)
@@ -130,12 +138,12 @@ RUN = Signature(
         floats("worst", 2),  # (R, S) maximum and
         floats("total", 2),  # (R, S) sum of |H - H0| over the steps since the last sample
         floats("energy", 2),  # (R, 2) H0 as a pair
+        floats("running", 2),  # (R, running) states that run at the end
         integers("left_at", 1),  # (R,) the step at which a run left its energy surface, or 0
         # The arrays of :func:`workspace`.
         floats("rows", 1),
         floats("fresh", 1),
-        floats("drifts", 1),
-        floats("kicks", 1),
+        floats("lanes", 1),
         integers("runs", 1),
         integers("at", 1),
         integers("mark", 1),
@@ -149,16 +157,24 @@ def parameter_rows(parameters: int) -> int:
     return max(1, 2 * parameters)
 
 
-def workspace(
-    size: int, stages: int, *, parameters: int, parts: int, width: int, room: int = 0
-) -> tuple[NDArray[Any], ...]:
-    """The flat arrays that ``run`` works in: two row blocks, drifts, kicks; and per lane its run, step and sample.
+def running_rows(dimension: int) -> int:
+    """Rows of a state that runs: those of a state, and d that the next move is late by."""
+    return 5 * dimension
+
+
+def running_at(dimension: int, parameters: int) -> int:
+    """The first row of the state that runs, behind the state that is seen, the tally and the parameters."""
+    return 4 * dimension + TALLY + parameter_rows(parameters)
+
+
+def workspace(dimension: int, stages: int, *, parameters: int, width: int, room: int = 0) -> tuple[NDArray[Any], ...]:
+    """The flat arrays that ``run`` works in: two row blocks, coefficients; and per lane its run, step and sample.
 
     Each row block ends with ``room`` doubles that the kernel works in.
     """
-    rows = (size + TALLY + parameter_rows(parameters)) * width + room
-    coefficients = (stages + 1) * parts * width
-    doubles = tuple(aligned_zeros(n) for n in (rows, rows, coefficients, coefficients))
+    rows = (running_at(dimension, parameters) + running_rows(dimension)) * width + room
+    coefficients = (stages + 2) * COLUMNS * width
+    doubles = tuple(aligned_zeros(n) for n in (rows, rows, coefficients))
     return (*doubles, *(np.zeros(width, np.int64) for _ in range(3)))
 
 

@@ -1,4 +1,18 @@
-"""What one step does to one state, written as plain Python on traced numbers: force, kick, drift, energy, tally."""
+"""What one step does to one state, written as plain Python on traced numbers: force, move, energy, tally.
+
+A kick by k and the drift by e behind it are one *move*, from the force at the position to the next position. If T is
+quadratic, dT/dp = v(p), with a(f) the acceleration by a force f, the new position is (q + e v(p)) + (e k) a(f): the sum
+in brackets is ready before the force is, so that one operation follows the force, and the momentum is updated beside
+the next force. The chain of operations that bounds the time of one trajectory is shorter by that. The product e k is
+rounded once from exact numbers, and differs from the product of e and k as rounded. By that the map would not be
+symplectic, and the energy would drift; so what it leaves out (``REST``) is added, one move late, where the carry is.
+
+Double-double operations follow one another so closely that the chain does not bound them: there, and where T is not
+quadratic, the momentum comes first and its velocity behind it.
+
+A step is as many moves as forces. Between steps the last move of one and the first of the next are merged: the state
+that *runs* is that of the last force. The state at the end of a step, which is seen and measured, is a move away.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +26,15 @@ from llvmlite import ir
 
 from nearharmonic.core import arithmetic
 from nearharmonic.core.layout import (
+    COLUMNS,
     CONDITION,
+    DRIFT,
     ENERGY,
     ENERGY_LOW,
+    KICK,
     NEAR,
+    PRODUCT,
+    REST,
     TALLY,
     TOTAL,
     TOTAL_CARRY,
@@ -51,6 +70,8 @@ class Physics:
         The components of grad_V and V behind them, of shared operations.
     balanced_T : callable
         T in an order that keeps chains of operations short.
+    acceleration : callable, or None
+        ``f(force, *parameters)``, dT/dp without what it is at p = 0, if T is quadratic.
     parameters : int
         Number of parameters that a run is given, in the rows behind its tally.
     constants : tuple of Constant
@@ -73,6 +94,7 @@ class Physics:
     parameters: int
     constants: tuple[Constant, ...]
     dimension: int
+    acceleration: Callable[..., Any] | None = None
     loops: tuple[LoopedEnergy, LoopedEnergy] | None = None
     unit_masses: bool = False
 
@@ -98,6 +120,11 @@ class Rules:
         return not self.extended and self.physics.dimension > FEW_COORDINATES
 
     @property
+    def looks_ahead(self) -> bool:
+        """Whether the new position is computed beside the new momentum."""
+        return self.physics.acceleration is not None and not self.extended
+
+    @property
     def parts(self) -> int:
         """Doubles per coefficient and per rate."""
         return 2 if self.extended else 1
@@ -114,6 +141,7 @@ class Rules:
         return [n.carrier for n in numbers]
 
     def update(self, pairs: list[tuple[LLVMValue, LLVMValue]], coefficient: Entries, rates: Entries) -> Entries:
+        """state += coefficient * rates."""
         if self.extended:
             step = (coefficient[0], coefficient[1])
             rate_pairs = _pairs(rates, len(pairs))
@@ -142,17 +170,58 @@ class Rules:
         q = self.numbers(_pairs(state, self.physics.dimension))
         return self.flat(vector(self.physics, "grad_V", q, *self.constants(parameters)), state[0])
 
-    def kick(self, state: Entries, coefficient: Entries, rates: Entries) -> Entries:
-        """p += coefficient * rates; the coefficient carries the minus sign of dp/dt = -dV/dq."""
-        half = 2 * self.physics.dimension
-        return state[:half] + self.update(_pairs(state[half:], self.physics.dimension), coefficient, rates)
+    def move(self, running: Entries, row: Entries, rates: Entries, parameters: Entries) -> Entries:
+        """Kick and drift by a row of coefficients, from the ``rates`` dV/dq at the position.
 
-    def drift(self, state: Entries, coefficient: Entries, parameters: Entries) -> Entries:
-        """q += coefficient * dT/dp."""
-        half, d = 2 * self.physics.dimension, self.physics.dimension
-        p = self.numbers(_pairs(state[half:], d))
-        velocity = self.flat(vector(self.physics, "grad_T", p, *self.constants(parameters)), state[0])
-        return self.update(_pairs(state, d), coefficient, velocity) + state[half:]
+        The kick carries the minus sign of dp/dt = -dV/dq.
+        """
+        d = self.physics.dimension
+        position, momentum, late = running[: 2 * d], running[2 * d : 4 * d], running[4 * d :]
+        kick, drift = self.part(row, KICK), self.part(row, DRIFT)
+        new_momentum = self.update(_pairs(momentum, d), kick, rates)
+        if not self.looks_ahead:
+            velocity = self._velocity(new_momentum, parameters)
+            return self.update(_pairs(position, d), drift, velocity) + new_momentum + late
+        velocity = self._velocity(momentum, parameters)
+        pull = tuple(Double(rate) for rate in rates)
+        assert self.physics.acceleration is not None
+        acceleration = self.flat(tuple(self.physics.acceleration(pull, *self.constants(parameters))), running[0])
+        return self.looked_ahead(position, late, row, velocity, acceleration, new_momentum)
+
+    def part(self, row: Entries, column: int) -> Entries:
+        """A coefficient of a row, as one double or two."""
+        return row[column * self.parts : (column + 1) * self.parts]
+
+    def looked_ahead(
+        self, position: Entries, late: Entries, row: Entries, velocity: Entries, acceleration: Entries,
+        momentum: Entries,
+    ) -> Entries:  # fmt: skip
+        """The state that runs with the position (q + e v) + (e k) a and the new ``momentum``."""
+        e, product, pairs = row[DRIFT], row[PRODUCT], _pairs(position, len(position) // 2)
+        if not self.compensated:
+            ahead = self.update(pairs, [e], velocity)
+            return self.update(_pairs(ahead, len(pairs)), [product], acceleration) + momentum + late
+        new = [
+            arithmetic.compensated_update((q, arithmetic.fma(e, v, rest) + carry), product, a)
+            for (q, carry), rest, v, a in zip(pairs, late, velocity, acceleration, strict=True)
+        ]
+        return [q for q, _ in new] + [carry for _, carry in new] + momentum + [row[REST] * a for a in acceleration]
+
+    def closed(self, running: Entries, row: Entries, rates: Entries, parameters: Entries) -> Entries:
+        """The state at the end of a step, which is seen and measured."""
+        return self.seen(self.move(running, row, rates, parameters))
+
+    def seen(self, running: Entries) -> Entries:
+        """A state with what it is late by in its carry."""
+        d = len(running) // 5
+        if not (self.compensated and self.looks_ahead):
+            return running[: 4 * d]
+        carries = [carry + rest for carry, rest in zip(running[d : 2 * d], running[4 * d :], strict=True)]
+        return running[:d] + carries + running[2 * d : 4 * d]
+
+    def _velocity(self, momentum: Entries, parameters: Entries) -> Entries:
+        p = self.numbers(_pairs(momentum, self.physics.dimension))
+        return self.flat(vector(self.physics, "grad_T", p, *self.constants(parameters)), momentum[0])
 
     def energies(self, state: Entries, parameters: Entries) -> tuple[Any, Any]:
         """T and V of state + carry in double-double, whatever the precision of the run; constants as they are."""
@@ -271,16 +340,16 @@ def fingerprint(rules: Rules) -> str:
     if rules.physics.loops is not None:
         digests = " ".join(energy.digest for energy in rules.physics.loops)
         return sha256(f"{digests} {rules.physics.unit_masses}".encode()).hexdigest()
-    count, given = 4 * rules.physics.dimension, parameter_rows(rules.physics.parameters)
+    count, given = 5 * rules.physics.dimension, parameter_rows(rules.physics.parameters)
     double = ir.DoubleType()
     module = ir.Module()
-    kinds = [double] * (count + TALLY + rules.parts + given)
+    kinds = [double] * (count + TALLY + COLUMNS + given)
     function = ir.Function(module, ir.FunctionType(ir.VoidType(), kinds), "formulas")
     builder = ir.IRBuilder(function.append_basic_block())
     entries = [LLVMValue(builder, argument) for argument in function.args]
     state, tally, more = entries[:count], entries[count : count + TALLY], entries[count + TALLY :]
-    step, parameters = more[: rules.parts], more[rules.parts :]
-    moved = rules.kick(state, step, rules.force(state, parameters)), rules.drift(state, step, parameters)
-    results = [*moved[0], *moved[1], *rules.measure(state, tally, parameters)]
+    row, parameters = more[:COLUMNS], more[COLUMNS:]
+    moved = rules.move(state, row, rules.force(state, parameters), parameters)
+    results = [*moved, *rules.measure(state[: 4 * rules.physics.dimension], tally, parameters)]
     text = f"{module}\n{[str(result.value) for result in results]}"
     return sha256(text.encode()).hexdigest()

@@ -1,15 +1,16 @@
-"""Compiled text of a queue of runs through the lanes of a kernel: a lane that is done takes the next run.
+"""The compiled text of a queue of runs through the lanes of a kernel: a lane that is done takes the next run.
 
-One compilation serves all kernels, which are called by address. The text uses loops over flat arrays only, which the
-caller allocates: slices, reshapes and allocations would pull numba's array library into the compilation and treble its
-time. ``width`` lanes, states of ``size`` doubles.
+One compilation serves all kernels, which are called by address. ``width`` lanes, states of ``size`` doubles.
 """
 
 from __future__ import annotations
 
-import numpy as np
+from types import SimpleNamespace
+from typing import Any
 
-from nearharmonic.core.compile import call_at, inlined, strict
+from llvmlite import ir
+
+from nearharmonic.core.assembly import Array, Index, Writer, function
 from nearharmonic.core.layout import (
     ADVANCE,
     BEGIN,
@@ -18,8 +19,10 @@ from nearharmonic.core.layout import (
     FAR,
     LATEST,
     LIMIT,
+    MERGED,
     NEVER,
     PROGRESS,
+    RUN,
     SAMPLES,
     STOP,
     TALLY,
@@ -27,180 +30,229 @@ from nearharmonic.core.layout import (
     TOTAL_CARRY,
     WORST,
 )
+from nearharmonic.core.values import LLVMMask, LLVMValue
 
 #: An energy below this part of the kinetic energy is 0 to the rounding of double-doubles.
 NEGLIGIBLE = 2.0**-98
 
-_advance, _begin = call_at(ADVANCE), call_at(BEGIN)
+
+def run() -> tuple[ir.Module, str]:
+    """Module and name of a function of :data:`nearharmonic.core.layout.RUN`: all runs of the queue ``order``."""
+    module, name = ir.Module("run"), "run"
+    writer, given = function(module, name, RUN)
+    _Scheduler(writer, given).write()
+    return module, name
 
 
-@strict
-def _fill(rows, drifts, kicks, lane, width, size, start, parameters, drift, kick):  # type: ignore[no-untyped-def]
-    """The lane takes up the state ``start``, the parameters and the coefficients of its run."""
-    _place(rows, lane, width, size, start, parameters)
-    for i in range(drift.shape[0]):
-        for part in range(drift.shape[1]):
-            place = (i * drift.shape[1] + part) * width + lane
-            drifts[place], kicks[place] = drift[i, part], kick[i, part]
+class _Scheduler:
+    """Writes the function; its arguments are attributes of ``a``."""
 
+    def __init__(self, writer: Writer, given: dict[str, Any]) -> None:
+        self.writer, self.a = writer, SimpleNamespace(**given)
+        self.width: Index = self.a.runs.shape[0]
+        self.size: Index = self.a.start.shape[1]
+        self.states = self.a.running.shape[1]
+        first = self.a.order[0]
+        self.rest, self.usual = self.a.start[first], self._parameters_of(first)
+        self.queued = writer.variable(writer.index(0))
 
-@strict
-def _place(rows, lane, width, size, start, parameters):  # type: ignore[no-untyped-def]
-    for k in range(size):
-        rows[k * width + lane] = start[k]
-    for k in range(size, size + TALLY):
-        rows[k * width + lane] = 0.0
-    for k in range(parameters.size):
-        rows[(size + TALLY + k) * width + lane] = parameters[k]
-    rows[(size + LIMIT) * width + lane] = np.inf
+    def write(self) -> None:
+        """The queue, until it is empty and all lanes are idle, or a stop is asked for."""
+        writer, a = self.writer, self.a
+        for lane in writer.range(self.width):
+            a.runs[lane] = -1
+            self._idle(lane)
+        with writer.forever() as behind:
+            writer.leave(~a.control[STOP].equals(0), behind)
+            before = self.queued.value
+            self._refill()
+            with writer.when(self.queued.value > before):
+                with writer.when(~a.measured.equals(NEVER)):
+                    for place in writer.range(a.rows.size):
+                        a.fresh[place] = a.rows[place]
+                    writer.call(a.begin, BEGIN, [a.fresh])
+                self._record_starts()
+            count = self._next_stretch()
+            writer.leave(count.equals(FAR), behind)
+            moved = [count.at_most(a.stretch), a.stages, a.kick_first, a.lanes, a.rows]
+            done = writer.call(a.advance, ADVANCE, moved)
+            for lane in writer.range(self.width):
+                with writer.when(a.runs[lane] >= 0):
+                    self._settle(lane, done)
+        writer.builder.ret_void()
 
+    def _row(self, lane: Index, row: Index | int) -> Index:
+        """The place of a row of a lane."""
+        return (self.writer.index(row) if isinstance(row, int) else row) * self.width + lane
 
-@strict
-def _idle(rows, drifts, kicks, lane, width, size, start, parameters):  # type: ignore[no-untyped-def]
-    """The lane stands still at ``start``, a regular point: a NaN in an idle lane would stop the others."""
-    _place(rows, lane, width, size, start, parameters)
-    for place in range(lane, drifts.size, width):
-        drifts[place] = kicks[place] = 0.0
+    def _tally(self, lane: Index, entry: int) -> Index:
+        return self._row(lane, self.size + entry)
 
+    @property
+    def _running(self) -> Index:
+        """The first row of the states that run, the last rows but for the room behind them."""
+        return self.size + TALLY + self._parameter_rows
 
-@strict
-def _record(rows, lane, width, size, sample, states, energy_error, worst, total):  # type: ignore[no-untyped-def]
-    """One sample of the lane, and what its block of steps since the last sample came to."""
-    for k in range(size):
-        states[sample, k] = rows[k * width + lane]
-    tally = size * width + lane
-    energy_error[sample] = rows[tally + LATEST * width]
-    worst[sample] = rows[tally + WORST * width]
-    total[sample] = rows[tally + TOTAL * width] + rows[tally + TOTAL_CARRY * width]
-    rows[tally + WORST * width] = rows[tally + TOTAL * width] = rows[tally + TOTAL_CARRY * width] = 0.0
+    @property
+    def _parameter_rows(self) -> Index:
+        count = self.a.parameters.shape[1]
+        rows: Index = self.writer.either(count > 0, count, self.writer.index(1))
+        return rows
 
+    def _parameters_of(self, r: Index) -> Array:
+        """Those of a run, or the one row that is for all."""
+        found: Array = self.a.parameters[r.at_most(self.a.parameters.shape[0] - 1)]
+        return found
 
-@inlined
-def _refill(  # type: ignore[no-untyped-def]
-    order, queued, scheme, start, parameters, drift, kick, rows, drifts, kicks, runs, at, mark, width, size
-):
-    """Lanes without a run take the next ones of the queue; how many have left the queue by then."""
-    for lane in range(width):
-        if runs[lane] < 0 and queued < order.size:
-            r = order[queued]
-            queued += 1
-            runs[lane], at[lane], mark[lane] = r, 0, 0
-            given = parameters[min(r, parameters.shape[0] - 1)]
-            _fill(rows, drifts, kicks, lane, width, size, start[r], given, drift[scheme[r]], kick[scheme[r]])
-    return queued
+    def _refill(self) -> None:
+        """Lanes without a run take the next ones of the queue."""
+        writer, a = self.writer, self.a
+        for lane in writer.range(self.width):
+            with writer.when((a.runs[lane] < 0) & (self.queued.value < a.order.size)):
+                r = a.order[self.queued.value]
+                self.queued.value = self.queued.value + 1
+                a.runs[lane], a.at[lane], a.mark[lane] = r, 0, 0
+                self._fill(lane, r)
 
+    def _fill(self, lane: Index, r: Index) -> None:
+        """The lane takes up the state, the parameters and the coefficients of its run."""
+        writer, a = self.writer, self.a
+        self._place(lane, a.start[r], self._parameters_of(r))
+        moves = a.moves[a.scheme[r]]
+        for i in writer.range(moves.shape[0]):
+            for column in writer.range(moves.shape[1]):
+                a.lanes[self._row(lane, i * moves.shape[1] + column)] = moves[i, column]
+        with writer.when(a.resumed.shape[0] > 0):
+            for k in writer.range(self.states):
+                a.rows[self._row(lane, self._running + k)] = a.resumed[r, k]
+            for column in writer.range(moves.shape[1]):
+                a.lanes[self._row(lane, column)] = moves[MERGED, column]
 
-@inlined
-def _record_starts(  # type: ignore[no-untyped-def]
-    measured, fresh, rows, runs, mark, width, size, limit, scale, reference, states, energy_error, worst, total, energy
-):
-    """The first sample of each run that has none yet, whose lane of ``fresh`` has its energy as H0.
+    def _place(self, lane: Index, start: Array, parameters: Array) -> None:
+        writer, rows = self.writer, self.a.rows
+        for k in writer.range(self.size):
+            rows[self._row(lane, k)] = start[k]
+            rows[self._row(lane, self._running + k)] = start[k]
+        for k in writer.range(self.size, self.states):
+            rows[self._row(lane, self._running + k)] = 0.0
+        for entry in range(TALLY):
+            rows[self._tally(lane, entry)] = float("inf") if entry == LIMIT else 0.0
+        for k in writer.range(parameters.shape[0]):
+            rows[self._row(lane, self.size + TALLY + k)] = parameters[k]
 
-    Its limit becomes absolute: relative to |H0|, to |T| if H0 = 0, or to ``scale`` if that is not 0.
-    """
-    for lane in range(width):
-        r, tally = runs[lane], size * width + lane
-        if r < 0 or mark[lane] > 0:
-            continue
-        if measured != NEVER:
-            for place in range(tally, (size + TALLY) * width, width):
-                rows[place] = fresh[place]
-            kinetic, H = rows[tally + LIMIT * width], abs(rows[tally + ENERGY * width])
-            if NEGLIGIBLE * kinetic >= H:
-                rows[tally + ENERGY * width] = rows[tally + ENERGY_LOW * width] = H = 0.0
-            if reference[0] == reference[0]:
-                lost = rows[tally + ENERGY_LOW * width] - reference[1]
-                rows[tally + LATEST * width] = (rows[tally + ENERGY * width] - reference[0]) + lost
-                rows[tally + ENERGY * width], rows[tally + ENERGY_LOW * width] = reference[0], reference[1]
-                H = abs(reference[0])
-            unit = scale if scale != 0 else H if H != 0 else kinetic
-            rows[tally + LIMIT * width] = limit * unit if unit != 0 else np.inf
-        energy[r, 0] = rows[tally + ENERGY * width]
-        energy[r, 1] = rows[tally + ENERGY_LOW * width]
-        _record(rows, lane, width, size, mark[lane], states[r], energy_error[r], worst[r], total[r])
-        mark[lane] = 1
+    def _idle(self, lane: Index) -> None:
+        """The lane stands still at a regular point: a NaN in an idle lane would stop the others."""
+        self._place(lane, self.rest, self.usual)
+        lanes = self.a.lanes
+        rows = self.a.moves.shape[1] * self.a.moves.shape[2]
+        for i in self.writer.range(rows):
+            lanes[self._row(lane, i)] = 0.0
 
+    def _record_starts(self) -> None:
+        """The first sample of each run that has none yet, whose lane of ``fresh`` has its energy as H0."""
+        writer, a = self.writer, self.a
+        for lane in writer.range(self.width):
+            with writer.when((a.runs[lane] >= 0) & ~(a.mark[lane] > 0)):
+                r = a.runs[lane]
+                with writer.when(~a.measured.equals(NEVER)):
+                    self._begin(lane)
+                for half, entry in enumerate((ENERGY, ENERGY_LOW)):
+                    a.energy[r, half] = a.rows[self._tally(lane, entry)]
+                self._record(lane, r, a.mark[lane])
+                a.mark[lane] = 1
 
-@inlined
-def _next_stretch(marks, runs, at, mark, width):  # type: ignore[no-untyped-def]
-    """Steps to the next sample of any lane; ``FAR`` if all lanes are idle."""
-    count = FAR
-    for lane in range(width):
-        if runs[lane] >= 0:
-            count = min(count, marks[runs[lane], mark[lane]] - at[lane])
-    return count
+    def _begin(self, lane: Index) -> None:
+        """The lane's tally begins; its limit becomes absolute.
 
+        It is relative to |H0|, to |T| if H0 = 0, or to ``scale`` if that is not 0.
+        """
+        writer, a = self.writer, self.a
+        high, low = self._tally(lane, ENERGY), self._tally(lane, ENERGY_LOW)
+        for entry in range(TALLY):
+            place = self._tally(lane, entry)
+            a.rows[place] = a.fresh[place]
+        kinetic: LLVMValue = a.rows[self._tally(lane, LIMIT)]
+        H = writer.variable(a.rows[high].absolute())
+        with writer.when((kinetic * NEGLIGIBLE).at_least(H.value)):
+            a.rows[high] = a.rows[low] = 0.0
+            H.value = H.value.constant(0.0)
+        reference = a.reference[0]
+        with writer.when(~reference.undefined()):
+            lost = a.rows[low] - a.reference[1]
+            a.rows[self._tally(lane, LATEST)] = (a.rows[high] - reference) + lost
+            a.rows[high], a.rows[low] = reference, a.reference[1]
+            H.value = reference.absolute()
+        unit = a.scale.equals(0.0).choose(H.value.equals(0.0).choose(kinetic, H.value), a.scale)
+        a.rows[self._tally(lane, LIMIT)] = unit.equals(0.0).choose(float("inf"), a.limit * unit)
 
-@inlined
-def _settle(  # type: ignore[no-untyped-def]
-    measured, lane, marks, rows, at, mark, r, width, size, states, energy_error, worst, total, left_at
-):
-    """Record the sample of run ``r`` if one is due, or that the run has left; whether the run is finished.
+    def _record(self, lane: Index, r: Index, sample: Index) -> None:
+        """One sample of the lane, and what its block of steps since the last sample came to."""
+        a = self.a
+        for k in self.writer.range(self.size):
+            a.states[r, sample, k] = a.rows[self._row(lane, k)]
+        worst, total, carry = (self._tally(lane, entry) for entry in (WORST, TOTAL, TOTAL_CARRY))
+        a.energy_error[r, sample] = a.rows[self._tally(lane, LATEST)]
+        a.worst[r, sample] = a.rows[worst]
+        a.total[r, sample] = a.rows[total] + a.rows[carry]
+        a.rows[worst] = a.rows[total] = a.rows[carry] = 0.0
 
-    A run leaves when its energy is beyond its limit; where none is measured, when its state is not finite.
-    """
-    m, tally = mark[lane], size * width + lane
-    due = at[lane] >= marks[r, m]
-    # What is measured at the samples alone must not depend on when the neighbours of a lane are sampled.
-    if due or measured < SAMPLES:
-        latest = abs(rows[tally + LATEST * width])
-        if measured == NEVER:
-            latest = 0.0
-            for k in range(size):
-                latest += 0.0 * rows[k * width + lane]  # NaN for what is not finite
-        if not latest <= rows[tally + LIMIT * width]:
-            left_at[r] = at[lane]
-            return True
-        if measured == SAMPLES:
-            rows[tally + WORST * width] = rows[tally + TOTAL * width] = latest
-            rows[tally + TOTAL_CARRY * width] = 0.0
-    if not due:
-        return False
-    _record(rows, lane, width, size, m, states[r], energy_error[r], worst[r], total[r])
-    mark[lane] = m + 1
-    return m + 1 == marks.shape[1] or marks[r, m + 1] < 0
+    def _next_stretch(self) -> Index:
+        """Steps to the next sample of any lane; ``FAR`` if all lanes are idle."""
+        writer, a, count = self.writer, self.a, self.writer.variable(self.writer.index(FAR))
+        for lane in writer.range(self.width):
+            with writer.when(a.runs[lane] >= 0):
+                count.value = count.value.at_most(a.marks[a.runs[lane], a.mark[lane]] - a.at[lane])
+        found: Index = count.value
+        return found
 
+    def _settle(self, lane: Index, done: Index) -> None:
+        """Record the sample of the lane's run if one is due, or that the run has left.
 
-@strict
-def run(  # type: ignore[no-untyped-def]
-    advance, begin, measured,
-    order, marks, scheme, start, parameters, limit, scale, reference, stretch, stages, kick_first, drift, kick, control,
-    states, energy_error, worst, total, energy, left_at,
-    rows, fresh, drifts, kicks, runs, at, mark,
-):  # fmt: skip
-    """All runs of the queue ``order``; the arguments are those of :data:`nearharmonic.core.layout.RUN`."""
-    width, size, rest = runs.size, start.shape[1], start[order[0]]
-    usual = parameters[min(order[0], parameters.shape[0] - 1)]
-    queued = np.int64(0)  # numba would compile what takes it twice: for the literal, and for an integer
-    for lane in range(width):
-        runs[lane] = -1
-        _idle(rows, drifts, kicks, lane, width, size, rest, usual)
-    while control[STOP] == 0:
-        before = queued
-        queued = _refill(
-            order, queued, scheme, start, parameters, drift, kick, rows, drifts, kicks, runs, at, mark, width, size
-        )
-        if queued > before:
-            if measured != NEVER:
-                for place in range(rows.size):
-                    fresh[place] = rows[place]
-                _begin(begin, (fresh,))
-            _record_starts(
-                measured, fresh, rows, runs, mark, width, size, limit, scale, reference,
-                states, energy_error, worst, total, energy,
-            )  # fmt: skip
-        count = _next_stretch(marks, runs, at, mark, width)
-        if count == FAR:
-            return
-        done = _advance(advance, (min(count, stretch), stages, kick_first, drifts, kicks, rows))
-        for lane in range(width):
-            r = runs[lane]
-            if r < 0:
-                continue
-            at[lane] += done
-            control[PROGRESS] += done
-            if _settle(
-                measured, lane, marks, rows, at, mark, r, width, size, states, energy_error, worst, total, left_at
-            ):
-                runs[lane] = -1
-                _idle(rows, drifts, kicks, lane, width, size, rest, usual)
+        A run leaves when its energy is beyond its limit; where none is measured, when its state is not finite.
+        """
+        writer, a = self.writer, self.a
+        r = a.runs[lane]
+        a.at[lane] = a.at[lane] + done
+        a.control[PROGRESS] = a.control[PROGRESS] + done
+        due = a.at[lane] >= a.marks[r, a.mark[lane]]
+        # What is measured at the samples alone must not depend on when the neighbours of a lane are sampled.
+        looked = due | (a.measured < SAMPLES)
+        left = writer.variable(LLVMMask(writer.builder, ir.Constant(ir.IntType(1), 0)))
+        with writer.when(looked):
+            latest = writer.variable(a.rows[self._tally(lane, LATEST)].absolute())
+            with writer.when(a.measured.equals(NEVER)):
+                self._unless_finite(lane, latest)
+            left.value = latest.value.any_not_within(a.rows[self._tally(lane, LIMIT)])
+            with writer.when(left.value):
+                a.left_at[r] = a.at[lane]
+                self._free(lane, r)
+            with writer.when(a.measured.equals(SAMPLES)):
+                a.rows[self._tally(lane, WORST)] = a.rows[self._tally(lane, TOTAL)] = latest.value
+                a.rows[self._tally(lane, TOTAL_CARRY)] = 0.0
+        with writer.when(due & ~left.value):
+            self._record(lane, r, a.mark[lane])
+            sample = a.mark[lane] + 1
+            a.mark[lane] = sample
+            with writer.when(self._was_last(r, sample)):
+                self._free(lane, r)
+
+    def _unless_finite(self, lane: Index, latest: Any) -> None:
+        """0, or NaN for a state that is not finite."""
+        latest.value = latest.value.constant(0.0)
+        for k in self.writer.range(self.size):
+            latest.value = latest.value + self.a.rows[self._row(lane, k)] * 0.0
+
+    def _was_last(self, r: Index, sample: Index) -> LLVMMask:
+        """Whether a run has no sample of this number."""
+        marks: Array = self.a.marks
+        last = marks.shape[1] - 1
+        after: Index = marks[r, sample.at_most(last)]
+        return (sample > last) | (after < 0)
+
+    def _free(self, lane: Index, r: Index) -> None:
+        """The run is over, and its state that runs is kept."""
+        a = self.a
+        for k in self.writer.range(self.states):
+            a.running[r, k] = a.rows[self._row(lane, self._running + k)]
+        a.runs[lane] = -1
+        self._idle(lane)

@@ -44,12 +44,12 @@ class LLVMMask:
         choices = [x.value if isinstance(x, LLVMValue) else _broadcast(kind, x) for x in (yes, no)]
         return LLVMValue(self.builder, self.builder.select(self.value, *choices))
 
-    def anywhere(self) -> ir.Value:
-        """One bit: whether this is true in any lane."""
+    def anywhere(self) -> LLVMMask:
+        """Whether this is true in any lane."""
         if not isinstance(self.value.type, ir.VectorType):
-            return self.value
+            return self
         mask = self.builder.bitcast(self.value, ir.IntType(self.value.type.count))
-        return self.builder.icmp_unsigned("!=", mask, ir.Constant(mask.type, 0))
+        return LLVMMask(self.builder, self.builder.icmp_unsigned("!=", mask, ir.Constant(mask.type, 0)))
 
 
 class LLVMBits:
@@ -226,7 +226,7 @@ class LLVMValue:
         where = self.builder.fcmp_ordered(">", self.value, other.value)
         return LLVMValue(self.builder, self.builder.select(where, self.value, other.value))
 
-    def any_not_within(self, bound: LLVMValue) -> ir.Value:
-        """One bit: whether in any lane self <= bound fails, as it does for a NaN."""
+    def any_not_within(self, bound: LLVMValue) -> LLVMMask:
+        """Whether in any lane self <= bound fails, as it does for a NaN."""
         outside = self.builder.fcmp_unordered(">", self.value, bound.value)
         return LLVMMask(self.builder, outside).anywhere()

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nearharmonic.core.layout import EVERY_STEP, LOOKS, NEVER, SAMPLES
-from nearharmonic.engine import execution
-from nearharmonic.engine.coefficients import Floats, scaled_rows
+from nearharmonic.core.layout import EVERY_STEP, LOOKS, NEVER, SAMPLES, running_rows
+from nearharmonic.engine import coefficients, execution
+from nearharmonic.engine.coefficients import Floats
 from nearharmonic.engine.initial_values import standard_parameters, standard_start
 from nearharmonic.engine.kernels import STANDARD, cost_of, kernel_of
 from nearharmonic.engine.results import Integers, Trajectories, trajectories_of
@@ -55,18 +55,19 @@ class Batch:
     marks : (R, S) array of int
         Steps at which to sample, first 0, padded with -1.
     scheme : (R,) array of int
-        The row of ``drift`` and ``kick`` that each run takes.
+        The row of ``moves`` that each run takes.
     start : (R, 4 D) array of float
         Initial states of the D coordinates of the kernel.
     parameters : (R or 1, 2 P) array of float
         Parameters of each run, or of all.
-    drift, kick : (schemes, s + 1, parts) arrays of float
-        Coefficients with the step sizes multiplied in.
+    moves : (schemes, s + 2, COLUMNS) array of float
+        Coefficients with the step sizes multiplied in, from :func:`nearharmonic.engine.coefficients.moves`.
     results : array of float
-        The next three in one piece.
-    states, blocks, energy, left_at
+        The next four in one piece.
+    states, blocks, energy, running, left_at
         (R, S, 4 D) states; (3, R, S) energy error, and the maximum and sum of its modulus over the block before each
-        sample; (R, 2) H0 as pairs; (R,) the step at which a run left its energy surface, or 0.
+        sample; (R, 2) H0 as pairs; (R, 5 D) the states that run at the end, from which a run may go on; (R,) the step
+        at which a run left its energy surface, or 0.
     cost : int
         Cost of a step.
     """
@@ -76,12 +77,12 @@ class Batch:
     scheme: Integers
     start: Floats
     parameters: Floats
-    drift: Floats
-    kick: Floats
+    moves: Floats
     results: Floats
     states: Floats
     blocks: Floats
     energy: Floats
+    running: Floats
     left_at: Integers
     control: Integers
     call: PreparedCall
@@ -118,11 +119,12 @@ def prepared_batch(
     *,
     marks: Integers,
     scheme: Integers,
-    rows: tuple[Floats, Floats],
+    moves: Floats,
     start: Floats,
     parameters: Floats,
     scale: float = 0.0,
     reference: tuple[float, float] = (nan, nan),
+    resumed: Floats | None = None,
 ) -> Batch:
     """Return a batch that is ready to run.
 
@@ -130,32 +132,32 @@ def prepared_batch(
     ----------
     system, tableau, numerics
         Problem, method and arithmetic.
-    marks, scheme, start, parameters
+    marks, scheme, moves, start, parameters
         As :class:`Batch` has them.
-    rows : pair of arrays
-        ``drift`` and ``kick`` of :class:`Batch`.
     scale : float
         Energy that errors are relative to; 0 for |H0|.
     reference : pair of float
         H0 for all runs, in place of the energy of each start.
+    resumed : (R, 5 D) array of float, optional
+        States that run, of runs that go on from ``start`` with the same moves.
     """
     kernel = kernel_of(system, numerics.compiled)
     if kernel.parameters < len(system.parameters):
         parameters = _compiled_in(system, parameters)
     runs, d, cost = len(marks), kernel.dimension, tableau.stages * cost_of(system, numerics.compiled)
     left_at, control = np.zeros(runs, np.int64), execution.control()
-    results = np.empty((4 * d + 3) * marks.size + 2 * runs)
-    states, blocks, energy = split_results(results, runs, marks.shape[1], d)
-    drift, kick = rows
+    results = np.empty((4 * d + 3) * marks.size + (2 + running_rows(d)) * runs)
+    states, blocks, energy, running = split_results(results, runs, marks.shape[1], d)
+    resumed = np.empty((0, running_rows(d))) if resumed is None else resumed
     call = kernel.prepared(
-        measured(numerics), np.argsort(-marks.max(axis=1), kind="stable"), marks, scheme, start, parameters,
+        measured(numerics), np.argsort(-marks.max(axis=1), kind="stable"), marks, scheme, start, resumed, parameters,
         surface_limit(system, scale), scale, np.array(reference), numerics.look or execution.stretch(cost),
-        tableau.stages, tableau.first == "kick", drift, kick, control, states, *blocks, energy, left_at,
+        tableau.stages, tableau.first == "kick", moves, control, states, *blocks, energy, running, left_at,
     )  # fmt: skip
     return Batch(
-        numerics=numerics, marks=marks, scheme=scheme, start=start, parameters=parameters, drift=drift, kick=kick,
-        results=results, states=states, blocks=blocks, energy=energy, left_at=left_at, control=control, call=call,
-        cost=cost,
+        numerics=numerics, marks=marks, scheme=scheme, start=start, parameters=parameters, moves=moves,
+        results=results, states=states, blocks=blocks, energy=energy, running=running, left_at=left_at,
+        control=control, call=call, cost=cost,
     )  # fmt: skip
 
 
@@ -176,13 +178,15 @@ def surface_limit(system: System, scale: float) -> float:
     return inf if system.time_dependent and scale == 0 else system.surface_limit
 
 
-def split_results(results: Floats, runs: int, samples: int, d: int) -> tuple[Floats, Floats, Floats]:
-    """Return ``states``, ``blocks`` and ``energy`` of :class:`Batch`, which lie in one array."""
+def split_results(results: Floats, runs: int, samples: int, d: int) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return ``states``, ``blocks``, ``energy`` and ``running`` of :class:`Batch`, which lie in one array."""
     states, blocks = 4 * d * runs * samples, 3 * runs * samples
+    behind = states + blocks + 2 * runs
     return (
         results[:states].reshape(runs, samples, 4 * d),
         results[states : states + blocks].reshape(3, runs, samples),
-        results[states + blocks :].reshape(runs, 2),
+        results[states + blocks : behind].reshape(runs, 2),
+        results[behind:].reshape(runs, running_rows(d)),
     )
 
 
@@ -199,6 +203,7 @@ def integrate_batch(
     marks: Integers | None = None,
     scale: float = 0.0,
     reference: tuple[float, float] = (nan, nan),
+    resumed: Floats | None = None,
 ) -> Trajectories:
     """Integrate R runs over [0, t_end], run i in ``steps[i]`` equal steps.
 
@@ -224,6 +229,8 @@ def integrate_batch(
         Energy that errors are relative to; 0 for |H0|, or for the unit of energy where H0 = 0.
     reference : pair of float
         H0 for all runs, high and low half, in place of the energy of each start.
+    resumed : (R, 5 d) array of float, optional
+        States that run, from which the runs go on.
 
     Raises
     ------
@@ -238,13 +245,20 @@ def integrate_batch(
     taus = [t_end / n for n in distinct]
     batch = prepared_batch(
         system, tableau, numerics, marks=sample_marks(count, samples) if marks is None else marks, scheme=scheme,
-        rows=scaled_rows(tableau, taus, numerics.parts, numerics.double_coefficients), start=rows,
+        moves=coefficients.moves(tableau, taus, numerics.parts, rounded=numerics.double_coefficients), start=rows,
         parameters=standard_parameters(system)[None, :] if parameters is None else parameters,
-        scale=scale, reference=reference,
+        scale=scale, reference=reference, resumed=resumed,
     )  # fmt: skip
     batch.run()
     cut = int(samples == 1 and marks is None)
-    results = batch.marks[:, cut:], batch.states[:, cut:], batch.blocks[..., cut:], batch.energy, batch.left_at
+    results = (
+        batch.marks[:, cut:],
+        batch.states[:, cut:],
+        batch.blocks[..., cut:],
+        batch.energy,
+        batch.running,
+        batch.left_at,
+    )
     return trajectories_of(tableau, count, *results, numerics, scale)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import lru_cache
@@ -9,8 +10,19 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from nearharmonic.core.arithmetic import rounded_pair
-from nearharmonic.core.layout import ENERGY, LIMIT, TALLY, parameter_rows
+from nearharmonic.core.arithmetic import rounded_pair, two_products
+from nearharmonic.core.layout import (
+    COLUMNS,
+    DRIFT,
+    ENERGY,
+    KICK,
+    LIMIT,
+    PRODUCT,
+    REST,
+    TALLY,
+    running_at,
+    running_rows,
+)
 from nearharmonic.integrators.tableau import Tableau
 
 Floats = NDArray[np.float64]
@@ -49,15 +61,21 @@ def lane_rows(start: Floats, parameters: Floats, width: int, room: int = 0) -> F
     room : int
         Doubles behind the rows that the kernel works in.
     """
-    rows = np.zeros((start.size + TALLY + parameter_rows(parameters.size // 2), width))
-    rows[: start.size] = start[:, None]
+    d, behind = start.size // 4, start.size + TALLY
+    running = running_at(d, parameters.size // 2)
+    rows = np.zeros((running + running_rows(d), width))
+    rows[: start.size] = rows[running : running + start.size] = start[:, None]
     rows[start.size + ENERGY], rows[start.size + LIMIT] = 1.0, np.inf
-    rows[start.size + TALLY : start.size + TALLY + parameters.size] = parameters[:, None]
+    rows[behind : behind + parameters.size] = parameters[:, None]
     return np.append(rows, np.zeros(room))
 
 
-def coefficients(tableau: Tableau, taus: Sequence[Fraction], parts: int) -> tuple[Floats, Floats]:
-    """Return drift and kick coefficients (len(taus), s + 1, parts), multiplied by tau exactly and rounded once.
+def moves(tableau: Tableau, taus: Sequence[Fraction], parts: int, *, rounded: bool = False) -> Floats:
+    """Return the coefficients (len(taus), s + 2, COLUMNS) of a kernel's moves, multiplied by tau exactly.
+
+    Rows: the first move of a run, the first move of each later step, the others, and the move that closes a step.
+    Columns: kick, drift and the product of the two, each rounded once, and by how much the product of the rounded two
+    exceeds it. With two parts, kick and drift as pairs.
 
     Parameters
     ----------
@@ -67,35 +85,74 @@ def coefficients(tableau: Tableau, taus: Sequence[Fraction], parts: int) -> tupl
         Step sizes.
     parts : {1, 2}
         Doubles that make a number: 2 for double-doubles.
+    rounded : bool
+        With two parts, the method whose coefficients times tau are rounded to doubles.
     """
-    arrays = np.empty((2, len(taus), tableau.stages + 1, parts))
+    array = np.empty((len(taus), tableau.stages + 2, COLUMNS))
     for i, tau in enumerate(taus):
-        arrays[:, i] = _products(tableau, tau.numerator, tau.denominator, parts)
-    return arrays[0], arrays[1]
+        array[i] = _products(tableau, tau.numerator, tau.denominator, parts, rounded and parts == 2)
+    return array
 
 
-def scaled_rows(tableau: Tableau, taus: Sequence[Fraction], parts: int, rounded: bool) -> tuple[Floats, Floats]:
-    """Return :func:`coefficients`, with zeros for the second parts if they are ``rounded`` to doubles."""
-    if not rounded or parts == 1:
-        return coefficients(tableau, taus, parts)
-    drift, kick = (np.concatenate([row, np.zeros_like(row)], axis=2) for row in coefficients(tableau, taus, 1))
-    return drift, kick
+def lanes_of(row: Floats, width: int) -> Floats:
+    """Return the moves (s + 2, COLUMNS) of one step size for every lane, flat."""
+    return np.repeat(row, width, axis=-1).reshape(-1)
 
 
-@lru_cache(maxsize=256)
-def _ratios(tableau: Tableau) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-    """The rows of drift and kick as quotients of whole numbers; kicks have the sign of the force."""
+def _rows(tableau: Tableau) -> tuple[list[Fraction], list[Fraction]]:
+    """Kicks, with the sign of the force, and drifts."""
     outer, inner = tableau.rows_exact()
     drift, kick = (inner, outer) if tableau.first == "kick" else (outer, inner)
-    return [c.as_integer_ratio() for c in drift], [(-c).as_integer_ratio() for c in kick]
+    return [-c for c in kick], list(drift)
+
+
+def _moves(kicks: list[Fraction], drifts: list[Fraction], *, kick_first: bool) -> list[tuple[Fraction, Fraction]]:
+    """Kick and drift of each move. A run that drifts first makes no first kick."""
+    nothing = Fraction(0)
+    if kick_first:
+        opening, *between = zip(kicks, drifts, strict=False)
+        return [opening, (kicks[-1] + kicks[0], drifts[0]), *between, (kicks[-1], nothing)]
+    *between, closing = zip(kicks, drifts[1:], strict=True)
+    return [(nothing, drifts[0]), (kicks[-1], drifts[-1] + drifts[0]), *between, closing]
 
 
 @lru_cache(maxsize=1024)  # half a kilobyte each; most calls take step sizes that an earlier one took
-def _products(tableau: Tableau, numerator: int, denominator: int, parts: int) -> Floats:
-    """Drift and kick coefficients (2, s + 1, parts) of one step size; the shorter row ends with 0."""
-    array = np.zeros((2, tableau.stages + 1, parts))
-    for row, ratios in zip(array, _ratios(tableau), strict=True):
-        for j, (top, bottom) in enumerate(ratios):
-            product = top * numerator, bottom * denominator
-            row[j] = product[0] / product[1] if parts == 1 else rounded_pair(*product)
+def _products(tableau: Tableau, numerator: int, denominator: int, parts: int, rounded: bool) -> Floats:
+    """The moves (s + 2, COLUMNS) of one step size."""
+    if parts == 2:
+        return _pairs(tableau, numerator, denominator, rounded)
+    array = np.empty((tableau.stages + 2, COLUMNS))
+    n, d = numerator * numerator, denominator * denominator
+    for row, ((k1, k2), (e1, e2), (p1, p2)) in zip(array, _exact_products(tableau), strict=True):
+        row[:2] = k1 * numerator / (k2 * denominator), e1 * numerator / (e2 * denominator)
+        row[PRODUCT] = _quotient(p1 * n, p2 * d)
+    with np.errstate(over="ignore", invalid="ignore"):
+        high, low = two_products(array[:, KICK], array[:, DRIFT])
+        array[:, REST] = (high - array[:, PRODUCT]) + low
     return array
+
+
+def _quotient(top: int, bottom: int) -> float:
+    """The double nearest to a quotient of whole numbers, infinite where it is too large for one."""
+    try:
+        return top / bottom
+    except OverflowError:
+        return math.inf if top > 0 else -math.inf
+
+
+def _pairs(tableau: Tableau, numerator: int, denominator: int, rounded: bool) -> Floats:
+    """The same with kicks and drifts as pairs."""
+    tau = Fraction(numerator, denominator)
+    kicks, drifts = ([c * tau for c in row] for row in _rows(tableau))
+    if rounded:
+        kicks, drifts = ([Fraction(float(c)) for c in row] for row in (kicks, drifts))
+    found = _moves(kicks, drifts, kick_first=tableau.first == "kick")
+    return np.array([[part for c in pair for part in rounded_pair(*c.as_integer_ratio())] for pair in found])
+
+
+@lru_cache(maxsize=256)
+def _exact_products(tableau: Tableau) -> list[tuple[tuple[int, int], ...]]:
+    """Kick, drift and their product of each move as quotients of whole numbers."""
+    kicks, drifts = _rows(tableau)
+    pairs = _moves(kicks, drifts, kick_first=tableau.first == "kick")
+    return [tuple(c.as_integer_ratio() for c in (k, e, k * e)) for k, e in pairs]

@@ -6,13 +6,14 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
+from hashlib import sha256
 from math import nan
 from numbers import Rational
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.engine.coefficients import Floats
+from nearharmonic.engine.coefficients import Floats, moves
 from nearharmonic.engine.initial_values import parameter_array, standard_parameters, start_array
 from nearharmonic.engine.kernels import formulas_digest
 from nearharmonic.engine.solution import Solution
@@ -46,6 +47,10 @@ class Start:
         Time at which the run begins.
     reference : pair of float
         H0 that errors are relative to, NaN for that of the state.
+    running : (1, 5 d) array of float, optional
+        The state of the last force of an earlier result, from which steps with the same moves go on.
+    moves : str
+        Digest of these moves.
     """
 
     state: Floats
@@ -54,11 +59,18 @@ class Start:
     given: Mapping[str, Any]
     t: float = 0.0
     reference: tuple[float, float] = (nan, nan)
+    running: Floats | None = None
+    moves: str = ""
 
-    @property
-    def arrays(self) -> dict[str, Any]:
-        """Arguments of :func:`nearharmonic.engine.output_times.run_at`."""
-        return {"start": self.state, "parameters": self.parameters, "reference": self.reference}
+    def arrays(self, problem: Problem, steps: int) -> dict[str, Any]:
+        """Arguments of :meth:`nearharmonic.engine.problem.Problem.run` for so many steps."""
+        same = self.running is not None and moves_digest(problem, steps) == self.moves
+        return {
+            "start": self.state,
+            "parameters": self.parameters,
+            "reference": self.reference,
+            "resumed": self.running if same else None,
+        }
 
     @property
     def constants(self) -> tuple[float, ...]:
@@ -72,6 +84,14 @@ class Start:
         notes = {"parameters": json.dumps(texts)} if texts else {}
         notes["formulas"] = formulas_digest(self.system)
         return notes | ({"t_start": repr(self.t)} if self.t else {})
+
+
+def moves_digest(problem: Problem, steps: int) -> str:
+    """Return a digest of what moves a state in a run of so many steps: coefficients, step size and arithmetic."""
+    numerics = problem.numerics
+    rows = moves(problem.tableau, [problem.end / steps], numerics.parts, rounded=numerics.double_coefficients)
+    text = f"{numerics.precision} {numerics.compensated} {numerics.double_coefficients}"
+    return sha256(text.encode() + rows.tobytes()).hexdigest()
 
 
 def start_of(
@@ -148,6 +168,10 @@ def _end_of(problem: Problem, start: Any, rows: Floats, given: Mapping[str, Any]
         if clock in last and not (problem.plain and k % 2):
             state[k, system.dimension] = float(last[clock])
     reference = (nan, nan) if changed else (float(start.initial_energy), float(start.initial_energy_low))
+    running = None
+    if "running" in start and not changed:
+        running = np.array(start.running.values, float)[None, :]
     return Start(
-        state=state.reshape(1, -1), parameters=rows, system=system, given=given, t=float(last.t), reference=reference
-    )
+        state=state.reshape(1, -1), parameters=rows, system=system, given=given, t=float(last.t), reference=reference,
+        running=running, moves=start.attrs.get("moves", ""),
+    )  # fmt: skip

@@ -165,7 +165,20 @@ def trajectory_dataset(
     variables |= clock_variables(problem, paths)
     variables |= invariant_variables(problem, paths, begin.state, begin.constants)
     variables |= tau_variable(problem, paths) | initial_energy_variables(problem, paths)
-    return assembled(first_run(variables), ["t"], problem_attributes(problem) | begin.attributes())
+    one, notes = first_run(variables), problem_attributes(problem) | begin.attributes()
+    if times is None or np.ravel(times)[-1] == float(problem.end) + begin.t:  # the last sample is the end of the run
+        from nearharmonic.engine.continuation import moves_digest
+
+        one |= running_variable(problem, paths)
+        notes["moves"] = moves_digest(problem, int(paths.steps[0]))
+    return assembled(one, ["t"], notes)
+
+
+def running_variable(problem: Problem, paths: Trajectories) -> Variables:
+    """Return the state of the last force of the first run, from which a run goes on with the same bits."""
+    units = problem.system.units
+    meaning = "state of the last force: position, momentum, the digits below each, and what the next position adds"
+    return {"running": (("row",), paths.running[0], described(meaning, f"{units['q']}, {units['p']}"))}
 
 
 def initial_energy_variables(problem: Problem, paths: Trajectories) -> Variables:

@@ -12,7 +12,7 @@ import numpy as np
 
 from nearharmonic.engine import execution
 from nearharmonic.engine.batch import Batch, prepared_batch, sample_marks
-from nearharmonic.engine.coefficients import Floats, scaled_rows
+from nearharmonic.engine.coefficients import Floats, moves
 from nearharmonic.engine.description import (
     error_variables,
     initial_energy_variables,
@@ -217,7 +217,7 @@ class _Runs:
 
         _execute(self.problem, compute, self.members, self.steps, threads)
         steps, marks = np.full(self.members, self.steps), np.broadcast_to(self.marks, (self.members, self.marks.size))
-        results = marks[:, cut:], states, errors, energy, left_at
+        results = marks[:, cut:], states, errors, energy, np.empty((self.members, 0)), left_at
         return trajectories_of(self.problem.tableau, steps, *results, self.problem.numerics, self.problem.scale)
 
     def _batch(self, block: slice) -> Batch:
@@ -232,10 +232,10 @@ class _Runs:
 
     def _new(self, size: int) -> Batch:
         problem = self.problem
-        rows = scaled_rows(problem.tableau, [problem.end / self.steps], problem.numerics.parts, False)
+        rows = moves(problem.tableau, [problem.end / self.steps], problem.numerics.parts)
         return prepared_batch(
             problem.system, problem.tableau, self.numerics, marks=np.repeat(self.marks, size, axis=0),
-            scheme=np.zeros(size, np.int64), rows=rows, start=np.empty((size, self.start.shape[1])),
+            scheme=np.zeros(size, np.int64), moves=rows, start=np.empty((size, self.start.shape[1])),
             parameters=np.empty((size if len(self.parameters) > 1 else 1, self.parameters.shape[1])),
             scale=problem.scale,
         )  # fmt: skip

@@ -88,6 +88,7 @@ def physics_of(system: System) -> Physics:
         T=formulas.T,
         balanced_T=formulas.balanced_T,
         grad_T=formulas.grad_T,
+        acceleration=formulas.acceleration if system.quadratic_kinetic_energy else None,
         parameters=len(system.parameters) if at_run_time else 0,
         constants=() if at_run_time else system.constants(Constant),
         dimension=formulas.dimension,

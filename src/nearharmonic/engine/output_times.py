@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from nearharmonic.engine.batch import integrate_batch, prepared_batch
-from nearharmonic.engine.coefficients import Floats, scaled_rows
+from nearharmonic.engine.coefficients import Floats, moves
 from nearharmonic.engine.initial_values import exact, standard_parameters
 from nearharmonic.engine.results import Integers, Trajectories, energy_unit
 from nearharmonic.engine.settings import MOST_SAMPLES
@@ -62,6 +62,7 @@ def run_at(
     start: Floats,
     parameters: Floats,
     reference: tuple[float, float],
+    resumed: Floats | None = None,
 ) -> Trajectories:
     """Integrate R runs and return their states at K times; blocks between samples are not measured.
 
@@ -73,7 +74,7 @@ def run_at(
         Steps of each run.
     times : (K,) sequence of Fraction
         Output times, from :func:`checked_times`.
-    start, parameters, reference
+    start, parameters, reference, resumed
         As for :func:`nearharmonic.engine.batch.integrate_batch`.
     """
     count = np.asarray(steps, np.int64)
@@ -88,7 +89,7 @@ def run_at(
     marks, where = (rows[which] for rows in _marks(np.array(exact_before, np.int64), different))
     paths = integrate_batch(
         problem.system, problem.tableau, t_end=problem.end, steps=count, samples=2, numerics=problem.numerics,
-        start=start, parameters=parameters, marks=marks, scale=problem.scale, reference=reference,
+        start=start, parameters=parameters, marks=marks, scale=problem.scale, reference=reference, resumed=resumed,
     )  # fmt: skip
     rows = np.arange(len(count))[:, None]
     columns = {name: getattr(paths, name)[rows, where] for name in ("q", "q_low", "p", "p_low", "energy_error")}
@@ -126,7 +127,7 @@ def _step_on(
     batch = prepared_batch(
         problem.system, problem.tableau, problem.numerics,
         marks=np.tile(np.array([[0, 1]]), (members.size, 1)), scheme=shorter[members, samples],
-        rows=scaled_rows(problem.tableau, lengths, problem.numerics.parts, problem.numerics.double_coefficients),
+        moves=moves(problem.tableau, lengths, problem.numerics.parts, rounded=problem.numerics.double_coefficients),
         start=np.concatenate(first, axis=1), parameters=given if len(given) == 1 else given[members],
         scale=problem.scale,
     )  # fmt: skip

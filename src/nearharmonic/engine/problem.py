@@ -11,7 +11,7 @@ import numpy as np
 
 from nearharmonic.core.layout import workspace
 from nearharmonic.engine.batch import Batch, integrate_batch, prepared_batch, sample_marks
-from nearharmonic.engine.coefficients import Floats, scaled_rows
+from nearharmonic.engine.coefficients import Floats, moves
 from nearharmonic.engine.grid import check_fit, steps_of
 from nearharmonic.engine.initial_values import (
     exact,
@@ -124,8 +124,7 @@ class Problem:
         """Bytes that a trajectory works in, beside the states that are kept."""
         kernel = kernel_of(self.system, replace(self.numerics, width=1).compiled)
         arrays = workspace(
-            4 * kernel.dimension, self.tableau.stages, parameters=kernel.parameters, parts=kernel.parts, width=1,
-            room=kernel.room,
+            kernel.dimension, self.tableau.stages, parameters=kernel.parameters, width=1, room=kernel.room,
         )  # fmt: skip
         return sum(array.nbytes for array in arrays)
 
@@ -161,7 +160,7 @@ class Problem:
             slot = self._new_slot(step)
         if slot.step is not step:
             batch = slot.batch
-            batch.marks[:], batch.drift[:], batch.kick[:] = step.marks, step.drift, step.kick
+            batch.marks[:], batch.moves[:] = step.marks, step.moves
             slot.step = step
         if q0 is not None or p0 is not None or parameters is not None:
             self._fill(slot, q0, p0, parameters)
@@ -182,6 +181,7 @@ class Problem:
         start: Floats | None = None,
         parameters: Floats | None = None,
         reference: tuple[float, float] = (nan, nan),
+        resumed: Floats | None = None,
     ) -> Trajectories:
         """Integrate one run for each entry of ``steps``; those that are equal in all are computed once.
 
@@ -191,14 +191,14 @@ class Problem:
             Steps of each run.
         samples : int
             Most samples of a run.
-        start, parameters, reference
+        start, parameters, reference, resumed
             As for :func:`nearharmonic.engine.batch.integrate_batch`.
         """
         same = (start is None or len(start) == 1) and (parameters is None or len(parameters) == 1)
         distinct = list(dict.fromkeys(steps)) if same else list(steps)
         paths = integrate_batch(
             self.system, self.tableau, t_end=self.end, steps=distinct, samples=samples, numerics=self.numerics,
-            start=start, parameters=parameters, scale=self.scale, reference=reference,
+            start=start, parameters=parameters, scale=self.scale, reference=reference, resumed=resumed,
         )  # fmt: skip
         if len(distinct) == len(steps):
             return paths
@@ -217,8 +217,8 @@ class Problem:
         steps = self.steps_of(tau)
         size = self.end / steps
         marks = sample_marks(np.array([steps]), self.samples)
-        rows = scaled_rows(self.tableau, [size], self.numerics.parts, self.numerics.double_coefficients)
-        step = StepSize(float(size), steps, marks, *rows)
+        rows = moves(self.tableau, [size], self.numerics.parts, rounded=self.numerics.double_coefficients)
+        step = StepSize(float(size), steps, marks, rows)
         if len(self._step_sizes) >= MOST_STEP_SIZES:
             self._step_sizes.clear()
         self._step_sizes[tau] = step
@@ -228,7 +228,7 @@ class Problem:
         numerics = replace(self.numerics, width=1)
         batch = prepared_batch(
             self.system, self.tableau, numerics, marks=step.marks.copy(), scheme=np.zeros(1, np.int64),
-            rows=(step.drift.copy(), step.kick.copy()), scale=self.scale,
+            moves=step.moves.copy(), scale=self.scale,
             start=standard_start(self.system, self.plain)[None, :].copy(),
             parameters=standard_parameters(self.system)[None, :].copy(),
         )  # fmt: skip

@@ -26,7 +26,7 @@ class Trajectories:
     over every step, or over the samples, as :class:`Numerics` says, infinite if the run left; maxima over looks have no
     means. ``steps`` (R,) asked for; ``done`` (R,) taken; ``left_at`` (R,) step at which the run left its energy
     surface, 0 if it did not; ``evaluations`` (R,) of the force; ``energy``, ``energy_low``
-    (R,): H0.
+    (R,): H0. ``running`` (R, 5 d): the states of the last forces, from which the runs may go on.
     """
 
     marks: Integers
@@ -45,6 +45,7 @@ class Trajectories:
     evaluations: Integers
     energy: Floats
     energy_low: Floats
+    running: Floats
 
     def take(self, runs: Integers) -> Trajectories:
         """The runs at these indices, in this order."""
@@ -71,6 +72,7 @@ def trajectories_of(
     states: Floats,
     blocks: Floats,
     energy: Floats,
+    running: Floats,
     left_at: Integers,
     numerics: Numerics,
     scale: float,
@@ -106,6 +108,7 @@ def trajectories_of(
         evaluations=done * tableau.stages + int(tableau.first_same_as_last),
         energy=energy[:, 0],
         energy_low=energy[:, 1],
+        running=running,
     )
 
 

@@ -26,8 +26,7 @@ class StepSize:
     tau: float
     steps: int
     marks: Integers
-    drift: Floats
-    kick: Floats
+    moves: Floats
 
 
 class Solution:
@@ -42,9 +41,9 @@ class Solution:
         self.problem, self._step, self._begin = problem, step, begin
         self._results, self._diverged_at = batch.results.copy(), int(batch.left_at[0])
 
-    def _split(self) -> tuple[Floats, Floats, Floats]:
-        samples = self._step.marks.size
-        return split_results(self._results, 1, samples, (self._results.size - 2) // samples // 4)
+    def _split(self) -> tuple[Floats, Floats, Floats, Floats]:
+        dimension = self.problem.system.formulas().dimension
+        return split_results(self._results, 1, self._step.marks.size, dimension)
 
     @property
     def tau(self) -> float:
@@ -71,8 +70,8 @@ class Solution:
         """The run as a batch of one."""
         problem, left = self.problem, np.array([self._diverged_at])
         cut = int(problem.samples == 1)
-        states, blocks, energy = self._split()
-        results = self._step.marks[:, cut:], states[:, cut:], blocks[..., cut:], energy.copy(), left
+        states, blocks, energy, running = self._split()
+        results = self._step.marks[:, cut:], states[:, cut:], blocks[..., cut:], energy.copy(), running, left
         return trajectories_of(problem.tableau, np.array([self.steps]), *results, problem.numerics, problem.scale)
 
     def _kept(self, name: str) -> Floats:

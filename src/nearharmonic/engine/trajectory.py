@@ -94,8 +94,9 @@ def integrate(
         and ``p_low``, the digits below ``q`` and ``p``, unless the summation is plain; what the system records and
         conserves, with ``<invariant>_drift``; and the scalars ``tau``, ``max_energy_error`` and ``mean_energy_error``
         of |H - H0|/|H0| over every step, ``steps``, ``evaluations`` of the force, ``status``, ``diverged_at``,
-        ``initial_energy``. A run that leaves its energy surface ends there: its status is "diverged", ``diverged_at``
-        its step, both errors infinite; later samples are left out.
+        ``initial_energy``; ``running``, from which ``start`` goes on with the same step size. A run that leaves its
+        energy surface ends there: its status is "diverged", ``diverged_at`` its step, both errors infinite; later
+        samples are left out.
 
     Raises
     ------
@@ -110,12 +111,13 @@ def integrate(
     )  # fmt: skip
     begin = start_of(problem, q0, p0, parameters, start)
     steps, kept = problem.steps_of(tau), checked_samples(samples)
+    arrays = begin.arrays(problem, steps)
     if t is None:
-        paths = problem.run([steps], kept, start=begin.state, parameters=begin.parameters, reference=begin.reference)
+        paths = problem.run([steps], kept, **arrays)
         times = paths.marks * float(problem.end) / paths.steps[:, None] + begin.t if begin.t else None
     else:
         asked = checked_times(t, problem.end, problem.t_end)
-        paths = run_at(problem, [steps], asked, **begin.arrays)
+        paths = run_at(problem, [steps], asked, **arrays)
         times = np.array([float(time) for time in asked]) + begin.t
     _check_start(problem, paths)
     return trajectory_dataset(problem, paths, begin=begin, times=times)
@@ -175,7 +177,7 @@ def sweep(
         paths = problem.run(steps, 2, start=begin.state, parameters=begin.parameters)
     else:
         asked = checked_times(t, problem.end, problem.t_end)
-        paths = run_at(problem, steps, asked, **begin.arrays)
+        paths = run_at(problem, steps, asked, start=begin.state, parameters=begin.parameters, reference=begin.reference)
         variables = trajectory_variables(problem, paths, begin.constants, np.array([float(time) for time in asked]))
         variables |= invariant_variables(problem, paths, begin.state, begin.constants)
     _check_start(problem, paths)

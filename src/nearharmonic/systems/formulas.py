@@ -12,9 +12,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from nearharmonic.core.number import NO_SUCH_COMPONENT, FormulaError, components
+from nearharmonic.core.number import NO_SUCH_COMPONENT, Constant, FormulaError, components
 from nearharmonic.systems.energy import Energy
-from nearharmonic.systems.kinetic_energy import takes_parameters
+from nearharmonic.systems.kinetic_energy import MassKineticEnergy, takes_parameters
 
 if TYPE_CHECKING:
     from nearharmonic.systems.system import System
@@ -30,8 +30,9 @@ class Formulas:
     ``grad_T(p, *parameters)`` a tuple of ``dimension`` components. ``hessian_V_times(q, vector, *parameters)`` and
     ``hessian_T_times(p, vector, *parameters)`` are derived from them. ``grad_V_and_V(q, *parameters)`` returns the
     components of the gradient and V behind them, of shared operations, ``balanced_T(p, *parameters)`` is T in an order
-    that keeps chains of operations short. ``energies`` are V and T as expressions. ``name`` is that of the system, for
-    errors.
+    that keeps chains of operations short. ``acceleration(force, *parameters)`` is the change of grad_T by a force, the
+    same at all momenta if T is quadratic. ``energies`` are V and T as expressions.
+    ``name`` is that of the system, for errors.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Formulas:
     balanced_T: Callable[..., Any]
     hessian_V_times: Callable[..., Vector]
     hessian_T_times: Callable[..., Vector]
+    acceleration: Callable[..., Vector]
     energies: tuple[Energy, Energy]
 
     @property
@@ -96,8 +98,29 @@ def formulas_of(system: System, potential: Energy, kinetic_energy: Energy) -> Fo
         balanced_T=kinetic.balanced,
         hessian_V_times=potential.hessian_times,
         hessian_T_times=kinetic.hessian_times,
+        acceleration=_Acceleration(system, kinetic_energy),
         energies=(potential, kinetic),
     )
+
+
+@dataclass(frozen=True)
+class _Acceleration:
+    """Of a system whose T is quadratic; the clock of an extended system has none."""
+
+    system: System
+    kinetic_energy: Energy
+
+    def __call__(self, force: Vector, *parameters: Any) -> Vector:
+        if self.system.time_dependent:
+            return *self._of(force[:-1], *parameters), Constant(0)
+        return self._of(force, *parameters)
+
+    def _of(self, force: Vector, *parameters: Any) -> Vector:
+        if isinstance(self.system.T, MassKineticEnergy):
+            return self.system.T.velocity(force, *parameters)
+        if self.system.unit_masses:
+            return force
+        return self.kinetic_energy.hessian_times(force, force, *parameters)
 
 
 def with_parameters(formula: Callable[..., Any], count: int) -> Callable[..., Any]:

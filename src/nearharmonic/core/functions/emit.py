@@ -60,7 +60,7 @@ def where_needed(
     """``usual``, and in the lanes where ``needed`` is true what ``rare`` writes, which runs if any lane needs it."""
     builder = needed.builder
     before = builder.block
-    with builder.if_then(needed.anywhere(), likely=False):
+    with builder.if_then(needed.anywhere().value, likely=False):
         chosen = [needed.choose(new, old) for new, old in zip(rare(), usual, strict=True)]
         inside = builder.block
     results = []

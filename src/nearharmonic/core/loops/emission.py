@@ -9,17 +9,18 @@ import numpy as np
 from llvmlite import ir
 
 from nearharmonic.core import arithmetic
+from nearharmonic.core.assembly import Index, Variable
 from nearharmonic.core.expression.program import Program
 from nearharmonic.core.loops.energy import LoopedEnergy, Totals, Work
-from nearharmonic.core.loops.memory import Array, Doubles, Writer, is_consecutive, is_constant
+from nearharmonic.core.loops.memory import Doubles, LoopWriter, Planes, is_consecutive, is_constant
 from nearharmonic.core.loops.tables import BLOCK, Places
 from nearharmonic.core.loops.terms import COORDINATES
 from nearharmonic.core.number import Constant, applied
 from nearharmonic.core.tracing import LLVMValue
 
 #: What computes a block of numbers, of so many lanes, from the number of its first; and what loads it from an address.
-Computed = Callable[[ir.Value, int], Any]
-Loader = Callable[[ir.Value, ir.Value, int], LLVMValue]
+Computed = Callable[[Index, int], Any]
+Loader = Callable[[ir.Value, Index, int], LLVMValue]
 
 #: Terms of a sum up to which they are written one after the other.
 FEW_TERMS = 8
@@ -32,25 +33,25 @@ class Emission:
 
     Parameters
     ----------
-    writer : Writer
+    writer : LoopWriter
         Where to.
     energy : LoopedEnergy
         What.
     kind : Doubles
         Numbers to compute with.
-    state : Array
+    state : Planes
         The coordinates, planes of values and of carries.
-    kept : Array
+    kept : Planes
         Room for what the loops keep.
     parameters : sequence of LLVMValue
         High and low halves of the parameters in turns, scalars.
     """
 
     def __init__(
-        self, writer: Writer, energy: LoopedEnergy, kind: Doubles, state: Array, kept: Array,
+        self, writer: LoopWriter, energy: LoopedEnergy, kind: Doubles, state: Planes, kept: Planes,
         parameters: Sequence[LLVMValue],
     ) -> None:  # fmt: skip
-        self.writer, self.builder, self.energy, self.kind = writer, writer.builder, energy, kind
+        self.writer, self.energy, self.kind = writer, energy, kind
         self.state, self.kept = state, kept
         self.parameters = list(zip(parameters[::2], parameters[1::2], strict=False))[: energy.parameters]
 
@@ -97,7 +98,7 @@ class Emission:
         last, count = level == len(self.energy.levels), work.loop.count
         program = work.both if with_derivatives else work.value
         read = self._operands(work, level)
-        totals = [self.writer.variable(self.writer.zero(_width(count)).value) for _ in range(self.kind.planes)]
+        totals = [self.writer.variable(self.writer.zero(_width(count))) for _ in range(self.kind.planes)]
         for first, width, again in self.writer.blocks(count):
             arguments = read(first, width, with_derivatives)
             results = [self._number(x, width) for x in _run(program, arguments)]
@@ -113,14 +114,14 @@ class Emission:
     def _number(self, value: Any, width: int) -> Any:
         return self.kind.constant(value, self.writer.zero(width)) if isinstance(value, Constant) else value
 
-    def _operands(self, work: Work, level: int) -> Callable[[ir.Value, int, bool], list[Any]]:
+    def _operands(self, work: Work, level: int) -> Callable[[Index, int, bool], list[Any]]:
         """What reads the arguments of a block: tables are written once, before the loop."""
         loop = work.loop
         operands = [self._reader(operand.array, operand.places) for operand in loop.operands]
         data = [self._data(column) for column in loop.data]
         adjoint = None if work.scaled is None else self._reader(level, loop.sums, gradient=True)
 
-        def read(first: ir.Value, width: int, with_derivatives: bool) -> list[Any]:
+        def read(first: Index, width: int, with_derivatives: bool) -> list[Any]:
             found = [one(first, width) for one in (*operands, *data)]
             given = ([self.writer.broadcast(x, width) for x in pair] for pair in self.parameters)
             found += [self.kind.of_state(*pair) for pair in given]
@@ -163,23 +164,23 @@ class Emission:
             *(writer.load(writer.place(address, first), width) for address in addresses)
         )
 
-    def _keep(self, number: Any, offset: int, first: ir.Value) -> None:
+    def _keep(self, number: Any, offset: int, first: Index) -> None:
         for value, address in zip(self.kind.written(number), self._planes(offset), strict=True):
             self.writer.store(value, self.writer.place(address, first))
 
-    def _accumulate(self, totals: Sequence[ir.Value], number: Any, again: int) -> None:
+    def _accumulate(self, totals: Sequence[Variable], number: Any, again: int) -> None:
         """Add a block to running sums, without its first results if a block before it has them."""
         if again:
             new = self.writer.last_lanes(again)
             number = self.kind.read([new.choose(plane, 0.0) for plane in self.kind.written(number)])
-        before = [LLVMValue(self.builder, self.builder.load(room)) for room in totals]
+        before = [room.value for room in totals]
         total = self.kind.read(before) + number
         for value, room in zip(self.kind.written(total), totals, strict=True):
-            self.builder.store(value.value, room)
+            room.value = value
 
-    def _joined(self, totals: Sequence[ir.Value]) -> Any:
+    def _joined(self, totals: Sequence[Variable]) -> Any:
         """The sum of the lanes of a running sum."""
-        planes = [LLVMValue(self.builder, self.builder.load(room)).lanes() for room in totals]
+        planes = [room.value.lanes() for room in totals]
         return _pairwise([self.kind.read(lane) for lane in zip(*planes, strict=True)])
 
     def _totals(self, totals: Totals, offset: int) -> None:
@@ -209,7 +210,7 @@ class Emission:
                 for lane, place in zip(value.lanes(), places, strict=False):
                     self.writer.store(lane, self.writer.place(address, place))
 
-    def _read(self, load: Loader, first: ir.Value, width: int) -> Any:
+    def _read(self, load: Loader, first: Index, width: int) -> Any:
         return self.kind.read([load(address, first, width) for address in self._planes(0)])
 
     def _in_turn(self, loaders: Sequence[Loader]) -> Computed:
@@ -221,23 +222,23 @@ class Emission:
         count, terms = sources.shape
         table = self.writer.table(np.ascontiguousarray(sources.T))
 
-        def computed(first: ir.Value, width: int) -> Any:
-            def term(i: ir.Value) -> Any:
-                at = self.builder.add(self.builder.mul(i, self.writer.index(count)), first)
+        def computed(first: Index, width: int) -> Any:
+            def term(i: Index) -> Any:
+                at = i * count + first
                 places = self.writer.looked_up(table, at, width)
                 return self.kind.read([self.writer.gather(address, places) for address in self._planes(0)])
 
-            totals = [self.writer.variable(x.value) for x in self.kind.written(term(self.writer.index(0)))]
+            totals = [self.writer.variable(x) for x in self.kind.written(term(self.writer.index(0)))]
             with self.writer.repeated(terms - 1) as i:
-                self._accumulate(totals, term(self.builder.add(i, self.writer.index(1))), 0)
-            return self.kind.read([LLVMValue(self.builder, self.builder.load(room)) for room in totals])
+                self._accumulate(totals, term(i + 1), 0)
+            return self.kind.read([room.value for room in totals])
 
         return computed
 
     def _along(self, sources: Places) -> Any:
         """One sum of many terms, in as many partial sums as a block has lanes."""
         load, terms = self._loader(sources), len(sources)
-        totals = [self.writer.variable(self.writer.zero(BLOCK).value) for _ in range(self.kind.planes)]
+        totals = [self.writer.variable(self.writer.zero(BLOCK)) for _ in range(self.kind.planes)]
         for first, width, again in self.writer.blocks(terms):
             self._accumulate(totals, self._read(load, first, width), again)
         return self._joined(totals)

@@ -1,63 +1,62 @@
 """The compiled functions of a kernel whose formulas are loops: one trajectory, its state in memory.
 
 They take the arguments of :data:`nearharmonic.core.layout.ADVANCE` and :data:`nearharmonic.core.layout.BEGIN`; the rows
-end with room for what the loops keep, see :func:`room`. Steps, energies and their rounding are those of
+end with room for what the loops keep, see :func:`room`. Moves, energies and their rounding are those of
 :mod:`nearharmonic.core.rules`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from llvmlite import binding, ir
+from llvmlite import ir
 
-from nearharmonic.core.layout import LATEST, LIMIT, TALLY, parameter_rows
+from nearharmonic.core.assembly import DOUBLE, Array, Index, function
+from nearharmonic.core.layout import (
+    ADVANCE,
+    BEGIN,
+    COLUMNS,
+    DRIFT,
+    INNER,
+    KICK,
+    LATEST,
+    LIMIT,
+    MERGED,
+    OPENING,
+    TALLY,
+    running_at,
+    running_rows,
+)
 from nearharmonic.core.loops.emission import Emission
 from nearharmonic.core.loops.energy import LoopedEnergy
-from nearharmonic.core.loops.memory import (
-    DOUBLE,
-    INDEX,
-    Array,
-    ConditionedDoubles,
-    DoubleDoubles,
-    Doubles,
-    Writer,
-)
+from nearharmonic.core.loops.memory import ConditionedDoubles, DoubleDoubles, Doubles, LoopWriter, Planes
 from nearharmonic.core.loops.tables import BLOCK
-from nearharmonic.core.native import target_machine
-from nearharmonic.core.rules import Rules, fresh_tally, tallied, uncertain
+from nearharmonic.core.rules import Entries, Rules, fresh_tally, tallied, uncertain
 from nearharmonic.core.tracing import LLVMValue
+from nearharmonic.core.values import LLVMMask
 
 _POINTER = DOUBLE.as_pointer()
 
 
 def room(V: LoopedEnergy, T: LoopedEnergy, extended: bool) -> int:
-    """Return the doubles behind the parameters that the loops of a kernel keep numbers in."""
-    planes = 2 if extended or max(len(V.levels), len(T.levels)) > 1 else 1
-    return BLOCK + planes * max(V.room, T.room)
+    """Return the doubles behind the state that runs in which the loops of a kernel keep numbers."""
+    return BLOCK + _planes(V, T, extended) * (V.room + T.room)
 
 
-def machine_code(text: str, name: str) -> tuple[str, bytes]:
-    """Name and object code of a function, from the text of its module."""
-    module = binding.parse_assembly(text)
-    module.verify()
-    machine = target_machine()
-    options = binding.create_pipeline_tuning_options(speed_level=3)
-    options.slp_vectorization = options.loop_vectorization = False
-    builder = binding.create_pass_builder(machine, options)
-    builder.getModulePassManager().run(module, builder)
-    return name, machine.emit_object(module)
+def _planes(V: LoopedEnergy, T: LoopedEnergy, extended: bool) -> int:
+    """Planes of the numbers that are kept: two where energies of several levels are computed in double-double."""
+    return 2 if extended or max(len(V.levels), len(T.levels)) > 1 else 1
 
 
-def advance(rules: Rules, energy: str) -> tuple[str, str]:
-    """Text and name of the inner kernel: see :class:`nearharmonic.core.kernel.Kernel`."""
+def advance(rules: Rules, energy: str) -> tuple[ir.Module, str]:
+    """Module and name of the inner kernel: see :class:`nearharmonic.core.kernel.Kernel`."""
     return _Functions(rules).advance(energy)
 
 
-def begin(rules: Rules) -> tuple[str, str]:
-    """Text and name of a function of the rows: the tally anew, with the energy of the state as H0."""
+def begin(rules: Rules) -> tuple[ir.Module, str]:
+    """Module and name of a function of the rows: the tally anew, with the energy of the state as H0."""
     return _Functions(rules).begin()
 
 
@@ -71,18 +70,18 @@ class _Functions:
         self.d = physics.dimension
         self.tally_at = 4 * self.d
         self.parameters_at = self.tally_at + TALLY
-        behind = self.parameters_at + parameter_rows(physics.parameters)
+        self.running_at = running_at(self.d, physics.parameters)
+        behind = self.running_at + running_rows(self.d)
         self.kept_at = -(-behind // BLOCK) * BLOCK
-        self.stride = max(self.V.room, self.T.room)
+        self.planes = _planes(self.V, self.T, rules.extended)
         self.state_kind: Doubles = DoubleDoubles() if rules.extended else Doubles()
         self.module = ir.Module("loops")
         self._made: dict[str, ir.Function] = {}
 
-    def begin(self) -> tuple[str, str]:
+    def begin(self) -> tuple[ir.Module, str]:
         name = "loops.begin"
-        function = ir.Function(self.module, ir.FunctionType(ir.VoidType(), [_POINTER, INDEX]), name)
-        writer = Writer(ir.IRBuilder(function.append_basic_block()))
-        rows = function.args[0]
+        plain, given = function(self.module, name, BEGIN)
+        writer, rows = LoopWriter(plain.builder), given["rows"].address
         T, V = (self._value(writer, rows, energy, DoubleDoubles()) for energy in (self.T, self.V))
         conditions = [writer.zero(1)] * 2
         if self.rules.quick_energy:
@@ -92,58 +91,49 @@ class _Functions:
         for i, entry in enumerate(fresh_tally(T + V, T, conditions)):
             writer.store(entry, writer.place(rows, self.tally_at + i))
         writer.builder.ret_void()
-        return str(self.module), name
+        return self.module, name
 
-    def advance(self, energy: str) -> tuple[str, str]:
+    def advance(self, energy: str) -> tuple[ir.Module, str]:
         name = "loops.advance"
-        flag = ir.IntType(8)
-        kinds = [INDEX, INDEX, flag, _POINTER, INDEX, _POINTER, INDEX, _POINTER, INDEX]
-        function = ir.Function(self.module, ir.FunctionType(INDEX, kinds), name)
-        count, stages, flagged, drifts, _, kicks, _, rows, _ = function.args
-        writer = Writer(ir.IRBuilder(function.append_basic_block()))
-        builder = writer.builder
-        kick_first = builder.icmp_unsigned("!=", flagged, ir.Constant(flag, 0))
-        shift = builder.zext(kick_first, INDEX)
-        quick = energy == "every" and self.rules.quick_energy
-        done, height = writer.variable(writer.index(0)), writer.variable(writer.zero(1).value)
+        plain, given = function(self.module, name, ADVANCE)
+        writer, rows, moves = LoopWriter(plain.builder), given["rows"].address, given["moves"]
+        stages, quick = given["stages"], energy == "every" and self.rules.quick_energy
+        done, first = writer.variable(writer.index(0)), writer.variable(writer.index(OPENING))
+        height = writer.variable(writer.zero(1))
         self._call(writer, "force", rows)
-        behind = function.append_basic_block("behind")
-        with writer.repeated(count):
-            with builder.if_then(kick_first):
-                self._call(writer, "kick", rows, self._coefficient(writer, kicks, writer.index(0)))
-            with writer.repeated(stages) as i:
-                self._call(writer, "drift", rows, self._coefficient(writer, drifts, i))
-                if quick:
-                    last = builder.icmp_signed("==", builder.add(i, writer.index(1)), stages)
-                    with builder.if_else(last) as (then, otherwise):
-                        with then:
-                            builder.store(self._call(writer, "pull", rows), height)
-                        with otherwise:
-                            self._call(writer, "force", rows)
-                else:
-                    self._call(writer, "force", rows)
-                self._call(writer, "kick", rows, self._coefficient(writer, kicks, builder.add(i, shift)))
-            with builder.if_then(builder.not_(kick_first)):
-                self._call(writer, "drift", rows, self._coefficient(writer, drifts, stages))
-                if quick:
-                    builder.store(self._call(writer, "potential", rows), height)
-            builder.store(builder.add(builder.load(done), writer.index(1)), done)
+        with writer.when(moves[KICK * self.rules.parts].equals(0.0)):  # no kick comes first: it need not exist
+            self._call(writer, "forget", rows)
+        with writer.forever() as behind:
+            place = writer.variable(first.value)
+            with writer.repeated(stages - 1 if quick else stages) as i:
+                self._call(writer, "move", rows, self._row(writer, moves, place.value))
+                self._call(writer, "force", rows)
+                place.value = writer.either(i > 0, place.value + 1, writer.index(INNER))
+            if quick:
+                self._call(writer, "move", rows, self._row(writer, moves, place.value))
+                height.value = LLVMValue(writer.builder, self._call(writer, "pull", rows))
+            done.value = done.value + 1
             if energy == "every":
-                left = self._measured(writer, rows, LLVMValue(builder, builder.load(height)) if quick else None)
-                going_on = function.append_basic_block("going_on")
-                builder.cbranch(left, behind, going_on)
-                builder.position_at_end(going_on)
-        builder.branch(behind)
-        builder.position_at_end(behind)
+                self._call(writer, "close", rows, self._row(writer, moves, stages + 1))
+                if quick:
+                    with writer.when(~given["kick_first"]):
+                        height.value = LLVMValue(writer.builder, self._call(writer, "potential", rows))
+                writer.leave(self._measured(writer, rows, height.value if quick else None), behind)
+            writer.leave(done.value >= given["count"], behind)
+            first.value = writer.index(MERGED)
+        if energy != "every":
+            self._call(writer, "close", rows, self._row(writer, moves, stages + 1))
         if energy == "samples":
             self._measured(writer, rows, None)
-        builder.ret(builder.load(done))
-        return str(self.module), name
+        for column in range(COLUMNS):
+            moves[OPENING + column] = moves[COLUMNS * MERGED + column]
+        writer.builder.ret(done.value.value)
+        return self.module, name
 
-    def _coefficient(self, writer: Writer, rows: ir.Value, i: ir.Value) -> ir.Value:
-        return writer.place(rows, writer.builder.mul(i, writer.index(self.rules.parts)))
+    def _row(self, writer: LoopWriter, moves: Array, row: Index) -> ir.Value:
+        return writer.place(moves.address, row * COLUMNS)
 
-    def _measured(self, writer: Writer, rows: ir.Value, potential: LLVMValue | None) -> ir.Value:
+    def _measured(self, writer: LoopWriter, rows: ir.Value, potential: LLVMValue | None) -> LLVMMask:
         """Count the energy of the state in the tally; whether it is beyond the limit."""
         places = [writer.place(rows, self.tally_at + i) for i in range(TALLY)]
         tally = [writer.load(place, 1) for place in places]
@@ -152,48 +142,57 @@ class _Functions:
         else:
             T = LLVMValue(writer.builder, self._call(writer, "kinetic", rows))
             quick, bound = self.rules.quick_difference(T, potential, tally)
-            chosen = writer.variable(quick.value)
-            with writer.builder.if_then(uncertain(quick, bound), likely=False):
-                writer.builder.store(self.rules.difference(*self._exact(writer, rows), tally).value, chosen)
-            latest = LLVMValue(writer.builder, writer.builder.load(chosen))
+            chosen = writer.variable(quick)
+            with writer.when(uncertain(quick, bound), likely=False):
+                chosen.value = self.rules.difference(*self._exact(writer, rows), tally)
+            latest = chosen.value
         tally = tallied(tally, latest)
         for entry, place in zip(tally[: LATEST + 1], places, strict=False):
             writer.store(entry, place)
         return tally[LATEST].absolute().any_not_within(tally[LIMIT])
 
-    def _exact(self, writer: Writer, rows: ir.Value) -> tuple[LLVMValue, LLVMValue]:
+    def _exact(self, writer: LoopWriter, rows: ir.Value) -> tuple[LLVMValue, LLVMValue]:
         """H of the state in double-double."""
         pair = self._call(writer, "energy", rows)
         high, low = (writer.builder.extract_value(pair, i) for i in range(2))
         return LLVMValue(writer.builder, high), LLVMValue(writer.builder, low)
 
-    def _call(self, writer: Writer, name: str, *arguments: ir.Value) -> ir.Value:
+    def _call(self, writer: LoopWriter, name: str, *arguments: ir.Value) -> ir.Value:
         """Call a function of the module, which is written at its first use."""
         if name not in self._made:
             self._made[name] = getattr(self, f"_{name}")()
         return writer.builder.call(self._made[name], arguments)
 
     @contextmanager
-    def _function(self, name: str, result: ir.Type, more: int = 0) -> Iterator[tuple[ir.Function, Writer]]:
+    def _function(self, name: str, result: ir.Type, more: int = 0) -> Iterator[tuple[ir.Function, LoopWriter]]:
         kind = ir.FunctionType(result, [_POINTER] * (1 + more))
-        function = ir.Function(self.module, kind, f"loops.{name}")
-        function.linkage = "internal"
-        function.attributes.add("nounwind")
-        writer = Writer(ir.IRBuilder(function.append_basic_block()))
-        yield function, writer
+        made = ir.Function(self.module, kind, f"loops.{name}")
+        made.linkage = "internal"
+        made.attributes.add("nounwind")
+        yield made, LoopWriter(ir.IRBuilder(made.append_basic_block()))
 
     def _force(self) -> ir.Function:
-        with self._function("force", ir.VoidType()) as (function, writer):
-            self._emission(writer, function.args[0], self.V, self.state_kind).gradient()
+        with self._function("force", ir.VoidType()) as (made, writer):
+            self._emission(writer, made.args[0], self.V, self.state_kind, self.running_at).gradient()
             writer.builder.ret_void()
-        return function
+        return made
+
+    def _forget(self) -> ir.Function:
+        """No force."""
+        with self._function("forget", ir.VoidType()) as (made, writer):
+            kept = self._kept(writer, made.args[0], self.V)
+            for part in range(self.rules.parts):
+                with writer.repeated(self.d) as i:
+                    writer.store(writer.zero(1), writer.place(writer.place(kept.address, part * kept.stride), i))
+            writer.builder.ret_void()
+        return made
 
     def _pull(self) -> ir.Function:
         """The force, and V from operations that they share."""
-        with self._function("pull", DOUBLE) as (function, writer):
-            V = self._emission(writer, function.args[0], self.V, self.state_kind).gradient()
+        with self._function("pull", DOUBLE) as (made, writer):
+            V = self._emission(writer, made.args[0], self.V, self.state_kind, self.running_at).gradient()
             writer.builder.ret(self._double(writer, V))
-        return function
+        return made
 
     def _potential(self) -> ir.Function:
         return self._scalar("potential", self.V)
@@ -202,76 +201,125 @@ class _Functions:
         return self._scalar("kinetic", self.T)
 
     def _scalar(self, name: str, energy: LoopedEnergy) -> ir.Function:
-        with self._function(name, DOUBLE) as (function, writer):
-            value = self._value(writer, function.args[0], energy, self.state_kind)
+        """An energy of the state that is seen."""
+        with self._function(name, DOUBLE) as (made, writer):
+            value = self._value(writer, made.args[0], energy, self.state_kind)
             writer.builder.ret(self._double(writer, value))
-        return function
+        return made
 
-    def _double(self, writer: Writer, number: Any) -> ir.Value:
+    def _double(self, writer: LoopWriter, number: Any) -> ir.Value:
         return self.state_kind.written(number)[0].value
 
     def _energy(self) -> ir.Function:
         """H in double-double."""
         pair = ir.LiteralStructType([DOUBLE, DOUBLE])
-        with self._function("energy", pair) as (function, writer):
-            T, V = (self._value(writer, function.args[0], energy, DoubleDoubles()) for energy in (self.T, self.V))
+        with self._function("energy", pair) as (made, writer):
+            T, V = (self._value(writer, made.args[0], energy, DoubleDoubles()) for energy in (self.T, self.V))
             result = ir.Constant(pair, ir.Undefined)
             for i, half in enumerate((T + V).pair):
                 result = writer.builder.insert_value(result, half.value, i)
             writer.builder.ret(result)
-        function.attributes.add("noinline")  # seldom needed, and long
-        return function
+        made.attributes.add("noinline")  # seldom needed, and long
+        return made
 
-    def _kick(self) -> ir.Function:
-        """p += coefficient * rate."""
-        with self._function("kick", ir.VoidType(), 1) as (function, writer):
-            rows, coefficient = function.args
-            self._update(writer, rows, coefficient, 2 * self.d, self._kept(writer, rows))
+    def _move(self) -> ir.Function:
+        """The state that runs, after a move."""
+        return self._moving("move", self.running_at)
+
+    def _close(self) -> ir.Function:
+        """The state that is seen, a move from the one that runs."""
+        return self._moving("close", 0)
+
+    def _moving(self, name: str, to: int) -> ir.Function:
+        with self._function(name, ir.VoidType(), 1) as (made, writer):
+            rows, coefficients = made.args
+            row = [writer.load(writer.place(coefficients, i), 1) for i in range(COLUMNS)]
+            _Move(self, writer, rows, row, to).write()
             writer.builder.ret_void()
-        return function
+        return made
 
-    def _drift(self) -> ir.Function:
-        """q += coefficient * dT/dp."""
-        with self._function("drift", ir.VoidType(), 1) as (function, writer):
-            rows, coefficient = function.args
-            if self.rules.physics.unit_masses:
-                velocity = Array(writer.place(rows, 2 * self.d), self.d)
-            else:
-                self._emission(writer, rows, self.T, self.state_kind).gradient()
-                velocity = self._kept(writer, rows)
-            self._update(writer, rows, coefficient, 0, velocity)
-            writer.builder.ret_void()
-        return function
+    def _kept(self, writer: LoopWriter, rows: ir.Value, energy: LoopedEnergy) -> Planes:
+        """Where the loops of an energy keep numbers, the gradient first."""
+        at = self.kept_at if energy is self.V else self.kept_at + self.planes * self.V.room
+        return Planes(writer.place(rows, at), energy.room)
 
-    def _kept(self, writer: Writer, rows: ir.Value) -> Array:
-        return Array(writer.place(rows, self.kept_at), self.stride)
+    def _value(self, writer: LoopWriter, rows: ir.Value, energy: LoopedEnergy, kind: Doubles) -> Any:
+        return self._emission(writer, rows, energy, kind, 0).value()
 
-    def _update(self, writer: Writer, rows: ir.Value, coefficient: ir.Value, at: int, rates: Array) -> None:
-        """Add a multiple of the rates to the coordinates or the momenta, in blocks and then one by one."""
-        parts, d = self.rules.parts, self.d
-        step = [writer.load(writer.place(coefficient, i), 1) for i in range(parts)]
-        values = [writer.place(rows, at), writer.place(rows, at + d)]
-        changes = [writer.place(rates.address, i * rates.stride) for i in range(parts)]
-
-        def one(first: ir.Value, width: int) -> None:
-            places = [writer.place(address, first) for address in values]
-            high, low = (writer.load(place, width) for place in places)
-            rate = [writer.load(writer.place(address, first), width) for address in changes]
-            new = self.rules.update([(high, low)], [writer.broadcast(x, width) for x in step], rate)
-            for value, place in zip(new, places, strict=True):
-                writer.store(value, place)
-
-        with writer.repeated(d // BLOCK) as i:
-            one(writer.builder.mul(i, writer.index(BLOCK)), BLOCK)
-        with writer.repeated(d % BLOCK) as i:
-            one(writer.builder.add(i, writer.index(d - d % BLOCK)), 1)
-
-    def _value(self, writer: Writer, rows: ir.Value, energy: LoopedEnergy, kind: Doubles) -> Any:
-        return self._emission(writer, rows, energy, kind).value()
-
-    def _emission(self, writer: Writer, rows: ir.Value, energy: LoopedEnergy, kind: Doubles) -> Emission:
-        at = 2 * self.d if energy is self.T else 0
-        state = Array(writer.place(rows, at), self.d)
+    def _emission(
+        self, writer: LoopWriter, rows: ir.Value, energy: LoopedEnergy, kind: Doubles, state_at: int
+    ) -> Emission:
+        at = state_at + (2 * self.d if energy is self.T else 0)
+        state = Planes(writer.place(rows, at), self.d)
         count = 2 * self.rules.physics.parameters
         given = [writer.load(writer.place(rows, self.parameters_at + i), 1) for i in range(count)]
-        return Emission(writer, energy, kind, state, self._kept(writer, rows), given)
+        return Emission(writer, energy, kind, state, self._kept(writer, rows, energy), given)
+
+
+class _Move:
+    """Writes a move from the state that runs to the rows from ``to`` on, in blocks and then one by one.
+
+    Where masses are not 1 it is the kick, the velocity and the drift one after the other: such states are bound by what
+    there is to compute, not by the time of a chain of operations.
+    """
+
+    def __init__(
+        self, functions: _Functions, writer: LoopWriter, rows: ir.Value, row: list[LLVMValue], to: int
+    ) -> None:
+        self.functions, self.rules, self.writer, self.rows, self.row = functions, functions.rules, writer, rows, row
+        self.to, self.start, self.d, self.parts = to, functions.running_at, functions.d, functions.rules.parts
+
+    def write(self) -> None:
+        functions, writer = self.functions, self.writer
+        self.force = functions._kept(writer, self.rows, functions.V)
+        if self.rules.physics.unit_masses:
+            self._blocks(self._moved)
+            return
+        self._blocks(self._kicked)
+        functions._emission(writer, self.rows, functions.T, functions.state_kind, self.to).gradient()
+        self.velocity = functions._kept(writer, self.rows, functions.T)
+        self._blocks(self._drifted)
+
+    def _blocks(self, one: Callable[[Index, int], None]) -> None:
+        with self.writer.repeated(self.d // BLOCK) as i:
+            one(i * BLOCK, BLOCK)
+        with self.writer.repeated(self.d % BLOCK) as i:
+            one(i + (self.d - self.d % BLOCK), 1)
+
+    def _load(self, plane: int, first: Index, width: int) -> LLVMValue:
+        """Of the state that runs: positions, what is below them, momenta, what is below them, what is late."""
+        return self.writer.load(self.writer.place(self.rows, first + (self.start + plane * self.d)), width)
+
+    def _store(self, plane: int, first: Index, value: LLVMValue) -> None:
+        self.writer.store(value, self.writer.place(self.rows, first + (self.to + plane * self.d)))
+
+    def _rates(self, kept: Planes, first: Index, width: int) -> Entries:
+        planes = (self.writer.place(kept.address, i * kept.stride) for i in range(self.parts))
+        return [self.writer.load(self.writer.place(plane, first), width) for plane in planes]
+
+    def _wide(self, width: int) -> Entries:
+        return [self.writer.broadcast(x, width) for x in self.row]
+
+    def _kicked(self, first: Index, width: int) -> None:
+        momentum, force = [self._load(k, first, width) for k in (2, 3)], self._rates(self.force, first, width)
+        kick = self.rules.part(self._wide(width), KICK)
+        for k, value in enumerate(self.rules.update([(momentum[0], momentum[1])], kick, force)):
+            self._store(2 + k, first, value)
+
+    def _drifted(self, first: Index, width: int) -> None:
+        position, velocity = [self._load(k, first, width) for k in (0, 1)], self._rates(self.velocity, first, width)
+        drift = self.rules.part(self._wide(width), DRIFT)
+        for k, value in enumerate(self.rules.update([(position[0], position[1])], drift, velocity)):
+            self._store(k, first, value)
+
+    def _moved(self, first: Index, width: int) -> None:
+        row, force = self._wide(width), self._rates(self.force, first, width)
+        q, q_low, p, p_low, late = (self._load(k, first, width) for k in range(5))
+        momentum = self.rules.update([(p, p_low)], self.rules.part(row, KICK), force)
+        if self.rules.looks_ahead:
+            running = self.rules.looked_ahead([q, q_low], [late], row, [p], force, momentum)
+        else:
+            position = self.rules.update([(q, q_low)], self.rules.part(row, DRIFT), momentum[: self.parts])
+            running = [*position, *momentum, late]
+        for k, value in enumerate(self.rules.seen(running) if self.to == 0 else running):
+            self._store(k, first, value)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,13 +10,14 @@ import numpy as np
 from llvmlite import ir
 from numpy.typing import NDArray
 
+from nearharmonic.core.assembly import DOUBLE, INDEX, Index, Writer
 from nearharmonic.core.condition import Conditioned
 from nearharmonic.core.loops.tables import BLOCK
 from nearharmonic.core.number import Constant
 from nearharmonic.core.tracing import Double, DoubleDouble, LLVMValue
 from nearharmonic.core.values import LLVMMask
 
-INDEX, PLACE, DOUBLE = ir.IntType(64), ir.IntType(32), ir.DoubleType()
+PLACE = ir.IntType(32)
 
 
 class Doubles:
@@ -81,30 +81,24 @@ class ConditionedDoubles(Doubles):
 
 
 @dataclass(frozen=True)
-class Array:
+class Planes:
     """Numbers in memory: the address of the first double, and the doubles from one plane to the next."""
 
     address: ir.Value
     stride: int
 
 
-class Writer:
-    """Writes loops and accesses to memory at the end of a function."""
-
-    def __init__(self, builder: ir.IRBuilder) -> None:
-        self.builder = builder
-
-    def index(self, number: int) -> ir.Constant:
-        return ir.Constant(INDEX, number)
+class LoopWriter(Writer):
+    """Writes loops over blocks, tables and accesses to memory at the end of a function."""
 
     def zero(self, width: int) -> LLVMValue:
         """0 in each of ``width`` lanes."""
         kind = DOUBLE if width == 1 else ir.VectorType(DOUBLE, width)
         return LLVMValue(self.builder, ir.Constant(kind, 0.0 if width == 1 else [0.0] * width))
 
-    def place(self, address: ir.Value, offset: ir.Value | int) -> ir.Value:
+    def place(self, address: ir.Value, offset: Index | int) -> ir.Value:
         """The address of the double ``offset`` behind another."""
-        return self.builder.gep(address, [self.index(offset) if isinstance(offset, int) else offset])
+        return self.builder.gep(address, [self.index(offset).value if isinstance(offset, int) else offset.value])
 
     def load(self, address: ir.Value, width: int) -> LLVMValue:
         """``width`` neighbouring doubles."""
@@ -124,37 +118,12 @@ class Writer:
             return value
         return self.zero(width).from_lanes([value] * width)
 
-    def gather(self, address: ir.Value, places: Sequence[ir.Value]) -> LLVMValue:
+    def gather(self, address: ir.Value, places: Sequence[Index]) -> LLVMValue:
         """The doubles at some places, one a lane."""
         scalars = [self.load(self.place(address, place), 1) for place in places]
         return self.zero(len(scalars)).from_lanes(scalars)
 
-    def variable(self, initial: ir.Value) -> ir.AllocaInstr:
-        """Room for a value that changes in loops, with its first value."""
-        with self.builder.goto_entry_block():
-            room = self.builder.alloca(initial.type)
-        self.builder.store(initial, room)
-        return room
-
-    @contextmanager
-    def repeated(self, count: int | ir.Value) -> Iterator[ir.Value]:
-        """Write the body of a loop over 0, ..., ``count`` - 1."""
-        builder = self.builder
-        before, head = builder.block, builder.append_basic_block("repeated")
-        body, behind = builder.append_basic_block("body"), builder.append_basic_block("behind")
-        builder.branch(head)
-        builder.position_at_end(head)
-        i = builder.phi(INDEX)
-        i.add_incoming(self.index(0), before)
-        limit = self.index(count) if isinstance(count, int) else count
-        builder.cbranch(builder.icmp_signed("<", i, limit), body, behind)
-        builder.position_at_end(body)
-        yield i
-        i.add_incoming(builder.add(i, self.index(1)), builder.block)
-        builder.branch(head)
-        builder.position_at_end(behind)
-
-    def blocks(self, count: int) -> Iterator[tuple[ir.Value, int, int]]:
+    def blocks(self, count: int) -> Iterator[tuple[Index, int, int]]:
         """Blocks of ``count`` results, whose code the caller writes at each turn of a loop over this.
 
         Yields the first of a block, its length, and how many of it a block before it has: the last block ends with the
@@ -165,7 +134,7 @@ class Writer:
                 yield i, 1, 0
             return
         with self.repeated(count // BLOCK) as i:
-            yield self.builder.mul(i, self.index(BLOCK)), BLOCK, 0
+            yield i * BLOCK, BLOCK, 0
         if count % BLOCK:
             yield self.index(count - BLOCK), BLOCK, BLOCK - count % BLOCK
 
@@ -185,16 +154,16 @@ class Writer:
         table.initializer = ir.Constant(kind, contents)
         return self.builder.bitcast(table, element.as_pointer())
 
-    def looked_up(self, table: ir.Value, first: ir.Value, width: int) -> list[ir.Value]:
+    def looked_up(self, table: ir.Value, first: Index, width: int) -> list[Index]:
         """``width`` neighbouring entries of a table of places."""
-        address = self.builder.gep(table, [first])
+        address = self.builder.gep(table, [first.value])
         if width == 1:
-            return [self.builder.sext(self.builder.load(address), INDEX)]
+            return [Index(self.builder, self.builder.sext(self.builder.load(address), INDEX))]
         kind = ir.VectorType(PLACE, width)
         entries = self.builder.load(self.builder.bitcast(address, kind.as_pointer()))
         entries.align = 4
         lanes = (self.builder.extract_element(entries, ir.Constant(PLACE, i)) for i in range(width))
-        return [self.builder.sext(lane, INDEX) for lane in lanes]
+        return [Index(self.builder, self.builder.sext(lane, INDEX)) for lane in lanes]
 
 
 def is_consecutive(places: NDArray[np.int64]) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 
 from nearharmonic.core.kernel import inner, room
 from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.coefficients import coefficients, lane_rows, parameter_row, start_row
+from nearharmonic.engine.coefficients import lane_rows, lanes_of, moves, parameter_row, start_row
 from nearharmonic.engine.grid import check_fit, evaluations_of, steps_of, tau_grid
 from nearharmonic.engine.kernels import kernel_of, physics_of
 from nearharmonic.engine.reference import Reference
@@ -133,7 +133,7 @@ def kernel_calls(
     dict
         Call by mode; each begins at the start of the system. Formulas that are loops have no mode of several lanes.
     """
-    drift, kick = coefficients(tableau, [t_end / steps], 1)
+    (row,) = moves(tableau, [t_end / steps], 1)
     start = start_row(*system.extended_start(Fraction), plain=summation == "plain")
     parameters = parameter_row(system.constants(Fraction))
     calls = {}
@@ -141,8 +141,7 @@ def kernel_calls(
         width = MODES[mode]
         advance = _advance(system, summation, width, _measured(mode))
         fresh = lane_rows(start, parameters, width, room(physics_of(system), extended=False))
-        wide = [np.repeat(row[0], width, axis=1).reshape(-1) for row in (drift, kick)]
-        calls[mode] = _call(advance, steps, tableau, wide, fresh)
+        calls[mode] = _call(advance, steps, tableau, lanes_of(row, width), fresh)
     return calls
 
 
@@ -163,14 +162,14 @@ def _advance(system: System, summation: str, width: int, energy: str) -> Callabl
 
 
 def _call(
-    advance: Callable[..., int], steps: int, tableau: Tableau, wide: list[np.ndarray], fresh: np.ndarray
+    advance: Callable[..., int], steps: int, tableau: Tableau, given: np.ndarray, fresh: np.ndarray
 ) -> Callable[[], object]:
-    rows = fresh.copy()
+    rows, lanes = fresh.copy(), given.copy()
     kick_first = tableau.first == "kick"
 
     def call() -> np.ndarray:
-        rows[:] = fresh
-        advance(steps, tableau.stages, kick_first, wide[0], wide[1], rows)
+        rows[:], lanes[:] = fresh, given
+        advance(steps, tableau.stages, kick_first, lanes, rows)
         return rows
 
     return call
