@@ -23,7 +23,7 @@ from nearharmonic.core.functions import double, extended
 from nearharmonic.core.functions.arrays import ELEMENTWISE, elementwise
 from nearharmonic.core.native import loaded
 from nearharmonic.core.number import FUNCTIONS
-from nearharmonic.engine.coefficients import coefficients, lane_rows, parameter_row, start_row
+from nearharmonic.engine.coefficients import lane_rows, lanes_of, moves, parameter_row, start_row
 from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators import integrators
@@ -109,8 +109,9 @@ def sines(library, repeats):
 def pendulums(library, repeats):
     """Nanoseconds per stage and trajectory: C with the library's sine, our kernel at one lane and at eight."""
     tableau = integrators[METHOD]
-    drift, kick = coefficients(tableau, [TAU], 1)
-    narrow = [np.ascontiguousarray(row[0, :, 0]) for row in (drift, kick)]
+    (row,) = moves(tableau, [TAU], 1)
+    narrow = [np.array([float(sign * Fraction(c) * TAU) for c in coefficients] + [0.0])
+              for sign, coefficients in ((1, tableau.drift), (-1, tableau.kick))]  # fmt: skip
     given = start_row(*PENDULUM.start(Fraction)), parameter_row(())
     pointer = ctypes.POINTER(ctypes.c_double)
     state = lane_rows(*given, 1)
@@ -118,10 +119,9 @@ def pendulums(library, repeats):
     calls = {"C": lambda: library.pendulum(ctypes.c_long(STEPS), ctypes.c_int(tableau.stages), *c_arguments)}
     for width in (1, 8):
         advance = kernel_of(PENDULUM, Numerics(width=width, energy="samples")).advance()
-        wide = [np.repeat(row[0], width, axis=1).reshape(-1) for row in (drift, kick)]
-        lanes = lane_rows(*given, width)
-        calls[width] = lambda advance=advance, wide=wide, lanes=lanes: advance(
-            STEPS, tableau.stages, False, *wide, lanes
+        lanes, rows = lanes_of(row, width), lane_rows(*given, width)
+        calls[width] = lambda advance=advance, lanes=lanes, rows=rows: advance(
+            STEPS, tableau.stages, False, lanes, rows
         )
     best = timed(calls, repeats)
     return {name: t / (STEPS * tableau.stages * (name if name == 8 else 1)) for name, t in best.items()}

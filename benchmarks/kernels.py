@@ -1,9 +1,10 @@
 """Time per stage and trajectory of the kernels, beside a C compiler's version of the same step, interleaved.
 
-Run: ``python benchmarks/kernels.py`` (about 20 s; needs a C compiler as ``cc``). Prints, for each system and width,
-the minimum over the repeats in nanoseconds, ours over C's, and whether both ended in the same state, bit for bit.
-The C step measures no energy; "energy" is ours with the double-double energy at every step; "sweep" is a whole sweep
-of the paper's ten methods over 61 step sizes with lane refill, energies and all, per stage actually done.
+Run: ``python benchmarks/kernels.py`` (about a minute; needs a C compiler as ``cc``). Prints, for each system, summation
+and width, the minimum over the repeats in nanoseconds: C as a user writes the method; C in the form of our kernels, and
+whether both ended in the same state, bit for bit; ours, and ours over that of C in either form. The C step measures no
+energy; "energy" is ours with the double-double energy at every step; "sweep" is a whole sweep of the paper's ten
+methods over 61 step sizes with lane refill, energies and all, per stage actually done.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import numpy as np
 
 import nearharmonic as nh
 from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.coefficients import coefficients, lane_rows, parameter_row, start_row
+from nearharmonic.engine.coefficients import lane_rows, lanes_of, moves, parameter_row, start_row
 from nearharmonic.engine.grid import steps_of
 from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
@@ -29,7 +30,8 @@ from nearharmonic.integrators import BENCHMARKED
 
 METHOD = "aba864"
 TAU = {"sho": Fraction(1, 10), "henon_heiles": Fraction(1, 10), "kepler": Fraction(10)}
-STEPS = {1: 60_000, 8: 60_000}
+STEPS = 40_000
+WIDTHS = (1, 8, 16, 32)
 GRID = 10.0 ** np.linspace(-3, 0, 61)
 GRID_UNIT = {"sho": 1.0, "henon_heiles": 1.0, "kepler": 100.0}
 
@@ -37,7 +39,15 @@ GRID_UNIT = {"sho": 1.0, "henon_heiles": 1.0, "kepler": 100.0}
 def yardstick(folder: str) -> ctypes.CDLL:
     """The compiled C file."""
     source, library = Path(__file__).with_name("yardstick.c"), Path(folder) / "yardstick.so"
-    flags = ["-O3", "-march=native", "-mprefer-vector-width=512", "-fno-math-errno", "-shared", "-fPIC"]
+    flags = [
+        "-O3",
+        "-march=native",
+        "-mprefer-vector-width=512",
+        "-ffp-contract=off",
+        "-fno-math-errno",
+        "-shared",
+        "-fPIC",
+    ]
     subprocess.run(["cc", *flags, str(source), "-o", str(library), "-lm"], check=True)
     return ctypes.CDLL(str(library))
 
@@ -49,35 +59,39 @@ def timed(call, repeats):
     return min(repeats, time.perf_counter() - begin)
 
 
-def contest(system, width, library, repeats):
+def contest(system, width, summation, library, repeats):
     """Best nanoseconds per stage and trajectory of C, of ours, and of ours with energy; and whether the bits agree."""
-    problem, tableau, count = nh.systems[system], nh.integrators[METHOD], STEPS[width]
-    drift, kick = coefficients(tableau, [TAU[system]], 1)
-    wide = [np.repeat(row[0], width, axis=1).reshape(-1) for row in (drift, kick)]
-    narrow = [np.ascontiguousarray(row[0, :, 0]) for row in (drift, kick)]
-    given = start_row(*problem.start(Fraction)), parameter_row(problem.constants(Fraction))
-    rows = lane_rows(*given, width)
-    states = {name: rows.copy() for name in ("C", "ours", "energy")}
-    function = getattr(library, f"{system}_{width}")
-    pointer = ctypes.POINTER(ctypes.c_double)
-    c_arguments = [ctypes.c_long(count), ctypes.c_int(tableau.stages)]
-    c_arguments += [a.ctypes.data_as(pointer) for a in (*narrow, states["C"])]
-    kernels = {
-        "ours": kernel_of(problem, Numerics(width=width, energy="samples")).advance(),
-        "energy": kernel_of(problem, Numerics(width=width)).advance(),
-    }
-    calls = {"C": lambda: function(*c_arguments)}
-    for name, advance in kernels.items():
-        calls[name] = lambda name=name, advance=advance: advance(
-            count, tableau.stages, False, wide[0], wide[1], states[name]
+    problem, tableau = nh.systems[system], nh.integrators[METHOD]
+    tau = TAU[system]
+    (row,) = moves(tableau, [tau], 1)
+    pieces = [np.array([float(sign * Fraction(c) * tau) for c in coefficients] + [0.0])
+              for sign, coefficients in ((1, tableau.drift), (-1, tableau.kick))]  # fmt: skip
+    start = start_row(*problem.start(Fraction), plain=summation == "plain")
+    rows = lane_rows(start, parameter_row(problem.constants(Fraction)), width)
+    states = {name: rows.copy() for name in ("as_written", "looking_ahead", "ours", "energy")}
+    pointer, calls = ctypes.POINTER(ctypes.c_double), {}
+    for form, given in (("as_written", pieces), ("looking_ahead", [row])):
+        function = getattr(library, f"{system}_{width}_{summation}_{form}")
+        arguments = [a.ctypes.data_as(pointer) for a in (*given, states[form])]
+        calls[form] = lambda function=function, arguments=arguments: function(
+            ctypes.c_long(STEPS), ctypes.c_int(tableau.stages), *arguments
         )
+    lanes = {}
+    for name, energy in (("ours", "samples"), ("energy", "every")):
+        advance = kernel_of(problem, Numerics(width=width, energy=energy, summation=summation)).advance()
+        lanes[name] = lanes_of(row, width)
+        calls[name] = lambda name=name, advance=advance: advance(
+            STEPS, tableau.stages, False, lanes[name], states[name]
+        )
+    for call in calls.values():
+        call()
+    size = 4 * problem.dimension * width
+    agree = np.array_equal(states["looking_ahead"][:size], states["ours"][:size])
     best = dict.fromkeys(calls, np.inf)
     for _ in range(repeats):
         for name, call in calls.items():
             best[name] = timed(call, best[name])
-    size = 4 * problem.dimension * width
-    agree = np.array_equal(states["C"][:size], states["ours"][:size])
-    return {name: 1e9 * t / (count * tableau.stages * width) for name, t in best.items()}, agree
+    return {name: 1e9 * t / (STEPS * tableau.stages * width) for name, t in best.items()}, agree
 
 
 def sweep(system, repeats):
@@ -106,19 +120,19 @@ def main() -> None:
         os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     with tempfile.TemporaryDirectory() as folder:
         library = yardstick(folder)
-        print("ns per stage and trajectory     C      ours   /C     energy /C     sweep  /C     same bits")
+        print("ns per stage and trajectory           C written  C ahead   same bits    ours  /written  /ahead  energy")
         for system in TAU:
-            for width in STEPS:
-                ns, agree = contest(system, width, library, repeats)
-                line = f"{system:13s} {width} lane{'s' if width > 1 else ' '}"
-                line += f"{ns['C']:16.3f} {ns['ours']:8.3f} {ns['ours'] / ns['C']:5.2f}"
-                line += f" {ns['energy']:8.3f} {ns['energy'] / ns['C']:5.2f}"
-                if width == 8:
-                    each, _ = sweep(system, max(3, repeats // 6))
-                    line += f" {each:8.3f} {each / ns['C']:5.2f}"
-                else:
-                    line += " " * 15
-                print(f"{line}     {'yes' if agree else 'NO'}")
+            for summation in ("plain", "compensated"):
+                for width in WIDTHS:
+                    ns, agree = contest(system, width, summation, library, repeats)
+                    print(
+                        f"{system:13s}{summation:12s}{width:3d} lane{'s' if width > 1 else ' '}"
+                        f"{ns['as_written']:12.3f}{ns['looking_ahead']:9.3f}{'yes' if agree else 'NO':>9s}"
+                        f"{ns['ours']:12.3f}{ns['ours'] / ns['as_written']:9.2f}"
+                        f"{ns['ours'] / ns['looking_ahead']:9.2f}{ns['energy']:9.3f}"
+                    )
+            each, _ = sweep(system, max(3, repeats // 6))
+            print(f"{system:13s}sweep{'':57s}{each:9.3f}")
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from fractions import Fraction
 import numpy as np
 
 import nearharmonic as nh
-from nearharmonic.engine.coefficients import coefficients, lane_rows, parameter_row, start_row
+from nearharmonic.engine.coefficients import lane_rows, lanes_of, moves, parameter_row, start_row
 from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.experiments.work_precision.peers.heyoka import TOLERANCES, heyoka_taylor
@@ -43,11 +43,10 @@ def fewest_steps(name, errors):
 def kernel_call(name, count, width):
     """A call of the inner kernel that makes ``count`` steps in each lane."""
     tableau = nh.integrators[name]
-    drift, kick = coefficients(tableau, [Fraction(T_END, count)], 1)
+    (row,) = moves(tableau, [Fraction(T_END, count)], 1)
     rows = lane_rows(start_row(*PENDULUM.start(Fraction)), parameter_row(()), width)
-    wide = [np.repeat(row[0], width, axis=1).reshape(-1) for row in (drift, kick)]
     advance = kernel_of(PENDULUM, Numerics(width=width, energy="samples")).advance()
-    return lambda: advance(count, tableau.stages, tableau.first == "kick", *wide, rows.copy())
+    return lambda: advance(count, tableau.stages, tableau.first == "kick", lanes_of(row, width), rows.copy())
 
 
 def energy_error(states):

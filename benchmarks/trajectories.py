@@ -14,9 +14,9 @@ from itertools import pairwise
 import numpy as np
 
 import nearharmonic as nh
-from nearharmonic.engine.coefficients import coefficients, lane_rows, parameter_row, start_row
-from nearharmonic.engine.ensemble import ensemble_width
+from nearharmonic.engine.coefficients import lane_rows, lanes_of, moves, parameter_row, start_row
 from nearharmonic.engine.kernels import kernel_of
+from nearharmonic.engine.lanes import most_lanes
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.math import sqrt
 
@@ -55,15 +55,15 @@ def ensembles(members, repeats):
     system, tableau, steps = nh.systems["henon_heiles"], nh.integrators["aba864"], 1000
     rng = np.random.default_rng(1)
     q0, p0 = rng.uniform(-0.2, 0.2, (2, members, 2))
-    width = ensemble_width(2, compensated=True, extended=False)
-    wide = [np.repeat(row[0], width, axis=1).reshape(-1) for row in coefficients(tableau, [Fraction(1, 10)], 1)]
+    width = most_lanes(2, compensated=True, extended=False)
+    lanes = lanes_of(moves(tableau, [Fraction(1, 10)], 1)[0], width)
     fresh = lane_rows(start_row(*system.start(Fraction)), parameter_row([]), width)
     for energy in ("none", "every"):
         advance = kernel_of(system, Numerics(width=width, energy=energy)).advance()
 
         def kernel(advance=advance):
             for _ in range(members // width):
-                advance(steps, tableau.stages, False, *wide, fresh.copy())
+                advance(steps, tableau.stages, False, lanes.copy(), fresh.copy())
 
         def whole(energy=energy):
             nh.ensemble("henon_heiles", "aba864", 0.1, q0=q0, p0=p0, t_end=100, energy=energy)

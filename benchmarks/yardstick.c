@@ -1,8 +1,12 @@
-/* The yardstick: what a C compiler makes of the same step, Kahan-compensated, without any energy.
+/* The yardstick: what a C compiler makes of the same method, without any energy.
  *
- * Each function integrates `count` steps of a drift-first method with `stages` stages, WIDTH trajectories side by side in
- * one vector. rows: d positions, d carries, d momenta, d carries, each WIDTH doubles. drifts and kicks: step size times
- * coefficient, the kicks negated, one double a stage (the same step size in every lane).
+ * Each function integrates `count` steps of a drift-first method with `stages` stages, WIDTH trajectories side by side.
+ * rows: d positions, d carries, d momenta, d carries, each WIDTH doubles. Two forms, each plain and Kahan-compensated:
+ *
+ * as_written: drift by drift and kick by kick, as a user writes it. `drifts` and `kicks`: step size times coefficient, the
+ *   kicks negated, one double a stage (the same step size in every lane).
+ * looking_ahead: the kernels' own form, operation by operation. `moves`: stages + 2 rows of kick, drift, their product, and
+ *   what the product as rounded leaves out; the first move, that of later steps, the others, and the one that ends a step.
  *
  * Built by benchmarks/kernels.py with: cc -O3 -march=native -mprefer-vector-width=512 -fno-math-errno -shared -fPIC
  */
@@ -14,89 +18,140 @@ typedef double lanes8 __attribute__((vector_size(64)));
 typedef double stored1;
 typedef double stored8 __attribute__((vector_size(64), aligned(8), may_alias));
 
-#define UPDATE(TYPE, y, carry, c, f)                  \
-    do {                                              \
-        TYPE increment_ = FMA_##TYPE((c), (f), carry); \
-        TYPE total_ = (y) + increment_;               \
-        carry = increment_ + ((y) - total_);          \
-        y = total_;                                   \
-    } while (0)
-
-static inline lanes1 FMA_lanes1(lanes1 a, lanes1 b, lanes1 c) { return __builtin_fma(a, b, c); }
-static inline lanes1 ROOT_lanes1(lanes1 a) { return __builtin_sqrt(a); }
-
-#define VECTOR(TYPE, WIDTH)                                                                   \
-    static inline __attribute__((always_inline)) TYPE FMA_##TYPE(TYPE a, TYPE b, TYPE c) {    \
-        TYPE r;                                                                               \
-        for (int i = 0; i < WIDTH; i++) r[i] = __builtin_fma(a[i], b[i], c[i]);               \
-        return r;                                                                             \
-    }                                                                                         \
-    static inline __attribute__((always_inline)) TYPE ROOT_##TYPE(TYPE a) {                   \
-        TYPE r;                                                                               \
-        for (int i = 0; i < WIDTH; i++) r[i] = __builtin_sqrt(a[i]);                          \
-        return r;                                                                             \
-    }
+static inline lanes1 fma_1(lanes1 a, lanes1 b, lanes1 c) { return __builtin_fma(a, b, c); }
+static inline lanes1 root_1(lanes1 a) { return __builtin_sqrt(a); }
 
 #ifdef __AVX512F__
 #include <immintrin.h>
-static inline __attribute__((always_inline)) lanes8 FMA_lanes8(lanes8 a, lanes8 b, lanes8 c) {
+static inline __attribute__((always_inline)) lanes8 fma_8(lanes8 a, lanes8 b, lanes8 c) {
     return (lanes8)_mm512_fmadd_pd((__m512d)a, (__m512d)b, (__m512d)c);
 }
-static inline __attribute__((always_inline)) lanes8 ROOT_lanes8(lanes8 a) { return (lanes8)_mm512_sqrt_pd((__m512d)a); }
+static inline __attribute__((always_inline)) lanes8 root_8(lanes8 a) { return (lanes8)_mm512_sqrt_pd((__m512d)a); }
 #else
-VECTOR(lanes8, 8)
+static inline __attribute__((always_inline)) lanes8 fma_8(lanes8 a, lanes8 b, lanes8 c) {
+    lanes8 r;
+    for (int i = 0; i < 8; i++) r[i] = __builtin_fma(a[i], b[i], c[i]);
+    return r;
+}
+static inline __attribute__((always_inline)) lanes8 root_8(lanes8 a) {
+    lanes8 r;
+    for (int i = 0; i < 8; i++) r[i] = __builtin_sqrt(a[i]);
+    return r;
+}
 #endif
 
-#define FORCE_sho(TYPE) \
-    TYPE fx = q[0];
+#define FORCE_sho(W) f[0][v] = q[0][v];
 
-#define FORCE_henon_heiles(TYPE)                                       \
-    TYPE x = q[0], y = q[1];                                           \
-    TYPE fx = FMA_##TYPE(x, y + y, x);                                 \
-    TYPE fy = FMA_##TYPE(-y, y, FMA_##TYPE(x, x, y));
+#define FORCE_henon_heiles(W)                                              \
+    lanes##W x = q[0][v], y = q[1][v];                                     \
+    f[0][v] = fma_##W(x, y + y, x);                                        \
+    f[1][v] = fma_##W(-y, y, fma_##W(x, x, y));
 
-#define FORCE_kepler(TYPE)                                             \
-    TYPE x = q[0], y = q[1];                                           \
-    TYPE square = FMA_##TYPE(x, x, y * y);                             \
-    TYPE pull = gravity / (square * ROOT_##TYPE(square));              \
-    TYPE fx = pull * x, fy = pull * y;
+#define FORCE_kepler(W)                                                    \
+    lanes##W x = q[0][v], y = q[1][v];                                     \
+    lanes##W square = fma_##W(x, x, y * y);                                \
+    lanes##W pull = gravity / (square * square) * root_##W(square);        \
+    f[0][v] = pull * x;                                                    \
+    f[1][v] = pull * y;
 
-#define KERNEL(SYSTEM, D, TYPE, WIDTH)                                                                            \
-    void SYSTEM##_##WIDTH(long count, int stages, const double *drifts, const double *kicks, double *rows) {      \
-        TYPE q[D], p[D], eq[D], ep[D];                                                                            \
-        const TYPE gravity = (TYPE){0} + 1.71994752;                                                              \
-        (void)gravity;                                                                                            \
-        for (int k = 0; k < D; k++) {                                                                             \
-            q[k] = *(const stored##WIDTH *)(rows + k * WIDTH);                                                    \
-            eq[k] = *(const stored##WIDTH *)(rows + (D + k) * WIDTH);                                             \
-            p[k] = *(const stored##WIDTH *)(rows + (2 * D + k) * WIDTH);                                          \
-            ep[k] = *(const stored##WIDTH *)(rows + (3 * D + k) * WIDTH);                                         \
-        }                                                                                                         \
-        for (long n = 0; n < count; n++) {                                                                        \
-            for (int i = 0; i < stages; i++) {                                                                    \
-                const TYPE c = (TYPE){0} + drifts[i], d = (TYPE){0} + kicks[i];                                   \
-                for (int k = 0; k < D; k++) UPDATE(TYPE, q[k], eq[k], c, p[k]);                                   \
-                FORCE_##SYSTEM(TYPE);                                                                             \
-                UPDATE(TYPE, p[0], ep[0], d, fx);                                                                 \
-                SECOND_##D(TYPE);                                                                                 \
-            }                                                                                                     \
-            const TYPE c = (TYPE){0} + drifts[stages];                                                            \
-            for (int k = 0; k < D; k++) UPDATE(TYPE, q[k], eq[k], c, p[k]);                                       \
-        }                                                                                                         \
-        for (int k = 0; k < D; k++) {                                                                             \
-            *(stored##WIDTH *)(rows + k * WIDTH) = q[k];                                                          \
-            *(stored##WIDTH *)(rows + (D + k) * WIDTH) = eq[k];                                                   \
-            *(stored##WIDTH *)(rows + (2 * D + k) * WIDTH) = p[k];                                                \
-            *(stored##WIDTH *)(rows + (3 * D + k) * WIDTH) = ep[k];                                               \
-        }                                                                                                         \
+#define UPDATE_plain(W, y, carry, c, f) y = fma_##W((c), (f), y)
+
+#define UPDATE_compensated(W, y, carry, c, f)             \
+    do {                                                  \
+        lanes##W increment_ = fma_##W((c), (f), carry);   \
+        lanes##W total_ = (y) + increment_;               \
+        carry = increment_ + ((y) - total_);              \
+        y = total_;                                       \
+    } while (0)
+
+#define MOVE_plain(W)                                                                        \
+    do {                                                                                     \
+        q[k][v] = fma_##W(product, f[k][v], fma_##W(drift, p[k][v], q[k][v]));               \
+        p[k][v] = fma_##W(kick, f[k][v], p[k][v]);                                           \
+    } while (0)
+
+#define MOVE_compensated(W)                                                                  \
+    do {                                                                                     \
+        lanes##W ahead = fma_##W(drift, p[k][v], late[k][v]) + eq[k][v];                     \
+        UPDATE_compensated(W, q[k][v], ahead, product, f[k][v]);                             \
+        eq[k][v] = ahead;                                                                    \
+        late[k][v] = rest * f[k][v];                                                         \
+        UPDATE_compensated(W, p[k][v], ep[k][v], kick, f[k][v]);                             \
+    } while (0)
+
+#define EACH(D, V) for (int k = 0; k < D; k++) for (int v = 0; v < V; v++)
+#define PLACE(W, V, row) (rows + ((row) * V + v) * W)
+
+#define LOAD(D, W, V)                                                                        \
+    lanes##W q[D][V], p[D][V], eq[D][V], ep[D][V], f[D][V];                                  \
+    const lanes##W gravity = (lanes##W){0} + 1.71994752;                                     \
+    (void)gravity;                                                                           \
+    EACH(D, V) {                                                                             \
+        q[k][v] = *(const stored##W *)PLACE(W, V, k);                                        \
+        eq[k][v] = *(const stored##W *)PLACE(W, V, D + k);                                   \
+        p[k][v] = *(const stored##W *)PLACE(W, V, 2 * D + k);                                \
+        ep[k][v] = *(const stored##W *)PLACE(W, V, 3 * D + k);                               \
+        f[k][v] = (lanes##W){0};                                                             \
     }
 
-#define SECOND_1(TYPE)
-#define SECOND_2(TYPE) UPDATE(TYPE, p[1], ep[1], d, fy)
+#define STORE(D, W, V)                                                                       \
+    EACH(D, V) {                                                                             \
+        *(stored##W *)PLACE(W, V, k) = q[k][v];                                              \
+        *(stored##W *)PLACE(W, V, D + k) = eq[k][v];                                         \
+        *(stored##W *)PLACE(W, V, 2 * D + k) = p[k][v];                                      \
+        *(stored##W *)PLACE(W, V, 3 * D + k) = ep[k][v];                                     \
+    }
 
-KERNEL(sho, 1, lanes1, 1)
-KERNEL(henon_heiles, 2, lanes1, 1)
-KERNEL(kepler, 2, lanes1, 1)
-KERNEL(sho, 1, lanes8, 8)
-KERNEL(henon_heiles, 2, lanes8, 8)
-KERNEL(kepler, 2, lanes8, 8)
+#define ROW(W, i)                                                                                              \
+    const lanes##W kick = (lanes##W){0} + moves[4 * (i)], drift = (lanes##W){0} + moves[4 * (i) + 1];          \
+    const lanes##W product = (lanes##W){0} + moves[4 * (i) + 2], rest = (lanes##W){0} + moves[4 * (i) + 3];    \
+    (void)rest;
+
+/* V registers of W lanes. */
+#define KERNEL(SYSTEM, D, W, V, WIDTH, SUM)                                                                    \
+    void SYSTEM##_##WIDTH##_##SUM##_as_written(long count, int stages, const double *drifts,                   \
+                                               const double *kicks, double *rows) {                            \
+        LOAD(D, W, V)                                                                                          \
+        for (long n = 0; n < count; n++) {                                                                     \
+            for (int i = 0; i < stages; i++) {                                                                 \
+                const lanes##W c = (lanes##W){0} + drifts[i], d = (lanes##W){0} + kicks[i];                    \
+                EACH(D, V) UPDATE_##SUM(W, q[k][v], eq[k][v], c, p[k][v]);                                     \
+                for (int v = 0; v < V; v++) { FORCE_##SYSTEM(W); }                                             \
+                EACH(D, V) UPDATE_##SUM(W, p[k][v], ep[k][v], d, f[k][v]);                                     \
+            }                                                                                                  \
+            const lanes##W c = (lanes##W){0} + drifts[stages];                                                 \
+            EACH(D, V) UPDATE_##SUM(W, q[k][v], eq[k][v], c, p[k][v]);                                         \
+        }                                                                                                      \
+        STORE(D, W, V)                                                                                         \
+    }                                                                                                          \
+    void SYSTEM##_##WIDTH##_##SUM##_looking_ahead(long count, int stages, const double *moves, double *rows) { \
+        LOAD(D, W, V)                                                                                          \
+        lanes##W late[D][V];                                                                                   \
+        EACH(D, V) late[k][v] = (lanes##W){0};                                                                 \
+        for (long n = 0; n < count; n++)                                                                       \
+            for (int i = 0; i < stages; i++) {                                                                 \
+                ROW(W, i ? i + 1 : n > 0)                                                                      \
+                EACH(D, V) MOVE_##SUM(W);                                                                      \
+                for (int v = 0; v < V; v++) { FORCE_##SYSTEM(W); }                                             \
+            }                                                                                                  \
+        ROW(W, stages + 1)                                                                                     \
+        EACH(D, V) {                                                                                           \
+            MOVE_##SUM(W);                                                                                     \
+            eq[k][v] = eq[k][v] + late[k][v];                                                                  \
+        }                                                                                                      \
+        STORE(D, W, V)                                                                                         \
+    }
+
+#define KERNELS(SYSTEM, D)                   \
+    KERNEL(SYSTEM, D, 1, 1, 1, plain)        \
+    KERNEL(SYSTEM, D, 1, 1, 1, compensated)  \
+    KERNEL(SYSTEM, D, 8, 1, 8, plain)        \
+    KERNEL(SYSTEM, D, 8, 1, 8, compensated)  \
+    KERNEL(SYSTEM, D, 8, 2, 16, plain)       \
+    KERNEL(SYSTEM, D, 8, 2, 16, compensated) \
+    KERNEL(SYSTEM, D, 8, 4, 32, plain)       \
+    KERNEL(SYSTEM, D, 8, 4, 32, compensated)
+
+KERNELS(sho, 1)
+KERNELS(henon_heiles, 2)
+KERNELS(kepler, 2)

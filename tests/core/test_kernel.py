@@ -35,14 +35,16 @@ def same_bits(a, b):
 @pytest.mark.parametrize(("precision", "summation"), PRECISIONS)
 @pytest.mark.parametrize("integrator", ["aba864", "babps9o7h"])
 def test_a_lane_equals_the_scalar_bit_for_bit(system, precision, summation, integrator):
-    lanes = batch(system, integrator, precision=precision, summation=summation)
+    lanes = batch(system, integrator, precision=precision, summation=summation, width=8)
     scalar = batch(system, integrator, precision=precision, summation=summation, width=1)
     assert same_bits(lanes, scalar)
 
 
 @pytest.mark.parametrize("system", sorted(nh.systems))
-def test_sixteen_lanes_equal_eight_bit_for_bit(system):
-    assert same_bits(batch(system, "babs7o7h", width=16), batch(system, "babs7o7h"))
+@pytest.mark.parametrize(("summation", "width"), [("compensated", 16), ("plain", 32)])
+def test_more_registers_of_lanes_equal_one_bit_for_bit(system, summation, width):
+    wide, narrow = (batch(system, "babs7o7h", summation=summation, width=w) for w in (width, 8))
+    assert same_bits(wide, narrow)
 
 
 @pytest.mark.parametrize("system", sorted(nh.systems))

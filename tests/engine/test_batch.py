@@ -66,10 +66,9 @@ def joined(pieces):
     """Neighbours of one operator as one; those that come to nothing are left out."""
     found = []
     for name, c in pieces:
-        if found and found[-1][0] == name:
-            c += found.pop()[1]
-        if c:
-            found.append((name, c))
+        before = found.pop()[1] if found and found[-1][0] == name else Fraction(0)
+        if before + c:
+            found.append((name, before + c))
     return found
 
 

@@ -17,7 +17,7 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.engine import ensemble as module
-from nearharmonic.engine.ensemble import ensemble_width
+from nearharmonic.engine.lanes import lanes_for, most_lanes
 from nearharmonic.errors import NearharmonicError
 
 STARTS = np.random.default_rng(5).uniform(-0.3, 0.3, (21, 4))
@@ -113,7 +113,7 @@ def test_bits_do_not_depend_on_threads_blocks_or_width(monkeypatch):
         assert nh.ensemble("henon_heiles", "ruth", 0.1, threads=threads, **given).identical(expected)
         found = nh.ensemble("henon_heiles", "ruth", 0.1, threads=threads, t=[2.25, 50, 100], **given)
         assert found.identical(at_times)
-    monkeypatch.setattr(module, "ensemble_width", lambda *_, **__: 4)
+    monkeypatch.setattr(module, "most_lanes", lambda *_, **__: 4)
     assert nh.ensemble("henon_heiles", "ruth", 0.1, **given).identical(expected)
 
 
@@ -138,11 +138,22 @@ def test_an_ensemble_keeps_what_was_asked_for():
 
 def test_the_width_leaves_half_of_the_registers_to_the_force():
     """d coordinates hold 4 d doubles a lane with carries; 16 registers of eight lanes."""
-    assert ensemble_width(1, compensated=True, extended=False) == 32
-    assert ensemble_width(2, compensated=True, extended=False) == 16
-    assert ensemble_width(2, compensated=False, extended=False) == 32
-    assert ensemble_width(6, compensated=True, extended=False) == 8
-    assert ensemble_width(2, compensated=True, extended=True) == 8
+    assert most_lanes(1, compensated=True, extended=False) == 32
+    assert most_lanes(2, compensated=True, extended=False) == 16
+    assert most_lanes(2, compensated=False, extended=False) == 32
+    assert most_lanes(6, compensated=True, extended=False) == 8
+    assert most_lanes(2, compensated=True, extended=True) == 8
+
+
+def test_one_run_takes_one_lane_and_many_take_as_many_as_the_longest_leaves_useful():
+    """A queue takes max(longest, total / lanes) steps, one of 1.2, 2.0 or 3.6 times a single run's."""
+    equal = np.full(64, 100)
+    assert lanes_for(np.array([1000]), 32) == 1
+    assert lanes_for(equal, 8) == 8  # 800 steps of 1.2 against 6400
+    assert lanes_for(equal, 16) == 16  # 400 of 2.0 = 800 against 960
+    assert lanes_for(equal, 32) == 32  # 200 of 3.6 = 720
+    assert lanes_for(np.array([10000, 10, 10]), 32) == 1  # 10020 against 12000
+    assert lanes_for(np.array([100, 100]), 32) == 8  # 120 against 200
 
 
 @pytest.mark.parametrize(

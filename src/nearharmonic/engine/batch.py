@@ -15,6 +15,7 @@ from nearharmonic.engine import coefficients, execution
 from nearharmonic.engine.coefficients import Floats
 from nearharmonic.engine.initial_values import standard_parameters, standard_start
 from nearharmonic.engine.kernels import STANDARD, cost_of, kernel_of
+from nearharmonic.engine.lanes import with_lanes
 from nearharmonic.engine.results import Integers, Trajectories, trajectories_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import bad_setting
@@ -242,6 +243,7 @@ def integrate_batch(
     first = standard_start(system, not numerics.compensated) if start is None else start
     rows = np.empty((count.size, first.shape[-1]))
     rows[:] = first
+    numerics = with_lanes(numerics, count, first.shape[-1] // 4)
     taus = [t_end / n for n in distinct]
     batch = prepared_batch(
         system, tableau, numerics, marks=sample_marks(count, samples) if marks is None else marks, scheme=scheme,

@@ -24,10 +24,11 @@ from nearharmonic.engine.description import (
 )
 from nearharmonic.engine.initial_values import parameter_array, standard_parameters, start_array
 from nearharmonic.engine.kernels import cost_of
+from nearharmonic.engine.lanes import most_lanes
 from nearharmonic.engine.output_times import checked_times, run_at
 from nearharmonic.engine.problem import Problem
 from nearharmonic.engine.results import Trajectories, joined, trajectories_of
-from nearharmonic.engine.settings import WIDTH, checked_samples, checked_threads
+from nearharmonic.engine.settings import checked_samples, checked_threads
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.dataset import Variables, assembled, described
@@ -38,8 +39,6 @@ if TYPE_CHECKING:
 
 #: Members that a thread integrates at a time: enough that the lanes that run empty at the end do not count.
 BLOCK = 2048
-#: Registers of AVX-512, of which a state may fill half; the other half is for the force.
-REGISTERS = 32
 #: Bytes of results that one call keeps at most.
 MOST_BYTES = 8_000_000_000
 
@@ -129,18 +128,6 @@ def _check_size(problem: Problem, members: int, samples: int) -> None:
         raise bad_setting("samples", samples, allowed)
 
 
-def ensemble_width(dimension: int, *, compensated: bool, extended: bool) -> int:
-    """Return the SIMD lanes for runs of so many coordinates: as many as leave half of the registers to the force.
-
-    Doubles that a lane holds from step to step are 2 a coordinate, and as many carries unless the summation is plain.
-    """
-    held = dimension * (2 + 2 * compensated) * (2 if extended else 1)
-    width = WIDTH
-    while width < 4 * WIDTH and held * 2 * width // WIDTH <= REGISTERS // 2:
-        width *= 2
-    return width
-
-
 def _block(i: int, members: int) -> slice:
     """The members that a thread integrates at a time."""
     return slice(i * BLOCK, min((i + 1) * BLOCK, members))
@@ -195,7 +182,7 @@ class _Runs:
         self.start, self.parameters = start, parameters
         self.marks = sample_marks(np.array([steps]), samples)
         numerics, d = problem.numerics, problem.system.formulas().dimension
-        width = ensemble_width(d, compensated=numerics.compensated, extended=numerics.precision == "extended")
+        width = most_lanes(d, compensated=numerics.compensated, extended=numerics.precision == "extended")
         self.numerics = replace(numerics, width=width)
         self._free: list[Batch] = []
 

@@ -6,7 +6,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from nearharmonic.core.number import Constant
-from nearharmonic.engine.settings import Numerics
+from nearharmonic.engine.settings import WIDTH, Numerics
 from nearharmonic.systems.gradients import check_gradients
 from nearharmonic.systems.kinetic_energy import quadratic_T
 from nearharmonic.systems.system import System
@@ -27,7 +27,8 @@ def kernel_of(system: System, numerics: Numerics = STANDARD) -> Kernel:
     system : System
         Its gradients are compared with its energies when it is first used in this process.
     numerics : Numerics
-        Of these, the code depends on those that :attr:`Numerics.compiled` keeps.
+        Of these, the code depends on those that :attr:`Numerics.compiled` keeps. Lanes that are left open are those of
+        one register.
 
     Raises
     ------
@@ -43,7 +44,7 @@ def kernel_of(system: System, numerics: Numerics = STANDARD) -> Kernel:
         physics_of(system),
         extended=numerics.precision == "extended",
         compensated=numerics.compensated,
-        width=1 if system.formulas().are_loops else numerics.width,
+        width=1 if system.formulas().are_loops else numerics.width or WIDTH,
         energy=numerics.energy,
     )
 

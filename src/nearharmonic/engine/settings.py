@@ -181,8 +181,8 @@ class Numerics:
         Arithmetic of the state; "extended" is double-double.
     summation : {"compensated", "plain"}
         Summation of the steps in double precision. Double-double sums are compensated always.
-    width : int
-        Number of SIMD lanes, 1 to 64.
+    width : int or None
+        Number of SIMD lanes, 1 to 64; if None, as many as suit the runs.
     energy : {"every", "samples", "none"}
         When the energy is measured: at every step; at the samples, where errors are over the samples and a run counts
         as diverged at the first sample that says so; never, where errors are NaN and only a state that is not finite
@@ -201,7 +201,7 @@ class Numerics:
 
     precision: str = "double"
     summation: str = "compensated"
-    width: int = WIDTH
+    width: int | None = None
     energy: str = "every"
     look: int | None = None
     double_coefficients: bool = False
@@ -209,7 +209,8 @@ class Numerics:
     def __post_init__(self) -> None:
         checked_precision(self.precision)
         checked_summation(self.summation)
-        checked_count("width", self.width, MOST_LANES)
+        if self.width is not None:
+            checked_count("width", self.width, MOST_LANES)
         one_of("energy", self.energy, ENERGIES)
         if self.look is not None:
             checked_count("look", self.look, MOST_STEPS)
