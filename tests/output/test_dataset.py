@@ -82,4 +82,4 @@ def test_results_of_sweep_and_integrate_are_ordinary_datasets():
     xr.testing.assert_identical(one, plainly(one))
     assert set(one.coords) == {"t"}
     assert not one.indexes
-    assert one.sizes == {"sample": 5, "component": 2, "eccentricity_vector_component": 2}
+    assert one.sizes == {"sample": 5, "component": 2, "eccentricity_vector_component": 2, "running_component": 10}

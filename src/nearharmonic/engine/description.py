@@ -178,7 +178,7 @@ def running_variable(problem: Problem, paths: Trajectories) -> Variables:
     """Return the state of the last force of the first run, from which a run goes on with the same bits."""
     units = problem.system.units
     meaning = "state of the last force: position, momentum, the digits below each, and what the next position adds"
-    return {"running": (("row",), paths.running[0], described(meaning, f"{units['q']}, {units['p']}"))}
+    return {"running": (("running_component",), paths.running[0], described(meaning, f"{units['q']}, {units['p']}"))}
 
 
 def initial_energy_variables(problem: Problem, paths: Trajectories) -> Variables:
