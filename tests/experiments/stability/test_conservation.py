@@ -129,8 +129,9 @@ def test_every_method_keeps_the_structure_to_rounding_and_no_better(system, name
     assert found.symplectic_walk / 100_000 < found.symplectic_defect < 3 * found.symplectic_walk < 1e-18
     # Ruth's mean energy error at this step size is below 1e-4 everywhere, and so is what its trend comes to.
     assert 0 < abs(found.energy_drift) < 1e-4
-    # Ten times, since the blocks of a chaotic orbit are not independent; and rounding limits what a trend can be.
-    assert abs(found.energy_drift) < 10 * found.energy_drift_interval
+    # Twenty times: the blocks of a chaotic orbit are not independent, and among a dozen neighbours of its start trends
+    # reach ten half widths; and rounding limits what a trend can be.
+    assert abs(found.energy_drift) < 20 * found.energy_drift_interval
     assert 0 < found.energy_walk < found.energy_drift_interval
 
 
