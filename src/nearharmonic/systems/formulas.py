@@ -8,15 +8,16 @@ the energy that the system has received. T + p_t is of degree 2 in the momenta i
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from nearharmonic.core.number import NO_SUCH_COMPONENT, Constant, FormulaError, components
+from nearharmonic.core.number import NO_SUCH_COMPONENT, Constant, FormulaError, components, vector
 from nearharmonic.systems.energy import Energy
 from nearharmonic.systems.kinetic_energy import MassKineticEnergy, takes_parameters
 
 if TYPE_CHECKING:
+    from nearharmonic.core.chain import Chain
     from nearharmonic.systems.system import System
 
 Vector = tuple[Any, ...]
@@ -52,6 +53,22 @@ class Formulas:
     def are_loops(self) -> bool:
         """Whether kernels of the system are loops, for one trajectory at a time."""
         return any(energy.is_long for energy in self.energies)
+
+    def force_chain(self, constants: Sequence[Constant], parameters: int) -> Chain:
+        """Return the longest chain of operations from q to grad_V.
+
+        Parameters
+        ----------
+        constants : sequence of Constant
+            The parameters, if they are compiled in.
+        parameters : int
+            Number of parameters.
+        """
+        from nearharmonic.core.chain import Chained, longest_chain
+
+        values = [Chained() for _ in range(self.dimension + parameters)]
+        q, given = tuple(values[: self.dimension]), values[self.dimension :]
+        return longest_chain(vector(self, "grad_V", q, *(constants or given)))
 
 
 class DerivedGradient:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from nearharmonic.core.expression.graph import Graph
 from nearharmonic.core.number import Constant, vector
@@ -16,6 +16,9 @@ from nearharmonic.systems.energy import Energy
 from nearharmonic.systems.formulas import DerivedGradient, ExtendedPotential, Formulas, formulas_of, with_parameters
 from nearharmonic.systems.kinetic_energy import MassKineticEnergy, quadratic_grad_T, quadratic_T
 from nearharmonic.systems.quantities import Observable, Parameter, Vector, decimal, sequence
+
+if TYPE_CHECKING:
+    from nearharmonic.core.chain import Chain
 
 Scalar = TypeVar("Scalar")
 
@@ -255,6 +258,15 @@ class System:
         except SystemDefinitionError:
             return False
         return True
+
+    @property
+    def force_chain(self) -> Chain:
+        """The longest chain of operations from a position to the force there, in processor cycles.
+
+        It bounds the time of one trajectory: a stage takes as long as this and about seven cycles more.
+        """
+        given = () if self.parameters_at_run_time else self.constants(Constant)
+        return self.formulas().force_chain(given, len(self.parameters))
 
     def formulas(self) -> Formulas:
         """Return what is integrated: the formulas, or those of the extended system if V depends on time."""
