@@ -210,6 +210,16 @@ class Writer:
         self.builder.cbranch(condition.value, behind, going_on)
         self.builder.position_at_end(going_on)
 
+    def number(self, index: Index) -> LLVMValue:
+        """A whole number as a double."""
+        return LLVMValue(self.builder, self.builder.sitofp(index.value, DOUBLE))
+
+    def whole(self, number: LLVMValue) -> Index:
+        """The whole part of a double; at most 2^52, which also stands for what is no number."""
+        most = 2.0**52
+        bounded = number.less(most).choose(number, most)
+        return Index(self.builder, self.builder.fptosi(bounded.value, INDEX))
+
     def either(self, condition: LLVMMask, yes: Any, no: Any) -> Any:
         """``yes`` if ``condition`` is true, else ``no``."""
         return type(yes)(self.builder, self.builder.select(condition.value, yes.value, no.value))

@@ -18,7 +18,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from nearharmonic.core.layout import ADVANCE, BEGIN, RUN, workspace
+from nearharmonic.core.layout import ADVANCE, BEGIN, LAND, RUN, workspace
 from nearharmonic.core.native import PreparedCall, code_key, native
 from nearharmonic.core.rules import Physics, Rules, fingerprint
 
@@ -35,6 +35,8 @@ class Kernel:
     :data:`TALLY` + :func:`parameter_rows` + 5 d, width), changed in place, and ``room`` more behind them. It returns
     before ``count`` when a lane's energy error passes its limit.
 
+    ``begin`` is the address of the function that begins tallies, 0 if the energy is never measured.
+
     ``prepared`` passes a queue of runs through the lanes, as often as what it returns is called: its arguments are
     :data:`nearharmonic.core.layout.RUN` without the addresses in front and without the workspace at the end, which
     belongs to the call that it returns.
@@ -45,6 +47,7 @@ class Kernel:
     parts: int
     parameters: int
     room: int
+    begin: int
     advance: Callable[[], Callable[..., int]]
     prepared: Callable[..., PreparedCall]
 
@@ -101,9 +104,53 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
         parts=rules.parts,
         parameters=physics.parameters,
         room=more,
+        begin=begin,
         advance=lambda: advance,
         prepared=prepared,
     )
+
+
+def build_landing(
+    physics: Physics, maps: Any, *, extended: bool, compensated: bool, energy: str
+) -> Callable[..., PreparedCall]:
+    """Load the function that passes runs of a regularised system through their steps, or compile it into the cache.
+
+    Parameters
+    ----------
+    physics, extended, compensated, energy
+        As for :func:`build`.
+    maps : RegularisedFormulas
+        The maps from and to physical states.
+
+    Returns
+    -------
+    callable
+        Prepares a call, from the arguments of :data:`nearharmonic.core.layout.LAND` without the three addresses in
+        front and the arrays of one state behind.
+    """
+    rules = Rules(physics, extended, compensated)
+    kernel = build(physics, extended=extended, compensated=compensated, width=1, energy=energy)
+    look = _advance(rules, 1, "none" if energy == "none" else "samples")
+
+    def make() -> tuple[str, bytes]:
+        from nearharmonic.core import assembly, landing
+
+        return assembly.machine_code(*landing.land(rules, maps))
+
+    land = native(f"land-{_key(rules, 1)}", LAND, make)
+
+    def prepared(measured: int, *others: Any) -> PreparedCall:
+        stages = others[_STAGES]
+        arrays = workspace(physics.dimension, stages, parameters=physics.parameters, width=1)
+        rows, trial, lanes, trial_lanes = arrays[0], arrays[1], arrays[2], arrays[2].copy()
+        addresses = kernel.advance().address, look.address, kernel.begin
+        return land.prepared(*addresses, measured, *others, rows, lanes, trial, trial_lanes)
+
+    return prepared
+
+
+#: Place of the number of stages among the arguments of :data:`LAND` from the queue on.
+_STAGES = [argument.name for argument in LAND.arguments].index("stages") - 4
 
 
 def room(physics: Physics, *, extended: bool) -> int:

@@ -152,6 +152,43 @@ RUN = Signature(
 )
 
 
+#: Arguments of ``land``, for R runs of S samples, in physical space of d coordinates; not named below: as for ``run``.
+LAND = Signature(
+    (
+        integers("advance"),
+        integers("look"),  # the kernel that measures the energy where it lands
+        integers("begin"),
+        integers("measured"),
+        integers("order", 1),
+        integers("marks", 2),  # (R, S) times of the samples, in steps of physical time
+        integers("scheme", 1),
+        floats("start", 2),  # (R, 4 d)
+        floats("parameters", 2),
+        floats("limit"),
+        floats("scale"),
+        floats("reference", 1),
+        integers("stretch"),
+        integers("stages"),
+        flags("kick_first"),
+        floats("moves", 3),  # (schemes, stages + 3, 6): pairs of kick, drift, product; and of the step size
+        integers("control", 1),
+        floats("states", 3),  # (R, S, 4 d)
+        floats("energy_error", 2),
+        floats("worst", 2),
+        floats("total", 2),
+        floats("energy", 2),
+        floats("ends", 2),  # (R, 5 d): the steps of the run, and those made with the repeats of landing
+        integers("left_at", 1),
+        # The state of a run and the coefficients of its steps, and of one that is tried.
+        floats("rows", 1),
+        floats("lanes", 1),
+        floats("trial", 1),
+        floats("trial_lanes", 1),
+    ),
+    packed=True,
+)
+
+
 def parameter_rows(parameters: int) -> int:
     """Rows behind the tally that hold so many parameters: two doubles each, and one row that nobody reads if none."""
     return max(1, 2 * parameters)

@@ -78,6 +78,8 @@ class Physics:
         Parameters that are compiled in, because a formula needs their values; there are none of the others then.
     dimension : int
         Number of coordinates.
+    measured : callable, or None
+        ``f(q, p, *parameters)``, the kinetic and the potential energy to be measured in place of T and V.
     loops : tuple of LoopedEnergy, or None
         V and T as loops, for many coordinates: then nothing of the formulas above is compiled.
     unit_masses : bool
@@ -95,6 +97,7 @@ class Physics:
     constants: tuple[Constant, ...]
     dimension: int
     acceleration: Callable[..., Any] | None = None
+    measured: Callable[..., Any] | None = None
     loops: tuple[LoopedEnergy, LoopedEnergy] | None = None
     unit_masses: bool = False
 
@@ -177,16 +180,22 @@ class Rules:
         """
         d = self.physics.dimension
         position, momentum, late = running[: 2 * d], running[2 * d : 4 * d], running[4 * d :]
-        kick, drift = self.part(row, KICK), self.part(row, DRIFT)
-        new_momentum = self.update(_pairs(momentum, d), kick, rates)
+        new_momentum = self.update(_pairs(momentum, d), self.part(row, KICK), rates)
         if not self.looks_ahead:
             velocity = self._velocity(new_momentum, parameters)
-            return self.update(_pairs(position, d), drift, velocity) + new_momentum + late
-        velocity = self._velocity(momentum, parameters)
-        pull = tuple(Double(rate) for rate in rates)
-        assert self.physics.acceleration is not None
-        acceleration = self.flat(tuple(self.physics.acceleration(pull, *self.constants(parameters))), running[0])
-        return self.looked_ahead(position, late, row, velocity, acceleration, new_momentum)
+            new_position = self.update(_pairs(position, d), self.part(row, DRIFT), self.flat(velocity, running[0]))
+            new = new_position + new_momentum + late
+        else:
+            velocity = self._velocity(momentum, parameters)
+            pull = tuple(Double(rate) for rate in rates)
+            assert self.physics.acceleration is not None
+            acceleration = self.flat(tuple(self.physics.acceleration(pull, *self.constants(parameters))), running[0])
+            new = self.looked_ahead(position, late, row, self.flat(velocity, running[0]), acceleration, new_momentum)
+        # A coordinate that never moves is left alone, so that what depends on it alone is computed once.
+        at_rest = [i for i, v in enumerate(velocity) if isinstance(v, Constant) and v == 0]
+        for place in (i + k for i in at_rest for k in (0, d)):
+            new[place] = running[place]
+        return new
 
     def part(self, row: Entries, column: int) -> Entries:
         """A coefficient of a row, as one double or two."""
@@ -219,15 +228,17 @@ class Rules:
         carries = [carry + rest for carry, rest in zip(running[d : 2 * d], running[4 * d :], strict=True)]
         return running[:d] + carries + running[2 * d : 4 * d]
 
-    def _velocity(self, momentum: Entries, parameters: Entries) -> Entries:
+    def _velocity(self, momentum: Entries, parameters: Entries) -> tuple[Any, ...]:
         p = self.numbers(_pairs(momentum, self.physics.dimension))
-        return self.flat(vector(self.physics, "grad_T", p, *self.constants(parameters)), momentum[0])
+        return vector(self.physics, "grad_T", p, *self.constants(parameters))
 
     def energies(self, state: Entries, parameters: Entries) -> tuple[Any, Any]:
         """T and V of state + carry in double-double, whatever the precision of the run; constants as they are."""
         half, d, constants = 2 * self.physics.dimension, self.physics.dimension, self.exact_constants(parameters)
         q = tuple(DoubleDouble(*pair) for pair in _pairs(state, d))
         p = tuple(DoubleDouble(*pair) for pair in _pairs(state[half:], d))
+        if self.physics.measured is not None:
+            return call(self.physics, "V", self.physics.measured, q, p, *constants)  # type: ignore[no-any-return]
         return scalar(self.physics, "T", p, *constants), scalar(self.physics, "V", q, *constants)
 
     def energy(self, state: Entries, parameters: Entries) -> DoubleDouble:

@@ -44,13 +44,67 @@ def run() -> tuple[ir.Module, str]:
     return module, name
 
 
-class _Scheduler:
-    """Writes the function; its arguments are attributes of ``a``."""
+class Runs:
+    """What functions that pass runs through kernels have in common; their arguments are attributes of ``a``."""
+
+    def __init__(self, writer: Writer, given: dict[str, Any], *, width: Index, size: Index) -> None:
+        self.writer, self.a, self.width, self.size = writer, SimpleNamespace(**given), width, size
+
+    def _row(self, lane: Index, row: Index | int) -> Index:
+        """The place of a row of a lane."""
+        return (self.writer.index(row) if isinstance(row, int) else row) * self.width + lane
+
+    def _tally(self, lane: Index, entry: int) -> Index:
+        return self._row(lane, self.size + entry)
+
+    def _parameters_of(self, r: Index) -> Array:
+        """Those of a run, or the one row that is for all."""
+        found: Array = self.a.parameters[r.at_most(self.a.parameters.shape[0] - 1)]
+        return found
+
+    def _begin(self, lane: Index) -> None:
+        """The lane's tally begins; its limit becomes absolute.
+
+        It is relative to |H0|, to |T| if H0 = 0, or to ``scale`` if that is not 0.
+        """
+        writer, a = self.writer, self.a
+        high, low = self._tally(lane, ENERGY), self._tally(lane, ENERGY_LOW)
+        for entry in range(TALLY):
+            place = self._tally(lane, entry)
+            a.rows[place] = a.fresh[place]
+        kinetic: LLVMValue = a.rows[self._tally(lane, LIMIT)]
+        H = writer.variable(a.rows[high].absolute())
+        with writer.when((kinetic * NEGLIGIBLE).at_least(H.value)):
+            a.rows[high] = a.rows[low] = 0.0
+            H.value = H.value.constant(0.0)
+        reference = a.reference[0]
+        with writer.when(~reference.undefined()):
+            lost = a.rows[low] - a.reference[1]
+            a.rows[self._tally(lane, LATEST)] = (a.rows[high] - reference) + lost
+            a.rows[high], a.rows[low] = reference, a.reference[1]
+            H.value = reference.absolute()
+        unit = a.scale.equals(0.0).choose(H.value.equals(0.0).choose(kinetic, H.value), a.scale)
+        a.rows[self._tally(lane, LIMIT)] = unit.equals(0.0).choose(float("inf"), a.limit * unit)
+
+    def _unless_finite(self, lane: Index, latest: Any) -> None:
+        """0, or NaN for a state that is not finite."""
+        latest.value = latest.value.constant(0.0)
+        for k in self.writer.range(self.size):
+            latest.value = latest.value + self.a.rows[self._row(lane, k)] * 0.0
+
+    def _was_last(self, r: Index, sample: Index) -> LLVMMask:
+        """Whether a run has no sample of this number."""
+        marks: Array = self.a.marks
+        last = marks.shape[1] - 1
+        after: Index = marks[r, sample.at_most(last)]
+        return (sample > last) | (after < 0)
+
+
+class _Scheduler(Runs):
+    """Writes the function."""
 
     def __init__(self, writer: Writer, given: dict[str, Any]) -> None:
-        self.writer, self.a = writer, SimpleNamespace(**given)
-        self.width: Index = self.a.runs.shape[0]
-        self.size: Index = self.a.start.shape[1]
+        super().__init__(writer, given, width=given["runs"].shape[0], size=given["start"].shape[1])
         self.states = self.a.running.shape[1]
         first = self.a.order[0]
         self.rest, self.usual = self.a.start[first], self._parameters_of(first)
@@ -81,13 +135,6 @@ class _Scheduler:
                     self._settle(lane, done)
         writer.builder.ret_void()
 
-    def _row(self, lane: Index, row: Index | int) -> Index:
-        """The place of a row of a lane."""
-        return (self.writer.index(row) if isinstance(row, int) else row) * self.width + lane
-
-    def _tally(self, lane: Index, entry: int) -> Index:
-        return self._row(lane, self.size + entry)
-
     @property
     def _running(self) -> Index:
         """The first row of the states that run, the last rows but for the room behind them."""
@@ -98,11 +145,6 @@ class _Scheduler:
         count = self.a.parameters.shape[1]
         rows: Index = self.writer.either(count > 0, count, self.writer.index(1))
         return rows
-
-    def _parameters_of(self, r: Index) -> Array:
-        """Those of a run, or the one row that is for all."""
-        found: Array = self.a.parameters[r.at_most(self.a.parameters.shape[0] - 1)]
-        return found
 
     def _refill(self) -> None:
         """Lanes without a run take the next ones of the queue."""
@@ -161,30 +203,6 @@ class _Scheduler:
                 self._record(lane, r, a.mark[lane])
                 a.mark[lane] = 1
 
-    def _begin(self, lane: Index) -> None:
-        """The lane's tally begins; its limit becomes absolute.
-
-        It is relative to |H0|, to |T| if H0 = 0, or to ``scale`` if that is not 0.
-        """
-        writer, a = self.writer, self.a
-        high, low = self._tally(lane, ENERGY), self._tally(lane, ENERGY_LOW)
-        for entry in range(TALLY):
-            place = self._tally(lane, entry)
-            a.rows[place] = a.fresh[place]
-        kinetic: LLVMValue = a.rows[self._tally(lane, LIMIT)]
-        H = writer.variable(a.rows[high].absolute())
-        with writer.when((kinetic * NEGLIGIBLE).at_least(H.value)):
-            a.rows[high] = a.rows[low] = 0.0
-            H.value = H.value.constant(0.0)
-        reference = a.reference[0]
-        with writer.when(~reference.undefined()):
-            lost = a.rows[low] - a.reference[1]
-            a.rows[self._tally(lane, LATEST)] = (a.rows[high] - reference) + lost
-            a.rows[high], a.rows[low] = reference, a.reference[1]
-            H.value = reference.absolute()
-        unit = a.scale.equals(0.0).choose(H.value.equals(0.0).choose(kinetic, H.value), a.scale)
-        a.rows[self._tally(lane, LIMIT)] = unit.equals(0.0).choose(float("inf"), a.limit * unit)
-
     def _record(self, lane: Index, r: Index, sample: Index) -> None:
         """One sample of the lane, and what its block of steps since the last sample came to."""
         a = self.a
@@ -235,19 +253,6 @@ class _Scheduler:
             a.mark[lane] = sample
             with writer.when(self._was_last(r, sample)):
                 self._free(lane, r)
-
-    def _unless_finite(self, lane: Index, latest: Any) -> None:
-        """0, or NaN for a state that is not finite."""
-        latest.value = latest.value.constant(0.0)
-        for k in self.writer.range(self.size):
-            latest.value = latest.value + self.a.rows[self._row(lane, k)] * 0.0
-
-    def _was_last(self, r: Index, sample: Index) -> LLVMMask:
-        """Whether a run has no sample of this number."""
-        marks: Array = self.a.marks
-        last = marks.shape[1] - 1
-        after: Index = marks[r, sample.at_most(last)]
-        return (sample > last) | (after < 0)
 
     def _free(self, lane: Index, r: Index) -> None:
         """The run is over, and its state that runs is kept."""

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from nearharmonic.core.layout import EVERY_STEP, LOOKS, NEVER, SAMPLES, running_rows
-from nearharmonic.engine import coefficients, execution
-from nearharmonic.engine.coefficients import Floats
+from nearharmonic.engine import execution
+from nearharmonic.engine.coefficients import Floats, moves_of
 from nearharmonic.engine.initial_values import standard_parameters, standard_start
 from nearharmonic.engine.kernels import STANDARD, cost_of, kernel_of
 from nearharmonic.engine.lanes import with_lanes
+from nearharmonic.engine.regularised import LandingCall
 from nearharmonic.engine.results import Integers, Trajectories, trajectories_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import bad_setting
@@ -86,7 +87,7 @@ class Batch:
     running: Floats
     left_at: Integers
     control: Integers
-    call: PreparedCall
+    call: PreparedCall | LandingCall
     cost: int
 
     @property
@@ -142,6 +143,8 @@ def prepared_batch(
     resumed : (R, 5 D) array of float, optional
         States that run, of runs that go on from ``start`` with the same moves.
     """
+    if system.regularisation is not None:
+        return _prepared_landing(system, tableau, numerics, marks, scheme, moves, start, parameters, scale, reference)
     kernel = kernel_of(system, numerics.compiled)
     if kernel.parameters < len(system.parameters):
         parameters = _compiled_in(system, parameters)
@@ -159,6 +162,27 @@ def prepared_batch(
         numerics=numerics, marks=marks, scheme=scheme, start=start, parameters=parameters, moves=moves,
         results=results, states=states, blocks=blocks, energy=energy, running=running, left_at=left_at,
         control=control, call=call, cost=cost,
+    )  # fmt: skip
+
+
+def _prepared_landing(
+    system: System, tableau: Tableau, numerics: Numerics, marks: Integers, scheme: Integers, pieces: Floats,
+    start: Floats, parameters: Floats, scale: float, reference: tuple[float, float],
+) -> Batch:  # fmt: skip
+    """The same for a regularised system; ``running`` begins with the steps of each run, and those made to land."""
+    runs, d, cost = len(marks), system.dimension, tableau.stages * cost_of(system, numerics.compiled)
+    left_at, control = np.zeros(runs, np.int64), execution.control()
+    results = np.empty((4 * d + 3) * marks.size + (2 + running_rows(d)) * runs)
+    states, blocks, energy, ends = split_results(results, runs, marks.shape[1], d)
+    arguments = (
+        measured(numerics), np.arange(runs), marks, scheme, start, parameters, surface_limit(system, scale), scale,
+        np.array(reference), numerics.look or execution.stretch(cost), tableau.stages, tableau.first == "kick",
+        pieces, control, states, *blocks, energy, ends, left_at,
+    )  # fmt: skip
+    return Batch(
+        numerics=numerics, marks=marks, scheme=scheme, start=start, parameters=parameters, moves=pieces,
+        results=results, states=states, blocks=blocks, energy=energy, running=ends, left_at=left_at, control=control,
+        call=LandingCall(system, numerics, parameters, arguments), cost=cost,
     )  # fmt: skip
 
 
@@ -247,7 +271,7 @@ def integrate_batch(
     taus = [t_end / n for n in distinct]
     batch = prepared_batch(
         system, tableau, numerics, marks=sample_marks(count, samples) if marks is None else marks, scheme=scheme,
-        moves=coefficients.moves(tableau, taus, numerics.parts, rounded=numerics.double_coefficients), start=rows,
+        moves=moves_of(system, tableau, taus, numerics), start=rows,
         parameters=standard_parameters(system)[None, :] if parameters is None else parameters,
         scale=scale, reference=reference, resumed=resumed,
     )  # fmt: skip
@@ -261,7 +285,7 @@ def integrate_batch(
         batch.running,
         batch.left_at,
     )
-    return trajectories_of(tableau, count, *results, numerics, scale)
+    return trajectories_of(tableau, count, *results, numerics, scale, landed=system.regularisation is not None)
 
 
 def measured(numerics: Numerics) -> int:

@@ -23,7 +23,9 @@ from nearharmonic.core.layout import (
     running_at,
     running_rows,
 )
+from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.systems.system import System
 
 Floats = NDArray[np.float64]
 
@@ -92,6 +94,28 @@ def moves(tableau: Tableau, taus: Sequence[Fraction], parts: int, *, rounded: bo
     for i, tau in enumerate(taus):
         array[i] = _products(tableau, tau.numerator, tau.denominator, parts, rounded and parts == 2)
     return array
+
+
+def pieces(tableau: Tableau, taus: Sequence[Fraction]) -> Floats:
+    """Return what moves are made of, for a step size that is a multiple of tau: (len(taus), s + 3, 6).
+
+    A row has pairs of kick, drift and their product. The rows are those of :func:`moves`, and behind them one that begins with tau as a pair.
+    """
+    found = np.zeros((len(taus), tableau.stages + 3, 6))
+    for rows, tau in zip(found, taus, strict=True):
+        powers = tau, tau, tau * tau
+        for row, numbers in zip(rows, _exact_products(tableau), strict=False):
+            exact = [Fraction(*number) * power for number, power in zip(numbers, powers, strict=True)]
+            row[:] = [half for number in exact for half in rounded_pair(*number.as_integer_ratio())]
+        rows[-1, :2] = rounded_pair(*tau.as_integer_ratio())
+    return found
+
+
+def moves_of(system: System, tableau: Tableau, taus: Sequence[Fraction], numerics: Numerics) -> Floats:
+    """Return what a kernel of ``system`` takes of a method and its step sizes: moves, or pieces of them."""
+    if system.regularisation is not None:
+        return pieces(tableau, taus)
+    return moves(tableau, taus, numerics.parts, rounded=numerics.double_coefficients)
 
 
 def lanes_of(row: Floats, width: int) -> Floats:

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.engine.coefficients import Floats, moves
+from nearharmonic.engine.coefficients import Floats, moves_of
 from nearharmonic.engine.initial_values import parameter_array, standard_parameters, start_array
 from nearharmonic.engine.kernels import formulas_digest
+from nearharmonic.engine.regularised import check_bound
 from nearharmonic.engine.solution import Solution
 from nearharmonic.errors import bad_setting
 
@@ -89,7 +90,7 @@ class Start:
 def moves_digest(problem: Problem, steps: int) -> str:
     """Return a digest of what moves a state in a run of so many steps: coefficients, step size and arithmetic."""
     numerics = problem.numerics
-    rows = moves(problem.tableau, [problem.end / steps], numerics.parts, rounded=numerics.double_coefficients)
+    rows = moves_of(problem.system, problem.tableau, [problem.end / steps], numerics)
     text = f"{numerics.precision} {numerics.compensated} {numerics.double_coefficients}"
     return sha256(text.encode() + rows.tobytes()).hexdigest()
 
@@ -122,6 +123,7 @@ def start_of(
     for key, array in (("q0 and p0", state), ("parameters", rows)):
         if len(array) != 1:
             raise bad_setting(key, f"{len(array)} rows", "those of one trajectory; nearharmonic.ensemble takes many")
+    check_bound(problem.system, state, rows)
     return Start(state=state, parameters=rows, system=problem.system, given=asked)
 
 
@@ -160,7 +162,7 @@ def _end_of(problem: Problem, start: Any, rows: Floats, given: Mapping[str, Any]
         raise bad_setting(
             "start", f"a run that diverged at step {int(start.diverged_at)}", "a run that did not diverge"
         )
-    state = np.zeros((4, system.formulas().dimension))
+    state = np.zeros((4, problem.states_dimension))
     for k, name in enumerate(("q", "q_low", "p", "p_low")):
         if name in last and not (problem.plain and k % 2):
             state[k, : system.dimension] = last[name].values

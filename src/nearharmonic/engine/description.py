@@ -28,10 +28,11 @@ def error_variables(paths: Trajectories, problem: Problem) -> Variables:
     scale, unit = energy_scale(paths, problem)
     over = {"every": "over every step, inf if diverged", "samples": "over the samples, inf if diverged"}
     what = f"|H - H0|{scale} {over.get(problem.numerics.energy, 'was not asked for')}"
+    made = paths.steps if problem.system.regularisation is None else paths.done
     return over_runs({
         "max_energy_error": (paths.max_energy_error, f"maximum of {what}", unit),
         "mean_energy_error": (paths.mean_energy_error, f"mean of {what}", unit),
-        "steps": (paths.steps, "steps that cover [0, t_end]", "1"),
+        "steps": (made, "steps that cover [0, t_end]", "1"),
         "evaluations": (paths.evaluations, "force evaluations made", "1"),
         "status": (status, STATUS, "1"),
         "diverged_at": (paths.left_at, "step at which the run left its energy surface, 0 if it did not", "1"),
@@ -166,7 +167,8 @@ def trajectory_dataset(
     variables |= invariant_variables(problem, paths, begin.state, begin.constants)
     variables |= tau_variable(problem, paths) | initial_energy_variables(problem, paths)
     one, notes = first_run(variables), problem_attributes(problem) | begin.attributes()
-    if times is None or np.ravel(times)[-1] == float(problem.end) + begin.t:  # the last sample is the end of the run
+    ends = times is None or np.ravel(times)[-1] == float(problem.end) + begin.t  # the last sample is the end of the run
+    if ends and paths.running.size:
         from nearharmonic.engine.continuation import moves_digest
 
         one |= running_variable(problem, paths)

@@ -12,7 +12,7 @@ import numpy as np
 
 from nearharmonic.engine import execution
 from nearharmonic.engine.batch import Batch, prepared_batch, sample_marks
-from nearharmonic.engine.coefficients import Floats, moves
+from nearharmonic.engine.coefficients import Floats, moves_of
 from nearharmonic.engine.description import (
     error_variables,
     initial_energy_variables,
@@ -27,6 +27,7 @@ from nearharmonic.engine.kernels import cost_of
 from nearharmonic.engine.lanes import most_lanes
 from nearharmonic.engine.output_times import checked_times, run_at
 from nearharmonic.engine.problem import Problem
+from nearharmonic.engine.regularised import check_bound
 from nearharmonic.engine.results import Trajectories, joined, trajectories_of
 from nearharmonic.engine.settings import checked_samples, checked_threads
 from nearharmonic.errors import bad_setting
@@ -99,6 +100,7 @@ def ensemble(
     if parameters is not None:
         given = parameter_array(problem.system, parameters)
     members = _members(start, given)
+    check_bound(problem.system, start, given)
     steps, kept = problem.steps_of(tau), checked_samples(samples)
     count = checked_threads(threads)
     if t is None:
@@ -188,7 +190,9 @@ class _Runs:
 
     def run(self, threads: int) -> Trajectories:
         """All members, in blocks of which each thread has one at a time."""
-        cut, d = int(self.samples == 1), self.problem.system.formulas().dimension
+        cut, d = int(self.samples == 1), self.problem.states_dimension
+        landed = self.problem.system.regularisation is not None
+        ends = np.empty((self.members, 2 if landed else 0))
         states = np.empty((self.members, self.marks.size - cut, 4 * d))
         errors = np.empty((3, self.members, self.marks.size - cut))
         energy, left_at = np.empty((self.members, 2)), np.empty(self.members, np.int64)
@@ -198,14 +202,16 @@ class _Runs:
             batch, size = self._batch(block), block.stop - block.start
             batch.run(size * self.steps)
             states[block], errors[:, block] = batch.states[:, cut:], batch.blocks[..., cut:]
-            energy[block], left_at[block] = batch.energy, batch.left_at
+            energy[block], left_at[block], ends[block] = batch.energy, batch.left_at, batch.running[:, : ends.shape[1]]
             if size == BLOCK:
                 self._free.append(batch)
 
         _execute(self.problem, compute, self.members, self.steps, threads)
         steps, marks = np.full(self.members, self.steps), np.broadcast_to(self.marks, (self.members, self.marks.size))
-        results = marks[:, cut:], states, errors, energy, np.empty((self.members, 0)), left_at
-        return trajectories_of(self.problem.tableau, steps, *results, self.problem.numerics, self.problem.scale)
+        results = marks[:, cut:], states, errors, energy, ends, left_at
+        return trajectories_of(
+            self.problem.tableau, steps, *results, self.problem.numerics, self.problem.scale, landed=landed
+        )
 
     def _batch(self, block: slice) -> Batch:
         """A batch that holds the members of ``block``: a used one of the same size, or a new one."""
@@ -219,7 +225,7 @@ class _Runs:
 
     def _new(self, size: int) -> Batch:
         problem = self.problem
-        rows = moves(problem.tableau, [problem.end / self.steps], problem.numerics.parts)
+        rows = moves_of(problem.system, problem.tableau, [problem.end / self.steps], problem.numerics)
         return prepared_batch(
             problem.system, problem.tableau, self.numerics, marks=np.repeat(self.marks, size, axis=0),
             scheme=np.zeros(size, np.int64), moves=rows, start=np.empty((size, self.start.shape[1])),

@@ -6,15 +6,12 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nearharmonic.core.layout import PROGRESS, STOP
-
-if TYPE_CHECKING:
-    from nearharmonic.core.native import PreparedCall
 
 #: Products of steps, stages and the cost of a force: below this a call takes less than about 20 ms, and is simply made.
 SHORT = 5_000_000
@@ -34,14 +31,14 @@ def stretch(cost: int) -> int:
     return max(1, STRETCH // cost)
 
 
-def execute(call: PreparedCall, state: NDArray[np.int64], steps: int, cost: int) -> None:
+def execute(call: Callable[[], Any], state: NDArray[np.int64], steps: int, cost: int) -> None:
     """Make the call; Ctrl-C stops it within a stretch, and one of more than two seconds shows its progress.
 
     Inside of :class:`Blocks` the call is one of theirs, and is stopped and shown with them.
 
     Parameters
     ----------
-    call : PreparedCall
+    call : callable
         Call of a kernel.
     state : (2,) array of int
         Its control array.
@@ -130,7 +127,7 @@ class Blocks:
                 pool.shutdown(cancel_futures=True)
                 raise
 
-    def call(self, call: PreparedCall, state: NDArray[np.int64]) -> None:
+    def call(self, call: Callable[[], Any], state: NDArray[np.int64]) -> None:
         """Make a call of one of the blocks, unless they have been stopped."""
         key = threading.get_ident()
         self._controls[key] = state

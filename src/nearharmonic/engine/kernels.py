@@ -93,6 +93,7 @@ def physics_of(system: System) -> Physics:
         parameters=len(system.parameters) if at_run_time else 0,
         constants=() if at_run_time else system.constants(Constant),
         dimension=formulas.dimension,
+        measured=None if formulas.regularised is None else formulas.regularised.energies,
         loops=loops,
         unit_masses=system.T is quadratic_T and not system.time_dependent,
     )

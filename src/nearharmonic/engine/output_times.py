@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from nearharmonic.engine.batch import integrate_batch, prepared_batch
-from nearharmonic.engine.coefficients import Floats, moves
+from nearharmonic.engine.coefficients import Floats, moves_of
 from nearharmonic.engine.initial_values import exact, standard_parameters
 from nearharmonic.engine.results import Integers, Trajectories, energy_unit
 from nearharmonic.engine.settings import MOST_SAMPLES
@@ -127,7 +127,7 @@ def _step_on(
     batch = prepared_batch(
         problem.system, problem.tableau, problem.numerics,
         marks=np.tile(np.array([[0, 1]]), (members.size, 1)), scheme=shorter[members, samples],
-        moves=moves(problem.tableau, lengths, problem.numerics.parts, rounded=problem.numerics.double_coefficients),
+        moves=moves_of(problem.system, problem.tableau, lengths, problem.numerics),
         start=np.concatenate(first, axis=1), parameters=given if len(given) == 1 else given[members],
         scale=problem.scale,
     )  # fmt: skip

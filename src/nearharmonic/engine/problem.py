@@ -11,7 +11,7 @@ import numpy as np
 
 from nearharmonic.core.layout import workspace
 from nearharmonic.engine.batch import Batch, integrate_batch, prepared_batch, sample_marks
-from nearharmonic.engine.coefficients import Floats, moves
+from nearharmonic.engine.coefficients import Floats, moves_of
 from nearharmonic.engine.grid import check_fit, steps_of
 from nearharmonic.engine.initial_values import (
     exact,
@@ -20,6 +20,7 @@ from nearharmonic.engine.initial_values import (
 )
 from nearharmonic.engine.invariants import check_quantities
 from nearharmonic.engine.kernels import kernel_of
+from nearharmonic.engine.regularised import check_bound
 from nearharmonic.engine.results import Integers, Trajectories
 from nearharmonic.engine.settings import (
     Numerics,
@@ -100,6 +101,7 @@ class Problem:
         self.tableau = tableau.role(checked_first(first))  # type: ignore[arg-type]
         check_fit(self.system, self.tableau)
         check_quantities(self.system)
+        check_bound(self.system, standard_start(self.system, False)[None, :], standard_parameters(self.system)[None, :])
         self.t_end = checked_t_end(self.system.t_end if t_end is None else t_end)
         self.end = exact_decimal(self.t_end)
         self.numerics = Numerics(precision=precision, summation=summation, energy=energy)
@@ -118,6 +120,11 @@ class Problem:
     def plain(self) -> bool:
         """Whether the digits below a double are dropped."""
         return not self.numerics.compensated
+
+    @property
+    def states_dimension(self) -> int:
+        """Coordinates of the states that are kept: the system's own, and the time if V depends on it."""
+        return self.system.dimension + self.system.time_dependent
 
     @property
     def memory(self) -> int:
@@ -217,7 +224,7 @@ class Problem:
         steps = self.steps_of(tau)
         size = self.end / steps
         marks = sample_marks(np.array([steps]), self.samples)
-        rows = moves(self.tableau, [size], self.numerics.parts, rounded=self.numerics.double_coefficients)
+        rows = moves_of(self.system, self.tableau, [size], self.numerics)
         step = StepSize(float(size), steps, marks, rows)
         if len(self._step_sizes) >= MOST_STEP_SIZES:
             self._step_sizes.clear()

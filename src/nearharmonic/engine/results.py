@@ -26,7 +26,7 @@ class Trajectories:
     over every step, or over the samples, as :class:`Numerics` says, infinite if the run left; maxima over looks have no
     means. ``steps`` (R,) asked for; ``done`` (R,) taken; ``left_at`` (R,) step at which the run left its energy
     surface, 0 if it did not; ``evaluations`` (R,) of the force; ``energy``, ``energy_low``
-    (R,): H0. ``running`` (R, 5 d): the states of the last forces, from which the runs may go on.
+    (R,): H0. ``running`` (R, 5 d): the states of the last forces, from which the runs may go on; (R, 0) if none is kept.
     """
 
     marks: Integers
@@ -76,8 +76,13 @@ def trajectories_of(
     left_at: Integers,
     numerics: Numerics,
     scale: float,
+    *,
+    landed: bool = False,
 ) -> Trajectories:
-    """The results of a kernel by name, energies relative to |H0|, to ``scale``, or to 1."""
+    """The results of a kernel by name, energies relative to |H0|, to ``scale``, or to 1.
+
+    Where runs have ``landed`` on physical times, ``running`` tells the steps of each, and those made to land.
+    """
     error, worst, total = blocks / energy_unit(energy[:, 0], scale)[:, None]
     length = marks.copy()
     length[:, 1:] -= marks[:, :-1]
@@ -87,8 +92,12 @@ def trajectories_of(
     d = states.shape[-1] // 4
     left = left_at > 0
     done = np.where(left, left_at, steps)
+    evaluations = done * tableau.stages + int(tableau.first_same_as_last)
+    if landed:
+        done, made = running[:, :2].T.astype(np.int64)
+        evaluations, running = made * tableau.stages + int(tableau.first_same_as_last), running[:, :0]
     largest = np.fmax.reduce(worst, axis=1)  # which passes NaN over
-    mean = _means(total, steps, marks, numerics)
+    mean = _means(total, done if landed else steps, marks, numerics)
     if left.any():
         mean[left] = largest[left] = np.inf
     return Trajectories(
@@ -105,7 +114,7 @@ def trajectories_of(
         steps=steps,
         done=done,
         left_at=left_at,
-        evaluations=done * tableau.stages + int(tableau.first_same_as_last),
+        evaluations=evaluations,
         energy=energy[:, 0],
         energy_low=energy[:, 1],
         running=running,

@@ -42,7 +42,7 @@ class Solution:
         self._results, self._diverged_at = batch.results.copy(), int(batch.left_at[0])
 
     def _split(self) -> tuple[Floats, Floats, Floats, Floats]:
-        dimension = self.problem.system.formulas().dimension
+        dimension = self.problem.states_dimension
         return split_results(self._results, 1, self._step.marks.size, dimension)
 
     @property
@@ -72,7 +72,14 @@ class Solution:
         cut = int(problem.samples == 1)
         states, blocks, energy, running = self._split()
         results = self._step.marks[:, cut:], states[:, cut:], blocks[..., cut:], energy.copy(), running, left
-        return trajectories_of(problem.tableau, np.array([self.steps]), *results, problem.numerics, problem.scale)
+        return trajectories_of(
+            problem.tableau,
+            np.array([self.steps]),
+            *results,
+            problem.numerics,
+            problem.scale,
+            landed=problem.system.regularisation is not None,
+        )
 
     def _kept(self, name: str) -> Floats:
         rows: Floats = getattr(self.trajectories, name)[0]

@@ -13,8 +13,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from nearharmonic.core.number import NO_SUCH_COMPONENT, Constant, FormulaError, components, vector
+from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems.energy import Energy
 from nearharmonic.systems.kinetic_energy import MassKineticEnergy, takes_parameters
+from nearharmonic.systems.regularisation import RegularisedFormulas
 
 if TYPE_CHECKING:
     from nearharmonic.core.chain import Chain
@@ -32,8 +34,8 @@ class Formulas:
     ``hessian_T_times(p, vector, *parameters)`` are derived from them. ``grad_V_and_V(q, *parameters)`` returns the
     components of the gradient and V behind them, of shared operations, ``balanced_T(p, *parameters)`` is T in an order
     that keeps chains of operations short. ``acceleration(force, *parameters)`` is the change of grad_T by a force, the
-    same at all momenta if T is quadratic. ``energies`` are V and T as expressions.
-    ``name`` is that of the system, for errors.
+    same at all momenta if T is quadratic. ``energies`` are V and T as expressions, ``regularised`` the maps of a
+    regularised system. ``name`` is that of the system, for errors.
     """
 
     name: str
@@ -48,6 +50,7 @@ class Formulas:
     hessian_T_times: Callable[..., Vector]
     acceleration: Callable[..., Vector]
     energies: tuple[Energy, Energy]
+    regularised: RegularisedFormulas | None = None
 
     @property
     def are_loops(self) -> bool:
@@ -117,6 +120,54 @@ def formulas_of(system: System, potential: Energy, kinetic_energy: Energy) -> Fo
         hessian_T_times=kinetic.hessian_times,
         acceleration=_Acceleration(system, kinetic_energy),
         energies=(potential, kinetic),
+    )
+
+
+def regularised_formulas(system: System) -> Formulas:
+    """Return the formulas of an oscillator that ``system``, whose ``regularisation`` is given, is mapped to.
+
+    Raises
+    ------
+    SystemDefinitionError
+        Another number of coordinates than 2 or 3, masses other than 1, V that depends on time, or no such parameter.
+    """
+    given = system.regularisation
+    assert given is not None
+    places = list(system.parameters)
+    if (
+        system.dimension not in (2, 3)
+        or not system.unit_masses
+        or system.time_dependent
+        or not {
+            given.gravity,
+            given.strength or given.gravity,
+        }
+        <= set(places)
+    ):
+        raise SystemDefinitionError(
+            f"{system.name}: regularisation = {given!r} is not allowed: it is for two or three coordinates, masses of 1, "
+            "V that does not depend on time, and parameters of the names of gravity and strength"
+        )
+    maps = RegularisedFormulas(given, places.index(given.gravity), system.dimension)
+    constants = system.constants(Constant)
+    V, T = (
+        Energy(system.name, name, formula, maps.coordinates, constants)
+        for name, formula in (("V", maps.V), ("T", maps.T))
+    )
+    return Formulas(
+        name=system.name,
+        dimension=maps.coordinates,
+        V=maps.V,
+        grad_V=V.gradient,
+        T=maps.T,
+        grad_T=lambda p, *_: (*p[:-1], Constant(0)),
+        grad_V_and_V=V.gradient_and_value,
+        balanced_T=T.balanced,
+        hessian_V_times=V.hessian_times,
+        hessian_T_times=T.hessian_times,
+        acceleration=lambda force, *_: (*force[:-1], Constant(0)),
+        energies=(V, T),
+        regularised=maps,
     )
 
 

@@ -13,9 +13,17 @@ from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems.arguments import check_arguments
 from nearharmonic.systems.declaration import UNITS, check_members, check_numbers
 from nearharmonic.systems.energy import Energy
-from nearharmonic.systems.formulas import DerivedGradient, ExtendedPotential, Formulas, formulas_of, with_parameters
+from nearharmonic.systems.formulas import (
+    DerivedGradient,
+    ExtendedPotential,
+    Formulas,
+    formulas_of,
+    regularised_formulas,
+    with_parameters,
+)
 from nearharmonic.systems.kinetic_energy import MassKineticEnergy, quadratic_grad_T, quadratic_T
 from nearharmonic.systems.quantities import Observable, Parameter, Vector, decimal, sequence
+from nearharmonic.systems.regularisation import Regularisation
 
 if TYPE_CHECKING:
     from nearharmonic.core.chain import Chain
@@ -53,6 +61,10 @@ class System:
     string in the unit of energy; if None, |H0|, or that unit where H0 = 0.
     ``surface_limit`` is the relative energy error beyond which a run has diverged; ``surface_reason`` says why.
 
+    ``regularisation`` makes V = -GM/|q| + R in two or three coordinates an oscillator: what is integrated, with a step in
+    the fictitious time, are the formulas of :mod:`nearharmonic.systems.regularisation`. States, times and energies are
+    mapped back.
+
     ``harmonic`` marks the unit oscillator H = (p^2 + q^2)/2, whose energy errors are known in closed form, ``gravity``
     the potential V = -GM/|q|, for which other libraries have code of their own; both are compared with V at first use.
     ``exact_position(system, t)`` returns the position at the mpmath number t on the exact orbit, in the working
@@ -83,6 +95,7 @@ class System:
     grad_T: Callable[..., Vector] = None  # type: ignore[assignment]
     masses: Sequence[Any] | None = None
     time_dependent: bool = False
+    regularisation: Regularisation | None = None
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     invariants: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
     observables: Mapping[str, Observable] = field(default_factory=dict)
@@ -274,6 +287,8 @@ class System:
 
     @cached_property
     def _formulas(self) -> Formulas:
+        if self.regularisation is not None:
+            return regularised_formulas(self)
         return formulas_of(self, self._potential, self._kinetic_energy)
 
     def autonomous(self) -> System:
