@@ -24,6 +24,10 @@ from nearharmonic.theory.order import (
 EVERY = pytest.mark.parametrize("name", list(integrators))
 
 
+#: Conditions of degree 11, which refute an order above ten, take seconds.
+BY_DEGREE = [pytest.param(n, marks=pytest.mark.slow) if t.order > 8 else n for n, t in integrators.items()]
+
+
 def declaring(attribute):
     return pytest.mark.parametrize(
         "name", [name for name, tableau in integrators.items() if getattr(tableau, attribute) is not None]
@@ -49,7 +53,8 @@ def test_the_declared_harmonic_order_is_that_of_the_position(name):
 
 @declaring("generalised_order")
 def test_the_declared_generalised_order_holds_with_the_kick_as_the_small_part(name):
-    assert generalised_order_of(name) == integrators[name].generalised_order
+    tableau = integrators[name]
+    assert generalised_order_of(name, quadratic=tableau.requires is not None) == tableau.generalised_order
 
 
 @EVERY
@@ -57,9 +62,10 @@ def test_a_harmonic_order_is_no_smaller_than_the_order(name):
     assert min(harmonic_orders_of(name)) >= integrators[name].order
 
 
-@EVERY
+@pytest.mark.parametrize("name", BY_DEGREE)
 def test_the_leading_error_stands_out_from_what_the_digits_leave(name):
-    # The smallest so far are 1e-7; a vanishing condition leaves less than 1e-30 of any set with 39 digits or more.
+    # The smallest so far are 4e-9; a vanishing condition leaves less than 1e-24 of any set with 26 digits or more, and
+    # sets with fewer are of order two, which is a matter of their sums.
     assert all(error.norm > 1e-12 for error in leading_errors(name))
     assert leading_errors(name).general.degree == order_of(name) + 1
 

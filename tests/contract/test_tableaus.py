@@ -67,7 +67,7 @@ def test_an_entry_is_registered_under_its_name_with_a_source_that_can_be_looked_
     tableau = integrators[name]
     assert tableau.name == name
     assert tableau.label
-    assert "doi:10." in tableau.source or "arXiv:" in tableau.source
+    assert any(where in tableau.source for where in ("doi:10.", "arXiv:", "https://github.com/"))
 
 
 @EVERY

@@ -8,7 +8,7 @@ leaves. These have 16 to 17 printed decimals and are taken as they stand; the or
 round to the print.
 """
 
-from nearharmonic.integrators.tableau import Tableau, palindrome
+from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau, palindrome
 
 SOURCE_2002 = "Omelyan, Mryglod & Folk (2002), Comput. Phys. Commun. 146, 188, doi:10.1016/S0010-4655(02)00451-4"
 SOURCE_2003 = "Omelyan, Mryglod & Folk (2003), Comput. Phys. Commun. 151, 272, doi:10.1016/S0010-4655(02)00754-3"
@@ -105,5 +105,26 @@ TABLEAUS = (
         source=SOURCE_2003,
         digits=78,
         note="velocity form; errors minimised for quadratic T; kick 0 and drift 1 as printed",
+    ),
+    Tableau(
+        name="omelyan_s7o6",
+        label="s7o6 (Omelyan)",
+        order=6,
+        first="kick",
+        kick=palindrome(
+            "0.0833333333333333333333333333333333333333333333333333333333333333333333333333",
+            "0.3977675859548440074217908138860875275681475964766784567046549559379573747118",
+            "-0.0393336931446257363828544842331766147740374598197977075187673155627909889434",
+            "0.0582327738564483956277303370137557538725565300097859174807790262915002808983",
+        ),
+        drift=palindrome(
+            "0.2465881872786138277570711850754743059162938595239688394060624877215472458030",
+            "0.6047073875057809013986983841499748659238985537193444373721906560735404685632",
+            "-0.4009869039788007481085648931513153144575044954263700297044324813292338900679",
+            centre="0.0993826583888120379055906478517322852346241643661135058523586750682923514033",
+        ),
+        source=SOURCE_2003,
+        digits=76,
+        requires=QUADRATIC_KINETIC_ENERGY,
     ),
 )

@@ -26,8 +26,10 @@ from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.exact.words import Operator, logarithm, product_of_exponentials
 from nearharmonic.integrators.tableau import Tableau
 
-#: Up to this order methods are examined unless told otherwise; the number of words doubles with each more.
+#: Up to this order methods are examined unless they declare more; the number of words doubles with each more.
 HIGHEST = 8
+#: Up to this order methods that declare it are examined: degree 11, which refutes more, takes seconds.
+HIGHEST_DECLARED = 10
 
 
 @lru_cache(maxsize=1024)
@@ -41,6 +43,11 @@ def tolerance(tableau: Tableau, degree: int) -> Fraction:
 def _size(tableau: Tableau) -> Fraction:
     """The sum of the absolute values of all coefficients."""
     return sum((abs(c) for row in tableau.rows_exact() for c in row), Fraction(0))
+
+
+def highest_of(tableau: Tableau) -> int:
+    """Return the order up to which a tableau is examined unless told otherwise."""
+    return max(HIGHEST, min(tableau.order, HIGHEST_DECLARED))
 
 
 def operators_of(tableau: Tableau) -> list[Operator]:

@@ -80,11 +80,12 @@ def load_tableaus(place: str | os.PathLike[str]) -> dict[str, Tableau]:
 
 def _check_order(path: str, tableau: Tableau) -> None:
     """Refuse a tableau whose coefficients contradict the order that it declares, as far as orders are examined."""
-    from nearharmonic.integrators.order_conditions import HIGHEST, proved_order
+    from nearharmonic.integrators.order_conditions import HIGHEST_DECLARED, proved_order
 
     quadratic = tableau.requires is not None
-    order = proved_order(tableau, min(tableau.order, HIGHEST), quadratic=quadratic)
-    if order < min(tableau.order, HIGHEST):
+    examined = min(tableau.order, HIGHEST_DECLARED)
+    order = proved_order(tableau, examined, quadratic=quadratic)
+    if order < examined:
         kind = "a quadratic kinetic energy" if quadratic else "every separable H"
         declared = (
             f"declares order {tableau.order}, and its coefficients, of {tableau.digits} digits, have order {order}"

@@ -13,11 +13,11 @@ from numbers import Integral
 from typing import NamedTuple
 
 from nearharmonic.errors import bad_setting
-from nearharmonic.exact.lie import conditions
+from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.exact.words import logarithm, product_of_exponentials
 from nearharmonic.integrators.order_conditions import (
-    HIGHEST,
     errors_of,
+    highest_of,
     operators_of,
     proved_order,
     tolerance,
@@ -62,7 +62,7 @@ class HarmonicOrders(NamedTuple):
     phase: int
 
 
-def order_of(integrator: str | Tableau, *, first: First | None = None, highest: int = HIGHEST) -> int:
+def order_of(integrator: str | Tableau, *, first: First | None = None, highest: int | None = None) -> int:
     """Return the order for every separable H = T(p) + V(q); ``highest`` if it is that or more.
 
     Parameters
@@ -71,8 +71,8 @@ def order_of(integrator: str | Tableau, *, first: First | None = None, highest: 
         Method, or its name.
     first : {"drift", "kick"}, optional
         Operator to which the outer row is given; None leaves it as declared.
-    highest : int
-        Order up to which conditions are examined.
+    highest : int, optional
+        Order up to which conditions are examined; None is 8, or the order that the tableau declares if that is 9 or 10.
 
     Raises
     ------
@@ -81,10 +81,11 @@ def order_of(integrator: str | Tableau, *, first: First | None = None, highest: 
     SettingError
         ``first`` is no operator, or ``highest`` no integer >= 1.
     """
-    return proved_order(tableau_of(integrator, first), _integer("highest", highest), quadratic=False)
+    tableau = tableau_of(integrator, first)
+    return proved_order(tableau, _highest(tableau, highest), quadratic=False)
 
 
-def nystrom_order_of(integrator: str | Tableau, *, first: First | None = None, highest: int = HIGHEST) -> int:
+def nystrom_order_of(integrator: str | Tableau, *, first: First | None = None, highest: int | None = None) -> int:
     """Return the order for every H = T(p) + V(q) with quadratic T; ``highest`` if it is that or more.
 
     Parameters
@@ -99,7 +100,8 @@ def nystrom_order_of(integrator: str | Tableau, *, first: First | None = None, h
     SettingError
         ``first`` is no operator, or ``highest`` no integer >= 1.
     """
-    return proved_order(tableau_of(integrator, first), _integer("highest", highest), quadratic=True)
+    tableau = tableau_of(integrator, first)
+    return proved_order(tableau, _highest(tableau, highest), quadratic=True)
 
 
 def harmonic_order_of(integrator: str | Tableau, *, first: First | None = None) -> int:
@@ -130,26 +132,42 @@ def harmonic_orders_of(integrator: str | Tableau, *, first: First | None = None)
     )
 
 
-def generalised_order_of(integrator: str | Tableau, *, first: First | None = None) -> tuple[int, ...]:
+def generalised_order_of(
+    integrator: str | Tableau, *, quadratic: bool = False, first: First | None = None
+) -> tuple[int, ...]:
     """Return the generalised order (r1, r2, ..., rm) for H = T(p) + epsilon V(q), the kick being the small part.
 
     The error is O(epsilon tau^(r1 + 1) + epsilon^2 tau^(r2 + 1) + ...), and from epsilon^m on O(tau^(rm + 1)): rm is
     the order. Blanes et al. (2013), section 2. No r exceeds the one before it, past which its errors would not show,
     and r1 is at most 2s, as for the s nodes of a quadrature.
 
-    Arguments and errors are those of :func:`order_of`.
+    Parameters
+    ----------
+    integrator, first
+        As for :func:`order_of`.
+    quadratic : bool
+        Whether T is quadratic, which makes errors of three kicks and more vanish or combine.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``first`` is no operator.
     """
     tableau = tableau_of(integrator, first)
     highest = 2 * tableau.stages
-    order, orders = proved_order(tableau, highest, quadratic=False), [highest]
+    order, orders = proved_order(tableau, highest, quadratic=quadratic), [highest]
     for kicks in range(1, order + 2):
-        orders.append(_first_failure(tableau, kicks, orders[-1]))
+        # With one or two kicks no error vanishes because T is quadratic: [B, [B, [B, A]]] has three.
+        fails = _first_nystrom_failure if quadratic and kicks > 2 else _first_failure
+        orders.append(fails(tableau, kicks, orders[-1]))
         if orders[-1] <= order:
             break
     return tuple(orders[1:])
 
 
-def leading_errors(integrator: str | Tableau, *, first: First | None = None, highest: int = HIGHEST) -> LeadingErrors:
+def leading_errors(integrator: str | Tableau, *, first: First | None = None, highest: int | None = None) -> LeadingErrors:
     """Return the leading error terms of a step.
 
     Norms of the first two are Euclidean, of the coordinates in the Lyndon basis (A < B, A drifts, B kicks) with its
@@ -169,12 +187,12 @@ def leading_errors(integrator: str | Tableau, *, first: First | None = None, hig
         ``first`` is no operator, ``highest`` no integer >= 1, or an order is larger than ``highest``.
     """
     tableau = tableau_of(integrator, first)
-    terms = []
+    terms, most = [], _highest(tableau, highest)
     for quadratic in (False, True):
-        order = proved_order(tableau, _integer("highest", highest) + 1, quadratic=quadratic)
-        if order > highest:
+        order = proved_order(tableau, most + 1, quadratic=quadratic)
+        if order > most:
             key = "highest"
-            raise bad_setting(key, highest, f"the order of {tableau.name} is larger")
+            raise bad_setting(key, most, f"the order of {tableau.name} is larger")
         terms.append(ErrorTerm(order + 1, error_norm(tableau, order + 1, quadratic=quadratic)))
     general, nystrom = terms
     return LeadingErrors(general, nystrom, _harmonic_error(tableau))
@@ -221,6 +239,19 @@ def _first_failure(tableau: Tableau, kicks: int, highest: int) -> int:
         length = min(highest, 2 * length)
 
 
+def _first_nystrom_failure(tableau: Tableau, kicks: int, highest: int) -> int:
+    """What :func:`_first_failure` returns, for quadratic T."""
+    for degree in range(kicks, highest + 1):
+        errors, allowed = errors_of(tableau, degree), tolerance(tableau, degree)
+        counts = [word.count("B") for word in lyndon_words(degree)]
+        for row in conditions(degree, quadratic=True):
+            # Every condition is one on words with the same number of kicks.
+            here = any(w and n == kicks for w, n in zip(row.weights, counts, strict=True))
+            if here and abs(weighted(row.weights, errors)) > allowed:
+                return degree - 1
+    return highest
+
+
 def _harmonic_error(tableau: Tableau) -> ErrorTerm:
     E = _matrix_errors(tableau)
     degree = _first_power(tableau, *E)
@@ -246,6 +277,10 @@ def _first_power(tableau: Tableau, *rows: Sequence[Fraction]) -> int:
     / (n-1)! at most: less than what is allowed for their logarithm.
     """
     return next(n for n in range(1, len(rows[0])) if any(abs(row[n]) > 2 * tolerance(tableau, n) for row in rows))
+
+
+def _highest(tableau: Tableau, asked: int | None) -> int:
+    return highest_of(tableau) if asked is None else _integer("highest", asked)
 
 
 def _integer(key: str, number: int) -> int:
