@@ -9,7 +9,7 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.errors import TableauError
-from nearharmonic.experiments.paper.tables import overview
+from nearharmonic.experiments.paper.overview import overview
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.user_file import load_tableaus
 from nearharmonic.theory.order import (
@@ -22,10 +22,6 @@ from nearharmonic.theory.order import (
 )
 
 EVERY = pytest.mark.parametrize("name", list(integrators))
-
-
-#: Conditions of degree 11, which refute an order above ten, take seconds.
-BY_DEGREE = [pytest.param(n, marks=pytest.mark.slow) if t.order > 8 else n for n, t in integrators.items()]
 
 
 def declaring(attribute):
@@ -62,7 +58,7 @@ def test_a_harmonic_order_is_no_smaller_than_the_order(name):
     assert min(harmonic_orders_of(name)) >= integrators[name].order
 
 
-@pytest.mark.parametrize("name", BY_DEGREE)
+@EVERY
 def test_the_leading_error_stands_out_from_what_the_digits_leave(name):
     # The smallest so far are 4e-9; a vanishing condition leaves less than 1e-24 of any set with 26 digits or more, and
     # sets with fewer are of order two, which is a matter of their sums.

@@ -16,13 +16,16 @@ from collections.abc import Sequence
 from fractions import Fraction
 from functools import cache
 from itertools import combinations, product
+from math import gcd
+from operator import mul
 from typing import NamedTuple
 
 from nearharmonic.exact.words import LETTERS
 
 #: An element of the free Lie algebra, written out in words.
 Element = dict[str, int]
-Components = list[Fraction]
+#: A vector of which only the direction counts, so that its entries can be integers.
+Components = list[int]
 
 
 class Condition(NamedTuple):
@@ -73,14 +76,17 @@ def conditions(degree: int, *, quadratic: bool) -> tuple[Condition, ...]:
     ideal = [_matrix_vector(to_basis, _on_lyndon_words(x, degree)) for x in _ideal(degree)] if quadratic else []
     found = []
     for normal in _orthogonal_complement(ideal, len(to_basis)):
-        row = [_dot(normal, list(column)) for column in zip(*to_basis, strict=True)]
+        row = [0] * len(to_basis)
+        for a, coordinates in zip(normal, to_basis, strict=True):
+            if a:
+                row = _combination(1, row, a, coordinates)
         largest = max(map(abs, row))
-        found.append(Condition(tuple(x / largest for x in row), _dot(normal, normal) / largest**2))
+        found.append(Condition(tuple(Fraction(x, largest) for x in row), Fraction(_dot(normal, normal), largest**2)))
     return tuple(found)
 
 
 def _on_lyndon_words(x: Element, degree: int) -> Components:
-    return [Fraction(x.get(word, 0)) for word in lyndon_words(degree)]
+    return [x.get(word, 0) for word in lyndon_words(degree)]
 
 
 @cache
@@ -90,11 +96,11 @@ def _to_basis(degree: int) -> list[Components]:
     A bracketing begins with its own word, all others in it being larger: the inverse is unit triangular.
     """
     size = len(lyndon_words(degree))
-    rows = [[Fraction(i == j) for j in range(size)] for i in range(size)]
+    rows = _units(size)
     for j, word in enumerate(lyndon_words(degree)):
         for i, x in enumerate(_on_lyndon_words(bracketing(word), degree)):
             if i > j and x:
-                rows[i] = [a - x * b for a, b in zip(rows[i], rows[j], strict=True)]
+                rows[i] = _combination(1, rows[i], -x, rows[j])
     return rows
 
 
@@ -136,8 +142,7 @@ def _independent(candidates: Sequence[Element], degree: int) -> list[Element]:
         row = _on_lyndon_words(x, degree)
         for pivot, other in echelon:
             if row[pivot]:
-                factor = row[pivot] / other[pivot]
-                row = [a - factor * b for a, b in zip(row, other, strict=True)]
+                row = _primitive(_combination(other[pivot], row, -row[pivot], other))
         lead = next((i for i, a in enumerate(row) if a), None)
         if lead is not None:
             echelon.append((lead, row))
@@ -147,24 +152,37 @@ def _independent(candidates: Sequence[Element], degree: int) -> list[Element]:
 
 def _orthogonal_complement(vectors: Sequence[Components], size: int) -> list[Components]:
     """Orthogonal vectors that span all that is orthogonal to ``vectors``, by Gram and Schmidt, exact."""
-    units = [[Fraction(i == j) for j in range(size)] for i in range(size)]
     if not vectors:
-        return units
-    found: list[tuple[Components, Fraction]] = []
-    for count, vector in enumerate([*vectors, *units]):
+        return _units(size)
+    found: list[tuple[Components, int]] = []
+    for count, vector in enumerate([*vectors, *_units(size)]):
         rest = vector
         for other, square in found:
-            factor = _dot(vector, other) / square
-            if factor:
-                rest = [a - factor * b if b else a for a, b in zip(rest, other, strict=True)]
+            along = _dot(rest, other)
+            if along:
+                rest = _primitive(_combination(square, rest, -along, other))
         if count < len(vectors) or any(rest):
             found.append((rest, _dot(rest, rest)))
     return [vector for vector, _ in found[len(vectors) :]]
+
+
+def _units(size: int) -> list[Components]:
+    return [[int(i == j) for j in range(size)] for i in range(size)]
+
+
+def _combination(a: int, x: Components, b: int, y: Components) -> Components:
+    return [a * u + b * v if v else a * u for u, v in zip(x, y, strict=True)]
+
+
+def _primitive(vector: Components) -> Components:
+    """The shortest vector of integers in the same direction."""
+    divisor = gcd(*vector)
+    return [x // divisor for x in vector] if divisor > 1 else vector
 
 
 def _matrix_vector(matrix: Sequence[Components], vector: Components) -> Components:
     return [_dot(row, vector) for row in matrix]
 
 
-def _dot(x: Components, y: Components) -> Fraction:
-    return sum((a * b for a, b in zip(x, y, strict=True) if a and b), Fraction(0))
+def _dot(x: Components, y: Components) -> int:
+    return sum(map(mul, x, y))

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from math import gcd, isqrt, lcm
 from typing import NamedTuple
 
@@ -118,8 +118,11 @@ def real_roots(polynomial: Polynomial, precision: int) -> list[Fraction]:
 
 
 def _bound(p: Polynomial) -> int:
-    """A whole number beyond all roots (Cauchy)."""
-    return 2 + max(map(abs, p)) // abs(p[-1])
+    """A power of 2 beyond all roots: 2 max |a_(n-k) / a_n|^(1/k) (Fujiwara 1916), rounded up."""
+    degree, last = len(p) - 1, abs(p[-1]).bit_length()
+    # |a| < 2^bits and |a_n| >= 2^(last - 1), so that a quotient is below 2^(bits - last + 1).
+    bits = (-((last - 1 - abs(c).bit_length()) // (degree - n)) for n, c in enumerate(p[:-1]) if c)
+    return 1 << max(1, 1 + max(bits, default=0))
 
 
 def _simple(polynomial: Polynomial) -> Polynomial:
@@ -201,6 +204,11 @@ def _scaled_value(p: Polynomial, numerator: int, bits: int) -> int:
 
 def _shifted(p: Polynomial, by: int) -> Polynomial:
     """p(x + by)."""
+    if by == 1:  # of all shifts most are this one: sums from the highest term downwards, a term less each time
+        sums = p[::-1]
+        for length in range(len(p), 1, -1):
+            sums[:length] = accumulate(sums[:length])
+        return sums[::-1]
     moved = list(p)
     for first in range(len(p) - 1) if by else ():
         for n in range(len(p) - 2, first - 1, -1):

@@ -28,7 +28,7 @@ from nearharmonic.integrators.tableau import Tableau
 
 #: Up to this order methods are examined unless they declare more; the number of words doubles with each more.
 HIGHEST = 8
-#: Up to this order methods that declare it are examined: degree 11, which refutes more, takes seconds.
+#: Up to this order methods are examined if they declare it.
 HIGHEST_DECLARED = 10
 
 

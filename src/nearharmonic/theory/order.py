@@ -167,7 +167,9 @@ def generalised_order_of(
     return tuple(orders[1:])
 
 
-def leading_errors(integrator: str | Tableau, *, first: First | None = None, highest: int | None = None) -> LeadingErrors:
+def leading_errors(
+    integrator: str | Tableau, *, first: First | None = None, highest: int | None = None
+) -> LeadingErrors:
     """Return the leading error terms of a step.
 
     Norms of the first two are Euclidean, of the coordinates in the Lyndon basis (A < B, A drifts, B kicks) with its

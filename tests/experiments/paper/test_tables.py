@@ -7,7 +7,8 @@ from math import inf, sqrt
 import pytest
 from mpmath import mp, mpf
 
-from nearharmonic.experiments.paper.tables import even_orders, overview, recursion_values, structure
+from nearharmonic.experiments.paper.overview import overview
+from nearharmonic.experiments.paper.tables import even_orders, recursion_values, structure
 from nearharmonic.integrators import integrators
 
 
@@ -29,6 +30,7 @@ def test_the_overview_of_the_leapfrog_is_that_of_textbooks():
         "order": 2,
         "Nystrom order": 2,
         "generalised order": "(2)",
+        "Nystrom generalised order": "(2)",
         "harmonic order of position": 2,
         "harmonic order of momentum": 2,
         "harmonic order of energy": 2,

@@ -1,4 +1,4 @@
-"""The paper's tables for a named method, and one that it lacks: all methods compared.
+"""The paper's tables for a named method.
 
 Each function but :func:`paper_tables` returns ``(header, rows)``: names of columns, and rows of strings, integers and
 floats as long as the header. Symbols are the paper's, d for kicks and c for drifts, both counted from 1, k = s + 1 and
@@ -11,27 +11,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
 
-from nearharmonic.exact.decimals import fixed_point
+from nearharmonic.experiments.paper.overview import Cells, Columns, Header, overview
 from nearharmonic.integrators import forest_ruth_1990
-from nearharmonic.integrators import integrators as methods_by_name
 from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.output.table import Table
-from nearharmonic.theory.linear_stability import stability_gaps
-from nearharmonic.theory.order import (
-    ErrorTerm,
-    generalised_order_of,
-    harmonic_orders_of,
-    leading_errors,
-    nystrom_order_of,
-    order_of,
-)
 from nearharmonic.theory.oscillator import tableau_of
 from nearharmonic.theory.recursion import closed_sums, momentum_row, position_rows
 from nearharmonic.theory.table_4 import table_4
-
-Header = tuple[str, ...]
-Cells = tuple[str | int | float, ...]
-Columns = tuple[Header, list[Cells]]
 
 NOTHING = ""
 
@@ -173,85 +159,3 @@ def _momentum_entries(tableau: Tableau) -> list[str]:
         text += f" - d_{h + 1} Qbar[{h},{power - 1}]" if kicked and power else ""
         entries.append(text.strip())
     return entries
-
-
-OVERVIEW = (
-    "integrator",
-    "label",
-    "composition",
-    "stages",
-    "order",
-    "Nystrom order",
-    "generalised order",
-    "harmonic order of position",
-    "harmonic order of momentum",
-    "harmonic order of energy",
-    "sum of absolute values",
-    "negative coefficients",
-    "leading error",
-    "leading error norm",
-    "effective error",
-    "Nystrom leading error",
-    "Nystrom leading error norm",
-    "Nystrom effective error",
-    "harmonic leading error",
-    "harmonic leading error norm",
-    "stability limit",
-    "stability limit per stage",
-    "first gap closes",
-    "unstable for good from",
-    "guaranteed digits",
-)
-
-
-def overview(*names: str) -> Columns:
-    """Return one row for each method: what decides between them, nothing integrated.
-
-    Errors are powers of tau, with norms as :func:`nearharmonic.theory.order.leading_errors` defines them; an effective
-    error is s norm^(1/order), which allows for the cost of s stages. Edges of stability have 12 decimals.
-
-    Parameters
-    ----------
-    *names : str
-        Names of the methods; every registered one if none is given.
-
-    Returns
-    -------
-    Columns
-        :data:`OVERVIEW` and the rows, in the order of the names.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has one of the names.
-    """
-    return OVERVIEW, [_overview_row(methods_by_name[name]) for name in names or methods_by_name]
-
-
-def _overview_row(tableau: Tableau) -> Cells:
-    harmonic, errors = harmonic_orders_of(tableau), leading_errors(tableau)
-    gaps = stability_gaps(tableau)
-    coefficients = [Fraction(c) for c in (*tableau.kick, *tableau.drift)]
-    return (
-        tableau.name,
-        tableau.label,
-        "ABA" if tableau.first == "drift" else "BAB",
-        tableau.stages,
-        order_of(tableau),
-        nystrom_order_of(tableau),
-        "(" + ", ".join(map(str, generalised_order_of(tableau))) + ")",
-        *harmonic[:3],
-        float(sum(map(abs, coefficients))),
-        sum(c < 0 for c in coefficients),
-        *errors.general,
-        _effective(errors.general, tableau),
-        *errors.nystrom,
-        _effective(errors.nystrom, tableau),
-        *errors.harmonic,
-        *(fixed_point(edge, 12) for edge in (gaps[0][0], gaps[0][0] / tableau.stages, gaps[0][1], gaps[-1][0])),
-        tableau.digits,
-    )
-
-
-def _effective(error: ErrorTerm, tableau: Tableau) -> float:
-    return float(tableau.stages * error.norm ** (1 / (error.degree - 1)))
