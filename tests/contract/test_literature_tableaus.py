@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from fractions import Fraction
 from itertools import chain
 
 import pytest
@@ -13,6 +14,8 @@ from nearharmonic.engine.grid import check_fit
 from nearharmonic.errors import SettingError
 from nearharmonic.integrators import integrators
 from nearharmonic.systems import systems
+from nearharmonic.theory.order import harmonic_orders_of
+from tableau_files import names, verdict
 
 from .printed import PRINTED, PRINTED_LAMBDA, ROUNDING, WEIGHTS
 
@@ -146,6 +149,28 @@ def test_mclachlans_methods_have_their_closed_forms():
                 assert all(abs(mpf(x) - y) <= mpf(10) ** -78 for x, y in zip(printed, exact, strict=False))
 
 
+@pytest.mark.parametrize("name", [name for name in names("published") if name in integrators])
+def test_the_digits_are_those_of_the_file_that_was_copied_apart(name):
+    file, tableau = verdict("published", name).file, integrators[name]
+    assert (file.kick, file.drift, file.first) == (tableau.kick, tableau.drift, tableau.first)
+    assert file.order == tableau.order
+
+
+@pytest.mark.parametrize(
+    "name", ["teloy_8a17c", *(name for name, tableau in integrators.items() if "leapfrog steps" in tableau.note)]
+)
+def test_a_composition_of_leapfrogs_has_half_sums_of_its_weights_outside(name):
+    """Teloy's 8A17 are none, so that this can fail."""
+    tableau = integrators[name]
+    inner = [Fraction(0), *map(Fraction, tableau.inner), Fraction(0)]
+    off = [abs(2 * Fraction(c) - a - b) for c, a, b in zip(tableau.outer, inner[:-1], inner[1:], strict=True)]
+    assert (max(off) <= Fraction(4, 10**tableau.digits)) is (name != "teloy_8a17c")
+
+
+def test_the_energy_order_of_predescus_method_on_the_oscillator_is_six():
+    assert harmonic_orders_of("predescu_s3").energy == 6
+
+
 def test_none_is_among_the_papers_ten():
     assert not any(integrators[name].benchmarked for name in LITERATURE)
     assert len(set(LITERATURE)) == 17
@@ -227,13 +252,15 @@ def test_pefrl_is_over_ten_times_as_efficient_as_forest_ruth_and_about_five_time
 
 # --- Nystrom methods --------------------------------------------------------------------------------------------------
 
+NYSTROM = [name for name, tableau in integrators.items() if tableau.requires is not None]
 
-@pytest.mark.parametrize("name", ["srkn_b11", "srkn_a14"])
-def test_a_nystrom_method_of_order_six_drops_to_four_in_the_wrong_role_and_for_another_kinetic_energy(name):
+
+@pytest.mark.parametrize("name", NYSTROM)
+def test_a_nystrom_method_drops_to_order_four_in_the_wrong_role_and_for_another_kinetic_energy(name):
     tableau = integrators[name]
     wrong = "kick" if tableau.first == "drift" else "drift"
     with mp.workdps(60):
-        assert slope(tableau, "henon_heiles") == pytest.approx(6, abs=0.05)
+        assert slope(tableau, "henon_heiles") == pytest.approx(tableau.order, abs=0.05)
         assert slope(replace(tableau.role(wrong), requires=None), "henon_heiles") == pytest.approx(4, abs=0.05)
         assert slope(tableau, "relativistic_oscillator") == pytest.approx(4, abs=0.05)
 

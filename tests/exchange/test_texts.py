@@ -68,6 +68,7 @@ def test_json_says_null_and_toml_nothing_where_there_is_nothing():
 @pytest.mark.parametrize("digits", [1, 16, 33])
 def test_a_rounded_coefficient_is_off_by_at_most_half_a_unit_of_its_last_digit(name, digits):
     tableau = integrators[name]
+    digits = min(digits, tableau.digits)
     read = json.loads(export(tableau, "json", digits))
     assert read["digits"] == digits
     for text, exact in zip(read["kick"] + read["drift"], tableau.kick + tableau.drift, strict=True):

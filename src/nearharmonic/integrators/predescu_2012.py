@@ -1,7 +1,7 @@
 """Predescu et al. (2012), Computationally efficient molecular dynamics integrators with improved sampling accuracy.
 
-Mol. Phys. 110, 967, doi:10.1080/00268976.2012.681311. A method of order two with small energy errors on an
-oscillator.
+Mol. Phys. 110, 967, doi:10.1080/00268976.2012.681311. A method of order two whose energy error on the oscillator is of
+order six, to the 18 printed decimals.
 """
 
 from nearharmonic.integrators.tableau import Tableau, palindrome

@@ -150,7 +150,7 @@ def test_winners_are_polished_and_measured_beside_the_methods_asked_for(seven_an
     with covered(task("experiments.sixth_order.run:search", settings=FEW, integrators=("ruth",))):
         made = run.search(FEW, ("ruth",), 3, print)
     assert asked == {"settings": FEW, "threads": 3, "report": print}
-    assert [row[2] for row in made["sixth_order_measured"].rows] == ["Ruth", "BABs8o6,7H"]
+    assert [row[2] for row in made["sixth_order_measured"].rows] == ["Ruth", "6A8", "BABs8o6,7H"]
     (method,) = made["document"]["method"]
     # The registered file, written by an earlier search.
     assert (method["kick"], method["drift"]) == tuple(

@@ -10,9 +10,12 @@ from nearharmonic.experiments.sixth_order.cascade import find_solutions, winners
 from nearharmonic.experiments.sixth_order.registration import registered
 from nearharmonic.experiments.sixth_order.settings import SixthOrderSettings
 from nearharmonic.integrators import integrators as methods_by_name
+from nearharmonic.integrators import zymplectic
 from nearharmonic.output.table import Table
 
 SOURCE = "found by nearharmonic.experiments.sixth_order"
+#: Methods of the same kind that others published: 6A8.
+PUBLISHED = zymplectic.TABLEAUS
 
 
 def search(
@@ -25,7 +28,7 @@ def search(
     settings : SixthOrderSettings
         How hard to search.
     integrators : sequence of str
-        Names of the methods that the winners are measured beside.
+        Names of the methods that the winners are measured beside, and :data:`PUBLISHED`.
     threads : int
         The result does not depend on it.
     report : callable
@@ -38,7 +41,8 @@ def search(
     """
     findings = find_solutions(settings, threads=threads, report=report)
     best = [(candidate, registered(candidate, source=SOURCE)) for candidate in winners(findings)]
-    compared = [*(methods_by_name[name] for name in integrators), *(tableau for _, tableau in best)]
+    others = [methods_by_name[name] for name in integrators] + [one for one in PUBLISHED if one.name not in integrators]
+    compared = [*others, *(tableau for _, tableau in best)]
     return {
         "document": tables.document(best),
         "sixth_order_counts": tables.counts(findings),
