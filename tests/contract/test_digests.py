@@ -17,7 +17,7 @@ def nudged(tableau, row, i):
     values = list(getattr(tableau, row))
     change = Decimal(10) ** (-tableau.digits - 3)
     with localcontext(prec=400):
-        for k in {i, len(values) - 1 - i}:
+        for k in {i, len(values) - 1 - i} if tableau.symmetric else {i}:
             values[k] = f"{Decimal(values[k]) + change:f}"
     return replace(tableau, **{row: tuple(values)})
 

@@ -152,7 +152,8 @@ def test_mclachlans_methods_have_their_closed_forms():
 @pytest.mark.parametrize("name", [name for name in names("published") if name in integrators])
 def test_the_digits_are_those_of_the_file_that_was_copied_apart(name):
     file, tableau = verdict("published", name).file, integrators[name]
-    assert (file.kick, file.drift, file.first) == (tableau.kick, tableau.drift, tableau.first)
+    kick = tableau.kick if tableau.symmetric else tableau.kick[:-1]  # which is padded
+    assert (file.kick, file.drift, file.first) == (kick, tableau.drift, tableau.first)
     assert file.order == tableau.order
 
 
@@ -256,13 +257,14 @@ NYSTROM = [name for name, tableau in integrators.items() if tableau.requires is 
 
 
 @pytest.mark.parametrize("name", NYSTROM)
-def test_a_nystrom_method_drops_to_order_four_in_the_wrong_role_and_for_another_kinetic_energy(name):
+def test_a_nystrom_method_drops_to_order_four_or_three_in_the_wrong_role_and_for_another_kinetic_energy(name):
     tableau = integrators[name]
+    less = 4 if tableau.symmetric else 3
     wrong = "kick" if tableau.first == "drift" else "drift"
     with mp.workdps(60):
         assert slope(tableau, "henon_heiles") == pytest.approx(tableau.order, abs=0.05)
-        assert slope(replace(tableau.role(wrong), requires=None), "henon_heiles") == pytest.approx(4, abs=0.05)
-        assert slope(tableau, "relativistic_oscillator") == pytest.approx(4, abs=0.05)
+        assert slope(replace(tableau.role(wrong), requires=None), "henon_heiles") == pytest.approx(less, abs=0.05)
+        assert slope(tableau, "relativistic_oscillator") == pytest.approx(less, abs=0.05)
 
 
 @pytest.mark.parametrize("name", ["srkn_b11", "srkn_a14"])

@@ -75,12 +75,13 @@ def test_a_wrong_digit_ten_places_before_the_last_is_found(name):
         with localcontext(prec=200):
             row = [Decimal(c) for c in getattr(tableau, key)]
             step = Decimal(1).scaleb(10 - tableau.digits)
-            for i, sign in ((0, 1), (1, -1)) if len(row) > 3 else ():
+            for i, sign in ((0, 1), (1, -1)) if (len(row) > 3 if tableau.symmetric else key == "kick") else ():
                 row[i] += sign * step
-                row[-1 - i] += sign * step
+                if tableau.symmetric:
+                    row[-1 - i] += sign * step
             rows[key] = tuple(map(str, row))
     forged = replace(tableau, **rows, label="forged")
-    assert max(order_of(forged), nystrom_order_of(forged)) == 2
+    assert max(order_of(forged), nystrom_order_of(forged)) == 1 + tableau.symmetric
 
 
 def test_the_overview_has_a_row_for_each_method_and_tells_what_its_tableau_declares():

@@ -45,6 +45,10 @@ LEAPFROG = {
         ({"digits": True}, "digits = True, expected an integer >= 1"),
         ({"digits": 16.0}, "digits = 16.0, expected an integer >= 1"),
         ({"order": 0}, "order = 0, expected an integer >= 1"),
+        ({"symmetric": "yes"}, "symmetric = 'yes', expected True, False or None"),
+        ({"kick": ("0.4", "0.6"), "symmetric": True}, "kick[0] = '0.4', expected its mirror image '0.6'"),
+        ({"kick": ("0", "1.1")}, "kick row sum = '1+1.0e-01'"),
+        ({"kick": ("0", "0", "1", "0"), "drift": ("0.5", "0", "0.5")}, "kick[1] = '0', expected its mirror image '1'"),
         ({"requires": "luck"}, f"requires = 'luck', expected None or '{QUADRATIC_KINETIC_ENERGY}'"),
     ],
 )
@@ -63,6 +67,34 @@ def test_a_row_sum_may_miss_one_by_a_unit_of_the_last_guaranteed_decimal_per_coe
     else:
         with pytest.raises(TableauError, match="drift row sum"):
             Tableau(**LEAPFROG | {"drift": drift, "digits": 39})
+
+
+@pytest.mark.parametrize(
+    ("change", "symmetric"),
+    [
+        ({}, True),
+        ({"symmetric": False}, True),
+        ({"symmetric": True}, True),
+        ({"kick": ("1", "0")}, False),
+        ({"kick": ("0", "1")}, False),
+        ({"kick": ("0", "1"), "symmetric": False}, False),
+        ({"kick": ("0.4", "0.6"), "symmetric": False}, False),
+        ({"kick": ("0.50", "0.5")}, True),
+        ({"first": "drift", "kick": ("1",), "drift": ("0.0", "1e0")}, False),
+        ({"kick": ("0", "1", "0"), "drift": ("0.5", "0.5")}, True),
+    ],
+)
+def test_a_tableau_knows_whether_it_is_symmetric_and_rows_padded_at_one_end_may_be_not(change, symmetric):
+    tableau = Tableau(**LEAPFROG | {"order": 1} | change)
+    assert tableau.symmetric is symmetric
+    assert replace(tableau, note="again").symmetric is symmetric
+    assert ("symmetric no" in repr(tableau)) is not symmetric
+
+
+def test_a_nystrom_method_keeps_order_two_or_one_if_its_roles_are_exchanged():
+    assert integrators["srkn_a14"].role("kick").order == 2
+    assert integrators["mclachlan_atela_5"].role("drift").order == 1
+    assert integrators["ruth_s3o3"].role("drift").order == 3
 
 
 @given(data=st.data())

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from nearharmonic.exchange.nearest import nearest
 from nearharmonic.exchange.verdict import Verdict
 from nearharmonic.integrators import integrators
 from tableau_files import failing, verdict
@@ -124,7 +125,21 @@ def test_coefficients_that_differ_from_the_nearest_method_are_named():
 
 
 def test_methods_with_another_number_of_stages_are_not_compared():
-    assert verdict("libraries", "ordinarydiffeq_mcate4").nearest is None
+    three = verdict("damaged", "sign").step[:11]
+    assert nearest(three).compared == 11
+    assert nearest(three[:1] + three[2:3] * 40) is None
+
+
+def test_a_method_that_is_not_symmetric_is_recognised_backwards_and_with_exchanged_roles():
+    exchanged = verdict("libraries", "ordinarydiffeq_mcate5").nearest
+    assert (exchanged.tableau.name, exchanged.is_same) == ("mclachlan_atela_5", True)
+    assert (exchanged.exchanged, exchanged.reversed) == (True, False)
+    file = verdict("published", "mclachlan_atela_4").file
+    back = replace(file, kick=file.kick[::-1], drift=file.drift[::-1], first="drift")
+    found = Verdict(back)
+    assert (found.nearest.tableau.name, found.nearest.is_same) == ("mclachlan_atela_4", True)
+    assert (found.nearest.exchanged, found.nearest.reversed) == (False, True)
+    assert "the step is that of McLachlan-Atela 4 (mclachlan_atela_4), backwards" in found.warnings
 
 
 def test_a_claimed_symmetry_is_judged_both_ways():

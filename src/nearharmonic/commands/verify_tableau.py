@@ -69,7 +69,7 @@ def _shown(order: Order) -> str:
 def _nearest(like: Likeness | None) -> str:
     if like is None:
         return "none has as many kicks and drifts"
-    changes = [("its roles exchanged", like.exchanged), ("rescaled", like.rescaled)]
+    changes = [("its roles exchanged", like.exchanged), ("backwards", like.reversed), ("rescaled", like.rescaled)]
     changed = "".join(f", {text}" for text, applies in changes if applies)
     name = f"{like.tableau.label} ({like.tableau.name}){changed}"
     if like.is_same:
@@ -127,6 +127,7 @@ def _likeness(like: Likeness) -> dict[str, Any]:
         "name": like.tableau.name,
         "same": like.is_same,
         "roles_exchanged": like.exchanged,
+        "reversed": like.reversed,
         "rescaled": like.rescaled,
         "largest_difference": float(like.distance),
         "differing": [

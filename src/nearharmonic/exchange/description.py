@@ -43,10 +43,12 @@ def _description(coefficients: Coefficients) -> Iterator[str]:
     if tableau.requires is not None:
         yield (
             f"Requires: a {tableau.requires}, T = p.p/2 or p.A p/2 with a constant matrix A. For any other T, or "
-            "if the two rows exchange their roles, only order 2 is certain."
+            f"if the two rows exchange their roles, only order {1 + tableau.symmetric} is certain."
         )
     elif tableau.harmonic_order is not None:
         yield "The harmonic order is lost if the two rows exchange their roles."
+    if not tableau.symmetric:
+        yield "Not symmetric: a step of -tau does not undo a step of tau."
     yield f"Coefficients: {coefficients.rounding}."
     yield f"Source: {tableau.source}"
 

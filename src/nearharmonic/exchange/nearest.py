@@ -1,6 +1,6 @@
 """The registered method that coefficients from elsewhere are nearest to, whatever their roles, direction and scale.
 
-Every registered method is a palindrome, so that a step and the same step reversed are as near to it.
+A step and the same step reversed are as near to a palindrome; a registered method that is none is compared both ways.
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import product
 
 from nearharmonic.exact.words import LETTERS
 from nearharmonic.exchange.composition import Step, step_of, with_roles_exchanged
@@ -26,8 +27,9 @@ class Likeness:
     ----------
     tableau : Tableau
         The method.
-    exchanged, rescaled : bool
-        Whether its roles are exchanged, and whether its rows are multiplied by the sums of those of the step.
+    exchanged, reversed, rescaled : bool
+        Whether its roles are exchanged, whether it is applied backwards, and whether its rows are multiplied by the
+        sums of those of the step.
     differing : tuple of (str, Fraction, Fraction)
         Of each coefficient that differs by more than the digits of both allow: its place, its value, and that of the
         method, in the scale of the step.
@@ -39,6 +41,7 @@ class Likeness:
 
     tableau: Tableau
     exchanged: bool
+    reversed: bool
     rescaled: bool
     differing: tuple[tuple[str, Fraction, Fraction], ...]
     distance: Fraction
@@ -72,19 +75,21 @@ def _likenesses(step: Step, tableau: Tableau) -> Iterator[Likeness]:
     registered = step_of(tableau.kick, tableau.drift, tableau.first, tableau.digits)
     if len(registered) != len(step):
         return
-    for scale, rescaled in _scales(step):
-        for exchanged in (False, True):
-            other = with_roles_exchanged(registered) if exchanged else registered
-            if other[0].letter == step[0].letter:
-                differing, distance = _difference(step, other, scale)
-                yield Likeness(
-                    tableau=tableau,
-                    exchanged=exchanged,
-                    rescaled=rescaled,
-                    differing=differing,
-                    distance=distance,
-                    compared=len(step),
-                )
+    directions = (False,) if tableau.symmetric else (False, True)
+    for (scale, rescaled), backwards, exchanged in product(_scales(step), directions, (False, True)):
+        other = with_roles_exchanged(registered) if exchanged else registered
+        other = other[::-1] if backwards else other
+        if other[0].letter == step[0].letter:
+            differing, distance = _difference(step, other, scale)
+            yield Likeness(
+                tableau=tableau,
+                exchanged=exchanged,
+                reversed=backwards,
+                rescaled=rescaled,
+                differing=differing,
+                distance=distance,
+                compared=len(step),
+            )
 
 
 def _scales(step: Step) -> Iterator[tuple[dict[str, Fraction], bool]]:

@@ -274,6 +274,8 @@ def _warnings(found: Verdict) -> Iterator[str]:
     if like.exchanged and not any(claim.says.startswith("first") and claim.holds for claim in found.claims):
         role = like.tableau.first
         yield f"the {found.file.first} is first here, and the {role} is in {name}, to which the coefficients belong"
+    if like.reversed:
+        yield f"the step is that of {name}, backwards"
     if like.rescaled:
         yield f"the rows are those of {name}, times a number"
     for place, here, there in like.differing:

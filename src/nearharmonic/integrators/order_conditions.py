@@ -71,7 +71,7 @@ def proved_order(tableau: Tableau, highest: int, *, quadratic: bool) -> int:
 @lru_cache(maxsize=512)
 def errors_of(tableau: Tableau, degree: int) -> tuple[tuple[int, ...], int]:
     """Return log(step) - (A + B) on the Lyndon words of ``degree``: numerators, and their denominator."""
-    if degree % 2 == 0:  # a symmetric step undoes itself with tau reversed: its logarithm is odd in tau
+    if degree % 2 == 0 and tableau.symmetric:  # it undoes itself with tau reversed: its logarithm is odd in tau
         return (0,) * len(lyndon_words(degree)), 1
     return errors_on_words(operators_of(tableau), degree)
 

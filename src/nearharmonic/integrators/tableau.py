@@ -1,9 +1,10 @@
-"""Splitting coefficients of a symmetric kick-drift integrator, exact as printed, which prove themselves when built."""
+"""Coefficients of a splitting integrator, stored as exact decimal strings and validated on construction."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass, replace
+from decimal import Decimal, localcontext
 from fractions import Fraction
 from hashlib import sha256
 from typing import Literal
@@ -31,10 +32,11 @@ def palindrome(*half: str, centre: str | None = None) -> Row:
 
 @dataclass(frozen=True, kw_only=True)
 class Tableau:
-    """The coefficients of one symmetric integrator for H = T(p) + V(q), as decimal strings.
+    """The coefficients of one integrator for H = T(p) + V(q), as decimal strings.
 
     One step of size tau applies ``outer[0], inner[0], outer[1], ..., inner[s-1], outer[s]``, where ``outer`` (s + 1
-    values) is the row of the operator named by ``first`` and ``inner`` (s values) the row of the other one.
+    values) is the row of the operator named by ``first`` and ``inner`` (s values) the row of the other one. A method
+    with as many kicks as drifts begins or ends with "0" in its outer row.
 
     Parameters
     ----------
@@ -46,6 +48,9 @@ class Tableau:
         Operator that comes first and last in a step.
     kick, drift : tuple of str
         Coefficients of the two operators in units of tau, s + 1 for the one named by ``first`` and s for the other.
+    symmetric : bool, optional
+        Whether both rows are palindromes, so that a step of -tau undoes a step of tau: found from the rows. Rows that
+        are no palindromes are refused, unless ``outer`` has "0" at one end alone, or False is given.
     source : str
         Where the coefficients come from.
     digits : int
@@ -66,8 +71,9 @@ class Tableau:
     Raises
     ------
     TableauError
-        A coefficient that is no decimal number, a row of the wrong length, one that is no palindrome, or one whose sum
-        differs from 1 by more than one unit of the last guaranteed decimal per coefficient.
+        A coefficient that is no decimal number, a row of the wrong length, one that is no palindrome, unless the method
+        is not symmetric, or one whose sum differs from 1 by more than one unit of the last guaranteed decimal per
+        coefficient.
     """
 
     name: str
@@ -83,6 +89,7 @@ class Tableau:
     benchmarked: bool = False
     harmonic_order: int | None = None
     generalised_order: tuple[int, ...] | None = None
+    symmetric: bool = None  # type: ignore[assignment]  # None is for the constructor alone
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "label", self.label or self.name)
@@ -97,8 +104,9 @@ class Tableau:
         lengths = f"{len(self.kick)} kicks, {len(self.drift)} drifts"
         fits = len(self.outer) == len(self.inner) + 1 >= 2
         self._expect(fits, "rows", lengths, f"one {self.first} more than the other operator, as first = {self.first!r}")
+        self._check_symmetry()
         for key in ("kick", "drift"):
-            self._check_symmetry_and_sum(key)
+            self._check_sum(key)
 
     @property
     def facts(self) -> dict[str, object]:
@@ -109,6 +117,7 @@ class Tableau:
             "stages": self.stages,
             "order": self.order,
             "first": self.first,
+            "symmetric": "" if self.symmetric else "no",
             "requires": self.requires or "",
             "source": self.source,
         }
@@ -134,13 +143,31 @@ class Tableau:
             decimal = isinstance(text, str) and DECIMAL.fullmatch(text) is not None
             self._expect(decimal, f"{key}[{i}]", text, "a finite decimal number as a string")
 
-    def _check_symmetry_and_sum(self, key: str) -> None:
+    def _check_symmetry(self) -> None:
+        """Find out whether the method is symmetric, and refuse rows that contradict what is said of it.
+
+        A coefficient that is not its mirror image is most often a wrong digit, so that rows have to show that they are
+        meant: by a "0" at one end, which no palindrome has.
+        """
+        self._expect(self.symmetric in (None, True, False), "symmetric", self.symmetric, "True, False or None")
+        off = [
+            (f"{key}[{i}]", text, mirror)
+            for key in ("kick", "drift")
+            for i, (text, mirror) in enumerate(zip(getattr(self, key), reversed(getattr(self, key)), strict=True))
+            if text != mirror and Fraction(text) != Fraction(mirror)
+        ]
+        padded = (Fraction(self.outer[0]) == 0) != (Fraction(self.outer[-1]) == 0)
+        if off and (self.symmetric or (self.symmetric is None and not padded)):
+            place, text, mirror = off[0]
+            self._expect(False, place, text, f"its mirror image {mirror!r}, or symmetric = False")
+        object.__setattr__(self, "symmetric", not off)
+
+    def _check_sum(self, key: str) -> None:
         row = getattr(self, key)
-        numbers = [Fraction(text) for text in row]
-        for i, number in enumerate(numbers):
-            self._expect(number == numbers[-1 - i], f"{key}[{i}]", row[i], f"its mirror image {row[-1 - i]!r}")
-        excess = sum(numbers, start=Fraction(-1))
-        balanced = abs(excess) * 10**self.digits <= len(row)
+        # Exact: the digits of all numbers are within this precision, as their exponents have three digits at most.
+        with localcontext(prec=2 * (1001 + max(map(len, row)))):
+            excess = sum(map(Decimal, row), start=Decimal(-1))
+        balanced = abs(Fraction(excess)) * 10**self.digits <= len(row)
         self._expect(balanced, f"{key} row sum", f"1{float(excess):+.1e}", f"1 within {len(row)}e-{self.digits}")
 
     def _expect(self, condition: bool, key: str, value: object, expected: str) -> None:
@@ -172,7 +199,8 @@ class Tableau:
         """Return the tableau whose outer row is given to the operator ``first``.
 
         A tableau with swapped roles keeps its order for separable H, but not what the source claims beyond it; one that
-        requires a quadratic kinetic energy keeps order 2 for certain, for any separable H.
+        requires a quadratic kinetic energy keeps order 2 for certain, for any separable H, or order 1 if it is not
+        symmetric.
 
         Parameters
         ----------
@@ -189,8 +217,8 @@ class Tableau:
         if first not in _OTHER:
             key = "first"
             raise bad_setting(key, first, "it is 'drift' or 'kick'")
-        # A Nystrom method loses its order; what any symmetric composition keeps is order 2.
-        order = self.order if self.requires is None else 2
+        # A Nystrom method loses its order; what any composition keeps is order 1, and a symmetric one order 2.
+        order = self.order if self.requires is None else 1 + self.symmetric
         return replace(
             self, first=first, kick=self.drift, drift=self.kick, order=order, requires=None, harmonic_order=None,
             generalised_order=None,

@@ -22,8 +22,8 @@ from nearharmonic.systems import systems
 LIBRARIES = ("numpy", "numba", "llvmlite", "h5py")
 #: Libraries whose version may change the numbers of a result; a new version makes every result again.
 NUMERICAL_LIBRARIES = ("numpy", "numba", "llvmlite")
-#: Fields of a tableau that no result shows.
-REMARKS = ("note", "source")
+#: Fields of a tableau that no result shows, and one that follows from its coefficients.
+REMARKS = ("note", "source", "symmetric")
 
 Task = dict[str, Any]
 

@@ -125,9 +125,9 @@ def harmonic_orders_of(integrator: str | Tableau, *, first: First | None = None)
     return HarmonicOrders(
         position=_first_power(tableau, E.K11, E.K12) - 1,
         momentum=_first_power(tableau, E.K21, E.K22) - 1,
-        # The conserved ellipse -K21 q^2 + K12 p^2 is a circle but for K12 + K21, and one power of tau cancels; the
-        # trace 2 cos(phase) has errors of 2 sin(tau) times that of the phase.
-        energy=_first_power(tableau, [a + b for a, b in zip(E.K12, E.K21, strict=True)]) - 1,
+        # The conserved ellipse -K21 q^2 + (K11 - K22) q p + K12 p^2 is a circle but for K12 + K21 and K11 - K22, and
+        # one power of tau cancels; the trace 2 cos(phase) has errors of 2 sin(tau) times that of the phase.
+        energy=_first_power(tableau, *_ellipse(E)) - 1,
         phase=_first_power(tableau, [a + b for a, b in zip(E.K11, E.K22, strict=True)]) - 2,
     )
 
@@ -233,7 +233,7 @@ def _first_failure(tableau: Tableau, kicks: int, highest: int) -> int:
     while True:
         step = product_of_exponentials(operators_of(tableau), length, kicks)
         # On words of even length the logarithm of a symmetric step vanishes.
-        wanted = [word for word in step.scaled if word.count("B") == kicks and len(word) % 2]
+        wanted = [w for w in step.scaled if w.count("B") == kicks and (len(w) % 2 or not tableau.symmetric)]
         found = logarithm(step, wanted)
         failing = [len(word) - 1 for word in wanted if abs(found[word] - (word == "B")) > tolerance(tableau, len(word))]
         if failing or length == highest:
@@ -270,6 +270,12 @@ def _matrix_errors(tableau: Tableau) -> StepPolynomials:
     exact = (cos, sin, [-x for x in sin], cos)
     differences = ([a - b for a, b in zip((*K[i], *none), exact[i], strict=True)] for i in range(4))
     return StepPolynomials(*map(tuple, differences))
+
+
+def _ellipse(E: StepPolynomials) -> tuple[list[Fraction], ...]:
+    """What keeps the conserved ellipse from being a circle; for a symmetric step K11 = K22."""
+    defect = [a + b for a, b in zip(E.K12, E.K21, strict=True)]
+    return (defect,) if E.K11 == E.K22 else (defect, [a - b for a, b in zip(E.K11, E.K22, strict=True)])
 
 
 def _first_power(tableau: Tableau, *rows: Sequence[Fraction]) -> int:

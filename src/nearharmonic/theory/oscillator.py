@@ -124,7 +124,8 @@ def zeta(
 def lambda_max(integrator: str | Tableau, *, first: First | None = None, variable: Variable = "position") -> int:
     """Return the highest power of tau in the new position: 2s if the kick is first (BAB), 2s + 1 if the drift is (ABA).
 
-    In the new momentum the two are exchanged.
+    In the new momentum the two are exchanged. Where a coefficient is 0, as at one end of rows that are not symmetric,
+    the terms of the highest powers vanish.
 
     Parameters
     ----------
@@ -186,8 +187,8 @@ def stability_trace(integrator: str | Tableau, tau: BigFloat, *, first: First | 
 def harmonic_energy_error(integrator: str | Tableau, tau: BigFloat, *, first: First | None = None) -> BigFloat:
     """Return the supremum of |H - H0|/H0 over arbitrarily many steps of size ``tau`` from (q, p) = (1, 0).
 
-    A symmetric step conserves -K21 q^2 + K12 p^2, an ellipse whose other axis is p^2 = -K21/K12: the supremum is
-    |-K21/K12 - 1|.
+    A step conserves -K21 q^2 + (K11 - K22) q p + K12 p^2, an ellipse whose squared half axes are -K21 over the
+    eigenvalues of this form. Of a symmetric step, K11 = K22, one of them is 1, and the supremum |-K21/K12 - 1|.
 
     Parameters
     ----------
@@ -208,10 +209,16 @@ def harmonic_energy_error(integrator: str | Tableau, tau: BigFloat, *, first: Fi
     """
     closed_form, step = _closed_form(tableau_of(integrator, first)), _step_size(tau)
     with mp.workdps(CLOSED_FORM_DIGITS):
-        K12 = _value(closed_form.K12, step)
+        K12, defect = (_value(row, step) for row in (closed_form.K12, closed_form.defect))
         if abs(_value(closed_form.trace, step)) > 2 or K12 == 0:
             return inf
-        return abs(_value(closed_form.defect, step) / K12)
+        if not closed_form.difference:
+            return abs(defect / K12)
+        # The eigenvalues are (K12 - K21 -+ gap)/2, here over tau, and K12 - K21 = 2 K12 - (K12 + K21).
+        gap = mp.hypot(defect, step * _value(closed_form.difference, step))
+        if 2 * K12 - defect <= gap:  # at the edge of stability the ellipse is a strip
+            return inf
+        return max(abs((defect + sign * gap) / (2 * K12 - defect + sign * gap)) for sign in (1, -1))
 
 
 class _ClosedForm(NamedTuple):
@@ -220,6 +227,7 @@ class _ClosedForm(NamedTuple):
     trace: tuple[BigFloat, ...]  # K11 + K22
     K12: tuple[BigFloat, ...]  # K12 / tau
     defect: tuple[BigFloat, ...]  # (K12 + K21) / tau, summed before rounding: it is tiny where the energy error is
+    difference: tuple[BigFloat, ...]  # (K11 - K22) / tau^2, empty for a symmetric step
 
 
 @lru_cache(maxsize=256)
@@ -228,7 +236,9 @@ def _closed_form(tableau: Tableau) -> _ClosedForm:
     trace = [a + b for a, b in zip(K.K11, K.K22, strict=True)]
     defect = [a + b for a, b in zip(K.K12, K.K21, strict=True)]
     with mp.workdps(CLOSED_FORM_DIGITS):
-        return _ClosedForm(*(tuple(map(as_mpf, row)) for row in (trace[0::2], K.K12[1::2], defect[1::2])))
+        difference = [] if K.K11 == K.K22 else [a - b for a, b in zip(K.K11, K.K22, strict=True)]
+        rows = (trace[0::2], K.K12[1::2], defect[1::2], difference[2::2])
+        return _ClosedForm(*(tuple(map(as_mpf, row)) for row in rows))
 
 
 @lru_cache(maxsize=256)

@@ -26,6 +26,7 @@ def test_the_overview_of_the_leapfrog_is_that_of_textbooks():
         "integrator": "leapfrog",
         "label": "Leapfrog",
         "composition": "BAB",
+        "symmetric": "yes",
         "stages": 1,
         "order": 2,
         "Nystrom order": 2,

@@ -17,9 +17,10 @@ TABLEAU = Tableau(
     order=2,
     # The role: the operator that begins and ends a step, "kick" or "drift". It has one coefficient more than the other.
     first="kick",
-    # Decimal strings, in as many digits as are known: they are exact, and used in extended precision too. Each row is
-    # symmetric and its sum is 1. palindrome("a", "b") is ("a", "b", "b", "a"), palindrome("a", centre="c") is
-    # ("a", "c", "a"); a plain tuple of strings does as well.
+    # Decimal strings, in as many digits as are known: they are exact, and used in extended precision too. The sum of
+    # each row is 1. palindrome("a", "b") is ("a", "b", "b", "a"), palindrome("a", centre="c") is ("a", "c", "a"); a
+    # plain tuple of strings does as well. Rows that are not symmetric have "0" at one end of the longer one, or you add
+    # symmetric=False.
     kick=palindrome("0.1931833275037836", centre="0.6136333449924328"),
     drift=palindrome("0.5"),
     # Decimals that are guaranteed: the sums may differ from 1 by one unit of the last of them for each coefficient.

@@ -18,6 +18,7 @@ def document(coefficients: Coefficients) -> dict[str, Any]:
         "order": tableau.order,
         "harmonic_order": tableau.harmonic_order,
         "requires": tableau.requires,
+        "symmetric": tableau.symmetric,
         "first": tableau.first,
         "digits": coefficients.digits,
         "kick": list(coefficients.kick),

@@ -7,6 +7,7 @@ that ends in a kick a last drift of zero, as ARKODE's own leapfrogs and Yoshida'
 
 from __future__ import annotations
 
+from decimal import Decimal
 from string import Template
 
 from nearharmonic.exchange.coefficients import Coefficients
@@ -105,15 +106,22 @@ int main(void)
 
 
 def write(coefficients: Coefficients) -> str:
-    """Return the program; a table of s + 1 stages stands for the s stages of the integrator."""
+    """Return the program; a table of s + 1 stages stands for the s stages of the integrator.
+
+    A stage that is nothing but zeros, as the last or the first one of a method with as many kicks as drifts, is left
+    out.
+    """
     tableau = coefficients.tableau
     kick_first = tableau.first == "kick"
-    count = tableau.stages + 1
     kicks = coefficients.kick if kick_first else ("0.0", *coefficients.kick)
     drifts = (*coefficients.drift, "0.0") if kick_first else coefficients.drift
+    pairs = [pair for pair in zip(kicks, drifts, strict=True) if any(map(Decimal, pair))]
+    kicks, drifts = (tuple(row) for row in zip(*pairs, strict=True))
+    count = len(pairs)
     stages = STAGES.format(zero="last drift" if kick_first else "first kick", count=count)
+    remarks = [stages, AUTONOMOUS] if count > tableau.stages else [AUTONOMOUS]
     return PROGRAM.substitute(
-        head=head(coefficients, "//", stages, AUTONOMOUS),
+        head=head(coefficients, "//", *remarks),
         name=identifier(tableau),
         stages=count,
         order=tableau.order,

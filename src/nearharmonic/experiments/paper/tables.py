@@ -68,7 +68,7 @@ def structure(integrator: str | Tableau) -> Columns:
         for symbol, coefficients in (("d", role.kick), ("c", role.drift)):
             header += [f"{label} {symbol}", f"{label} {symbol} value"]
             for i, row in zip(indices, rows, strict=True):
-                row += [_equality(symbol, i, len(coefficients)), *(*coefficients, "0")[i - 1 : i]]
+                row += [_equality(symbol, i, len(coefficients), tableau), *(*coefficients, "0")[i - 1 : i]]
     return tuple(header), [tuple(row) for row in rows]
 
 
@@ -113,9 +113,10 @@ def even_orders(integrator: str | Tableau, *, first: First | None = None) -> Col
     return header, rows
 
 
-def _equality(symbol: str, i: int, length: int) -> str:
+def _equality(symbol: str, i: int, length: int, tableau: Tableau) -> str:
     mirror = length + 1 - i
-    return f"{symbol}_{i}" + ("" if mirror == i else f" = {symbol}_{mirror}" if mirror else " = 0")
+    image = f" = {symbol}_{mirror}" if tableau.symmetric and mirror != i else ""
+    return f"{symbol}_{i}" + (image if mirror else " = 0")
 
 
 def _highest(tableau: Tableau, h: int) -> int:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from math import nan
 from typing import Any
 
 import numpy as np
@@ -55,8 +56,8 @@ class Structure:
     tau_per_stage, steps, growth
         Step size per stage, steps of the run, root mean square over it of the tangent map's norm.
     return_error, return_walk, return_bound
-        Distance from the start after the run forwards and back with -tau, in compensated summation; what rounding
-        gives as a random walk, and at the worst.
+        Distance from the start after the run forwards and back with -tau, in compensated summation, NaN if the method
+        is not symmetric; what rounding gives as a random walk, and at the worst.
     plain_return_error, plain_return_walk, plain_return_bound
         The same in plain summation.
     symplectic_defect, symplectic_walk
@@ -130,7 +131,7 @@ def structure(system: System, tableau: Tableau, *, t_end: str) -> Structure:
     for prefix, summation in (("", "compensated"), ("plain_", "plain")):
         total, squares = short.roundings(summation)
         found |= {
-            f"{prefix}return_error": short.return_error(summation),
+            f"{prefix}return_error": short.return_error(summation) if tableau.symmetric else nan,
             f"{prefix}return_walk": UNIT_ROUNDOFF * growth * float(np.sqrt(2 * squares)),
             f"{prefix}return_bound": UNIT_ROUNDOFF * growth * 2 * total,
         }
