@@ -49,6 +49,14 @@ def test_the_corrected_digit_is_where_the_page_says():
     assert f'"0.{digits}"' not in copied
 
 
+def test_the_methods_that_are_not_symmetric_are_those_that_the_page_names():
+    (sentence,) = re.findall(r"- (`ruth_s3o3`.*?) are not symmetric", FLAT)
+    assert sentence == "`ruth_s3o3` and `mclachlan_atela_2` to `mclachlan_atela_5`"
+    named = {"ruth_s3o3", *(f"mclachlan_atela_{order}" for order in range(2, 6))}
+    assert {name for name, one in nh.integrators.items() if not one.symmetric} == named
+    assert all(nh.integrators[name].kick[-1] == "0" for name in named)
+
+
 def test_6a8_is_as_good_as_babs8o6_7h_by_what_the_page_says():
     (better,) = stated(PAGE, r"6A8 is better by (\S+) at τ/s = 0\.03, 0\.05 and 0\.1")
     worse = stated(PAGE, r"and worse by (\S+) and (\S+) at 0\.2 and 0\.3")

@@ -126,10 +126,16 @@ def symplectic(results: Results) -> Decision:
 )
 def first_same_as_last(results: Results) -> Decision:
     good = []
-    for method in (one for one in results.methods.values() if one.symmetric):
+    for method in filter(_is_symmetric, results.methods.values()):
         k = max(len(method.kick), len(method.drift))
         good.append(gradients(method, steps=3) == 3 * (k - 1) + (len(method.kick) == k))
     return counted(good, f"{sum(good)} of {len(good)} methods")
+
+
+def _is_symmetric(method: Tableau) -> bool:
+    return all(
+        Fraction(a) == Fraction(b) for row in (method.kick, method.drift) for a, b in zip(row, row[::-1], strict=True)
+    )
 
 
 def gradients(method: Tableau, steps: int) -> int:
