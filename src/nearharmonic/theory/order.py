@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
+from functools import lru_cache
 from math import factorial, sqrt
 from numbers import Integral
 from typing import NamedTuple
@@ -227,6 +228,7 @@ def error_norm(integrator: str | Tableau, degree: int, *, quadratic: bool = Fals
     return sqrt(sum((weighted(row.weights, errors) ** 2 / row.scale for row in rows), Fraction(0)))
 
 
+@lru_cache(maxsize=512)
 def _first_failure(tableau: Tableau, kicks: int, highest: int) -> int:
     """The order at which error terms with exactly ``kicks`` letters B appear, or ``highest`` if none does by then."""
     length = min(highest, _SHORT)
