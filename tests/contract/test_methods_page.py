@@ -55,6 +55,8 @@ def test_the_methods_that_are_not_symmetric_are_those_that_the_page_names():
     named = {"ruth_s3o3", *(f"mclachlan_atela_{order}" for order in range(2, 6))}
     assert {name for name, one in nh.integrators.items() if not one.symmetric} == named
     assert all(nh.integrators[name].kick[-1] == "0" for name in named)
+    assert len(named) == 5
+    assert "if the method is symmetric, as all but five are" in (ROOT / "docs/runs.md").read_text(encoding="utf-8")
 
 
 def test_6a8_is_as_good_as_babs8o6_7h_by_what_the_page_says():
