@@ -130,6 +130,7 @@ def build_landing(
     """
     rules = Rules(physics, extended, compensated)
     kernel = build(physics, extended=extended, compensated=compensated, width=1, energy=energy)
+    main = _advance(rules, 1, energy)
     look = _advance(rules, 1, "none" if energy == "none" else "samples")
 
     def make() -> tuple[str, bytes]:
@@ -143,7 +144,7 @@ def build_landing(
         stages = others[_STAGES]
         arrays = workspace(physics.dimension, stages, parameters=physics.parameters, width=1)
         rows, trial, lanes, trial_lanes = arrays[0], arrays[1], arrays[2], arrays[2].copy()
-        addresses = kernel.advance().address, look.address, kernel.begin
+        addresses = main.address, look.address, kernel.begin
         return land.prepared(*addresses, measured, *others, rows, lanes, trial, trial_lanes)
 
     return prepared

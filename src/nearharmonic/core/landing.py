@@ -144,8 +144,8 @@ class _Landing(Runs):
         q, p = self._pairs_at(start, 0, d, d), self._pairs_at(start, 2 * d, d, d)
         x, y = self.maps.from_physical(q, p, *given)
         keep = 1.0 if self.rules.compensated else 0.0
-        for k, number in enumerate((*x, *y)):
-            place = k if k < D else D + k
+        for i, number in enumerate((*x, *y)):
+            place = i if i < D else D + i
             for at in (0, self.running_at):
                 rows[at + place], rows[at + D + place] = number.high, number.low * keep
         inverse = self.maps.inverse_axis(x, *given)

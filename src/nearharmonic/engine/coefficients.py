@@ -99,7 +99,8 @@ def moves(tableau: Tableau, taus: Sequence[Fraction], parts: int, *, rounded: bo
 def pieces(tableau: Tableau, taus: Sequence[Fraction]) -> Floats:
     """Return what moves are made of, for a step size that is a multiple of tau: (len(taus), s + 3, 6).
 
-    A row has pairs of kick, drift and their product. The rows are those of :func:`moves`, and behind them one that begins with tau as a pair.
+    A row has pairs of kick, drift and their product. The rows are those of :func:`moves`, and behind them one that
+    begins with tau as a pair.
     """
     found = np.zeros((len(taus), tableau.stages + 3, 6))
     for rows, tau in zip(found, taus, strict=True):

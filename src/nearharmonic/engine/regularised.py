@@ -35,7 +35,7 @@ def landing_of(system: System, numerics: Numerics) -> Callable[..., PreparedCall
 
 @cache
 def unperturbed(system: System) -> System:
-    """Return ``system`` without its perturbation: its forces are those of an oscillator, and take a fifth of the time."""
+    """Return ``system`` without its perturbation: its forces are those of an oscillator, and cheap."""
     assert system.regularisation is not None
     return replace(system, regularisation=replace(system.regularisation, perturbation=None))
 

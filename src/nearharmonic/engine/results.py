@@ -26,7 +26,7 @@ class Trajectories:
     over every step, or over the samples, as :class:`Numerics` says, infinite if the run left; maxima over looks have no
     means. ``steps`` (R,) asked for; ``done`` (R,) taken; ``left_at`` (R,) step at which the run left its energy
     surface, 0 if it did not; ``evaluations`` (R,) of the force; ``energy``, ``energy_low``
-    (R,): H0. ``running`` (R, 5 d): the states of the last forces, from which the runs may go on; (R, 0) if none is kept.
+    (R,): H0. ``running`` (R, 5 d): the states of the last forces, from which the runs may go on, or (R, 0).
     """
 
     marks: Integers

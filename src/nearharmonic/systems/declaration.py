@@ -21,7 +21,7 @@ VARIABLES = frozenset((
     "t", "q", "p", "q_low", "p_low", "tau", "tau_requested", "energy_error", "max_energy_error", "mean_energy_error",
     "initial_energy", "initial_energy_low", "clock", "clock_low", "clock_momentum", "clock_momentum_low", "steps",
     "evaluations", "status", "diverged_at", "block_steps", "block_max_energy_error", "block_mean_energy_error",
-    "sample", "component", "member",
+    "sample", "component", "member", "running", "running_component",
 ))  # fmt: skip
 
 

@@ -145,8 +145,8 @@ def regularised_formulas(system: System) -> Formulas:
         <= set(places)
     ):
         raise SystemDefinitionError(
-            f"{system.name}: regularisation = {given!r} is not allowed: it is for two or three coordinates, masses of 1, "
-            "V that does not depend on time, and parameters of the names of gravity and strength"
+            f"{system.name}: regularisation = {given!r} is not allowed: it is for two or three coordinates, masses of "
+            "1, V that does not depend on time, and parameters of the names of gravity and strength"
         )
     maps = RegularisedFormulas(given, places.index(given.gravity), system.dimension)
     constants = system.constants(Constant)

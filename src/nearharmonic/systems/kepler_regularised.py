@@ -1,8 +1,8 @@
 """The Sun-Mercury system of :mod:`nearharmonic.systems.kepler` as an oscillator (Levi-Civita), with a term -A/r^3.
 
 The term is that of general relativity to first order in 1/c^2, with A = GM L^2/c^2: the perihelion advances by
-6 pi GM/(c^2 a (1 - e^2)) an orbit. Source: Einstein (1915), Sitzungsber. Preuss. Akad. Wiss. 831; the potential in Goldstein
-(2002), Classical Mechanics, Sec. 12. A is 0 by default, so that the orbit is Kepler's.
+6 pi GM/(c^2 a (1 - e^2)) an orbit. Source: Einstein (1915), Sitzungsber. Preuss. Akad. Wiss. 831; the potential in
+Goldstein (2002), Classical Mechanics, Sec. 12. A is 0 by default, so that the orbit is Kepler's.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 
 from nearharmonic.core.arithmetic import sqrt
 from nearharmonic.systems import kepler
-from nearharmonic.systems.quantities import Parameter, Vector
+from nearharmonic.systems.quantities import Observable, Parameter, Vector
 from nearharmonic.systems.regularisation import Regularisation
 from nearharmonic.systems.system import System
 
@@ -60,8 +60,16 @@ SYSTEM = System(
         **kepler.SYSTEM.parameters,
         "A": Parameter(value="0", unit="1e30 km5 h-2", meaning="strength of the perturbation -A/r^3"),
     },
-    invariants={"angular_momentum": replace(kepler.SYSTEM.invariants["angular_momentum"], function=angular_momentum)},
-    observables={"perihelion_angle": replace(kepler.SYSTEM.observables["perihelion_angle"], function=perihelion_angle)},
+    invariants={
+        "angular_momentum": Observable(
+            function=angular_momentum, unit="1e12 km2 h-1", meaning="angular momentum per unit mass"
+        )
+    },
+    observables={
+        "perihelion_angle": Observable(
+            function=perihelion_angle, unit="rad", meaning="angle of the Laplace-Runge-Lenz vector"
+        )
+    },
     exact_position=exact_position,
     regularisation=Regularisation(gravity="GM", perturbation=perturbation, strength="A"),
     source=f"{kepler.SYSTEM.source}; regularisation of Levi-Civita (1920), doi:10.1007/BF02404404",

@@ -1,13 +1,13 @@
-"""Kepler's problem as a perturbed harmonic oscillator: the regularisations of Levi-Civita and of Kustaanheimo and Stiefel.
+"""Kepler's problem as a perturbed oscillator: the regularisations of Levi-Civita and of Kustaanheimo and Stiefel.
 
 For H = |p|^2/2 - GM/r + R(q) with H = -w < 0, coordinates u with q = L(u) u and r = |u|^2, and a fictitious time s with
 dt = r ds, the momenta v = du/ds make r (H + w) / 4 = |v|^2/2 + w |u|^2/4 + |u|^2 R/4 - GM/4: an oscillator of frequency
 sqrt(w/2), perturbed by |u|^2 R/4. It is separable, and quadratic in the momenta. Time and -H are one more pair: the
 position w, on which T does not depend, and the momentum -t/4, since dV/dw = |u|^2/4.
 
-L(u) is a matrix of orthogonal columns: in the plane that of Levi-Civita (1920), doi:10.1007/BF02404404, where q = u^2 of
-complex numbers; in space that of Kustaanheimo & Stiefel (1965), doi:10.1515/crll.1965.218.204, of four coordinates, whose
-bilinear relation the start satisfies. See also Stiefel & Scheifele (1971), Linear and Regular Celestial Mechanics.
+L(u) is a matrix of orthogonal columns: in the plane that of Levi-Civita (1920), doi:10.1007/BF02404404, where q = u^2
+of complex numbers; in space that of Kustaanheimo & Stiefel (1965), doi:10.1515/crll.1965.218.204, of four coordinates,
+whose bilinear relation the start satisfies. Both: Stiefel & Scheifele (1971), Linear and Regular Celestial Mechanics.
 """
 
 from __future__ import annotations
@@ -112,8 +112,7 @@ class RegularisedFormulas:
         return self._position(u), tuple(2 * sum(a * b for a, b in zip(row, v, strict=True)) / r for row in rows)
 
     def inverse_axis(self, x: Vector, *parameters: Any) -> Any:
-        """Return 1/a = 2 w/GM, the inverse of the semi-major axis: an orbit takes 2 pi a^(3/2) / GM^(1/2) of time, and a
-        a-th of that of fictitious time."""
+        """Return 1/a = 2 w/GM, with the semi-major axis a: what an orbit takes of its period in fictitious time."""
         return 2 * x[-1] / parameters[self.gravity]
 
     def largest_radius(self, x: Vector, y: Vector, *parameters: Any) -> Any:

@@ -61,9 +61,9 @@ class System:
     string in the unit of energy; if None, |H0|, or that unit where H0 = 0.
     ``surface_limit`` is the relative energy error beyond which a run has diverged; ``surface_reason`` says why.
 
-    ``regularisation`` makes V = -GM/|q| + R in two or three coordinates an oscillator: what is integrated, with a step in
-    the fictitious time, are the formulas of :mod:`nearharmonic.systems.regularisation`. States, times and energies are
-    mapped back.
+    ``regularisation`` makes V = -GM/|q| + R in two or three coordinates an oscillator: what is integrated, with a step
+    in a fictitious time, are the formulas of :mod:`nearharmonic.systems.regularisation`. States, times and energies
+    are mapped back.
 
     ``harmonic`` marks the unit oscillator H = (p^2 + q^2)/2, whose energy errors are known in closed form, ``gravity``
     the potential V = -GM/|q|, for which other libraries have code of their own; both are compared with V at first use.
