@@ -41,8 +41,8 @@ from nearharmonic.core.scheduler import Runs
 from nearharmonic.core.tracing import DoubleDouble
 from nearharmonic.core.values import LLVMValue
 
-#: Repeats of Newton's method: three from a guess by the secant reach the rounding of double-doubles.
-MOST_REPEATS = 6
+#: Repeats of Newton's method, which ends before where no repeat comes nearer: four in double, six in double-double.
+MOST_REPEATS = 12
 #: Part of the way to a sample that is gone at once: the apoapsis of a perturbed orbit may be farther than the start's.
 SAFETY = 0.98
 
