@@ -91,15 +91,26 @@ class Solution:
         end = float(self.problem.end)
         return self._kept("marks") * end / self.steps
 
+    def _states(self, part: int) -> Floats:
+        """Columns of the states as the kernel left them: part 0 the positions, part 2 the momenta.
+
+        They are read without the energies and evaluations, which cost more than a short run does.
+        """
+        samples = self._step.marks.size
+        states = self._split()[0][0, int(self.problem.samples == 1) : samples]
+        d = states.shape[1] // 4
+        kept = states if not self._diverged_at else states[np.isfinite(states[:, 0])]
+        return kept[:, part * d : part * d + self.problem.system.dimension].copy()
+
     @property
     def q(self) -> Floats:
         """Positions (S, d)."""
-        return self._kept("q")[:, : self.problem.system.dimension]
+        return self._states(0)
 
     @property
     def p(self) -> Floats:
         """Momenta (S, d)."""
-        return self._kept("p")[:, : self.problem.system.dimension]
+        return self._states(2)
 
     @property
     def energy_error(self) -> Floats:
