@@ -12,9 +12,8 @@ import argparse
 from collections.abc import Iterator, Sequence
 from math import isfinite
 
-from nearharmonic.experiments.work_precision.curve import Curve, crossing
+from nearharmonic.experiments.work_precision.curve import TARGETS, Curve, crossing
 from nearharmonic.experiments.work_precision.run import read_parts
-from nearharmonic.experiments.work_precision.tables import TARGETS
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.systems import systems
 

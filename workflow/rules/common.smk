@@ -4,8 +4,6 @@ Rules name no environments of their own, as ``snakemake --lint`` asks for. They 
 installed in, whose versions ``constraints.txt`` pins and every result file records.
 """
 
-from importlib.util import find_spec
-
 from snakemake.exceptions import WorkflowError
 
 from nearharmonic.config import load
@@ -62,5 +60,6 @@ def run_files(system):
 def installed():
     """Which of the libraries are there: one that is installed later on is to be timed as well."""
     from nearharmonic.experiments.work_precision.peers import LIBRARIES
+    from nearharmonic.experiments.work_precision.peers.measure import is_installed
 
-    return {library: find_spec(library) is not None for library in LIBRARIES}
+    return {library: is_installed(library) for library in LIBRARIES}

@@ -24,7 +24,7 @@ class SourceTracer(Number):
     def _line(self, expression: str) -> SourceTracer:
         name = f"v{len(self.lines)}"
         self.lines.append(f"{name} = {expression}")
-        return SourceTracer(name, self.lines)
+        return type(self)(name, self.lines)
 
     def _add(self, other: SourceTracer | Constant) -> SourceTracer:
         # sum() begins with 0; a line for it would be a line that no user writes.
@@ -61,7 +61,7 @@ class SourceTracer(Number):
         return self._line(f"sqrt({self.name})")
 
     def lifted(self, number: Constant) -> SourceTracer:
-        return SourceTracer(_text(number), self.lines)
+        return type(self)(_text(number), self.lines)
 
     def apply(self, function: str, *others: SourceTracer | Constant) -> SourceTracer:
         return self._line(f"{function}({', '.join(map(_text, (self, *others)))})")

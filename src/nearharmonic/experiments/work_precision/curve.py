@@ -11,9 +11,11 @@ from typing import Literal
 #: The errors that a curve is read against, as the names of a :class:`Point`'s fields.
 MEASURES = {"max": "max_energy_error", "mean": "mean_energy_error", "position": "position_error"}
 
-#: What a timed call does, and with how many trajectories at once: one; eight in SIMD lanes; one whose energy is
-#: measured at every step.
-MODES = {"trajectory": 1, "lanes": 8, "energy": 1}
+#: What a timed call does: one trajectory; many at once in SIMD lanes; one whose energy is measured at every step.
+MODES = ("trajectory", "lanes", "energy")
+
+#: Errors that tables tell the cost of.
+TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
 
 
 @dataclass(kw_only=True)
@@ -21,8 +23,9 @@ class Point:
     """One setting of one method: what it costs and how far off it is.
 
     ``tau`` is the step (NaN if the method chooses its own), ``tolerance`` the other way round; ``evaluations`` of the
-    force, NaN if unknown. Errors as in a cube; infinite where the run failed. ``calls`` holds what is to be timed, by
-    mode, and ``times`` the seconds of each repeat, per trajectory.
+    force, NaN if unknown. ``compensated`` is 1 or 0 as the sums are compensated or plain, NaN for other libraries.
+    Errors as in a cube; infinite where the run failed. ``members`` is the number of trajectories that a call in lanes
+    integrates. ``calls`` holds what is to be timed, by mode, and ``times`` the seconds of each repeat, per trajectory.
     """
 
     tau: float = nan
@@ -30,6 +33,8 @@ class Point:
     tolerance: float = nan
     steps: float = nan
     evaluations: float = nan
+    compensated: float = nan
+    members: float = nan
     max_energy_error: float = inf
     mean_energy_error: float = inf
     position_error: float = nan
@@ -42,7 +47,7 @@ class Curve:
     """The points of one method, from the cheapest to the dearest; ``status`` "ok", or why there are none.
 
     ``kind`` is "splitting" for the methods of this package, "peer" for what others offer; ``setup`` the seconds that a
-    whole call takes for one step, ``sweep`` those for all points at once in lanes, energies measured at every step.
+    call of a prepared problem takes for one step, ``sweep`` those for all points at once in lanes, energies measured at every step.
     """
 
     method: str

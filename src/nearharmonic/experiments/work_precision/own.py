@@ -1,25 +1,24 @@
-"""The curves of this package's own methods: errors of whole sweeps, and calls of the compiled kernel to be timed."""
+"""The curves of this package's own methods: errors of whole sweeps, and calls of prepared problems to be timed."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Sequence
 from fractions import Fraction
-from functools import cache
 from math import inf, isfinite
+from typing import Any
 
 import numpy as np
 
-from nearharmonic.core.kernel import inner, room
 from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.coefficients import lane_rows, lanes_of, moves, parameter_row, start_row
+from nearharmonic.engine.ensemble import ensemble
 from nearharmonic.engine.grid import check_fit, evaluations_of, steps_of, tau_grid
-from nearharmonic.engine.kernels import kernel_of, physics_of
+from nearharmonic.engine.problem import Problem
 from nearharmonic.engine.reference import Reference
 from nearharmonic.engine.results import Trajectories
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import SettingError
-from nearharmonic.experiments.work_precision.curve import MODES, Curve, Point
+from nearharmonic.experiments.work_precision.curve import MEASURES, Curve, Point
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.systems.system import System
 
@@ -27,8 +26,14 @@ from nearharmonic.systems.system import System
 ROUNDING = 1e-15
 #: Relative to the distance; positions lose the digits that the phase does.
 POSITION_ROUNDING = 1e-14
+#: Plain sums lose nothing where no error is more than this many times that of compensated sums.
+LOSSLESS = 1.05
 #: Repeats of the call that measures what surrounds the kernel.
 SETUP_REPEATS = 5
+#: An ensemble has as many members as take about this many evaluations of the force, some milliseconds,
+ENSEMBLE_EVALUATIONS = 2**25
+#: but no fewer and no more than this: what a call costs beside the kernel is shared by so many.
+FEWEST_MEMBERS, MOST_MEMBERS = 64, 2048
 
 
 def grid(
@@ -48,13 +53,12 @@ def splitting_curve(
     points: Sequence[tuple[float, int]],
     exact: Reference | None,
     summation: str = "compensated",
-    modes: Collection[str] = tuple(MODES),
 ) -> Curve:
-    """The errors of ``tableau`` at ``points`` (tau per stage, steps), with calls of the kernel, one for each of
-    ``modes``, that are to be timed.
+    """The errors of ``tableau`` at ``points`` (tau per stage, steps), with calls for one trajectory to be timed.
 
-    Stops at the first point where every error is down to rounding. A system that the method is not made for gives a
-    curve without points whose status says so.
+    Sums are plain, which takes less time, at the points where that loses nothing (:data:`LOSSLESS`), and compensated at
+    all others; ``summation="plain"`` makes all plain. Stops at the first point where every error is down to rounding.
+    A system that the method is not made for gives a curve without points whose status says so.
     """
     curve = Curve(method=tableau.name, label=tableau.label, kind="splitting")
     try:
@@ -66,24 +70,28 @@ def splitting_curve(
         curve.status = "no step size: every run would take more evaluations than allowed"
         return curve
     steps = [n for _, n in points]
-    begin = time.perf_counter()
-    numerics = Numerics(summation=summation)
-    paths = integrate_batch(system, tableau, t_end=Fraction(t_end), steps=steps, samples=2, numerics=numerics)
-    curve.sweep = time.perf_counter() - begin
-    curve.points = _points(tableau, t_end, points, paths, exact)
+    found = {}
+    for way in dict.fromkeys((summation, "plain")):
+        begin = time.perf_counter()
+        numerics = Numerics(summation=way)
+        paths = integrate_batch(system, tableau, t_end=Fraction(t_end), steps=steps, samples=2, numerics=numerics)
+        curve.sweep = time.perf_counter() - begin if way == summation else curve.sweep
+        found[way] = _points(t_end, points, paths, exact, compensated=numerics.compensated)
+    curve.points = _until_rounding([_cheaper(*both) for both in zip(found[summation], found["plain"], strict=True)])
     for point in curve.points:
         if isfinite(point.max_energy_error):
-            point.calls = kernel_calls(system, tableau, Fraction(t_end), int(point.steps), modes, summation)
-    curve.setup = _setup(system, tableau, Fraction(t_end), summation)
+            point.calls = prepared_calls(system, tableau, t_end, int(point.steps), way_of(point))
+    curve.setup = _setup(system, tableau, t_end)
     return curve
 
 
 def _points(
-    tableau: Tableau,
     t_end: str,
     points: Sequence[tuple[float, int]],
     paths: Trajectories,
     exact: Reference | None,
+    *,
+    compensated: bool,
 ) -> list[Point]:
     found = []
     for i, (tau_per_stage, steps) in enumerate(points):
@@ -97,25 +105,39 @@ def _points(
                 tau_per_stage=tau_per_stage,
                 steps=steps,
                 evaluations=int(paths.evaluations[i]),
+                compensated=float(compensated),
                 max_energy_error=worst,
                 mean_energy_error=mean,
                 position_error=off,
             )
         )
-        if worst <= ROUNDING and not off > POSITION_ROUNDING:
-            break
     return found
 
 
-def kernel_calls(
-    system: System,
-    tableau: Tableau,
-    t_end: Fraction,
-    steps: int,
-    modes: Collection[str],
-    summation: str = "compensated",
-) -> dict[str, Callable[[], object]]:
-    """Return calls of the compiled kernel, to be timed, that make the same integration in each of ``modes``.
+def _cheaper(careful: Point, plain: Point) -> Point:
+    """``plain`` if it loses nothing, otherwise ``careful``."""
+    # A NaN is a position that was compared with nothing.
+    lost = any(getattr(plain, name) > LOSSLESS * getattr(careful, name) for name in MEASURES.values())
+    return careful if lost else plain
+
+
+def _until_rounding(points: Sequence[Point]) -> list[Point]:
+    """The points up to the first where every error is down to rounding."""
+    settled = (
+        i for i, p in enumerate(points) if p.max_energy_error <= ROUNDING and not p.position_error > POSITION_ROUNDING
+    )
+    return list(points[: next(settled, len(points)) + 1])
+
+
+def way_of(point: Point) -> str:
+    """The summation of a point: "compensated" or "plain"."""
+    return "compensated" if point.compensated else "plain"
+
+
+def prepared_calls(
+    system: System, tableau: Tableau, t_end: str, steps: int, summation: str = "compensated"
+) -> dict[str, Callable[[], Any]]:
+    """Return whole calls of a prepared problem, to be timed, each of which returns the final q (d,) and p (d,).
 
     Parameters
     ----------
@@ -123,70 +145,57 @@ def kernel_calls(
         Problem and method.
     t_end, steps
         The interval [0, ``t_end``] is covered in ``steps`` equal steps.
-    modes
-        Keys of :data:`nearharmonic.experiments.work_precision.curve.MODES`.
     summation
         "compensated" or "plain".
 
     Returns
     -------
     dict
-        Call by mode; each begins at the start of the system. Formulas that are loops have no mode of several lanes.
+        ``trajectory``, without a look at the energy, and ``energy``, with one at every step. Both have run once.
     """
-    (row,) = moves(tableau, [t_end / steps], 1)
-    start = start_row(*system.extended_start(Fraction), plain=summation == "plain")
-    parameters = parameter_row(system.constants(Fraction))
-    calls = {}
-    for mode in _possible(system, modes):
-        width = MODES[mode]
-        advance = _advance(system, summation, width, _measured(mode))
-        fresh = lane_rows(start, parameters, width, room(physics_of(system), extended=False))
-        calls[mode] = _call(advance, steps, tableau, lanes_of(row, width), fresh)
-    return calls
+    return {
+        mode: _call(Problem(system, tableau, t_end=t_end, summation=summation, energy=energy), float(t_end) / steps)
+        for mode, energy in (("trajectory", "none"), ("energy", "every"))
+    }
 
 
-def _possible(system: System, modes: Collection[str]) -> list[str]:
-    """Those of ``modes`` for which there is a kernel of ``system``."""
-    return [mode for mode in modes if MODES[mode] == 1 or not system.formulas().are_loops]
+def _call(problem: Problem, tau: float) -> Callable[[], Any]:
+    def call() -> Any:
+        solution = problem(tau)
+        return solution.q[-1], solution.p[-1]
 
-
-def _measured(mode: str) -> str:
-    return "every" if mode == "energy" else "samples"
-
-
-@cache
-def _advance(system: System, summation: str, width: int, energy: str) -> Callable[..., int]:
-    """The inner kernel by itself, loaded once: what a caller with arrays at hand would use."""
-    compensated = summation == "compensated"
-    return inner(physics_of(system), extended=False, compensated=compensated, width=width, energy=energy)
-
-
-def _call(
-    advance: Callable[..., int], steps: int, tableau: Tableau, given: np.ndarray, fresh: np.ndarray
-) -> Callable[[], object]:
-    rows, lanes = fresh.copy(), given.copy()
-    kick_first = tableau.first == "kick"
-
-    def call() -> np.ndarray:
-        rows[:], lanes[:] = fresh, given
-        advance(steps, tableau.stages, kick_first, lanes, rows)
-        return rows
-
+    call()
     return call
 
 
-def _setup(system: System, tableau: Tableau, t_end: Fraction, summation: str) -> float:
-    """Least seconds of a whole call for one step: exact coefficients, arrays and the look at the energy."""
-    least, numerics = inf, Numerics(summation=summation)
+def ensemble_call(
+    system: System, tableau: Tableau, t_end: str, steps: int, summation: str = "compensated"
+) -> tuple[Callable[[], Any], int]:
+    """Return a call of :func:`nearharmonic.ensemble` on one thread, to be timed, and the number of its members.
+
+    All members begin at the start of the system, so that the error of one is that of all, and so that no member of
+    another library's adaptive batch waits for another.
+    """
+    evaluations = evaluations_of(tableau, steps)
+    members = min(max(ENSEMBLE_EVALUATIONS // evaluations, FEWEST_MEMBERS), MOST_MEMBERS)
+    q0, p0 = (np.repeat(np.array([row]), members, axis=0) for row in system.start(float))
+
+    def call() -> Any:
+        found = ensemble(
+            system, tableau, float(t_end) / steps, q0=q0, p0=p0, t_end=t_end, energy="none", summation=summation,
+            samples=1,
+        )  # fmt: skip
+        return found.q.values, found.p.values
+
+    call()
+    return call, members
+
+
+def _setup(system: System, tableau: Tableau, t_end: str) -> float:
+    """Least seconds of a whole call of a prepared problem for one step: what Python takes."""
+    call, least = prepared_calls(system, tableau, t_end, 1, "plain")["trajectory"], inf
     for _ in range(SETUP_REPEATS):
         begin = time.perf_counter()
-        integrate_batch(system, tableau, t_end=t_end, steps=[1], samples=2, numerics=numerics)
+        call()
         least = min(least, time.perf_counter() - begin)
     return least
-
-
-def warm_up(system: System, summation: str = "compensated", modes: Collection[str] = tuple(MODES)) -> None:
-    """Compile every kernel that a curve with these ``modes`` uses, or load it from the cache."""
-    kernel_of(system, Numerics(summation=summation))
-    for mode in _possible(system, modes):
-        _advance(system, summation, MODES[mode], _measured(mode))

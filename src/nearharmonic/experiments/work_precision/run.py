@@ -15,10 +15,10 @@ import numpy as np
 from nearharmonic.engine.reference import Reference, position_t_end, reference
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.experiments.work_precision.clock import QUARTILES, interleaved, machine, pinned, summary
-from nearharmonic.experiments.work_precision.curve import MEASURES, MODES, Curve, Part, Point
-from nearharmonic.experiments.work_precision.own import grid, splitting_curve, warm_up
+from nearharmonic.experiments.work_precision.curve import MEASURES, MODES, TARGETS, Curve, Part, Point, ranking
+from nearharmonic.experiments.work_precision.own import ensemble_call, grid, splitting_curve, way_of
 from nearharmonic.experiments.work_precision.peers import PEERS
-from nearharmonic.experiments.work_precision.peers.measure import peer_curve, quiet
+from nearharmonic.experiments.work_precision.peers.measure import peer_curve, quiet, version_of
 from nearharmonic.experiments.work_precision.settings import WorkPrecisionSettings
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
@@ -29,6 +29,9 @@ from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:
     import xarray as xr
+
+#: Methods whose ensembles are timed, at each error.
+FRONT = 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,18 +81,21 @@ def measure(
     """
     tableaus = [integrators[name] for name in methods]
     groups, intervals = {}, {}
+    versions = {f"{library} {version_of(library)}" for library in ("nearharmonic", "numba", "numpy")}
     with pinned() as core:
         facts = machine(core)
         for sweep in sweeps:
             for problem in problems(systems[sweep.system], sweep.t_end):
                 curves, exact = curves_on(problem, tableaus, sweep, settings)
                 groups[problem.name] = variables(curves, problem.system.units["t"])
+                versions |= {f"{PEERS[curve.method].module} {curve.version}" for curve in curves if curve.version}
                 intervals[problem.name] = {
                     "system": problem.system.name,
                     "t_end": problem.t_end,
                     "measures": problem.measures,
                     "reference": exact.source if exact else "",
                 }
+    facts["libraries"] = ", ".join(sorted(versions))
     after = machine(core)
     facts["load_average"] = f"{facts['load_average']} before, {after['load_average']} after"
     return {"cube": Contents(variables={}, attributes={**facts, "problems": json.dumps(intervals)}, groups=groups)}
@@ -138,7 +144,6 @@ def curves_on(
         What positions were compared with, if they are of interest.
     """
     exact = reference(problem.system, problem.t_end) if "position" in problem.measures else None
-    warm_up(problem.system, sweep.summation)
     curves = []
     for tableau in tableaus:
         points = grid(
@@ -148,11 +153,36 @@ def curves_on(
     for name in settings.solvers():
         steps = (sweep.lowest, sweep.highest)
         curves.append(peer_curve(PEERS[name], problem.system, problem.t_end, steps, exact, settings.longest))
-    clock(curves)
+    clock(curves, ("trajectory", "energy"))
+    for name in front_runners(curves, problem.measures):
+        (curve,) = (curve for curve in curves if curve.method == name)
+        _prepare_ensembles(problem, integrators[name], curve.points)
+    clock(curves, ("lanes",))
     return curves, exact
 
 
-def clock(curves: Iterable[Curve], modes: Iterable[str] = tuple(MODES)) -> None:
+def front_runners(curves: Sequence[Curve], measures: Sequence[str]) -> list[str]:
+    """The names of this package's methods that are among the fastest :data:`FRONT` at some error, one at a time.
+
+    Ensembles of these alone are timed: a slow method is as slow in lanes.
+    """
+    own = [curve for curve in curves if curve.kind == "splitting"]
+    names = []
+    for measure in measures:
+        for target in TARGETS:
+            order = [curve.method for curve, found in ranking(own, measure, target) if isfinite(found.time)]
+            names += order[:FRONT]
+    return list(dict.fromkeys(names))
+
+
+def _prepare_ensembles(problem: Problem, tableau: Tableau, points: Sequence[Point]) -> None:
+    for point in points:
+        if point.calls:
+            call, members = ensemble_call(problem.system, tableau, problem.t_end, int(point.steps), way_of(point))
+            point.calls["lanes"], point.members = call, members
+
+
+def clock(curves: Iterable[Curve], modes: Iterable[str]) -> None:
     """Time the calls of all points in turns, into their ``times``.
 
     Parameters
@@ -160,7 +190,7 @@ def clock(curves: Iterable[Curve], modes: Iterable[str] = tuple(MODES)) -> None:
     curves : iterable of Curve
         Their points get the seconds of each repeat, per trajectory.
     modes : iterable of str
-        Keys of :data:`nearharmonic.experiments.work_precision.curve.MODES`.
+        Of :data:`nearharmonic.experiments.work_precision.curve.MODES`.
     """
     waiting = [(point, mode, call) for curve in curves for point in curve.points for mode, call in point.calls.items()]
     # A mode at a time, so that no wide registers lower the clock of narrow code beside them.
@@ -169,7 +199,8 @@ def clock(curves: Iterable[Curve], modes: Iterable[str] = tuple(MODES)) -> None:
         with quiet():
             repeats = interleaved([call for _, call in chosen])
         for (point, _), times in zip(chosen, repeats, strict=True):
-            point.times[mode] = [seconds / MODES[mode] for seconds in times]
+            members = point.members if mode == "lanes" else 1
+            point.times[mode] = [seconds / members for seconds in times]
 
 
 _COLUMNS = {
@@ -178,14 +209,16 @@ _COLUMNS = {
     "tolerance": ("1", "tolerance asked for; NaN if the step size is the setting"),
     "steps": ("1", "steps"),
     "evaluations": ("1", "evaluations of the force; NaN if unknown"),
+    "compensated": ("1", "1 if the sums are compensated, 0 if plain; NaN for other libraries"),
+    "members": ("1", "trajectories that a call in lanes integrates; NaN if none was timed"),
     "max_energy_error": ("1", "maximum of |H - H0|/|H0| over the steps; infinite if the run failed"),
     "mean_energy_error": ("1", "mean of |H - H0|/|H0| over the steps; infinite if the run failed"),
     "position_error": ("1", "distance from the exact position at the end, over the larger of |q(0)| and |q(t)|"),
 }
 _MODES = {
-    "trajectory": "one trajectory, without a look at the energy",
-    "lanes": "each of eight trajectories in SIMD lanes, without a look at the energy",
-    "energy": "one trajectory, the energy in double-double at every step",
+    "trajectory": "a whole call for one trajectory, without a look at the energy",
+    "lanes": "each trajectory of a whole call for many, in SIMD lanes on one thread, without a look at the energy",
+    "energy": "a whole call for one trajectory, the energy measured at every step",
 }
 _WORDS = {
     "label": "name in legends",
@@ -194,7 +227,7 @@ _WORDS = {
     "version": "version of the peer's library",
 }
 _SECONDS = {
-    "setup": "a whole call for one step: exact coefficients, arrays, the kernel",
+    "setup": "a whole call of a prepared problem for one step",
     "sweep": "one call for all step sizes in lanes, energies at every step",
 }
 
@@ -234,17 +267,25 @@ def variables(curves: Sequence[Curve], unit: str) -> Variables:
     return found
 
 
-def curves_of(group: xr.Dataset) -> list[Curve]:
-    """Return the curves that :func:`variables` put into ``group``, with the least time of each point."""
-    return [_curve_of(group.isel(solver=i)) for i in range(group.sizes["solver"])]
+def curves_of(group: xr.Dataset, quartile: str = "min") -> list[Curve]:
+    """Return the curves that :func:`variables` put into ``group``, with one time of each point.
+
+    Parameters
+    ----------
+    group : xarray.Dataset
+        A group of the cube.
+    quartile : str
+        Which time: one of :data:`nearharmonic.experiments.work_precision.clock.QUARTILES`.
+    """
+    return [_curve_of(group.isel(solver=i), quartile) for i in range(group.sizes["solver"])]
 
 
-def _curve_of(rows: xr.Dataset) -> Curve:
+def _curve_of(rows: xr.Dataset, quartile: str) -> Curve:
     words = {name: str(rows[name].item()) for name in _WORDS}
     seconds = {name: float(rows[name].item()) for name in _SECONDS}
     curve = Curve(method=str(rows["solver"].item()), **words, **seconds)  # type: ignore[arg-type]
     columns = {name: rows[name].values for name in _COLUMNS}
-    least = {mode: rows[f"time_{mode}"].sel(quartile="min").values for mode in MODES}
+    least = {mode: rows[f"time_{mode}"].sel(quartile=quartile).values for mode in MODES}
     for i in range(rows.sizes["point"]):
         if np.isnan(columns["tau"][i]) and np.isnan(columns["tolerance"][i]):
             continue
@@ -254,7 +295,9 @@ def _curve_of(rows: xr.Dataset) -> Curve:
     return curve
 
 
-def read_parts(path: str | os.PathLike[str], system: str) -> tuple[list[Part], dict[str, Any]]:
+def read_parts(
+    path: str | os.PathLike[str], system: str, quartile: str = "min"
+) -> tuple[list[Part], dict[str, Any]]:
     """Return every interval of a system in a cube, and the cube's attributes.
 
     Parameters
@@ -263,6 +306,8 @@ def read_parts(path: str | os.PathLike[str], system: str) -> tuple[list[Part], d
         The cube.
     system : str
         Name of the system.
+    quartile : str
+        As for :func:`curves_of`.
 
     Raises
     ------
@@ -273,7 +318,7 @@ def read_parts(path: str | os.PathLike[str], system: str) -> tuple[list[Part], d
 
     attributes = store.attributes_of(path)
     parts: list[Part] = [
-        (told["t_end"], tuple(told["measures"]), curves_of(store.read(path, name)))
+        (told["t_end"], tuple(told["measures"]), curves_of(store.read(path, name), quartile))
         for name, told in json.loads(attributes["problems"]).items()
         if told["system"] == system
     ]

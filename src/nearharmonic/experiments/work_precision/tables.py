@@ -6,13 +6,19 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass, fields
 from math import isfinite
 
-from nearharmonic.experiments.work_precision.curve import Crossing, Curve, Part, crossing, ns_per_evaluation, ranking
+from nearharmonic.experiments.work_precision.curve import (
+    TARGETS,
+    Crossing,
+    Curve,
+    Part,
+    crossing,
+    ns_per_evaluation,
+    ranking,
+)
 from nearharmonic.experiments.work_precision.run import read_parts
 from nearharmonic.output.receipts import measures_time
 from nearharmonic.output.table import Table
 from nearharmonic.systems import systems
-
-TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
 
 NAMES = {
     "max": "maximum of |H - H0|/|H0|",

@@ -7,12 +7,15 @@ precision, so errors below 1e-15 mean no more than that.
 
 from __future__ import annotations
 
+import subprocess
 import time
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
+from importlib.util import find_spec
 from math import inf, isfinite
+from shutil import which
 
 import numpy as np
 
@@ -24,12 +27,21 @@ from nearharmonic.systems.system import System
 
 #: Above this an error that does not fall with the step is an accident, below it the end of the fall.
 NEAR_ROUNDING = 1e-9
+#: What is looked for as a program instead of a module.
+COMPILERS = ("gcc",)
 #: Step-size grid of the peers, per decade.
 POINTS_PER_DECADE = 4
 
 
+def is_installed(library: str) -> bool:
+    """Whether ``library``, a compiler or a module that is not imported for this, is there."""
+    return (which(library) if library in COMPILERS else find_spec(library)) is not None
+
+
 def missing(library: str) -> str:
     """Why ``library`` cannot be used, in words for a table; empty if it can."""
+    if library in COMPILERS:
+        return "" if is_installed(library) else "not installed"
     try:
         with quiet():
             import_module(library)
@@ -44,6 +56,8 @@ def version_of(library: str) -> str:
     """The installed version of ``library``."""
     from importlib.metadata import PackageNotFoundError, version
 
+    if library in COMPILERS:
+        return subprocess.run([library, "-dumpfullversion"], check=True, capture_output=True, text=True).stdout.strip()
     try:
         return version(library)
     except PackageNotFoundError:
@@ -85,6 +99,8 @@ def peer_curve(
 def _misfit(peer: Peer, system: System) -> str:
     if system.time_dependent:
         return "not written for a potential that depends on time"
+    if peer.gravity_only and not system.gravity:
+        return "does not fit: it requires V = -GM/|q|"
     return "" if system.unit_masses or not peer.quadratic_only else "does not fit: it requires T = p.p/2"
 
 
@@ -112,7 +128,7 @@ def _measured(peer: Peer, system: System, t_end: float, setting: float, exact: R
         point.calls["trajectory"] = attempt.run
         if attempt.lanes is not None:
             attempt.lanes()  # warmed up as the path was
-            point.calls["lanes"] = attempt.lanes
+            point.calls["lanes"], point.members = attempt.lanes, attempt.members
         if peer.knob == "step":
             point.tau = t_end / point.steps
     if peer.knob == "step":

@@ -24,18 +24,22 @@ class Attempt:
     Attributes
     ----------
     run
-        What is timed: one trajectory from start to end.
+        What is timed: the whole call for one trajectory from start to end, which returns an object that holds the final
+        state. The energy is not looked at.
     path
         Returns the states (n + 1, 2 d) at the solver's own steps, the start included, and the evaluations of the
         force (NaN if the library does not tell).
     lanes
-        What is timed in SIMD lanes: as many trajectories at once as ``curve.MODES`` says, each equal to that of
-        ``run``; None if the library offers a Python user no lanes.
+        What is timed in SIMD lanes: ``members`` trajectories at once, each equal to that of ``run``; None if the library
+        offers a Python user no lanes.
+    members
+        Trajectories of a call of ``lanes``.
     """
 
     run: Callable[[], Any]
     path: Callable[[], tuple[States, float]]
     lanes: Callable[[], Any] | None = None
+    members: int = 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +51,7 @@ class Peer:
     name, label
         Name in files and name in legends.
     module
-        The library, as it is imported.
+        The library, as it is imported, or the name of a compiler.
     knob
         What a setting is: the tolerance of an adaptive solver, or a step size.
     attempt
@@ -59,6 +63,8 @@ class Peer:
         Evaluations of the force a step, which turn step sizes per stage into step sizes.
     quadratic_only
         Whether the solver takes accelerations as functions of position alone, which T = p.p/2 allows.
+    gravity_only
+        Whether the solver is written for V = -GM/|q| alone.
     """
 
     name: str
@@ -69,6 +75,7 @@ class Peer:
     settings: tuple[float, ...] = ()
     stages: int = 1
     quadratic_only: bool = False
+    gravity_only: bool = False
 
 
 def start_of(system: System) -> States:

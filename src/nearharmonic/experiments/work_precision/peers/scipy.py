@@ -20,13 +20,10 @@ TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 3e-14)
 
 
 def scipy_dop853(system: System, t_end: float, tolerance: float) -> Attempt:
-    """``scipy.integrate.solve_ivp(method="DOP853")`` with the right-hand side in Python."""
+    """``scipy.integrate.solve_ivp(method="DOP853")`` with the right-hand side compiled by numba."""
     from scipy.integrate import solve_ivp
 
-    function, start = velocity(system), start_of(system)
-
-    def rhs(t: float, y: States) -> Any:
-        return function(*y)
+    rhs, start = _compiled_rhs(system, "t, y"), start_of(system)
 
     def run() -> Any:
         return solve_ivp(rhs, (0.0, t_end), start, method="DOP853", rtol=tolerance, atol=tolerance)
@@ -45,7 +42,7 @@ def scipy_odeint(system: System, t_end: float, tolerance: float) -> Attempt:
     """``scipy.integrate.odeint`` with the right-hand side compiled by numba."""
     from scipy.integrate import odeint
 
-    rhs, start = _compiled_rhs(system), start_of(system)
+    rhs, start = _compiled_rhs(system, "y, t"), start_of(system)
 
     def solve(times: States, **more: Any) -> Any:
         return odeint(rhs, start, times, rtol=tolerance, atol=tolerance, mxstep=MOST_STEPS, **more)
@@ -60,22 +57,22 @@ def scipy_odeint(system: System, t_end: float, tolerance: float) -> Attempt:
 
 
 @cache
-def _compiled_rhs(system: System) -> Callable[[States, float], States]:
-    """dy/dt of the state y, compiled by numba."""
+def _compiled_rhs(system: System, arguments: str) -> Callable[..., States]:
+    """dy/dt of the state y and the time t, in the order of ``arguments``, compiled by numba."""
     import numba
 
     unpacked = ", ".join(f"y[{i}]" for i in range(2 * system.dimension))
     space: dict[str, Any] = {"inner": numba.njit(velocity(system)), "array": np.array}
-    exec(f"def rhs(y, t):\n    return array(inner({unpacked}))\n", space)
-    rhs: Callable[[States, float], States] = numba.njit(space["rhs"])
-    rhs(start_of(system), 0.0)
+    exec(f"def rhs({arguments}):\n    return array(inner({unpacked}))\n", space)
+    rhs: Callable[..., States] = numba.njit(space["rhs"])
+    rhs(y=start_of(system), t=0.0)
     return rhs
 
 
 PEERS = (
     Peer(
         name="scipy_dop853",
-        label="scipy solve_ivp DOP853",
+        label="scipy solve_ivp (DOP853, numba)",
         module="scipy",
         knob="tolerance",
         settings=TOLERANCES,

@@ -17,7 +17,7 @@ from nearharmonic.engine.results import Trajectories
 from nearharmonic.errors import SettingError
 from nearharmonic.experiments.work_precision.clock import Patience, interleaved, machine, pinned
 from nearharmonic.experiments.work_precision.curve import MEASURES
-from nearharmonic.experiments.work_precision.own import POSITION_ROUNDING, ROUNDING, kernel_calls, warm_up
+from nearharmonic.experiments.work_precision.own import POSITION_ROUNDING, ROUNDING, prepared_calls
 from nearharmonic.experiments.work_precision.recommend.libraries import TIMED, library_choices
 from nearharmonic.experiments.work_precision.recommend.question import Question
 from nearharmonic.experiments.work_precision.recommend.recommendation import Choice, Recommendation
@@ -52,7 +52,6 @@ def recommendation(asked: Question, results: str | Path | None = None) -> Recomm
     libraries, origin = ([], "") if results is None else library_choices(asked, Path(results))
     exact = reference(asked.system, asked.t_end) if asked.measure == "position" else None
     with pinned() as core:
-        warm_up(asked.system, modes=(TIMED,))
         facts = machine(core)
         choices = _timed(asked, [_choice(asked, name, exact) for name in asked.methods]) + libraries
     basis = (
@@ -115,14 +114,11 @@ def _errors(asked: Question, paths: Trajectories, exact: Reference | None) -> li
 
 def _timed(asked: Question, choices: Sequence[Choice]) -> list[Choice]:
     """``choices`` with the least time of each run that meets the bound, all in turns."""
-    end = Fraction(asked.t_end)
     calls = {
-        choice.method: kernel_calls(asked.system, asked.methods[choice.method], end, int(choice.steps), (TIMED,))
+        choice.method: prepared_calls(asked.system, asked.methods[choice.method], asked.t_end, int(choice.steps))[TIMED]
         for choice in choices
         if choice.status == "met"
     }
-    for call in calls.values():
-        call[TIMED]()
-    repeats = interleaved([call[TIMED] for call in calls.values()], REPEATS)
+    repeats = interleaved(list(calls.values()), REPEATS)
     least = {method: min(times) for method, times in zip(calls, repeats, strict=True)}
     return [replace(choice, time=least.get(choice.method, nan)) for choice in choices]
