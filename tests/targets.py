@@ -53,7 +53,8 @@ TARGETS = FIGURES | {
     | tables(*(f"stability_{name}" for name in _ENSEMBLES), "linear_stability", "structure", "kinetic_energy"),
     **{name: figures(name) for name in STABILITY_FIGURES},
     "work_precision": cubes("work_precision")
-    | figures(*(f"work_precision_{system}" for system in SYSTEMS))
+    | figures(*(f"work_precision_{system}" for system in SYSTEMS), "library_times_trajectory", "library_times_ensemble")
+    | tables("library_times")
     | {f"tables/work_precision_{system}.{suffix}" for system in SYSTEMS for suffix in ("csv", "md")},
 }  # fmt: skip
 TARGETS["claims"] = {f"tables/claims.{suffix}" for suffix in ("csv", "md", "json")}

@@ -54,6 +54,17 @@ def test_a_prepared_run_that_diverges_says_so():
     assert "diverged" in repr(found)
 
 
+def test_states_are_read_without_energies_and_are_the_readers_own():
+    found = nh.problem("kepler", "srkn_a14", t_end=4000, energy="none", samples=5)(100)
+    q, p = found.q, found.p
+    assert "trajectories" not in vars(found)  # which holds the energies
+    assert np.array_equal(q, found.trajectories.q[0])
+    assert np.array_equal(p, found.trajectories.p[0])
+    q[:] = 0
+    assert np.array_equal(found.q, found.trajectories.q[0])
+    assert found.q.any()
+
+
 def test_problems_and_results_pickle():
     problem = nh.problem("kepler", "srkn_a14", t_end=4000, energy="samples", samples=5)
     copy, result = (pickle.loads(pickle.dumps(x)) for x in (problem, problem(100)))

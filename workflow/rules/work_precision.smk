@@ -10,6 +10,9 @@ except WorkflowError:  # --summary, --list-changes, --report and remote executor
 WORK_PRECISION_FILES = [
     CUBE("work_precision"),
     *(FIGURE(f"work_precision_{system}") for system in CONFIG.systems),
+    FIGURE("library_times_trajectory"),
+    FIGURE("library_times_ensemble"),
+    TABLE("library_times"),
     *expand(f"{RESULTS}/tables/work_precision_{{system}}.{{suffix}}", system=CONFIG.systems, suffix=["csv", "md"]),
 ]
 
@@ -55,8 +58,8 @@ rule work_precision_figure:
                 "Error against the wall time of one trajectory on one core: largest and mean relative energy error, "
                 "and error of the position at the end against the exact orbit. Left, the paper's methods; middle, "
                 "methods beyond the paper; right, other libraries as their users use them (dashed). The broad pale "
-                "line is the best of the paper's methods at each time, the dotted one the same with eight "
-                "trajectories in SIMD lanes, per trajectory. Times are the least of several repeats that took turns; "
+                "line is the best of the paper's methods at each time, the dotted one the same for "
+                "each trajectory of an ensemble. Times are the least of several repeats that took turns; "
                 "they depend on the machine, which is named below."
             )
         },
@@ -75,6 +78,35 @@ rule work_precision_table:
         LOG("work_precision/table_{system}"),
     params:
         task=lambda wildcards: task("experiments.work_precision.tables:time_to_error", system=wildcards.system),
+    script:
+        "../scripts/task.py"
+
+
+rule library_times_figures:
+    input:
+        cube=CUBE("work_precision"),
+    output:
+        trajectory=FIGURE("library_times_trajectory"),
+        lanes=FIGURE("library_times_ensemble"),
+    log:
+        LOG("work_precision/library_times_figures"),
+    params:
+        task=lambda wildcards: task(
+            "experiments.work_precision.comparison_figure:comparison_figures", names=list(CONFIG.systems)
+        ),
+    script:
+        "../scripts/task.py"
+
+
+rule library_times_table:
+    input:
+        cube=CUBE("work_precision"),
+    output:
+        table=TABLE("library_times"),
+    log:
+        LOG("work_precision/library_times_table"),
+    params:
+        task=lambda wildcards: task("experiments.work_precision.comparison:comparison", names=list(CONFIG.systems)),
     script:
         "../scripts/task.py"
 

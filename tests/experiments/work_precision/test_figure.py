@@ -17,7 +17,7 @@ from nearharmonic.experiments.work_precision.peers import PEERS
 #: Best times in s and errors: the first of the paper's methods leads at first, the second in the end.
 RUTH = ([1e-5, 1e-4, 1e-3], [1e-3, 1e-4, 1e-5])
 NEAR = ([2e-5, 2e-4, 2e-3], [1e-2, 1e-6, 1e-9])
-BEST, LANES = "best of these", "the same, eight in lanes"
+BEST, LANES = "best of these", "the same, each of an ensemble"
 
 
 def curves():

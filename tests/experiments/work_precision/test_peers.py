@@ -15,9 +15,16 @@ from mpmath import mpf
 
 from nearharmonic.engine.reference import reference
 from nearharmonic.errors import SystemDefinitionError
-from nearharmonic.experiments.work_precision.curve import MODES, Curve
+from nearharmonic.experiments.work_precision.curve import Curve
 from nearharmonic.experiments.work_precision.peers import LIBRARIES, PEERS
-from nearharmonic.experiments.work_precision.peers.measure import energy_errors, missing, peer_curve, quiet
+from nearharmonic.experiments.work_precision.peers.measure import (
+    energy_errors,
+    is_installed,
+    missing,
+    peer_curve,
+    quiet,
+    version_of,
+)
 from nearharmonic.experiments.work_precision.peers.numpy import numpy_splitting
 from nearharmonic.experiments.work_precision.peers.peer import Attempt, Peer
 from nearharmonic.experiments.work_precision.peers.rebound import _Setup, compiled_force
@@ -45,11 +52,14 @@ RELATIVISTIC = System(
 @pytest.mark.parametrize("library", [name for name in LIBRARIES if name != "numpy"])
 def test_a_library_that_is_missing_is_named_not_skipped(library, monkeypatch):
     monkeypatch.setitem(sys.modules, library, None)  # what Python itself does to forbid an import
+    monkeypatch.setenv("PATH", "")  # where compilers are looked for
     assert missing(library) == "not installed"
     for peer in PEERS.values():
         if peer.module == library:
-            curve = peer_curve(peer, systems["sho"], "5", (0.1, 1.0), None, 1.0)
+            curve = peer_curve(peer, systems["kepler"], "5", (0.1, 1.0), None, 1.0)
             assert (curve.method, curve.status, curve.points) == (peer.name, "not installed", [])
+    assert is_installed("numpy")
+    assert not is_installed("gcc")
 
 
 def test_a_library_that_is_broken_says_how(monkeypatch, tmp_path):
@@ -114,9 +124,9 @@ def test_a_formula_that_branches_is_refused():
 
 
 def test_no_two_peers_look_alike():
-    from nearharmonic.experiments.work_precision.figure import _line
+    from nearharmonic.experiments.work_precision.figure import line_of
 
-    looks = [_line(Curve(method=name, label=name, kind="peer")) for name in PEERS]
+    looks = [line_of(Curve(method=name, label=name, kind="peer")) for name in PEERS]
     for key in ("color", "marker"):
         assert len({look[key] for look in looks}) == len(PEERS)
 
@@ -194,9 +204,16 @@ def test_steps_per_stage_go_from_coarse_to_fine():
     assert all(point.tau == 5.0 for point in curve.points)
 
 
-@pytest.mark.parametrize("name", [name for name, peer in PEERS.items() if find_spec(peer.module)])
-@pytest.mark.parametrize("system", ["sho", "kepler"])
-def test_installed_peers_converge_to_the_exact_position(name, system):
+@pytest.mark.parametrize(
+    ("system", "name"),
+    [
+        (system, name)
+        for system in ("sho", "kepler")
+        for name, peer in PEERS.items()
+        if is_installed(peer.module) and (systems[system].gravity or not peer.gravity_only)
+    ],
+)
+def test_installed_peers_converge_to_the_exact_position(system, name):
     t_end = {"sho": "5", "kepler": "2000"}[system]
     ranges = {"sho": (0.02, 0.3), "kepler": (2.0, 60.0)}[system]
     curve = peer_curve(PEERS[name], systems[system], t_end, ranges, reference(systems[system], t_end), 5.0)
@@ -293,7 +310,7 @@ def test_each_lane_of_heyoka_ends_where_the_oscillator_ends(name):
         attempt = PEERS[name].attempt(systems["sho"], 5.0, 1e-15)
     for _ in range(2):  # it starts anew each time
         states = attempt.lanes()
-        assert states.shape == (2, MODES["lanes"])
+        assert states.shape == (2, attempt.members) == (2, 8)
         assert states == pytest.approx(np.array([[np.cos(5.0)], [-np.sin(5.0)]]).repeat(8, axis=1), abs=1e-14)
 
 
@@ -308,3 +325,72 @@ def test_lanes_are_timed_where_a_library_has_them_and_nowhere_else():
         (point, *_) = peer_curve(peer(lanes), systems["sho"], "5", (0.1, 1.0), None, 1.0).points
         assert set(point.calls) == modes
         assert [point.calls[mode]() for mode in sorted(modes, reverse=True)] == ["one", "eight"][: len(modes)]
+
+
+def test_a_solver_written_for_gravity_is_refused_elsewhere():
+    curve = peer_curve(PEERS["heyoka_power"], systems["sho"], "5", (0.1, 1.0), None, 1.0)
+    if curve.status != "not installed":
+        assert (curve.points, curve.status) == ([], "does not fit: it requires V = -GM/|q|")
+
+
+@pytest.mark.skipif(not find_spec("heyoka"), reason="heyoka is not installed")
+def test_the_force_as_a_power_is_the_force_of_the_formula():
+    """Steps are chosen alike; rounding grows with the square of the time, to less than 1e-12 in one orbit."""
+    with quiet():  # its imports warn
+        one, other = (PEERS[name].attempt(systems["kepler"], 2000.0, 1e-15) for name in ("heyoka", "heyoka_power"))
+    assert one.run().tolist() == pytest.approx(other.run().tolist(), rel=1e-12)
+
+
+needs_gcc = pytest.mark.skipif(not is_installed("gcc"), reason="gcc is not installed")
+
+
+@needs_gcc
+@pytest.mark.parametrize("system", ["sho", "henon_heiles"])
+def test_the_loop_in_c_makes_the_steps_of_the_method(system):
+    """Plain numpy makes the same steps: numbers below 1, ten steps of nine stages, a rounding or two each."""
+    ours = numpy_splitting(integrators["babps9o7h"])(systems[system], 5.0, 0.5)
+    theirs = PEERS["c_babps9o7h"].attempt(systems[system], 5.0, 0.5)
+    expected, evaluations = ours.path()
+    states, counted = theirs.path()
+    assert counted == evaluations == 91
+    assert states == pytest.approx(expected, abs=90 * 4 * 1.2e-16)
+    for _ in range(2):  # it starts anew each time it is timed
+        assert theirs.run() == pytest.approx(expected[-1], abs=90 * 4 * 1.2e-16)
+
+
+@needs_gcc
+def test_powers_and_moduli_of_formulas_reach_the_loop_in_c():
+    cubic = System(
+        name="cubic", label="cubic", V=lambda q: abs(q[0]) ** 3 / 3 + 1 / (2 + q[0]) ** 2, q0=("-1",), p0=("0",),
+        t_end="1", units=RELATIVISTIC.units, source="made up",
+    )  # fmt: skip
+    states, _ = PEERS["c_babps9o7h"].attempt(cubic, 1.0, 0.01).path()
+    assert abs(states[-1][0] + 1) > 0.1
+    assert max(energy_errors(cubic, states)) < 1e-9  # of order 4, where V'' jumps at 0 that is not reached
+
+
+@needs_gcc
+def test_the_version_of_a_compiler_is_a_version():
+    assert version_of("gcc")[0].isdigit()
+
+
+@pytest.mark.skipif(not find_spec("diffrax"), reason="diffrax is not installed")
+def test_diffrax_integrates_in_double_precision_and_leaves_the_setting_of_jax_alone():
+    import jax
+
+    before = jax.config.jax_enable_x64
+    with quiet():
+        attempt = PEERS["diffrax_dopri8"].attempt(systems["sho"], 5.0, 1e-13)
+    state = attempt.run()
+    assert state.dtype == np.float64
+    assert state == pytest.approx([np.cos(5.0), -np.sin(5.0)], abs=1e-10)
+    assert jax.config.jax_enable_x64 == before
+    assert attempt.path()[0][-1] == pytest.approx(state, abs=1e-15)
+
+
+def test_a_run_gone_astray_for_long_is_not_timed(monkeypatch):
+    clock = iter(range(0, 100, 10))  # each path seems to take ten seconds
+    monkeypatch.setattr("nearharmonic.experiments.work_precision.peers.measure.time.perf_counter", lambda: next(clock))
+    curve = peer_curve(fake(oscillator_path, settings=(4.0, 1e-2)), systems["sho"], "5", (0.1, 1.0), None, 0.5)
+    assert [(p.max_energy_error, p.calls) for p in curve.points] == [(4.0, {})]
+    assert curve.status.startswith("stopped")

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from fractions import Fraction
 from math import inf, isnan, nan
-from types import SimpleNamespace
 
 import mpmath
 import pytest
 from mpmath import cos, mpf
 
-from nearharmonic.core import kernel
-from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.reference import position_t_end, reference
-from nearharmonic.engine.settings import Numerics, Sweep
+from nearharmonic.engine.settings import Sweep
 from nearharmonic.experiments.work_precision.curve import (
-    MODES,
     Curve,
     Point,
     cross,
@@ -24,7 +20,7 @@ from nearharmonic.experiments.work_precision.curve import (
     ns_per_evaluation,
     ranking,
 )
-from nearharmonic.experiments.work_precision.own import grid, splitting_curve, warm_up
+from nearharmonic.experiments.work_precision.own import ensemble_call, grid, prepared_calls, splitting_curve
 from nearharmonic.experiments.work_precision.run import clock, curves_of, curves_on, problems, variables
 from nearharmonic.experiments.work_precision.settings import WorkPrecisionSettings
 from nearharmonic.experiments.work_precision.tables import markdown, rows, table
@@ -162,30 +158,39 @@ def test_errors_of_a_curve_are_those_of_the_matrix_power():
         assert point.evaluations == 7 * steps
 
 
-def test_every_mode_of_a_curve_moves_the_same_trajectory():
-    curve = splitting_curve(systems["sho"], integrators["ruth"], "20", [(0.1, 67)], None)
-    states = {mode: call().copy() for mode, call in curve.points[0].calls.items()}
-    assert set(states) == {"trajectory", "lanes", "energy"}
-    q, _ = oscillator_state(integrators["ruth"], mpf(20) / 67, 67)
-    assert states["trajectory"][0] == pytest.approx(float(q), abs=PHASE)
-    assert states["energy"][0] == states["trajectory"][0]
-    assert set(states["lanes"][:8]) == {states["trajectory"][0]}
-    assert curve.points[0].calls["trajectory"]()[0] == states["trajectory"][0]  # each call begins at the start
+@pytest.mark.parametrize("summation", ["compensated", "plain"])
+def test_every_call_that_is_timed_returns_the_final_state_of_the_same_trajectory(summation):
+    steps, ruth = 67, integrators["ruth"]
+    calls = prepared_calls(systems["sho"], ruth, "20", steps, summation)
+    q, p = oscillator_state(ruth, mpf(20) / steps, steps)
+    # Plain sums of numbers up to 1: three stages a step, each rounded by half a unit.
+    bound = PHASE if summation == "compensated" else PHASE + 3 * steps * 2 * 1.2e-16
+    for mode in ("trajectory", "energy") * 2:  # each call begins at the start
+        found = calls[mode]()
+        assert [part.shape for part in found] == [(1,), (1,)]
+        assert [float(part[0]) for part in found] == pytest.approx([float(q), float(p)], abs=bound)
+    everyone, members = ensemble_call(systems["sho"], ruth, "20", steps, summation)
+    for one, many in zip(calls["trajectory"](), everyone(), strict=True):
+        assert many.shape == (members, 1, 1)
+        assert set(many.ravel()) == {one[0]}
 
 
-def test_what_is_timed_compiles_one_scheduler_and_the_inner_kernel_of_each_mode(monkeypatch):
-    asked = []
-    monkeypatch.setattr(kernel, "native", lambda name, *more: asked.append(name) or SimpleNamespace(address=0))
-    stiff = spring("stiff")
-    warm_up(stiff)
-    # The kernel of whole calls, which has a scheduler, and for each mode the loop over steps alone.
-    assert sorted(name.partition("-")[0] for name in asked) == ["advance"] * (len(MODES) + 1) + ["begin", "run"]
-    # The code is that of whole kernels, so that one cache serves both.
-    compiled = set(asked)
-    for mode, width in MODES.items():
-        kernel_of(stiff, Numerics(width=width, energy="every" if mode == "energy" else "samples")).advance()
-    assert {name for name in asked if name.startswith("advance")} <= compiled
-    assert len({name for name in compiled if name.startswith("advance")}) == len(MODES) + 1
+def test_an_ensemble_has_fewer_members_the_longer_they_run():
+    members = [ensemble_call(systems["sho"], integrators["ruth"], "20", steps)[1] for steps in (100, 20_000, 400_000)]
+    assert members[0] == 2048  # the most
+    assert members[1] == 2**25 // (3 * 20_000)
+    assert members[2] == 64  # the fewest
+
+
+def test_sums_are_plain_where_that_loses_nothing_and_compensated_where_it_does():
+    """Plain sums of 1e5 steps err by some 1e-14; the method by 1e-3 in the coarse run, below 1e-15 in the fine one."""
+    coarse, fine = splitting_curve(systems["sho"], integrators["aba864"], "20", [(0.5, 6), (3e-4, 10_000)], None).points
+    assert (coarse.compensated, fine.compensated) == (0.0, 1.0)
+    assert coarse.max_energy_error > 1e-6
+    assert fine.max_energy_error < 1e-14
+    plain = splitting_curve(systems["sho"], integrators["aba864"], "20", [(3e-4, 10_000)], None, "plain").points[0]
+    assert plain.compensated == 0.0
+    assert plain.max_energy_error > 1.05 * fine.max_energy_error
 
 
 def test_a_nystrom_method_is_refused_where_the_kinetic_energy_is_not_quadratic():
@@ -199,7 +204,7 @@ def test_times_are_per_trajectory(monkeypatch):
     monkeypatch.setattr(
         "nearharmonic.experiments.work_precision.run.interleaved", lambda calls: [[8.0, 16.0] for _ in calls]
     )
-    point = Point(calls={"trajectory": lambda: None, "lanes": lambda: None, "energy": lambda: None})
+    point = Point(calls={"trajectory": lambda: None, "lanes": lambda: None, "energy": lambda: None}, members=8)
     clock([Curve(method="m", label="m", kind="splitting", points=[point])], ("lanes", "trajectory"))
     assert point.times == {"lanes": [1.0, 2.0], "trajectory": [8.0, 16.0]}
 

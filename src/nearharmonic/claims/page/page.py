@@ -78,8 +78,12 @@ OPTIONAL = (
         title="Run time against error",
         target="work_precision",
         about="Wall-clock time of one trajectory against its error, beside other libraries; it depends on the machine.",
-        figures={"work_precision_*": "Run time against error"},
-        tables=("work_precision_*",),
+        figures={
+            "library_times_trajectory": "One trajectory, beside other libraries",
+            "library_times_ensemble": "Ensembles, beside other libraries",
+            "work_precision_*": "Run time against error",
+        },
+        tables=("library_times", "work_precision_*"),
     ),
     Section(
         anchor="derivation",

@@ -47,7 +47,8 @@ class Curve:
     """The points of one method, from the cheapest to the dearest; ``status`` "ok", or why there are none.
 
     ``kind`` is "splitting" for the methods of this package, "peer" for what others offer; ``setup`` the seconds that a
-    call of a prepared problem takes for one step, ``sweep`` those for all points at once in lanes, energies measured at every step.
+    call of a prepared problem takes for one step, ``sweep`` those for all points at once in lanes, energies measured at
+    every step.
     """
 
     method: str

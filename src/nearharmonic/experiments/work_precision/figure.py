@@ -26,7 +26,7 @@ YLABELS = {
     "position": r"position error",
 }
 #: Beyond these nothing is a trajectory any more, or all is rounding.
-_ERRORS = (1e-17, 10.0)
+ERRORS = (1e-17, 10.0)
 
 #: What each column of panels shows, and how many of its methods stand in one row of its legend.
 _COLUMNS = (("methods of the paper", 3), ("beyond the paper", 3), ("other libraries", 2))
@@ -34,8 +34,11 @@ _COLUMNS = (("methods of the paper", 3), ("beyond the paper", 3), ("other librar
 _MISSING = {True: " †", False: " ‡"}
 _MISSING_TEXT = {True: "not installed", False: "no run: see the table"}
 _BEST, _LANES = "#f2d8a7", "#b08030"
-_PEER_COLOURS = ("#303030", "#6e6e6e", "#8c6d46", "#3e6b6b", "#7a5a86", "#a06060", "#5f7d3a", "#4f5f8f", "#c07830")
-_PEER_MARKERS = ("x", "+", "*", "1", "2", "3", "4", "|", "_")
+_PEER_COLOURS = (
+    "#8c6d46", "#6e6e6e", "#202020", "#3e6b6b", "#7a5a86", "#a06060", "#5f7d3a", "#4f5f8f", "#c07830", "#b0a030",
+    "#50a0c0", "#c080b0", "#d04040",
+)  # fmt: skip
+_PEER_MARKERS = ("x", "+", "*", "1", "2", "3", "4", "|", "_", "v", "<", ">", "d")
 
 
 @measures_time
@@ -83,11 +86,11 @@ def work_precision_figure(label: str, parts: Sequence[Part], facts: Mapping[str,
             _envelopes(grid[row, i], _column(curves, 0), measure)
             _draw(grid[row, i], _column(curves, i), measure)
             panel_letter(grid[row, i], ascii_uppercase[len(_COLUMNS) * row + i], f"{says}, t = {t_end}")
-        _scale(grid[row, 0], YLABELS[measure])
+        scale_axes(grid[row, 0], YLABELS[measure])
     for i, (_, per_row) in enumerate(_COLUMNS):
         grid[-1, i].set_xlabel("wall time of one trajectory  (ms)")
         _legend(figure, grid[0, i], _column(rows[0][2], i), per_row, envelopes=i == 0)
-    figure.text(0.06, 0.1 / height, _machine(label, facts), fontsize=8, color="#404040", va="bottom")
+    figure.text(0.06, 0.1 / height, f"{label}. {machine_text(facts)}", fontsize=8, color="#404040", va="bottom")
     return figure
 
 
@@ -98,24 +101,24 @@ def _column(curves: Sequence[Curve], column: int) -> list[Curve]:
     return [curve for curve in curves if curve.kind != "peer" and (curve.method in BENCHMARKED) != bool(column)]
 
 
-def _xy(curve: Curve, measure: str, mode: str = "trajectory") -> tuple[list[float], list[float]]:
+def points_of(curve: Curve, measure: str, mode: str = "trajectory") -> tuple[list[float], list[float]]:
     """Milliseconds and errors of the points that were timed and did not fail."""
     pairs = [
         (1e3 * min(point.times[mode]), getattr(point, MEASURES[measure]))
         for point in curve.points
         if point.times.get(mode) and isfinite(getattr(point, MEASURES[measure]))
     ]
-    inside = [(x, y) for x, y in pairs if _ERRORS[0] < y < _ERRORS[1]]
+    inside = [(x, y) for x, y in pairs if ERRORS[0] < y < ERRORS[1]]
     return [x for x, _ in inside], [y for _, y in inside]
 
 
 def _draw(axes: Axes, curves: Sequence[Curve], measure: str) -> None:
     for position, curve in enumerate(curves):
-        x, y = _xy(curve, measure)
-        axes.plot(x, y, markevery=mark_every(position, len(curves), len(x), marks=7), zorder=3, **_line(curve))
+        x, y = points_of(curve, measure)
+        axes.plot(x, y, markevery=mark_every(position, len(curves), len(x), marks=7), zorder=3, **line_of(curve))
 
 
-def _line(curve: Curve) -> dict[str, Any]:
+def line_of(curve: Curve) -> dict[str, Any]:
     if curve.kind == "splitting":
         return style_of(curve.method).line(markersize=4.2)
     i = list(PEERS).index(curve.method) % len(_PEER_COLOURS) if curve.method in PEERS else 0
@@ -128,7 +131,7 @@ def _envelopes(axes: Axes, curves: Sequence[Curve], measure: str) -> None:
         ("trajectory", {"color": _BEST, "linewidth": 5, "solid_capstyle": "round"}),
         ("lanes", {"color": _LANES, "linewidth": 1.1, "linestyle": ":"}),
     ):
-        points = sorted(pair for curve in curves for pair in _settled(*_xy(curve, measure, mode)))
+        points = sorted(pair for curve in curves for pair in _settled(*points_of(curve, measure, mode)))
         if points:
             x, y = np.array(points).T
             axes.plot(x, np.minimum.accumulate(y), zorder=1.5, **look)  # type: ignore[arg-type]
@@ -139,11 +142,11 @@ def _settled(times: Sequence[float], errors: Sequence[float]) -> list[tuple[floa
     return list(zip(times, for_good(errors), strict=False))
 
 
-def _scale(axes: Axes, ylabel: str) -> None:
+def scale_axes(axes: Axes, ylabel: str) -> None:
     axes.margins(x=0.02, y=0.04)
     log_scale(axes, "xy")
     low, high = axes.get_ylim()
-    axes.set_ylim(max(low, _ERRORS[0]), min(high, _ERRORS[1]))
+    axes.set_ylim(max(low, ERRORS[0]), min(high, ERRORS[1]))
     axes.set_ylabel(ylabel)
 
 
@@ -154,7 +157,7 @@ def _legend(figure: Figure, axes: Axes, curves: Sequence[Curve], per_row: int, *
             [],
             [],
             label=curve.label + ("" if curve.points else _MISSING[curve.status == "not installed"]),
-            **_line(curve),
+            **line_of(curve),
         )
         for curve in curves
     ]
@@ -163,7 +166,7 @@ def _legend(figure: Figure, axes: Axes, curves: Sequence[Curve], per_row: int, *
             handles.append(Line2D([], [], linestyle="none", label=f"{mark.strip()} {_MISSING_TEXT[absent]}"))
     if envelopes:
         handles.append(Line2D([], [], color=_BEST, linewidth=5, label="best of these"))
-        handles.append(Line2D([], [], color=_LANES, linestyle=":", label="the same, eight in lanes"))
+        handles.append(Line2D([], [], color=_LANES, linestyle=":", label="the same, each of an ensemble"))
     box = axes.get_position()
     figure.legend(
         handles=handles,
@@ -178,8 +181,9 @@ def _legend(figure: Figure, axes: Axes, curves: Sequence[Curve], per_row: int, *
     )
 
 
-def _machine(label: str, facts: Mapping[str, object]) -> str:
+def machine_text(facts: Mapping[str, object]) -> str:
+    """Return when and where the times were taken, in two lines."""
     return (
-        f"{label}. Drawn from timings, not reproducible bit for bit: measured {facts['measured']} on {facts['cpu']},\n"
+        f"Drawn from timings, not reproducible bit for bit: measured {facts['measured']} on {facts['cpu']},\n"
         f"core {facts['pinned_core']}, one thread, least of interleaved repeats; load average {facts['load_average']}."
     )

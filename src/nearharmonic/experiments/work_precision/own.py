@@ -28,6 +28,8 @@ ROUNDING = 1e-15
 POSITION_ROUNDING = 1e-14
 #: Plain sums lose nothing where no error is more than this many times that of compensated sums.
 LOSSLESS = 1.05
+#: Modes of one trajectory, and when they look at the energy.
+ENERGIES = {"trajectory": "none", "energy": "every"}
 #: Repeats of the call that measures what surrounds the kernel.
 SETUP_REPEATS = 5
 #: An ensemble has as many members as take about this many evaluations of the force, some milliseconds,
@@ -135,7 +137,12 @@ def way_of(point: Point) -> str:
 
 
 def prepared_calls(
-    system: System, tableau: Tableau, t_end: str, steps: int, summation: str = "compensated"
+    system: System,
+    tableau: Tableau,
+    t_end: str,
+    steps: int,
+    summation: str = "compensated",
+    modes: Collection[str] = tuple(ENERGIES),
 ) -> dict[str, Callable[[], Any]]:
     """Return whole calls of a prepared problem, to be timed, each of which returns the final q (d,) and p (d,).
 
@@ -147,15 +154,19 @@ def prepared_calls(
         The interval [0, ``t_end``] is covered in ``steps`` equal steps.
     summation
         "compensated" or "plain".
+    modes
+        Of ``trajectory``, without a look at the energy, and ``energy``, with one at every step.
 
     Returns
     -------
     dict
-        ``trajectory``, without a look at the energy, and ``energy``, with one at every step. Both have run once.
+        Call by mode, each of which has run once.
     """
     return {
-        mode: _call(Problem(system, tableau, t_end=t_end, summation=summation, energy=energy), float(t_end) / steps)
-        for mode, energy in (("trajectory", "none"), ("energy", "every"))
+        mode: _call(
+            Problem(system, tableau, t_end=t_end, summation=summation, energy=ENERGIES[mode]), float(t_end) / steps
+        )
+        for mode in modes
     }
 
 
@@ -193,7 +204,7 @@ def ensemble_call(
 
 def _setup(system: System, tableau: Tableau, t_end: str) -> float:
     """Least seconds of a whole call of a prepared problem for one step: what Python takes."""
-    call, least = prepared_calls(system, tableau, t_end, 1, "plain")["trajectory"], inf
+    call, least = prepared_calls(system, tableau, t_end, 1, "plain", ("trajectory",))["trajectory"], inf
     for _ in range(SETUP_REPEATS):
         begin = time.perf_counter()
         call()

@@ -295,9 +295,7 @@ def _curve_of(rows: xr.Dataset, quartile: str) -> Curve:
     return curve
 
 
-def read_parts(
-    path: str | os.PathLike[str], system: str, quartile: str = "min"
-) -> tuple[list[Part], dict[str, Any]]:
+def read_parts(path: str | os.PathLike[str], system: str, quartile: str = "min") -> tuple[list[Part], dict[str, Any]]:
     """Return every interval of a system in a cube, and the cube's attributes.
 
     Parameters

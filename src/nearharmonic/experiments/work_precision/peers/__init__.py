@@ -7,7 +7,9 @@ imported by name, not looked for in the folder: a digest of the code behind a re
 from nearharmonic.experiments.work_precision.peers import diffrax, gcc, heyoka, numpy, pyhamsys, rebound, scipy
 
 #: Every peer by name, in the order of legends.
-PEERS = {peer.name: peer for library in (scipy, heyoka, rebound, diffrax, pyhamsys, numpy, gcc) for peer in library.PEERS}
+PEERS = {
+    peer.name: peer for library in (scipy, heyoka, rebound, diffrax, pyhamsys, numpy, gcc) for peer in library.PEERS
+}
 
 #: Every library, as it is imported, and every compiler.
 LIBRARIES = tuple(dict.fromkeys(peer.module for peer in PEERS.values()))

@@ -118,7 +118,7 @@ PEERS = (
     ),
     Peer(
         name="heyoka_power",
-        label="heyoka, power",
+        label="heyoka, force as a power",
         module="heyoka",
         knob="tolerance",
         settings=TOLERANCES,

@@ -27,6 +27,8 @@ from nearharmonic.systems.system import System
 
 #: Above this an error that does not fall with the step is an accident, below it the end of the fall.
 NEAR_ROUNDING = 1e-9
+#: An energy error of a run that no longer follows the trajectory.
+ASTRAY = 1.0
 #: What is looked for as a program instead of a module.
 COMPILERS = ("gcc",)
 #: Step-size grid of the peers, per decade.
@@ -87,9 +89,11 @@ def peer_curve(
         for setting in peer.settings or _steps(peer, steps_per_stage):
             point, seconds = _measured(peer, system, end, setting, exact)
             # A coarse run that goes astray may take for ever, which says nothing about finer ones.
-            if seconds > longest and (isfinite(point.max_energy_error) or seconds == inf):
-                curve.status = f"stopped where a run took longer than {longest:g} s"
-                break
+            if seconds > longest:
+                if point.max_energy_error < ASTRAY or seconds == inf:
+                    curve.status = f"stopped where a run took longer than {longest:g} s"
+                    break
+                point.calls = {}
             curve.points.append(point)
             if _settled(curve.points):
                 break

@@ -30,8 +30,8 @@ class Attempt:
         Returns the states (n + 1, 2 d) at the solver's own steps, the start included, and the evaluations of the
         force (NaN if the library does not tell).
     lanes
-        What is timed in SIMD lanes: ``members`` trajectories at once, each equal to that of ``run``; None if the library
-        offers a Python user no lanes.
+        What is timed in SIMD lanes: ``members`` trajectories at once, each equal to that of ``run``; None if the
+        library offers a Python user no lanes.
     members
         Trajectories of a call of ``lanes``.
     """

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from math import inf, isnan, nan
@@ -114,11 +114,11 @@ def _errors(asked: Question, paths: Trajectories, exact: Reference | None) -> li
 
 def _timed(asked: Question, choices: Sequence[Choice]) -> list[Choice]:
     """``choices`` with the least time of each run that meets the bound, all in turns."""
-    calls = {
-        choice.method: prepared_calls(asked.system, asked.methods[choice.method], asked.t_end, int(choice.steps))[TIMED]
-        for choice in choices
-        if choice.status == "met"
-    }
+    calls: dict[str, Callable[[], object]] = {}
+    for choice in choices:
+        if choice.status == "met":
+            tableau, steps = asked.methods[choice.method], int(choice.steps)
+            calls |= {choice.method: prepared_calls(asked.system, tableau, asked.t_end, steps, modes=(TIMED,))[TIMED]}
     repeats = interleaved(list(calls.values()), REPEATS)
     least = {method: min(times) for method, times in zip(calls, repeats, strict=True)}
     return [replace(choice, time=least.get(choice.method, nan)) for choice in choices]

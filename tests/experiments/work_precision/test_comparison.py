@@ -1,0 +1,138 @@
+"""This package beside other libraries: ratios of times at equal error, and the figures of them."""
+
+from __future__ import annotations
+
+import json
+from math import nan
+
+import pytest
+
+from artists import line_of, look, looks
+from figure_cubes import FACTS, label, timed
+from nearharmonic.experiments.work_precision import comparison as comparisons
+from nearharmonic.experiments.work_precision.comparison import HEADER, comparison, pairs
+from nearharmonic.experiments.work_precision.comparison_figure import comparison_figures
+from nearharmonic.experiments.work_precision.curve import Curve
+from nearharmonic.experiments.work_precision.run import front_runners, variables
+from nearharmonic.output import store
+
+#: Errors at which points lie, so that nothing is interpolated.
+AT = [1e-6, 1e-9, 1e-12]
+
+
+def curves():
+    found = [
+        timed("ruth", AT, [1e-5, 4e-5, 9e-5], lanes=[2e-6, 3e-6, 9e-6]),
+        timed("babs7o7h", AT[:2], [2e-5, 3e-5], lanes=[1e-6, 2e-6]),
+        timed("leapfrog", [1e-3], [1e-6]),
+        timed("heyoka", AT, [5e-5, 6e-5, 6e-5], kind="peer", lanes=[4e-5, 4e-5, 4e-5]),
+        timed("rebound_ias15", AT, [7e-5, 8e-5, 5.5e-5], kind="peer"),
+        Curve(method="pyhamsys_bm6", label="absent", kind="peer", status="not installed"),
+    ]
+    for curve in found:
+        for i, point in enumerate(curve.points):
+            point.tau, point.compensated = 1 / (i + 1), float(i == 2)
+    return found
+
+
+@pytest.fixture
+def cube(tmp_path):
+    path = tmp_path / "times.h5"
+    problems = {name: {"system": name, "t_end": "20", "measures": ["max"]} for name in ("sho", "kepler")}
+    facts = {**FACTS, "libraries": "heyoka 7", "problems": json.dumps(problems)}
+    store.write(path, {}, facts, groups=dict.fromkeys(problems, variables(curves(), "s")))
+    return str(path)
+
+
+def rows_of(cube, names=("sho",)):
+    table = comparison(names, cube)["table"]
+    return [dict(zip(HEADER, row, strict=True)) for row in table.rows]
+
+
+def test_ratios_are_those_of_the_least_times_of_the_fastest_to_the_standard(cube):
+    one, many = rows_of(cube)[:3], rows_of(cube)[3:]
+    assert [(row["compared"], row["error"], row["method"]) for row in one + many] == [
+        ("one trajectory", "1e-06", label("ruth")),
+        ("one trajectory", "1e-09", label("babs7o7h")),
+        ("one trajectory", "1e-12", label("ruth")),
+        ("ensembles", "1e-06", label("babs7o7h")),
+        ("ensembles", "1e-09", label("babs7o7h")),
+        ("ensembles", "1e-12", label("ruth")),
+    ]
+    assert [row["sums"] for row in one] == ["plain", "plain", "compensated"]
+    # By hand, from the times above.
+    assert [row["ratio"] for row in one] == pytest.approx([1 / 5, 3 / 6, 9 / 6], rel=1e-12)
+    assert [row["ratio"] for row in many] == pytest.approx([1 / 40, 2 / 40, 9 / 40], rel=1e-12)
+    # IAS15 is faster at 1e-12 than at 1e-9, so that its finer setting serves both.
+    others = [label(name) for name in ("heyoka", "rebound_ias15", "rebound_ias15")]
+    assert [row["fastest_other"] for row in one] == others
+    assert [row["ratio_to_fastest_other"] for row in one] == pytest.approx([1 / 5, 3 / 5.5, 9 / 5.5], rel=1e-12)
+
+
+def test_medians_are_compared_with_medians(cube):
+    # timed() makes three repeats of 1, 2 and 3 times the least alone, and of 1 and 2 times in lanes.
+    for row in rows_of(cube):
+        assert row["ratio_of_medians"] == pytest.approx(row["ratio"], rel=1e-12)
+
+
+def test_a_system_may_be_compared_with_other_libraries_on_its_original_equations(cube, monkeypatch):
+    assert pairs(cube, ["sho", "kepler"])[0][0].others[0].method == "heyoka"
+    monkeypatch.setattr(comparisons, "ORIGINALS", {"sho": "kepler"})
+    slow = [timed("heyoka", AT, [1.0, 1.0, 1.0], kind="peer")]
+    measured = {"sho": curves(), "kepler": slow}
+    monkeypatch.setattr(comparisons, "read_parts", lambda _, name, __: ([("5", ("max",), measured[name])], {}))
+    sho, kepler = pairs(cube, ["sho", "kepler"])[0]
+    assert sho.standard(1e-9, "trajectory") == kepler.standard(1e-9, "trajectory") == 1.0
+    assert [curve.method for curve in sho.own] == ["ruth", "babs7o7h", "leapfrog"]
+
+
+def test_without_the_standard_there_are_times_but_no_ratios(cube, monkeypatch):
+    monkeypatch.setattr(comparisons, "STANDARD", "absent")
+    rows = rows_of(cube)
+    assert len(rows) == 6
+    assert all(row["ratio"] != row["ratio"] for row in rows)  # NaN
+    assert rows[0]["ms"] == pytest.approx(0.01, rel=1e-12)
+
+
+def test_ensembles_are_timed_of_methods_that_are_among_the_fastest_at_some_error(monkeypatch):
+    monkeypatch.setattr("nearharmonic.experiments.work_precision.run.FRONT", 1)
+    assert front_runners(curves(), ("max",)) == ["leapfrog", "ruth", "babs7o7h"]
+    assert front_runners(curves()[:2], ("max",)) == ["ruth", "babs7o7h"]
+    assert front_runners([timed("ruth", [nan], [1.0])], ("max",)) == []
+
+
+def test_the_figures_show_the_methods_that_win_at_some_error_and_every_library_that_ran(cube):
+    found = comparison_figures(["sho", "kepler"], cube)
+    shown = {
+        "trajectory": ["ruth", "babs7o7h", "heyoka", "rebound_ias15"],
+        "lanes": ["babs7o7h", "ruth", "heyoka"],
+    }
+    assert set(found) == set(shown)
+    for mode, names in shown.items():
+        assert len(found[mode].axes) == 2
+        for axes in found[mode].axes:
+            known = looks(axes.get_legend())
+            assert list(known) == [label(name) for name in names]
+            for curve in curves():
+                if curve.method in names:
+                    points = [point for point in curve.points if point.times.get(mode)]
+                    x = [1e3 * min(point.times[mode]) for point in points]
+                    line = line_of(axes, x, [point.max_energy_error for point in points])
+                    assert look(line) == known[curve.label]
+            assert len(axes.get_lines()) == len(names)
+        (note,) = found[mode].texts
+        assert "Versions: heyoka 7." in note.get_text().replace("\n", " ")
+
+
+def test_figures_are_drawn_where_nothing_but_one_method_was_timed(tmp_path):
+    path = tmp_path / "times.h5"
+    facts = {
+        **FACTS,
+        "libraries": "",
+        "problems": json.dumps({"sho": {"system": "sho", "t_end": "2", "measures": ["max"]}}),
+    }
+    store.write(path, {}, facts, groups={"sho": variables([timed("ruth", [1e-3], [1e-4])], "s")})
+    for figure in comparison_figures(["sho"], str(path)).values():
+        assert len(figure.axes) == 1
+        figure.canvas.draw()
+    assert comparison(["sho"], str(path))["table"].rows == []
