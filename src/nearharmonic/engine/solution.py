@@ -35,11 +35,12 @@ class Solution:
     A run that left its energy surface keeps the samples until then; both errors are infinite.
     """
 
-    __slots__ = ("__dict__", "_begin", "_diverged_at", "_results", "_step", "problem")
+    __slots__ = ("__dict__", "_begin", "_diverged_at", "_results", "_step", "_width", "problem")
 
     def __init__(self, problem: Problem, step: StepSize, batch: Batch, begin: Start | None) -> None:
         self.problem, self._step, self._begin = problem, step, begin
         self._results, self._diverged_at = batch.results.copy(), int(batch.left_at[0])
+        self._width = batch.states.shape[-1]
 
     def _split(self) -> tuple[Floats, Floats, Floats, Floats]:
         dimension = self.problem.states_dimension
@@ -96,11 +97,11 @@ class Solution:
 
         They are read without the energies and evaluations, which cost more than a short run does.
         """
-        samples = self._step.marks.size
-        states = self._split()[0][0, int(self.problem.samples == 1) : samples]
-        d = states.shape[1] // 4
-        kept = states if not self._diverged_at else states[np.isfinite(states[:, 0])]
-        return kept[:, part * d : part * d + self.problem.system.dimension].copy()
+        samples, width = self._step.marks.size, self._width
+        states = self._results[: samples * width].reshape(samples, width)[int(self.problem.samples == 1) :]
+        kept = states[np.isfinite(states[:, 0])] if self._diverged_at else states
+        first = part * width // 4
+        return kept[:, first : first + self.problem.system.dimension].copy()
 
     @property
     def q(self) -> Floats:

@@ -202,7 +202,7 @@ def test_a_nystrom_method_is_refused_where_the_kinetic_energy_is_not_quadratic()
 
 def test_times_are_per_trajectory(monkeypatch):
     monkeypatch.setattr(
-        "nearharmonic.experiments.work_precision.run.interleaved", lambda calls: [[8.0, 16.0] for _ in calls]
+        "nearharmonic.experiments.work_precision.run.interleaved", lambda calls, _: [[8.0, 16.0] for _ in calls]
     )
     point = Point(calls={"trajectory": lambda: None, "lanes": lambda: None, "energy": lambda: None}, members=8)
     clock([Curve(method="m", label="m", kind="splitting", points=[point])], ("lanes", "trajectory"))

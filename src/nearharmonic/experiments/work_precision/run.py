@@ -14,7 +14,7 @@ import numpy as np
 
 from nearharmonic.engine.reference import Reference, position_t_end, reference
 from nearharmonic.engine.settings import Sweep
-from nearharmonic.experiments.work_precision.clock import QUARTILES, interleaved, machine, pinned, summary
+from nearharmonic.experiments.work_precision.clock import QUARTILES, STANDARD, Patience, interleaved, machine, pinned, summary
 from nearharmonic.experiments.work_precision.curve import MEASURES, MODES, TARGETS, Curve, Part, Point, ranking
 from nearharmonic.experiments.work_precision.own import ensemble_call, grid, splitting_curve, way_of
 from nearharmonic.experiments.work_precision.peers import PEERS
@@ -30,6 +30,8 @@ from nearharmonic.systems.system import System
 if TYPE_CHECKING:
     import xarray as xr
 
+#: Calls of ensembles take some milliseconds, and their arrays are new each time.
+ENSEMBLES = Patience(least=5, most=15, seconds=0.05, longest=0.1)
 #: Methods whose ensembles are timed, at each error.
 FRONT = 3
 
@@ -197,7 +199,7 @@ def clock(curves: Iterable[Curve], modes: Iterable[str]) -> None:
     for mode in modes:
         chosen = [(point, call) for point, own, call in waiting if own == mode]
         with quiet():
-            repeats = interleaved([call for _, call in chosen])
+            repeats = interleaved([call for _, call in chosen], ENSEMBLES if mode == "lanes" else STANDARD)
         for (point, _), times in zip(chosen, repeats, strict=True):
             members = point.members if mode == "lanes" else 1
             point.times[mode] = [seconds / members for seconds in times]
