@@ -1,9 +1,9 @@
 """The tables of times in docs/timings.md, as Markdown, from the file that ``snakemake work_precision`` writes.
 
-Run: ``python benchmarks/time_tables.py [results/paper/cubes/work_precision.h5]``. For each system two tables: one
-trajectory, and each of eight in SIMD lanes. A cell is the time in ms to reach a maximum energy error, and in brackets
-its ratio to the least of its column. Rows: the fastest of the paper's methods and of those beyond it, at each error,
-and every other library.
+Run: ``python benchmarks/time_tables.py [results/paper/cubes/work_precision.h5]``. First the times of the fastest method
+over those of heyoka as a user gets it. Then for each system two tables: one trajectory, and each of an ensemble. A cell
+is the time in ms to reach a maximum energy error, and in brackets its ratio to the least of its column. Rows: the
+fastest of the paper's methods and of those beyond it, at each error, and every other library.
 """
 
 from __future__ import annotations
@@ -12,24 +12,35 @@ import argparse
 from collections.abc import Iterator, Sequence
 from math import isfinite
 
+from nearharmonic.experiments.work_precision.comparison import ERRORS, Pair, pairs
 from nearharmonic.experiments.work_precision.curve import TARGETS, Curve, crossing
-from nearharmonic.experiments.work_precision.run import read_parts
 from nearharmonic.integrators import BENCHMARKED
-from nearharmonic.systems import systems
 
-HEADS = {"trajectory": "one trajectory", "lanes": "each of eight in lanes"}
+HEADS = {"trajectory": "one trajectory", "lanes": "each of an ensemble"}
+SYSTEMS = ("sho", "henon_heiles", "kepler")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
     parser.add_argument("cube", nargs="?", default="results/paper/cubes/work_precision.h5")
     path = parser.parse_args().cube
-    for name in ("sho", "henon_heiles", "kepler"):
-        parts, _ = read_parts(path, name)
-        (t_end, curves) = next((t_end, curves) for t_end, measures, curves in parts if "max" in measures)
-        print(f"\n### {systems[name].label}, t = {t_end}")
+    measured, facts = pairs(path, SYSTEMS)
+    print(f"Machine: {facts['cpu']}; {facts['libraries']}", *ratios(measured), sep="\n")
+    for pair in measured:
+        print(f"\n### {pair.label}, t = {pair.t_end}")
         for mode in HEADS:
-            print("", *table(curves, mode), sep="\n")
+            print("", *table([*pair.own, *pair.others], mode), sep="\n")
+
+
+def ratios(measured: Sequence[Pair]) -> Iterator[str]:
+    """Lines of the table of our least times over heyoka's, bold where that is above 1."""
+    yield "| system | " + " | ".join(f"{error:.0e}" for error in ERRORS) + " |"
+    yield "|---|" + "---:|" * len(ERRORS)
+    for mode, head in HEADS.items():
+        for pair in measured:
+            cells = [pair.fastest(error, mode)[0][1].time / pair.standard(error, mode) for error in ERRORS]
+            shown = (f"**{digits(x)}**" if x > 1 else digits(x) for x in cells)
+            yield f"| {pair.label}, {head} | {' | '.join(shown)} |"
 
 
 def table(curves: Sequence[Curve], mode: str) -> Iterator[str]:

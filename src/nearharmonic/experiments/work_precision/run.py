@@ -14,7 +14,15 @@ import numpy as np
 
 from nearharmonic.engine.reference import Reference, position_t_end, reference
 from nearharmonic.engine.settings import Sweep
-from nearharmonic.experiments.work_precision.clock import QUARTILES, STANDARD, Patience, interleaved, machine, pinned, summary
+from nearharmonic.experiments.work_precision.clock import (
+    QUARTILES,
+    STANDARD,
+    Patience,
+    interleaved,
+    machine,
+    pinned,
+    summary,
+)
 from nearharmonic.experiments.work_precision.curve import MEASURES, MODES, TARGETS, Curve, Part, Point, ranking
 from nearharmonic.experiments.work_precision.own import ensemble_call, grid, splitting_curve, way_of
 from nearharmonic.experiments.work_precision.peers import PEERS

@@ -38,8 +38,8 @@ class WorkPrecisionSettings:
         **whole_from(100, 10**9),
     )
     peers: tuple[str, ...] | None = setting(
-        "Other libraries, timed if they are installed and named as missing if not; numpy is plain numpy code. All that "
-        "are known if not given",
+        "Other libraries, timed if they are installed and named as missing if not; numpy is plain numpy code, gcc a "
+        "plain loop in C. All that are known if not given",
         "a list of libraries, each named once",
         each="the name of a library",
         default=None,

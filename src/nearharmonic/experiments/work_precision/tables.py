@@ -30,8 +30,10 @@ HOW = (
     "Read off each curve of least wall time against error: between the last step size or tolerance above the target "
     "and the first at or below it for good, by a straight line through the logarithms. '<=' marks a method whose "
     "coarsest setting is good enough already; '-' one that does not reach the target in the range that was run. Time "
-    "is that of the integration alone, of one trajectory; 'lanes' is the time of each of eight integrated at once. "
-    "Names in italics are other libraries, as their users use them."
+    "is that of a whole call of a prepared problem or solver that returns the final state of one trajectory; 'lanes' "
+    "is that of a whole call for an ensemble on one thread, or for a batch of another library, per trajectory, for the "
+    "methods that are among the fastest. Energies are measured outside of these calls. Names in italics are other "
+    "libraries, as their users use them."
 )
 
 
@@ -194,7 +196,7 @@ def _winners(measure: str, curves: Sequence[Curve]) -> list[str]:
 
 
 def _speeds(curves: Sequence[Curve]) -> list[str]:
-    lines = ["| method | one trajectory | eight in lanes | energy at every step | a call, us | whole sweep, ms |"]
+    lines = ["| method | one trajectory | each of an ensemble | energy at every step | a call, us | whole sweep, ms |"]
     lines.append("|---|---:|---:|---:|---:|---:|")
     for curve in curves:
         numbers = [ns_per_evaluation(curve, mode) for mode in ("trajectory", "lanes", "energy")]
