@@ -19,6 +19,8 @@ def test_it_is_a_target_of_its_own(project):
         "work_precision_times": 1,
         "work_precision_figure": 3,
         "work_precision_table": 3,
+        "library_times_figures": 1,
+        "library_times_table": 1,
         "work_precision": 1,
     }
 

@@ -106,9 +106,9 @@ def _substep(system: System, gradient: str, of: str, update: str) -> str:
 def _compiled(system: System) -> Any:
     """The program, compiled and loaded."""
     with TemporaryDirectory() as folder:
-        source, library = Path(folder) / "loop.c", Path(folder) / "loop.so"
-        source.write_text(c_text(system, METHOD), encoding="utf-8")
-        subprocess.run(["gcc", *FLAGS, str(source), "-o", str(library), "-lm"], check=True, capture_output=True)
+        library = Path(folder) / "loop.so"
+        command = ["gcc", *FLAGS, "-x", "c", "-", "-o", str(library), "-lm"]
+        subprocess.run(command, input=c_text(system, METHOD), text=True, check=True, capture_output=True)
         loaded = ctypes.CDLL(str(library))
     for function in (loaded.integrate, loaded.path):
         function.argtypes = (ctypes.c_long, ctypes.c_double, ctypes.c_void_p)
