@@ -117,7 +117,7 @@ def comparison(names: Sequence[str], cube: str) -> dict[str, Table]:
         for pair, median in zip(least, medians, strict=True)
         for row in _rows(pair, median, mode)
     ]
-    return {"table": Table(header=HEADER, rows=rows, caption=CAPTION, volatile=HEADER[3:])}
+    return {"table": Table(header=HEADER, rows=rows, caption=CAPTION)}
 
 
 def _rows(least: Pair, median: Pair, mode: str) -> Iterator[list[object]]:
