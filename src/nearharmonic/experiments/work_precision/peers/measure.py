@@ -103,6 +103,8 @@ def peer_curve(
 def _misfit(peer: Peer, system: System) -> str:
     if system.time_dependent:
         return "not written for a potential that depends on time"
+    if system.regularisation is not None:
+        return "not written for regularised equations: see those on the original ones"
     if peer.gravity_only and not system.gravity:
         return "does not fit: it requires V = -GM/|q|"
     return "" if system.unit_masses or not peer.quadratic_only else "does not fit: it requires T = p.p/2"
