@@ -1,0 +1,118 @@
+"""Time to reach energy errors below the rounding of doubles: double-double here, heyoka in quadruple precision.
+
+Run: ``python benchmarks/beyond_double.py`` (about three minutes; heyoka built with quadruple precision adds its lines).
+Whole calls of prepared problems that return the final state, in turns on one core, least of the repeats, in ms. The
+error is the largest |H/H0 - 1| over every step here, and over a grid of times in heyoka; both runs are of [0, t_end] of
+the system.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from math import inf
+
+import numpy as np
+
+import nearharmonic as nh
+
+TARGETS = (1e-18, 1e-22, 1e-26)
+METHODS = ("srkn_a14", "srkn_a19", "teloy_8a17c", "s17odr8a", "sofspa_s19o8", "sofspa_s35o10")
+#: Physical problems, in the systems in which we integrate each.
+PROBLEMS = {"henon_heiles": ("henon_heiles",), "kepler": ("kepler", "kepler_regularised")}
+GRID = 500
+
+
+def coarsest(problem, target, stages):
+    """The largest of a ladder of step sizes whose error is ``target`` at most; None if there is none."""
+    span = float(problem.t_end)
+    for evaluations in np.geomspace(200, 4e6, 60):
+        tau = span * stages / evaluations
+        if tau < span / 2 and problem(tau).max_energy_error <= target:
+            return tau
+    return None
+
+
+def ours(systems):
+    """Calls by (target, label), each of the coarsest run of a method that reaches the target."""
+    calls = {}
+    for system in systems:
+        for name in METHODS:
+            tableau = nh.integrators[name]
+            measured, timed = (nh.problem(system, name, precision="extended", energy=how) for how in ("every", "none"))
+            for target in TARGETS:
+                tau = coarsest(measured, target, tableau.stages)
+                if tau is not None:
+                    calls[target, f"{tableau.label}, {system}"] = lambda timed=timed, tau=tau: timed(tau).q[-1]
+    return calls
+
+
+def theirs(name):
+    """Calls of heyoka in quadruple precision by (target, label), if it has it."""
+    try:
+        import heyoka as hy
+
+        real = hy.real128
+    except (ImportError, AttributeError):
+        return {}
+    system = nh.systems[name]
+    x, y, u, v = hy.make_vars("x", "y", "u", "v")
+    if name == "kepler":
+        pull = -real(system.parameters["GM"].value) * (x * x + y * y) ** hy.expression(real("-1.5"))
+        force = pull * x, pull * y
+    else:
+        force = -x - 2 * x * y, -y - x * x + y * y
+    begin = np.array([real(c) for c in (*system.q0, *system.p0)], dtype=real)
+
+    def energy(state):
+        q, p = state[..., :2], state[..., 2:]
+        if name == "kepler":
+            square = q[..., 0] * q[..., 0] + q[..., 1] * q[..., 1]
+            return (p * p).sum(-1) / real(2) - real(system.parameters["GM"].value) / np.sqrt(square)
+        a, b = q[..., 0], q[..., 1]
+        return (p * p).sum(-1) / real(2) + (a * a + b * b) / real(2) + a * a * b - b * b * b / real(3)
+
+    calls, H0, end = {}, energy(begin), real(system.t_end)
+    times = np.array([end * real(i) / real(GRID) for i in range(GRID + 1)], dtype=real)
+    for target in TARGETS:
+        for tolerance in (f"1e-{k}" for k in range(17, 34)):
+            equations = list(zip((x, y, u, v), (u, v, *force), strict=True))
+            integrator = hy.taylor_adaptive(equations, begin.copy(), fp_type=real, tol=real(tolerance))
+            states = integrator.propagate_grid(times)[-1]
+            if np.abs(energy(states) / H0 - real(1)).max() <= real(repr(target)):
+
+                def call(integrator=integrator):
+                    integrator.time = real(0)
+                    integrator.state[:] = begin
+                    integrator.propagate_until(end)
+                    return integrator.state
+
+                calls[target, "heyoka, real128"] = call
+                break
+    return calls
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser.add_argument("--repeats", type=int, default=9, help="calls of each (default 9)")
+    repeats = parser.parse_args().repeats
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    for name, systems in PROBLEMS.items():
+        calls = ours(systems) | theirs(name)
+        best = dict.fromkeys(calls, inf)
+        for _ in range(repeats):
+            for key, call in calls.items():
+                begin = time.perf_counter()
+                call()
+                best[key] = min(best[key], 1e3 * (time.perf_counter() - begin))
+        print(f"\n| {nh.systems[name].label}, t = {nh.systems[name].t_end} | " + " | ".join(f"{t:.0e}" for t in TARGETS))
+        print("|---|" + "---:|" * len(TARGETS))
+        for label in dict.fromkeys(label for _, label in best):
+            cells = [f"{best[t, label]:.2f}" if (t, label) in best else "-" for t in TARGETS]
+            print(f"| {label} | " + " | ".join(cells) + " |")
+
+
+if __name__ == "__main__":
+    main()
