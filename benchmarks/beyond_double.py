@@ -107,7 +107,9 @@ def main() -> None:
                 begin = time.perf_counter()
                 call()
                 best[key] = min(best[key], 1e3 * (time.perf_counter() - begin))
-        print(f"\n| {nh.systems[name].label}, t = {nh.systems[name].t_end} | " + " | ".join(f"{t:.0e}" for t in TARGETS))
+        print(
+            f"\n| {nh.systems[name].label}, t = {nh.systems[name].t_end} | " + " | ".join(f"{t:.0e}" for t in TARGETS)
+        )
         print("|---|" + "---:|" * len(TARGETS))
         for label in dict.fromkeys(label for _, label in best):
             cells = [f"{best[t, label]:.2f}" if (t, label) in best else "-" for t in TARGETS]

@@ -237,15 +237,15 @@ class _Landing(Runs):
         self.at.value = self.at.value + moved
         a.control[PROGRESS] = a.control[PROGRESS] + moved
         with writer.when((a.measured < SAMPLES) | a.measured.equals(NEVER)):
-            self._leave_surface(r, a.rows)
+            self._leave_surface(r, a.rows, self.at.value)
 
-    def _leave_surface(self, r: Index, rows: Array) -> None:
+    def _leave_surface(self, r: Index, rows: Array, step: Index) -> None:
         writer, a = self.writer, self.a
         latest = writer.variable(rows[self._tally(self.lane, LATEST)].absolute())
         with writer.when(a.measured.equals(NEVER)):
             self._unless_finite(self.lane, latest)
         with writer.when(latest.value.any_not_within(rows[self._tally(self.lane, LIMIT)])):
-            a.left_at[r] = self.at.value
+            a.left_at[r] = step
             self.over.value = writer.index(1)
 
     def _sample(self, r: Index, number: Index, mark: Index, pieces: Array, last: Any) -> None:
@@ -269,7 +269,8 @@ class _Landing(Runs):
             a.rows[self._tally(self.lane, WORST)] = a.rows[self._tally(self.lane, TOTAL)] = latest
             a.rows[self._tally(self.lane, TOTAL_CARRY)] = 0.0
         with writer.when(~a.measured.equals(NEVER)):
-            self._leave_surface(r, a.trial)
+            before: Index = self.at.value
+            self._leave_surface(r, a.trial, writer.either(last, before, before + 1))
         with writer.when(self.over.value.equals(0)):
             self._record_physical(r, number)
 

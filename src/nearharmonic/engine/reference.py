@@ -115,7 +115,8 @@ def _check_closed_form(system: System, t_end: str) -> None:
         q0 = np.array(system.start(mpmath.mpf)[0], dtype=object)
         before, start, after = around(mpmath.mpf(0))
         size, constants = max(abs(q0)), system.constants(mpmath.mpf)
-        velocity = np.array(system.formulas().grad_T(system.extended_start(mpmath.mpf)[1], *constants))[: len(q0)]
+        p0 = system.extended_start(mpmath.mpf)[1]
+        velocity = np.array(p0 if system.unit_masses else system.formulas().grad_T(p0, *constants))[: len(q0)]
         pairs = [(start, q0, size), ((after - before) / (2 * h), velocity, size / end)]
         if system.unit_masses:
             before, q, after = around(end)

@@ -94,7 +94,7 @@ def trajectories_of(
     done = np.where(left, left_at, steps)
     evaluations = done * tableau.stages + int(tableau.first_same_as_last)
     if landed:
-        done, made = running[:, :2].T.astype(np.int64)
+        done, made = np.maximum(running[:, :2], 1).T.astype(np.int64)
         evaluations, running = made * tableau.stages + int(tableau.first_same_as_last), running[:, :0]
     largest = np.fmax.reduce(worst, axis=1)  # which passes NaN over
     mean = _means(total, done if landed else steps, marks, numerics)
@@ -108,7 +108,7 @@ def trajectories_of(
         p_low=states[:, :, 3 * d :],
         energy_error=error,
         block_max=worst,
-        block_mean=total / length,
+        block_mean=np.full_like(total, np.nan) if landed else total / length,
         max_energy_error=largest,
         mean_energy_error=mean,
         steps=steps,
