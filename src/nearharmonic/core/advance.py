@@ -11,7 +11,6 @@ from nearharmonic.core.assembly import Array, Index, Variable, Writer, function
 from nearharmonic.core.layout import (
     ADVANCE,
     BEGIN,
-    COLUMNS,
     INNER,
     KICK,
     LIMIT,
@@ -22,6 +21,7 @@ from nearharmonic.core.layout import (
     running_at,
     running_rows,
 )
+from nearharmonic.core.rotation import opened
 from nearharmonic.core.rules import Entries, Rules, tallied, uncertain
 from nearharmonic.core.tracing import LLVMValue
 
@@ -97,7 +97,7 @@ class _Advance:
         self.lanes = _Lanes(rules, width, given["rows"])
         self.stages: Index = given["stages"]
         self.parameters = self.lanes.parameters.load()
-        self.running = _Registers(writer, self.lanes.running.load())
+        self.running = _Registers(writer, self._first_state())
         self.tally = _Registers(writer, self.lanes.tally.load())
         self.state = _Registers(writer, self.lanes.state.load())
         self.rates = _Registers(writer, self._first_rates())
@@ -125,6 +125,15 @@ class _Advance:
         self._row(OPENING).store(self._row(MERGED).load())
         writer.builder.ret(done.value.value)
 
+    def _first_state(self) -> Entries:
+        """The state that runs; where an oscillator is solved exactly, a first move of its own is done already."""
+        state, row = self.lanes.running.load(), self._row(OPENING)
+        if self.rules.physics.turning is None:
+            return state
+        state, left = opened(self.rules, state, row.load())
+        row.store(left)
+        return state
+
     def _first_rates(self) -> Entries:
         """The forces at the positions that run; where no kick comes first they do not matter, and need not exist."""
         rates = self.rules.force(self.running.get(), self.parameters)
@@ -138,7 +147,7 @@ class _Advance:
         with writer.repeated(last if self.quick else self.stages) as i:
             self._move(place.value)
             self.rates.set(self.rules.force(self.running.get(), self.parameters))
-            place.value = writer.either(i > 0, place.value + COLUMNS, self._place(INNER))
+            place.value = writer.either(i > 0, place.value + self.rules.columns, self._place(INNER))
         if self.quick:
             self._move(place.value)
             both = self.rules.force_and_potential(self.running.get(), self.parameters)
@@ -146,7 +155,7 @@ class _Advance:
             self.height.set(both[-1:])
 
     def _move(self, place: Index) -> None:
-        row = Block(self.given["moves"], self.width, place, COLUMNS).load()
+        row = Block(self.given["moves"], self.width, place, self.rules.columns).load()
         self.running.set(self.rules.move(self.running.get(), row, self.rates.get(), self.parameters))
 
     def _see(self) -> None:
@@ -173,7 +182,7 @@ class _Advance:
 
     def _place(self, row: Index | int) -> Index:
         index = self.writer.index(row) if isinstance(row, int) else row
-        return index * COLUMNS
+        return index * self.rules.columns
 
     def _row(self, row: Index | int) -> Block:
-        return Block(self.given["moves"], self.width, self._place(row), COLUMNS)
+        return Block(self.given["moves"], self.width, self._place(row), self.rules.columns)

@@ -48,6 +48,7 @@ class Kernel:
     parameters: int
     room: int
     begin: int
+    columns: int
     advance: Callable[[], Callable[..., int]]
     prepared: Callable[..., PreparedCall]
 
@@ -94,7 +95,8 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
         measured: int, order: Any, marks: Any, scheme: Any, start: Any, resumed: Any, parameters: Any, limit: float,
         scale: float, reference: Any, stretch: int, stages: int, *others: Any,
     ) -> PreparedCall:  # fmt: skip
-        own = workspace(physics.dimension, stages, parameters=physics.parameters, width=width, room=more)
+        shape = {"parameters": physics.parameters, "width": width, "room": more, "columns": rules.columns}
+        own = workspace(physics.dimension, stages, **shape)
         first = advance.address, begin, measured, order, marks, scheme, start, resumed, parameters
         return run.prepared(*first, limit, scale, reference, stretch, stages, *others, *own)
 
@@ -105,6 +107,7 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
         parameters=physics.parameters,
         room=more,
         begin=begin,
+        columns=rules.columns,
         advance=lambda: advance,
         prepared=prepared,
     )

@@ -24,6 +24,9 @@ TALLY = 9
 KICK, DRIFT, PRODUCT, REST = range(4)
 #: Doubles in such a row.
 COLUMNS = 4
+#: Where the oscillator is solved exactly, a row is the kick and, from ``TURN`` on, ``TURNS`` coefficients for each
+#: distinct frequency: see :mod:`nearharmonic.core.rotation`.
+TURN, TURNS = 1, 7
 #: Rows of coefficients: of a lane's next first move, of first moves but for the very first, of the other moves, and of
 #: the one that closes a step.
 OPENING, MERGED, INNER = range(3)
@@ -130,7 +133,7 @@ RUN = Signature(
         integers("stretch"),  # most steps between looks at ``control``; with LOOKS, between looks at the energy
         integers("stages"),
         flags("kick_first"),
-        floats("moves", 3),  # (schemes, stages + 2, COLUMNS), with the step size multiplied in
+        floats("moves", 3),  # (schemes, stages + 2, columns), with the step size multiplied in
         integers("control", 1),  # STOP and PROGRESS
         # Results, filled in place.
         floats("states", 3),  # (R, S, size)
@@ -194,6 +197,11 @@ def parameter_rows(parameters: int) -> int:
     return max(1, 2 * parameters)
 
 
+def columns(frequencies: int) -> int:
+    """Doubles in a row of coefficients where the oscillator is solved exactly, with so many distinct frequencies."""
+    return TURN + TURNS * frequencies if frequencies else COLUMNS
+
+
 def running_rows(dimension: int) -> int:
     """Rows of a state that runs: those of a state, and d that the next move is late by."""
     return 5 * dimension
@@ -204,13 +212,15 @@ def running_at(dimension: int, parameters: int) -> int:
     return 4 * dimension + TALLY + parameter_rows(parameters)
 
 
-def workspace(dimension: int, stages: int, *, parameters: int, width: int, room: int = 0) -> tuple[NDArray[Any], ...]:
+def workspace(
+    dimension: int, stages: int, *, parameters: int, width: int, room: int = 0, columns: int = COLUMNS
+) -> tuple[NDArray[Any], ...]:
     """The flat arrays that ``run`` works in: two row blocks, coefficients; and per lane its run, step and sample.
 
     Each row block ends with ``room`` doubles that the kernel works in.
     """
     rows = (running_at(dimension, parameters) + running_rows(dimension)) * width + room
-    coefficients = (stages + 2) * COLUMNS * width
+    coefficients = (stages + 2) * columns * width
     doubles = tuple(aligned_zeros(n) for n in (rows, rows, coefficients))
     return (*doubles, *(np.zeros(width, np.int64) for _ in range(3)))
 

@@ -26,7 +26,6 @@ from llvmlite import ir
 
 from nearharmonic.core import arithmetic
 from nearharmonic.core.layout import (
-    COLUMNS,
     CONDITION,
     DRIFT,
     ENERGY,
@@ -39,9 +38,11 @@ from nearharmonic.core.layout import (
     TOTAL,
     TOTAL_CARRY,
     WORST,
+    columns,
     parameter_rows,
 )
 from nearharmonic.core.number import Constant, Number, call, constant, scalar, vector
+from nearharmonic.core.rotation import rotated, sheared
 from nearharmonic.core.tracing import Double, DoubleDouble, LLVMValue
 
 if TYPE_CHECKING:
@@ -84,6 +85,9 @@ class Physics:
         V and T as loops, for many coordinates: then nothing of the formulas above is compiled.
     unit_masses : bool
         Whether T = p.p / 2.
+    turning : tuple of int, or None
+        Where T and an oscillator are solved exactly together: of each coordinate, the place of its frequency among the
+        distinct ones. ``grad_V`` is then that of the rest of V, which the kick takes.
     """
 
     name: str
@@ -100,6 +104,7 @@ class Physics:
     measured: Callable[..., Any] | None = None
     loops: tuple[LoopedEnergy, LoopedEnergy] | None = None
     unit_masses: bool = False
+    turning: tuple[int, ...] | None = None
 
 
 def _pairs(entries: Entries, dimension: int) -> list[tuple[LLVMValue, LLVMValue]]:
@@ -125,7 +130,13 @@ class Rules:
     @property
     def looks_ahead(self) -> bool:
         """Whether the new position is computed beside the new momentum."""
-        return self.physics.acceleration is not None and not self.extended
+        known = self.physics.acceleration is not None or self.physics.turning is not None
+        return known and not self.extended
+
+    @property
+    def columns(self) -> int:
+        """Doubles in a row of coefficients."""
+        return columns(0 if self.physics.turning is None else 1 + max(self.physics.turning))
 
     @property
     def parts(self) -> int:
@@ -174,10 +185,12 @@ class Rules:
         return self.flat(vector(self.physics, "grad_V", q, *self.constants(parameters)), state[0])
 
     def move(self, running: Entries, row: Entries, rates: Entries, parameters: Entries) -> Entries:
-        """Kick and drift by a row of coefficients, from the ``rates`` dV/dq at the position.
+        """Kick and drift by a row of coefficients, from the ``rates`` dV/dq at the position; or kick and rotation.
 
         The kick carries the minus sign of dp/dt = -dV/dq.
         """
+        if self.physics.turning is not None:
+            return rotated(self, running, row, rates)
         d = self.physics.dimension
         position, momentum, late = running[: 2 * d], running[2 * d : 4 * d], running[4 * d :]
         new_momentum = self.update(_pairs(momentum, d), self.part(row, KICK), rates)
@@ -218,7 +231,8 @@ class Rules:
 
     def closed(self, running: Entries, row: Entries, rates: Entries, parameters: Entries) -> Entries:
         """The state at the end of a step, which is seen and measured."""
-        return self.seen(self.move(running, row, rates, parameters))
+        moved = self.move(running, row, rates, parameters)
+        return self.seen(moved if self.physics.turning is None else sheared(self, moved, row))
 
     def seen(self, running: Entries) -> Entries:
         """A state with what it is late by in its carry."""
@@ -354,12 +368,12 @@ def fingerprint(rules: Rules) -> str:
     count, given = 5 * rules.physics.dimension, parameter_rows(rules.physics.parameters)
     double = ir.DoubleType()
     module = ir.Module()
-    kinds = [double] * (count + TALLY + COLUMNS + given)
+    kinds = [double] * (count + TALLY + rules.columns + given)
     function = ir.Function(module, ir.FunctionType(ir.VoidType(), kinds), "formulas")
     builder = ir.IRBuilder(function.append_basic_block())
     entries = [LLVMValue(builder, argument) for argument in function.args]
     state, tally, more = entries[:count], entries[count : count + TALLY], entries[count + TALLY :]
-    row, parameters = more[:COLUMNS], more[COLUMNS:]
+    row, parameters = more[: rules.columns], more[rules.columns :]
     moved = rules.move(state, row, rules.force(state, parameters), parameters)
     results = [*moved, *rules.measure(state[: 4 * rules.physics.dimension], tally, parameters)]
     text = f"{module}\n{[str(result.value) for result in results]}"

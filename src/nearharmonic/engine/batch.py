@@ -21,6 +21,7 @@ from nearharmonic.engine.results import Integers, Trajectories, trajectories_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.systems.oscillator import frequency_parameters
 from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:
@@ -62,8 +63,8 @@ class Batch:
         Initial states of the D coordinates of the kernel.
     parameters : (R or 1, 2 P) array of float
         Parameters of each run, or of all.
-    moves : (schemes, s + 2, COLUMNS) array of float
-        Coefficients with the step sizes multiplied in, from :func:`nearharmonic.engine.coefficients.moves`.
+    moves : (schemes, s + 2, columns) array of float
+        Coefficients with the step sizes multiplied in, from :func:`nearharmonic.engine.rotations.system_moves`.
     results : array of float
         The next four in one piece.
     states, blocks, energy, running, left_at
@@ -146,6 +147,8 @@ def prepared_batch(
     if system.regularisation is not None:
         return _prepared_landing(system, tableau, numerics, marks, scheme, moves, start, parameters, scale, reference)
     kernel = kernel_of(system, numerics.compiled)
+    if numerics.exact_oscillator:
+        _check_frequencies(system, parameters)
     if kernel.parameters < len(system.parameters):
         parameters = _compiled_in(system, parameters)
     runs, d, cost = len(marks), kernel.dimension, tableau.stages * cost_of(system, numerics.compiled)
@@ -192,6 +195,16 @@ def _compiled_in(system: System, parameters: Floats) -> Floats:
         return np.empty((1, 0))
     what = f"a formula of {system.name} decides by its parameters, so that they are compiled in: make a copy of the "
     raise bad_setting("parameters", parameters[0, ::2].tolist(), f"{what}system with dataclasses.replace")
+
+
+def _check_frequencies(system: System, parameters: Floats) -> None:
+    """Refuse another value of a parameter that is a frequency: the coefficients of all runs are of the system's own."""
+    own, names = standard_parameters(system), list(system.parameters)
+    for i in frequency_parameters(system):
+        given = parameters[:, 2 * i : 2 * i + 2]
+        if (given != own[2 * i : 2 * i + 2]).any():
+            allowed = f"it is a frequency of {system.name}, whose oscillators are solved exactly: make a copy of the "
+            raise bad_setting(f"parameters[{names[i]!r}]", given[0, 0], f"{allowed}system with dataclasses.replace")
 
 
 def surface_limit(system: System, scale: float) -> float:

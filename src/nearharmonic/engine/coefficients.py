@@ -25,6 +25,7 @@ from nearharmonic.core.layout import (
 )
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.systems.oscillator import frequencies_of
 from nearharmonic.systems.system import System
 
 Floats = NDArray[np.float64]
@@ -116,6 +117,12 @@ def moves_of(system: System, tableau: Tableau, taus: Sequence[Fraction], numeric
     """Return what a kernel of ``system`` takes of a method and its step sizes: moves, or pieces of them."""
     if system.regularisation is not None:
         return pieces(tableau, taus)
+    if numerics.exact_oscillator:
+        from nearharmonic.engine.rotations import rotations  # which needs what is above
+
+        frequencies, _ = frequencies_of(system)
+        rounded = numerics.double_coefficients and numerics.parts == 2
+        return np.stack([rotations(tableau, tau, frequencies, numerics.parts, rounded=rounded) for tau in taus])
     return moves(tableau, taus, numerics.parts, rounded=numerics.double_coefficients)
 
 
@@ -167,12 +174,19 @@ def _quotient(top: int, bottom: int) -> float:
 
 def _pairs(tableau: Tableau, numerator: int, denominator: int, rounded: bool) -> Floats:
     """The same with kicks and drifts as pairs."""
-    tau = Fraction(numerator, denominator)
+    found = kicks_and_drifts(tableau, Fraction(numerator, denominator), rounded=rounded)
+    return np.array([[part for c in pair for part in rounded_pair(*c.as_integer_ratio())] for pair in found])
+
+
+def kicks_and_drifts(tableau: Tableau, tau: Fraction, *, rounded: bool) -> list[tuple[Fraction, Fraction]]:
+    """Return kick and drift (s + 2) of each move, times tau exactly, or as products that are rounded to doubles first.
+
+    A kick has the sign of the force.
+    """
     kicks, drifts = ([c * tau for c in row] for row in _rows(tableau))
     if rounded:
         kicks, drifts = ([Fraction(float(c)) for c in row] for row in (kicks, drifts))
-    found = _moves(kicks, drifts, kick_first=tableau.first == "kick")
-    return np.array([[part for c in pair for part in rounded_pair(*c.as_integer_ratio())] for pair in found])
+    return _moves(kicks, drifts, kick_first=tableau.first == "kick")
 
 
 @lru_cache(maxsize=256)

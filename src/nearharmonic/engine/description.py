@@ -211,6 +211,8 @@ def problem_attributes(problem: Problem) -> dict[str, str]:
     }
     if problem.numerics.energy != "every":
         notes["energy"] = problem.numerics.energy
+    if problem.numerics.exact_oscillator:
+        notes["split"] = problem.numerics.split
     return notes
 
 

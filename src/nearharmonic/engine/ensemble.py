@@ -29,7 +29,7 @@ from nearharmonic.engine.output_times import checked_times, run_at
 from nearharmonic.engine.problem import Problem
 from nearharmonic.engine.regularised import check_bound
 from nearharmonic.engine.results import Trajectories, joined, trajectories_of
-from nearharmonic.engine.settings import checked_samples, checked_threads
+from nearharmonic.engine.settings import KINETIC_POTENTIAL, checked_samples, checked_threads
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.dataset import Variables, assembled, described
@@ -60,6 +60,7 @@ def ensemble(
     precision: str = "double",
     summation: str = "compensated",
     first: str | None = None,
+    split: str = KINETIC_POTENTIAL,
     threads: int = 1,
 ) -> xr.Dataset:
     """Integrate many trajectories that differ in initial values or parameters.
@@ -74,7 +75,7 @@ def ensemble(
         Most states that a member keeps; by default the first and the last, and 1 keeps the last alone.
     threads : int
         Threads that share the members; bits do not depend on it.
-    system, integrator, tau, t_end, t, energy, energy_scale, precision, summation, first
+    system, integrator, tau, t_end, t, energy, energy_scale, precision, summation, first, split
         As for :func:`nearharmonic.integrate`.
 
     Returns
@@ -93,7 +94,7 @@ def ensemble(
     """
     problem = Problem(
         system, integrator, t_end=t_end, precision=precision, summation=summation, first=first, energy=energy,
-        energy_scale=energy_scale,
+        energy_scale=energy_scale, split=split,
     )  # fmt: skip
     start = start_array(problem.system, q0, p0, plain=problem.plain)
     given = standard_parameters(problem.system)[None, :]

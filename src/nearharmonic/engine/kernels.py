@@ -9,6 +9,7 @@ from nearharmonic.core.number import Constant
 from nearharmonic.engine.settings import WIDTH, Numerics
 from nearharmonic.systems.gradients import check_gradients
 from nearharmonic.systems.kinetic_energy import quadratic_T
+from nearharmonic.systems.oscillator import frequencies_of, remainder_formulas
 from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def kernel_of(system: System, numerics: Numerics = STANDARD) -> Kernel:
     from nearharmonic.core.kernel import build
 
     return build(
-        physics_of(system),
+        physics_of(system, numerics),
         extended=numerics.precision == "extended",
         compensated=numerics.compensated,
         width=1 if system.formulas().are_loops else numerics.width or WIDTH,
@@ -54,7 +55,7 @@ def cost_of(system: System, numerics: Numerics) -> int:
     """Return the time that a force takes, in units of a few nanoseconds at most."""
     from nearharmonic.core.kernel import cost
 
-    return cost(physics_of(system), extended=numerics.precision == "extended")
+    return cost(physics_of(system, numerics), extended=numerics.precision == "extended")
 
 
 @cache
@@ -65,18 +66,21 @@ def formulas_digest(system: System) -> str:
     return fingerprint(Rules(physics_of(system), extended=True, compensated=True))
 
 
-def physics_of(system: System) -> Physics:
+def physics_of(system: System, numerics: Numerics = STANDARD) -> Physics:
     """Return what a kernel has to know of ``system``, whose gradients are compared with its energies first.
 
     Raises
     ------
     SystemDefinitionError
         A gradient contradicts its potential.
+    SettingError
+        The oscillators of the system are to be solved exactly, and cannot be.
     """
     from nearharmonic.core.kernel import Physics
 
     check_gradients(system)
-    formulas, at_run_time = system.formulas(), system.parameters_at_run_time
+    exact = numerics.exact_oscillator
+    formulas, at_run_time = remainder_formulas(system) if exact else system.formulas(), system.parameters_at_run_time
     loops = None
     if formulas.are_loops:
         V, T = formulas.energies
@@ -89,11 +93,12 @@ def physics_of(system: System) -> Physics:
         T=formulas.T,
         balanced_T=formulas.balanced_T,
         grad_T=formulas.grad_T,
-        acceleration=formulas.acceleration if system.quadratic_kinetic_energy else None,
+        acceleration=formulas.acceleration if system.quadratic_kinetic_energy and not exact else None,
         parameters=len(system.parameters) if at_run_time else 0,
         constants=() if at_run_time else system.constants(Constant),
         dimension=formulas.dimension,
         measured=None if formulas.regularised is None else formulas.regularised.energies,
         loops=loops,
         unit_masses=system.T is quadratic_T and not system.time_dependent,
+        turning=frequencies_of(system)[1] if exact else None,
     )

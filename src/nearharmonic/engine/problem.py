@@ -23,6 +23,7 @@ from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.regularised import check_bound
 from nearharmonic.engine.results import Integers, Trajectories
 from nearharmonic.engine.settings import (
+    KINETIC_POTENTIAL,
     Numerics,
     checked_first,
     checked_samples,
@@ -35,6 +36,7 @@ from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.systems import systems
+from nearharmonic.systems.oscillator import check_oscillator
 from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:
@@ -59,7 +61,7 @@ class Problem:
 
     Parameters
     ----------
-    system, integrator, precision, summation, first, energy, t_end, energy_scale
+    system, integrator, precision, summation, first, energy, t_end, energy_scale, split
         As for :func:`nearharmonic.integrate`.
     samples : int
         Most states that a run keeps, by default the first and the last.
@@ -73,7 +75,7 @@ class Problem:
     t_end : str
         End of the interval [0, t_end], a decimal string; negative to run backwards.
     numerics : Numerics
-        Arithmetic, and when the energy is measured.
+        Arithmetic, when the energy is measured, and what the two operators of the method solve.
     scale : float
         Energy that errors are relative to; 0 for |H0|, or for the unit of energy where H0 = 0.
 
@@ -94,6 +96,7 @@ class Problem:
         energy: str = "every",
         t_end: float | str | None = None,
         energy_scale: float | str | None = None,
+        split: str = KINETIC_POTENTIAL,
         samples: int = 2,
     ) -> None:
         self.system = system if isinstance(system, System) else systems[system]
@@ -104,7 +107,9 @@ class Problem:
         check_bound(self.system, standard_start(self.system, False)[None, :], standard_parameters(self.system)[None, :])
         self.t_end = checked_t_end(self.system.t_end if t_end is None else t_end)
         self.end = exact_decimal(self.t_end)
-        self.numerics = Numerics(precision=precision, summation=summation, energy=energy)
+        self.numerics = Numerics(precision=precision, summation=summation, energy=energy, split=split)
+        if self.numerics.exact_oscillator:
+            check_oscillator(self.system)
         self.scale = checked_scale(self.system.energy_scale if energy_scale is None else energy_scale)
         self.samples = checked_samples(samples)
         self._step_sizes: dict[Any, StepSize] = {}
@@ -132,6 +137,7 @@ class Problem:
         kernel = kernel_of(self.system, replace(self.numerics, width=1).compiled)
         arrays = workspace(
             kernel.dimension, self.tableau.stages, parameters=kernel.parameters, width=1, room=kernel.room,
+            columns=kernel.columns,
         )  # fmt: skip
         return sum(array.nbytes for array in arrays)
 
@@ -257,7 +263,7 @@ problem = Problem
 def _unpickled(system: System, tableau: Tableau, t_end: str, numerics: Numerics, scale: float, samples: int) -> Problem:
     return Problem(
         system, tableau, precision=numerics.precision, summation=numerics.summation, energy=numerics.energy,
-        t_end=t_end, energy_scale=scale or None, samples=samples,
+        t_end=t_end, energy_scale=scale or None, split=numerics.split, samples=samples,
     )  # fmt: skip
 
 

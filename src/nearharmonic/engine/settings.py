@@ -30,6 +30,8 @@ PRECISIONS = ("double", "extended")
 SUMMATIONS = ("compensated", "plain")
 OPERATORS = ("drift", "kick")
 ENERGIES = ("every", "samples", "none")
+#: What the two operators of a splitting solve: T and V; or T with the oscillators of V, and the rest of V.
+KINETIC_POTENTIAL, EXACT_OSCILLATOR = SPLITS = ("kinetic_potential", "exact_oscillator")
 
 
 def positive(key: str, value: object) -> Decimal:
@@ -192,6 +194,9 @@ class Numerics:
         Errors are independent of which runs share the lanes if ``look`` divides the number of steps between samples.
     double_coefficients : bool
         Whether the products of step size and coefficient are rounded to double in extended precision too.
+    split : {"kinetic_potential", "exact_oscillator"}
+        What the two operators of a method solve: the drift T and the kick V; or the drift T with the oscillators of the
+        frequencies that the system declares, and the kick the rest of V.
 
     Raises
     ------
@@ -205,6 +210,7 @@ class Numerics:
     energy: str = "every"
     look: int | None = None
     double_coefficients: bool = False
+    split: str = KINETIC_POTENTIAL
 
     def __post_init__(self) -> None:
         checked_precision(self.precision)
@@ -214,6 +220,12 @@ class Numerics:
         one_of("energy", self.energy, ENERGIES)
         if self.look is not None:
             checked_count("look", self.look, MOST_STEPS)
+        one_of("split", self.split, SPLITS)
+
+    @property
+    def exact_oscillator(self) -> bool:
+        """Whether T and the oscillators of V are solved exactly together."""
+        return self.split == EXACT_OSCILLATOR
 
     @property
     def compensated(self) -> bool:

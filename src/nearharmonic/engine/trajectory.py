@@ -21,7 +21,7 @@ from nearharmonic.engine.kernels import STANDARD, kernel_of
 from nearharmonic.engine.output_times import checked_times, run_at
 from nearharmonic.engine.problem import Problem
 from nearharmonic.engine.results import Trajectories
-from nearharmonic.engine.settings import checked_precision, checked_samples, checked_tau
+from nearharmonic.engine.settings import KINETIC_POTENTIAL, checked_precision, checked_samples, checked_tau
 from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.dataset import Variables, assembled, described
@@ -51,6 +51,7 @@ def integrate(
     energy: str = "every",
     energy_scale: float | str | None = None,
     start: xr.Dataset | Solution | None = None,
+    split: str = KINETIC_POTENTIAL,
 ) -> xr.Dataset:
     """Integrate one trajectory over [0, t_end] in ``steps = max(1, round(|t_end| / tau))`` equal steps.
 
@@ -86,6 +87,9 @@ def integrate(
     start : xarray.Dataset or Solution, optional
         Continue from the last sample of this result, with its parameters and relative to its H0, with the same bits as
         one long run. ``t_end`` is then the length of the continuation.
+    split : {"kinetic_potential", "exact_oscillator"}
+        What the two operators of the method solve: T by drifts and V by kicks; or, for a system that declares
+        ``frequencies`` w, p.p/2 + sum w_i^2 q_i^2 / 2 by rotations in place of drifts, and the rest of V by kicks.
 
     Returns
     -------
@@ -107,7 +111,7 @@ def integrate(
     """
     problem = Problem(
         system, integrator, t_end=t_end, precision=precision, summation=summation, first=first, energy=energy,
-        energy_scale=energy_scale,
+        energy_scale=energy_scale, split=split,
     )  # fmt: skip
     begin = start_of(problem, q0, p0, parameters, start)
     steps, kept = problem.steps_of(tau), checked_samples(samples)
@@ -138,6 +142,7 @@ def sweep(
     t: object = None,
     energy: str = "every",
     energy_scale: float | str | None = None,
+    split: str = KINETIC_POTENTIAL,
 ) -> xr.Dataset:
     """Integrate one run per step size, eight at a time in SIMD lanes, for their energy errors.
 
@@ -147,7 +152,7 @@ def sweep(
         Step sizes asked for.
     t : sequence of float or str, optional
         Times at which the states of each run are returned as well.
-    system, integrator, t_end, precision, summation, first, q0, p0, parameters, energy, energy_scale
+    system, integrator, t_end, precision, summation, first, q0, p0, parameters, energy, energy_scale, split
         As for :func:`integrate`; with "samples" the energy is measured at the times ``t``, or at the end.
 
     Returns
@@ -167,7 +172,7 @@ def sweep(
     """
     problem = Problem(
         system, integrator, t_end=t_end, precision=precision, summation=summation, first=first, energy=energy,
-        energy_scale=energy_scale,
+        energy_scale=energy_scale, split=split,
     )  # fmt: skip
     requested = _checked_taus(taus)
     begin = start_of(problem, q0, p0, parameters)

@@ -31,6 +31,7 @@ SYSTEM = System(
     t_end="500",
     # Orbits are chaotic at H = 1/8: neighbours part by a factor e in about ten units of time.
     position_t_end="20",
+    frequencies=("1", "1"),
     units={"q": "1", "p": "1", "t": "1", "energy": "1"},
     source="Henon & Heiles (1964), doi:10.1086/109234; initial values of Nielsen (2015), Eq. 18: H = 1/8, chaotic",
     surface_limit=1.0,

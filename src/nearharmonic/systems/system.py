@@ -22,6 +22,7 @@ from nearharmonic.systems.formulas import (
     with_parameters,
 )
 from nearharmonic.systems.kinetic_energy import MassKineticEnergy, quadratic_grad_T, quadratic_T
+from nearharmonic.systems.oscillator import written_frequencies
 from nearharmonic.systems.quantities import Observable, Parameter, Vector, decimal, sequence
 from nearharmonic.systems.regularisation import Regularisation
 
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 Scalar = TypeVar("Scalar")
 
 #: Members of a system that hold for its V and T alone.
-DECLARED = ("harmonic", "gravity", "exact_position", "position_t_end")
+DECLARED = ("harmonic", "gravity", "exact_position", "position_t_end", "frequencies")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)  # formulas have no equality but identity
@@ -70,7 +71,9 @@ class System:
     ``exact_position(system, t)`` returns the position at the mpmath number t on the exact orbit, in the working
     precision of mpmath, or None if it has no closed form for the initial values and parameters of ``system``.
     ``position_t_end`` is the end of the interval over which positions are compared, where ``t_end`` is too late for
-    that. A copy by :func:`dataclasses.replace` with another V or T drops those of these four that it does not change,
+    that. ``frequencies`` are w_i of the oscillators p_i^2 / 2 + w_i^2 q_i^2 / 2 that ``split`` of a run solves exactly:
+    d decimal strings, fractions or names of parameters, "0" for a free coordinate.
+    A copy by :func:`dataclasses.replace` with another V or T drops those of these five that it does not change,
     and derives anew what was derived; ``declared_for`` is how it knows, and is not to be set.
 
     Raises
@@ -104,6 +107,7 @@ class System:
     gravity: bool = False
     exact_position: Callable[[System, Any], Vector | None] | None = None
     position_t_end: str | None = None
+    frequencies: Sequence[Any] | None = None
     declared_for: Mapping[str, Any] | None = None
     energy_scale: str | None = None
     surface_limit: float = 1.0
@@ -125,6 +129,8 @@ class System:
             raise SystemDefinitionError(f"{self.name}: harmonic means one coordinate and T = p^2/2")
         if self.gravity and not (set(self.parameters) == {"GM"} and self.unit_masses):
             raise SystemDefinitionError(f"{self.name}: gravity means T = p.p/2 and GM as the only parameter")
+        if self.frequencies is not None:
+            written_frequencies(self)
         check_arguments(self)
 
     @property
