@@ -204,7 +204,9 @@ def _check_frequencies(system: System, parameters: Floats) -> None:
         given = parameters[:, 2 * i : 2 * i + 2]
         if (given != own[2 * i : 2 * i + 2]).any():
             allowed = f"it is a frequency of {system.name}, whose oscillators are solved exactly: make a copy of the "
-            raise bad_setting(f"parameters[{names[i]!r}]", given[0, 0], f"{allowed}system with dataclasses.replace")
+            raise bad_setting(
+                f"parameters[{names[i]!r}]", float(given[0, 0]), f"{allowed}system with dataclasses.replace"
+            )
 
 
 def surface_limit(system: System, scale: float) -> float:

@@ -1,4 +1,4 @@
-"""V as the oscillators that a system declares and the rest: H = [p.p/2 + sum (w_i q_i)^2 / 2] + [V - sum (w_i q_i)^2 / 2].
+"""V as the oscillators that a system declares, and the rest: [p.p + sum (w_i q_i)^2] / 2 + [V - sum (w_i q_i)^2 / 2].
 
 The rest is formed with exact constants, so that the quadratic terms of V cancel as expressions, not as numbers.
 """
