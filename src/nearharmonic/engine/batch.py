@@ -200,13 +200,11 @@ def _compiled_in(system: System, parameters: Floats) -> Floats:
 def _check_frequencies(system: System, parameters: Floats) -> None:
     """Refuse another value of a parameter that is a frequency: the coefficients of all runs are of the system's own."""
     own, names = standard_parameters(system), list(system.parameters)
+    remedy = f"it is a frequency of {system.name}, whose oscillators are solved exactly: make a copy of the system with"
     for i in frequency_parameters(system):
         given = parameters[:, 2 * i : 2 * i + 2]
         if (given != own[2 * i : 2 * i + 2]).any():
-            allowed = f"it is a frequency of {system.name}, whose oscillators are solved exactly: make a copy of the "
-            raise bad_setting(
-                f"parameters[{names[i]!r}]", float(given[0, 0]), f"{allowed}system with dataclasses.replace"
-            )
+            raise bad_setting(f"parameters[{names[i]!r}]", float(given[0, 0]), f"{remedy} dataclasses.replace")
 
 
 def surface_limit(system: System, scale: float) -> float:
