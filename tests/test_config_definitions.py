@@ -12,6 +12,8 @@ import pytest
 import nearharmonic as nh
 from configs_by_file import CONFIG, EXAMPLES, GRID, METHOD, WELL, changed, enter, refused, under
 from nearharmonic.config import load
+from nearharmonic.experiments.paper.plan import runs_of
+from nearharmonic.experiments.paper.run import integrate_run
 from nearharmonic.output.definitions import defined, read_definitions
 from nearharmonic.output.job import covered
 from nearharmonic.output.provenance import digests, settings_text, task
@@ -49,6 +51,16 @@ def test_a_registered_system_has_other_initial_values_under_another_name():
     assert (venus.name, venus.q0, kepler.q0) == ("venus", ("108.94", "0"), ("69.82", "0"))
     assert venus.V is kepler.V
     assert venus.exact_position is kepler.exact_position
+
+
+def test_a_config_may_have_oscillators_solved_exactly():
+    config = load(under("rotated", system="henon_heiles", split="exact_oscillator", t_end=30))
+    (sweep,) = config.sweeps
+    (run,) = runs_of(sweep, "ruth", 0)
+    variables = integrate_run(run)
+    alone = nh.integrate("rotated", "ruth", 30 / run.steps[0], t_end=30, split="exact_oscillator", samples=2)
+    assert np.array_equal(variables["q"][1][0, run.steps[0]], alone.q.values[-1])
+    assert load(under("rotated", system="henon_heiles")).sweeps[0].split == "kinetic_potential"
 
 
 def test_the_same_numbers_under_a_name_of_ones_own_give_the_same_bits():

@@ -41,6 +41,11 @@ def folder(tmp_path, monkeypatch):
         ({"parameters": [1]}, "systems.mine.parameters = [1] is not allowed: a mapping of names of parameters"),
         ({"fil": "x.py"}, "unknown key of systems.mine 'fil'. Did you mean 'file'?"),
         ({"label": ""}, "systems.mine.label = '' is not allowed"),
+        (
+            {"split": "exact_oscillator"},
+            "systems.mine.split = 'exact_oscillator' is not allowed: mine declares no freq",
+        ),
+        ({"split": "exact"}, "systems.mine.split = 'exact' is not allowed: one of kinetic_potential, exact_oscillator"),
     ],
 )
 def test_a_system_that_is_none_is_refused_in_one_sentence(system, says):
@@ -65,11 +70,15 @@ def test_a_file_that_defines_no_sound_system_is_refused_before_any_job(folder, c
         load(CONFIG)
 
 
-@pytest.mark.parametrize("key", ["file", "system", "label", "q0", "p0", "parameters"])
+@pytest.mark.parametrize("key", ["file", "system", "label", "q0", "p0", "parameters", "split"])
 def test_a_registered_system_is_taken_as_it_is_under_its_own_name(key):
-    value = {"q0": ["1", "0"], "p0": ["0", "1"], "parameters": {"GM": "1"}, "file": "quartic_well.py"}.get(
-        key, "kepler"
-    )
+    value = {
+        "q0": ["1", "0"],
+        "p0": ["0", "1"],
+        "parameters": {"GM": "1"},
+        "file": "quartic_well.py",
+        "split": "exact_oscillator",
+    }.get(key, "kepler")
     with refused(f"systems.kepler.{key} = {value!r} is not allowed: kepler is a registered system, taken as it is"):
         load(under("kepler", **{key: value}))
 

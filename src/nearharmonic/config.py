@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, cast, get_args, get_type_hints
 
 from nearharmonic.engine.config_entries import STRICT, Reading, setting, whole_from
-from nearharmonic.engine.settings import Sweep, one_of
+from nearharmonic.engine.settings import KINETIC_POTENTIAL, Sweep, one_of
 from nearharmonic.errors import NearharmonicError, SettingError, bad_setting, unknown_name
 from nearharmonic.experiments.derivation.settings import DerivationSettings
 from nearharmonic.experiments.paper.definitions import define, folders_of, named
@@ -113,6 +113,7 @@ class Config:
                 precision=asked.precision,
                 summation=self.summation,
                 samples=self.samples,
+                split=asked.split or KINETIC_POTENTIAL,
                 shards=self.shards or fewest_shards(systems[name], asked.tau_per_stage, self.samples),
             )
             for name, asked in self.systems.items()

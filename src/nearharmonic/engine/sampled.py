@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from nearharmonic.engine.description import block_variables, error_variables, tau_variable, trajectory_variables
 from nearharmonic.engine.problem import Problem
+from nearharmonic.engine.settings import KINETIC_POTENTIAL
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.dataset import Variables
 from nearharmonic.systems.system import System
@@ -21,6 +22,7 @@ def sampled(
     summation: str,
     first: str | None,
     samples: int,
+    split: str = KINETIC_POTENTIAL,
 ) -> Variables:
     """Integrate one run for each of ``steps``.
 
@@ -33,7 +35,9 @@ def sampled(
         mean and the number of the steps since the previous sample over (tau_per_stage, sample); tau, steps,
         evaluations, status and diverged_at over tau_per_stage, which has no coordinate.
     """
-    problem = Problem(system, integrator, t_end=t_end, precision=precision, summation=summation, first=first)
+    problem = Problem(
+        system, integrator, t_end=t_end, precision=precision, summation=summation, first=first, split=split
+    )
     paths = problem.run(steps, samples)
     path = trajectory_variables(problem, paths, problem.system.constants(float))
     # The order of variables is that of the files.

@@ -285,6 +285,8 @@ class Sweep:
         States that a run keeps at most.
     shards : int
         Files that share the step sizes of a method.
+    split : str
+        What the two operators of a method solve: "kinetic_potential" or "exact_oscillator".
     """
 
     system: str
@@ -296,3 +298,4 @@ class Sweep:
     summation: str
     samples: int
     shards: int
+    split: str = KINETIC_POTENTIAL

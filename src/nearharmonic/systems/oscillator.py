@@ -90,15 +90,15 @@ def frequency_parameters(system: System) -> list[int]:
     return [i for i, name in enumerate(system.parameters) if name in named]
 
 
-def check_oscillator(system: System) -> None:
-    """Refuse a system whose oscillators cannot be solved exactly together with T.
+def check_oscillator(system: System, key: str = "split") -> None:
+    """Refuse a system whose oscillators cannot be solved exactly together with T, as a setting named ``key``.
 
     Raises
     ------
     SettingError
         It says what the system lacks.
     """
-    key, value = "split", "exact_oscillator"
+    value = "exact_oscillator"
     if system.frequencies is None:
         example = ", ".join(["'1'"] * min(system.dimension, 3)) + (", ..." if system.dimension > 3 else "")
         comma = "," if system.dimension == 1 else ""

@@ -43,7 +43,7 @@ LONGEST = 60
 
 _NAME = re.compile(rf"[A-Za-z][A-Za-z0-9_]{{0,{LONGEST - 1}}}", re.ASCII)
 #: Keys of a system in a config that make it one of the user's.
-_OWN = ("file", "system", "label", "q0", "p0", "parameters")
+_OWN = ("file", "system", "label", "q0", "p0", "parameters", "split")
 
 
 def define(asked: Mapping[str, SystemSettings], methods: Mapping[str, Sequence[str]], folders: Sequence[Path]) -> None:

@@ -11,12 +11,13 @@ from math import ceil, floor, log10
 from typing import Any
 
 from nearharmonic.engine.grid import check_fit, evaluations_of, shard, steps_of, tau_grid
-from nearharmonic.engine.settings import Sweep
+from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, Sweep
 from nearharmonic.errors import bad_setting
 from nearharmonic.experiments.paper.settings import StepSizes
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.systems import System, systems
+from nearharmonic.systems.oscillator import check_oscillator
 
 #: Force evaluations of all the runs of one system: some twenty minutes.
 MOST_EVALUATIONS = 10**12
@@ -48,6 +49,7 @@ class Run:
     tau_per_stage: tuple[float, ...]
     steps: tuple[int, ...]
     samples: int
+    split: str = KINETIC_POTENTIAL
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,9 +87,11 @@ def check_sweep(sweep: Sweep, methods: Sequence[str]) -> None:
     ------
     SettingError
         Too many steps in a run, step sizes in the grid, evaluations in all, or bytes in a job; a method that does not
-        fit the system.
+        fit the system; a system whose oscillators cannot be solved exactly.
     """
     tableaus = [integrators[name] for name in methods]
+    if sweep.split == EXACT_OSCILLATOR:
+        check_oscillator(systems[sweep.system], f"systems.{sweep.system}.split")
     for tableau in tableaus:
         check_fit(systems[sweep.system], tableau)
     for key, value, allowed in _excesses(sweep, tableaus):
@@ -152,6 +156,7 @@ def runs_of(sweep: Sweep, integrator: str, index: int) -> list[Run]:
                     tau_per_stage=taus,
                     steps=steps,
                     samples=sweep.samples,
+                    split=sweep.split,
                 )
             )
     return runs
@@ -187,11 +192,12 @@ def _distinct(sweep: Sweep, tableau: Tableau) -> list[list[GridPoint]]:
 def _extended_up_to(sweep: Sweep, tableau: Tableau) -> float:
     """The largest tau per stage that is worth extended precision beside double, 0 if none is.
 
-    For the harmonic oscillator the closed form of the energy error tells; it grows with tau as long as it is this
-    small, so the limit is found by bisection. For other systems nothing tells beforehand, and without runs in double
-    nothing stands in: every step size is run.
+    For the harmonic oscillator, split into T and V, the closed form of the energy error tells; it grows with tau as
+    long as it is this small, so the limit is found by bisection. For others nothing tells beforehand, and without runs
+    in double nothing stands in: every step size is run.
     """
-    if not systems[sweep.system].harmonic or "double" not in sweep.precision:
+    known = systems[sweep.system].harmonic and sweep.split == KINETIC_POTENTIAL
+    if not known or "double" not in sweep.precision:
         return sweep.highest
     from nearharmonic.theory.oscillator import harmonic_energy_error
 

@@ -62,6 +62,7 @@ def integrate_run(run: Run) -> Variables:
         summation=run.summation,
         first=run.first,
         samples=run.samples,
+        split=run.split,
     )
     grid = coordinate("tau_per_stage", run.tau_per_stage, "step size per stage", unit)
     return {**grid, **variables, **reduced(Runs(variables=variables, system=system, tableau=tableau))}

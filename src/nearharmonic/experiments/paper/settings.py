@@ -14,6 +14,7 @@ from nearharmonic.systems.quantities import is_extreme
 
 Precision = Literal["double", "extended"]
 Summation = Literal["compensated", "plain"]
+Split = Literal["kinetic_potential", "exact_oscillator"]
 
 POSITIVE = "a finite number above 0"
 AT_LEAST_LOWEST = "a finite number, at least that of lowest"
@@ -120,4 +121,10 @@ class SystemSettings:
         each="one of double, extended",
         default=("double",),
         min_length=1,
+    )
+    split: Split | None = setting(
+        "What drifts and kicks solve: T and V, if not given; or T with the oscillators whose frequencies the system "
+        "declares, and the rest of V",
+        "one of kinetic_potential, exact_oscillator, for a name that is not that of a registered system",
+        default=None,
     )

@@ -26,7 +26,7 @@ ALLOWED = (
     "them, or the cube of a system"
 )
 #: Attributes that tell Datasets of one integrator apart, in the order of the legend.
-TOLD = ("system", "precision", "summation", "first", "t_end")
+TOLD = ("system", "precision", "summation", "first", "t_end", "split")
 #: Dashes of the second, third, ... Dataset of one integrator; those of a run in extended precision are the figures'.
 DASHES = ("solid", (0, (6, 2)), (0, (1, 1)), (0, (6, 2, 1, 2)))
 #: What a Dataset shows.
