@@ -64,7 +64,7 @@ class Batch:
     parameters : (R or 1, 2 P) array of float
         Parameters of each run, or of all.
     moves : (schemes, s + 2, columns) array of float
-        Coefficients with the step sizes multiplied in, from :func:`nearharmonic.engine.rotations.system_moves`.
+        Coefficients with the step sizes multiplied in, from :func:`nearharmonic.engine.coefficients.moves_of`.
     results : array of float
         The next four in one piece.
     states, blocks, energy, running, left_at
