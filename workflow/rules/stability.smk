@@ -13,7 +13,12 @@ STABILITY_FIGURES = figures_of("experiments.stability", CONFIG.systems, STABILIT
 FIGURES += STABILITY_FIGURES
 
 # Structure is measured on every autonomous system, over the interval that the config gives or the system has.
-STRUCTURE_T_END = {name: system.t_end for name, system in systems.items() if not system.time_dependent}
+# The phase space in which a regularised system is integrated is not that of its states.
+STRUCTURE_T_END = {
+    name: system.t_end
+    for name, system in systems.items()
+    if not system.time_dependent and system.regularisation is None
+}
 STRUCTURE_T_END |= {sweep.system: sweep.t_end for sweep in CONFIG.sweeps if sweep.system in STRUCTURE_T_END}
 
 
