@@ -25,7 +25,7 @@ def test_interval_methods_and_budget_are_those_of_the_options(capsys):
     assert (status, document["t_end"], document["budget"], document["error"]) == (0, "50", 5000, 1e-6)
     assert {choice["method"] for choice in document["choices"]} == {"ruth", "aba864", "babps9o7h"}
     for choice in document["choices"]:
-        run = nh.integrate("henon_heiles", choice["method"], choice["tau"], t_end="50")
+        run = nh.integrate("henon_heiles", choice["method"], choice["tau"], t_end="50", summation=choice["summation"])
         assert run.max_energy_error.item() == choice["error"] == choice["max_energy_error"] <= 1e-6
         assert run.evaluations.item() == choice["evaluations"] <= 5000
 
@@ -35,7 +35,7 @@ def test_json_holds_the_columns_of_the_dataset(capsys):
     found = nh.recommend("kepler", "1e-4", t_end="8766", methods=["ruth", "aba864", "babps9o7h"])
     by_name = {choice["method"]: choice for choice in document["choices"]}
     for i, name in enumerate(found.integrator.values):
-        for column in ("tau", "steps", "evaluations", "max_energy_error", "mean_energy_error"):
+        for column in ("tau", "summation", "steps", "evaluations", "max_energy_error", "mean_energy_error"):
             assert by_name[name][column] == found[column][i].item(), column
     times = [choice["time"] for choice in document["choices"]]
     assert times == sorted(times)

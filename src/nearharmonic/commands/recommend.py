@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from nearharmonic.experiments.work_precision.recommend.recommendation import Choice, Recommendation
 
 HELP = "rank methods by the time to reach an error"
-HEADER = ("rank", "method", "kind", "tau", "tolerance", "evaluations", "ms", "ratio", "error")
+HEADER = ("rank", "method", "kind", "tau", "tolerance", "sums", "evaluations", "ms", "ratio", "error")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -118,6 +118,7 @@ def _row(rank: int, choice: Choice, best: Choice, t_end: str) -> tuple[Any, ...]
         choice.kind,
         step_text(choice, t_end),
         f"{choice.tolerance:.1g}" if isfinite(choice.tolerance) else None,
+        choice.summation or None,
         round(choice.evaluations) if isfinite(choice.evaluations) else None,
         1e3 * choice.time,
         choice.time / best.time,

@@ -18,8 +18,10 @@ from nearharmonic.integrators import integrators
 from nearharmonic.systems import systems
 from nearharmonic.theory.oscillator import harmonic_energy_error
 
-#: Rank, label, two spaces, kind, step, no tolerance; evaluations, milliseconds, ratio and error come after.
-ROW = re.compile(r"^ +(\d+) +(\S.*?) {2,}splitting +([-+.e\d]+) +- +(\d+) +([.e\d]+) +([.\d]+) +(\S+)$")
+#: Rank, label, two spaces, kind, step, no tolerance, sums; evaluations, milliseconds, ratio and error come after.
+ROW = re.compile(
+    r"^ +(\d+) +(\S.*?) {2,}splitting +([-+.e\d]+) +- +(?:plain|compensated) +(\d+) +([.e\d]+) +([.\d]+) +(\S+)$"
+)
 
 #: The methods that an interpolation between six step sizes a decade recommended at steps that miss the error, by
 #: factors of 3 to 46, with two that it did not.
@@ -43,12 +45,18 @@ def steps_in(t_end, tau):
     return max(1, round(Fraction(t_end) / Fraction(tau)))
 
 
+def sums_of(text):
+    """Summation by label, as printed."""
+    return dict(re.findall(r"^ +\d+ +(\S.*?) {2,}splitting .* (plain|compensated) ", text, re.MULTILINE))
+
+
 def check(capsys, system, error, measure="max"):
     """Every step printed meets ``error`` when it is run by itself, and takes the evaluations printed."""
     rows, text, status = asked(capsys, system, "--error", error, "--measure", measure)
     assert (status, len(rows)) == (0, text.count("\n  ") - 1)
     for _, label, step, evaluations, *_ in rows:
-        run = nh.integrate(system, by_label()[label].name, float(step), samples=2)
+        sums = sums_of(text)[label]
+        run = nh.integrate(system, by_label()[label].name, float(step), samples=2, summation=sums)
         assert float(run[f"{measure}_energy_error"]) <= float(error), label
         assert int(run.evaluations) == int(evaluations)
     return rows
@@ -92,10 +100,10 @@ def test_no_oscillator_error_exceeds_its_supremum_in_closed_form(capsys):
 
 @pytest.mark.usefixtures("slippery")
 def test_steps_for_a_position_end_where_the_cosine_says(capsys):
-    rows, _, _ = asked(capsys, "sho", "--error", "1e-6", "--measure", "position")
+    rows, text, _ = asked(capsys, "sho", "--error", "1e-6", "--measure", "position")
     assert len(rows) == len(SLIPPERY)
     for _, label, step, *_, error in rows:
-        run = nh.integrate("sho", by_label()[label].name, float(step), samples=2)
+        run = nh.integrate("sho", by_label()[label].name, float(step), samples=2, summation=sums_of(text)[label])
         distance = abs(float(run.q[-1, 0]) - float(mpmath.cos(500)))  # relative to |q(0)| = 1
         assert distance <= 1e-6
         assert float(error) == pytest.approx(distance, rel=0.05)  # two digits are printed
@@ -115,9 +123,9 @@ def test_the_order_is_that_of_the_times_printed_and_ratios_are_theirs(capsys):
 def test_the_run_that_is_timed_is_the_run_that_is_printed(capsys, monkeypatch):
     timed = {}
 
-    def calls(system, tableau, t_end, steps, modes):
+    def calls(system, tableau, t_end, steps, summation, modes):
         assert modes == ("trajectory",)
-        timed[tableau.label] = (system.name, t_end, steps)
+        timed[tableau.label] = (system.name, t_end, steps, summation)
         return {"trajectory": lambda: None}
 
     monkeypatch.setattr("nearharmonic.experiments.work_precision.recommend.choices.prepared_calls", calls)
@@ -125,8 +133,9 @@ def test_the_run_that_is_timed_is_the_run_that_is_printed(capsys, monkeypatch):
         "nearharmonic.experiments.work_precision.recommend.choices.interleaved",
         lambda calls, _: [[9.0, 6e-3 - 1e-3 * i] for i, _ in enumerate(calls)],
     )
-    rows, _, _ = asked(capsys, "sho", "--error", "1e-3")
-    assert timed == {label: ("sho", "500", steps_in("500", float(step))) for _, label, step, *_ in rows}
+    rows, text, _ = asked(capsys, "sho", "--error", "1e-3")
+    sums = sums_of(text)
+    assert timed == {label: ("sho", "500", steps_in("500", float(step)), sums[label]) for _, label, step, *_ in rows}
     assert [row[4] for row in rows] == ["2", "3", "4", "5", "6"]
     assert [by_label()[row[1]].name for row in rows] == [*reversed(SLIPPERY)]
 

@@ -14,10 +14,11 @@ from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.grid import check_fit, evaluations_of
 from nearharmonic.engine.reference import Reference, reference
 from nearharmonic.engine.results import Trajectories
+from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import SettingError
 from nearharmonic.experiments.work_precision.clock import Patience, interleaved, machine, pinned
 from nearharmonic.experiments.work_precision.curve import MEASURES
-from nearharmonic.experiments.work_precision.own import POSITION_ROUNDING, ROUNDING, prepared_calls
+from nearharmonic.experiments.work_precision.own import LOSSLESS, POSITION_ROUNDING, ROUNDING, prepared_calls
 from nearharmonic.experiments.work_precision.recommend.libraries import TIMED, library_choices
 from nearharmonic.experiments.work_precision.recommend.question import Question
 from nearharmonic.experiments.work_precision.recommend.recommendation import Choice, Recommendation
@@ -56,8 +57,8 @@ def recommendation(asked: Question, results: str | Path | None = None) -> Recomm
         choices = _timed(asked, [_choice(asked, name, exact) for name in asked.methods]) + libraries
     basis = (
         f"measured on the spot, {facts['measured']} on {facts['cpu']}, load average {facts['load_average']}; each step "
-        f"listed was run over the whole interval and meets the error, as do all finer steps that were run, up to "
-        f"{asked.longest} evaluations{origin and f'; other libraries: {origin}'}"
+        f"listed was run over the whole interval and meets the error, as do all finer steps that were run (these with "
+        f"compensated sums), up to {asked.longest} evaluations{origin and f'; other libraries: {origin}'}"
     )
     order = sorted(choices, key=lambda choice: inf if isnan(choice.time) else choice.time)
     return Recommendation(question=asked, choices=tuple(order), basis=basis)
@@ -85,22 +86,39 @@ def _choice(asked: Question, name: str, exact: Reference | None) -> Choice:
     met = steps is not None and evaluations_of(tableau, steps) <= asked.budget
     if steps is None or not met:
         steps = min((n for n in errors if evaluations_of(tableau, n) <= asked.budget), key=errors.__getitem__)
-    best = _runs(asked, tableau, [steps])
-    return replace(
+    choice = replace(
         choice,
         status="met" if met else "missed",
         tau=float(Fraction(asked.t_end) / steps),
         steps=steps,
         evaluations=evaluations_of(tableau, steps),
-        error=_errors(asked, best, exact)[0],
-        max_energy_error=float(best.max_energy_error[0]),
-        mean_energy_error=float(best.mean_energy_error[0]),
+    )
+    careful, plain = (_measured(asked, choice, exact, summation) for summation in ("compensated", "plain"))
+    return plain if met and plain.error <= bound and _loses_nothing(plain, careful) else careful
+
+
+def _measured(asked: Question, choice: Choice, exact: Reference | None, summation: str) -> Choice:
+    """``choice`` with the errors of its run."""
+    run = _runs(asked, asked.methods[choice.method], [int(choice.steps)], summation)
+    return replace(
+        choice,
+        summation=summation,
+        error=_errors(asked, run, exact)[0],
+        max_energy_error=float(run.max_energy_error[0]),
+        mean_energy_error=float(run.mean_energy_error[0]),
     )
 
 
-def _runs(asked: Question, tableau: Tableau, steps: Sequence[int]) -> Trajectories:
-    end = Fraction(asked.t_end)
-    return integrate_batch(asked.system, tableau, t_end=end, steps=steps, samples=2, scale=asked.scale)
+def _loses_nothing(plain: Choice, careful: Choice) -> bool:
+    errors = ("error", "max_energy_error", "mean_energy_error")
+    return all(getattr(plain, name) <= LOSSLESS * getattr(careful, name) for name in errors)
+
+
+def _runs(asked: Question, tableau: Tableau, steps: Sequence[int], summation: str = "compensated") -> Trajectories:
+    end, numerics = Fraction(asked.t_end), Numerics(summation=summation)
+    return integrate_batch(
+        asked.system, tableau, t_end=end, steps=steps, samples=2, scale=asked.scale, numerics=numerics
+    )
 
 
 def _errors(asked: Question, paths: Trajectories, exact: Reference | None) -> list[float]:
@@ -118,7 +136,8 @@ def _timed(asked: Question, choices: Sequence[Choice]) -> list[Choice]:
     for choice in choices:
         if choice.status == "met":
             tableau, steps = asked.methods[choice.method], int(choice.steps)
-            calls |= {choice.method: prepared_calls(asked.system, tableau, asked.t_end, steps, modes=(TIMED,))[TIMED]}
+            made = prepared_calls(asked.system, tableau, asked.t_end, steps, choice.summation, modes=(TIMED,))
+            calls[choice.method] = made[TIMED]
     repeats = interleaved(list(calls.values()), REPEATS)
     least = {method: min(times) for method, times in zip(calls, repeats, strict=True)}
     return [replace(choice, time=least.get(choice.method, nan)) for choice in choices]

@@ -62,9 +62,10 @@ def recommend(
     -------
     xarray.Dataset
         Over ``rank``, 1 for the fastest: ``integrator``, a name or a path as :func:`nearharmonic.integrate` takes it;
-        ``label``; ``tau``, ``steps`` and ``evaluations`` of its run; ``max_energy_error`` and ``mean_energy_error``,
-        which ``integrate`` finds for this ``tau``, and ``position_error`` if that is the measure; ``time``, the least
-        wall time of the run in s, of one trajectory on one core. Methods that miss the bound are left out: the
+        ``label``; ``tau``, ``summation``, ``steps`` and ``evaluations`` of its run; ``max_energy_error`` and
+        ``mean_energy_error``, which ``integrate`` finds for this ``tau`` and ``summation``, and ``position_error`` if
+        that is the measure; ``time``, the least wall time of the run in s, of one trajectory on one core. Sums are
+        plain where that loses nothing, and compensated elsewhere. Methods that miss the bound are left out: the
         attributes ``missed`` and ``not_run`` name them with the reason, ``basis`` tells what was measured where.
 
     Raises
@@ -93,6 +94,7 @@ def as_dataset(found: Recommendation) -> xr.Dataset:
         "integrator": over("method", str, described("integrator, a name or the path of a file")),
         "label": over("label", str, described("name in legends")),
         "tau": over("tau", float, described("largest step size found that meets the bound", unit)),
+        "summation": over("summation", str, described("summation of the run, as integrate takes it")),
         "steps": over("steps", int, described("steps that cover [0, t_end]")),
         "evaluations": over("evaluations", int, described("force evaluations made")),
         **{name: over(name, float, dict(notes)) for name, notes in asked.energy_attributes.items()},

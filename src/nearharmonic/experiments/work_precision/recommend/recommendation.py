@@ -28,6 +28,8 @@ class Choice:
         setting is that of the least error. "not run": ``reason`` says why.
     tau, tolerance
         Step size in the system's unit of time, NaN for adaptive methods; tolerance, NaN for fixed-step methods.
+    summation
+        Of the run: "plain" where that is faster and loses nothing, else "compensated"; empty for other libraries.
     steps, evaluations
         Steps of the run, and evaluations of the force; NaN if unknown.
     error
@@ -46,6 +48,7 @@ class Choice:
     status: Literal["met", "missed", "not run"]
     tau: float = nan
     tolerance: float = nan
+    summation: str = ""
     steps: float = nan
     evaluations: float = nan
     error: float = nan
