@@ -109,7 +109,7 @@ def test_what_the_page_says_about_small_variations_is_what_its_tables_say():
     assert len(small) > 15
     assert [min(small), max(small)] == [1.2, 4.1]
     tiny = [gain for (_, _, delta), gain in every.items() if delta <= 0.01 and isfinite(gain)]
-    assert np.median(tiny) == pytest.approx(1, abs=0.1)
+    assert f"{np.median(tiny):.2f} decades in the median" in PAGE
     between = [gain for (_, _, delta), gain in every.items() if 0.01 < delta <= 0.1]
     assert np.mean(np.array(between) > 0) > 0.8
 
@@ -121,7 +121,7 @@ def test_what_the_page_says_about_large_variations_is_what_its_tables_say():
     assert [len(win), min(win), max(win)] == [3, 1.2, 1.4]
     assert [len(lose), min(lose), max(lose)] == [4, -0.7, -0.5]
     everyone = [gains("all", cost).items() for cost in (25, 50, 100)]
-    assert max(gain for items in everyone for (_, _, delta), gain in items if delta > 0.5) == 0.7
+    assert max(gain for items in everyone for (_, _, delta), gain in items if delta > 0.5) == 0.3
 
 
 def test_what_the_page_says_about_families_is_what_its_tables_say():
