@@ -25,6 +25,7 @@ include: "workflow/rules/derivation.smk"
 include: "workflow/rules/sixth_order.smk"
 include: "workflow/rules/work_precision.smk"
 include: "workflow/rules/stability.smk"
+include: "workflow/rules/exact_oscillator.smk"
 include: "workflow/rules/figures.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/record.smk"
@@ -45,6 +46,7 @@ rule everything:
         rules.derive.input,
         rules.sixth_order.input,
         rules.stability.input,
+        rules.exact_oscillator.input,
         rules.work_precision.input,
 
 

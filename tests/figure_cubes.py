@@ -160,6 +160,30 @@ def amplitudes(methods=METHODS):
     )
 
 
+def amplitudes_of_crossing(methods=METHODS):
+    """Errors of all methods with T + V and with the oscillator solved exactly; crossings with none and everywhere."""
+    energy, charge, n = np.geomspace(1e-5, 1 / 6, 5), [1.0, 1.5, 2.0], len(methods)
+    at = np.array([3e-3, 2e-4, 0.0])[None, :, None] * np.ones((2, 1, n))
+    at[1, 0, 0] = np.inf
+    over = ("tau_per_stage", "charge", "exact_integrator")
+    return xr.Dataset(
+        {
+            "energy_error": (
+                ("tau_per_stage", "integrator", "energy", "quantile"), powers(2, n, 5, 3, seed=21, low=-9, high=-3),
+            ),
+            "exact_energy_error": (
+                (*over, "energy", "quantile"), powers(2, 3, n, 5, 3, seed=22, low=-11, high=-2),
+            ),
+            "best_crossing": (over, at),
+            "best_crossing_interval": ((*over, "bound"), at[..., None] * np.array([0.9, 1.1])),
+        },
+        coords={
+            **named(methods), "exact_integrator": list(methods), "exact_label": ("exact_integrator", list(methods)),
+            "energy": energy, "charge": charge, "tau_per_stage": [0.1, 0.05], "quantile": [0.05, 0.5, 0.95],
+        },
+    )  # fmt: skip
+
+
 def ensembles(methods=METHODS):
     """Henon-Heiles maps on three surfaces, five step sizes and three quantiles; escapes just below and above 1 %."""
     energy, tau = [1 / 24, 1 / 8, 1 / 6], np.array([0.1, 0.2, 0.3, 0.4, 0.5])

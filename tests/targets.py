@@ -57,6 +57,12 @@ TARGETS = FIGURES | {
     | tables("library_times")
     | {f"tables/work_precision_{system}.{suffix}" for system in SYSTEMS for suffix in ("csv", "md")},
 }  # fmt: skip
+EXACT_FIGURES = ("exact_oscillator_error", "exact_oscillator_charge")
+TARGETS |= {name: figures(name) for name in EXACT_FIGURES} | {
+    "exact_oscillator": cubes("exact_oscillator")
+    | tables("exact_oscillator", "exact_oscillator_times")
+    | figures(*EXACT_FIGURES)
+}
 TARGETS["claims"] = {f"tables/claims.{suffix}" for suffix in ("csv", "md", "json")}
 TARGETS["sixth_order"] = TARGETS["beyond"]
 TARGETS["report"] = {"report.html"}

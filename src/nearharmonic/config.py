@@ -12,6 +12,7 @@ from nearharmonic.engine.config_entries import STRICT, Reading, setting, whole_f
 from nearharmonic.engine.settings import KINETIC_POTENTIAL, Sweep, one_of
 from nearharmonic.errors import NearharmonicError, SettingError, bad_setting, unknown_name
 from nearharmonic.experiments.derivation.settings import DerivationSettings
+from nearharmonic.experiments.exact_oscillator.settings import ExactOscillatorSettings
 from nearharmonic.experiments.paper.definitions import define, folders_of, named
 from nearharmonic.experiments.paper.plan import check_sweep, fewest_shards
 from nearharmonic.experiments.paper.settings import Summation, SystemSettings
@@ -92,6 +93,9 @@ class Config:
     # One line for each experiment that can be set.
     derive: DerivationSettings = setting("How hard `derive` searches for Table 4", default=DerivationSettings)
     beyond: SixthOrderSettings = setting("How hard `sixth_order` searches for methods", default=SixthOrderSettings)
+    exact_oscillator: ExactOscillatorSettings = setting(
+        "What `exact_oscillator` compares with T and V", default=ExactOscillatorSettings
+    )
     stability: StabilitySettings = setting("What `stability` puts the methods through", default=StabilitySettings)
     work_precision: WorkPrecisionSettings = setting("What `work_precision` times", default=WorkPrecisionSettings)
 
@@ -190,6 +194,7 @@ def _lists_of_methods(config: Config) -> dict[str, tuple[str, ...]]:
     """The lists of integrators in a config, by key; those that are not given are left out."""
     found = {name: getattr(config, name) for name in ("integrators", "decomposition", "overview")}
     found["work_precision.integrators"] = config.work_precision.integrators
+    found["exact_oscillator.integrators"] = config.exact_oscillator.integrators
     return {key: entries for key, entries in found.items() if entries is not None}
 
 

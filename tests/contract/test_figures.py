@@ -25,6 +25,8 @@ CUBES = {
     "henon_heiles_stability": (made.ensembles, ()),
     "kepler_stability": (made.orbits, ("evaluations_per_orbit",)),
     "rounding_growth": (made.rounding, ("time",)),
+    "exact_oscillator_error": (made.amplitudes_of_crossing, ()),
+    "exact_oscillator_charge": (made.amplitudes_of_crossing, ()),
 }
 #: Cubes that declared figures show, besides those of the systems.
 SHOWN = (
@@ -34,6 +36,7 @@ SHOWN = (
     "stability_henon_heiles",
     "stability_kepler",
     "stability_rounding",
+    "exact_oscillator",
 )
 DECLARED = {one.stem: one for one in figures_of("experiments", ("henon_heiles", "kepler", "sho"), SHOWN)}
 # Those of the systems that the paper has a figure of are drawn by that figure; every other system is shown like this.

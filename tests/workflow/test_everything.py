@@ -32,6 +32,7 @@ PICTURES = sorted(name[8:-4] for name in MADE if name.endswith(".png"))
 COLUMNS = {
     "derived_counts": "complex solutions", "derived_errors": "max error, Henon-Heiles", "derived_families": "set",
     "derived_orders": "lambda_max", "derived_routes": "restarts", "derived_solutions": "half of the outer row",
+    "exact_oscillator": "T + V", "exact_oscillator_times": "charge_of_medians",
     "integrators": "generalised order", "kinetic_energy": "decline to A = 1", "library_times": "ratio_of_medians",
     "linear_stability": "stable to",
     "sixth_order_counts": "distinct solutions", "sixth_order_measured": "rank by maximum",
@@ -185,6 +186,8 @@ def test_a_figure_shows_its_methods_in_each_of_its_files(finished, stem):
     if stem in ("henon_heiles_stability", "fig6_substeps", "linear_stability"):
         return  # maps, paths and panels: a method has a place there, not a colour
     methods = DECOMPOSED if stem == "fig2_decomposition" else METHODS
+    if stem == "exact_oscillator_charge":  # methods that solve the oscillator exactly
+        methods = ("aba864",)
     if stem.startswith("library_times"):  # those alone that win at some error
         assert any(style_of(name).colour in drawing for name in (*methods, "aba864"))
         return
@@ -213,6 +216,7 @@ def expected_settings(finished):
     found["cubes/work_precision.h5"] = {
         "methods": [*METHODS, *given["work_precision"]["integrators"]], "sweeps": list(sweeps.values()),
     }  # fmt: skip
+    found["cubes/exact_oscillator.h5"] = {"split": list(METHODS), "exact": ["aba864"]}
     for name in given["stability"]:
         found[f"cubes/stability_{name}.h5"] = dict(methods)
         found |= {f"runs/stability/{name}/{method}.h5": {"integrator": method} for method in METHODS}

@@ -48,7 +48,8 @@ def tasks():
 
 
 def _cubes():
-    return ["sho_terms", "linear_stability", "kinetic_energy", *(f"stability_{name}" for name in ENSEMBLES)]
+    single = ["sho_terms", "linear_stability", "kinetic_energy", "exact_oscillator"]
+    return [*single, *(f"stability_{name}" for name in ENSEMBLES)]
 
 
 @pytest.fixture(scope="module")

@@ -22,6 +22,8 @@ from nearharmonic.user_module import is_file
 #: Names that files and rules of the workflow have already.
 TAKEN = frozenset(
     {
+        "exact_oscillator",
+        "exact_oscillator_times",
         "kinetic_energy",
         "linear_stability",
         "stability",

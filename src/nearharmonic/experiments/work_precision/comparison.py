@@ -66,7 +66,7 @@ def pairs(cube: str, names: Sequence[str], quartile: str = "min") -> tuple[list[
     names : sequence of str
         Systems.
     quartile : str
-        Which time of each point: one of :data:`nearharmonic.experiments.work_precision.clock.QUARTILES`.
+        Which time of each point: one of :data:`nearharmonic.engine.clock.QUARTILES`.
     """
     curves, ends = {}, {}
     facts: dict[str, object] = {}

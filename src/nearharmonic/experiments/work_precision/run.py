@@ -12,9 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.engine.reference import Reference, position_t_end, reference
-from nearharmonic.engine.settings import Sweep
-from nearharmonic.experiments.work_precision.clock import (
+from nearharmonic.engine.clock import (
     QUARTILES,
     STANDARD,
     Patience,
@@ -23,6 +21,8 @@ from nearharmonic.experiments.work_precision.clock import (
     pinned,
     summary,
 )
+from nearharmonic.engine.reference import Reference, position_t_end, reference
+from nearharmonic.engine.settings import Sweep
 from nearharmonic.experiments.work_precision.curve import MEASURES, MODES, TARGETS, Curve, Part, Point, ranking
 from nearharmonic.experiments.work_precision.own import ensemble_call, grid, splitting_curve, way_of
 from nearharmonic.experiments.work_precision.peers import PEERS
@@ -285,7 +285,7 @@ def curves_of(group: xr.Dataset, quartile: str = "min") -> list[Curve]:
     group : xarray.Dataset
         A group of the cube.
     quartile : str
-        Which time: one of :data:`nearharmonic.experiments.work_precision.clock.QUARTILES`.
+        Which time: one of :data:`nearharmonic.engine.clock.QUARTILES`.
     """
     return [_curve_of(group.isel(solver=i), quartile) for i in range(group.sizes["solver"])]
 

@@ -11,9 +11,9 @@ import numpy as np
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.coefficients import Floats
 from nearharmonic.engine.kernels import kernel_of
+from nearharmonic.engine.quasi_random import quasi_random
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import bad_setting
-from nearharmonic.experiments.stability.initial_conditions import quasi_random
 from nearharmonic.experiments.stability.settings import ESCAPE_ENERGY, EnsembleSettings
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau

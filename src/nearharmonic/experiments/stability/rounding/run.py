@@ -24,9 +24,10 @@ from nearharmonic.core.arithmetic import rounded_pair
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.coefficients import Floats
 from nearharmonic.engine.kernels import kernel_of
+from nearharmonic.engine.quasi_random import quasi_random
 from nearharmonic.engine.results import Integers, Trajectories
 from nearharmonic.engine.settings import Numerics
-from nearharmonic.experiments.stability.initial_conditions import kepler_apoapsis, quasi_random
+from nearharmonic.experiments.stability.initial_conditions import kepler_apoapsis
 from nearharmonic.experiments.stability.kepler.run import PERIOD, SYSTEM
 from nearharmonic.experiments.stability.settings import RoundingSettings
 from nearharmonic.integrators import integrators

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from nearharmonic.engine.batch import integrate_batch
+from nearharmonic.engine.clock import Patience, interleaved, machine, pinned
 from nearharmonic.engine.grid import check_fit, evaluations_of
 from nearharmonic.engine.reference import Reference, reference
 from nearharmonic.engine.results import Trajectories
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import SettingError
-from nearharmonic.experiments.work_precision.clock import Patience, interleaved, machine, pinned
 from nearharmonic.experiments.work_precision.curve import MEASURES
 from nearharmonic.experiments.work_precision.own import LOSSLESS, POSITION_ROUNDING, ROUNDING, prepared_calls
 from nearharmonic.experiments.work_precision.recommend.libraries import TIMED, library_choices

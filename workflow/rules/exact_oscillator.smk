@@ -1,0 +1,47 @@
+"""The oscillator of Henon-Heiles solved exactly beside T + V: errors and crossings, and what that costs here."""
+
+EXACT_OSCILLATOR_FIGURES = figures_of("experiments.exact_oscillator", CONFIG.systems, ["exact_oscillator"])
+FIGURES += EXACT_OSCILLATOR_FIGURES
+
+
+rule exact_oscillator_cube:
+    output:
+        cube=CUBE("exact_oscillator"),
+        table=TABLE("exact_oscillator"),
+    log:
+        LOG("exact_oscillator/errors"),
+    params:
+        task=task(
+            "experiments.exact_oscillator.run:measure",
+            split=CONFIG.methods,
+            exact=CONFIG.exact_oscillator.methods,
+            settings=CONFIG.exact_oscillator,
+        ),
+    script:
+        "../scripts/task.py"
+
+
+rule exact_oscillator_times:
+    input:
+        cube=CUBE("exact_oscillator"),
+    output:
+        table=TABLE("exact_oscillator_times"),
+    log:
+        LOG("exact_oscillator/times"),
+    threads: ALL_CORES  # nothing runs beside what is timed
+    params:
+        task=task(
+            "experiments.exact_oscillator.times:measure",
+            exact=CONFIG.exact_oscillator.methods,
+            settings=CONFIG.exact_oscillator,
+        ),
+    script:
+        "../scripts/task.py"
+
+
+rule exact_oscillator:
+    input:
+        CUBE("exact_oscillator"),
+        TABLE("exact_oscillator"),
+        TABLE("exact_oscillator_times"),
+        [FIGURE(one.stem) for one in EXACT_OSCILLATOR_FIGURES],
