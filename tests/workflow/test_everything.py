@@ -32,7 +32,7 @@ PICTURES = sorted(name[8:-4] for name in MADE if name.endswith(".png"))
 COLUMNS = {
     "derived_counts": "complex solutions", "derived_errors": "max error, Henon-Heiles", "derived_families": "set",
     "derived_orders": "lambda_max", "derived_routes": "restarts", "derived_solutions": "half of the outer row",
-    "exact_oscillator": "T + V", "exact_oscillator_times": "charge_of_medians",
+    "exact_oscillator": "T + V", "exact_oscillator_times": "ns_exact",
     "integrators": "generalised order", "kinetic_energy": "decline to A = 1", "library_times": "ratio_of_medians",
     "linear_stability": "stable to",
     "sixth_order_counts": "distinct solutions", "sixth_order_measured": "rank by maximum",

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
+import yaml
 
 import nearharmonic as nh
 from nearharmonic.config import load
@@ -19,6 +22,7 @@ from nearharmonic.experiments.exact_oscillator.surfaces import radius, starts_on
 from nearharmonic.experiments.exact_oscillator.tables import BEST
 from nearharmonic.output.store import read, write
 
+ROOT = Path(__file__).parents[3]
 SMALL = ExactOscillatorSettings(integrators=("aba864",), energies=5, trajectories=6, t_end="20")
 
 
@@ -133,8 +137,33 @@ def test_times_are_measured_and_charged(small, tmp_path, monkeypatch):
         (runs, tau) for runs in ("one trajectory", "ensemble") for tau in (0.1, 0.05)
     ]
     for row in rows:
-        assert row["charge"] == pytest.approx(row["ns_exact"] / row["ns_split"])
+        assert row["charge"] == pytest.approx(row["ns_exact"] / row["ns_split"])  # of the one method
         assert row["energy"] == times.crossing_at(cube, "aba864", row["tau_per_stage"], row["charge"])
+
+
+@pytest.mark.slow
+def test_the_page_states_the_crossings_and_leads_of_the_paper_config():
+    config = yaml.safe_load((ROOT / "config/config.yaml").read_text(encoding="utf-8"))
+    asked = load({key: config[key] for key in ("name", "integrators", "systems", "exact_oscillator")})
+    page = (ROOT / "docs/exact_oscillator.md").read_text(encoding="utf-8")
+    made = measure(asked.methods, asked.exact_oscillator.methods, asked.exact_oscillator)
+    rows = [dict(zip(made["table"].header, row, strict=True)) for row in made["table"].rows]
+    found = {(r["exact oscillator"], f"{r['tau_per_stage']:g}", r["charge"]): r for r in rows if r["T + V"] == BEST}
+    stated = re.findall(r"^\| (\S.*?) \| (0\.05|0\.1) \| (.*?) \| (.*?) \|$", page, re.MULTILINE)
+    assert len(stated) == len(asked.exact_oscillator.methods) * len(asked.exact_oscillator.tau_per_stage)
+    for name, tau, *cells in stated:
+        assert cells == [_cell(found[name, tau, charge]) for charge in (1.0, 1.1)]
+    values = {name: entry[1] for name, entry in made["cube"].variables.items()}
+    best, exact = values["energy_error"][..., 1].min(axis=1), values["exact_energy_error"][:, 0, ..., 1].min(axis=1)
+    leads = np.log10(best / exact)[:, [0, -1]].round(1).tolist()
+    ahead = re.search(r"method is (\S+) decades ahead .*? and (\S+) decades with 0\.05\. At H = 1/6 it is (\S+)", page)
+    assert ahead is not None
+    assert leads == [[float(ahead[1]), -float(ahead[3])], [float(ahead[2]), -float(ahead[3])]]
+
+
+def _cell(row):
+    low, at, high = (row[key] for key in ("amplitude_low", "amplitude", "amplitude_high"))
+    return f"{at:.3g} ({low:.3g} to {high:.3g})" if at else "nowhere"
 
 
 CONFIG = {
