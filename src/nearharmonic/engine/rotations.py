@@ -40,24 +40,28 @@ def rotations(
         Whether kicks and drifts times tau are rounded to doubles before anything follows from them.
     """
     found = kicks_and_drifts(tableau, tau, rounded=rounded)
+    kicks, drifts = [kick for kick, _ in found], [drift for _, drift in found]
     array = np.zeros((len(found), columns(len(frequencies))))
-    kicks = np.array([rounded_pair(*kick.as_integer_ratio()) for kick, _ in found])
-    array[:, KICK : KICK + parts] = kicks[:, :parts]
+    array[:, KICK : KICK + parts] = [_pair(kick)[:parts] for kick in kicks]
     for place, frequency in enumerate(frequencies):
-        turn = np.array([[_pair(x) for x in row] for row in _shears([drift for _, drift in found], frequency)])
-        size = 6 if parts == 2 else TURNS
+        shears, size = list(_shears(drifts, frequency)), 6 if parts == 2 else TURNS
         at = TURN * parts + size * place
-        array[:, at : at + size] = turn.reshape(-1, 6) if parts == 2 else _rounded(kicks[:, 0], turn[..., 0])
+        if parts == 2:
+            array[:, at : at + size] = [[half for x in row for half in _pair(x)] for row in shears]
+        else:
+            array[:, at : at + size] = _in_doubles(kicks, shears)
     return array
 
 
-def _rounded(kick: Floats, turn: Floats) -> Floats:
-    """The coefficients (s + 2, TURNS) of a frequency in doubles, from b, S and the last shear (s + 2, 3)."""
-    linear, drift, shear = turn.T
+def _in_doubles(kicks: list[Fraction], shears: list[tuple[Fraction, Fraction, Fraction]]) -> Floats:
+    """The coefficients (s + 2, TURNS) of a frequency, each rounded once, from b, S and the last shear of each move."""
+    rows = [(b, S, k * S, b * S, last, k) for k, (b, S, last) in zip(kicks, shears, strict=True)]
+    linear, drift, product, linear_product, shear, kick = np.array([[float(x) for x in row] for row in rows]).T
     with np.errstate(over="ignore", invalid="ignore"):
-        product, rest = two_products(kick, drift)
-        linear_product, linear_rest = two_products(linear, drift)
-    return np.stack([linear, drift, product, linear_product, rest, linear_rest, shear], axis=1)
+        rests = [(high - x) + low for x, (high, low) in (
+            (product, two_products(kick, drift)), (linear_product, two_products(linear, drift)),
+        )]  # fmt: skip
+    return np.stack([linear, drift, product, linear_product, *rests, shear], axis=1)
 
 
 def _shears(drifts: Sequence[Fraction], frequency: Fraction) -> Iterator[tuple[Fraction, Fraction, Fraction]]:
