@@ -139,4 +139,5 @@ def test_an_edit_of_one_system_changes_what_names_it_and_leaves_the_others_alone
     path.write_text(text + "\n_EDITED = 1\n", encoding="utf-8")
     after = {name: code_digest(module, systems.module_of(name), root=package) for name in systems}
     path.write_text(text, encoding="utf-8")
-    assert {name for name in systems if before[name] != after[name]} == {system}
+    changed = {name for name in systems if before[name] != after[name]}
+    assert changed == ({"kepler", "kepler_regularised"} if system == "kepler" else {system})  # one is made of the other
