@@ -1,6 +1,6 @@
 """Time to reach energy errors below the rounding of doubles: double-double here, heyoka in quadruple precision.
 
-Run: ``python benchmarks/beyond_double.py`` (about three minutes; heyoka built with quadruple precision adds its lines).
+Run: ``python benchmarks/beyond_double.py`` (about five minutes; heyoka built with quadruple precision adds its lines).
 Whole calls of prepared problems that return the final state, in turns on one core, least of the repeats, in ms. The
 error is the largest |H/H0 - 1| over every step here, and over a grid of times in heyoka; both runs are of [0, t_end] of
 the system.
@@ -107,9 +107,8 @@ def main() -> None:
                 begin = time.perf_counter()
                 call()
                 best[key] = min(best[key], 1e3 * (time.perf_counter() - begin))
-        print(
-            f"\n| {nh.systems[name].label}, t = {nh.systems[name].t_end} | " + " | ".join(f"{t:.0e}" for t in TARGETS)
-        )
+        heads = " | ".join(f"{target:.0e}" for target in TARGETS)
+        print(f"\n| {nh.systems[name].label}, t = {nh.systems[name].t_end} | {heads} |")
         print("|---|" + "---:|" * len(TARGETS))
         for label in dict.fromkeys(label for _, label in best):
             cells = [f"{best[t, label]:.2f}" if (t, label) in best else "-" for t in TARGETS]
