@@ -52,13 +52,15 @@ def rows_of(capsys, *arguments):
     return list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
 
 
-def test_list_prints_one_kind_or_both_in_the_order_of_the_registries(capsys):
+def test_list_prints_one_kind_or_all_in_the_order_of_the_registries(capsys):
     one = [row["name"] for row in rows_of(capsys, "list", "systems")]
     other = [row["name"] for row in rows_of(capsys, "list", "integrators")]
-    both = [row["name"] for row in rows_of(capsys, "list")]
+    modified = [row["name"] for row in rows_of(capsys, "list", "modified_integrators")]
+    every = [row["name"] for row in rows_of(capsys, "list")]
     assert one == list(nh.systems)
     assert other == list(nh.integrators)
-    assert both == other + one
+    assert modified == list(nh.modified_integrators)
+    assert every == other + modified + one
 
 
 def test_a_format_is_that_of_the_same_rows(capsys):
@@ -97,7 +99,11 @@ def test_an_answer_with_a_short_row_is_refused():
         (["recommend", "nowhere/mine.py", "--error", "1e-9"], "nowhere/mine.py: no such file"),
         (["recommend", "kepler"], "the following arguments are required: --error"),
         (["recomend"], "unknown command 'recomend'. Did you mean 'recommend'?"),
-        (["list", "system"], "kind = 'system' is not allowed: one of integrators, systems. Did you mean 'systems'?"),
+        (
+            ["list", "system"],
+            "kind = 'system' is not allowed: one of integrators, modified_integrators, systems. "
+            "Did you mean 'systems'?",
+        ),
         (["list", "--formt", "json"], "unrecognized arguments: --formt. Did you mean '--format'?"),
         (["list", "--format", "jsn"], "Did you mean 'json'?"),
         (["list", "systems", "planets"], "unrecognized arguments: planets"),

@@ -19,8 +19,10 @@ if TYPE_CHECKING:
     from nearharmonic.experiments.paper.figures.plot import plot as plot
     from nearharmonic.experiments.work_precision.recommend.dataset import recommend as recommend
     from nearharmonic.integrators import integrators as integrators
+    from nearharmonic.integrators.modified_tableau import ModifiedTableau as ModifiedTableau
     from nearharmonic.integrators.tableau import Tableau as Tableau
     from nearharmonic.integrators.tableau import palindrome as palindrome
+    from nearharmonic.modified_integrators import modified_integrators as modified_integrators
     from nearharmonic.systems import systems as systems
     from nearharmonic.systems.quantities import Observable as Observable
     from nearharmonic.systems.quantities import Parameter as Parameter
@@ -33,6 +35,7 @@ __version__ = "0.1.0"
 
 #: Where the names are that are loaded when they are first asked for: numpy takes longer than a command that needs none.
 _MODULES = {
+    "ModifiedTableau": "integrators.modified_tableau",
     "Observable": "systems.quantities",
     "Parameter": "systems.quantities",
     "System": "systems.system",
@@ -41,6 +44,7 @@ _MODULES = {
     "integrate": "engine.trajectory",
     "integrators": "integrators",
     "kappa": "theory.oscillator",
+    "modified_integrators": "modified_integrators",
     "order_of": "theory.order",
     "palindrome": "integrators.tableau",
     "problem": "engine.problem",
@@ -52,9 +56,9 @@ _MODULES = {
 }
 
 __all__ = [
-    "NearharmonicError", "Observable", "Parameter", "System", "Tableau", "__version__", "ensemble", "integrate",
-    "integrators", "kappa", "order_of", "palindrome", "plot", "problem", "recommend", "stability_limit", "sweep",
-    "systems",
+    "ModifiedTableau", "NearharmonicError", "Observable", "Parameter", "System", "Tableau", "__version__", "ensemble",
+    "integrate", "integrators", "kappa", "modified_integrators", "order_of", "palindrome", "plot", "problem",
+    "recommend", "stability_limit", "sweep", "systems",
 ]  # fmt: skip
 
 

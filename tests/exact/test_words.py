@@ -32,6 +32,10 @@ def of_word(word):
     return result
 
 
+def commutator(x, y):
+    return x @ y - y @ x
+
+
 def exponential(matrix):
     result, power = ONE, ONE
     for n in range(1, DEGREE + 1):
@@ -48,13 +52,16 @@ def matrix_logarithm(matrix):
     return result
 
 
+OPERATORS = MATRICES | {"C": commutator(MATRICES["B"], commutator(MATRICES["A"], MATRICES["B"]))}
+
+
 def evaluated(polynomial):
     return sum((number * of_word(word) for word, number in polynomial.items()), start=0 * ONE)
 
 
 def random_operators(seed):
     chance = random.Random(seed)
-    return [(chance.choice("AB"), Fraction(chance.randint(-9, 9), chance.randint(1, 7))) for _ in range(7)]
+    return [(chance.choice("ABC"), Fraction(chance.randint(-9, 9), chance.randint(1, 7))) for _ in range(7)]
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -62,7 +69,7 @@ def test_a_product_of_exponentials_and_its_logarithm_are_those_of_matrices(seed)
     operators = random_operators(seed)
     expected = ONE
     for letter, c in operators:
-        expected = expected @ exponential(c * MATRICES[letter])
+        expected = expected @ exponential(c * OPERATORS[letter])
     series = product_of_exponentials(operators, DEGREE)
     assert (evaluated({word: series[word] for word in words(DEGREE)}) == expected).all()
     found = logarithm(series, words(DEGREE)[1:])

@@ -1,19 +1,22 @@
-"""``nearharmonic list``: the integrators and the systems that there are."""
+"""``nearharmonic list``: the integrators, those with kicks of a modified potential, and the systems that there are."""
 
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from nearharmonic.answers import Answer
 
+if TYPE_CHECKING:
+    from nearharmonic.integrators.tableau import Tableau
+
 HELP = "list the integrators or the systems"
-KINDS = ("integrators", "systems")
+KINDS = ("integrators", "modified_integrators", "systems")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to ``parser``."""
-    parser.add_argument("kind", nargs="?", help=f"{' or '.join(KINDS)}; both if not given")
+    parser.add_argument("kind", nargs="?", help=f"{', '.join(KINDS[:-1])} or {KINDS[-1]}; all if not given")
 
 
 def answer(chosen: argparse.Namespace) -> Answer:
@@ -21,7 +24,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
     from nearharmonic.engine.settings import one_of
 
     kinds = KINDS if chosen.kind is None else (one_of("kind", chosen.kind, KINDS),)
-    found = [described for kind in kinds for described in (_integrators() if kind == "integrators" else _systems())]
+    found = [described for kind in kinds for described in _ROWS[kind]()]
     names = dict.fromkeys(name for described in found for name in described if name != "source")
     header = [*(name for name in names if name != "kind" or len(kinds) > 1), "source"]
     return Answer(header=header, rows=[[described.get(name) for name in header] for described in found])
@@ -30,18 +33,25 @@ def answer(chosen: argparse.Namespace) -> Answer:
 def _integrators() -> list[dict[str, Any]]:
     from nearharmonic.integrators import integrators
 
-    return [
-        {
-            "kind": "integrator",
-            "name": t.name,
-            "label": t.label,
-            "stages": t.stages,
-            "order": t.order,
-            "first": t.first,
-            "source": f"{t.source}; requires a {t.requires}" if t.requires else t.source,
-        }
-        for t in integrators.values()
-    ]
+    return [_method(t, "integrator") for t in integrators.values()]
+
+
+def _modified_integrators() -> list[dict[str, Any]]:
+    from nearharmonic.modified_integrators import modified_integrators
+
+    return [{**_method(t, "modified integrator"), "gradients": t.gradients} for t in modified_integrators.values()]
+
+
+def _method(t: Tableau, kind: str) -> dict[str, Any]:
+    return {
+        "kind": kind,
+        "name": t.name,
+        "label": t.label,
+        "stages": t.stages,
+        "order": t.order,
+        "first": t.first,
+        "source": f"{t.source}; requires a {t.requires}" if t.requires else t.source,
+    }
 
 
 def _systems() -> list[dict[str, Any]]:
@@ -59,3 +69,6 @@ def _systems() -> list[dict[str, Any]]:
         }
         for s in systems.values()
     ]
+
+
+_ROWS = {"integrators": _integrators, "modified_integrators": _modified_integrators, "systems": _systems}

@@ -47,8 +47,8 @@ class Kernel:
     parts: int
     parameters: int
     room: int
-    begin: int
     columns: int
+    begin: int
     advance: Callable[[], Callable[..., int]]
     prepared: Callable[..., PreparedCall]
 
@@ -106,8 +106,8 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
         parts=rules.parts,
         parameters=physics.parameters,
         room=more,
-        begin=begin,
         columns=rules.columns,
+        begin=begin,
         advance=lambda: advance,
         prepared=prepared,
     )
@@ -169,7 +169,8 @@ def room(physics: Physics, *, extended: bool) -> int:
 def cost(physics: Physics, *, extended: bool) -> int:
     """Return the time that a force takes, in units of a few nanoseconds at most: without loops, that of all pairs."""
     if physics.loops is None:
-        return physics.dimension * (physics.dimension + 4) // 2
+        force = physics.dimension * (physics.dimension + 4) // 2
+        return force if physics.modified is None else 2 * force
     # A double-double operation takes about 16 of doubles.
     return 1 + sum(energy.work_of_loops for energy in physics.loops) * (16 if extended else 1) // 50
 

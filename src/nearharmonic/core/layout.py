@@ -27,6 +27,9 @@ COLUMNS = 4
 #: Where the oscillator is solved exactly, a row is the kick and, from ``TURN`` on, ``TURNS`` coefficients for each
 #: distinct frequency: see :mod:`nearharmonic.core.rotation`.
 TURN, TURNS = 1, 7
+#: Where kicks are of a modified potential, the third number is that of its other part: see
+#: :mod:`nearharmonic.core.modified_kick`.
+SQUARE = 2
 #: Rows of coefficients: of a lane's next first move, of first moves but for the very first, of the other moves, and of
 #: the one that closes a step.
 OPENING, MERGED, INNER = range(3)

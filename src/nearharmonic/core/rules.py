@@ -41,6 +41,7 @@ from nearharmonic.core.layout import (
     columns,
     parameter_rows,
 )
+from nearharmonic.core.modified_kick import combined, force_and_square, modified_columns
 from nearharmonic.core.number import Constant, Number, call, constant, scalar, vector
 from nearharmonic.core.rotation import rotated, sheared
 from nearharmonic.core.tracing import Double, DoubleDouble, LLVMValue
@@ -88,6 +89,9 @@ class Physics:
     turning : tuple of int, or None
         Where T and an oscillator are solved exactly together: of each coordinate, the place of its frequency among the
         distinct ones. ``grad_V`` is then that of the rest of V, which the kick takes.
+    modified : callable, or None
+        ``f(q, *parameters)``, the components of grad_V and behind them those of the gradient of its square, where kicks
+        are of a modified potential.
     """
 
     name: str
@@ -105,6 +109,7 @@ class Physics:
     loops: tuple[LoopedEnergy, LoopedEnergy] | None = None
     unit_masses: bool = False
     turning: tuple[int, ...] | None = None
+    modified: Callable[..., Any] | None = None
 
 
 def _pairs(entries: Entries, dimension: int) -> list[tuple[LLVMValue, LLVMValue]]:
@@ -136,6 +141,8 @@ class Rules:
     @property
     def columns(self) -> int:
         """Doubles in a row of coefficients."""
+        if self.physics.modified is not None:
+            return modified_columns(self.parts)
         return columns(0 if self.physics.turning is None else 1 + max(self.physics.turning))
 
     @property
@@ -178,7 +185,9 @@ class Rules:
         return self.physics.constants or tuple(DoubleDouble(*pair) for pair in pairs)
 
     def force(self, state: Entries, parameters: Entries) -> Entries:
-        """dV/dq at the position."""
+        """dV/dq at the position; and the gradient of its square behind, where kicks are of a modified potential."""
+        if self.physics.modified is not None:
+            return force_and_square(self, state, parameters)
         if self.physics.dimension > FEW_COORDINATES:  # the same bits whether or not the energy is measured beside it
             return self.force_and_potential(state, parameters)[: self.parts * self.physics.dimension]
         q = self.numbers(_pairs(state, self.physics.dimension))
@@ -191,6 +200,8 @@ class Rules:
         """
         if self.physics.turning is not None:
             return rotated(self, running, row, rates)
+        if self.physics.modified is not None:
+            row, rates = combined(self, row, rates)
         d = self.physics.dimension
         position, momentum, late = running[: 2 * d], running[2 * d : 4 * d], running[4 * d :]
         new_momentum = self.update(_pairs(momentum, d), self.part(row, KICK), rates)

@@ -146,12 +146,13 @@ def prepared_batch(
     """
     if system.regularisation is not None:
         return _prepared_landing(system, tableau, numerics, marks, scheme, moves, start, parameters, scale, reference)
-    kernel = kernel_of(system, numerics.compiled)
+    kernel = kernel_of(system, numerics.compiled, modified=tableau.modified)
     if numerics.exact_oscillator:
         _check_frequencies(system, parameters)
     if kernel.parameters < len(system.parameters):
         parameters = _compiled_in(system, parameters)
-    runs, d, cost = len(marks), kernel.dimension, tableau.stages * cost_of(system, numerics.compiled)
+    cost = tableau.stages * cost_of(system, numerics.compiled, modified=tableau.modified)
+    runs, d = len(marks), kernel.dimension
     left_at, control = np.zeros(runs, np.int64), execution.control()
     results = np.empty((4 * d + 3) * marks.size + (2 + running_rows(d)) * runs)
     states, blocks, energy, running = split_results(results, runs, marks.shape[1], d)

@@ -11,6 +11,7 @@ from nearharmonic.engine import invariants
 from nearharmonic.engine.coefficients import Floats
 from nearharmonic.engine.results import Trajectories
 from nearharmonic.integrators import integrators
+from nearharmonic.integrators.modified_tableau import ModifiedTableau
 from nearharmonic.output.dataset import Variables, assembled, described
 
 if TYPE_CHECKING:
@@ -209,6 +210,8 @@ def problem_attributes(problem: Problem) -> dict[str, str]:
         "precision": problem.numerics.precision,
         "summation": problem.numerics.summation,
     }
+    if isinstance(problem.tableau, ModifiedTableau):
+        notes["gradients_per_step"] = str(problem.tableau.gradients)
     if problem.numerics.energy != "every":
         notes["energy"] = problem.numerics.energy
     if problem.numerics.exact_oscillator:

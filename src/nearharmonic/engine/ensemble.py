@@ -143,7 +143,8 @@ def _of(block: slice, rows: Floats) -> Floats:
 
 def _cost(problem: Problem) -> int:
     """Cost of a step."""
-    return problem.tableau.stages * cost_of(problem.system, problem.numerics.compiled)
+    tableau = problem.tableau
+    return tableau.stages * cost_of(problem.system, problem.numerics.compiled, modified=tableau.modified)
 
 
 def _execute(problem: Problem, compute: Callable[[int], None], members: int, steps: int, threads: int) -> None:

@@ -62,7 +62,10 @@ def evaluations_of(tableau: Tableau, steps: int) -> int:
 
 
 def check_fit(system: System, tableau: Tableau) -> None:
-    """Refuse a method of Runge-Kutta-Nystrom type for a system whose kinetic energy is not of degree 2 in the momenta.
+    """Refuse a method that a system is not for.
+
+    One of Runge-Kutta-Nystrom type is for kinetic energies of degree 2 in the momenta; one with kicks of a modified
+    potential for formulas that are compiled as they are written, too.
 
     Raises
     ------
@@ -72,3 +75,7 @@ def check_fit(system: System, tableau: Tableau) -> None:
     if tableau.requires == QUADRATIC_KINETIC_ENERGY and not system.quadratic_kinetic_energy:
         key, allowed = "integrator", f"it requires a {tableau.requires}, which {system.name} does not have"
         raise bad_setting(key, tableau.name, allowed)
+    if tableau.modified and (system.regularisation is not None or system.formulas().are_loops):
+        what = "is regularised" if system.regularisation is not None else "has formulas that are compiled as loops"
+        allowed = f"its kicks are of a modified potential, which is not there for {system.name}, which {what}"
+        raise bad_setting("integrator", tableau.name, allowed)

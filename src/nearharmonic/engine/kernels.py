@@ -20,7 +20,7 @@ STANDARD = Numerics()
 
 
 @cache
-def kernel_of(system: System, numerics: Numerics = STANDARD) -> Kernel:
+def kernel_of(system: System, numerics: Numerics = STANDARD, *, modified: bool = False) -> Kernel:
     """Return the compiled kernel for ``system``, from the cache on disk if it is there.
 
     Parameters
@@ -30,6 +30,8 @@ def kernel_of(system: System, numerics: Numerics = STANDARD) -> Kernel:
     numerics : Numerics
         Of these, the code depends on those that :attr:`Numerics.compiled` keeps. Lanes that are left open are those of
         one register.
+    modified : bool
+        Whether kicks are of a modified potential.
 
     Raises
     ------
@@ -42,7 +44,7 @@ def kernel_of(system: System, numerics: Numerics = STANDARD) -> Kernel:
     from nearharmonic.core.kernel import build
 
     return build(
-        physics_of(system, numerics),
+        physics_of(system, numerics, modified=modified),
         extended=numerics.precision == "extended",
         compensated=numerics.compensated,
         width=1 if system.formulas().are_loops else numerics.width or WIDTH,
@@ -51,11 +53,11 @@ def kernel_of(system: System, numerics: Numerics = STANDARD) -> Kernel:
 
 
 @cache
-def cost_of(system: System, numerics: Numerics) -> int:
+def cost_of(system: System, numerics: Numerics, *, modified: bool = False) -> int:
     """Return the time that a force takes, in units of a few nanoseconds at most."""
     from nearharmonic.core.kernel import cost
 
-    return cost(physics_of(system, numerics), extended=numerics.precision == "extended")
+    return cost(physics_of(system, numerics, modified=modified), extended=numerics.precision == "extended")
 
 
 @cache
@@ -66,8 +68,17 @@ def formulas_digest(system: System) -> str:
     return fingerprint(Rules(physics_of(system), extended=True, compensated=True))
 
 
-def physics_of(system: System, numerics: Numerics = STANDARD) -> Physics:
+def physics_of(system: System, numerics: Numerics = STANDARD, *, modified: bool = False) -> Physics:
     """Return what a kernel has to know of ``system``, whose gradients are compared with its energies first.
+
+    Parameters
+    ----------
+    system : System
+        What is integrated.
+    numerics : Numerics
+        Of these, what the two operators of a method solve.
+    modified : bool
+        Whether kicks are of a modified potential.
 
     Raises
     ------
@@ -101,4 +112,5 @@ def physics_of(system: System, numerics: Numerics = STANDARD) -> Physics:
         loops=loops,
         unit_masses=system.T is quadratic_T and not system.time_dependent,
         turning=frequencies_of(system)[1] if exact else None,
+        modified=formulas.grad_V_and_square if modified else None,
     )

@@ -33,8 +33,8 @@ from nearharmonic.engine.settings import (
 )
 from nearharmonic.engine.solution import Solution, StepSize
 from nearharmonic.errors import bad_setting
-from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.modified_integrators import method_of
 from nearharmonic.systems import systems
 from nearharmonic.systems.oscillator import check_oscillator
 from nearharmonic.systems.system import System
@@ -100,7 +100,7 @@ class Problem:
         samples: int = 2,
     ) -> None:
         self.system = system if isinstance(system, System) else systems[system]
-        tableau = integrator if isinstance(integrator, Tableau) else integrators[integrator]
+        tableau = integrator if isinstance(integrator, Tableau) else method_of(integrator)
         self.tableau = tableau.role(checked_first(first))  # type: ignore[arg-type]
         check_fit(self.system, self.tableau)
         check_quantities(self.system)
@@ -110,6 +110,9 @@ class Problem:
         self.numerics = Numerics(precision=precision, summation=summation, energy=energy, split=split)
         if self.numerics.exact_oscillator:
             check_oscillator(self.system)
+            if self.tableau.modified:
+                allowed = f"the kicks of {self.tableau.name} are of a modified potential, which is not there for it"
+                raise bad_setting("split", split, allowed)
         self.scale = checked_scale(self.system.energy_scale if energy_scale is None else energy_scale)
         self.samples = checked_samples(samples)
         self._step_sizes: dict[Any, StepSize] = {}
@@ -134,7 +137,7 @@ class Problem:
     @property
     def memory(self) -> int:
         """Bytes that a trajectory works in, beside the states that are kept."""
-        kernel = kernel_of(self.system, replace(self.numerics, width=1).compiled)
+        kernel = kernel_of(self.system, replace(self.numerics, width=1).compiled, modified=self.tableau.modified)
         arrays = workspace(
             kernel.dimension, self.tableau.stages, parameters=kernel.parameters, width=1, room=kernel.room,
             columns=kernel.columns,

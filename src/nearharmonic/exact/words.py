@@ -1,5 +1,8 @@
 """Truncated power series in two letters that do not commute, exact: A for a drift, B for a kick.
 
+An operator of a step may also be C = [B, [A, B]], which is no letter: for quadratic T it is a kick too, that of a
+modified potential.
+
 A series assigns a number to every word. Those here are products of exponentials exp(c A) and exp(c B), for which a word
 w of n letters has a coefficient S(w) that is a sum of products of n values c. With ``unit`` a common denominator of all
 c, n! unit^n S(w) is an integer: a :class:`Series` holds these integers, so that no fraction is ever reduced.
@@ -15,8 +18,10 @@ from itertools import product
 from math import comb, factorial, lcm
 
 LETTERS = "AB"
+#: [B, [A, B]], written out.
+SQUARE = {"BAB": 2, "ABB": -1, "BBA": -1}
 
-#: An operator of a step: its letter and the number it is multiplied with.
+#: An operator of a step: A, B or C, and the number it is multiplied with.
 Operator = tuple[str, Fraction]
 
 
@@ -49,11 +54,17 @@ def words(length: int, kicks: int | None = None) -> list[str]:
 
 
 def product_of_exponentials(operators: Sequence[Operator], length: int, kicks: int | None = None) -> Series:
-    """exp(c1 X1) exp(c2 X2) ... for ``operators`` (X, c) from left to right, on :func:`words` of ``length, kicks``."""
+    """exp(c1 X1) exp(c2 X2) ... for ``operators`` (X, c) from left to right, on :func:`words` of ``length, kicks``.
+
+    X is one of the two letters, or "C" for :data:`SQUARE`.
+    """
     unit = lcm(*(c.denominator for _, c in operators))
     scaled = dict.fromkeys(words(length, kicks), 0)
     scaled[""] = 1
     for letter, c in operators:
+        if letter == "C":
+            _multiply_by_square(scaled, int(c * unit**3), length, kicks)
+            continue
         factor = int(c * unit)
         powers = [factor**k for k in range(length + 1)]
         # In place: the words that a word draws on are shorter, and still those of the product so far.
@@ -81,6 +92,20 @@ def logarithm(series: Series, wanted: Iterable[str]) -> dict[str, Fraction]:
     scale = [common * factorial(n) * series.unit**n for n in range(length + 1)]
     last = dict(ends)
     return {word: Fraction(_convolution(X, bracket, last[word]), scale[len(word)]) for word in targets}
+
+
+def _multiply_by_square(scaled: dict[str, int], factor: int, length: int, kicks: int | None) -> None:
+    """Multiply a series, in place, by the exponential of C, which has three letters, times ``factor`` / unit^3."""
+    powers = {"": 1}  # C^k / k! with what its words are multiplied by
+    ends: list[tuple[str, Fraction]] = []
+    for k in range(1, length // 3 + 1):
+        powers = {word + end: a * b for word, a in powers.items() for end, b in SQUARE.items()}
+        ends += [(word, Fraction(a * factor**k, factorial(k))) for word, a in powers.items()]
+    for word in reversed(words(length, kicks)):
+        n = len(word)
+        for end, a in ends:
+            if word.endswith(end):
+                scaled[word] += int(a * factorial(n) / factorial(n - len(end))) * scaled[word[: n - len(end)]]
 
 
 @cache

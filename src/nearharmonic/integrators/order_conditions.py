@@ -20,10 +20,11 @@ from collections.abc import Sequence
 from fractions import Fraction
 from functools import lru_cache
 from itertools import chain
-from math import lcm
+from math import ceil, lcm
 
 from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.exact.words import Operator, logarithm, product_of_exponentials
+from nearharmonic.integrators.modified_tableau import ModifiedTableau
 from nearharmonic.integrators.tableau import Tableau
 
 #: Up to this order methods are examined unless they declare more; the number of words doubles with each more.
@@ -35,14 +36,20 @@ HIGHEST_DECLARED = 10
 @lru_cache(maxsize=1024)
 def tolerance(tableau: Tableau, degree: int) -> Fraction:
     """Return what guaranteed digits allow a condition of ``degree`` to be off by: the bound above."""
-    count = 2 * tableau.stages + 1
+    count = 2 * tableau.stages + 1 + tableau.modified * len(tableau.kick)
     return count * Fraction(1, 10**tableau.digits) * _size(tableau) ** (degree - 1) * Fraction(3, 2) ** degree
 
 
 @lru_cache(maxsize=256)
 def _size(tableau: Tableau) -> Fraction:
-    """The sum of the absolute values of all coefficients."""
-    return sum((abs(c) for row in tableau.rows_exact() for c in row), Fraction(0))
+    """The sum of the absolute values of all coefficients, and more than the cubic root of what squares contribute.
+
+    With b the sum of 4 |m|, 4 the size of C, and c^3 = 40 b, exp(b x^3) has no larger coefficients than exp(c x) up to
+    x^11, as (3 j)! / j! is less than 40^j for j <= 3.
+    """
+    plain = sum((abs(c) for row in tableau.rows_exact() for c in row), Fraction(0))
+    squares = sum((abs(Fraction(m)) for m in getattr(tableau, "square", ())), Fraction(0))
+    return plain + Fraction(ceil(1000 * float(160 * squares) ** (1 / 3)), 1000)
 
 
 def highest_of(tableau: Tableau) -> int:
@@ -51,11 +58,19 @@ def highest_of(tableau: Tableau) -> int:
 
 
 def operators_of(tableau: Tableau) -> list[Operator]:
-    """Return the operators of one step in the order of their application, as letters A (drift) and B (kick)."""
+    """Return the operators of one step in the order of their application, as letters A (drift) and B (kick).
+
+    A kick of a modified potential is that of V, and C = [B, [A, B]] behind it: for quadratic T the two commute.
+    """
     outer, inner = tableau.rows_exact()
     letters = "AB" if tableau.first == "drift" else "BA"
     pairs = [((letters[0], a), (letters[1], b)) for a, b in zip(outer, inner, strict=False)]
-    return [*chain.from_iterable(pairs), (letters[0], outer[-1])]
+    operators = [*chain.from_iterable(pairs), (letters[0], outer[-1])]
+    if not isinstance(tableau, ModifiedTableau):
+        return operators
+    squares = iter(tableau.square)
+    both = ([x, ("C", Fraction(next(squares)))] if x[0] == "B" else [x] for x in operators)
+    return [x for x in chain.from_iterable(both) if x[0] != "C" or x[1]]
 
 
 def proved_order(tableau: Tableau, highest: int, *, quadratic: bool) -> int:

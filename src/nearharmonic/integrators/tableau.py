@@ -109,6 +109,11 @@ class Tableau:
             self._check_sum(key)
 
     @property
+    def modified(self) -> bool:
+        """Whether kicks are of a modified potential: see :mod:`nearharmonic.modified_integrators`."""
+        return False
+
+    @property
     def facts(self) -> dict[str, object]:
         """What a notebook shows of the tableau, by name."""
         return {

@@ -66,6 +66,8 @@ class HarmonicOrders(NamedTuple):
 def order_of(integrator: str | Tableau, *, first: First | None = None, highest: int | None = None) -> int:
     """Return the order for every separable H = T(p) + V(q); ``highest`` if it is that or more.
 
+    Methods with kicks of a modified potential are for quadratic T alone, and so is their order.
+
     Parameters
     ----------
     integrator : str or Tableau
@@ -83,7 +85,7 @@ def order_of(integrator: str | Tableau, *, first: First | None = None, highest: 
         ``first`` is no operator, or ``highest`` no integer >= 1.
     """
     tableau = tableau_of(integrator, first)
-    return proved_order(tableau, _highest(tableau, highest), quadratic=False)
+    return proved_order(tableau, _highest(tableau, highest), quadratic=tableau.modified)
 
 
 def nystrom_order_of(integrator: str | Tableau, *, first: First | None = None, highest: int | None = None) -> int:

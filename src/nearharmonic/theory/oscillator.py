@@ -19,9 +19,9 @@ from mpmath import inf, isfinite, mp, mpf
 from nearharmonic.errors import bad_setting
 from nearharmonic.exact.decimals import BigFloat, as_mpf
 from nearharmonic.exact.words import Operator
-from nearharmonic.integrators import integrators
 from nearharmonic.integrators.order_conditions import operators_of
 from nearharmonic.integrators.tableau import First, Tableau
+from nearharmonic.modified_integrators import method_of
 
 #: Coefficients of tau^0, tau^1, ...
 Coefficients = tuple[Fraction, ...]
@@ -247,17 +247,22 @@ def _step_polynomials(tableau: Tableau) -> StepPolynomials:
 
 
 def polynomials_of(operators: Sequence[Operator]) -> StepPolynomials:
-    """Return the step matrix of drifts (letter A) and kicks (letter B) in the order of their application, exact."""
+    """Return the step matrix of drifts (letter A) and kicks (letter B) in the order of their application, exact.
+
+    The letter C is the other part of a kick of a modified potential, p += m tau^3 grad |grad V|^2.
+    """
     # A term in tau^l is a sum of products of l coefficients: in units of 1/unit and 1/unit^l all are integers, which
     # spares the greatest common divisor of every product.
     unit = lcm(*(c.denominator for _, c in operators))
-    images = []
+    images, powers = [], sum(3 if letter == "C" else 1 for letter, _ in operators)
     for q_a, p_a in ((1, 0), (0, 1)):
-        q, p = [q_a] + [0] * len(operators), [p_a] + [0] * len(operators)
+        q, p = [q_a] + [0] * powers, [p_a] + [0] * powers
         for letter, c in operators:
             factor = int(c * unit)
             if letter == "A":
                 q = [a + factor * b for a, b in zip(q, [0, *p], strict=False)]
+            elif letter == "C":
+                p = [a + 2 * int(c * unit**3) * b for a, b in zip(p, [0, 0, 0, *q], strict=False)]
             else:
                 p = [a - factor * b for a, b in zip(p, [0, *q], strict=False)]
         images.append([tuple(Fraction(n, unit**power) for power, n in enumerate(x)) for x in (q, p)])
@@ -278,7 +283,7 @@ def tableau_of(integrator: str | Tableau, first: First | None = None) -> Tableau
 
     Arguments and errors are those of :func:`kappa`.
     """
-    return (integrator if isinstance(integrator, Tableau) else integrators[integrator]).role(first)
+    return (integrator if isinstance(integrator, Tableau) else method_of(integrator)).role(first)
 
 
 def _step_size(tau: BigFloat) -> BigFloat:

@@ -1,0 +1,78 @@
+"""Coefficients of the moves of a kernel whose kicks are of a modified potential, from exact numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nearharmonic.core.arithmetic import rounded_pair
+from nearharmonic.core.modified_kick import modified_columns
+from nearharmonic.integrators.modified_tableau import ModifiedTableau
+
+Floats = NDArray[np.float64]
+#: A move: kick, with the sign of the force, drift, and coefficient of grad |grad V|^2.
+Move = tuple[Fraction, Fraction, Fraction]
+
+
+def modified_moves(tableau: ModifiedTableau, taus: Sequence[Fraction], parts: int, *, rounded: bool = False) -> Floats:
+    """Return the coefficients (len(taus), s + 2, columns) of a kernel's moves, multiplied by powers of tau exactly.
+
+    Rows: the first move of a run, the first move of each later step, the others, and the move that closes a step.
+    Columns: those of :mod:`nearharmonic.core.modified_kick`.
+
+    Parameters
+    ----------
+    tableau : ModifiedTableau
+        Method of s stages.
+    taus : sequence of Fraction
+        Step sizes.
+    parts : {1, 2}
+        Doubles that make a number: 2 for double-doubles.
+    rounded : bool
+        Whether coefficients times powers of tau are rounded to doubles before any are added.
+    """
+    return np.stack([_moves(tableau, tau, parts, rounded) for tau in taus])
+
+
+@lru_cache(maxsize=1024)
+def _moves(tableau: ModifiedTableau, tau: Fraction, parts: int, rounded: bool) -> Floats:
+    """The moves (s + 2, columns) of one step size."""
+    rows = [tableau.kick, tableau.drift, tableau.square]
+    kicks, drifts, squares = (
+        [Fraction(c) * factor for c in row] for row, factor in zip(rows, (-tau, tau, tau**3), strict=True)
+    )
+    if rounded:
+        kicks, drifts, squares = ([Fraction(float(c)) for c in row] for row in (kicks, drifts, squares))
+    found = _in_order(kicks, drifts, squares, kick_first=tableau.first == "kick")
+    array = np.zeros((len(found), modified_columns(parts)))
+    for i, (row, move) in enumerate(zip(array, found, strict=True)):
+        row[:-1] = [part for c in move for part in rounded_pair(*c.as_integer_ratio())[:parts]]
+        row[-1] = any(found[k][2] for k in _behind(i, len(found)))
+    return array
+
+
+def _in_order(
+    kicks: list[Fraction], drifts: list[Fraction], squares: list[Fraction], *, kick_first: bool
+) -> list[Move]:
+    """The moves, of which the last of a step and the first of the next are added."""
+    nothing = Fraction(0)
+    if kick_first:
+        opening, *between = zip(kicks, drifts, squares, strict=False)
+        closing = kicks[-1], nothing, squares[-1]
+        return [opening, (kicks[-1] + kicks[0], drifts[0], squares[-1] + squares[0]), *between, closing]
+    *between, closing = zip(kicks, drifts[1:], squares, strict=True)
+    merged = kicks[-1], drifts[-1] + drifts[0], squares[-1]
+    return [(nothing, drifts[0], nothing), merged, *between, closing]
+
+
+def _behind(i: int, count: int) -> tuple[int, ...]:
+    """The moves that may follow a move: behind the last inner one a step closes, or is merged with the next one."""
+    closing = count - 1
+    if i == closing:
+        return ()
+    following = 2 if i < 2 else i + 1
+    return (1, closing) if following == closing else (following,)

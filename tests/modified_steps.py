@@ -1,0 +1,64 @@
+"""Steps with kicks of a modified potential in mpmath, with gradients written out by hand: shares no code with kernels.
+
+A potential is (masses, V', grad |V'|^2, V), functions of q and t in mpmath; |V'|^2 is the square by inverse masses.
+"""
+
+from __future__ import annotations
+
+from mpmath import cos, mpf, sin, sqrt
+
+
+def henon_heiles(q, _):
+    x, y = q
+    f = x + 2 * x * y, y + x * x - y * y
+    return f, (
+        2 * ((1 + 2 * y) * f[0] + 2 * x * f[1]),
+        2 * (2 * x * f[0] + (1 - 2 * y) * f[1]),
+    )
+
+
+def kepler(GM):
+    def rates(q, _):
+        r = sqrt(q[0] ** 2 + q[1] ** 2)
+        return tuple(GM * x / r**3 for x in q), tuple(-4 * GM**2 * x / r**6 for x in q)  # |V'|^2 = GM^2 / r^4
+
+    return rates
+
+
+def spring(masses, stiffness):
+    """V = k (q0 - q1)^2 / 2 + q0^4."""
+
+    def rates(q, _):
+        pull = stiffness * (q[0] - q[1])
+        f = pull + 4 * q[0] ** 3, -pull
+        a, b = f[0] / masses[0], f[1] / masses[1]
+        return f, (2 * ((stiffness + 12 * q[0] ** 2) * a - stiffness * b), 2 * stiffness * (b - a))
+
+    return rates
+
+
+def driven_pendulum(q, t):
+    """V = -cos q - q cos(t) / 10."""
+    f = sin(q[0]) - cos(t) / 10
+    return (f,), (2 * cos(q[0]) * f,)
+
+
+def states(tableau, rates, q, p, tau, steps, masses=None):
+    """States (q, p) after 0, 1, ..., ``steps`` steps of ``tau``, in mpmath's current precision."""
+    q, p, t = [mpf(x) for x in q], [mpf(x) for x in p], mpf(0)
+    masses = [mpf(1)] * len(q) if masses is None else masses
+    kicks = [(mpf(k) * tau, mpf(m) * tau**3) for k, m in zip(tableau.kick, tableau.square, strict=True)]
+    drifts = [mpf(c) * tau for c in tableau.drift]
+    rows = (kicks, drifts) if tableau.first == "kick" else (drifts, kicks)
+    operators = [row[i] for i in range(len(rows[0])) for row in rows if i < len(row)]
+    found = [(q, p)]
+    for _ in range(steps):
+        for operator in operators:
+            if isinstance(operator, tuple):
+                f, g = rates(q, t)
+                p = [x - operator[0] * a + operator[1] * b for x, a, b in zip(p, f, g, strict=True)]
+            else:
+                q = [x + operator * v / m for x, v, m in zip(q, p, masses, strict=True)]
+                t += operator
+        found.append((q, p))
+    return found
