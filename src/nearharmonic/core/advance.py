@@ -24,7 +24,7 @@ from nearharmonic.core.layout import (
     running_at,
     running_rows,
 )
-from nearharmonic.core.modified_kick import gradient_follows
+from nearharmonic.core.modified_kick import gradient_follows, square
 from nearharmonic.core.rotation import opened
 from nearharmonic.core.rules import Entries, Rules, tallied, uncertain
 from nearharmonic.core.tracing import LLVMValue
@@ -141,7 +141,7 @@ class _Advance:
     def _first_rates(self) -> Entries:
         """The forces at the positions that run; where no kick comes first they do not matter, and need not exist."""
         row = self._row(OPENING).load()
-        rates = self._rates_at_position(self.rules.part(row, SQUARE))
+        rates = self.rules.force(self.running.get(), self.parameters) + self._square(self.rules.part(row, SQUARE))
         none = self.rules.part(row, KICK)[0].equals(0.0)
         return [none.choose(0.0, rate) for rate in rates]
 
@@ -149,32 +149,31 @@ class _Advance:
         """All moves of a step but the one that closes it, and the force behind each."""
         writer, place = self.writer, self.writer.variable(first.value)
         last = self.stages - 1
-        beside = self.quick and self.rules.physics.modified is None  # V from the operations of the last force
-        with writer.repeated(last if beside else self.stages) as i:
+        with writer.repeated(last if self.quick else self.stages) as i:
             row = self._move(place.value)
-            self.rates.set(self._rates_at_position(gradient_follows(row)))
+            force = self.rules.force(self.running.get(), self.parameters)
+            self.rates.set(force + self._square(gradient_follows(row)))
             place.value = writer.either(i > 0, place.value + self.rules.columns, self._place(INNER))
-        if beside:
-            self._move(place.value)
-            both = self.rules.force_and_potential(self.running.get(), self.parameters)
-            self.rates.set(both[:-1])
-            self.height.set(both[-1:])
+        if self.quick:
+            row = self._move(place.value)
+            *force, height = self.rules.force_and_potential(self.running.get(), self.parameters)
+            self.rates.set(force + self._square(gradient_follows(row)))
+            self.height.set([height])
 
-    def _rates_at_position(self, needed: Entries) -> Entries:
-        """The force at the position that runs; the gradient of its square where one of ``needed`` is not 0.
+    def _square(self, needed: Entries) -> Entries:
+        """The gradient of the square of the force, where one of ``needed`` is not 0; nothing if kicks are plain.
 
-        Formulas that are emitted twice are computed once: the force is not, where the gradient is needed too.
+        Operations that it has in common with the force are found by the compiler.
         """
-        rates = self.rules.force(self.running.get(), self.parameters)
         if self.rules.physics.modified is None:
-            return rates
-        behind = len(rates) // 2
+            return []
         wanted = ~functools.reduce(operator.and_, (x.equals(0.0) for x in needed))
-        square = _Registers(self.writer, [rates[0].constant(0.0)] * behind)
+        zero = self.parameters[0].constant(0.0)
+        found = _Registers(self.writer, [zero] * (self.rules.physics.dimension * self.rules.parts))
         with self.writer.when(wanted.anywhere()):
-            both = self.rules.force(self.running.get(), self.parameters)
-            square.set([wanted.choose(x, 0.0) for x in both[behind:]])
-        return rates[:behind] + square.get()
+            gradient = square(self.rules, self.running.get(), self.parameters)
+            found.set([wanted.choose(x, 0.0) for x in gradient])
+        return found.get()
 
     def _move(self, place: Index) -> Entries:
         row = Block(self.given["moves"], self.width, place, self.rules.columns).load()
@@ -196,10 +195,7 @@ class _Advance:
     def _quick_energy(self, state: Entries, tally: Entries) -> LLVMValue:
         """H - H0 in double where that is certain; V is known behind the last force if a step ends with a kick."""
         rules, writer = self.rules, self.writer
-        if rules.physics.modified is None:
-            with writer.when(~self.given["kick_first"]):
-                self.height.set(rules.potential(state, self.parameters))
-        else:
+        with writer.when(~self.given["kick_first"]):
             self.height.set(rules.potential(state, self.parameters))
         look = _Registers(writer, rules.quick(state, self.height.get(), tally, self.parameters))
         with writer.when(uncertain(*look.get()), likely=False):

@@ -25,14 +25,12 @@ def modified_columns(parts: int) -> int:
     return (SQUARE + 1) * parts + 1
 
 
-def force_and_square(rules: Rules, state: Entries, parameters: Entries) -> Entries:
-    """grad V at the position, and behind it grad |grad V|^2."""
+def square(rules: Rules, state: Entries, parameters: Entries) -> Entries:
+    """grad |grad V|^2 at the position."""
     d, physics = rules.physics.dimension, rules.physics
     assert physics.modified is not None
-    q = rules.numbers(_pairs(state[: 2 * d], d))
-    found = call(physics, "V", physics.modified, q, *rules.constants(parameters))
-    numbers = [x if isinstance(x, Number) else constant(x) for x in found]
-    return [entry for part in (numbers[:d], numbers[d:]) for entry in rules.flat(tuple(part), state[0])]
+    found = call(physics, "V", physics.modified, rules.numbers(_pairs(state[: 2 * d], d)), *rules.constants(parameters))
+    return rules.flat(tuple(x if isinstance(x, Number) else constant(x) for x in found), state[0])
 
 
 def combined(rules: Rules, row: Entries, rates: Entries) -> tuple[Entries, Entries]:

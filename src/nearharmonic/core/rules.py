@@ -41,7 +41,7 @@ from nearharmonic.core.layout import (
     columns,
     parameter_rows,
 )
-from nearharmonic.core.modified_kick import combined, force_and_square, modified_columns
+from nearharmonic.core.modified_kick import combined, modified_columns, square
 from nearharmonic.core.number import Constant, Number, call, constant, scalar, vector
 from nearharmonic.core.rotation import rotated, sheared
 from nearharmonic.core.tracing import Double, DoubleDouble, LLVMValue
@@ -90,8 +90,7 @@ class Physics:
         Where T and an oscillator are solved exactly together: of each coordinate, the place of its frequency among the
         distinct ones. ``grad_V`` is then that of the rest of V, which the kick takes.
     modified : callable, or None
-        ``f(q, *parameters)``, the components of grad_V and behind them those of the gradient of its square, where kicks
-        are of a modified potential.
+        ``f(q, *parameters)``, the gradient of the square of grad_V, where kicks are of a modified potential.
     """
 
     name: str
@@ -185,9 +184,7 @@ class Rules:
         return self.physics.constants or tuple(DoubleDouble(*pair) for pair in pairs)
 
     def force(self, state: Entries, parameters: Entries) -> Entries:
-        """dV/dq at the position; and the gradient of its square behind, where kicks are of a modified potential."""
-        if self.physics.modified is not None:
-            return force_and_square(self, state, parameters)
+        """dV/dq at the position."""
         if self.physics.dimension > FEW_COORDINATES:  # the same bits whether or not the energy is measured beside it
             return self.force_and_potential(state, parameters)[: self.parts * self.physics.dimension]
         q = self.numbers(_pairs(state, self.physics.dimension))
@@ -385,7 +382,10 @@ def fingerprint(rules: Rules) -> str:
     entries = [LLVMValue(builder, argument) for argument in function.args]
     state, tally, more = entries[:count], entries[count : count + TALLY], entries[count + TALLY :]
     row, parameters = more[: rules.columns], more[rules.columns :]
-    moved = rules.move(state, row, rules.force(state, parameters), parameters)
+    rates = rules.force(state, parameters)
+    if rules.physics.modified is not None:
+        rates += square(rules, state, parameters)
+    moved = rules.move(state, row, rates, parameters)
     results = [*moved, *rules.measure(state[: 4 * rules.physics.dimension], tally, parameters)]
     text = f"{module}\n{[str(result.value) for result in results]}"
     return sha256(text.encode()).hexdigest()

@@ -9,6 +9,7 @@ from nearharmonic.core.number import Constant
 from nearharmonic.engine.settings import WIDTH, Numerics
 from nearharmonic.systems.gradients import check_gradients
 from nearharmonic.systems.kinetic_energy import quadratic_T
+from nearharmonic.systems.modified_potential import square_gradient
 from nearharmonic.systems.oscillator import frequencies_of, remainder_formulas
 from nearharmonic.systems.system import System
 
@@ -112,5 +113,5 @@ def physics_of(system: System, numerics: Numerics = STANDARD, *, modified: bool 
         loops=loops,
         unit_masses=system.T is quadratic_T and not system.time_dependent,
         turning=frequencies_of(system)[1] if exact else None,
-        modified=formulas.grad_V_and_square if modified else None,
+        modified=square_gradient(system) if modified else None,
     )

@@ -14,7 +14,7 @@ from threading import RLock
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from nearharmonic.core import arithmetic
-from nearharmonic.core.expression.graph import Expression, Graph, Value, Variable, value_of
+from nearharmonic.core.expression.graph import Graph, Value, Variable, value_of
 from nearharmonic.core.expression.size import becomes_loops, check_size, operations
 from nearharmonic.core.number import Constant, Number, call, constant, scalar
 from nearharmonic.errors import SystemDefinitionError
@@ -164,20 +164,6 @@ class Energy:
         """Return the Hessian at ``x`` (d) times ``vector`` (d), numbers of any one type."""
         return self._evaluated("hessian", vector, x, parameters)
 
-    def gradient_and_square(self, acceleration: Callable[..., Vector], x: Vector, *parameters: Any) -> Vector:
-        """Return the derivatives (d), and behind them the gradient (d) of their square, the square by inverse masses.
-
-        Parameters
-        ----------
-        acceleration : callable
-            ``acceleration(force, *parameters)``, the inverse masses times a force: one function a system.
-        x : tuple of d numbers
-            Coordinates, of any one type.
-        *parameters : numbers
-            Parameters of the system.
-        """
-        return self._evaluated(acceleration, (), x, parameters)
-
     def _evaluated(self, wanted: Any, vector: Vector, x: Vector, parameters: Sequence[Any]) -> Vector:
         arguments = (*x, *parameters)
         if len(arguments) != self.dimension + len(self.parameters):
@@ -190,15 +176,15 @@ class Energy:
             constants, arguments = tuple(map(_as_constant, parameters)), tuple(x)
         with self._lock:
             if (wanted, constants) not in self._programs:
-                made = call(_Named(self), self.formula, self._program, wanted, constants)
+                made = call(_Named(self), self.formula, self._program, wanted, self._trace(constants))
                 self._programs[wanted, constants] = made
         return evaluate(self._programs[wanted, constants], (*arguments, *vector))
 
-    def _program(self, wanted: Any, constants: tuple[Constant, ...] | None) -> Program:
+    def _program(self, wanted: Any, traced: _Traced) -> Program:
         from nearharmonic.core.expression.derivative import gradient, hessian_vector
         from nearharmonic.core.expression.polynomial import shortest_program
 
-        graph, value, coordinates = self._trace(constants)
+        graph, value, coordinates = traced
         if wanted == "hessian":
             # The components of the vector are arguments behind all others.
             behind = max((node.place for node in graph.nodes if isinstance(node, Variable)), default=-1) + 1
@@ -207,25 +193,9 @@ class Energy:
         if wanted == "value":
             return shortest_program(graph, [value], value)
         derivatives = gradient(graph, value, coordinates)
-        if callable(wanted):
-            square = self._square(graph, derivatives, wanted, constants)
-            return shortest_program(graph, [*derivatives, *gradient(graph, square, coordinates)], value)
         if wanted == "both":
             return shortest_program(graph, [*derivatives, value], value)
         return shortest_program(graph, derivatives if wanted == "gradient" else derivatives[wanted : wanted + 1], value)
-
-    def _square(
-        self,
-        graph: Graph,
-        derivatives: Sequence[Value],
-        acceleration: Callable[..., Vector],
-        constants: tuple[Constant, ...] | None,
-    ) -> Value:
-        """The square of the derivatives by inverse masses."""
-        forces = tuple(Constant(c) if node is None else Expression(graph, Value(c, node)) for c, node in derivatives)
-        behind = graph.variables(self.dimension + len(self.parameters))[self.dimension :]
-        accelerations = acceleration(forces, *(behind if constants is None else constants))
-        return value_of(sum((f * a for f, a in zip(forces, accelerations, strict=True)), start=Constant(0)))
 
 
 class _Named:

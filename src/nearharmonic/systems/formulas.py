@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from nearharmonic.core.number import NO_SUCH_COMPONENT, Constant, FormulaError, components, vector
@@ -35,9 +34,8 @@ class Formulas:
     ``hessian_T_times(p, vector, *parameters)`` are derived from them. ``grad_V_and_V(q, *parameters)`` returns the
     components of the gradient and V behind them, of shared operations, ``balanced_T(p, *parameters)`` is T in an order
     that keeps chains of operations short. ``acceleration(force, *parameters)`` is the change of grad_T by a force, the
-    same at all momenta if T is quadratic. ``grad_V_and_square(q, *parameters)`` returns the components of grad_V and
-    behind them those of grad |grad V|^2, with |grad V|^2 the square by the inverse masses. ``energies`` are V and T as
-    expressions, ``regularised`` the maps of a regularised system. ``name`` is that of the system, for errors.
+    same at all momenta if T is quadratic. ``energies`` are V and T as expressions, ``regularised`` the maps of a
+    regularised system. ``name`` is that of the system, for errors.
     """
 
     name: str
@@ -51,7 +49,6 @@ class Formulas:
     hessian_V_times: Callable[..., Vector]
     hessian_T_times: Callable[..., Vector]
     acceleration: Callable[..., Vector]
-    grad_V_and_square: Callable[..., Vector]
     energies: tuple[Energy, Energy]
     regularised: RegularisedFormulas | None = None
 
@@ -110,7 +107,6 @@ def formulas_of(system: System, potential: Energy, kinetic_energy: Energy) -> Fo
         V, grad_V = potential.function, potential.gradient if derived else _ExtendedForce(system.grad_V, potential)
         T, grad_T = _ExtendedKineticEnergy(T), _ExtendedVelocity(grad_T)
     kinetic = Energy(system.name, "T", T, potential.dimension, kinetic_energy.parameters)
-    acceleration = _Acceleration(system, kinetic_energy)
     return Formulas(
         name=system.name,
         dimension=potential.dimension,
@@ -122,8 +118,7 @@ def formulas_of(system: System, potential: Energy, kinetic_energy: Energy) -> Fo
         balanced_T=kinetic.balanced,
         hessian_V_times=potential.hessian_times,
         hessian_T_times=kinetic.hessian_times,
-        acceleration=acceleration,
-        grad_V_and_square=partial(potential.gradient_and_square, acceleration),
+        acceleration=_Acceleration(system, kinetic_energy),
         energies=(potential, kinetic),
     )
 
@@ -170,16 +165,10 @@ def regularised_formulas(system: System) -> Formulas:
         balanced_T=T.balanced,
         hessian_V_times=V.hessian_times,
         hessian_T_times=T.hessian_times,
-        acceleration=_oscillator_acceleration,
-        grad_V_and_square=partial(V.gradient_and_square, _oscillator_acceleration),
+        acceleration=lambda force, *_: (*force[:-1], Constant(0)),
         energies=(V, T),
         regularised=maps,
     )
-
-
-def _oscillator_acceleration(force: Vector, *_: Any) -> Vector:
-    """Of a regularised system; physical time has none."""
-    return *force[:-1], Constant(0)
 
 
 @dataclass(frozen=True)
