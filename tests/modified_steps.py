@@ -43,16 +43,23 @@ def driven_pendulum(q, t):
     return (f,), (2 * cos(q[0]) * f,)
 
 
+def operators_of(step, tau):
+    """The operators of a step in their order: (kick, square) pairs and drifts, times powers of tau."""
+    kicks = [(mpf(k) * tau, mpf(m) * tau**3) for k, m in zip(step.kick, step.square, strict=True)]
+    drifts = [mpf(c) * tau for c in step.drift]
+    rows = (kicks, drifts) if step.first == "kick" else (drifts, kicks)
+    return [row[i] for i in range(len(rows[0])) for row in rows if i < len(row)]
+
+
 def states(tableau, rates, q, p, tau, steps, masses=None):
-    """States (q, p) after 0, 1, ..., ``steps`` steps of ``tau``, in mpmath's current precision."""
-    q, p, t = [mpf(x) for x in q], [mpf(x) for x in p], mpf(0)
+    """States (q, p) after 0, 1, ..., ``steps`` steps of ``tau``, in mpmath's current precision.
+
+    Those of a processed method are processed, each by itself.
+    """
     masses = [mpf(1)] * len(q) if masses is None else masses
-    kicks = [(mpf(k) * tau, mpf(m) * tau**3) for k, m in zip(tableau.kick, tableau.square, strict=True)]
-    drifts = [mpf(c) * tau for c in tableau.drift]
-    rows = (kicks, drifts) if tableau.first == "kick" else (drifts, kicks)
-    operators = [row[i] for i in range(len(rows[0])) for row in rows if i < len(row)]
-    found = [(q, p)]
-    for _ in range(steps):
+
+    def moved(state, operators):
+        q, p, t = state
         for operator in operators:
             if isinstance(operator, tuple):
                 f, g = rates(q, t)
@@ -60,5 +67,12 @@ def states(tableau, rates, q, p, tau, steps, masses=None):
             else:
                 q = [x + operator * v / m for x, v, m in zip(q, p, masses, strict=True)]
                 t += operator
-        found.append((q, p))
-    return found
+        return q, p, t
+
+    behind = operators_of(tableau.processor, tau) if tableau.processed else []
+    negated = [tuple(-x for x in operator) if isinstance(operator, tuple) else -operator for operator in behind]
+    state = moved(([mpf(x) for x in q], [mpf(x) for x in p], mpf(0)), reversed(negated))
+    found = [state]
+    for _ in range(steps):
+        found.append(moved(found[-1], operators_of(tableau, tau)))
+    return [moved(state, behind)[:2] for state in found]

@@ -8,6 +8,7 @@ from decimal import Decimal, localcontext
 import pytest
 from mpmath import eye, matrix, mp, mpf
 
+import modified_steps
 import nearharmonic as nh
 from nearharmonic.integrators.order_conditions import operators_of
 from nearharmonic.theory.order import harmonic_orders_of, leading_errors, nystrom_order_of
@@ -51,21 +52,23 @@ def test_without_the_square_the_order_is_two(name):
     assert nystrom_order_of(replace(tableau, square=("0",) * len(tableau.kick))) == 2
 
 
+def matrix_of(operator):
+    if isinstance(operator, tuple):
+        return matrix([[1, 0], [-operator[0] + 2 * operator[1], 1]])
+    return matrix([[1, operator], [0, 1]])
+
+
 @EVERY
 def test_step_matrices_on_the_oscillator_are_products_of_matrices(name):
     """V = q^2/2 has |V'|^2 = q^2, whose gradient is 2 q."""
     tableau = nh.modified_integrators[name]
-    rows = {"drift": iter(tableau.drift), "kick": iter(zip(tableau.kick, tableau.square, strict=True))}
-    operators = [tableau.first, "kick" if tableau.first == "drift" else "drift"] * tableau.stages + [tableau.first]
     with mp.workdps(60):
         tau, step = mpf("0.7"), eye(2)
-        for operator in operators:
-            given = next(rows[operator])
-            if operator == "drift":
-                step = matrix([[1, mpf(given) * tau], [0, 1]]) * step
-            else:
-                k, m = map(mpf, given)
-                step = matrix([[1, 0], [-k * tau + 2 * m * tau**3, 1]]) * step
+        behind = modified_steps.operators_of(tableau.processor, tau) if tableau.processed else []
+        for operator in [*modified_steps.operators_of(tableau, tau), *behind]:
+            step = matrix_of(operator) * step
+        for operator in behind:
+            step = step * matrix_of(operator) ** -1
         K = polynomials_of(operators_of(tableau))
         for place, row in zip(((0, 0), (0, 1), (1, 0), (1, 1)), (K.K11, K.K12, K.K21, K.K22), strict=True):
             value = sum(mpf(c.numerator) / c.denominator * tau**n for n, c in enumerate(row))

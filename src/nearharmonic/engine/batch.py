@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import partial
 from math import inf, nan
 from typing import TYPE_CHECKING
 
@@ -16,10 +17,12 @@ from nearharmonic.engine.coefficients import Floats, moves_of
 from nearharmonic.engine.initial_values import standard_parameters, standard_start
 from nearharmonic.engine.kernels import STANDARD, cost_of, kernel_of
 from nearharmonic.engine.lanes import with_lanes
+from nearharmonic.engine.processed import ProcessedCall, processed_batch
 from nearharmonic.engine.regularised import LandingCall
 from nearharmonic.engine.results import Integers, Trajectories, trajectories_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import bad_setting
+from nearharmonic.integrators.processed_tableau import ProcessedTableau, Processor
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.systems.oscillator import frequency_parameters
 from nearharmonic.systems.system import System
@@ -88,7 +91,7 @@ class Batch:
     running: Floats
     left_at: Integers
     control: Integers
-    call: PreparedCall | LandingCall
+    call: PreparedCall | LandingCall | ProcessedCall
     cost: int
 
     @property
@@ -117,7 +120,7 @@ class Batch:
 
 def prepared_batch(
     system: System,
-    tableau: Tableau,
+    tableau: Tableau | Processor,
     numerics: Numerics,
     *,
     marks: Integers,
@@ -144,7 +147,11 @@ def prepared_batch(
     resumed : (R, 5 D) array of float, optional
         States that run, of runs that go on from ``start`` with the same moves.
     """
-    if system.regularisation is not None:
+    if isinstance(tableau, ProcessedTableau):
+        return _prepared_processed(
+            system, tableau, numerics, marks, scheme, moves, start, parameters, scale, reference, resumed
+        )
+    if system.regularisation is not None and isinstance(tableau, Tableau):
         return _prepared_landing(system, tableau, numerics, marks, scheme, moves, start, parameters, scale, reference)
     kernel = kernel_of(system, numerics.compiled, modified=tableau.modified)
     if numerics.exact_oscillator:
@@ -167,6 +174,20 @@ def prepared_batch(
         results=results, states=states, blocks=blocks, energy=energy, running=running, left_at=left_at,
         control=control, call=call, cost=cost,
     )  # fmt: skip
+
+
+def _prepared_processed(
+    system: System, tableau: ProcessedTableau, numerics: Numerics, marks: Integers, scheme: Integers, moves: Floats,
+    start: Floats, parameters: Floats, scale: float, reference: tuple[float, float], resumed: Floats | None,
+) -> Batch:  # fmt: skip
+    """The same for a processed method, whose kernel runs from where the inverse processor leads."""
+    numerics = replace(numerics, look=None, energy="none" if numerics.energy == "none" else "samples")
+    own = np.empty((len(moves), tableau.stages + 2, moves.shape[2]))
+    kernel = prepared_batch(
+        system, tableau.kernel, numerics, marks=marks, scheme=scheme, moves=own, start=start, parameters=parameters,
+        scale=scale, resumed=resumed,
+    )  # fmt: skip
+    return processed_batch(partial(prepared_batch, system), kernel, tableau, moves, reference)
 
 
 def _prepared_landing(

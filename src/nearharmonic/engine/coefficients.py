@@ -24,8 +24,10 @@ from nearharmonic.core.layout import (
     running_rows,
 )
 from nearharmonic.engine.modified_moves import modified_moves
+from nearharmonic.engine.processed import processed_moves
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators.modified_tableau import ModifiedTableau
+from nearharmonic.integrators.processed_tableau import ProcessedTableau
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.systems.oscillator import frequencies_of
 from nearharmonic.systems.system import System
@@ -125,6 +127,8 @@ def moves_of(system: System, tableau: Tableau, taus: Sequence[Fraction], numeric
         frequencies, _ = frequencies_of(system)
         rounded = numerics.double_coefficients and numerics.parts == 2
         return np.stack([rotations(tableau, tau, frequencies, numerics.parts, rounded=rounded) for tau in taus])
+    if isinstance(tableau, ProcessedTableau):
+        return processed_moves(tableau, taus, numerics.parts, rounded=numerics.double_coefficients)
     if isinstance(tableau, ModifiedTableau):
         return modified_moves(tableau, taus, numerics.parts, rounded=numerics.double_coefficients)
     return moves(tableau, taus, numerics.parts, rounded=numerics.double_coefficients)

@@ -212,6 +212,8 @@ def problem_attributes(problem: Problem) -> dict[str, str]:
     }
     if isinstance(problem.tableau, ModifiedTableau):
         notes["gradients_per_step"] = str(problem.tableau.gradients)
+    if problem.tableau.processed:
+        notes["processed"] = "states and energies are processed at the samples; evaluations are those of the kernel"
     if problem.numerics.energy != "every":
         notes["energy"] = problem.numerics.energy
     if problem.numerics.exact_oscillator:

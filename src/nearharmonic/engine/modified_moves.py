@@ -12,13 +12,16 @@ from numpy.typing import NDArray
 from nearharmonic.core.arithmetic import rounded_pair
 from nearharmonic.core.modified_kick import modified_columns
 from nearharmonic.integrators.modified_tableau import ModifiedTableau
+from nearharmonic.integrators.processed_tableau import Processor
 
 Floats = NDArray[np.float64]
 #: A move: kick, with the sign of the force, drift, and coefficient of grad |grad V|^2.
 Move = tuple[Fraction, Fraction, Fraction]
 
 
-def modified_moves(tableau: ModifiedTableau, taus: Sequence[Fraction], parts: int, *, rounded: bool = False) -> Floats:
+def modified_moves(
+    tableau: ModifiedTableau | Processor, taus: Sequence[Fraction], parts: int, *, rounded: bool = False
+) -> Floats:
     """Return the coefficients (len(taus), s + 2, columns) of a kernel's moves, multiplied by powers of tau exactly.
 
     Rows: the first move of a run, the first move of each later step, the others, and the move that closes a step.
@@ -26,8 +29,8 @@ def modified_moves(tableau: ModifiedTableau, taus: Sequence[Fraction], parts: in
 
     Parameters
     ----------
-    tableau : ModifiedTableau
-        Method of s stages.
+    tableau : ModifiedTableau or Processor
+        Step of s stages.
     taus : sequence of Fraction
         Step sizes.
     parts : {1, 2}
@@ -39,7 +42,7 @@ def modified_moves(tableau: ModifiedTableau, taus: Sequence[Fraction], parts: in
 
 
 @lru_cache(maxsize=1024)
-def _moves(tableau: ModifiedTableau, tau: Fraction, parts: int, rounded: bool) -> Floats:
+def _moves(tableau: ModifiedTableau | Processor, tau: Fraction, parts: int, rounded: bool) -> Floats:
     """The moves (s + 2, columns) of one step size."""
     rows = [tableau.kick, tableau.drift, tableau.square]
     kicks, drifts, squares = (

@@ -107,6 +107,8 @@ class Problem:
         check_bound(self.system, standard_start(self.system, False)[None, :], standard_parameters(self.system)[None, :])
         self.t_end = checked_t_end(self.system.t_end if t_end is None else t_end)
         self.end = exact_decimal(self.t_end)
+        if self.tableau.processed and energy == "every":  # the states between samples are not those of the method
+            energy = "samples"
         self.numerics = Numerics(precision=precision, summation=summation, energy=energy, split=split)
         if self.numerics.exact_oscillator:
             check_oscillator(self.system)

@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 
     from nearharmonic.engine.solution import Solution
 
+#: Samples at which a sweep measures the energy of a processed method.
+SAMPLES_OF_PROCESSED = 1000
+
 
 def integrate(
     system: str | System,
@@ -179,7 +182,8 @@ def sweep(
     steps = [problem.steps_of(tau) for tau in requested]
     variables: Variables = {}
     if t is None:
-        paths = problem.run(steps, 2, start=begin.state, parameters=begin.parameters)
+        samples = SAMPLES_OF_PROCESSED if problem.tableau.processed else 2
+        paths = problem.run(steps, samples, start=begin.state, parameters=begin.parameters)
     else:
         asked = checked_times(t, problem.end, problem.t_end)
         paths = run_at(problem, steps, asked, start=begin.state, parameters=begin.parameters, reference=begin.reference)

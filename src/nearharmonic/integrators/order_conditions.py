@@ -25,6 +25,7 @@ from math import ceil, lcm
 from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.exact.words import Operator, logarithm, product_of_exponentials
 from nearharmonic.integrators.modified_tableau import ModifiedTableau
+from nearharmonic.integrators.processed_tableau import ProcessedTableau
 from nearharmonic.integrators.tableau import Tableau
 
 #: Up to this order methods are examined unless they declare more; the number of words doubles with each more.
@@ -36,7 +37,7 @@ HIGHEST_DECLARED = 10
 @lru_cache(maxsize=1024)
 def tolerance(tableau: Tableau, degree: int) -> Fraction:
     """Return what guaranteed digits allow a condition of ``degree`` to be off by: the bound above."""
-    count = 2 * tableau.stages + 1 + tableau.modified * len(tableau.kick)
+    count = len(operators_of(tableau)) if tableau.modified else 2 * tableau.stages + 1
     return count * Fraction(1, 10**tableau.digits) * _size(tableau) ** (degree - 1) * Fraction(3, 2) ** degree
 
 
@@ -47,8 +48,8 @@ def _size(tableau: Tableau) -> Fraction:
     With b the sum of 4 |m|, 4 the size of C, and c^3 = 40 b, exp(b x^3) has no larger coefficients than exp(c x) up to
     x^11, as (3 j)! / j! is less than 40^j for j <= 3.
     """
-    plain = sum((abs(c) for row in tableau.rows_exact() for c in row), Fraction(0))
-    squares = sum((abs(Fraction(m)) for m in getattr(tableau, "square", ())), Fraction(0))
+    sizes = {letter: sum(abs(c) for x, c in operators_of(tableau) if x == letter) for letter in "ABC"}
+    plain, squares = sizes["A"] + sizes["B"], sizes["C"]
     return plain + Fraction(ceil(1000 * float(160 * squares) ** (1 / 3)), 1000)
 
 
@@ -60,7 +61,8 @@ def highest_of(tableau: Tableau) -> int:
 def operators_of(tableau: Tableau) -> list[Operator]:
     """Return the operators of one step in the order of their application, as letters A (drift) and B (kick).
 
-    A kick of a modified potential is that of V, and C = [B, [A, B]] behind it: for quadratic T the two commute.
+    A kick of a modified potential is that of V, and C = [B, [A, B]] behind it: for quadratic T the two commute. A
+    processed method has the inverse processor in front and the processor behind.
     """
     outer, inner = tableau.rows_exact()
     letters = "AB" if tableau.first == "drift" else "BA"
@@ -70,7 +72,20 @@ def operators_of(tableau: Tableau) -> list[Operator]:
         return operators
     squares = iter(tableau.square)
     both = ([x, ("C", Fraction(next(squares)))] if x[0] == "B" else [x] for x in operators)
-    return [x for x in chain.from_iterable(both) if x[0] != "C" or x[1]]
+    step = [x for x in chain.from_iterable(both) if x[0] != "C" or x[1]]
+    if not isinstance(tableau, ProcessedTableau):
+        return step
+    behind = _processor(tableau)
+    return [*((letter, -c) for letter, c in reversed(behind)), *step, *behind]
+
+
+def _processor(tableau: ProcessedTableau) -> list[Operator]:
+    """The operators of a processor in the order of their application."""
+    given = tableau.processor
+    kicks = [[("B", Fraction(k)), ("C", Fraction(m))] for k, m in zip(given.kick, given.square, strict=True)]
+    drifts = [[("A", Fraction(c))] for c in given.drift]
+    rows = (kicks, drifts) if given.first == "kick" else (drifts, kicks)
+    return [x for i in range(given.stages + 1) for row in rows for group in row[i : i + 1] for x in group if x[1]]
 
 
 def proved_order(tableau: Tableau, highest: int, *, quadratic: bool) -> int:
@@ -86,7 +101,9 @@ def proved_order(tableau: Tableau, highest: int, *, quadratic: bool) -> int:
 @lru_cache(maxsize=512)
 def errors_of(tableau: Tableau, degree: int) -> tuple[tuple[int, ...], int]:
     """Return log(step) - (A + B) on the Lyndon words of ``degree``: numerators, and their denominator."""
-    if degree % 2 == 0 and tableau.symmetric:  # it undoes itself with tau reversed: its logarithm is odd in tau
+    if (
+        degree % 2 == 0 and tableau.symmetric and not tableau.processed
+    ):  # it undoes itself with tau reversed: its logarithm is odd in tau
         return (0,) * len(lyndon_words(degree)), 1
     return errors_on_words(operators_of(tableau), degree)
 

@@ -114,6 +114,11 @@ class Tableau:
         return False
 
     @property
+    def processed(self) -> bool:
+        """Whether a processor is applied at output: see :mod:`nearharmonic.integrators.processed_tableau`."""
+        return False
+
+    @property
     def facts(self) -> dict[str, object]:
         """What a notebook shows of the tableau, by name."""
         return {
