@@ -10,6 +10,7 @@ import pytest
 
 import nearharmonic as nh
 
+from . import modified_page
 from .test_documented_numbers import decades, stated
 
 ROOT = Path(__file__).parents[2]
@@ -70,6 +71,39 @@ def test_6a8_is_as_good_as_babs8o6_7h_by_what_the_page_says():
     least, most = stated(PAGE, r"`babs8o6_7h` is better by (\S+) to (\S+) at τ/s = 0\.03 to 0\.3")
     loss = decades("sho", "nystrom_6a8", STEPS) - decades("sho", "babs8o6_7h", STEPS)
     assert [loss.min().round(1), loss.max().round(1)] == [least, most]
+
+
+def test_the_tables_of_modified_integrators_are_computed():
+    assert modified_page.methods_table() in TEXT
+    assert modified_page.errors_table() in TEXT
+    for system, pattern in (("henon_heiles", r"It takes (\S+) times"), ("kepler", r"and (\S+) times on Kepler")):
+        assert stated(PAGE, pattern) == [modified_page.FACTORS[system]]
+
+
+def test_what_the_page_says_of_modified_integrators_follows_from_their_errors():
+    def errors(system, charged):
+        factor = modified_page.FACTORS[system] if charged else 1
+        modified = {name: modified_page.decades(system, one, factor) for name, one in nh.modified_integrators.items()}
+        return modified, {name: modified_page.decades(system, nh.integrators[name], 1) for name in modified_page.PLAIN}
+
+    modified, plain = errors("kepler", charged=False)
+    best = np.min([*plain.values()], axis=0)
+    assert (modified["abag5o6"] < best - 0.5).all()
+    modified, plain = errors("kepler", charged=True)
+    assert abs(modified["abag5o6"] - plain["srkn_a14"])[:2].max() < 0.1
+    assert modified["rowlands"][2] < np.min([*plain.values()], axis=0)[2] - 0.5
+    modified, plain = errors("henon_heiles", charged=False)
+    assert modified["rowlands"][2] < np.min([*plain.values()], axis=0)[2] - 0.5
+    modified, plain = errors("henon_heiles", charged=True)
+    assert (np.min([*modified.values()], axis=0) > np.min([*plain.values()], axis=0)).all()
+
+
+def test_the_leading_errors_of_two_methods_of_one_family_are_those_that_the_page_says():
+    from nearharmonic.theory.order import leading_errors
+
+    ours, published = stated(PAGE, r"error of degree seven is least: (\S+), and (\S+) for the published one")
+    for name, norm in (("abag5o6", ours), ("omelyan_g5o6", published)):
+        assert float(f"{leading_errors(name).nystrom.norm:.2e}") == norm
 
 
 STEPS = [0.03, 0.05, 0.1, 0.2, 0.3]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -62,6 +63,23 @@ def test_states_are_those_of_the_same_steps_in_multiprecision(name, system, prec
             worst = max(abs(a - b) for a, b in zip(found, row, strict=True)) / scale
             # A unit of the last place for each of 40 steps of at most five kicks, along orbits that part slowly.
             assert worst < 40 * 5 * (mpf(2) ** -53 if precision == "double" else mpf(2) ** -100)
+
+
+@pytest.mark.parametrize("square", [("0.02", "0"), ("0", "0.02"), ("0", "0")])
+def test_a_kick_that_two_steps_share_takes_the_gradient_for_either(square):
+    """The kick that closes a step may need none where the one that opens the next step does."""
+    tableau = nh.ModifiedTableau(
+        name="shared", order=1, first="kick", kick=("0.4", "0.6"), square=square, drift=("1",), symmetric=False,
+        source="here", digits=20,
+    )  # fmt: skip
+    system = nh.systems["henon_heiles"]
+    run = nh.integrate(system, tableau, 0.1, t_end=1, samples=1, precision="extended")  # all steps in one call
+    with mp.workdps(40):
+        tau = mpf(1) / 10
+        expected = modified_steps.states(tableau, modified_steps.henon_heiles, system.q0, system.p0, tau, 10)
+    q, p = (np.array(row, float) for row in expected[-1])
+    assert run.q.values[-1] == pytest.approx(q, rel=1e-15, abs=1e-16)
+    assert run.p.values[-1] == pytest.approx(p, rel=1e-15, abs=1e-16)
 
 
 @EVERY
@@ -209,3 +227,23 @@ def test_a_users_file_with_a_modified_tableau_is_refused(tmp_path):
 def test_coefficients_of_the_square_that_cannot_be_are_refused(change, words):
     with pytest.raises(TableauError, match=words):
         replace(nh.modified_integrators["chin_4a"], **change)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("system", "factor"), [("henon_heiles", 2.1), ("kepler", 1.3)])
+def test_a_modified_force_costs_about_what_the_page_on_methods_says(system, factor):
+    tableau = nh.modified_integrators["chin_4a"]
+    every = replace(tableau, name="every", square=("0.001", "0.01", "0.001"))
+    plain = nh.Tableau(
+        name="plain", order=2, first="kick", kick=tableau.kick, drift=tableau.drift, source="here", digits=80
+    )
+    problems = [nh.problem(system, one, energy="none", summation="plain") for one in (plain, every)]
+    tau = float(problems[0].t_end) / 20000
+    times = [[], []]
+    for _ in range(60):
+        for problem, found in zip(problems, times, strict=True):
+            begin = time.perf_counter()
+            problem(tau)
+            found.append(time.perf_counter() - begin)
+    # Processors differ in the ratio of what bounds the two chains of operations.
+    assert 0.6 * factor < min(times[1]) / min(times[0]) < 1.6 * factor

@@ -52,6 +52,12 @@ def test_without_the_processor_the_order_is_two_in_theory_and_in_runs():
     assert np.log2(errors[:-1] / errors[1:]) == pytest.approx([2, 2], abs=0.05)
 
 
+def test_a_processor_that_is_wrong_at_degree_three_makes_the_order_three():
+    """The step is not symmetric then: conditions of even degree count."""
+    forged = replace(ROWLANDS, processor=replace(ROWLANDS.processor, square=("0", "0")))
+    assert nystrom_order_of(forged) == 3
+
+
 def test_the_kernel_is_a_leapfrog_with_the_force_of_takahashi_and_imada():
     assert (ROWLANDS.kick, ROWLANDS.drift) == (("1",), ("0.5", "0.5"))
     assert abs(Fraction(ROWLANDS.square[0]) - Fraction(1, 24)) < Fraction(1, 10**80)
