@@ -25,8 +25,15 @@ def test_the_declared_order_is_the_one_proved_for_quadratic_kinetic_energy(name)
     assert min(harmonic_orders_of(name)) >= tableau.order
 
 
-@EVERY
-@pytest.mark.parametrize("key", ["kick", "drift", "square"])
+@pytest.mark.parametrize(
+    ("name", "key"),
+    [
+        (name, key)
+        for name, one in nh.modified_integrators.items()
+        for key in ("kick", "drift", "square")
+        if key == "square" or len(getattr(one, key)) > 2  # the sum alone determines two that are equal
+    ],
+)
 def test_a_wrong_digit_ten_places_before_the_last_is_found(name, key):
     tableau = nh.modified_integrators[name]
     with localcontext(prec=200):
@@ -36,8 +43,6 @@ def test_a_wrong_digit_ten_places_before_the_last_is_found(name, key):
             row = [x + step if x else x for x in row]
         else:
             count = len(row)
-            if count < 3:
-                pytest.skip("the sum alone determines the row")
             row[0], row[-1] = row[0] + step, row[-1] + step
             row[count // 2] -= step if count % 2 == 0 else 2 * step
             if count % 2 == 0:
