@@ -30,7 +30,9 @@ def count_keys(value):
     return sum(1 + count_keys(member) for member in value.values()) if isinstance(value, dict) else 0
 
 
-@pytest.mark.parametrize(("file", "name"), [("config.yaml", "paper"), ("smoke.yaml", "smoke")])
+@pytest.mark.parametrize(
+    ("file", "name"), [("config.yaml", "paper"), ("smoke.yaml", "smoke"), ("regularised.yaml", "regularised")]
+)
 def test_a_config_is_valid_named_and_short(file, name):
     assert loaded(file).name == name
     assert count_keys(mapping(file)) <= 60

@@ -2,6 +2,8 @@
 
 import os
 
+from nearharmonic.systems import systems
+
 try:
     ALL_CORES = workflow.cores
 except WorkflowError:  # --summary, --list-changes, --report and remote executors come without --cores
@@ -15,6 +17,10 @@ WORK_PRECISION_FILES = [
     TABLE("library_times"),
     *expand(f"{RESULTS}/tables/work_precision_{{system}}.{{suffix}}", system=CONFIG.systems, suffix=["csv", "md"]),
 ]
+
+# Drawn where a config has a system whose equations are regularised.
+if any(systems[name].regularisation is not None for name in CONFIG.systems):
+    WORK_PRECISION_FILES.append(FIGURE("regularised_times"))
 
 
 rule work_precision_times:
@@ -93,6 +99,21 @@ rule library_times_figures:
     params:
         task=lambda wildcards: task(
             "experiments.work_precision.comparison_figure:comparison_figures", names=list(CONFIG.systems)
+        ),
+    script:
+        "../scripts/task.py"
+
+
+rule regularised_times_figure:
+    input:
+        cube=CUBE("work_precision"),
+    output:
+        figure=FIGURE("regularised_times"),
+    log:
+        LOG("work_precision/regularised_times_figure"),
+    params:
+        task=lambda wildcards: task(
+            "experiments.work_precision.regularised_figure:regularised_figures", names=list(CONFIG.systems)
         ),
     script:
         "../scripts/task.py"

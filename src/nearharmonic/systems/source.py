@@ -79,7 +79,8 @@ def _function(name: str, arguments: str, lines: list[str], results: list[str]) -
 def velocity_text(system: System) -> str:
     """Return the text of ``velocity(q0, .., p0, ..)`` -> (dq0/dt, .., dp0/dt, ..).
 
-    It calls ``abs``, ``sqrt`` and the functions of :mod:`nearharmonic.math` by their names.
+    Coordinates are those of ``system.formulas()``: of a regularised system (u, w), with derivatives by the fictitious
+    time. It calls ``abs``, ``sqrt`` and the functions of :mod:`nearharmonic.math` by their names.
 
     Raises
     ------
@@ -87,10 +88,11 @@ def velocity_text(system: System) -> str:
         A formula fails or uses what formulas cannot.
     """
     lines: list[str] = []
-    names = [f"{letter}{i}" for letter in "qp" for i in range(system.dimension)]
-    entries = [SourceTracer(name, lines) for name in names]
-    q, p = tuple(entries[: system.dimension]), tuple(entries[system.dimension :])
     formulas, constants = system.formulas(), system.constants(Constant)
+    d = formulas.dimension
+    names = [f"{letter}{i}" for letter in "qp" for i in range(d)]
+    entries = [SourceTracer(name, lines) for name in names]
+    q, p = tuple(entries[:d]), tuple(entries[d:])
     velocity, force = vector(formulas, "grad_T", p, *constants), vector(formulas, "grad_V", q, *constants)
     results = [*map(_text, velocity), *(f"-{_text(component)}" for component in force)]
     return _function("velocity", ", ".join(names), lines, results)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from math import nan
 
@@ -14,7 +15,9 @@ from nearharmonic.experiments.work_precision.comparison import HEADER, compariso
 from nearharmonic.experiments.work_precision.comparison_figure import comparison_figures
 from nearharmonic.experiments.work_precision.curve import Curve
 from nearharmonic.experiments.work_precision.run import front_runners, variables
+from nearharmonic.experiments.work_precision.regularised_figure import regularised_figures
 from nearharmonic.output import store
+from nearharmonic.systems import systems
 
 #: Errors at which points lie, so that nothing is interpolated.
 AT = [1e-6, 1e-9, 1e-12]
@@ -75,15 +78,74 @@ def test_medians_are_compared_with_medians(cube):
         assert row["ratio_of_medians"] == pytest.approx(row["ratio"], rel=1e-12)
 
 
-def test_a_system_may_be_compared_with_other_libraries_on_its_original_equations(cube, monkeypatch):
-    assert pairs(cube, ["sho", "kepler"])[0][0].others[0].method == "heyoka"
-    monkeypatch.setattr(comparisons, "ORIGINALS", {"sho": "kepler"})
-    slow = [timed("heyoka", AT, [1.0, 1.0, 1.0], kind="peer")]
-    measured = {"sho": curves(), "kepler": slow}
+def defined(name, **changes):
+    return dataclasses.replace(systems[name], **changes)
+
+
+def test_a_regularised_system_is_compared_with_other_libraries_on_its_original_equations_too(cube, monkeypatch):
+    far = {"q0": ("110", "0"), "p0": ("0", "0.04")}
+    known = {
+        "sho": systems["sho"], "kepler": systems["kepler"], "kepler_regularised": systems["kepler_regularised"],
+        "far": defined("kepler", **far), "far_regularised": defined("kepler_regularised", **far),
+    }  # fmt: skip
+    monkeypatch.setattr(comparisons, "systems", known)
+    measured = {
+        name: [timed("ruth", AT, [k, k, k]), timed(peer, AT, [10 * k, 10 * k, 10 * k], kind="peer")]
+        for k, (name, peer) in enumerate(
+            [("far", "heyoka"), ("far_regularised", "heyoka_regularised"), ("sho", "heyoka"), ("kepler", "heyoka"),
+             ("kepler_regularised", "heyoka_regularised")], start=1,
+        )
+    }  # fmt: skip
     monkeypatch.setattr(comparisons, "read_parts", lambda _, name, __: ([("5", ("max",), measured[name])], {}))
-    sho, kepler = pairs(cube, ["sho", "kepler"])[0]
-    assert sho.standard(1e-9, "trajectory") == kepler.standard(1e-9, "trajectory") == 1.0
-    assert [curve.method for curve in sho.own] == ["ruth", "babs7o7h", "leapfrog"]
+    found = {pair.system: pair for pair in pairs(cube, list(measured))[0]}
+    assert [found[name].original for name in measured] == ["", "far", "", "", "kepler"]
+    assert [found[name].standard(1e-9, "trajectory") for name in measured] == [10, 10, 30, 40, 40]
+    assert [curve.method for curve in found["far_regularised"].others] == ["heyoka", "heyoka_regularised"]
+    assert found["far_regularised"].own_original == measured["far"][:1]
+    # With another perturbation the energies differ, and so do the equations.
+    known["kepler"] = defined("kepler", parameters={"GM": "1.8"})
+    assert pairs(cube, ["kepler", "kepler_regularised"])[0][1].original == ""
+
+
+def test_positions_are_compared_where_they_were_of_interest(tmp_path):
+    path = tmp_path / "times.h5"
+    problems = {
+        "sho": {"system": "sho", "t_end": "20", "measures": ["max", "position"]},
+        "kepler": {"system": "kepler", "t_end": "20", "measures": ["max"]},
+    }
+    facts = {**FACTS, "libraries": "heyoka 7", "problems": json.dumps(problems)}
+    store.write(path, {}, facts, groups=dict.fromkeys(problems, variables(curves(), "s")))
+    rows = [row for row in rows_of(str(path), ("sho", "kepler")) if row["measure"] == "position"]
+    assert {row["system"] for row in rows} == {systems["sho"].label}
+    # timed() makes position errors ten times those of the energy: 1e-9 lies between the last two points.
+    one = [row for row in rows if row["compared"] == "one trajectory"]
+    assert [row["error"] for row in one] == ["1e-06", "1e-09"]
+    assert one[1]["ms"] == pytest.approx(1e3 * (4e-5 ** (2 / 3) * 9e-5 ** (1 / 3)), rel=1e-12)
+
+
+def test_the_regularised_figure_has_a_column_for_each_system_with_its_original(tmp_path):
+    names = ["kepler", "kepler_regularised", "sho"]
+    path = tmp_path / "times.h5"
+    problems = {name: {"system": name, "t_end": "20", "measures": ["max", "position"]} for name in names}
+    facts = {**FACTS, "libraries": "heyoka 7", "problems": json.dumps(problems)}
+    groups = dict.fromkeys(problems, variables(curves(), "s"))
+    both = [curve for curve in curves() if curve.method != "heyoka"]
+    both.append(timed("heyoka_regularised", AT, [1e-5, 1.1e-5, 1.2e-5], kind="peer"))
+    for point in both[-1].points:
+        point.tolerance = 1e-9
+    groups["kepler_regularised"] = variables(both, "s")
+    store.write(path, {}, facts, groups=groups)
+    figure = regularised_figures(names, str(path))["figure"]
+    energy, position = figure.axes
+    assert list(looks(energy.get_legend())) == [
+        *(label(name) for name in ("ruth", "babs7o7h", "heyoka", "heyoka_regularised")),
+        "every other method here, regularised",
+        "best method here, original equations",
+    ]
+    for axes, factor in ((energy, 1), (position, 10)):
+        line = line_of(axes, [1e-2, 1.1e-2, 1.2e-2], [factor * error for error in AT])
+        assert look(line) == looks(energy.get_legend())[label("heyoka_regularised")]
+    figure.draw_without_rendering()
 
 
 def test_without_the_standard_there_are_times_but_no_ratios(cube, monkeypatch):

@@ -212,7 +212,7 @@ def test_steps_per_stage_go_from_coarse_to_fine():
         (system, name)
         for system in ("sho", "kepler")
         for name, peer in PEERS.items()
-        if is_installed(peer.module) and (systems[system].gravity or not peer.gravity_only)
+        if is_installed(peer.module) and (systems[system].gravity or not peer.gravity_only) and not peer.regularised
     ],
 )
 def test_installed_peers_converge_to_the_exact_position(system, name):
@@ -402,3 +402,26 @@ def test_other_libraries_are_not_run_on_regularised_equations():
     curve = peer_curve(PEERS["numpy_aba864"], systems["kepler_regularised"], "5", (0.1, 1.0), None, 1.0)
     assert curve.points == []
     assert curve.status.startswith("not written for regularised equations")
+
+
+@pytest.mark.skipif(not find_spec("heyoka"), reason="heyoka is not installed")
+@pytest.mark.parametrize("A", ["0", "0.02"])
+def test_heyoka_on_regularised_equations_ends_where_it_ends_on_the_original_ones(A):
+    """One orbit, at the finest tolerance: rounding of some hundred steps, 1e-12 of the distance."""
+    regularised = systems["kepler_regularised"]
+    parameters = regularised.parameters | {"A": dataclasses.replace(regularised.parameters["A"], value=A)}
+    regularised = dataclasses.replace(regularised, parameters=parameters)
+    original = dataclasses.replace(regularised, regularisation=None)
+    with quiet():  # its imports warn
+        one = PEERS["heyoka"].attempt(original, 2000.0, 1e-15)
+        other = PEERS["heyoka_regularised"].attempt(regularised, 2000.0, 1e-15)
+    expected, (states, _) = one.path()[0][-1], other.path()
+    assert states[-1] == pytest.approx(expected, abs=1e-12 * 69.82)
+    assert max(energy_errors(regularised, states)) < 1e-14
+    assert other.run()[-1] == pytest.approx(1, abs=1e-13)  # t/t_end
+
+
+@pytest.mark.skipif(not find_spec("heyoka"), reason="heyoka is not installed")
+def test_a_solver_of_regularised_equations_is_refused_elsewhere():
+    curve = peer_curve(PEERS["heyoka_regularised"], systems["kepler"], "5", (0.1, 1.0), None, 1.0)
+    assert (curve.points, curve.status) == ([], "does not fit: it requires a system with a regularisation")

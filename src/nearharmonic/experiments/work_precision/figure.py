@@ -36,9 +36,9 @@ _MISSING_TEXT = {True: "not installed", False: "no run: see the table"}
 _BEST, _LANES = "#f2d8a7", "#b08030"
 _PEER_COLOURS = (
     "#8c6d46", "#6e6e6e", "#202020", "#3e6b6b", "#7a5a86", "#a06060", "#5f7d3a", "#4f5f8f", "#c07830", "#b0a030",
-    "#50a0c0", "#c080b0", "#d04040",
+    "#50a0c0", "#c080b0", "#d04040", "#1f4e9c", "#6a9bd8",
 )  # fmt: skip
-_PEER_MARKERS = ("x", "+", "*", "1", "2", "3", "4", "|", "_", "v", "<", ">", "d")
+_PEER_MARKERS = ("x", "+", "*", "1", "2", "3", "4", "|", "_", "v", "<", ">", "d", "p", "h")
 
 
 @measures_time

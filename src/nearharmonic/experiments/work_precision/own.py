@@ -34,6 +34,8 @@ ENERGIES = {"trajectory": "none", "energy": "every"}
 SETUP_REPEATS = 5
 #: An ensemble has as many members as take about this many evaluations of the force, some milliseconds,
 ENSEMBLE_EVALUATIONS = 2**25
+#: or this of a regularised system, whose members run one by one instead of in lanes,
+ONE_BY_ONE_EVALUATIONS = 2**21
 #: but no fewer and no more than this: what a call costs beside the kernel is shared by so many.
 FEWEST_MEMBERS, MOST_MEMBERS = 64, 2048
 
@@ -188,7 +190,8 @@ def ensemble_call(
     another library's adaptive batch waits for another.
     """
     evaluations = evaluations_of(tableau, steps)
-    members = min(max(ENSEMBLE_EVALUATIONS // evaluations, FEWEST_MEMBERS), MOST_MEMBERS)
+    most = ENSEMBLE_EVALUATIONS if system.regularisation is None else ONE_BY_ONE_EVALUATIONS
+    members = min(max(most // evaluations, FEWEST_MEMBERS), MOST_MEMBERS)
     q0, p0 = (np.repeat(np.array([row]), members, axis=0) for row in system.start(float))
 
     def call() -> Any:

@@ -47,8 +47,25 @@ def heyoka_taylor(
     variables = hy.make_vars(*names)
     variables = list(variables) if isinstance(variables, list | tuple) else [variables]
     rates = _gravity(system, variables) if power else velocity(system, functions_of(hy))(*variables)
-    equations = list(zip(variables, rates, strict=True))
-    start = start_of(system)
+    return taylor_attempt(list(zip(variables, rates, strict=True)), start_of(system), t_end, tolerance, fast_math)
+
+
+def taylor_attempt(equations: Sequence[Any], start: States, end: float, tolerance: float, fast_math: bool) -> Attempt:
+    """Prepare one trajectory and a batch of equal ones.
+
+    Parameters
+    ----------
+    equations
+        Pairs of heyoka's variables and their derivatives.
+    start : (n,) array of float
+        The variables at 0.
+    end
+        End of the interval in what the equations are derivatives by.
+    tolerance, fast_math
+        As in :func:`heyoka_taylor`.
+    """
+    import heyoka as hy
+
     starts = np.repeat(start[:, None], BATCH, axis=1)
     solver = hy.taylor_adaptive(equations, list(start), tol=tolerance, fast_math=fast_math)
     batch = hy.taylor_adaptive_batch(equations, starts.copy(), tol=tolerance, fast_math=fast_math)
@@ -59,21 +76,21 @@ def heyoka_taylor(
 
     def run() -> Any:
         reset()
-        solver.propagate_until(t_end)
+        solver.propagate_until(end)
         return solver.state
 
     def path() -> tuple[States, float]:
         reset()
         states = [start]
-        while solver.time < t_end and len(states) < MOST_STEPS and np.isfinite(states[-1]).all():
-            solver.step(t_end - solver.time)
+        while solver.time < end and len(states) < MOST_STEPS and np.isfinite(states[-1]).all():
+            solver.step(end - solver.time)
             states.append(solver.state.copy())
         return np.array(states), math.nan
 
     def lanes() -> Any:
         batch.set_time(0.0)
         batch.state[:] = starts
-        batch.propagate_until(t_end)
+        batch.propagate_until(end)
         return batch.state
 
     return Attempt(run=run, path=path, lanes=lanes, members=BATCH)

@@ -103,7 +103,9 @@ def peer_curve(
 def _misfit(peer: Peer, system: System) -> str:
     if system.time_dependent:
         return "not written for a potential that depends on time"
-    if system.regularisation is not None:
+    if peer.regularised and system.regularisation is None:
+        return "does not fit: it requires a system with a regularisation"
+    if system.regularisation is not None and not peer.regularised:
         return "not written for regularised equations: see those on the original ones"
     if peer.gravity_only and not system.gravity:
         return "does not fit: it requires V = -GM/|q|"

@@ -65,6 +65,9 @@ class Peer:
         Whether the solver takes accelerations as functions of position alone, which T = p.p/2 allows.
     gravity_only
         Whether the solver is written for V = -GM/|q| alone.
+    regularised
+        Whether the solver integrates the regularised equations of a system that has them, and fits no other; all
+        other solvers integrate the original ones.
     """
 
     name: str
@@ -76,6 +79,7 @@ class Peer:
     stages: int = 1
     quadratic_only: bool = False
     gravity_only: bool = False
+    regularised: bool = False
 
 
 def start_of(system: System) -> States:
