@@ -220,6 +220,14 @@ def test_a_run_back_returns():
     assert "running" not in fine
 
 
+@pytest.mark.parametrize("energy", ["every", "none"])
+def test_a_run_whose_time_goes_back_has_diverged_instead_of_never_ending(energy):
+    """Steps of 0.4 periods of a method with negative coefficients, which stay near a bounded curve."""
+    run = nh.integrate("kepler_regularised", "ruth", Fraction(87660, 110), energy=energy, samples=2)
+    assert run.status.item() == "diverged"
+    assert 8 <= run.diverged_at.item() <= 2 * 110
+
+
 @pytest.mark.parametrize("p0", [("0", "0.3"), ("0", "0.2219666")])
 def test_an_orbit_that_is_not_bound_is_refused(p0):
     with pytest.raises(SettingError, match=r"\(q0, p0\) = .* energy below 0, on a bound orbit; its energy is"):

@@ -45,6 +45,8 @@ from nearharmonic.core.values import LLVMValue
 MOST_REPEATS = 12
 #: Part of the way to a sample that is gone at once: the apoapsis of a perturbed orbit may be farther than the start's.
 SAFETY = 0.98
+#: Over so many steps time grows, unless a method with negative coefficients is far beyond its stability.
+ADVANCING = 8
 
 Pair = tuple[LLVMValue, LLVMValue]
 
@@ -208,6 +210,11 @@ class _Landing(Runs):
             with writer.when(steps > 0):
                 moved = self._step(a.rows, a.lanes, steps.at_most(a.stretch), a.advance)
                 self._count(r, moved)
+                left, _ = self._ahead(target, pieces)
+                # Such a run would never arrive.
+                with writer.when((moved >= ADVANCING) & ~left.less(gap)):
+                    a.left_at[r] = self.at.value
+                    self.over.value = writer.index(1)
             writer.leave(self.over.value > 0, behind)
             with writer.when(~(steps > 0)):
                 self._try_one(r, target, pieces, behind)
