@@ -14,8 +14,8 @@ from nearharmonic.experiments.work_precision import comparison as comparisons
 from nearharmonic.experiments.work_precision.comparison import HEADER, comparison, pairs
 from nearharmonic.experiments.work_precision.comparison_figure import comparison_figures
 from nearharmonic.experiments.work_precision.curve import Curve
-from nearharmonic.experiments.work_precision.run import front_runners, variables
 from nearharmonic.experiments.work_precision.regularised_figure import regularised_figures
+from nearharmonic.experiments.work_precision.run import front_runners, variables
 from nearharmonic.output import store
 from nearharmonic.systems import systems
 

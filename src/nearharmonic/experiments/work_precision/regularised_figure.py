@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from string import ascii_uppercase
 from textwrap import fill
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,7 +26,7 @@ from nearharmonic.output.style import house_style, mark_every, new_figure, panel
 #: A panel, the space at the left, above each row with and without a legend, and below, in inches.
 _WIDTH, _HEIGHT, _LEFT, _LEGEND, _TITLE, _BELOW = 4.8, 3.3, 0.75, 1.25, 0.65, 1.0
 #: heyoka on the original equations, and on the regularised ones: one colour each, dashed with ``fast_math``.
-_LIBRARY = {
+_LIBRARY: dict[str, dict[str, Any]] = {
     STANDARD: {"color": "#9c2f1f", "linewidth": 2.2, "marker": "s", "markersize": 4},
     f"{STANDARD}_fast_math": {"color": "#9c2f1f", "linestyle": (0, (4, 2)), "marker": "s", "markersize": 4},
     f"{STANDARD}_regularised": {"color": "#202020", "linewidth": 2.2, "marker": "D", "markersize": 4},
@@ -33,8 +34,8 @@ _LIBRARY = {
         "color": "#202020", "linestyle": (0, (4, 2)), "marker": "D", "markersize": 4,
     },
 }  # fmt: skip
-_EVERY = {"color": "#c9c9c9", "linewidth": 0.8}
-_ORIGINAL = {"color": "#f2d8a7", "linewidth": 5.0, "solid_capstyle": "round"}
+_EVERY: dict[str, Any] = {"color": "#c9c9c9", "linewidth": 0.8}
+_ORIGINAL: dict[str, Any] = {"color": "#f2d8a7", "linewidth": 5.0, "solid_capstyle": "round"}
 
 
 @measures_time
@@ -104,25 +105,25 @@ def _draw(axes: Axes, pair: Pair, chosen: Sequence[str]) -> None:
     ]
     if settled:
         x, y = np.array(sorted(settled)).T
-        axes.plot(x, np.minimum.accumulate(y), zorder=1.5, **_ORIGINAL)  # type: ignore[arg-type]
+        axes.plot(x, np.minimum.accumulate(y), zorder=1.5, **_ORIGINAL)
     for curve in pair.own:
-        axes.plot(*points_of(curve, pair.measure), zorder=2, **_EVERY)  # type: ignore[arg-type]
+        axes.plot(*points_of(curve, pair.measure), zorder=2, **_EVERY)
     shown = _shown(pair, chosen)
     for position, (curve, look) in enumerate(shown):
         x, y = points_of(curve, pair.measure)
         axes.plot(x, y, markevery=mark_every(position, len(shown), len(x), marks=7), zorder=3, **look)
 
 
-def _shown(pair: Pair, chosen: Sequence[str]) -> list[tuple[Curve, dict[str, object]]]:
+def _shown(pair: Pair, chosen: Sequence[str]) -> list[tuple[Curve, dict[str, Any]]]:
     """The curves that have a name in the legend, with their looks."""
     own = [(curve, line_of(curve)) for curve in pair.own if curve.method in chosen]
     return own + [(curve, _LIBRARY[curve.method]) for curve in pair.others if curve.method in _LIBRARY]
 
 
 def _legend(axes: Axes, pair: Pair, chosen: Sequence[str]) -> None:
-    handles = [Line2D([], [], label=curve.label, **look) for curve, look in _shown(pair, chosen)]  # type: ignore[arg-type]
-    handles.append(Line2D([], [], label="every other method here, regularised", **_EVERY))  # type: ignore[arg-type]
-    handles.append(Line2D([], [], label="best method here, original equations", **_ORIGINAL))  # type: ignore[arg-type]
+    handles = [Line2D([], [], label=curve.label, **look) for curve, look in _shown(pair, chosen)]
+    handles.append(Line2D([], [], label="every other method here, regularised", **_EVERY))
+    handles.append(Line2D([], [], label="best method here, original equations", **_ORIGINAL))
     axes.legend(
         handles=handles, loc="lower left", bbox_to_anchor=(0, 1.07), ncols=2, borderaxespad=0, fontsize=6.5,
         columnspacing=1.0, handlelength=2.8, labelspacing=0.25, frameon=False,

@@ -4,8 +4,8 @@ With the fictitious time s as the variable: u' = v, v' = -dV/du with V of
 :class:`nearharmonic.systems.regularisation.RegularisedFormulas`, and t' = |u|^2. heyoka's tolerance is relative to the
 largest component of the state, so that t is scaled by ``t_end``; w = -H is a constant, and no component.
 
-What favours heyoka: the fictitious time at which t = ``t_end`` is found beforehand, by dense output and Newton's method,
-and the final state that is timed is (u, v, t), not mapped back to q and p. Errors are those of q and p.
+What favours heyoka: the fictitious time at which t = ``t_end`` is found beforehand, by dense output and Newton's
+method, and the final state that is timed is (u, v, t), not mapped back to q and p. Errors are those of q and p.
 """
 
 from __future__ import annotations
@@ -50,9 +50,8 @@ def heyoka_regularised(system: System, t_end: float, tolerance: float, *, fast_m
 
     maps = system.formulas().regularised
     assert maps is not None
-    *u, w = np.array(maps.from_physical(*system.start(float), *system.constants(float))[0])
-    v = np.array(maps.from_physical(*system.start(float), *system.constants(float))[1][:-1])
-    start = np.array([*u, *v, 0.0])
+    (*u, w), (*v, _) = maps.from_physical(*system.start(float), *system.constants(float))
+    start = np.array([*u, *v, 0.0], dtype=float)
     equations = _equations(hy, system, maps.coordinates, float(w), t_end)
     end = _fictitious_end(hy.taylor_adaptive(equations, list(start), tol=tolerance, fast_math=fast_math))
     attempt = taylor_attempt(equations, start, end, tolerance, fast_math)
