@@ -27,10 +27,10 @@ COMPARED = {"trajectory": "one trajectory", "lanes": "ensembles"}
 CAPTION = (
     "Time of a whole call of a prepared problem that returns the final state, per trajectory, to reach an error: "
     "energy is the maximum of |H - H0|/|H0| over all steps, position the relative distance at the end. The fastest "
-    "method of this package beside heyoka as a user gets it, and beside the fastest of all others, a plain loop in C among "
-    "them. Other libraries integrate the original equations of a regularised system, and heyoka the regularised ones too. "
-    "All read off curves of time against error, by a straight line through the logarithms between two settings. "
-    "Ratios of least times; ratio_of_medians is that of medians."
+    "method of this package beside heyoka as a user gets it, and beside the fastest of all others, a plain loop in "
+    "C among them. Other libraries integrate the original equations of a regularised system, and heyoka the "
+    "regularised ones too. All read off curves of time against error, by a straight line through the logarithms "
+    "between two settings. Ratios of least times; ratio_of_medians is that of medians."
 )
 
 
