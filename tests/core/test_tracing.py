@@ -17,7 +17,8 @@ import nearharmonic.math
 from nearharmonic.core import arithmetic, number
 from nearharmonic.core.native import target_machine
 from nearharmonic.core.number import Constant
-from nearharmonic.core.rules import Physics, Rules
+from nearharmonic.core.physics import Physics
+from nearharmonic.core.rules import Rules
 from nearharmonic.core.tracing import Double, DoubleDouble, LLVMValue
 from nearharmonic.systems import System
 from nearharmonic.systems.gradients import Multiprecision

@@ -20,7 +20,8 @@ from typing import Any
 
 from nearharmonic.core.layout import ADVANCE, BEGIN, LAND, RUN, workspace
 from nearharmonic.core.native import PreparedCall, code_key, native
-from nearharmonic.core.rules import Physics, Rules, fingerprint
+from nearharmonic.core.physics import Physics
+from nearharmonic.core.rules import Rules, fingerprint
 
 __all__ = ["Kernel", "Physics", "build", "cost", "inner", "room"]
 
