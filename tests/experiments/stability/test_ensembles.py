@@ -52,7 +52,9 @@ def test_a_trajectory_in_an_ensemble_is_the_trajectory_alone_bit_for_bit(monkeyp
     """At the larger step size about half of them escape, so that lanes are refilled at different times."""
     start = henon_heiles_surface(Fraction(1, 6), 200, 1)
     widths = []
-    monkeypatch.setattr(batch, "kernel_of", lambda *asked: widths.append((found := kernel_of(*asked)).width) or found)
+    monkeypatch.setattr(
+        batch, "kernel_of", lambda *asked, **how: widths.append((found := kernel_of(*asked, **how)).width) or found
+    )
     together = looked_at("aba864", tau, start, width=16)
     alone = looked_at("aba864", tau, start[37::23], width=1)
     assert widths == [16, 1]
