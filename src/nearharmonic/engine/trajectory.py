@@ -147,7 +147,7 @@ def sweep(
     energy_scale: float | str | None = None,
     split: str = KINETIC_POTENTIAL,
 ) -> xr.Dataset:
-    """Integrate one run per step size, eight at a time in SIMD lanes, for their energy errors.
+    """Integrate one run per step size, side by side in SIMD lanes, for their energy errors.
 
     Parameters
     ----------
