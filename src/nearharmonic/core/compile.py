@@ -31,12 +31,11 @@ def strict(py_func: Callable[..., Any]) -> Callable[..., Any]:
 def machine_code(function: Callable[..., Any], signature: Signature) -> tuple[str, bytes]:
     """Name and object code of a C function that calls the jitted ``function``.
 
-    The C function takes each array as its address and its lengths, and the members of groups in a row; if ``packed``,
-    the address of a block of slots that hold these, once as integers and once as doubles.
+    The C function takes each array as its address and its lengths, and the members of groups in a row.
     """
-    kinds, parameters, values = _packed(signature) if signature.packed else _flat(signature)
+    kinds, parameters, values = _flat(signature)
     text = f"def entry({', '.join(parameters)}):\n    return function({_passed(signature.arguments, values)})\n"
-    scope: dict[str, Any] = {"function": function, "array_at": array_at} | _ARRAYS_FROM
+    scope: dict[str, Any] = {"function": function, "array_at": array_at}
     exec(text, scope)  # numba reads arities from text
     result = _TYPES[signature.result] if signature.result else types.void
     entry = numba.cfunc(result(*kinds), error_model="numpy", fastmath=False, _nrt=False)(scope["entry"])
@@ -55,20 +54,6 @@ def _flat(signature: Signature) -> tuple[list[Any], list[str], dict[str, str]]:
         names += [argument.name, *lengths]
         values[argument.name] = f"array_at({argument.name}, ({', '.join(lengths)},))" if lengths else argument.name
     return kinds, names, values
-
-
-def _packed(signature: Signature) -> tuple[list[Any], list[str], dict[str, str]]:
-    """The same for a C function that takes a block of slots."""
-    values, at = {}, 0
-    for argument in signature.flat:
-        if argument.dimensions:
-            lengths = [f"integers[{at + 1 + i}]" for i in range(argument.dimensions)]
-            values[argument.name] = f"{argument.scalar}_array(integers[{at}], ({', '.join(lengths)},))"
-        else:
-            slot = {"int64": f"integers[{at}]", "float64": f"doubles[{at}]", "bool": f"integers[{at}] != 0"}
-            values[argument.name] = slot[argument.scalar]
-        at += 1 + argument.dimensions
-    return [types.CPointer(types.int64), types.CPointer(types.float64)], ["integers", "doubles"], values
 
 
 def _array(context: Any, builder: ir.IRBuilder, kind: Any, data: ir.Value, lengths: ir.Value) -> ir.Value:
@@ -91,23 +76,6 @@ def array_at(typingctx, address, lengths):  # type: ignore[no-untyped-def]
         return _array(context, builder, signature.return_type, args[0], args[1])
 
     return types.Array(address.dtype, len(lengths), "C")(address, lengths), codegen
-
-
-def _array_from(scalar: Any) -> Callable[..., Any]:
-    """An intrinsic (address as an integer, lengths) -> array of ``scalar``."""
-
-    @intrinsic
-    def array_from(typingctx, address, lengths):  # type: ignore[no-untyped-def]
-        def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
-            data = builder.inttoptr(args[0], context.get_data_type(scalar).as_pointer())
-            return _array(context, builder, signature.return_type, data, args[1])
-
-        return types.Array(scalar, len(lengths), "C")(types.int64, lengths), codegen
-
-    return array_from  # type: ignore[no-any-return]
-
-
-_ARRAYS_FROM = {f"{name}_array": _array_from(kind) for name, kind in _TYPES.items()}
 
 
 def _passed(arguments: tuple[Argument | Group, ...], values: dict[str, str]) -> str:

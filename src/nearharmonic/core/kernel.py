@@ -23,7 +23,7 @@ from nearharmonic.core.native import PreparedCall, code_key, native
 from nearharmonic.core.physics import Physics
 from nearharmonic.core.rules import Rules, fingerprint
 
-__all__ = ["Kernel", "Physics", "build", "cost", "inner", "room"]
+__all__ = ["Kernel", "Physics", "build", "build_landing", "cost", "room"]
 
 
 @dataclass(frozen=True)
@@ -174,14 +174,6 @@ def cost(physics: Physics, *, extended: bool) -> int:
         return force if physics.modified is None else 2 * force
     # A double-double operation takes about 16 of doubles.
     return 1 + sum(energy.work_of_loops for energy in physics.loops) * (16 if extended else 1) // 50
-
-
-def inner(
-    physics: Physics, *, extended: bool, compensated: bool, width: int, energy: str = "every"
-) -> Callable[..., int]:
-    """Load the function that ``advance()`` of :func:`build` gives, and nothing else; its rows end in :func:`room`."""
-    advance: Callable[..., int] = _advance(Rules(physics, extended, compensated), width, energy)
-    return advance
 
 
 def _key(rules: Rules, width: int, *more: str) -> str:

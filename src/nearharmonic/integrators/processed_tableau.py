@@ -9,11 +9,11 @@ from hashlib import sha256
 
 from nearharmonic.errors import TableauError
 from nearharmonic.integrators.modified_tableau import ModifiedTableau
-from nearharmonic.integrators.tableau import DECIMAL, First, Row
+from nearharmonic.integrators.tableau import DECIMAL, Composition, First, Row
 
 
 @dataclass(frozen=True, kw_only=True)
-class Processor:
+class Processor(Composition):
     """A step close to the identity, whose kicks and whose drifts each add up to 0.
 
     Parameters
@@ -63,21 +63,6 @@ class Processor:
     def processed(self) -> bool:
         """Whether it has a processor itself."""
         return False
-
-    @property
-    def outer(self) -> Row:
-        """The s + 1 coefficients of the operator that comes first and last."""
-        return self.kick if self.first == "kick" else self.drift
-
-    @property
-    def inner(self) -> Row:
-        """The s coefficients of the operator in between."""
-        return self.drift if self.first == "kick" else self.kick
-
-    @property
-    def stages(self) -> int:
-        """Number s of the inner coefficients."""
-        return len(self.inner)
 
     @cached_property
     def inverse(self) -> Processor:

@@ -30,8 +30,31 @@ def palindrome(*half: str, centre: str | None = None) -> Row:
     return (*half, *(() if centre is None else (centre,)), *reversed(half))
 
 
+class Composition:
+    """Kicks and drifts in turns: the rows by their places in a step."""
+
+    first: First
+    kick: Row
+    drift: Row
+
+    @property
+    def outer(self) -> Row:
+        """The s + 1 coefficients of the operator that comes first and last."""
+        return self.kick if self.first == "kick" else self.drift
+
+    @property
+    def inner(self) -> Row:
+        """The s coefficients of the operator in between."""
+        return self.drift if self.first == "kick" else self.kick
+
+    @property
+    def stages(self) -> int:
+        """Force evaluations per step, s; for kick first, the one that closes a step opens the next."""
+        return len(self.inner)
+
+
 @dataclass(frozen=True, kw_only=True)
-class Tableau:
+class Tableau(Composition):
     """The coefficients of one integrator for H = T(p) + V(q), as decimal strings.
 
     One step of size tau applies ``outer[0], inner[0], outer[1], ..., inner[s-1], outer[s]``, where ``outer`` (s + 1
@@ -184,21 +207,6 @@ class Tableau:
         if not condition:
             message = f"tableau {self.name!r}: {key} = {value!r}, expected {expected}"
             raise TableauError(message)
-
-    @property
-    def outer(self) -> Row:
-        """The s + 1 coefficients of the operator that comes first and last."""
-        return self.kick if self.first == "kick" else self.drift
-
-    @property
-    def inner(self) -> Row:
-        """The s coefficients of the operator in between."""
-        return self.drift if self.first == "kick" else self.kick
-
-    @property
-    def stages(self) -> int:
-        """Force evaluations per step, s; for kick first, the one that closes a step opens the next."""
-        return len(self.inner)
 
     @property
     def first_same_as_last(self) -> bool:

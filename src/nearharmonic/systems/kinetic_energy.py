@@ -80,6 +80,35 @@ class MassKineticEnergy:
         return sum(x * v for x, v in zip(p, self.velocity(p, *parameters), strict=True)) / 2
 
 
+def of_masses(
+    masses: Sequence[Any] | None, T: Callable[..., Any], dimension: int, parameters: tuple[str, ...], *, alone: bool
+) -> Callable[..., Any]:
+    """Return the kinetic energy of a system: that of ``masses``, or T where there are none.
+
+    Parameters
+    ----------
+    masses, dimension, parameters
+        As for :class:`MassKineticEnergy`; None for masses that are not given.
+    T : callable
+        What the system has; in a copy it may be made of the masses of the original.
+    alone : bool
+        Whether no gradient of T is given.
+
+    Raises
+    ------
+    SystemDefinitionError
+        Masses beside a T or a gradient of it, or masses that make no kinetic energy.
+    """
+    made = T if isinstance(T, MassKineticEnergy) else None
+    if masses is None:
+        return T if made is None else quadratic_T
+    if (made is None and T is not quadratic_T) or not alone:
+        raise SystemDefinitionError("masses and T are given, and either makes the other")
+    if made is not None and made.given == (masses, parameters):
+        return made
+    return MassKineticEnergy(masses, dimension, parameters)
+
+
 def takes_parameters(T: Callable[..., Any]) -> bool:
     """Return whether T is a function of the momenta and the parameters, by its signature."""
     if isinstance(T, MassKineticEnergy):

@@ -21,7 +21,7 @@ from nearharmonic.systems.formulas import (
     regularised_formulas,
     with_parameters,
 )
-from nearharmonic.systems.kinetic_energy import MassKineticEnergy, quadratic_grad_T, quadratic_T
+from nearharmonic.systems.kinetic_energy import MassKineticEnergy, of_masses, quadratic_grad_T, quadratic_T
 from nearharmonic.systems.oscillator import written_frequencies
 from nearharmonic.systems.quantities import Observable, Parameter, Vector, decimal, sequence
 from nearharmonic.systems.regularisation import Regularisation
@@ -158,21 +158,14 @@ class System:
 
     def _set_kinetic_energy(self) -> None:
         """Make T of ``masses``, and grad_T if it is not given; in a copy these may be the original's."""
-        T, of_masses = self.T, isinstance(self.T, MassKineticEnergy)
         made = isinstance(self.grad_T, DerivedGradient) or isinstance(
             getattr(self.grad_T, "__self__", None), MassKineticEnergy
         )
         left_out = made or self.grad_T is None or self.grad_T is quadratic_grad_T
-        if self.masses is not None:
-            if not (of_masses or T is quadratic_T) or not left_out:
-                raise SystemDefinitionError(f"{self.name}: masses and T are given, and either makes the other")
-            if not (isinstance(T, MassKineticEnergy) and T.given == (self.masses, tuple(self.parameters))):
-                try:
-                    T = MassKineticEnergy(self.masses, self.dimension, tuple(self.parameters))
-                except SystemDefinitionError as error:
-                    raise SystemDefinitionError(f"{self.name}: {error}") from None
-        elif of_masses:
-            T = quadratic_T
+        try:
+            T = of_masses(self.masses, self.T, self.dimension, tuple(self.parameters), alone=left_out)
+        except SystemDefinitionError as error:
+            raise SystemDefinitionError(f"{self.name}: {error}") from None
         object.__setattr__(self, "T", T)
         if isinstance(T, MassKineticEnergy):
             object.__setattr__(self, "grad_T", T.velocity)
