@@ -1,9 +1,9 @@
 """Rowlands (1991), A numerical algorithm for Hamiltonian systems, J. Comput. Phys. 97, 235: processed, order four.
 
-doi:10.1016/0021-9991(91)90246-N. The kernel is a leapfrog whose force is F + tau^2 grad |F|^2 / 24, that of Takahashi &
-Imada (1984), J. Phys. Soc. Jpn. 53, 3765, doi:10.1143/JPSJ.53.3765. Its error of degree three is the commutator of
-[A, B] / 24 with A + B, so that it has order four in other variables. The processor is our own: with drifts -a, 2 a, -a
-and kicks -b, b its logarithm is 2 a b [A, B], where a square of a b^2 cancels [B, [A, B]]; here a = 1/12 and b = 1/4.
+The kernel is a leapfrog whose force is F + tau^2 grad |F|^2 / 24, that of Takahashi & Imada (1984), J. Phys. Soc. Jpn.
+53, 3765, doi:10.1143/JPSJ.53.3765. Its error of degree three is the commutator of [A, B] / 24 with A + B, so that it
+has order four in other variables. The processor is our own: with drifts -a, 2 a, -a and kicks -b, b its logarithm is 2
+a b [A, B], where a square of a b^2 cancels [B, [A, B]]; here a = 1/12 and b = 1/4.
 """
 
 from nearharmonic.integrators.processed_tableau import ProcessedTableau, Processor
@@ -31,7 +31,7 @@ TABLEAUS = (
             ),
             digits=80,
         ),
-        source="Rowlands (1991), J. Comput. Phys. 97, 235, doi:10.1016/0021-9991(91)90246-N; processor: our own",
+        source="Rowlands (1991), J. Comput. Phys. 97, 235; processor: our own",
         digits=80,
         note="processed; one force with its gradient a step",
     ),
