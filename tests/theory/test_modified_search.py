@@ -9,7 +9,8 @@ from mpmath import mp, mpf
 import nearharmonic as nh
 from nearharmonic.exact.words import product_of_exponentials, words
 from nearharmonic.integrators.order_conditions import operators_of
-from nearharmonic.theory.modified_search import ModifiedEquations, digits_of, solutions, word_sums
+from nearharmonic.theory.modified_search import ModifiedEquations, digits_of, solutions
+from nearharmonic.theory.word_sums import word_sums
 
 SIX = [name for name, one in nh.modified_integrators.items() if one.order == 6]
 
@@ -25,7 +26,7 @@ def test_sums_over_words_are_those_of_exact_series(name):
     exact = product_of_exponentials(operators_of(tableau), 7)
     with mp.workdps(60):
         factors = [(letter, mpf(c.numerator) / c.denominator) for letter, c in operators_of(tableau)]
-        found = word_sums(factors, 7)
+        found = word_sums(factors, words(7))
         for word in words(7):
             assert abs(found[word] - mpf(exact[word].numerator) / exact[word].denominator) < mpf(10) ** -50
 

@@ -54,7 +54,7 @@ def _moves(tableau: ModifiedTableau | Processor, tau: Fraction, parts: int, roun
     array = np.zeros((len(found), modified_columns(parts)))
     for i, (row, move) in enumerate(zip(array, found, strict=True)):
         row[:-1] = [part for c in move for part in rounded_pair(*c.as_integer_ratio())[:parts]]
-        row[-1] = any(found[k][2] for k in _behind(i, len(found)))
+        row[-1] = any(found[k][2] for k in moves_behind(i, len(found)))
     return array
 
 
@@ -72,8 +72,11 @@ def _in_order(
     return [(nothing, drifts[0], nothing), merged, *between, closing]
 
 
-def _behind(i: int, count: int) -> tuple[int, ...]:
-    """The moves that may follow a move: behind the last inner one a step closes, or is merged with the next one."""
+def moves_behind(i: int, count: int) -> tuple[int, ...]:
+    """Return the moves that may follow move ``i`` of ``count``.
+
+    Behind the last inner one a step closes, or is merged with the next one.
+    """
     closing = count - 1
     if i == closing:
         return ()

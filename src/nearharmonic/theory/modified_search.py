@@ -1,8 +1,8 @@
 """Symmetric methods with kicks of a modified potential of a given order: their equations, and a search for solutions.
 
-A step is a product of exponentials of A, B and C = [B, [A, B]]. Its coefficients on words are found one operator after
-the other, by arithmetic that numbers of any type have: with arrays, each entry is a start of the search; with mpmath
-numbers, Newton's method finds the digits. A symmetric step fulfils the conditions of even degree by itself. Where those
+A step is a product of exponentials of A, B and C = [B, [A, B]], whose coefficients on words are those of
+:mod:`nearharmonic.theory.word_sums`: with arrays, each entry is a start of the search; with mpmath numbers, Newton's
+method finds the digits. A symmetric step fulfils the conditions of even degree by itself. Where those
 of lower degree hold, one of odd degree n compares the coefficients on words with those of exp(A + B), which are 1/n!.
 """
 
@@ -22,12 +22,10 @@ from numpy.typing import NDArray
 from nearharmonic.exact.decimals import BigFloat, as_mpf
 from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.exact.newton import Limit, newton
-from nearharmonic.exact.words import SQUARE, words
 from nearharmonic.integrators.tableau import First
+from nearharmonic.theory.word_sums import Factor, word_sums
 
 Floats = NDArray[np.float64]
-#: An operator of a step, and the number it is multiplied with.
-Factor = tuple[str, Any]
 #: An equation: weights of words, and what the weighted sum has to be.
 Equation = tuple[list[tuple[Fraction, str]], Fraction]
 
@@ -84,7 +82,7 @@ class ModifiedEquations:
     def residuals(self, point: Sequence[Any] | Floats) -> list[Any]:
         """Return the values of the equations, 0 at a solution, for numbers or arrays of floats or mpmath numbers."""
         number = as_mpf if isinstance(point[0], mpf) else float
-        step = word_sums(self.factors(point), self.order - 1)
+        step = word_sums(self.factors(point), [word for row, _ in self._equations for _, word in row])
         return [sum(step[word] * number(w) for w, word in row) - number(total) for row, total in self._equations]
 
     def jacobian(self, point: Sequence[BigFloat]) -> list[list[BigFloat]]:
@@ -105,24 +103,6 @@ class ModifiedEquations:
             for degree in range(1, self.order, 2)
             for row in conditions(degree, quadratic=True)
         ]
-
-
-def word_sums(factors: Sequence[Factor], length: int) -> dict[str, Any]:
-    """Return the coefficients of a product of exponentials on the words of up to ``length`` letters."""
-    found: dict[str, Any] = dict.fromkeys(words(length), 0.0)
-    found[""] = 1.0
-    elements: dict[str, dict[str, int]] = {"A": {"A": 1}, "B": {"B": 1}, "C": SQUARE}
-    for operator, c in factors:
-        power, ends, k = {"": 1}, dict[str, Any](), 0
-        while len(next(iter(power))) + len(next(iter(elements[operator]))) <= length:
-            k += 1
-            power = {word + end: a * b for word, a in power.items() for end, b in elements[operator].items()}
-            ends |= {word: c**k * a / factorial(k) for word, a in power.items()}
-        for word in reversed(found):
-            for end, value in ends.items():
-                if word.endswith(end):
-                    found[word] = found[word] + value * found[word[: len(word) - len(end)]]
-    return found
 
 
 def solutions(equations: ModifiedEquations, starts: int, seed: int) -> Floats:

@@ -1,0 +1,49 @@
+"""Kepler orbits of random eccentricity, in the plane, of semi-major axis 1 and period 2 pi."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nearharmonic.engine.initial_values import parameter_array
+from nearharmonic.systems import kepler
+from nearharmonic.training.population import Ensemble
+
+#: Newton steps that solve Kepler's equation to all digits of a double from E = M, for e below 0.9.
+ITERATIONS = 12
+
+
+def orbit_ensemble(
+    count: int, seed: int, *, eccentricities: tuple[float, float], orbits: float, name: str = ""
+) -> Ensemble:
+    """Return ``count`` orbits that start anywhere on their ellipses.
+
+    Parameters
+    ----------
+    count : int
+        Number of orbits.
+    seed : int
+        Of the draw.
+    eccentricities : pair of float
+        Bounds between which the eccentricity is uniform.
+    orbits : float
+        Periods of every run.
+    name : str
+        Of the ensemble.
+    """
+    random = np.random.default_rng([seed, count])
+    e = random.uniform(*eccentricities, count)
+    M, turn = random.uniform(0.0, 2 * np.pi, (2, count))
+    E = M.copy()
+    for _ in range(ITERATIONS):
+        E -= (E - e * np.sin(E) - M) / (1 - e * np.cos(E))
+    b, rate = np.sqrt(1 - e * e), 1 / (1 - e * np.cos(E))
+    q = np.stack([np.cos(E) - e, b * np.sin(E)])
+    p = np.stack([-np.sin(E) * rate, b * np.cos(E) * rate])
+    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    start = np.zeros((count, 4, 2))
+    start[:, 0], start[:, 2] = (np.einsum("ijm,jm->mi", rotation, x) for x in (q, p))
+    return Ensemble(
+        name=name or f"Kepler, e {eccentricities[0]:g} to {eccentricities[1]:g}", system=kepler.SYSTEM,
+        start=start.reshape(count, -1), parameters=parameter_array(kepler.SYSTEM, {"GM": 1}),
+        t_end=2 * np.pi * orbits, strength=e,
+    )  # fmt: skip

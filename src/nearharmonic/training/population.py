@@ -1,0 +1,180 @@
+"""A population of methods on an ensemble of problems, in one queue of runs: each lane takes coefficients of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nearharmonic.core.layout import COLUMNS, DRIFT, KICK, PRODUCT, SQUARE
+from nearharmonic.core.modified_kick import modified_columns
+from nearharmonic.engine.batch import Batch, prepared_batch
+from nearharmonic.engine.modified_moves import moves_behind
+from nearharmonic.engine.settings import Numerics
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.systems.system import System
+
+Floats = NDArray[np.float64]
+
+#: Lanes: two registers, as the parameters of a problem take the others.
+LANES = 16
+#: Smallest and largest error told apart: what doubles resolve, and that of a run that is lost.
+LEAST, LOST = 1e-16, 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ensemble:
+    """M problems of one system, which differ in initial values or parameters.
+
+    Attributes
+    ----------
+    name : str
+        Of the ensemble, in tables.
+    system : System
+        Of d coordinates and P parameters.
+    start : (M, 4 d) array of float
+        Initial states, as :func:`nearharmonic.engine.coefficients.start_row` lays them out.
+    parameters : (M, 2 P) or (1, 2 P) array of float
+        As :func:`nearharmonic.engine.coefficients.parameter_row` lays them out.
+    t_end : float
+        Interval of every run, in the unit of time of the system.
+    unit : float
+        Time in which step sizes are given: one radian of the fastest oscillation.
+    strength : (M,) array of float, optional
+        Anharmonicity of each problem.
+    """
+
+    name: str
+    system: System
+    start: Floats
+    parameters: Floats
+    t_end: float
+    unit: float = 1.0
+    strength: Floats | None = None
+
+    @property
+    def size(self) -> int:
+        """Number M of problems."""
+        return len(self.start)
+
+    def part(self, which: slice | NDArray[np.int64]) -> Ensemble:
+        """Return the ensemble of some of the problems."""
+        parameters = self.parameters if len(self.parameters) == 1 else self.parameters[which]
+        strength = None if self.strength is None else self.strength[which]
+        return Ensemble(
+            name=self.name, system=self.system, start=self.start[which], parameters=parameters, t_end=self.t_end,
+            unit=self.unit, strength=strength,
+        )  # fmt: skip
+
+
+class Population:
+    """Runs of methods of one shape on all problems of an ensemble, with several step sizes.
+
+    Parameters
+    ----------
+    ensemble : Ensemble
+        The M problems.
+    shape : Tableau
+        A method with the stages and the role of all of them.
+    tau_per_stage : sequence of T float
+        Step sizes over the cost of a step, in the ensemble's unit of time.
+    size : int
+        Most methods at a time.
+    cost : float, optional
+        Cost of a step in force evaluations; the stages if None.
+    """
+
+    def __init__(
+        self, ensemble: Ensemble, shape: Tableau, tau_per_stage: Sequence[float], size: int, cost: float | None = None
+    ) -> None:
+        self.ensemble, self.stages, self.modified = ensemble, shape.stages, shape.modified
+        self.kick_first = shape.first == "kick"
+        each = ensemble.unit * (shape.stages if cost is None else cost)
+        self.steps = np.array([max(1, round(ensemble.t_end / (tau * each))) for tau in tau_per_stage])
+        self.taus = ensemble.t_end / self.steps
+        self.shape = size, len(self.steps), ensemble.size
+        columns = modified_columns(1) if self.modified else COLUMNS
+        self._moves = np.zeros((size * len(self.steps), shape.stages + 2, columns))
+        self._batch = self._prepared(shape)
+
+    def errors(self, kicks: Floats, drifts: Floats, squares: Floats | None = None) -> Floats:
+        """Return the largest |dH/H0| (C, T, M) over every step of each run; :data:`LOST` for runs that are lost.
+
+        Parameters
+        ----------
+        kicks, drifts : (C, s + 1) and (C, s) array of float, or the other way round
+            Rows of each method, C at most ``size``.
+        squares : array of float, optional
+            Coefficients of the squares, for each kick.
+        """
+        count = len(kicks)
+        moves = self._moves.reshape(self.shape[0], len(self.steps), *self._moves.shape[1:])
+        rows = _in_order(kicks, drifts, np.zeros_like(kicks) if squares is None else squares, self.kick_first)
+        kick, drift, square = (row[:, None, :] for row in rows)
+        tau = self.taus[None, :, None]
+        moves[:count, :, :, KICK], moves[:count, :, :, DRIFT] = kick * tau, drift * tau
+        if self.modified:
+            moves[:count, :, :, SQUARE] = square * tau**3
+            moves[:count, :, :, -1] = _square_behind(np.abs(square[:, 0]) > 0)[:, None, :]
+        else:
+            moves[:count, :, :, PRODUCT] = kick * drift * tau * tau
+        moves[count:] = moves[:1]
+        self._batch.run(self._total)
+        return self._found()[:count]
+
+    def _found(self) -> Floats:
+        batch = self._batch
+        worst = batch.blocks[1, :, -1].reshape(self.shape)
+        with np.errstate(all="ignore"):
+            errors = worst / np.abs(batch.energy[:, 0].reshape(self.shape))
+        lost = batch.left_at.reshape(self.shape) != 0
+        return np.where(lost | ~(errors < LOST), LOST, errors)
+
+    def _prepared(self, shape: Tableau) -> Batch:
+        size, taus, problems = self.shape
+        ensemble = self.ensemble
+        runs = size * taus * problems
+        marks = np.zeros((size, taus, problems, 2), np.int64)
+        marks[..., 1] = self.steps[:, None]
+        self._total = int(marks.sum())
+        parameters = ensemble.parameters
+        if len(parameters) > 1:
+            parameters = np.tile(parameters, (size * taus, 1))
+        return prepared_batch(
+            ensemble.system, shape, Numerics(summation="plain", width=LANES), marks=marks.reshape(runs, 2),
+            scheme=np.repeat(np.arange(size * taus), problems), moves=self._moves,
+            start=np.tile(ensemble.start, (size * taus, 1)), parameters=parameters,
+        )  # fmt: skip
+
+
+def mean_log(errors: Floats) -> Floats:
+    """Return the mean over the problems (last axis) of the logarithm to base 10 of errors."""
+    found: Floats = np.log10(np.maximum(errors, LEAST)).mean(axis=-1)
+    return found
+
+
+def _in_order(kicks: Floats, drifts: Floats, squares: Floats, kick_first: bool) -> tuple[Floats, Floats, Floats]:
+    """Kick, with the sign of the force, drift and square (C, s + 2) of each move, in the order of a kernel's rows.
+
+    The second row merges the last move of a step with the first of the next.
+    """
+    pulls, none = -kicks, np.zeros((len(kicks), 1))
+    if kick_first:
+        kick = [pulls[:, :1], pulls[:, -1:] + pulls[:, :1], pulls[:, 1:]]
+        drift = [drifts[:, :1], drifts, none]
+        square = [squares[:, :1], squares[:, -1:] + squares[:, :1], squares[:, 1:]]
+    else:
+        kick = [none, pulls[:, -1:], pulls]
+        drift = [drifts[:, :1], drifts[:, -1:] + drifts[:, :1], drifts[:, 1:]]
+        square = [none, squares[:, -1:], squares]
+    return np.hstack(kick), np.hstack(drift), np.hstack(square)
+
+
+def _square_behind(squares: NDArray[np.bool_]) -> Floats:
+    """Of each move (C, s + 2), whether a force behind it needs the gradient of the square."""
+    found = np.zeros(squares.shape)
+    for i in range(squares.shape[1]):
+        found[:, i] = squares[:, list(moves_behind(i, squares.shape[1]))].any(axis=1)
+    return found
