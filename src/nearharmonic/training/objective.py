@@ -70,9 +70,11 @@ def errors_of(ensemble: Ensemble, method: Tableau, tau_per_stage: Sequence[float
     return found
 
 
-def best_of(ensemble: Ensemble, methods: Sequence[Tableau], tau_per_stage: Sequence[float]) -> Best:
-    """Return the best of ``methods`` at each step size."""
-    found = mean_errors(ensemble, methods, tau_per_stage)
+def best_of(
+    ensemble: Ensemble, methods: Sequence[Tableau], tau_per_stage: Sequence[float], charge: float = 0.0
+) -> Best:
+    """Return the best of ``methods`` at each step size; arguments are those of :func:`mean_errors`."""
+    found = mean_errors(ensemble, methods, tau_per_stage, charge)
     places = found.argmin(axis=0)
     return Best(value=found.min(axis=0), names=tuple(methods[i].name for i in places))
 

@@ -1,0 +1,37 @@
+"""The methods that trained ones are compared with: all that are registered, but for those of this project itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.modified_integrators import modified_integrators
+
+#: Modules of this project's own methods.
+OURS = ("nearharmonic_2026", "trained")
+
+
+def published_names() -> tuple[str, ...]:
+    """Return the names of all published methods without modified potentials."""
+    return tuple(name for name in integrators.registered if str(integrators.module_of(name)).split(".")[-1] not in OURS)
+
+
+def published_methods(names: Sequence[str], *, modified: bool = False) -> list[Tableau]:
+    """Return the methods of these names.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of :func:`published_names`.
+    modified : bool
+        Whether published methods with kicks of a modified potential are among them; processed ones are left out.
+    """
+    found: list[Tableau] = [integrators[name] for name in names]
+    if modified:
+        own = f"{modified_integrators.__name__}.{OURS[0]}"
+        found += [
+            one for name, one in modified_integrators.items()
+            if modified_integrators.module_of(name) != own and not one.processed
+        ]  # fmt: skip
+    return found

@@ -1,0 +1,131 @@
+"""What methods are trained for: a window of step sizes, the problems, and the families that are searched."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import pi
+
+from nearharmonic.experiments.trained.orbits import orbit_ensemble
+from nearharmonic.experiments.trained.random_potentials import random_ensemble
+from nearharmonic.integrators.tableau import First
+from nearharmonic.training.family import Family
+from nearharmonic.training.population import Ensemble
+
+#: Bands of the strength of random potentials: of all methods but those for small anharmonicity, and of these.
+STRONG, WEAK = (0.01, 0.5), (0.001, 0.03)
+#: Bounds of the eccentricity of orbits.
+ECCENTRICITIES = (0.02, 0.35)
+#: The gradient of the square of grad V costs as much as so many forces: see docs/methods.md.
+CHARGE = 1.1
+#: A window is at least so wide: largest over smallest step size.
+NARROWEST = 1.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chain:
+    """Families of more and more stages, each grown from the one before.
+
+    Attributes
+    ----------
+    first : {"drift", "kick"}
+        Operator of the outer row.
+    stages : tuple of int
+        Stages, ascending.
+    order, harmonic_order, squares
+        As for :class:`Family`.
+    """
+
+    first: First
+    stages: tuple[int, ...]
+    order: int = 4
+    harmonic_order: int = 4
+    squares: tuple[int, ...] = ()
+
+    def families(self) -> Iterator[Family]:
+        """Yield the families."""
+        for stages in self.stages:
+            yield Family(
+                stages=stages, first=self.first, order=self.order, harmonic_order=self.harmonic_order,
+                squares=self.squares,
+            )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Purpose:
+    """What one method is trained for.
+
+    Attributes
+    ----------
+    name, what : str
+        Last part of the method's name, and the purpose in words.
+    tau_per_stage : tuple of float
+        Step sizes over the cost of a step, in radians of the fastest oscillation.
+    t_end : float
+        Interval of a run, in the same unit.
+    chains : tuple of Chain
+        What is searched.
+    band : pair of float, optional
+        Bounds of the strength of random potentials; orbits, if None.
+    """
+
+    name: str
+    what: str
+    tau_per_stage: tuple[float, ...]
+    t_end: float
+    chains: tuple[Chain, ...]
+    band: tuple[float, float] | None = STRONG
+
+    @property
+    def title(self) -> str:
+        """Name of the method."""
+        return f"trained_{self.name}"
+
+    @property
+    def window(self) -> tuple[float, float]:
+        """Smallest and largest step size."""
+        return min(self.tau_per_stage), max(self.tau_per_stage)
+
+    @property
+    def problems(self) -> str:
+        """The ensemble in words."""
+        if self.band is None:
+            return f"Kepler orbits, e {ECCENTRICITIES[0]:g} to {ECCENTRICITIES[1]:g}"
+        return f"random potentials, d = 2 and 3, strengths {self.band[0]:g} to {self.band[1]:g}"
+
+    def ensembles(self, systems: int, seed: int, longer: float = 1.0) -> list[Ensemble]:
+        """Return the problems: half of them in two coordinates and half in three, or orbits.
+
+        Parameters
+        ----------
+        systems : int
+            Number of problems.
+        seed : int
+            Of the draw.
+        longer : float
+            By what the interval is multiplied.
+        """
+        t_end = self.t_end * longer
+        if self.band is None:
+            return [orbit_ensemble(systems, seed, eccentricities=ECCENTRICITIES, orbits=t_end / (2 * pi))]
+        return [random_ensemble(d, -(-systems // 2), seed, band=self.band, t_end=t_end) for d in (2, 3)]
+
+
+def evaluations_an_orbit(*counts: int) -> tuple[float, ...]:
+    """Return step sizes over the cost of a step, for so many force evaluations in 2 pi."""
+    return tuple(2 * pi / count for count in counts)
+
+
+def purposes_of(names: Sequence[str]) -> list[Purpose]:
+    """Return the purposes of these names."""
+    return [PURPOSES[name] for name in names]
+
+
+_ALL = (
+    Purpose(
+        name="coarse", what="few evaluations", tau_per_stage=(0.16, 0.195, 0.25), t_end=60.0,
+        chains=(Chain(first="kick", stages=(5, 6, 7)),),
+    ),
+)  # fmt: skip
+#: All purposes by name.
+PURPOSES = {one.name: one for one in _ALL}

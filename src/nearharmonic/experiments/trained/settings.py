@@ -1,0 +1,26 @@
+"""What may be asked of the training of methods: how hard they are searched for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from nearharmonic.engine.config_entries import STRICT, setting, whole_from
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchSettings:
+    """How hard trained methods are searched for; all budgets are numbers of methods tried."""
+
+    __pydantic_config__ = STRICT
+
+    seed: int = setting(
+        "Of the systems and of the search; the same seed gives the same methods", default=1, **whole_from(0, 10**6)
+    )
+    systems: int = setting("Problems that a method is trained on", default=64, **whole_from(2, 10**5))
+    held_out: int = setting(
+        "Problems that the choice is made on, and as many others that it is tested on", default=256,
+        **whole_from(2, 10**5),
+    )  # fmt: skip
+    trials: int = setting("Methods tried from each start", default=6000, **whole_from(20, 10**7))
+    random: int = setting("Random starts for each family", default=2, **whole_from(0, 10**6))
+    refinements: int = setting("Searches around the best of each family", default=4, **whole_from(0, 10**6))
