@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import pi
 
@@ -116,15 +116,36 @@ def evaluations_an_orbit(*counts: int) -> tuple[float, ...]:
     return tuple(2 * pi / count for count in counts)
 
 
-def purposes_of(names: Sequence[str]) -> list[Purpose]:
-    """Return the purposes of these names."""
-    return [PURPOSES[name] for name in names]
-
-
+#: SRKN 11b and 14a of Blanes & Moan (2002) lead to the best methods: chains begin at their stages.
+_ELEVEN = Chain(first="kick", stages=(11, 12))
+_FOURTEEN = Chain(first="drift", stages=(14, 15, 16), order=6)
 _ALL = (
     Purpose(
-        name="coarse", what="few evaluations", tau_per_stage=(0.16, 0.195, 0.25), t_end=60.0,
-        chains=(Chain(first="kick", stages=(5, 6, 7)),),
+        name="coarse", what="few evaluations", tau_per_stage=(0.145, 0.19, 0.25), t_end=60.0,
+        chains=(Chain(first="kick", stages=(6, 7)), _ELEVEN),
+    ),
+    Purpose(name="moderate", what="moderate accuracy", tau_per_stage=(0.075, 0.1, 0.14), t_end=50.0, chains=(_ELEVEN,)),
+    Purpose(name="fine", what="high accuracy", tau_per_stage=(0.037, 0.053, 0.075), t_end=40.0, chains=(_ELEVEN,)),
+    Purpose(name="finer", what="higher accuracy", tau_per_stage=(0.019, 0.027, 0.038), t_end=25.0, chains=(_ELEVEN,)),
+    Purpose(
+        name="finest", what="errors of 1e-12", tau_per_stage=(0.009, 0.012, 0.0155), t_end=10.0,
+        chains=(Chain(first="drift", stages=(15, 16, 17), order=6),),
+    ),
+    Purpose(
+        name="weak", what="small anharmonicity", tau_per_stage=(0.05, 0.065, 0.08), t_end=50.0, band=WEAK,
+        chains=(Chain(first="kick", stages=(9, 10, 11), harmonic_order=7),),
+    ),
+    Purpose(
+        name="orbits", what="planetary orbits", tau_per_stage=evaluations_an_orbit(480, 240, 120), t_end=8 * pi,
+        band=None, chains=(_FOURTEEN,),
+    ),
+    Purpose(
+        name="orbits_coarse", what="planetary orbits, few evaluations", band=None, t_end=10 * pi,
+        tau_per_stage=evaluations_an_orbit(120, 85, 60), chains=(Chain(first="kick", stages=(11, 12, 13)),),
+    ),
+    Purpose(
+        name="modified", what="kicks of a modified potential", tau_per_stage=(0.05, 0.065, 0.08), t_end=40.0,
+        chains=(Chain(first="kick", stages=(5, 6), squares=(1,)),),
     ),
 )  # fmt: skip
 #: All purposes by name.

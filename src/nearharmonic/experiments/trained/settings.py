@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from nearharmonic.engine.config_entries import STRICT, setting, whole_from
+from nearharmonic.engine.settings import one_of
+from nearharmonic.experiments.trained.purposes import PURPOSES
+from nearharmonic.integrators.tableau import Tableau
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,3 +28,27 @@ class SearchSettings:
     trials: int = setting("Methods tried from each start", default=6000, **whole_from(20, 10**7))
     random: int = setting("Random starts for each family", default=2, **whole_from(0, 10**6))
     refinements: int = setting("Searches around the best of each family", default=4, **whole_from(0, 10**6))
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainedSettings:
+    """The experiment on trained methods."""
+
+    __pydantic_config__ = STRICT
+
+    purposes: tuple[str, ...] = setting(
+        "What methods are trained for", "a list of purposes, each named once", each="the name of a purpose",
+        default=tuple(PURPOSES), min_length=1,
+    )  # fmt: skip
+    search: SearchSettings = setting("How hard trained methods are searched for", default=SearchSettings)
+
+    def check(self, methods: Sequence[Tableau], problems: Collection[str]) -> None:
+        """Refuse unknown purposes; keys are named as in a config.
+
+        Raises
+        ------
+        SettingError
+            The first fault found.
+        """
+        for i, purpose in enumerate(self.purposes):
+            one_of(f"trained.purposes[{i}]", purpose, tuple(PURPOSES))
