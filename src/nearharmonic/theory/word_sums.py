@@ -88,8 +88,9 @@ def _sums(factors: Sequence[Factor], needed: tuple[str, ...]) -> dict[str, Array
     found = {"": start + 1}
     for word, terms in plan:
         found[word] = start.copy()
-        added = _total(weight * powers[operator][k - 1] * found[front][:-1] for operator, k, weight, front in terms)
-        np.cumsum(added, axis=0, out=found[word][1:])
+        if terms:
+            added = _total(weight * powers[operator][k - 1] * found[front][:-1] for operator, k, weight, front in terms)
+            np.cumsum(added, axis=0, out=found[word][1:])
     return found
 
 
