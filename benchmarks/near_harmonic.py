@@ -28,7 +28,7 @@ NEW = ("abas5o6h", "babs7o7h", "babps8o7h", "babps9o7h")
 SIX = ("ruth", "s5odr4", "aba104", "aba864", "aba1064", "yoshida_s7o6a")
 #: Every registered method of other authors; the rest of the paper's Table 4 and the methods found here are left out.
 OTHERS = tuple(
-    name for name in nh.integrators.registered if not nh.integrators[name].source.startswith(("Nielsen", "found by"))
+    name for name in nh.integrators.registered if not nh.integrators[name].source.startswith(("Nielsen", "found by", "trained by"))
 )
 #: Evaluations of the force in the shortest period 2 pi / omega, omega^2 the largest |eigenvalue| of W on the orbit.
 COSTS = (25, 50, 100)
