@@ -85,5 +85,15 @@ def test_slopes_of_arrays_are_those_of_each_column():
             assert np.abs(found[word][:, column] - wanted).max() < 1e-9, word
 
 
+def test_slopes_on_few_words_are_those_on_all():
+    numbers = np.random.default_rng(4).normal(size=7)
+    step = list(zip("ABCABBA", numbers, strict=True))
+    _, few = word_slopes(step, ["AAABB", "AB"])
+    _, everything = word_slopes(step, words(5))
+    assert set(few) == {"AAABB", "AB"}
+    for word, slope in few.items():
+        assert slope == pytest.approx(everything[word], rel=1e-13, abs=1e-13)
+
+
 def test_only_the_words_asked_for_and_their_beginnings_are_computed():
     assert set(word_sums([("A", 0.5), ("B", 1.0)], ["AAB", "BA"])) == {"", "A", "AA", "AAB", "B", "BA"}

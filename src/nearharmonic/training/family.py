@@ -176,16 +176,14 @@ class Family:
         """Return the family of one stage more and the same step in it: its innermost operator is split by nothing."""
         outer, inner = self.halves
         kicks, drifts, squares = self.rows(x)
-        more = replace(self, stages=self.stages + 1)
+        rows = (kicks, drifts) if self.first == "kick" else (drifts, kicks)
         a, b = list(x[:outer]), list(x[outer : outer + inner])
-        first, second = (kicks, drifts) if self.first == "kick" else (drifts, kicks)
-        if self.stages % 2:  # two innermost outer values; the innermost inner one is halved, and nothing stands between
-            b_new, a_new = [*b, second[inner] / 2], [*a, first[outer]]
-        else:
-            a_new, b_new = [*a, first[outer] / 2], [*b, second[inner]]
-        a_new, b_new = a_new[: more.halves[0]], b_new[: more.halves[1]]
+        if self.stages % 2:  # the innermost inner value is halved, and a new outer one, which is 0, stands between
+            a.append(rows[0][outer])
+        else:  # the innermost outer value is halved, and a new inner one stands between
+            b.append(rows[1][inner])
         halved = [squares[i] / (2 if 2 * i + 1 == len(kicks) else 1) for i in self.squares]
-        return more, np.array([*a_new, *b_new, *halved])
+        return replace(self, stages=self.stages + 1), np.array([*a, *b, *halved])
 
     def _factors(self, x: Sequence[Any] | Floats) -> list[Factor]:
         """The operators of a step in their order."""
