@@ -85,7 +85,7 @@ def test_what_is_outside_is_worse_than_all_members_and_the_worse_the_larger():
     assert (found[5:] < OUTSIDE).all()
     assert (found[:5] >= OUTSIDE).all()
     assert np.isfinite(found).all()
-    assert found[3] <= found[4]
+    assert found[3] <= found[4] <= found[0] == found[1] == found[2] == OUTSIDE + 1
     assert found[5:].tobytes() == objective(x).tobytes()
 
 

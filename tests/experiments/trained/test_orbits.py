@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from mpmath import acos, mp, mpf, sin, sqrt
+from mpmath import atan2, cos, mp, mpf, sin, sqrt
 from scipy.stats import kstest
 
 from nearharmonic.experiments.trained.orbits import orbit_ensemble
@@ -53,18 +53,14 @@ def test_positions_solve_keplers_equation_for_the_mean_anomaly_that_was_drawn(ec
     random = np.random.default_rng([1, 50])
     random.uniform(*eccentricities, 50)
     M, turn = random.uniform(0.0, 2 * np.pi, (2, 50))
-    q, p = states(ensemble)
+    q, _ = states(ensemble)
     for m in range(50):
         with mp.workdps(40):
-            e = mpf(ensemble.strength[m])
+            e, angle = mpf(ensemble.strength[m]), mpf(turn[m])
             x, y = map(mpf, q[m])
-            r = sqrt(x * x + y * y)
-            E = acos((1 - r) / e)
-            outward = x * mpf(p[m, 0]) + y * mpf(p[m, 1]) > 0  # the half from perihelion to aphelion
-            E = E if outward else 2 * mp.pi - E
-            # r = 1 - e cos E: where E is near 0 or pi, rounding of r is divided by e sin E.
-            allowed = mpf(10) ** -14 * (1 + 1 / abs(e * sin(E)))
-            assert abs(E - e * sin(E) - mpf(M[m])) < allowed
+            along, across = cos(angle) * x + sin(angle) * y, cos(angle) * y - sin(angle) * x
+            E = atan2(across / sqrt(1 - e * e), along + e)
+            assert abs(sin((E - e * sin(E) - mpf(M[m])) / 2)) < mpf(10) ** -14 / 2
     _, vector = elements(ensemble)
     turned = np.arctan2(vector[:, 1], vector[:, 0])
     assert np.abs(np.angle(np.exp(1j * (turned - turn)))).max() < 1e-12
