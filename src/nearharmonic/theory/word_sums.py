@@ -56,8 +56,9 @@ def word_slopes(factors: Sequence[Factor], needed: Iterable[str]) -> tuple[dict[
     """
     needed, places = tuple(needed), _places(factors)
     before = _sums(factors, needed)
-    # A, B and C are the same read backwards: a product read backwards has the words read backwards.
-    behind = _sums(factors[::-1], tuple(word[::-1] for word in needed))
+    # A, B and C are the same read backwards: a product read backwards has the words read backwards. No first letter is
+    # behind a factor.
+    behind = _sums(factors[::-1], tuple(word[:0:-1] for word in needed))
     front = {word: sums[:-1] for word, sums in before.items()}
     others = {word: sums[:0:-1] for word, sums in behind.items()}
     slopes = {}
@@ -65,7 +66,7 @@ def word_slopes(factors: Sequence[Factor], needed: Iterable[str]) -> tuple[dict[
         slopes[word] = np.zeros_like(front[""])
         for operator, rows in places.items():
             if cuts := _cuts(word, operator):
-                slopes[word][rows] = _total(weight * front[u] * others[v] for weight, u, v in cuts)[rows]
+                slopes[word][rows] = _total(_times(weight, front[u]) * others[v] for weight, u, v in cuts)[rows]
     return {word: sums[-1] for word, sums in before.items()}, slopes
 
 
@@ -89,9 +90,13 @@ def _sums(factors: Sequence[Factor], needed: tuple[str, ...]) -> dict[str, Array
     for word, terms in plan:
         found[word] = start.copy()
         if terms:
-            added = _total(weight * powers[operator][k - 1] * found[front][:-1] for operator, k, weight, front in terms)
-            np.cumsum(added, axis=0, out=found[word][1:])
+            added = _total(_times(a, powers[name][k - 1]) * found[front][:-1] for name, k, a, front in terms)
+            added.cumsum(axis=0, out=found[word][1:])
     return found
+
+
+def _times(weight: int, array: Array) -> Array:
+    return array if weight == 1 else weight * array
 
 
 def _total(arrays: Iterable[Array]) -> Array:
