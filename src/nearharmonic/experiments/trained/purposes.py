@@ -116,20 +116,22 @@ def evaluations_an_orbit(*counts: int) -> tuple[float, ...]:
     return tuple(2 * pi / count for count in counts)
 
 
-#: SRKN 11b and 14a of Blanes & Moan (2002) lead to the best methods: chains begin at their stages.
+#: SRKN 11b of Blanes & Moan (2002) leads to the best methods for random potentials, their SRKN 14a to those for orbits.
 _ELEVEN = Chain(first="kick", stages=(11, 12))
 _FOURTEEN = Chain(first="drift", stages=(14, 15, 16), order=6)
 _ALL = (
     Purpose(
-        name="coarse", what="few evaluations", tau_per_stage=(0.145, 0.19, 0.25), t_end=60.0,
-        chains=(Chain(first="kick", stages=(6, 7)), _ELEVEN),
+        name="coarse", what="few evaluations", tau_per_stage=(0.15, 0.185, 0.235), t_end=60.0,
+        chains=(Chain(first="kick", stages=(6, 7, 8)), Chain(first="kick", stages=(11,))),
     ),
-    Purpose(name="moderate", what="moderate accuracy", tau_per_stage=(0.075, 0.1, 0.14), t_end=50.0, chains=(_ELEVEN,)),
-    Purpose(name="fine", what="high accuracy", tau_per_stage=(0.037, 0.053, 0.075), t_end=40.0, chains=(_ELEVEN,)),
-    Purpose(name="finer", what="higher accuracy", tau_per_stage=(0.019, 0.027, 0.038), t_end=25.0, chains=(_ELEVEN,)),
+    Purpose(name="light", what="low accuracy", tau_per_stage=(0.1, 0.125, 0.155), t_end=50.0, chains=(_ELEVEN,)),
     Purpose(
-        name="finest", what="errors of 1e-12", tau_per_stage=(0.009, 0.012, 0.0155), t_end=10.0,
-        chains=(Chain(first="drift", stages=(15, 16, 17), order=6),),
+        name="moderate", what="moderate accuracy", tau_per_stage=(0.064, 0.08, 0.102), t_end=50.0, chains=(_ELEVEN,)
+    ),
+    Purpose(name="fine", what="high accuracy", tau_per_stage=(0.041, 0.051, 0.065), t_end=40.0, chains=(_ELEVEN,)),
+    Purpose(name="finer", what="higher accuracy", tau_per_stage=(0.027, 0.034, 0.042), t_end=30.0, chains=(_ELEVEN,)),
+    Purpose(
+        name="finest", what="highest accuracy", tau_per_stage=(0.0175, 0.022, 0.0275), t_end=20.0, chains=(_ELEVEN,)
     ),
     Purpose(
         name="weak", what="small anharmonicity", tau_per_stage=(0.05, 0.065, 0.08), t_end=50.0, band=WEAK,

@@ -26,8 +26,8 @@ class SearchSettings:
         **whole_from(2, 10**5),
     )  # fmt: skip
     trials: int = setting("Methods tried from each start", default=6000, **whole_from(20, 10**7))
-    random: int = setting("Random starts for each family", default=2, **whole_from(0, 10**6))
-    refinements: int = setting("Searches around the best of each family", default=4, **whole_from(0, 10**6))
+    random: int = setting("Random starts for each family", default=1, **whole_from(0, 10**6))
+    refinements: int = setting("Searches around the best of each family", default=8, **whole_from(0, 10**6))
 
 
 @dataclass(frozen=True, kw_only=True)
