@@ -134,8 +134,8 @@ _ALL = (
         name="finest", what="highest accuracy", tau_per_stage=(0.0175, 0.022, 0.0275), t_end=20.0, chains=(_ELEVEN,)
     ),
     Purpose(
-        name="weak", what="small anharmonicity", tau_per_stage=(0.05, 0.065, 0.08), t_end=50.0, band=WEAK,
-        chains=(Chain(first="kick", stages=(9, 10, 11), harmonic_order=7),),
+        name="weak", what="small anharmonicity", tau_per_stage=(0.085, 0.11, 0.14), t_end=50.0, band=WEAK,
+        chains=(Chain(first="kick", stages=(8, 9), harmonic_order=6),),
     ),
     Purpose(
         name="orbits", what="planetary orbits", tau_per_stage=evaluations_an_orbit(480, 240, 120), t_end=8 * pi,

@@ -18,7 +18,10 @@ linear stability, the seed, and the digest of the run that found the method.
 
 {imports}
 
-SOURCE = "trained by nearharmonic.experiments.trained, see docs/trained.md"
+SOURCE = (
+    "trained by nearharmonic (experiments.trained, docs/trained.md); searches began with published methods, those of "
+    "Blanes & Moan (2002), J. Comput. Appl. Math. 142, 313, doi:10.1016/S0377-0427(01)00492-7, among them"
+)
 
 TABLEAUS = ('''
 PLAIN = "Methods trained on near-harmonic systems."

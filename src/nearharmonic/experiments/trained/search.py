@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from hashlib import sha256
 from typing import Any
 
+from nearharmonic.errors import bad_setting
 from nearharmonic.experiments.trained.published import published_methods
 from nearharmonic.experiments.trained.purposes import CHARGE, PURPOSES, Purpose
 from nearharmonic.experiments.trained.settings import SearchSettings
@@ -97,12 +98,16 @@ def _all_findings(
         for family in chain.families():
             starts = starts_of(family, published_methods(published, modified=bool(family.squares)), before, effort)
             before.append(search(judge.objective(family, effort.population), starts, effort, settings.seed, None))
+            if not before[-1].found:  # no published method has its shape, and random starts are not asked for
+                continue
             best = before[-1].best
             report(
                 f"{goal.title}: {family.stages} stages, {family.first} first: objective {best.value:.3f} from "
                 f"{best.origin}, {before[-1].again} of {len(before[-1].found)} searches ended there"
             )
-        found += before
+        found += [one for one in before if one.found]
+    if not found:
+        raise bad_setting("trained.search.random", settings.random, "at least 1, as no published method is a start")
     return found
 
 
