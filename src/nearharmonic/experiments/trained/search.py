@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from hashlib import sha256
+from pathlib import Path
 from typing import Any
 
 from nearharmonic.errors import bad_setting
@@ -51,7 +53,11 @@ class Candidate:
 
 
 def train(
-    purpose: str, settings: SearchSettings, published: Sequence[str], report: Callable[[str], None]
+    purpose: str,
+    settings: SearchSettings,
+    published: Sequence[str],
+    report: Callable[[str], None],
+    before: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Search for the method of a purpose.
 
@@ -65,6 +71,8 @@ def train(
         Names of the methods that it is compared with and begins from.
     report : callable
         Is told of the progress.
+    before : sequence of str
+        Paths of the documents of other purposes, whose methods it begins from as well.
 
     Returns
     -------
@@ -72,7 +80,8 @@ def train(
         ``document`` with the method, for a TOML file, and ``landscape``, a :class:`Table` of the families.
     """
     goal = PURPOSES[purpose]
-    all_findings = _all_findings(goal, settings, published, report)
+    begun = [_method(Path(place)) for place in before]
+    all_findings = _all_findings(goal, settings, published, begun, report)
     validation = _Judge(goal, settings, published, VALIDATION)
     short = [one for findings in all_findings for one in _short_list(findings, validation)]
     best = min(short, key=lambda one: one.validation)
@@ -87,16 +96,22 @@ def train(
 
 
 def _all_findings(
-    goal: Purpose, settings: SearchSettings, published: Sequence[str], report: Callable[[str], None]
+    goal: Purpose,
+    settings: SearchSettings,
+    published: Sequence[str],
+    begun: Sequence[Tableau],
+    report: Callable[[str], None],
 ) -> list[Findings]:
     """What is found of each family, each chain from its first."""
     judge = _Judge(goal, settings, published, TRAINING)
     effort = Effort(trials=settings.trials, random=settings.random, refinements=settings.refinements)
+    modified = any(chain.squares for chain in goal.chains)
+    known = [*begun, *published_methods(published, modified=modified)]
     found: list[Findings] = []
     for chain in goal.chains:
         before: list[Findings] = []
         for family in chain.families():
-            starts = starts_of(family, published_methods(published, modified=bool(family.squares)), before, effort)
+            starts = starts_of(family, known, before, effort)
             before.append(search(judge.objective(family, effort.population), starts, effort, settings.seed, None))
             if not before[-1].found:  # no published method has its shape, and random starts are not asked for
                 continue
@@ -132,6 +147,14 @@ class _Judge:
     def gains(self, family: Family, found: Found) -> Any:
         """Gains in decades (T,), the mean over the ensembles."""
         return self.objective(family).gains(found.unknowns[None])[:, 0].mean(axis=0)
+
+
+def _method(place: Path) -> Tableau:
+    """The method of a document, in the digits of doubles at least."""
+    found = tomllib.loads(place.read_text(encoding="utf-8"))
+    rows: dict[str, Any] = {name: tuple(found[name]) for name in ("kick", "drift")}
+    about = {name: found[name] for name in ("name", "first", "order", "digits")}
+    return Tableau(**about, **rows, source=SOURCE)
 
 
 def _short_list(findings: Findings, validation: _Judge) -> list[Candidate]:
