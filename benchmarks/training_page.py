@@ -1,7 +1,7 @@
 """The tables of docs/training.md: the trained methods, how much of the landscape was seen, shifted kicks.
 
-Run: ``python benchmarks/training_page.py [results/paper]`` behind ``snakemake trained``; without a folder of results the
-table of the landscape stays as it is.
+Run: ``python benchmarks/training_page.py [results/paper]`` behind ``snakemake trained``; without a folder of results
+the table of the landscape stays as it is.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def shifted_table() -> list[str]:
 def landscape_table(results: Path) -> list[str]:
     """A row for each family that was searched."""
     lines = [
-        "| for | composition | stages | searches | methods tried | ended at the best | best from | gain, least | mean |",
+        "| for | composition | stages | searches | methods tried | at the best | best from | gain, least | mean |",
         "|---|---|---:|---:|---:|---:|---|---:|---:|",
     ]
     for name, purpose in PURPOSES.items():

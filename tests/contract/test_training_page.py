@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from configs_by_file import ROOT
-
 from nearharmonic.user_module import load
 
 
