@@ -28,10 +28,14 @@ def published_methods(names: Sequence[str], *, modified: bool = False) -> list[T
         Whether published methods with kicks of a modified potential are among them; processed ones are left out.
     """
     found: list[Tableau] = [integrators[name] for name in names]
-    if modified:
-        own = f"{modified_integrators.__name__}.{OURS[0]}"
-        found += [
-            one for name, one in modified_integrators.items()
-            if modified_integrators.module_of(name) != own and not one.processed
-        ]  # fmt: skip
+    return found + (modified_methods(own=False) if modified else [])
+
+
+def modified_methods(*, own: bool) -> list[Tableau]:
+    """Return the methods with kicks of a modified potential of this project's own search, or the published ones."""
+    found: list[Tableau] = []
+    for name, one in modified_integrators.items():
+        module = str(modified_integrators.module_of(name)).split(".")[-1]
+        if not one.processed and (module == OURS[0] if own else module not in OURS):
+            found.append(one)
     return found

@@ -16,8 +16,8 @@ from nearharmonic.training.population import Ensemble
 STRONG, WEAK = (0.01, 0.5), (0.001, 0.03)
 #: Bounds of the eccentricity of orbits.
 ECCENTRICITIES = (0.02, 0.35)
-#: The gradient of the square of grad V costs as much as so many forces: see docs/methods.md.
-CHARGE = 1.1
+#: The gradient of the square of grad V costs as much as so many forces on Kepler: see docs/methods.md.
+CHARGE = 0.3
 #: A window is at least so wide: largest over smallest step size.
 NARROWEST = 1.5
 
@@ -156,8 +156,12 @@ _ALL = (
         tau_per_stage=evaluations_an_orbit(120, 85, 60), chains=(Chain(first="kick", stages=(11, 12, 13)),),
     ),
     Purpose(
-        name="modified", what="kicks of a modified potential", tau_per_stage=(0.05, 0.065, 0.08), t_end=40.0,
-        chains=(Chain(first="kick", stages=(5, 6), squares=(1,)),),
+        name="modified", what="planetary orbits, kicks of a modified potential", band=None, t_end=10 * pi,
+        tau_per_stage=evaluations_an_orbit(150, 110, 75),
+        chains=(
+            Chain(first="drift", stages=(5, 6), squares=(0, 1, 2)),
+            Chain(first="kick", stages=(5, 6), squares=(0, 1)),
+        ),
     ),
 )  # fmt: skip
 #: All purposes by name.

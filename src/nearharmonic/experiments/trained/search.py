@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from nearharmonic.errors import bad_setting
-from nearharmonic.experiments.trained.published import published_methods
+from nearharmonic.experiments.trained.published import modified_methods, published_methods
 from nearharmonic.experiments.trained.purposes import CHARGE, PURPOSES, Purpose
 from nearharmonic.experiments.trained.settings import SearchSettings
 from nearharmonic.integrators.modified_tableau import ModifiedTableau
@@ -106,7 +106,11 @@ def _all_findings(
     judge = _Judge(goal, settings, published, TRAINING)
     effort = Effort(trials=settings.trials, random=settings.random, refinements=settings.refinements)
     modified = any(chain.squares for chain in goal.chains)
-    known = [*begun, *published_methods(published, modified=modified)]
+    known = [
+        *begun,
+        *published_methods(published, modified=modified),
+        *(modified_methods(own=True) if modified else []),
+    ]
     found: list[Findings] = []
     for chain in goal.chains:
         before: list[Findings] = []
