@@ -100,7 +100,7 @@ def test_the_gain_in_the_document_is_that_of_ensembles_at_equal_cost(monkeypatch
     known = published_methods(PUBLISHED, modified=bool(goal.chains[0].squares))
 
     def cost(one):
-        return one.stages + purposes.CHARGE * getattr(one, "gradients", 0)
+        return one.stages + goal.charge * getattr(one, "gradients", 0)
 
     gains = []
     for tau in goal.tau_per_stage:

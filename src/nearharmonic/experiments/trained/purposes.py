@@ -16,8 +16,8 @@ from nearharmonic.training.population import Ensemble
 STRONG, WEAK = (0.01, 0.5), (0.001, 0.03)
 #: Bounds of the eccentricity of orbits.
 ECCENTRICITIES = (0.02, 0.35)
-#: The gradient of the square of grad V costs as much as so many forces on Kepler: see docs/methods.md.
-CHARGE = 0.3
+#: The gradient of the square of grad V costs as much as so many forces, on polynomials and on Kepler: docs/methods.md.
+CHARGE, CHARGE_OF_ORBITS = 1.1, 0.3
 #: A window is at least so wide: largest over smallest step size.
 NARROWEST = 1.5
 
@@ -88,6 +88,11 @@ class Purpose:
     def window(self) -> tuple[float, float]:
         """Smallest and largest step size."""
         return min(self.tau_per_stage), max(self.tau_per_stage)
+
+    @property
+    def charge(self) -> float:
+        """Cost of the gradient of the square of grad V, in forces."""
+        return CHARGE_OF_ORBITS if self.band is None else CHARGE
 
     @property
     def problems(self) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 
 from nearharmonic.errors import bad_setting
 from nearharmonic.experiments.trained.published import modified_methods, published_methods
-from nearharmonic.experiments.trained.purposes import CHARGE, PURPOSES, Purpose
+from nearharmonic.experiments.trained.purposes import PURPOSES, Purpose
 from nearharmonic.experiments.trained.settings import SearchSettings
 from nearharmonic.integrators.modified_tableau import ModifiedTableau
 from nearharmonic.integrators.tableau import Tableau
@@ -140,12 +140,12 @@ class _Judge:
         self.ensembles: list[Ensemble] = goal.ensembles(count, 3 * settings.seed + which, longer)
         modified = any(chain.squares for chain in goal.chains)
         methods = published_methods(published, modified=modified)
-        self.references = [best_of(one, methods, goal.tau_per_stage, CHARGE).value for one in self.ensembles]
+        self.references = [best_of(one, methods, goal.tau_per_stage, goal.charge).value for one in self.ensembles]
 
     def objective(self, family: Family, size: int = 1) -> Objective:
         """The objective of a family."""
         return Objective(
-            family, self.ensembles, self._goal.tau_per_stage, self.references, size=size, charge=CHARGE,
+            family, self.ensembles, self._goal.tau_per_stage, self.references, size=size, charge=self._goal.charge,
         )  # fmt: skip
 
     def gains(self, family: Family, found: Found) -> Any:
