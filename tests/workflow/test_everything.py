@@ -17,6 +17,7 @@ from matplotlib.image import imread
 
 from nearharmonic.claims.table import decided
 from nearharmonic.config import load
+from nearharmonic.experiments.trained.contestants import contestants
 from nearharmonic.output.store import groups_of, read
 from nearharmonic.output.style import style_of
 from targets import DECOMPOSED, MADE, METHODS, RECORD, SYSTEMS, TARGETS
@@ -38,6 +39,8 @@ COLUMNS = {
     "sixth_order_counts": "distinct solutions", "sixth_order_measured": "rank by maximum",
     "sixth_order_ranking": "nystrom_error", "stability_henon_heiles": "share_of_linear_limit",
     "stability_kepler": "e_0.000", "stability_rounding": "brouwer", "structure": "symplectic defect",
+    "trained_gains": "best trained", "trained_ideas": "ahead with T + V", "trained_long": "sum of coefficients",
+    "trained_methods": "ahead_from", "trained_times": "charge_lanes",
     "table1_structure": "ABA d value", "table2_recursion": "tau^1", "table2_values": "tau^1",
     "table3_even_orders": "tau^4 as printed", "table4_coefficients": "printed", "table4_derived": "agreeing decimals",
 }  # fmt: skip
@@ -184,8 +187,8 @@ def test_a_figure_shows_its_methods_in_each_of_its_files(finished, stem):
     pixels = imread(place / f"{stem}.png")[..., :3]
     assert (pixels.min(axis=2) < 0.9).mean() > 0.01
     assert (np.ptp(pixels, axis=2) > 0.2).mean() > 1e-4
-    if stem in ("henon_heiles_stability", "fig6_substeps", "linear_stability"):
-        return  # maps, paths and panels: a method has a place there, not a colour
+    if stem in ("henon_heiles_stability", "fig6_substeps", "linear_stability") or stem.startswith("trained_"):
+        return  # maps, paths, panels and the best of many: a method has a place there, not a colour
     methods = DECOMPOSED if stem == "fig2_decomposition" else METHODS
     if stem == "exact_oscillator_charge":  # methods that solve the oscillator exactly
         methods = ("aba864",)
@@ -260,6 +263,7 @@ def test_every_number_of_a_cube_is_there_for_each_method(finished):
             data = read(place, group)
             if "integrator" in data.dims:
                 methods = DECOMPOSED if name == "cubes/sho_terms.h5" else METHODS
+                methods = contestants() if name == "cubes/trained.h5" else methods
                 assert data.integrator.values.tolist() == list(methods), name
             # Positions may be timed on an interval of their own.
             system = str(group).removesuffix("_position")
@@ -268,7 +272,8 @@ def test_every_number_of_a_cube_is_there_for_each_method(finished):
                     numbers.add((system, key))
                     if np.isfinite(values).any():
                         found.add((system, key))
-        assert {key for _, key in numbers - found} <= {"tolerance"}, name  # which only adaptive peers have
+        # Adaptive peers alone have a tolerance, and registered methods that are trained a gain.
+        assert {key for _, key in numbers - found} <= {"tolerance", "gain", "gain_interval"}, name
 
 
 def test_cubes_cover_the_grid_of_their_system(finished):

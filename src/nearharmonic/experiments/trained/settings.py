@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from nearharmonic.engine.config_entries import STRICT, setting, whole_from
 from nearharmonic.engine.settings import one_of
+from nearharmonic.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.experiments.trained.purposes import PURPOSES
 from nearharmonic.integrators.tableau import Tableau
 
@@ -41,9 +42,10 @@ class TrainedSettings:
         default=tuple(PURPOSES), min_length=1,
     )  # fmt: skip
     search: SearchSettings = setting("How hard trained methods are searched for", default=SearchSettings)
+    proof: ProofSettings = setting("What all methods are tried on beside trained ones", default=ProofSettings)
 
     def check(self, methods: Sequence[Tableau], problems: Collection[str]) -> None:
-        """Refuse unknown purposes; keys are named as in a config.
+        """Refuse unknown purposes, and a proof of too many evaluations; keys are named as in a config.
 
         Raises
         ------
@@ -52,3 +54,4 @@ class TrainedSettings:
         """
         for i, purpose in enumerate(self.purposes):
             one_of(f"trained.purposes[{i}]", purpose, tuple(PURPOSES))
+        self.proof.check()
