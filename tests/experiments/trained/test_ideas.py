@@ -17,13 +17,13 @@ from nearharmonic.experiments.trained.ideas.oscillators import (
     exact_errors,
     scaled_potentials,
 )  # fmt: skip
-from nearharmonic.experiments.trained.ideas.run import Idea, _comparison, ideas_of, measure
+from nearharmonic.experiments.trained.ideas.run import STRENGTHS, Idea, _comparison, ideas_of, measure
 from nearharmonic.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.systems.oscillator import frequencies_of
 
 METHODS = ("ruth", "blanes_moan_s6o4", "babps8o7h", "babs7o7h", "srkn_b11", "chin_4a")
 EXACT = ("aba864",)
-SMALL = ProofSettings(potentials=4, strengths=3, t_end="15", tau_per_stage=("0.05", "0.1"), resamples=40)
+SMALL = ProofSettings(systems=12, t_end="15", tau_per_stage=("0.05", "0.1"))
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +97,7 @@ def made(values):
 
 def test_the_leader_is_the_idea_of_least_mean_error_and_the_lead_is_over_the_second():
     values = {"exact_oscillator": [-9, -4], "harmonic_conditions": [-7, -5], "nystrom": [-6, -5.5], "general": [-5, -5]}
-    variables = _comparison(made(values), 50, 1)
+    variables = _comparison(made(values), 1, 50)
     found = {name: entry[1] for name, entry in variables.items()}
     assert found["leader"].tolist() == [["exact_oscillator", "nystrom"]]
     assert found["lead"][0] == pytest.approx([2, 0.5])
@@ -116,9 +116,9 @@ def test_the_table_has_a_row_for_each_cell_of_the_map_and_says_the_same():
     made_here = measure(METHODS, EXACT, SMALL)
     values = {name: entry[1] for name, entry in made_here["cube"].variables.items()}
     rows = [dict(zip(made_here["table"].header, row, strict=True)) for row in made_here["table"].rows]
-    assert len(rows) == 2 * 3
+    assert len(rows) == 2 * STRENGTHS
     for n, row in enumerate(rows):
-        t, j = divmod(n, 3)
+        t, j = divmod(n, STRENGTHS)
         gains = {idea: row[idea] for idea in IDEAS}
         assert (
             row["ahead"] == values["leader"][t, j] == max(IDEAS, key=lambda idea: np.nan_to_num(gains[idea], nan=-99))

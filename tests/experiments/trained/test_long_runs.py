@@ -17,8 +17,7 @@ from nearharmonic.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.output import job
 
 SMALL = ProofSettings(
-    systems=4, starts=4, t_end="10", tau_per_stage=("0.1",), orbits="1", evaluations_per_orbit=(60,), resamples=20,
-    steps=2000,
+    systems=4, t_end="10", tau_per_stage=("0.1",), evaluations_per_orbit=(60,), steps=2000
 )  # fmt: skip
 
 

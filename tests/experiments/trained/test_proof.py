@@ -28,8 +28,7 @@ from plain_runs import (
 )  # fmt: skip
 
 SMALL = ProofSettings(
-    systems=4, starts=4, t_end="12", tau_per_stage=("0.05", "0.1"), orbits="1", evaluations_per_orbit=(60,),
-    resamples=40,
+    systems=4, t_end="12", tau_per_stage=("0.05", "0.1"), evaluations_per_orbit=(60,)
 )  # fmt: skip
 #: Two published methods, one of this project, and two with kicks of a modified potential, a published one and an own.
 METHODS = ("babps8o7h", "srkn_b11", "babs8o6_7h", "chin_4a", "abag5o6")
@@ -46,7 +45,7 @@ KINDS = ("published", "published", "trained", "trained")
 
 
 def test_a_gain_is_the_difference_of_the_means_of_the_best():
-    found = gains(curves([-6, -4], [-6.5, -4], 0.0, 10), KINDS, 50, 1)
+    found = gains(curves([-6, -4], [-6.5, -4], 0.0, 10), KINDS, 1, 50)
     assert found.gain == pytest.approx([0.5, 0.5])
     assert found.interval == pytest.approx(0.5)
     assert (found.published.tolist(), found.trained.tolist()) == ([0, 1], [2, 3])
@@ -55,7 +54,7 @@ def test_a_gain_is_the_difference_of_the_means_of_the_best():
 def test_intervals_of_independent_errors_are_those_of_the_normal_distribution():
     """1.96 standard deviations of a difference of means; 4000 resamples know their tails to 5 %, 400 draws theirs."""
     count = 400
-    found = gains(curves([-6, -2], [-6.7, -2], 0.3, count), KINDS, 4000, 2)
+    found = gains(curves([-6, -2], [-6.7, -2], 0.3, count), KINDS, 2, 4000)
     width = 1.96 * 0.3 * sqrt(2 / count)
     assert np.diff(found.interval, axis=1)[:, 0] == pytest.approx([2 * width] * 2, rel=0.12)
 
@@ -64,7 +63,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
     """Of 200 samples 95 % do, give or take 3 deviations of the binomial distribution and what 60 problems lack."""
     inside = 0
     for seed in range(200):
-        low, high = gains(curves([-6, -2], [-6.4, -2], 0.5, 60, seed), KINDS, 200, seed).interval[0]
+        low, high = gains(curves([-6, -2], [-6.4, -2], 0.5, 60, seed), KINDS, seed, 200).interval[0]
         inside += low <= 0.4 <= high
     assert 0.87 <= inside / 200 <= 0.99
 
@@ -73,22 +72,22 @@ def test_problems_are_resampled_together_for_all_methods():
     """What problems have in common cancels: the errors of all methods move alike, and the gain does not."""
     logs = np.full((2, 1, 50), -5.0) + np.random.default_rng(3).normal(size=50)
     logs[1] -= 0.25
-    assert gains(logs, ("published", "trained"), 100, 4).interval == pytest.approx(0.25)
+    assert gains(logs, ("published", "trained"), 4, 100).interval == pytest.approx(0.25)
 
 
 def test_the_best_are_chosen_anew_in_each_resample():
     """Two published methods that are equal in the mean: the better of them in a resample is better than the mean."""
     logs = curves([-5, -5], [-4, -4], 1.0, 40)
     logs -= logs.mean(axis=-1, keepdims=True) - np.array([-5, -5, -4, -4])[:, None, None]
-    found = gains(logs, KINDS, 2000, 5)
+    found = gains(logs, KINDS, 5, 2000)
     # The larger of two normal numbers is 1/sqrt(pi) deviations above the mean; trained methods gain the same.
     assert found.gain == pytest.approx(-1)
-    one = gains(logs[[0, 2]], ("published", "trained"), 2000, 5)
+    one = gains(logs[[0, 2]], ("published", "trained"), 5, 2000)
     assert (np.diff(found.interval)[:, 0] < 0.95 * np.diff(one.interval)[:, 0]).all()
 
 
 def test_without_a_trained_method_there_is_no_gain_and_the_best_published_one_is_told():
-    found = gains(curves([-6, -4], [-7, -7], 0.0, 5)[:2], ("published", "own"), 10, 1)
+    found = gains(curves([-6, -4], [-7, -7], 0.0, 5)[:2], ("published", "own"), 1, 10)
     assert np.isnan(found.gain).all()
     assert np.isnan(found.interval).all()
     assert (found.published.tolist(), found.trained.tolist()) == ([0, 0], [-1, -1])
@@ -213,8 +212,8 @@ def test_settings_are_keys_of_the_config_and_too_much_is_refused():
         "trained: {proof: {systems: 5, tau_per_stage: [0.1]}}\n"
     )
     proof = load(given).trained.proof
-    assert (proof.systems, proof.tau_per_stage, proof.charge) == (5, ("0.1",), "1.1")
-    for key, value in (("systems", 100_000), ("starts", 100_000), ("steps", 10**9)):
+    assert (proof.systems, proof.tau_per_stage, proof.steps) == (5, ("0.1",), 10**6)
+    for key, value in (("systems", 100_000), ("steps", 10**9)):
         given["trained"]["proof"] = {key: value, "t_end": 10_000 if key != "steps" else 10}
         with pytest.raises(SettingError, match=rf"trained\.proof\.{key}.*force evaluations"):
             load(given)

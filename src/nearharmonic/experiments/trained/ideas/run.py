@@ -18,7 +18,7 @@ from nearharmonic.experiments.trained.ideas.oscillators import (
     scaled_potentials,
 )
 from nearharmonic.experiments.trained.ideas.tables import ideas_table
-from nearharmonic.experiments.trained.proof.gains import CONFIDENCE, bounds, means_of
+from nearharmonic.experiments.trained.proof.gains import CONFIDENCE, RESAMPLES, bounds, means_of
 from nearharmonic.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.modified_integrators import method_of
 from nearharmonic.output.dataset import Contents, Variables, coordinate, variable
@@ -27,6 +27,8 @@ from nearharmonic.training.population import LEAST, Floats
 
 #: The idea that the others are compared with.
 REFERENCE = "general"
+#: Part of the problems of an ensemble that are potentials here, as each is taken at so many strengths.
+PART, STRENGTHS = 3, 13
 #: Of the anharmonicities of the potentials at one strength.
 QUANTILES = (0.05, 0.5, 0.95)
 
@@ -49,12 +51,12 @@ def measure(methods: Sequence[str], exact: Sequence[str], settings: ProofSetting
     exact : sequence of str
         Names of the methods that solve the oscillator exactly.
     settings : ProofSettings
-        Potentials, strengths, step sizes and resamples.
+        Number of potentials, and step sizes.
     """
     taus = np.array([float(tau) for tau in settings.tau_per_stage])
-    scaled = scaled_potentials(settings.potentials, settings.strengths, settings.seed, float(settings.t_end))
+    scaled = scaled_potentials(settings.systems // PART, STRENGTHS, settings.seed, float(settings.t_end))
     found = ideas_of(scaled, methods, exact, taus)
-    variables = _variables(scaled, taus) | _comparison(found, settings.resamples, settings.seed)
+    variables = _variables(scaled, taus) | _comparison(found, settings.seed)
     return {"cube": Contents(variables=variables), "table": ideas_table(variables)}
 
 
@@ -102,7 +104,7 @@ def _variables(scaled: Scaled, taus: Floats) -> Variables:
     }  # fmt: skip
 
 
-def _comparison(found: Mapping[str, Idea], resamples: int, seed: int) -> Variables:
+def _comparison(found: Mapping[str, Idea], seed: int, resamples: int = RESAMPLES) -> Variables:
     """Errors of the best, gains over the reference and the idea that is ahead."""
     shape = found[REFERENCE].logarithms.shape[1:]
     problems = shape[-1]

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from nearharmonic.training.population import Floats
 
-#: Part of the resamples that an interval holds.
+#: Resamples of the problems, and the part of them that an interval holds.
+RESAMPLES = 1000
 CONFIDENCE = 0.95
 
 Integers = NDArray[np.int64]
@@ -37,7 +38,7 @@ class Gains:
     interval: Floats
 
 
-def gains(logarithms: Floats, kinds: Sequence[str], resamples: int, seed: int) -> Gains:
+def gains(logarithms: Floats, kinds: Sequence[str], seed: int, resamples: int = RESAMPLES) -> Gains:
     """Return the gains of the best trained over the best published method.
 
     Parameters
@@ -46,10 +47,10 @@ def gains(logarithms: Floats, kinds: Sequence[str], resamples: int, seed: int) -
         Logarithms to base 10 of the errors of A methods on M problems.
     kinds : sequence of A str
         "trained", "published", or another kind that takes no part.
-    resamples : int
-        Resamples of the problems.
     seed : int
         Of the resamples.
+    resamples : int
+        Resamples of the problems.
     """
     published, trained = (np.flatnonzero(np.array(kinds) == kind) for kind in ("published", "trained"))
     _, points, problems = logarithms.shape

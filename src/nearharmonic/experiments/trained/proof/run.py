@@ -12,6 +12,7 @@ from nearharmonic.experiments.trained.ensembles import Trial, proof_ensembles
 from nearharmonic.experiments.trained.proof.gains import CONFIDENCE, Gains, gains
 from nearharmonic.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.experiments.trained.proof.tables import gain_table, method_table
+from nearharmonic.experiments.trained.purposes import CHARGE
 from nearharmonic.modified_integrators import method_of
 from nearharmonic.output.dataset import Contents, Variables, coordinate, method_coordinates, variable
 from nearharmonic.training.objective import errors_of
@@ -31,15 +32,15 @@ def measure(methods: Sequence[str], settings: ProofSettings) -> dict[str, Any]:
     methods : sequence of str
         Names of all methods that are compared.
     settings : ProofSettings
-        Ensembles, step sizes and resamples.
+        Ensembles and step sizes.
     """
     kinds = [kind_of(name) for name in methods]
     trials, means, found = [], [], []
     for trial in proof_ensembles(settings):
-        logarithms = log_errors(trial.ensemble, methods, trial.tau_per_stage, float(settings.charge))
+        logarithms = log_errors(trial.ensemble, methods, trial.tau_per_stage, CHARGE)
         trials.append(trial)
         means.append(logarithms.mean(axis=-1))
-        found.append(gains(logarithms, kinds, settings.resamples, settings.seed))
+        found.append(gains(logarithms, kinds, settings.seed))
     variables = _variables(methods, kinds, trials, means) | _gain_variables(methods, found)
     return {
         "cube": Contents(variables=variables),

@@ -13,6 +13,8 @@ from nearharmonic.errors import bad_setting
 MOST_EVALUATIONS = 10**12
 #: Methods and ensembles that a proof has at most, for the estimate of its evaluations.
 METHODS, ENSEMBLES = 100, 17
+#: Periods of a Kepler orbit.
+ORBITS = 10
 #: Evaluations of a step of the long runs, all methods and starts together.
 LONG = 10**4
 
@@ -27,14 +29,9 @@ class ProofSettings:
     __pydantic_config__ = STRICT
 
     seed: int = setting(
-        "Of the test ensembles, the resamples and all that is random; no training set has it",
-        default=1501,
-        **whole_from(0),
+        "Of the test ensembles and all else that is random; training sets have others", default=1501, **whole_from(0)
     )
-    systems: int = setting(
-        "Random potentials in each band of strength, and Kepler orbits", default=192, **whole_from(4, 10**5)
-    )
-    starts: int = setting("Starts of each system that has a name", default=64, **whole_from(4, 10**5))
+    systems: int = setting("Problems of each ensemble", default=192, **whole_from(4, 10**5))
     t_end: PositiveDecimal = setting(
         "Every run covers so many radians of the fastest small oscillation", POSITIVE, unit="rad", default="100"
     )
@@ -46,7 +43,6 @@ class ProofSettings:
         default=("0.012", "0.02", "0.03", "0.05", "0.07", "0.1", "0.12", "0.14", "0.17", "0.2", "0.25"),
         min_length=1,
     )
-    orbits: PositiveDecimal = setting("Periods of a Kepler orbit", POSITIVE, unit="period", default="10")
     evaluations_per_orbit: tuple[EvaluationsPerOrbit, ...] = setting(
         "Force evaluations in a period of a Kepler orbit",
         "a list of whole numbers from 10 to 1000000",
@@ -54,21 +50,6 @@ class ProofSettings:
         each="a whole number from 10 to 1000000",
         default=(60, 120, 240, 480),
         min_length=1,
-    )
-    charge: PositiveDecimal = setting(
-        "Cost of the gradient of the square of grad V, in evaluations of the force; about 1.1 on most systems",
-        POSITIVE,
-        unit="1",
-        default="1.1",
-    )
-    resamples: int = setting("Resamples of an ensemble, for 95 % intervals", default=1000, **whole_from(20, 10**5))
-    potentials: int = setting(
-        "Random potentials, each taken at all strengths, to compare ideas",
-        default=64,
-        **whole_from(4, 10**4),
-    )
-    strengths: int = setting(
-        "Strengths of these, even in the logarithm, to compare ideas", default=13, **whole_from(2, 1000)
     )
     steps: int = setting("Steps of the long runs", default=10**6, **whole_from(1000, MOST_STEPS))
 
@@ -81,11 +62,8 @@ class ProofSettings:
             The first fault found.
         """
         each = sum(float(self.t_end) / float(tau) for tau in self.tau_per_stage)
-        orbits = float(self.orbits) * sum(self.evaluations_per_orbit)
         for key, value, per_member in (
-            ("systems", self.systems, METHODS * (ENSEMBLES * each + orbits)),
-            ("starts", self.starts, METHODS * ENSEMBLES * each),
-            ("potentials", self.potentials, METHODS * self.strengths * each),
+            ("systems", self.systems, METHODS * (ENSEMBLES * each + ORBITS * sum(self.evaluations_per_orbit))),
             ("steps", self.steps, LONG),
         ):
             if value * per_member > MOST_EVALUATIONS:
