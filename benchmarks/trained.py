@@ -11,7 +11,7 @@ import csv
 import re
 import shutil
 from itertools import groupby
-from math import isnan, nan
+from math import isnan, nan, pi
 from pathlib import Path
 
 import nearharmonic as nh
@@ -82,26 +82,32 @@ def gains(folder):
     return table(("ensemble", *(f"{tau:g}" for tau in taus)), lines)
 
 
-def best(folder, ensemble, first, shown):
-    """The best published and trained methods of one ensemble with their errors."""
+def best(rows, first, shown):
+    """The best published and trained methods of one ensemble with their errors: a header, and a line for each row."""
     header = (first, "best published", "log₁₀ error", "best trained", "log₁₀ error", "gain")
-    lines = [
+    return header, [
         (
             shown(row["tau_per_stage"]), label(row["best published"]), signed(row["log10_error"]),
             label(row["best trained"]), signed(row["log10_error_trained"]), interval(row),
         )
-        for row in rows_of(folder, "gains") if row["ensemble"].startswith(ensemble)
+        for row in rows
     ]  # fmt: skip
-    return table(header, lines)
-
-
-def orbits(folder):
-    """The same for Kepler orbits, by evaluations of the force in an orbit."""
-    return best(folder, ORBITS, "evaluations an orbit", lambda tau: f"{2 * 3.141592653589793 / tau:.0f}")
 
 
 def widest(folder):
-    return best(folder, WIDEST, "τ/s", lambda tau: f"{tau:g}")
+    inside = [row for row in rows_of(folder, "gains") if row["ensemble"] == WIDEST]
+    return table(*best(inside, "τ/s", lambda tau: f"{tau:g}"))
+
+
+def orbits(folder):
+    """The same for Kepler orbits, by evaluations of the force in an orbit, and gains at equal time."""
+    inside, timed = (
+        [row for row in rows_of(folder, name) if row["ensemble"].startswith(ORBITS)] for name in ("gains", "times")
+    )
+    header, lines = best(inside, "evaluations an orbit", lambda tau: f"{2 * pi / tau:.0f}")
+    by_time = [(signed(row["gain_lanes"]), signed(row["gain_single"])) for row in timed]
+    lines = [(*line, *gained) for line, gained in zip(lines, by_time, strict=True)]
+    return table((*header, "by time, lanes", "by time, single"), lines)
 
 
 def losses(folder):
@@ -176,15 +182,19 @@ def long_runs(folder):
 
 
 def times(folder):
-    """Times and charges of each ensemble, and the largest change of a gain by them."""
+    """Times and charges of each system, and the largest change of a gain by them."""
     lines = []
     for ensemble, group in groupby(rows_of(folder, "times"), key=lambda row: row["ensemble"]):
         inside = list(group)
         row = inside[0]
         change = max((abs(r[f"gain_{m}"] - r["gain"]) for r in inside for m in ("lanes", "single")), default=nan)
         cells = [f"{row[key]:.2g}" for key in ("ns_lanes", "ns_single", "charge_lanes", "charge_single")]
-        lines.append((ensemble, *cells, "" if isnan(change) else f"{change:.2f}"))
-    return table(("ensemble", "ns, lanes", "ns, single", "charge, lanes", "charge, single", "change of a gain"), lines)
+        name = re.sub(r"^(d = \d), .*", r"random potentials, \1", ensemble)
+        if lines and lines[-1][0] == name:
+            change = max(change, lines.pop()[-1])
+        lines.append((name, *cells, change))
+    shown = [(*line[:-1], "" if isnan(line[-1]) else f"{line[-1]:.2f}") for line in lines]
+    return table(("system", "ns, lanes", "ns, single", "charge, lanes", "charge, single", "change of a gain"), shown)
 
 
 #: Marks of the page, and what stands between them.
