@@ -143,7 +143,8 @@ def test_the_cube_has_each_ensemble_with_its_own_step_sizes(small):
     assert values["kind"].tolist() == ["published", "published", "own", "published", "own"]
     assert (np.diff(values["anharmonicity"], axis=1) >= 0).all()
     for e, trial in enumerate(proof_ensembles(SMALL)):
-        means = log_errors(trial.ensemble, METHODS, trial.tau_per_stage, 1.1).mean(axis=-1)
+        charge = 0.3 if trial.panel == "Kepler orbits" else 1.1
+        means = log_errors(trial.ensemble, METHODS, trial.tau_per_stage, charge).mean(axis=-1)
         assert (values["mean_log_error"][e, :, : means.shape[1]] == means).all()
         best = [METHODS[i] for i in np.where(values["kind"] == "published", means.T, np.inf).argmin(axis=1)]
         assert values["best_published"][e, : len(best)].tolist() == best

@@ -11,7 +11,7 @@ from nearharmonic.experiments.trained.anharmonicity import with_anharmonicity
 from nearharmonic.experiments.trained.named_systems import named_ensembles
 from nearharmonic.experiments.trained.orbits import orbit_ensemble
 from nearharmonic.experiments.trained.proof.settings import ORBITS, ProofSettings
-from nearharmonic.experiments.trained.purposes import ECCENTRICITIES
+from nearharmonic.experiments.trained.purposes import CHARGE, CHARGE_OF_ORBITS, ECCENTRICITIES
 from nearharmonic.experiments.trained.random_potentials import random_ensemble
 from nearharmonic.training.population import Ensemble, Floats
 
@@ -23,11 +23,12 @@ CHAIN = 2
 
 
 class Trial(NamedTuple):
-    """An ensemble, the step sizes per stage (T,) at which methods are compared on it, and the panel of its curve."""
+    """An ensemble, step sizes over the cost of a step (T,), the panel of its curve, and what a gradient costs."""
 
     ensemble: Ensemble
     tau_per_stage: Floats
     panel: str
+    charge: float = CHARGE
 
 
 def proof_ensembles(settings: ProofSettings) -> Iterator[Trial]:
@@ -42,4 +43,4 @@ def proof_ensembles(settings: ProofSettings) -> Iterator[Trial]:
         yield Trial(named, taus, "chains" if named.system.dimension > CHAIN else "one or two coordinates")
     orbits = orbit_ensemble(settings.systems, settings.seed, eccentricities=ECCENTRICITIES, orbits=ORBITS)
     evaluations = np.array(settings.evaluations_per_orbit, dtype=float)
-    yield Trial(with_anharmonicity(orbits), 2 * np.pi / evaluations, "Kepler orbits")
+    yield Trial(with_anharmonicity(orbits), 2 * np.pi / evaluations, "Kepler orbits", CHARGE_OF_ORBITS)

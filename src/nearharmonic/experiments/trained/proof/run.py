@@ -12,7 +12,6 @@ from nearharmonic.experiments.trained.ensembles import Trial, proof_ensembles
 from nearharmonic.experiments.trained.proof.gains import CONFIDENCE, Gains, gains
 from nearharmonic.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.experiments.trained.proof.tables import gain_table, method_table
-from nearharmonic.experiments.trained.purposes import CHARGE
 from nearharmonic.modified_integrators import method_of
 from nearharmonic.output.dataset import Contents, Variables, coordinate, method_coordinates, variable
 from nearharmonic.training.objective import errors_of
@@ -37,7 +36,7 @@ def measure(methods: Sequence[str], settings: ProofSettings) -> dict[str, Any]:
     kinds = [kind_of(name) for name in methods]
     trials, means, found = [], [], []
     for trial in proof_ensembles(settings):
-        logarithms = log_errors(trial.ensemble, methods, trial.tau_per_stage, CHARGE)
+        logarithms = log_errors(trial.ensemble, methods, trial.tau_per_stage, trial.charge)
         trials.append(trial)
         means.append(logarithms.mean(axis=-1))
         found.append(gains(logarithms, kinds, settings.seed))
