@@ -117,7 +117,10 @@ def trained_gain(cube: xr.Dataset) -> Figure:
         inside = cube.isel(ensemble=np.flatnonzero(cube["panel"].values == panel))
         handles = _gains(axes, inside)
         panel_letter(axes, _letter(i), panel)
-        axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.17), fontsize=8, labelspacing=0.3)
+        axes.legend(
+            handles=handles, title="strength" if panel.startswith("random") else None, loc="upper center",
+            bbox_to_anchor=(0.5, -0.17), fontsize=8, title_fontsize=8, labelspacing=0.3,
+        )  # fmt: skip
     grid[0].set_ylabel("gain (decades)")
     return drawn
 
