@@ -149,6 +149,10 @@ _ALL = (
         chains=(_ELEVEN, Chain(first="drift", stages=(14,), order=6)),
     ),
     Purpose(
+        name="precise", what="errors of 1e-12", tau_per_stage=(0.0115, 0.014, 0.0175), t_end=14.0,
+        chains=(Chain(first="kick", stages=(17,), order=6), Chain(first="drift", stages=(17,), order=6)),
+    ),
+    Purpose(
         name="weak", what="small anharmonicity", tau_per_stage=(0.085, 0.11, 0.14), t_end=50.0, band=WEAK,
         chains=(Chain(first="kick", stages=(8, 9), harmonic_order=6),),
     ),
