@@ -95,6 +95,18 @@ _STYLES = {
     "bcss_s3": Style("#8a6200", "<"),
     "bcss_s4": Style("#8a6200", ">"),
     "predescu_s3": Style("#8a6200", "d"),
+    # Trained on ensembles: from coarse to precise, then those for other problems.
+    "trained_coarse": Style("#d6006e", "<"),
+    "trained_light": Style("#d6006e", ">"),
+    "trained_moderate": Style("#d6006e", "h"),
+    "trained_fine": Style("#d6006e", "*"),
+    "trained_finer": Style("#d6006e", "8"),
+    "trained_finest": Style("#d6006e", "d"),
+    "trained_precise": Style("#d6006e", "p"),
+    "trained_weak": Style("#7a3b69", "<"),
+    "trained_orbits": Style("#7a3b69", ">"),
+    "trained_orbits_coarse": Style("#7a3b69", "h"),
+    "trained_modified": Style("#7a3b69", "*"),
 }
 
 _SPARE_COLOURS = ("#2a8f80", "#8a8a2e", "#332288", "#aa4499", "#cc6677", "#117733", "#5d5d5d")

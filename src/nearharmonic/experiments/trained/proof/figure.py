@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator
 
 from nearharmonic.output.declarations import figure
 from nearharmonic.output.style import log_scale, new_figure, panel_letter, style_of
@@ -25,6 +26,8 @@ MARKERS = ("o", "s", "^", "D", "v", "P")
 COLUMNS = 4
 #: Largest error that is shown, and the step sizes that are labelled.
 HIGHEST, TICKS = 0.02, (0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
+#: Factor between errors that are labelled.
+LABELLED = 1000
 
 
 @figure(
@@ -73,6 +76,9 @@ def _errors(axes: Axes, one: xr.Dataset) -> None:
     for name, row in zip(names[kinds == "trained"], trained, strict=True):
         axes.plot(tau, row, **style_of(str(name)).line(markersize=2.6, linewidth=0.7, zorder=5))
     log_scale(axes, "y")
+    # Every decade has its tick, every third its label: more would run into the panel on the left.
+    axes.yaxis.set_major_locator(LogLocator(base=LABELLED, numticks=12))
+    axes.yaxis.set_minor_locator(LogLocator(base=10, numticks=20))
     step_axis(axes)
 
 
