@@ -1,0 +1,277 @@
+"""The search for a system's own method: many short searches, of which the better half goes on, until a budget is spent.
+
+Successive halving: every start, a published method or one of a stage less that is grown or a random one, in every
+family, has as many trials; the better half has twice as many more, from where they are. The last one is searched around,
+in turns with random starts, until time or trials are spent.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from nearharmonic.errors import NearharmonicError, SettingError
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.training.family import Family
+from nearharmonic.training.objective import OUTSIDE, Objective
+from nearharmonic.training.population import Ensemble, Floats
+from nearharmonic.training.search import (
+    AROUND_FOUND,
+    SAME_UNKNOWNS,
+    SAME_VALUE,
+    Effort,
+    Start,
+    descend,
+    starts_of,
+)
+
+#: Methods tried at a time; trials of the first round from each start; random starts of each family in it.
+POPULATION, FIRST, RANDOM = 20, 300, 3
+#: Trials of a search around the best, and of one from a random start, when the rounds are over.
+AROUND_BEST, FROM_RANDOM = 3000, 1500
+#: Orders that families have beyond four: (order, harmonic order, whether T has to be quadratic).
+CONDITIONS = ((4, 4, False), (4, 6, False), (6, 6, True))
+
+
+class BudgetSpentError(NearharmonicError):
+    """Time or trials of a search are spent; what was found until then stays."""
+
+
+class Budget:
+    """Time, or a number of trials, that a search may take.
+
+    Parameters
+    ----------
+    seconds, trials : float and int, or None
+        What is allowed; None for any.
+    show : callable, optional
+        Is told of the part that is spent, from 0 to 1, and of the least objective.
+    """
+
+    def __init__(
+        self, seconds: float | None, trials: int | None, show: Callable[[float, float], None] | None = None
+    ) -> None:
+        self._seconds, self._most, self._show = seconds, trials, show
+        self._begin = time.monotonic()
+        self.trials = 0
+
+    @property
+    def seconds(self) -> float:
+        """Time since the search began."""
+        return time.monotonic() - self._begin
+
+    def spend(self, trials: int, best: float) -> None:
+        """Count trials.
+
+        Raises
+        ------
+        BudgetSpentError
+            They are the last.
+        """
+        self.trials += trials
+        parts = [(self.seconds, self._seconds), (self.trials, self._most)]
+        spent = max(used / allowed for used, allowed in parts if allowed is not None)
+        if self._show is not None:
+            self._show(min(spent, 1.0), best)
+        if spent >= 1:
+            raise BudgetSpentError("the budget of the search is spent")
+
+
+@dataclass
+class Best:
+    """The best member of all families so far, and after how many trials and seconds it came within rounding of that."""
+
+    value: float = OUTSIDE
+    family: Family | None = None
+    unknowns: Floats | None = None
+    origin: str = ""
+    trials: int = 0
+    seconds: float = 0.0
+
+
+@dataclass
+class Branch:
+    """A start in a family, and how far its search has come."""
+
+    family: Family
+    start: Start
+    value: float
+    unknowns: Floats
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchResult:
+    """What a search found, and how far it came.
+
+    Attributes
+    ----------
+    best : Best
+        The best member.
+    trials, searches, again : int
+        Members tried; searches that ended; those of them that ended at the best.
+    seconds : float
+        Time taken.
+    stopped : str
+        Why it ended: "seconds", "trials" or "Ctrl-C".
+    """
+
+    best: Best
+    trials: int
+    searches: int
+    again: int
+    seconds: float
+    stopped: str
+
+
+class _Watched(Objective):
+    """An objective that keeps its best member at every call, so that a search may be stopped at any time."""
+
+    def __init__(self, best: Best, budget: Budget, family: Family, *others: Any, **settings: Any) -> None:
+        super().__init__(family, *others, **settings)
+        self._best, self._budget = best, budget
+        self.origin = ""
+
+    def __call__(self, points: Floats) -> Floats:
+        values, best = super().__call__(points), self._best
+        i = int(values.argmin())
+        if values[i] < best.value:
+            if values[i] < best.value - SAME_VALUE or best.family is not self.family:
+                best.trials, best.seconds = self._budget.trials + len(points), self._budget.seconds
+            best.value, best.family, best.origin = float(values[i]), self.family, self.origin
+            best.unknowns = self.family.project(points[i : i + 1])[0][0]
+        self._budget.spend(len(points), best.value)
+        return values
+
+
+class TailorSearch:
+    """The search.
+
+    Parameters
+    ----------
+    ensemble : Ensemble
+        The problems.
+    tau_per_stage : (T,) array of float
+        The window.
+    reference : (T,) array of float
+        Mean of log10 max |dH| of the best published methods.
+    known : sequence of Tableau
+        Methods to start from.
+    stages : sequence of int
+        Stages of the methods that are tried.
+    quadratic : bool
+        Whether T is quadratic.
+    budget : Budget
+        When it ends.
+    seed : int
+        Of all random numbers.
+    """
+
+    def __init__(
+        self, ensemble: Ensemble, tau_per_stage: Floats, reference: Floats, known: Sequence[Tableau], *,
+        stages: Sequence[int], quadratic: bool, budget: Budget, seed: int,
+    ) -> None:  # fmt: skip
+        self._known, self._budget, self._random = known, budget, np.random.default_rng([seed, 2])
+        self.best, self._ends = Best(), list[tuple[Family, float, Floats]]()
+        self._objectives = {
+            family: _Watched(self.best, budget, family, [ensemble], tau_per_stage, [reference], size=POPULATION)
+            for family in families(stages, quadratic=quadratic)
+        }
+
+    def run(self) -> SearchResult:
+        """Return what is found when the budget is spent or Ctrl-C is pressed.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            Ctrl-C before anything was found.
+        """
+        try:
+            for _ in self._searches():
+                pass
+            stopped = ""
+        except BudgetSpentError:
+            stopped = "spent"
+        except KeyboardInterrupt:
+            if self.best.unknowns is None:
+                raise
+            stopped = "Ctrl-C"
+        best = self.best
+        again = sum(
+            family == best.family
+            and value < best.value + SAME_VALUE
+            and bool(np.abs(unknowns - best.unknowns).max(initial=0) < SAME_UNKNOWNS)
+            for family, value, unknowns in self._ends
+        )
+        return SearchResult(
+            best=best, trials=self._budget.trials, searches=len(self._ends), again=again,
+            seconds=self._budget.seconds, stopped=stopped,
+        )  # fmt: skip
+
+    def _searches(self) -> Iterator[None]:
+        branches, trials, turn = self._branches(), FIRST, 0
+        while len(branches) > 1:
+            for branch in branches:
+                yield self._go_on(branch, trials)
+            branches.sort(key=lambda one: one.value)
+            branches, trials, turn = branches[: (len(branches) + 1) // 2], 2 * trials, turn + 1
+            for branch in branches:
+                branch.start = Start(
+                    origin=branch.start.origin, point=branch.unknowns, spread=AROUND_FOUND[turn % len(AROUND_FOUND)]
+                )
+        everywhere = list(self._objectives)
+        for turn in range(10**9):
+            best = self.best
+            assert best.family is not None
+            assert best.unknowns is not None
+            spread = AROUND_FOUND[turn % len(AROUND_FOUND)]
+            point = best.unknowns + spread * self._random.normal(size=best.family.unknowns)
+            near = Start(origin=best.origin, point=point, spread=spread)
+            yield self._go_on(Branch(best.family, near, OUTSIDE, point), AROUND_BEST)
+            anywhere = everywhere[turn % len(everywhere)]
+            start = Start(origin="random", point=None, spread=AROUND_FOUND[-1])
+            yield self._go_on(Branch(anywhere, start, OUTSIDE, np.zeros(anywhere.unknowns)), FROM_RANDOM)
+
+    def _branches(self) -> list[Branch]:
+        """All starts in all families, the better of those that are known first."""
+        found = []
+        effort = Effort(trials=FIRST, random=RANDOM, refinements=0)
+        for family, objective in self._objectives.items():
+            for start in starts_of(family, self._known, [], effort):
+                value, point = OUTSIDE, np.zeros(family.unknowns)
+                if start.point is not None:
+                    objective.origin, point = start.origin, start.point
+                    value = float(objective(point[None])[0])
+                found.append(Branch(family, start, value, point))
+        return sorted(found, key=lambda one: one.value)
+
+    def _go_on(self, branch: Branch, trials: int) -> None:
+        """Search from where a branch is."""
+        objective = self._objectives[branch.family]
+        objective.origin = branch.start.origin
+        effort = Effort(trials=trials, random=0, refinements=0, population=POPULATION)
+        seed = int(self._random.integers(1, 2**31))
+        value, unknowns = descend(objective, branch.start, effort, seed)
+        if value < branch.value:
+            branch.value, branch.unknowns = value, unknowns
+        self._ends.append((branch.family, branch.value, branch.unknowns))
+
+
+def families(stages: Sequence[int], *, quadratic: bool) -> list[Family]:
+    """Return the families that are searched, both roles of each: those that leave coefficients free."""
+    found = []
+    for s in stages:
+        for order, harmonic_order, needs_quadratic in CONDITIONS:
+            for first in ("kick", "drift"):
+                if needs_quadratic and not quadratic:
+                    continue
+                try:
+                    family = Family(stages=s, first=first, order=order, harmonic_order=harmonic_order)  # type: ignore[arg-type]
+                except SettingError:
+                    continue
+                if family.unknowns > len(family.equations):
+                    found.append(family)
+    return found
