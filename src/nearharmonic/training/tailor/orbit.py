@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
@@ -76,9 +78,8 @@ def fastest(system: System, q: Floats, p: Floats) -> float:
     SettingError
         It is 0 at each of the states, or not finite.
     """
-    parameters = system.constants(float)
     with np.errstate(all="ignore"):
-        squares = np.array([_square(system, a, b, parameters) for a, b in zip(q, p, strict=True)])
+        squares = _squares(system, q.T, p.T)
     frequency = float(np.sqrt(np.abs(squares).mean()))
     if not 0 < frequency < np.inf:
         allowed = "one with a force that depends on the position along the orbit of its start"
@@ -86,22 +87,35 @@ def fastest(system: System, q: Floats, p: Floats) -> float:
     return frequency
 
 
-def _square(system: System, q: Floats, p: Floats, parameters: tuple[float, ...]) -> float:
-    """The largest eigenvalue of T'' V'' at a state."""
-    d, time = len(q), (0.0,) if system.time_dependent else ()
+def _squares(system: System, q: Floats, p: Floats) -> Floats:
+    """The largest eigenvalue (S,) of T'' V'' at each state (d, S)."""
+    d, parameters = len(q), system.constants(float)
+    time = (np.zeros(q.shape[1]),) if system.time_dependent else ()
     grad_T = system.formulas().grad_T
-    size = 0.0
-    w = np.random.default_rng(d).normal(size=d)
-    velocity = np.array(grad_T((*p, *time), *parameters)[:d], dtype=float)
+    velocity = _rows(grad_T((*p, *time), *parameters)[:d], p)
+    w = np.random.default_rng(d).normal(size=p.shape)
+    size = np.zeros(p.shape[1])
     for _ in range(PRODUCTS):
-        w = w / (np.abs(w).max() or 1.0)
-        force = np.array(system.hessian_V_times(tuple(q), tuple(w), *time, *parameters), dtype=float)
-        h = DISPLACEMENT * (np.abs(p).max() or 1.0) / (np.abs(force).max() or 1.0)
-        moved = np.array(grad_T((*(p + h * force), *time), *parameters)[:d], dtype=float)
-        after = (moved - velocity) / h
-        size = float(after @ w / (w @ w))
+        w = w / _largest(w)
+        force = _rows(system.hessian_V_times(tuple(q), tuple(w), *time, *parameters), p)
+        h = DISPLACEMENT * _largest(p) / _largest(force)
+        after = (_rows(grad_T((*(p + h * force), *time), *parameters)[:d], p) - velocity) / h
+        size = (after * w).sum(axis=0) / (w * w).sum(axis=0)
         w = after
     return size
+
+
+def _rows(components: Sequence[Any], like: Floats) -> Floats:
+    """Components, of which some may be constants, as an array (d, S)."""
+    found: Floats = np.array([np.broadcast_to(np.asarray(x, dtype=float), like.shape[1:]) for x in components])
+    return found
+
+
+def _largest(rows: Floats) -> Floats:
+    """The largest modulus in each column, 1 where all are 0."""
+    largest = np.abs(rows).max(axis=0)
+    found: Floats = np.where(largest > 0, largest, 1.0)
+    return found
 
 
 def _states(system: System, frequency: float) -> tuple[Floats, Floats]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from textwrap import fill
+import json
+from textwrap import fill, wrap
 
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Row, Tableau
+from nearharmonic.theory.linear_stability import stability_limit
 from nearharmonic.training.tailor.result import Tailored
 
 #: Width of the lines of a file, but for coefficients, which are not cut.
@@ -52,11 +54,12 @@ def file_text(tableau: Tableau, name: str) -> str:
     """
     kind = "quadratic T" if tableau.requires else "every separable H"
     paragraphs = [
-        f"Order {tableau.order} for {kind}, harmonic order {tableau.harmonic_order}, {tableau.stages} stages, "
-        f"{tableau.first} first.",
+        f"Order {tableau.order} for {kind}, proved; harmonic order {tableau.harmonic_order}, stability limit of the "
+        f"oscillator {float(stability_limit(tableau)):.4g}; {tableau.stages} stages, {tableau.first} first.",
         f"Made {tableau.note}.",
     ]
-    head = "\n\n".join([f'"""{tableau.label}: a symplectic method made for one system.', *map(_filled, paragraphs)])
+    title = f'"""{_plain(tableau.label)}: a symplectic method made for one system.'
+    head = "\n\n".join([title, *map(_filled, paragraphs)])
     fields = {
         "name": name,
         "label": tableau.label,
@@ -83,10 +86,15 @@ def _plain(text: str) -> str:
 
 
 def _literal(value: object) -> str:
-    if not isinstance(value, str):
-        return repr(value)
-    quoted = value.replace("\\", "\\\\").replace('"', '\\"').replace("\n", " ")
-    return f'"{quoted}"'
+    """A number or a text as Python writes it, a long text as lines in brackets."""
+    if not isinstance(value, str) or len(value) <= WIDTH:
+        return repr(value) if not isinstance(value, str) else _quoted(value)
+    lines = wrap(value, WIDTH, drop_whitespace=False, break_long_words=False, break_on_hyphens=False)
+    return "\n".join(["(", *(f"        {_quoted(line)}" for line in lines), "    )"])
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)  # of which Python reads the same
 
 
 def _row(row: Row) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import ceil, log, sqrt
 
 import numpy as np
@@ -18,8 +19,12 @@ from nearharmonic.training.population import LEAST, LOST, Ensemble, Floats
 TRAINED, OWN = "trained_", ("nearharmonic_2026", "trained")
 #: Step sizes per stage, in radians of the fastest oscillation, among which a window is looked for.
 LADDER = np.geomspace(0.01, 1.0, 25)
+#: Problems on which it is looked for.
+PROBLEMS = 8
 #: Highest over lowest step size of a window that is found.
 WIDTH = 1.5
+#: Decades behind the best on the starts of a search within which a method may be the best on those of the test.
+BEHIND = 1.0
 #: Ratio of neighbouring step sizes in a window, at most, and the fewest of them.
 RATIO, FEWEST = 1.26, 3
 
@@ -60,8 +65,8 @@ def window_at(ensemble: Ensemble, methods: list[Tableau], error: float, frequenc
     SettingError
         No step size of :data:`LADDER` has it.
     """
-    ladder = LADDER / frequency
-    best = np.minimum.accumulate(mean_errors(ensemble, methods, ladder).min(axis=0)[::-1])[::-1]
+    ladder, few = LADDER / frequency, ensemble.part(slice(PROBLEMS))
+    best = np.minimum.accumulate(mean_errors(few, methods, ladder.tolist()).min(axis=0)[::-1])[::-1]
     wanted, lowest, highest = np.log10(error), best[0], best[-1]
     if not lowest < wanted < highest:
         what = (
@@ -74,6 +79,12 @@ def window_at(ensemble: Ensemble, methods: list[Tableau], error: float, frequenc
     middle = float(np.exp((1 - part) * np.log(ladder[place - 1]) + part * np.log(ladder[place])))
     low, high = (float(f"{x:.3g}") for x in (middle / sqrt(WIDTH), middle * sqrt(WIDTH)))
     return low, high
+
+
+def contenders(methods: Sequence[Tableau], errors: Floats) -> list[Tableau]:
+    """Return the methods of mean errors (methods, T), by their logarithm, that are near the best at some step size."""
+    near = (errors < errors.min(axis=0) + BEHIND).any(axis=1)
+    return [one for one, is_near in zip(methods, near, strict=True) if is_near]
 
 
 def check_window(best: Floats, window: tuple[float, float], unit: str) -> None:

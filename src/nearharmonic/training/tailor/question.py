@@ -23,6 +23,8 @@ FEWEST_STAGES, MOST_STAGES = 4, 20
 NARROWEST = 1.2
 #: Highest over lowest step size of a window, at most: no single method is best over more.
 WIDEST = 10.0
+#: Coordinates of a system, at most: a search takes thousands of runs.
+MOST_COORDINATES = 100
 #: Energy error around which a window is laid if neither is given.
 ERROR = 1e-6
 #: Seconds of the search, and seed, unless others are given; the most trials, and the largest seed.
@@ -102,6 +104,9 @@ def question(
     if subject.regularisation is not None:
         what = "a system in its physical time: this one is regularised, and its steps are of a fictitious time"
         raise bad_setting("system", subject.name, what)
+    if subject.dimension > MOST_COORDINATES:
+        what = f"a system of at most {MOST_COORDINATES} coordinates, and it has {subject.dimension}: a search takes "
+        raise bad_setting("system", subject.name, f"{what}thousands of runs. Tailor a method for a small copy of it")
     H0 = _energy(subject)
     return Question(
         system=subject,

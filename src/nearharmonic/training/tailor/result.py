@@ -45,6 +45,8 @@ class Comparison:
         Step size, and mean over the starts, by the logarithm, of max |dH| of the method and of the best of the others.
     best : tuple of T str
         Names of the best.
+    overall : Tableau
+        The one of the others with the least mean over all step sizes.
     gains : tuple of T Gain
         At each step size.
     gain : Gain
@@ -55,6 +57,7 @@ class Comparison:
     error: Floats
     best_error: Floats
     best: tuple[str, ...]
+    overall: Tableau
     gains: tuple[Gain, ...]
     gain: Gain
 
@@ -73,6 +76,7 @@ def comparison(
         error=10 ** means[0],
         best_error=10 ** means[1:].min(axis=0),
         best=tuple(others[i].name for i in best),
+        overall=others[int(means[1:].mean(axis=1).argmin())],
         gains=tuple(_gain(row, draws) for row in won),
         gain=_gain(won.mean(axis=0), draws),
     )
@@ -112,8 +116,6 @@ class Tailored:
         Beside the best published methods, on the starts of the test and on those of the search.
     trained : Comparison or None
         Beside the best of the methods that were trained on ensembles, on the starts of the test.
-    best_published : Tableau
-        The published method with the least mean error over the window, on the starts of the test.
     """
 
     question: Question
@@ -125,7 +127,6 @@ class Tailored:
     test: Comparison
     training: Comparison
     trained: Comparison | None
-    best_published: Tableau
 
     @property
     def has_gain(self) -> bool:

@@ -1,16 +1,16 @@
 """The search for a system's own method: many short searches, of which the better half goes on, until a budget is spent.
 
-Successive halving: every start, a published method or one of a stage less that is grown or a random one, in every
-family, has as many trials; the better half has twice as many more, from where they are. The last one is searched around,
+Successive halving: every start in every family has as many trials, a published method, one of a stage less that is
+grown, or a random point; the better half has twice as many more, from where they are. The last one is searched around,
 in turns with random starts, until time or trials are spent.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from nearharmonic.training.search import (
     Effort,
     Start,
     descend,
+    library,
     starts_of,
 )
 
@@ -55,6 +56,7 @@ class Budget:
     def __init__(
         self, seconds: float | None, trials: int | None, show: Callable[[float, float], None] | None = None
     ) -> None:
+        library()  # loading it is no part of a search
         self._seconds, self._most, self._show = seconds, trials, show
         self._begin = time.monotonic()
         self.trials = 0
@@ -87,7 +89,7 @@ class Best:
 
     value: float = OUTSIDE
     family: Family | None = None
-    unknowns: Floats | None = None
+    unknowns: Floats = field(default_factory=lambda: np.zeros(0))
     origin: str = ""
     trials: int = 0
     seconds: float = 0.0
@@ -116,7 +118,7 @@ class SearchResult:
     seconds : float
         Time taken.
     stopped : str
-        Why it ended: "seconds", "trials" or "Ctrl-C".
+        Why it ended: "spent" or "Ctrl-C".
     """
 
     best: Best
@@ -175,7 +177,7 @@ class TailorSearch:
         stages: Sequence[int], quadratic: bool, budget: Budget, seed: int,
     ) -> None:  # fmt: skip
         self._known, self._budget, self._random = known, budget, np.random.default_rng([seed, 2])
-        self.best, self._ends = Best(), list[tuple[Family, float, Floats]]()
+        self.best, self._ends = Best(), list[Branch]()
         self._objectives = {
             family: _Watched(self.best, budget, family, [ensemble], tau_per_stage, [reference], size=POPULATION)
             for family in families(stages, quadratic=quadratic)
@@ -190,62 +192,59 @@ class TailorSearch:
             Ctrl-C before anything was found.
         """
         try:
-            for _ in self._searches():
-                pass
-            stopped = ""
+            self._search()
         except BudgetSpentError:
             stopped = "spent"
         except KeyboardInterrupt:
-            if self.best.unknowns is None:
+            if self.best.family is None:
                 raise
             stopped = "Ctrl-C"
         best = self.best
-        again = sum(
-            family == best.family
-            and value < best.value + SAME_VALUE
-            and bool(np.abs(unknowns - best.unknowns).max(initial=0) < SAME_UNKNOWNS)
-            for family, value, unknowns in self._ends
-        )
+        again = sum(_is_same(one, best) for one in self._ends)
         return SearchResult(
             best=best, trials=self._budget.trials, searches=len(self._ends), again=again,
             seconds=self._budget.seconds, stopped=stopped,
         )  # fmt: skip
 
-    def _searches(self) -> Iterator[None]:
+    def _search(self) -> NoReturn:
+        """Search until the budget is spent, which an error tells."""
         branches, trials, turn = self._branches(), FIRST, 0
         while len(branches) > 1:
             for branch in branches:
-                yield self._go_on(branch, trials)
+                self._go_on(branch, trials)
             branches.sort(key=lambda one: one.value)
             branches, trials, turn = branches[: (len(branches) + 1) // 2], 2 * trials, turn + 1
             for branch in branches:
-                branch.start = Start(
-                    origin=branch.start.origin, point=branch.unknowns, spread=AROUND_FOUND[turn % len(AROUND_FOUND)]
-                )
+                spread = AROUND_FOUND[turn % len(AROUND_FOUND)]
+                branch.start = Start(origin=branch.start.origin, point=branch.unknowns, spread=spread)
         everywhere = list(self._objectives)
-        for turn in range(10**9):
-            best = self.best
-            assert best.family is not None
-            assert best.unknowns is not None
-            spread = AROUND_FOUND[turn % len(AROUND_FOUND)]
-            point = best.unknowns + spread * self._random.normal(size=best.family.unknowns)
-            near = Start(origin=best.origin, point=point, spread=spread)
-            yield self._go_on(Branch(best.family, near, OUTSIDE, point), AROUND_BEST)
-            anywhere = everywhere[turn % len(everywhere)]
+        while True:
+            turn += 1
+            self._go_on(self._around_best(AROUND_FOUND[turn % len(AROUND_FOUND)]), AROUND_BEST)
+            family = everywhere[turn % len(everywhere)]
             start = Start(origin="random", point=None, spread=AROUND_FOUND[-1])
-            yield self._go_on(Branch(anywhere, start, OUTSIDE, np.zeros(anywhere.unknowns)), FROM_RANDOM)
+            self._go_on(Branch(family, start, OUTSIDE, np.zeros(family.unknowns)), FROM_RANDOM)
+
+    def _around_best(self, spread: float) -> Branch:
+        best = self.best
+        assert best.family is not None
+        point = best.unknowns + spread * self._random.normal(size=best.family.unknowns)
+        return Branch(best.family, Start(origin=best.origin, point=point, spread=spread), OUTSIDE, point)
 
     def _branches(self) -> list[Branch]:
         """All starts in all families, the better of those that are known first."""
-        found = []
+        found: list[Branch] = []
         effort = Effort(trials=FIRST, random=RANDOM, refinements=0)
         for family, objective in self._objectives.items():
-            for start in starts_of(family, self._known, [], effort):
-                value, point = OUTSIDE, np.zeros(family.unknowns)
-                if start.point is not None:
-                    objective.origin, point = start.origin, start.point
-                    value = float(objective(point[None])[0])
-                found.append(Branch(family, start, value, point))
+            starts = list(starts_of(family, self._known, [], effort))
+            objective.origin = "a published method"
+            points = {start.origin: start.point for start in starts if start.point is not None}
+            values = dict.fromkeys(points, OUTSIDE)
+            if points:
+                values |= zip(points, objective(np.array(list(points.values()))).tolist(), strict=True)
+            for start in starts:
+                point = np.zeros(family.unknowns) if start.point is None else start.point
+                found.append(Branch(family, start, values.get(start.origin, OUTSIDE), point))
         return sorted(found, key=lambda one: one.value)
 
     def _go_on(self, branch: Branch, trials: int) -> None:
@@ -257,7 +256,16 @@ class TailorSearch:
         value, unknowns = descend(objective, branch.start, effort, seed)
         if value < branch.value:
             branch.value, branch.unknowns = value, unknowns
-        self._ends.append((branch.family, branch.value, branch.unknowns))
+        self._ends.append(replace(branch))  # it may go on
+
+
+def _is_same(branch: Branch, best: Best) -> bool:
+    """Whether a search ended at the best."""
+    return (
+        branch.family == best.family
+        and branch.value < best.value + SAME_VALUE
+        and bool(np.abs(branch.unknowns - best.unknowns).max(initial=0) < SAME_UNKNOWNS)
+    )
 
 
 def families(stages: Sequence[int], *, quadratic: bool) -> list[Family]:
@@ -269,7 +277,7 @@ def families(stages: Sequence[int], *, quadratic: bool) -> list[Family]:
                 if needs_quadratic and not quadratic:
                     continue
                 try:
-                    family = Family(stages=s, first=first, order=order, harmonic_order=harmonic_order)  # type: ignore[arg-type]
+                    family = Family(stages=s, first=first, order=order, harmonic_order=harmonic_order)
                 except SettingError:
                     continue
                 if family.unknowns > len(family.equations):

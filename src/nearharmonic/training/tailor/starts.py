@@ -1,4 +1,4 @@
-"""Starts near the given one: drawn in a box around its orbit or on an energy surface, or given; half are for the test."""
+"""Starts near the given one, half of them for the test: in a box around its orbit, on an energy surface, or given."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.initial_values import start_array
+from nearharmonic.engine.kernels import cost_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.integrators import integrators
@@ -19,8 +20,8 @@ from nearharmonic.training.tailor.start_file import FEWEST
 
 #: Half of the edge of the box around a state of the orbit, in amplitudes of each coordinate.
 HALF_EDGE = 0.1
-#: Starts that are drawn: as many as the coordinates of all may be, within these bounds.
-COORDINATES, MOST, LEAST = 512, 64, 16
+#: Starts that are drawn: as many as a force is cheap, within these bounds.
+COST, MOST, LEAST = 512, 64, 16
 #: Draws in which as many starts have to be found, each of twice as many candidates.
 DRAWS = 20
 #: Energy error of a run with small steps beyond which a start is left out: it meets a collision or leaves.
@@ -64,7 +65,7 @@ def starts_of(asked: Question, orbit: Orbit, t_end: float, tau: float) -> tuple[
 
 
 def _drawn(asked: Question, orbit: Orbit, t_end: float, tau: float, random: np.random.Generator) -> Floats:
-    count = int(np.clip(COORDINATES // asked.system.dimension, LEAST, MOST))
+    count = int(np.clip(COST // cost_of(asked.system, Numerics(summation="plain")), LEAST, MOST))
     kept: list[Floats] = []
     for _ in range(DRAWS):
         q, p = _box(orbit, 2 * count, random)

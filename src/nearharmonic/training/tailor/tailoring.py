@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,12 +13,12 @@ from nearharmonic.engine.initial_values import standard_parameters
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.systems.system import System
 from nearharmonic.theory.order import harmonic_order_of
-from nearharmonic.training.objective import best_of, mean_errors
+from nearharmonic.training.objective import mean_errors
 from nearharmonic.training.polish import tableau_of
 from nearharmonic.training.population import Ensemble, Floats
 from nearharmonic.training.tailor.orbit import RADIANS, STEP, Orbit, orbit_of
 from nearharmonic.training.tailor.provenance import note_of, source_of
-from nearharmonic.training.tailor.published import check_window, published, step_sizes, trained, window_at
+from nearharmonic.training.tailor.published import check_window, contenders, published, step_sizes, trained, window_at
 from nearharmonic.training.tailor.question import Question, question
 from nearharmonic.training.tailor.result import Tailored, comparison
 from nearharmonic.training.tailor.search import Budget, SearchResult, TailorSearch
@@ -99,7 +99,7 @@ def tailor(
     found = tailored(asked)
     if found.has_gain:
         return found.tableau
-    best = found.best_published
+    best = found.test.overall
     message = (
         f"no gain over published methods on starts that were not used: {found.test.gain} decades; this is {best.name}"
     )
@@ -128,14 +128,14 @@ def tailored(asked: Question, show: Callable[[float, float], None] | None = None
     window = asked.window or window_at(ensemble, methods, asked.error, orbit.frequency)
     ensemble, held_out = _fitted(ensemble, window, asked), _fitted(held_out, window, asked)
     taus = step_sizes(window)
-    best = best_of(ensemble, methods, taus.tolist())
-    check_window(best.value, window, subject.units["t"])
+    errors = mean_errors(ensemble, methods, taus.tolist())
+    check_window(errors.min(axis=0), window, subject.units["t"])
     budget = Budget(asked.seconds, asked.trials, show)
     search = TailorSearch(
-        ensemble, taus, best.value, methods, stages=asked.stages, quadratic=subject.quadratic_kinetic_energy,
+        ensemble, taus, errors.min(axis=0), methods, stages=asked.stages, quadratic=subject.quadratic_kinetic_energy,
         budget=budget, seed=asked.seed,
     ).run()  # fmt: skip
-    return tested(asked, window, ensemble, held_out, search)
+    return tested(asked, window, (ensemble, held_out), search, contenders(methods, errors))
 
 
 def ensembles(asked: Question, orbit: Orbit) -> tuple[Ensemble, Ensemble]:
@@ -162,22 +162,21 @@ def _fitted(ensemble: Ensemble, window: tuple[float, float], asked: Question) ->
 
 
 def tested(
-    asked: Question, window: tuple[float, float], ensemble: Ensemble, held_out: Ensemble, search: SearchResult
-) -> Tailored:
-    """Return what a search found as a tableau, beside the other methods."""
-    best = search.best
+    asked: Question, window: tuple[float, float], ensembles: tuple[Ensemble, Ensemble], search: SearchResult,
+    others: Sequence[Tableau],
+) -> Tailored:  # fmt: skip
+    """Return what a search found as a tableau, beside ``others`` and those that were trained on ensembles."""
+    (ensemble, held_out), best, taus = ensembles, search.best, step_sizes(window, between=True)
     assert best.family is not None
-    assert best.unknowns is not None
-    name = f"tailored_{asked.system.name}_{best.family.stages}"
-    tableau = tableau_of(best.family, best.unknowns.tolist(), name=name, label=f"{best.family.stages} stages for {asked.system.label}", source="")
-    tableau = replace(tableau, harmonic_order=harmonic_order_of(tableau))
-    others, taus = published(asked.system), step_sizes(window, between=True)
+    stages, label = best.family.stages, asked.system.label
+    name = f"tailored_{asked.system.name}_{stages}"
+    tableau = tableau_of(best.family, best.unknowns.tolist(), name=name, label=f"{label}, {stages} stages", source="-")
     also = trained(asked.system)
     found = Tailored(
         question=asked, window=window, ensemble=ensemble, held_out=held_out, tableau=tableau, search=search,
         test=comparison(tableau, others, held_out, taus, asked.seed),
         training=comparison(tableau, others, ensemble, taus, asked.seed),
         trained=comparison(tableau, also, held_out, taus, asked.seed) if also else None,
-        best_published=others[int(mean_errors(held_out, others, taus.tolist()).mean(axis=1).argmin())],
     )  # fmt: skip
-    return replace(found, tableau=replace(tableau, source=source_of(found), note=note_of(found)))
+    tableau = replace(tableau, harmonic_order=harmonic_order_of(tableau), source=source_of(found), note=note_of(found))
+    return replace(found, tableau=tableau)
