@@ -57,13 +57,16 @@ def orbit_of(system: System) -> Orbit:
     Raises
     ------
     SettingError
-        The orbit leaves its energy surface, or nothing oscillates on it.
+        The orbit leaves its energy surface, rests, or nothing oscillates on it.
     """
     q, p = (np.array([row]) for row in system.start(float))
     frequency = fastest(system, q, p)
     for _ in range(2):  # the frequency at the start may be another than that on the orbit
         q, p = _states(system, frequency)
         frequency = fastest(system, q[:: len(q) // POINTS], p[:: len(p) // POINTS])
+    if not (np.ptp(q, axis=0).any() or np.ptp(p, axis=0).any()):
+        start = f"({list(system.q0)}, {list(system.p0)})"
+        raise bad_setting("(q0, p0)", start, f"a start that moves; {system.name} rests there")
     return Orbit(q=q, p=p, frequency=frequency)
 
 
@@ -107,8 +110,7 @@ def _squares(system: System, q: Floats, p: Floats) -> Floats:
 
 def _rows(components: Sequence[Any], like: Floats) -> Floats:
     """Components, of which some may be constants, as an array (d, S)."""
-    found: Floats = np.array([np.broadcast_to(np.asarray(x, dtype=float), like.shape[1:]) for x in components])
-    return found
+    return np.array([np.broadcast_to(np.asarray(x, dtype=float), like.shape[1:]) for x in components])
 
 
 def _largest(rows: Floats) -> Floats:
@@ -132,7 +134,7 @@ def _states(system: System, frequency: float) -> tuple[Floats, Floats]:
 
 
 def _spread(rows: Floats) -> Floats:
-    spread = np.sqrt(2) * rows.std(axis=0)
+    spread: Floats = np.sqrt(2) * rows.std(axis=0)
     still = spread < 1e-9 * spread.max()
     if still.any() and not still.all():
         spread[still] = spread[~still].mean()

@@ -23,6 +23,8 @@ LADDER = np.geomspace(0.01, 1.0, 25)
 PROBLEMS = 8
 #: Highest over lowest step size of a window that is found.
 WIDTH = 1.5
+#: Decades above the least error told apart that rounding errors reach.
+ROUNDING = 2.0
 #: Decades behind the best on the starts of a search within which a method may be the best on those of the test.
 BEHIND = 1.0
 #: Ratio of neighbouring step sizes in a window, at most, and the fewest of them.
@@ -109,7 +111,7 @@ def check_window(best: Floats, window: tuple[float, float], unit: str) -> None:
     if best[-1] >= np.log10(LOST):
         what = f"every published method loses the energy at {window[1]:g}{time} per stage: take smaller step sizes"
         raise bad_setting("window", shown, what)
-    if best[-1] < np.log10(LEAST) + 1.5:
+    if best[-1] < np.log10(LEAST) + ROUNDING:
         what = f"published methods err by rounding alone up to {window[1]:g}{time} per stage: take larger step sizes"
         raise bad_setting("window", shown, what)
 

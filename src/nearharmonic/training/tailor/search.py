@@ -83,16 +83,40 @@ class Budget:
             raise BudgetSpentError("the budget of the search is spent")
 
 
-@dataclass
+@dataclass(frozen=True, kw_only=True)
 class Best:
-    """The best member of all families so far, and after how many trials and seconds it came within rounding of that."""
+    """The best member of all families so far.
+
+    Attributes
+    ----------
+    value : float
+        Its objective.
+    family : Family or None
+        Its family; None if no member was found.
+    unknowns : (n,) array of float
+        The member.
+    origin : str
+        Where its search began.
+    advanced : float
+        Objective after the last advance by more than searches that found the same differ by.
+    trials, seconds : int and float
+        When that was.
+    """
 
     value: float = OUTSIDE
     family: Family | None = None
     unknowns: Floats = field(default_factory=lambda: np.zeros(0))
     origin: str = ""
+    advanced: float = OUTSIDE
     trials: int = 0
     seconds: float = 0.0
+
+
+@dataclass
+class Record:
+    """The best so far, exchanged as a whole: Ctrl-C may come at any time."""
+
+    best: Best = field(default_factory=Best)
 
 
 @dataclass
@@ -130,23 +154,29 @@ class SearchResult:
 
 
 class _Watched(Objective):
-    """An objective that keeps its best member at every call, so that a search may be stopped at any time."""
+    """An objective that keeps the best member at every call, so that a search may be stopped at any time."""
 
-    def __init__(self, best: Best, budget: Budget, family: Family, *others: Any, **settings: Any) -> None:
+    def __init__(self, record: Record, budget: Budget, family: Family, *others: Any, **settings: Any) -> None:
         super().__init__(family, *others, **settings)
-        self._best, self._budget = best, budget
+        self._record, self._budget = record, budget
         self.origin = ""
 
     def __call__(self, points: Floats) -> Floats:
-        values, best = super().__call__(points), self._best
+        values = super().__call__(points)
         i = int(values.argmin())
-        if values[i] < best.value:
-            if values[i] < best.value - SAME_VALUE or best.family is not self.family:
-                best.trials, best.seconds = self._budget.trials + len(points), self._budget.seconds
-            best.value, best.family, best.origin = float(values[i]), self.family, self.origin
-            best.unknowns = self.family.project(points[i : i + 1])[0][0]
-        self._budget.spend(len(points), best.value)
+        if values[i] < self._record.best.value:
+            self._record.best = self._better(float(values[i]), points[i : i + 1], len(points))
+        self._budget.spend(len(points), self._record.best.value)
         return values
+
+    def _better(self, value: float, point: Floats, trials: int) -> Best:
+        before, unknowns = self._record.best, self.family.project(point)[0][0]
+        found = replace(before, value=value, family=self.family, unknowns=unknowns, origin=self.origin)
+        if value < before.advanced - SAME_VALUE:
+            found = replace(
+                found, advanced=value, trials=self._budget.trials + trials, seconds=self._budget.seconds
+            )  # fmt: skip
+        return found
 
 
 class TailorSearch:
@@ -177,9 +207,9 @@ class TailorSearch:
         stages: Sequence[int], quadratic: bool, budget: Budget, seed: int,
     ) -> None:  # fmt: skip
         self._known, self._budget, self._random = known, budget, np.random.default_rng([seed, 2])
-        self.best, self._ends = Best(), list[Branch]()
+        self.record, self._ends = Record(), list[Branch]()
         self._objectives = {
-            family: _Watched(self.best, budget, family, [ensemble], tau_per_stage, [reference], size=POPULATION)
+            family: _Watched(self.record, budget, family, [ensemble], tau_per_stage, [reference], size=POPULATION)
             for family in families(stages, quadratic=quadratic)
         }
 
@@ -196,10 +226,10 @@ class TailorSearch:
         except BudgetSpentError:
             stopped = "spent"
         except KeyboardInterrupt:
-            if self.best.family is None:
+            if self.record.best.family is None:
                 raise
             stopped = "Ctrl-C"
-        best = self.best
+        best = self.record.best
         again = sum(_is_same(one, best) for one in self._ends)
         return SearchResult(
             best=best, trials=self._budget.trials, searches=len(self._ends), again=again,
@@ -226,7 +256,7 @@ class TailorSearch:
             self._go_on(Branch(family, start, OUTSIDE, np.zeros(family.unknowns)), FROM_RANDOM)
 
     def _around_best(self, spread: float) -> Branch:
-        best = self.best
+        best = self.record.best
         assert best.family is not None
         point = best.unknowns + spread * self._random.normal(size=best.family.unknowns)
         return Branch(best.family, Start(origin=best.origin, point=point, spread=spread), OUTSIDE, point)

@@ -76,8 +76,10 @@ def _drawn(asked: Question, orbit: Orbit, t_end: float, tau: float, random: np.r
         if len(kept) >= count:
             return np.array(kept[:count])
     if len(kept) < FEWEST:
-        what = f"a start with others near it that stay on their energy surface: {len(kept)} of {2 * DRAWS * count} do"
-        raise bad_setting("system", asked.system.name, what)
+        found = f"from {len(kept)} of {2 * DRAWS * count} starts the orbit stays on its energy surface"
+        if asked.energy is not None:
+            raise bad_setting("energy", asked.energy, f"one at which orbits of {asked.system.name} are bound: {found}")
+        raise bad_setting("system", asked.system.name, f"one whose start has bound orbits near it: {found}")
     return np.array(kept)
 
 

@@ -158,7 +158,8 @@ def _fitted(ensemble: Ensemble, window: tuple[float, float], asked: Question) ->
     """The ensemble with runs of enough steps at the upper end of the window, and not too many at the lower one."""
     longer = LONGER if ensemble.name == "test" else 1.0
     least, most = FEWEST_STEPS * max(asked.stages) * window[1], MOST_EVALUATIONS * window[0]
-    return replace(ensemble, t_end=float(np.clip(ensemble.t_end, least * longer, max(most, least) * longer)))
+    t_end = float(np.clip(ensemble.t_end, least * longer, max(most, least) * longer))
+    return replace(ensemble, t_end=float(f"{t_end:.3g}"))
 
 
 def tested(
