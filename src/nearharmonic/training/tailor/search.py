@@ -7,14 +7,13 @@ in turns with random starts, until time or trials are spent.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NoReturn
 
 import numpy as np
 
-from nearharmonic.errors import NearharmonicError, SettingError
+from nearharmonic.errors import SettingError
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import OUTSIDE, Objective
@@ -26,9 +25,9 @@ from nearharmonic.training.search import (
     Effort,
     Start,
     descend,
-    library,
     starts_of,
 )
+from nearharmonic.training.tailor.budget import Budget, BudgetSpentError
 
 #: Methods tried at a time; trials of the first round from each start; random starts of each family in it.
 POPULATION, FIRST, RANDOM = 20, 300, 3
@@ -36,51 +35,6 @@ POPULATION, FIRST, RANDOM = 20, 300, 3
 AROUND_BEST, FROM_RANDOM = 3000, 1500
 #: Orders that families have beyond four: (order, harmonic order, whether T has to be quadratic).
 CONDITIONS = ((4, 4, False), (4, 6, False), (6, 6, True))
-
-
-class BudgetSpentError(NearharmonicError):
-    """Time or trials of a search are spent; what was found until then stays."""
-
-
-class Budget:
-    """Time, or a number of trials, that a search may take.
-
-    Parameters
-    ----------
-    seconds, trials : float and int, or None
-        What is allowed; None for any.
-    show : callable, optional
-        Is told of the part that is spent, from 0 to 1, and of the least objective.
-    """
-
-    def __init__(
-        self, seconds: float | None, trials: int | None, show: Callable[[float, float], None] | None = None
-    ) -> None:
-        library()  # loading it is no part of a search
-        self._seconds, self._most, self._show = seconds, trials, show
-        self._begin = time.monotonic()
-        self.trials = 0
-
-    @property
-    def seconds(self) -> float:
-        """Time since the search began."""
-        return time.monotonic() - self._begin
-
-    def spend(self, trials: int, best: float) -> None:
-        """Count trials.
-
-        Raises
-        ------
-        BudgetSpentError
-            They are the last.
-        """
-        self.trials += trials
-        parts = [(self.seconds, self._seconds), (self.trials, self._most)]
-        spent = max(used / allowed for used, allowed in parts if allowed is not None)
-        if self._show is not None:
-            self._show(min(spent, 1.0), best)
-        if spent >= 1:
-            raise BudgetSpentError("the budget of the search is spent")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,12 +16,13 @@ from nearharmonic.theory.order import harmonic_order_of
 from nearharmonic.training.objective import mean_errors
 from nearharmonic.training.polish import tableau_of
 from nearharmonic.training.population import Ensemble, Floats
+from nearharmonic.training.tailor.budget import Budget
 from nearharmonic.training.tailor.orbit import RADIANS, STEP, Orbit, orbit_of
 from nearharmonic.training.tailor.provenance import note_of, source_of
 from nearharmonic.training.tailor.published import check_window, contenders, published, step_sizes, trained, window_at
 from nearharmonic.training.tailor.question import Question, question
 from nearharmonic.training.tailor.result import Tailored, comparison
-from nearharmonic.training.tailor.search import Budget, SearchResult, TailorSearch
+from nearharmonic.training.tailor.search import SearchResult, TailorSearch
 from nearharmonic.training.tailor.starts import starts_of
 
 #: Runs of the test over those of the search.
