@@ -48,7 +48,7 @@ def test_a_mistyped_system_is_answered_with_the_nearest():
 
 
 def test_a_regularised_system_and_one_of_a_thousand_coordinates_are_refused():
-    with pytest.raises(SettingError, match="kepler_regularised.*fictitious time"):
+    with pytest.raises(SettingError, match=r"kepler_regularised.*fictitious time"):
         question("kepler_regularised")
     many = spring("many", V=lambda q: sum(x * x for x in q), grad_V=None, q0=["1"] * 101, p0=["0"] * 101)
     with pytest.raises(SettingError, match="at most 100 coordinates, and it has 101"):
@@ -59,7 +59,7 @@ def test_a_driven_system_has_no_energy_surface():
     driven = nh.System(
         name="driven", V=lambda q, t: q[0] * q[0] * (1 + t * 0), q0=["1"], p0=["0"], t_end="1", time_dependent=True
     )
-    with pytest.raises(SettingError, match="energy = 'same' is not allowed.*depends on time"):
+    with pytest.raises(SettingError, match=r"energy = 'same' is not allowed.*depends on time"):
         question(driven, energy="same")
 
 

@@ -73,31 +73,44 @@ def test_ctrl_c_gives_the_best_so_far_and_before_any_member_is_passed_on(problem
         searched(problems, 10**6).run()
 
 
-def test_the_better_half_goes_on_with_twice_as_many_trials(problems, monkeypatch):
+def test_the_best_third_goes_on_with_three_times_as_many_trials(problems, monkeypatch):
     asked = []
 
     def descend(objective, start, effort, seed):
-        if len(asked) == 60:
+        if effort.trials == module.AROUND_BEST:
             raise BudgetSpentError("enough")
         asked.append((objective.family, start.origin, effort.trials))
-        return float(len(asked)), np.zeros(objective.family.unknowns)
+        return float(len(asked)) - 100, np.zeros(objective.family.unknowns)
 
     monkeypatch.setattr(module, "descend", descend)
-    search = searched(problems, 10**6, stages=(4,))
-    count = len(search._branches())
+    search = searched(problems, 10**6, stages=(7, 8))
+    starts = search._branches()
     search.run()
-    rounds = [[a for a in asked if a[2] == module.FIRST * 2**k] for k in range(3)]
-    assert [len(r) for r in rounds] == [count, (count + 1) // 2, ((count + 1) // 2 + 1) // 2]
+    rounds = [[a for a in asked if a[2] == module.FIRST * 3**k] for k in range(4)]
+    assert [len(r) for r in rounds] == [len(starts), -(-len(starts) // 3), -(-len(starts) // 9), 0]
+    assert 9 < len(starts) <= module.MOST_STARTS
     # the first of a round are the best of it, as their values rise
     assert [a[:2] for a in rounds[1]] == [a[:2] for a in rounds[0][: len(rounds[1])]]
+
+
+def test_starts_are_published_methods_in_the_order_of_their_objective(problems):
+    branches = searched(problems, 10**6, stages=(8,))._branches()
+    values = [one.value for one in branches]
+    assert values == sorted(values)
+    assert max(values) < values[0] + module.FAR_BEHIND
+    assert {one.start.origin for one in branches} >= {"babps8o7h", "nystrom_6a8", "babs7o7h, grown"}
 
 
 def test_a_budget_in_time_ends_by_itself():
     shown = []
     budget = Budget(1e-3, None, lambda part, best: shown.append((part, best)))
-    with pytest.raises(BudgetSpentError):
+
+    def spend_all():
         while True:
             budget.spend(10, -0.5)
+
+    with pytest.raises(BudgetSpentError):
+        spend_all()
     assert shown[-1] == (1.0, -0.5)
     assert budget.trials == 10 * len(shown)
     assert 1e-3 <= budget.seconds < 1
@@ -115,13 +128,13 @@ def test_families_leave_coefficients_free_and_need_a_quadratic_T_only_where_it_i
 def test_published_methods_are_neither_trained_nor_of_this_project():
     names = {one.name for one in published(nh.systems["henon_heiles"])}
     assert {"babps8o7h", "srkn_b11", "leapfrog", "bcss_s4"} <= names
-    assert not {name for name in names if name.startswith("trained_") or name.startswith("babs8o6")}
+    assert not {name for name in names if name.startswith(("trained_", "babs8o6"))}
     general = {one.name for one in published(nh.systems["relativistic_oscillator"])}
     assert names - general == {one for one in names if nh.integrators[one].requires}
 
 
 def test_the_window_of_an_error_has_it_in_its_middle(problems):
-    """The best error there by ``nh.ensemble``, which shares no run with the ladder; between rungs it is interpolated."""
+    """The best error there by ``nh.ensemble``, whose runs are others; between rungs it is interpolated."""
     ensemble, _, methods, *_ = problems
     frequency = orbit_of(ensemble.system).frequency
     low, high = window_at(ensemble, methods, 1e-6, frequency)

@@ -1,8 +1,8 @@
-"""The search for a system's own method: many short searches, of which the better half goes on, until a budget is spent.
+"""The search for a system's own method: many short searches, of which the best third goes on, until a budget is spent.
 
-Successive halving: every start in every family has as many trials, a published method, one of a stage less that is
-grown, or a random point; the better half has twice as many more, from where they are. The last one is searched around,
-in turns with random starts, until time or trials are spent.
+Published methods and those of a stage less that are grown are starts in every family, but for those that are far behind
+the best. Each has as many trials; the best third has three times as many more, from where they are, and so on. The last
+one is searched around, in turns with random starts, until time or trials are spent.
 """
 
 from __future__ import annotations
@@ -29,8 +29,12 @@ from nearharmonic.training.search import (
 )
 from nearharmonic.training.tailor.budget import Budget, BudgetSpentError
 
-#: Methods tried at a time; trials of the first round from each start; random starts of each family in it.
-POPULATION, FIRST, RANDOM = 20, 300, 3
+#: Methods tried at a time; trials of the first round from each start; starts that it has at most.
+POPULATION, FIRST, MOST_STARTS = 20, 200, 24
+#: A start whose objective is so much above that of the best is left out.
+FAR_BEHIND = 3.0
+#: The part of the searches that goes on, and how many times the trials that it has: this number, and its inverse.
+THIRD = 3
 #: Trials of a search around the best, and of one from a random start, when the rounds are over.
 AROUND_BEST, FROM_RANDOM = 3000, 1500
 #: Orders that families have beyond four: (order, harmonic order, whether T has to be quadratic).
@@ -196,8 +200,8 @@ class TailorSearch:
         while len(branches) > 1:
             for branch in branches:
                 self._go_on(branch, trials)
-            branches.sort(key=lambda one: one.value)
-            branches, trials, turn = branches[: (len(branches) + 1) // 2], 2 * trials, turn + 1
+            branches = sorted(branches, key=lambda one: one.value)[: -(-len(branches) // THIRD)]
+            trials, turn = THIRD * trials, turn + 1
             for branch in branches:
                 spread = AROUND_FOUND[turn % len(AROUND_FOUND)]
                 branch.start = Start(origin=branch.start.origin, point=branch.unknowns, spread=spread)
@@ -216,20 +220,19 @@ class TailorSearch:
         return Branch(best.family, Start(origin=best.origin, point=point, spread=spread), OUTSIDE, point)
 
     def _branches(self) -> list[Branch]:
-        """All starts in all families, the better of those that are known first."""
+        """The better ones of the methods that are known, in all families."""
         found: list[Branch] = []
-        effort = Effort(trials=FIRST, random=RANDOM, refinements=0)
+        effort = Effort(trials=FIRST, random=0, refinements=0)
         for family, objective in self._objectives.items():
-            starts = list(starts_of(family, self._known, [], effort))
-            objective.origin = "a published method"
-            points = {start.origin: start.point for start in starts if start.point is not None}
-            values = dict.fromkeys(points, OUTSIDE)
-            if points:
-                values |= zip(points, objective(np.array(list(points.values()))).tolist(), strict=True)
-            for start in starts:
-                point = np.zeros(family.unknowns) if start.point is None else start.point
-                found.append(Branch(family, start, values.get(start.origin, OUTSIDE), point))
-        return sorted(found, key=lambda one: one.value)
+            starts = {start.origin: start for start in starts_of(family, self._known, [], effort)}
+            if starts:
+                objective.origin = "a published method"
+                points = np.array([start.point for start in starts.values()])
+                parts = zip(starts.values(), points, objective(points).tolist(), strict=True)
+                found += [Branch(family, start, value, point) for start, point, value in parts]
+        found.sort(key=lambda one: one.value)
+        near = [one for one in found if one.value < min(found[0].value + FAR_BEHIND, OUTSIDE)]
+        return near[:MOST_STARTS]
 
     def _go_on(self, branch: Branch, trials: int) -> None:
         """Search from where a branch is."""
