@@ -118,7 +118,7 @@ def _progress() -> Iterator[Callable[[float, float], None] | None]:
     from tqdm import tqdm
 
     form = "{l_bar}{bar}| {elapsed}{postfix}, Ctrl-C for the best so far"
-    with tqdm(total=1.0, leave=False, bar_format=form, desc="searching") as bar:
+    with tqdm(total=1.0, leave=False, bar_format=form, desc="searching", miniters=0) as bar:
 
         def show(part: float, best: float) -> None:
             bar.set_postfix_str(f"objective {best:.2f}", refresh=False)
@@ -152,7 +152,7 @@ def _notes(found: Tailored) -> Iterator[str]:
         f"not used, runs of t = {found.held_out.t_end:.4g}{'' if unit == '1' else f' {unit}'}"
     )
     yield (
-        f"on the {found.ensemble.size} starts of the search, runs of a quarter of that: {found.training.gain}; "
+        f"on the {found.ensemble.size} starts of the search, t = {found.ensemble.t_end:.4g}: {found.training.gain}; "
         f"published method of the least mean error in the window: {found.test.overall.name}"
     )
     if found.losing and found.has_gain:
@@ -180,6 +180,8 @@ def _outcome(found: Tailored, place: Path | None, written: str | None) -> Iterat
         yield f"not written: {place}, as there is no gain"
     elif found.has_gain:
         yield "--output FILE.py writes the method"
+    if not found.has_gain and len(found.question.stages) == 1:
+        yield "other numbers of stages, such as --stages 6:12, or more seconds may find one"
 
 
 def _document(found: Tailored, written: str | None) -> dict[str, Any]:

@@ -99,6 +99,9 @@ def test_starts_are_published_methods_in_the_order_of_their_objective(problems):
     assert values == sorted(values)
     assert max(values) < values[0] + module.FAR_BEHIND
     assert {one.start.origin for one in branches} >= {"babps8o7h", "nystrom_6a8", "babs7o7h, grown"}
+    several = searched(problems, 10**6, stages=(6, 8, 11))._branches()
+    assert [one.family.stages for one in several[:3]] != [8, 8, 8]
+    assert {one.family.stages for one in several[:3]} == {6, 8, 11}
 
 
 def test_a_budget_in_time_ends_by_itself():

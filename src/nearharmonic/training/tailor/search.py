@@ -31,7 +31,7 @@ from nearharmonic.training.tailor.budget import Budget, BudgetSpentError
 
 #: Methods tried at a time; trials of the first round from each start; starts that it has at most.
 POPULATION, FIRST, MOST_STARTS = 20, 200, 24
-#: A start whose objective is so much above that of the best is left out.
+#: A start whose objective is so much above that of the best of as many stages is left out.
 FAR_BEHIND = 3.0
 #: The part of the searches that goes on, and how many times the trials that it has: this number, and its inverse.
 THIRD = 3
@@ -220,19 +220,23 @@ class TailorSearch:
         return Branch(best.family, Start(origin=best.origin, point=point, spread=spread), OUTSIDE, point)
 
     def _branches(self) -> list[Branch]:
-        """The better ones of the methods that are known, in all families."""
-        found: list[Branch] = []
+        """The better ones of the methods that are known: in turns the best of each number of stages, then the next."""
+        found: dict[int, list[Branch]] = {}
         effort = Effort(trials=FIRST, random=0, refinements=0)
         for family, objective in self._objectives.items():
             starts = {start.origin: start for start in starts_of(family, self._known, [], effort)}
             if starts:
                 objective.origin = "a published method"
                 points = np.array([start.point for start in starts.values()])
-                parts = zip(starts.values(), points, objective(points).tolist(), strict=True)
-                found += [Branch(family, start, value, point) for start, point, value in parts]
-        found.sort(key=lambda one: one.value)
-        near = [one for one in found if one.value < min(found[0].value + FAR_BEHIND, OUTSIDE)]
-        return near[:MOST_STARTS]
+                parts = zip(starts.values(), objective(points).tolist(), points, strict=True)
+                found.setdefault(family.stages, []).extend(Branch(family, *part) for part in parts)
+        ranked: list[tuple[int, float, Branch]] = []
+        for branches in found.values():
+            branches.sort(key=lambda one: one.value)
+            near = [one for one in branches if one.value < min(branches[0].value + FAR_BEHIND, OUTSIDE)]
+            ranked += [(rank, one.value, one) for rank, one in enumerate(near)]
+        ranked.sort(key=lambda one: one[:2])
+        return [branch for *_, branch in ranked[:MOST_STARTS]]
 
     def _go_on(self, branch: Branch, trials: int) -> None:
         """Search from where a branch is."""

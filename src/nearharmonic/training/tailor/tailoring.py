@@ -27,8 +27,8 @@ from nearharmonic.training.tailor.starts import starts_of
 
 #: Runs of the test over those of the search.
 LONGER = 4.0
-#: Steps that a run of the search has at least, and the evaluations that it has at most.
-FEWEST_STEPS, MOST_EVALUATIONS = 24, 4000
+#: Steps that a run has at least, and the evaluations that one of the search and one of the test have at most.
+FEWEST_STEPS, MOST_EVALUATIONS, MOST_IN_TEST = 24, 1600, 16000
 
 
 class NoGainWarning(UserWarning):
@@ -127,7 +127,8 @@ def tailored(asked: Question, show: Callable[[float, float], None] | None = None
     orbit = orbit_of(subject)
     ensemble, held_out = ensembles(asked, orbit)
     window = asked.window or window_at(ensemble, methods, asked.error, orbit.frequency)
-    ensemble, held_out = _fitted(ensemble, window, asked), _fitted(held_out, window, asked)
+    ensemble = _fitted(ensemble, window, asked, MOST_EVALUATIONS)
+    held_out = _fitted(held_out, window, asked, MOST_IN_TEST)
     taus = step_sizes(window)
     errors = mean_errors(ensemble, methods, taus.tolist())
     check_window(errors.min(axis=0), window, subject.units["t"])
@@ -140,7 +141,7 @@ def tailored(asked: Question, show: Callable[[float, float], None] | None = None
 
 
 def ensembles(asked: Question, orbit: Orbit) -> tuple[Ensemble, Ensemble]:
-    """Return the starts of the search and those of the test, over twelve periods and four times that."""
+    """Return the starts of the search, for runs of twelve periods, and those of the test, for four times that."""
     subject = asked.system
     t_end = RADIANS / orbit.frequency
     step = min(STEP / orbit.frequency, np.inf if asked.window is None else asked.window[0])
@@ -155,11 +156,10 @@ def ensembles(asked: Question, orbit: Orbit) -> tuple[Ensemble, Ensemble]:
     return first, second
 
 
-def _fitted(ensemble: Ensemble, window: tuple[float, float], asked: Question) -> Ensemble:
+def _fitted(ensemble: Ensemble, window: tuple[float, float], asked: Question, most: int) -> Ensemble:
     """The ensemble with runs of enough steps at the upper end of the window, and not too many at the lower one."""
-    longer = LONGER if ensemble.name == "test" else 1.0
-    least, most = FEWEST_STEPS * max(asked.stages) * window[1], MOST_EVALUATIONS * window[0]
-    t_end = float(np.clip(ensemble.t_end, least * longer, max(most, least) * longer))
+    least, highest = FEWEST_STEPS * max(asked.stages) * window[1], most * window[0]
+    t_end = float(np.clip(ensemble.t_end, least, max(highest, least)))
     return replace(ensemble, t_end=float(f"{t_end:.3g}"))
 
 
