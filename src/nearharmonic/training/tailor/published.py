@@ -31,14 +31,26 @@ BEHIND = 1.0
 RATIO, FEWEST = 1.26, 3
 
 
+def registered(system: System) -> list[Tableau]:
+    """Return the registered methods that fit a system, which a search starts from."""
+    found = []
+    for name in integrators.registered:
+        try:
+            check_fit(system, integrators[name])
+        except SettingError:
+            continue
+        found.append(integrators[name])
+    return [one for one in found if not one.processed and not one.modified]
+
+
 def published(system: System) -> list[Tableau]:
     """Return the registered methods that fit a system and are not of this project."""
-    return [one for one in _fitting(system) if not _is_own(one)]
+    return [one for one in registered(system) if not _is_own(one)]
 
 
 def trained(system: System) -> list[Tableau]:
     """Return the registered methods that were trained on ensembles and fit a system."""
-    return [one for one in _fitting(system) if one.name.startswith(TRAINED)]
+    return [one for one in registered(system) if one.name.startswith(TRAINED)]
 
 
 def step_sizes(window: tuple[float, float], *, between: bool = False) -> Floats:
@@ -114,17 +126,6 @@ def check_window(best: Floats, window: tuple[float, float], unit: str) -> None:
     if best[-1] < np.log10(LEAST) + ROUNDING:
         what = f"published methods err by rounding alone up to {window[1]:g}{time} per stage: take larger step sizes"
         raise bad_setting("window", shown, what)
-
-
-def _fitting(system: System) -> list[Tableau]:
-    found = []
-    for name in integrators.registered:
-        try:
-            check_fit(system, integrators[name])
-        except SettingError:
-            continue
-        found.append(integrators[name])
-    return [one for one in found if not one.processed and not one.modified]
 
 
 def _is_own(tableau: Tableau) -> bool:

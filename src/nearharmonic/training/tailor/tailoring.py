@@ -19,7 +19,15 @@ from nearharmonic.training.population import Ensemble, Floats
 from nearharmonic.training.tailor.budget import Budget
 from nearharmonic.training.tailor.orbit import RADIANS, STEP, Orbit, orbit_of
 from nearharmonic.training.tailor.provenance import note_of, source_of
-from nearharmonic.training.tailor.published import check_window, contenders, published, step_sizes, trained, window_at
+from nearharmonic.training.tailor.published import (
+    check_window,
+    contenders,
+    published,
+    registered,
+    step_sizes,
+    trained,
+    window_at,
+)
 from nearharmonic.training.tailor.question import Question, question
 from nearharmonic.training.tailor.result import Tailored, comparison
 from nearharmonic.training.tailor.search import SearchResult, TailorSearch
@@ -134,8 +142,8 @@ def tailored(asked: Question, show: Callable[[float, float], None] | None = None
     check_window(errors.min(axis=0), window, subject.units["t"])
     budget = Budget(asked.seconds, asked.trials, show)
     search = TailorSearch(
-        ensemble, taus, errors.min(axis=0), methods, stages=asked.stages, quadratic=subject.quadratic_kinetic_energy,
-        budget=budget, seed=asked.seed,
+        ensemble, taus, errors.min(axis=0), registered(subject), stages=asked.stages,
+        quadratic=subject.quadratic_kinetic_energy, budget=budget, seed=asked.seed,
     ).run()  # fmt: skip
     return tested(asked, window, (ensemble, held_out), search, contenders(methods, errors))
 
