@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 
 from nearharmonic.cli import main as command
-from nearharmonic.training.objective import mean_errors
 from nearharmonic.training.tailor.orbit import orbit_of
 from nearharmonic.training.tailor.published import published, step_sizes
 from nearharmonic.training.tailor.question import question
@@ -74,8 +73,8 @@ def pool(system: str):
     for seed in range(100, 100 + DRAWS):
         asked = question(system, seed=seed)
         d, subject = asked.system.dimension, asked.system
-        for one in ensembles(asked, orbit_of(subject)):
-            rows.append(np.hstack([one.start[:, :d], one.start[:, 2 * d : 3 * d]]))
+        both = ensembles(asked, orbit_of(subject))
+        rows += [np.hstack([one.start[:, :d], one.start[:, 2 * d : 3 * d]]) for one in both]
     return np.vstack(rows)
 
 
@@ -134,7 +133,6 @@ def elsewhere() -> str:
 
 def main() -> None:
     """Write what was found into the page, between its marks."""
-    text = PAGE.read_text(encoding="utf-8")
     for name, table in (
         ("example", example),
         ("elsewhere", elsewhere),
@@ -143,8 +141,10 @@ def main() -> None:
     ):
         found = table()
         print(name, found, sep="\n", flush=True)
-        pattern = rf"(<!-- begin {name} -->\n).*?(\n<!-- end {name} -->)"
-        text, count = re.subn(pattern, lambda m, found=found: m[1] + found + m[2], text, flags=re.DOTALL)
+        pattern = rf"(<!-- begin {name} -->\n).*?(<!-- end {name} -->)"
+        text, count = re.subn(
+            pattern, lambda m, found=found: m[1] + found + "\n" + m[2], PAGE.read_text("utf-8"), flags=re.DOTALL
+        )
         if count != 1:
             raise ValueError(f"{PAGE} has no place for {name}")
         PAGE.write_text(text, encoding="utf-8")

@@ -129,6 +129,18 @@ def test_without_a_gain_the_status_is_1_the_published_method_is_named_and_nothin
     assert not list(tmp_path.iterdir())
 
 
+def test_step_sizes_without_a_gain_are_named(capsys):
+    """A method for a window that is a factor 3 wide is not the best in all of it."""
+    assert main(["tailor", "henon_heiles", "--window", "0.05:0.15", "--trials", "500"]) == 0
+    title, _, *lines = capsys.readouterr().out.splitlines()
+    low = [line.split()[0] for line in lines[:11] if float(line.split()[5]) <= 0]
+    assert low
+    assert title.endswith(", though not in all of the window")
+    (note,) = [line for line in lines if line.startswith("no gain at tau/s = ")]
+    places = note.removeprefix("no gain at tau/s = ").partition(";")[0]
+    assert [place.partition(":")[0] for place in places.split(", ")] == low
+
+
 def test_a_system_of_a_file_in_its_own_units_is_taken(capsys, tmp_path):
     assert main(["new", "system", "well", "--output", str(tmp_path / "well.py")]) == 0
     capsys.readouterr()

@@ -133,7 +133,8 @@ def _title(found: Tailored) -> str:
     test, label = found.test, found.question.system.label
     where = f"{label}, tau/s = {window_text(found)}"
     if found.has_gain:
-        return f"{where}: a gain of {test.gain} decades over the best published methods"
+        part = ", though not in all of the window" if found.losing else ""
+        return f"{where}: a gain of {test.gain} decades over the best published methods{part}"
     return f"{where}: no gain, {test.gain} decades; take the published {test.overall.name}"
 
 
@@ -156,7 +157,8 @@ def _notes(found: Tailored) -> Iterator[str]:
         f"published method of the least mean error in the window: {found.test.overall.name}"
     )
     if found.losing and found.has_gain:
-        yield f"no gain at tau/s = {', '.join(f'{tau:.3g}' for tau in found.losing)}"
+        places = ", ".join(f"{tau:.3g}: {gain}" for tau, gain in found.losing)
+        yield f"no gain at tau/s = {places}; a narrower window may have one throughout"
     if found.trained is not None:
         others = ", ".join(dict.fromkeys(found.trained.best))
         yield f"over the methods trained on ensembles ({others}): {found.trained.gain}"

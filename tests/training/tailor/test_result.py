@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -43,6 +46,18 @@ def test_gains_are_those_of_runs_at_equal_cost(held_out):
         assert found.best[i] == METHODS[best].name
         assert found.gains[i].mean == pytest.approx((others[best] - own).mean(), abs=1e-6)
     assert found.gain.mean == pytest.approx(np.mean([one.mean for one in found.gains]), abs=1e-12)
+
+
+def test_errors_of_all_starts_are_relative_to_one_energy(held_out):
+    """That of the given start, 1/8; a system that declares an energy scale has that in its place."""
+    assert held_out.scale == pytest.approx(0.125, rel=1e-15)
+    plain, halved = (
+        comparison(METHODS[0], METHODS[1:], one, np.array([0.12]), seed=0)
+        for one in (held_out, replace(held_out, scale=0.25))
+    )
+    assert halved.error == pytest.approx(plain.error / 2, rel=1e-12)
+    well = question(str(Path(__file__).parents[3] / "examples/double_well.py"))
+    assert well.scale == 0.25
 
 
 def test_the_interval_is_the_bootstrap_of_scipy(held_out):

@@ -134,7 +134,7 @@ class Tailored:
         return self.test.gain.is_one
 
     @cached_property
-    def losing(self) -> tuple[float, ...]:
-        """Step sizes of the test at which the interval of the gain is not above 0."""
+    def losing(self) -> tuple[tuple[float, Gain], ...]:
+        """Step sizes of the test at which the interval of the gain is not above 0, with it."""
         pairs = zip(self.test.tau_per_stage.tolist(), self.test.gains, strict=True)
-        return tuple(tau for tau, gain in pairs if not gain.is_one)
+        return tuple((tau, gain) for tau, gain in pairs if not gain.is_one)
