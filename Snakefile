@@ -26,6 +26,8 @@ include: "workflow/rules/sixth_order.smk"
 include: "workflow/rules/work_precision.smk"
 include: "workflow/rules/stability.smk"
 include: "workflow/rules/exact_oscillator.smk"
+include: "workflow/rules/training.smk"
+include: "workflow/rules/trained.smk"
 include: "workflow/rules/figures.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/record.smk"
@@ -47,6 +49,7 @@ rule everything:
         rules.sixth_order.input,
         rules.stability.input,
         rules.exact_oscillator.input,
+        rules.trained.input,
         rules.work_precision.input,
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from nearharmonic.experiments.paper.substeps import substeps
+from nearharmonic.experiments.trained.contestants import IDEAS
 from nearharmonic.experiments.work_precision.curve import Curve, Point
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.systems import systems
@@ -182,6 +183,43 @@ def amplitudes_of_crossing(methods=METHODS):
             "energy": energy, "charge": charge, "tau_per_stage": [0.1, 0.05], "quantile": [0.05, 0.5, 0.95],
         },
     )  # fmt: skip
+
+
+def contest(methods=METHODS):
+    """Errors of trained methods and of a published one on ensembles of two panels, the second with fewer step sizes."""
+    tau = np.array([[0.02, 0.05, 0.1], [0.05, 0.1, np.nan], [0.02, 0.05, 0.1]])
+    names, point = [*methods, "published"], ("ensemble", "point")
+    gain = np.where(np.isfinite(tau), [[0.5, 0.2, -0.1], [0.7, 0.0, 0.3], [-0.3, -0.2, 0.9]], np.nan)
+    error = np.log10(powers(3, len(names), 3, seed=31, low=-11, high=-3)) + 0 * tau[:, None]
+    return xr.Dataset(
+        {
+            "tau_per_stage": (point, tau),
+            "mean_log_error": (("ensemble", "integrator", "point"), error),
+            "gain": (point, gain),
+            "gain_interval": ((*point, "bound"), gain[..., None] + np.array([-0.1, 0.1])),
+            "kind": ("integrator", ["trained"] * len(methods) + ["published"]),
+            "panel": ("ensemble", ["one", "other", "one"]),
+        },
+        coords={**named(names), "ensemble": ["d = 2, 0.01 to 0.1", "Kepler", "pendulum"]},
+    )
+
+
+def ideas(methods=METHODS):
+    """Gains of ideas over two strengths and as many step sizes as methods."""
+    over, shape = ("idea", "tau_per_stage", "strength"), (len(IDEAS), len(methods), 2)
+    gain = np.log10(powers(*shape, seed=33, low=-1, high=3))
+    leader = np.array(IDEAS)[gain.argmax(axis=0)]
+    lead = np.abs(gain[0])
+    return xr.Dataset(
+        {
+            "gain": (over, gain),
+            "gain_interval": ((*over, "bound"), gain[..., None] + np.array([-0.2, 0.2])),
+            "anharmonicity": (("strength", "quantile"), [[1e-3, 2e-3, 4e-3], [0.1, 0.2, 0.4]]),
+            **{f"leader{s}": (over[1:], leader) for s in ("", "_split")},
+            **{f"lead{s}": (over[1:], lead) for s in ("", "_split")},
+        },
+        coords={"idea": list(IDEAS), "tau_per_stage": 0.02 * (1 + np.arange(len(methods))), "strength": [1e-3, 0.1]},
+    )
 
 
 def ensembles(methods=METHODS):

@@ -63,6 +63,14 @@ TARGETS |= {name: figures(name) for name in EXACT_FIGURES} | {
     | tables("exact_oscillator", "exact_oscillator_times")
     | figures(*EXACT_FIGURES)
 }
+TRAINED_FIGURES = ("trained_error", "trained_gain", "trained_ideas")
+TARGETS |= {name: figures(name) for name in TRAINED_FIGURES}
+TARGETS["trained_proof"] = (
+    cubes("trained", "trained_ideas")
+    | tables(*(f"trained_{name}" for name in ("gains", "methods", "ideas", "long", "times")))
+    | figures(*TRAINED_FIGURES)
+)
+TARGETS["trained"] = TARGETS["trained_proof"]
 TARGETS["claims"] = {f"tables/claims.{suffix}" for suffix in ("csv", "md", "json")}
 TARGETS["sixth_order"] = TARGETS["beyond"]
 TARGETS["report"] = {"report.html"}

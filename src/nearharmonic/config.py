@@ -18,6 +18,7 @@ from nearharmonic.experiments.paper.plan import check_sweep, fewest_shards
 from nearharmonic.experiments.paper.settings import Summation, SystemSettings
 from nearharmonic.experiments.sixth_order.settings import SixthOrderSettings
 from nearharmonic.experiments.stability.settings import StabilitySettings
+from nearharmonic.experiments.trained.settings import TrainedSettings
 from nearharmonic.experiments.work_precision.settings import WorkPrecisionSettings
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.user_file import expanded
@@ -97,6 +98,7 @@ class Config:
         "What `exact_oscillator` compares with T and V", default=ExactOscillatorSettings
     )
     stability: StabilitySettings = setting("What `stability` puts the methods through", default=StabilitySettings)
+    trained: TrainedSettings = setting("How methods are trained, and what they are tried on", default=TrainedSettings)
     work_precision: WorkPrecisionSettings = setting("What `work_precision` times", default=WorkPrecisionSettings)
 
     @property

@@ -27,6 +27,9 @@ CUBES = {
     "rounding_growth": (made.rounding, ("time",)),
     "exact_oscillator_error": (made.amplitudes_of_crossing, ()),
     "exact_oscillator_charge": (made.amplitudes_of_crossing, ()),
+    "trained_error": (made.contest, ()),
+    "trained_gain": (made.contest, ()),
+    "trained_ideas": (made.ideas, ()),
 }
 #: Cubes that declared figures show, besides those of the systems.
 SHOWN = (
@@ -37,6 +40,8 @@ SHOWN = (
     "stability_kepler",
     "stability_rounding",
     "exact_oscillator",
+    "trained",
+    "trained_ideas",
 )
 DECLARED = {one.stem: one for one in figures_of("experiments", ("henon_heiles", "kepler", "sho"), SHOWN)}
 # Those of the systems that the paper has a figure of are drawn by that figure; every other system is shown like this.

@@ -10,6 +10,7 @@ import pytest
 
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators
+from nearharmonic.modified_integrators import modified_integrators
 from nearharmonic.output import provenance, sources
 from nearharmonic.output.job import covered
 from nearharmonic.output.provenance import code_digest, coefficients_digest, library_version, task
@@ -169,6 +170,16 @@ def test_a_task_may_look_up_what_it_names_or_imports_and_nothing_else():
     with covered(task("experiments.paper.figures.fig6_substeps:fig6_substeps")):
         assert systems["henon_heiles"].name == "henon_heiles"
         assert integrators["babs7o7h"].stages == 7
+
+
+def test_a_task_covers_methods_with_kicks_of_a_modified_potential_that_it_names():
+    one = task("experiments.paper.reduce:reduce_decomposition", integrators=["chin_4a", "ruth"])
+    assert one["integrators"] == ["ruth", "chin_4a"]
+    assert one["coefficients"] == coefficients_digest([integrators["ruth"], modified_integrators["chin_4a"]])
+    with covered(one):
+        assert modified_integrators["chin_4a"].stages == 2
+        with pytest.raises(NearharmonicError, match="'omelyan_g5o6' is looked up, but no digest"):
+            modified_integrators["omelyan_g5o6"]
 
 
 def test_a_result_says_where_it_comes_from_without_a_clock():

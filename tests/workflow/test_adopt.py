@@ -24,7 +24,7 @@ def test_measured_times_are_marked(finished):
     files = finished.manifest()["files"]
     volatile = {name: entry["volatile"] for name, entry in files.items() if entry["volatile"]}
     whole = {name for name, columns in volatile.items() if columns == ["*"]}
-    timed = ("work_precision", "library_times", "exact_oscillator_times")
+    timed = ("work_precision", "library_times", "exact_oscillator_times", "trained_times")
     assert whole == {name for name in MADE if any(stem in name for stem in timed)} | {"report.html"}
     assert {name: volatile[name] for name in volatile.keys() - whole} == {
         f"tables/derived_routes.{suffix}": ["seconds"] for suffix in ("csv", "md", "tex")

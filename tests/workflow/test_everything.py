@@ -17,6 +17,7 @@ from matplotlib.image import imread
 
 from nearharmonic.claims.table import decided
 from nearharmonic.config import load
+from nearharmonic.experiments.trained.contestants import contestants
 from nearharmonic.output.store import groups_of, read
 from nearharmonic.output.style import style_of
 from targets import DECOMPOSED, MADE, METHODS, RECORD, SYSTEMS, TARGETS
@@ -38,6 +39,8 @@ COLUMNS = {
     "sixth_order_counts": "distinct solutions", "sixth_order_measured": "rank by maximum",
     "sixth_order_ranking": "nystrom_error", "stability_henon_heiles": "share_of_linear_limit",
     "stability_kepler": "e_0.000", "stability_rounding": "brouwer", "structure": "symplectic defect",
+    "trained_gains": "best trained", "trained_ideas": "ahead with T + V", "trained_long": "sum of coefficients",
+    "trained_methods": "ahead_from", "trained_times": "charge_lanes",
     "table1_structure": "ABA d value", "table2_recursion": "tau^1", "table2_values": "tau^1",
     "table3_even_orders": "tau^4 as printed", "table4_coefficients": "printed", "table4_derived": "agreeing decimals",
 }  # fmt: skip
@@ -84,8 +87,9 @@ def test_what_snakemake_says_of_a_finished_run_needs_no_number_of_cores(finished
     files = {row["output_file"].removeprefix(RESULTS) for row in rows}
     assert {name for name in files if not name.startswith("logs/compile/")} == MADE
     rules = re.findall(r"^\w+$", finished.snakemake("--list-rules", *TINY).stdout, re.MULTILINE)
-    # The figure of regularised systems is drawn where a config has one.
-    assert {row["rule"] for row in rows} == set(rules) - set(TARGETS) - {"regularised_times_figure"}
+    # The figure of regularised systems is drawn where a config has one; methods are trained by name alone.
+    elsewhere = {"regularised_times_figure", "train", "register_trained"}
+    assert {row["rule"] for row in rows} == set(rules) - set(TARGETS) - elsewhere
     changes = finished.snakemake("everything", "--list-changes", "code", *TINY)
     assert changes.returncode == 0, changes.stdout
     assert RESULTS not in changes.stdout
@@ -184,8 +188,8 @@ def test_a_figure_shows_its_methods_in_each_of_its_files(finished, stem):
     pixels = imread(place / f"{stem}.png")[..., :3]
     assert (pixels.min(axis=2) < 0.9).mean() > 0.01
     assert (np.ptp(pixels, axis=2) > 0.2).mean() > 1e-4
-    if stem in ("henon_heiles_stability", "fig6_substeps", "linear_stability"):
-        return  # maps, paths and panels: a method has a place there, not a colour
+    if stem in ("henon_heiles_stability", "fig6_substeps", "linear_stability") or stem.startswith("trained_"):
+        return  # maps, paths, panels and the best of many: a method has a place there, not a colour
     methods = DECOMPOSED if stem == "fig2_decomposition" else METHODS
     if stem == "exact_oscillator_charge":  # methods that solve the oscillator exactly
         methods = ("aba864",)
@@ -218,6 +222,8 @@ def expected_settings(finished):
         "methods": [*METHODS, *given["work_precision"]["integrators"]], "sweeps": list(sweeps.values()),
     }  # fmt: skip
     found["cubes/exact_oscillator.h5"] = {"split": list(METHODS), "exact": ["aba864"]}
+    found["cubes/trained.h5"] = {"methods": list(contestants())}
+    found["cubes/trained_ideas.h5"] = {"methods": list(contestants()), "exact": ["aba864"]}
     for name in given["stability"]:
         found[f"cubes/stability_{name}.h5"] = dict(methods)
         found |= {f"runs/stability/{name}/{method}.h5": {"integrator": method} for method in METHODS}
@@ -260,6 +266,7 @@ def test_every_number_of_a_cube_is_there_for_each_method(finished):
             data = read(place, group)
             if "integrator" in data.dims:
                 methods = DECOMPOSED if name == "cubes/sho_terms.h5" else METHODS
+                methods = contestants() if name == "cubes/trained.h5" else methods
                 assert data.integrator.values.tolist() == list(methods), name
             # Positions may be timed on an interval of their own.
             system = str(group).removesuffix("_position")
@@ -268,7 +275,8 @@ def test_every_number_of_a_cube_is_there_for_each_method(finished):
                     numbers.add((system, key))
                     if np.isfinite(values).any():
                         found.add((system, key))
-        assert {key for _, key in numbers - found} <= {"tolerance"}, name  # which only adaptive peers have
+        # Adaptive peers alone have a tolerance, and registered methods that are trained a gain.
+        assert {key for _, key in numbers - found} <= {"tolerance", "gain", "gain_interval"}, name
 
 
 def test_cubes_cover_the_grid_of_their_system(finished):

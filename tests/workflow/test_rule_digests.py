@@ -48,7 +48,7 @@ def tasks():
 
 
 def _cubes():
-    single = ["sho_terms", "linear_stability", "kinetic_energy", "exact_oscillator"]
+    single = ["sho_terms", "linear_stability", "kinetic_energy", "exact_oscillator", "trained", "trained_ideas"]
     return [*single, *(f"stability_{name}" for name in ENSEMBLES)]
 
 

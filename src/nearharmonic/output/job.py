@@ -7,13 +7,14 @@ import os
 import sys
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
 from inspect import signature
 from pathlib import Path
 from typing import Any
 
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators
+from nearharmonic.modified_integrators import modified_integrators
 from nearharmonic.output.atomic import write_bytes, write_text
 from nearharmonic.output.dataset import Contents
 from nearharmonic.output.definitions import defined, files_in
@@ -129,7 +130,9 @@ def covered(task: Mapping[str, Any]) -> Iterator[None]:
     with defined(task["definitions"]):
         if task["definitions"]:
             _check_files(task)
-        with systems.restricted(named, reached), integrators.restricted(named, reached):
+        with ExitStack() as stack:
+            for registry in (systems, integrators, modified_integrators):
+                stack.enter_context(registry.restricted(named, reached))
             yield
 
 

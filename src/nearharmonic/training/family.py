@@ -16,15 +16,15 @@ from math import factorial
 from typing import Any
 
 import numpy as np
-from mpmath import mp, mpf
+from mpmath import mpf
 from numpy.typing import NDArray
 
 from nearharmonic.errors import bad_setting
-from nearharmonic.exact.decimals import BigFloat, as_mpf
+from nearharmonic.exact.decimals import as_mpf
 from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.integrators.modified_tableau import ModifiedTableau
 from nearharmonic.integrators.tableau import First, Tableau
-from nearharmonic.theory.word_sums import Factor, word_sums
+from nearharmonic.theory.word_sums import Factor, word_slopes, word_sums
 
 Floats = NDArray[np.float64]
 #: An equation: weights of words, and what the weighted sum has to be.
@@ -32,10 +32,10 @@ Equation = tuple[list[tuple[Fraction, str]], Fraction]
 
 #: Newton steps that a projection takes at most, the largest change of an unknown in one, and the residual at the end.
 PROJECTIONS, LONGEST, MET = 10, 0.3, 1e-10
-#: Residual below which a projection goes on with the derivatives that it has.
-NEAR = 1e-6
-#: Imaginary step whose quotient is a derivative to all digits.
-IMAGINARY = 1e-40
+#: Residual from which one Newton step, which squares it, leads to what doubles resolve.
+NEAR = 1e-8
+#: Part of the size of the equations' matrix that keeps it from being singular.
+REGULAR = 1e-15
 #: Harmonic orders that can be asked for.
 HARMONIC_ORDERS = range(4, 9)
 
@@ -60,7 +60,7 @@ class Family:
     Raises
     ------
     SettingError
-        Another order, or too few unknowns for the equations.
+        Another order, a square of no kick or two of one, or too few unknowns for the equations.
     """
 
     stages: int
@@ -77,6 +77,9 @@ class Family:
         ):
             if value not in known:
                 raise bad_setting(key, value, f"one of {', '.join(map(str, known))}")
+        half = (self.stages + (self.first == "kick") + 1) // 2
+        if set(self.squares) - set(range(half)) or len(set(self.squares)) < len(self.squares):
+            raise bad_setting("squares", self.squares, f"different numbers of kicks, from 0 to {half - 1}")
         if self.unknowns < len(self.equations):
             what = f"at least {len(self.equations)} free coefficients for as many equations, and there are"
             raise bad_setting("stages", self.stages, f"{what} {self.unknowns}")
@@ -113,7 +116,9 @@ class Family:
     def rows(self, x: Sequence[Any] | Floats) -> tuple[list[Any], list[Any], list[Any]]:
         """Return all kicks, drifts and squares of a step, in the arithmetic of the n unknowns ``x``."""
         outer, inner = self.halves
-        first, second = _closed(x[:outer], self.stages + 1), _closed(x[outer : outer + inner], self.stages)
+        one = 1 + 0 * x[0]
+        first = _closed(x[:outer], self.stages + 1, one)
+        second = _closed(x[outer : outer + inner], self.stages, one)
         kicks, drifts = (first, second) if self.first == "kick" else (second, first)
         squares: list[Any] = [0 * kick for kick in kicks]
         for place, value in zip(self.squares, x[outer + inner :], strict=True):
@@ -142,53 +147,43 @@ class Family:
 
     def residuals(self, x: Sequence[Any] | Floats) -> list[Any]:
         """Return the values of the equations, 0 for members, for n numbers, mpmath numbers or arrays of floats."""
-        number = as_mpf if isinstance(x[0], mpf) else float
-        step = word_sums(self._factors(x), [word for row, _ in self.equations for _, word in row])
-        return [sum(number(w) * step[word] for w, word in row) - number(total) for row, total in self.equations]
+        return self._weighted(x, word_sums(self._factors(x), self._words), 1)
+
+    def slopes(self, x: Sequence[Any] | Floats) -> Any:
+        """Return the derivatives (equations, n) of the residuals at n numbers, or (C, equations, n) at arrays of C."""
+        return self._linearised(x)[1]
 
     def project(self, points: Floats) -> tuple[Floats, NDArray[np.bool_]]:
         """Return the members (C, n) of the family near ``points``, and which of them meet the equations.
 
         Each Newton step is the shortest that the linearised equations allow.
         """
-        x = np.array(points, dtype=float)
-        values = self._values(x)
-        J = np.zeros((*values.shape, self.unknowns))
-        for _ in range(PROJECTIONS):
-            size = np.abs(values).max(axis=1)
-            far = ~(size < NEAR) | ~J.any(axis=(1, 2))
-            moving = ~(size < MET * MET)
-            if not moving.any():
-                break
-            if (far & moving).any():
-                J[far & moving] = self._slopes(x[far & moving])
-            square = J @ J.transpose(0, 2, 1) + 1e-15 * np.eye(values.shape[1])
-            step = np.einsum("cen,ce->cn", J, np.linalg.solve(square, values[..., None])[..., 0])
-            x -= np.where(moving[:, None], np.clip(np.nan_to_num(step), -LONGEST, LONGEST), 0.0)
-            values = self._values(x)
-        return x, np.abs(values).max(axis=1) < MET
-
-    def slopes(self, x: Sequence[BigFloat]) -> list[list[BigFloat]]:
-        """Return the derivatives of the residuals at mpmath numbers, by differences of half the working precision."""
-        h, here, columns = mpf(10) ** (-mp.dps // 2), self.residuals(x), []
-        for j in range(len(x)):
-            there = self.residuals([value + h * (i == j) for i, value in enumerate(x)])
-            columns.append([(b - a) / h for a, b in zip(here, there, strict=True)])
-        return [list(row) for row in zip(*columns, strict=True)]
+        x, moving = np.array(points, dtype=float), np.arange(len(points))
+        with np.errstate(all="ignore"):
+            for _ in range(PROJECTIONS):
+                values, J = self._linearised(x[moving].T)
+                square = J @ J.transpose(0, 2, 1)
+                size = 1 + np.trace(square, axis1=1, axis2=2)[:, None, None]
+                square += REGULAR * size * np.eye(len(values))
+                step = (J.transpose(0, 2, 1) @ np.linalg.solve(square, values.T[..., None]))[..., 0]
+                x[moving] -= np.clip(np.nan_to_num(step), -LONGEST, LONGEST)
+                moving = moving[~(np.abs(values).max(axis=0) < NEAR)]
+                if not moving.size:
+                    break
+            return x, np.abs(np.stack(self.residuals(x.T))).max(axis=0) < MET
 
     def grown(self, x: Floats) -> tuple[Family, Floats]:
-        """Return the family of one stage more and the same step in it: its innermost operator split by nothing."""
+        """Return the family of one stage more and the same step in it: its innermost operator is split by nothing."""
         outer, inner = self.halves
         kicks, drifts, squares = self.rows(x)
-        more = replace(self, stages=self.stages + 1)
+        rows = (kicks, drifts) if self.first == "kick" else (drifts, kicks)
         a, b = list(x[:outer]), list(x[outer : outer + inner])
-        first, second = (kicks, drifts) if self.first == "kick" else (drifts, kicks)
-        if self.stages % 2:  # two innermost outer values; the innermost inner one is halved, and nothing stands between
-            b_new, a_new = [*b, second[inner] / 2], [*a, first[outer]]
-        else:
-            a_new, b_new = [*a, first[outer] / 2], [*b, second[inner]]
-        a_new, b_new = a_new[: more.halves[0]], b_new[: more.halves[1]]
-        return more, np.array([*a_new, *b_new, *(squares[i] for i in self.squares)])
+        if self.stages % 2:  # the innermost inner value is halved, and a new outer one, which is 0, stands between
+            a.append(rows[0][outer])
+        else:  # the innermost outer value is halved, and a new inner one stands between
+            b.append(rows[1][inner])
+        halved = [squares[i] / (2 if 2 * i + 1 == len(kicks) else 1) for i in self.squares]
+        return replace(self, stages=self.stages + 1), np.array([*a, *b, *halved])
 
     def _factors(self, x: Sequence[Any] | Floats) -> list[Factor]:
         """The operators of a step in their order."""
@@ -203,21 +198,37 @@ class Family:
         kicks = self.stages + (self.first == "kick")
         return min(kick, kicks - 1 - kick) in self.squares
 
-    def _values(self, x: Floats) -> Floats:
-        """Residuals (C, equations)."""
-        return np.stack(np.broadcast_arrays(*self.residuals(x.T)), axis=1)
+    def _linearised(self, x: Sequence[Any] | Floats) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Residuals (equations, ...) and their derivatives (..., equations, n)."""
+        step, slopes = word_slopes(self._factors(x), self._words)
+        by_factor = np.stack(self._weighted(x, slopes, 0))
+        by_unknown = np.moveaxis(by_factor, (0, 1), (-2, -1)) @ self._directions
+        return np.stack(self._weighted(x, step, 1)), by_unknown
 
-    def _slopes(self, x: Floats) -> Floats:
-        """Derivatives (C, equations, n)."""
-        n = self.unknowns
-        moved = (x[:, None, :] + 1j * IMAGINARY * np.eye(n)).reshape(-1, n)
-        found = np.stack(np.broadcast_arrays(*self.residuals(moved.T)), axis=1).imag / IMAGINARY
-        return found.reshape(len(x), n, -1).transpose(0, 2, 1)
+    def _weighted(self, x: Sequence[Any] | Floats, of_words: dict[str, Any], constant: int) -> list[Any]:
+        """The weighted sum of each equation, minus what it has to be if ``constant`` is 1."""
+        number = as_mpf if isinstance(x[0], mpf) else float
+        return [
+            sum(number(w) * of_words[word] for w, word in row) - constant * number(total)
+            for row, total in self.equations
+        ]
+
+    @cached_property
+    def _words(self) -> tuple[str, ...]:
+        return tuple(word for row, _ in self.equations for _, word in row)
+
+    @cached_property
+    def _directions(self) -> Floats:
+        """Derivatives (F, n) of the factors' numbers, which are linear in the unknowns."""
+        size = (self.unknowns, self.unknowns)
+        units, zeros = (np.array([number for _, number in self._factors(x)]) for x in (np.eye(*size), np.zeros(size)))
+        found: Floats = units - zeros
+        return found
 
 
-def _closed(half: Sequence[Any] | Floats, length: int) -> list[Any]:
-    """The symmetric row of sum 1 that begins with ``half``."""
+def _closed(half: Sequence[Any] | Floats, length: int, one: Any) -> list[Any]:
+    """The symmetric row of sum ``one`` that begins with ``half``."""
     start = list(half)
-    rest = 1 - 2 * sum(start[1:], start=start[0]) if start else 1.0
+    rest = one - 2 * sum(start, start=0 * one)
     inmost = [rest] if length % 2 else [rest / 2, rest / 2]
     return [*start, *inmost, *reversed(start)]

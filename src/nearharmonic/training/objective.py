@@ -70,9 +70,11 @@ def errors_of(ensemble: Ensemble, method: Tableau, tau_per_stage: Sequence[float
     return found
 
 
-def best_of(ensemble: Ensemble, methods: Sequence[Tableau], tau_per_stage: Sequence[float]) -> Best:
-    """Return the best of ``methods`` at each step size."""
-    found = mean_errors(ensemble, methods, tau_per_stage)
+def best_of(
+    ensemble: Ensemble, methods: Sequence[Tableau], tau_per_stage: Sequence[float], charge: float = 0.0
+) -> Best:
+    """Return the best of ``methods`` at each step size; arguments are those of :func:`mean_errors`."""
+    found = mean_errors(ensemble, methods, tau_per_stage, charge)
     places = found.argmin(axis=0)
     return Best(value=found.min(axis=0), names=tuple(methods[i].name for i in places))
 
@@ -119,8 +121,9 @@ class Objective:
     def __call__(self, points: Floats) -> Floats:
         """Return the objective (C,) of the members nearest to ``points`` (C, n)."""
         x, inside = self.family.project(points)
-        kicks, drifts, squares = self._rows(x)
-        total = np.abs(kicks).sum(axis=1) + np.abs(drifts).sum(axis=1)
+        with np.errstate(all="ignore"):  # points that are no numbers are outside
+            kicks, drifts, squares = self._rows(x)
+            total = np.abs(kicks).sum(axis=1) + np.abs(drifts).sum(axis=1)
         inside &= total < self.largest_sum
         found: Floats = OUTSIDE + SLOPE * np.minimum(np.nan_to_num(total, nan=np.inf), 100.0)
         if inside.any():
@@ -133,8 +136,7 @@ class Objective:
         return -self._differences(*self._rows(x))
 
     def _rows(self, x: Floats) -> tuple[Floats, Floats, Floats]:
-        rows = self.family.rows(x.T)
-        kicks, drifts, squares = (np.stack(np.broadcast_arrays(*row, x[:, 0]))[:-1].T for row in rows)
+        kicks, drifts, squares = (np.stack(row).T for row in self.family.rows(x.T))
         return kicks, drifts, squares
 
     def _values(self, kicks: Floats, drifts: Floats, squares: Floats) -> Floats:

@@ -42,7 +42,7 @@ def polished(family: Family, unknowns: Sequence[float], digits: int = DIGITS) ->
         The equations have no solution within :data:`NEAREST`.
     """
     start = [mpf(float(x)) for x in unknowns]
-    limit = newton(family.residuals, family.slopes, start, digits=digits, guard=digits + 20)
+    limit = newton(family.residuals, family.slopes, start, digits=digits)
     moved = max((abs(a - b) for a, b in zip(limit.point, start, strict=True)), default=mpf(0))
     if not limit.converged or moved > NEAREST:
         message = (

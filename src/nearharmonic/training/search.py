@@ -10,6 +10,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -116,15 +117,15 @@ def starts_of(family: Family, known: Sequence[Tableau], before: Sequence[Finding
         Number of random starts.
     """
     for one in known:
-        if one.symmetric and one.first == family.first and one.stages == family.stages:
+        if _has_shape(one, family):
             yield from (Start(origin=one.name, point=family.unknowns_of(one), spread=s) for s in AROUND_KNOWN)
+    smaller = _a_stage_less(family)
     for one in known:
-        smaller = _a_stage_less(family)
-        if smaller and one.symmetric and one.first == family.first and one.stages == smaller.stages:
+        if smaller and _has_shape(one, smaller):
             point = smaller.grown(smaller.unknowns_of(one))[1]
             yield Start(origin=f"{one.name}, grown", point=point, spread=AROUND_KNOWN[0])
     for findings in before:
-        if findings.family == _a_stage_less(family) and findings.found:
+        if findings.family == smaller and findings.found:
             point = findings.family.grown(findings.best.unknowns)[1]
             yield from (Start(origin="grown", point=point, spread=s) for s in AROUND_FOUND)
     for i in range(effort.random):
@@ -172,15 +173,17 @@ def search(
 def descend(objective: Objective, start: Start, effort: Effort, seed: int) -> tuple[float, Floats]:
     """Return the least objective that CMA-ES finds from a start, and the member (n,) that has it."""
     family, point = objective.family, start.point
+    random = np.random.default_rng(seed)
     if point is None:
-        random = np.random.default_rng(seed)
         points = random.normal(MEAN / family.stages, SPREAD / family.stages, (RANDOM_POINTS, family.unknowns))
         points[:, family.stages - 1 :] *= 1 / family.stages**2  # squares are coefficients of tau^3
         point = points[objective(points).argmin()]
     cma = library()
     options = {
-        "verbose": -9, "seed": seed, "maxfevals": effort.trials, "popsize": effort.population, "tolfun": SMALL_VALUE,
+        "verbose": -9, "maxfevals": effort.trials, "popsize": effort.population, "tolfun": SMALL_VALUE,
         "tolx": SMALL_STEP, "CMA_stds": _scales(family),
+        # With its own seed, cma would seed the generator that all of NumPy shares.
+        "seed": np.nan, "randn": lambda *shape: random.standard_normal(shape),
     }  # fmt: skip
     strategy = cma.CMAEvolutionStrategy(point, start.spread, options)
     while not strategy.stop():
@@ -204,6 +207,16 @@ def _scales(family: Family) -> Floats:
     scales = np.ones(family.unknowns)
     scales[family.stages - 1 :] = 1 / family.stages
     return scales
+
+
+def _has_shape(method: Tableau, family: Family) -> bool:
+    """Whether a method has the stages and the role of a family, and no squares but those of the family."""
+    squares = {i for i, m in enumerate(getattr(method, "square", ())) if Fraction(m) and 2 * i < len(method.kick)}
+    return (
+        method.symmetric
+        and (method.first, method.stages) == (family.first, family.stages)
+        and squares <= set(family.squares)
+    )
 
 
 def _a_stage_less(family: Family) -> Family | None:

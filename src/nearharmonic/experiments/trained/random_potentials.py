@@ -5,7 +5,8 @@
 One frequency is 1, the others are uniform in [0.2, 1]. The strength s is log-uniform in a band; every cubic coefficient
 is normal with the deviation 0.4 s, every quartic one 0.1 s plus the modulus of such a number. As all quartic
 coefficients are positive, H is bounded from below for every draw. The amplitude is uniform in [0.4, 1], its square
-shared among the coordinates uniformly on the simplex, phases are uniform.
+shared among the coordinates uniformly on the simplex, phases are uniform. A momentum is an amplitude times a sine, a
+coordinate one times a cosine, over its frequency, but over 0.5 at least.
 """
 
 from __future__ import annotations

@@ -1,0 +1,130 @@
+"""Ideas over anharmonicity and step size: systems at all strengths, errors against single runs, who is ahead."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+import nearharmonic as nh
+from nearharmonic.experiments.trained.contestants import IDEAS
+from nearharmonic.experiments.trained.ideas.oscillators import (
+    CHARGE,
+    STRONGEST,
+    WEAKEST,
+    declared,
+    exact_errors,
+    scaled_potentials,
+)  # fmt: skip
+from nearharmonic.experiments.trained.ideas.run import STRENGTHS, Idea, _comparison, ideas_of, measure
+from nearharmonic.experiments.trained.proof.settings import ProofSettings
+from nearharmonic.systems.oscillator import frequencies_of
+
+METHODS = ("ruth", "blanes_moan_s6o4", "babps8o7h", "babs7o7h", "srkn_b11", "chin_4a")
+EXACT = ("aba864",)
+SMALL = ProofSettings(systems=12, t_end="15", tau_per_stage=("0.05", "0.1"))
+
+
+@pytest.fixture(scope="module")
+def scaled():
+    return scaled_potentials(3, 4, 5, 20.0)
+
+
+def test_strengths_multiply_cubic_and_quartic_coefficients_and_leave_frequencies_and_starts(scaled):
+    whole, one = scaled.ensemble(), scaled.potentials
+    assert scaled.strengths == pytest.approx(np.geomspace(WEAKEST, STRONGEST, 4))
+    for k in range(3):
+        for j, strength in enumerate(scaled.strengths):
+            row = whole.parameters[4 * k + j].reshape(-1, 2)[:, 0]
+            alone = one.parameters[k].reshape(-1, 2)[:, 0]
+            assert (row[:2] == alone[:2]).all()
+            assert row[2:] == pytest.approx(strength * alone[2:], rel=1e-15)
+            assert (whole.start[4 * k + j] == one.start[k]).all()
+
+
+def test_a_declared_system_is_the_same_potential_with_the_roots_as_frequencies(scaled):
+    whole = scaled.potentials
+    squares = whole.parameters[1, :4:2]
+    system = declared(whole.system, squares, 1)
+    assert [float(w) for w in frequencies_of(system)[0]] == np.sqrt(squares).tolist()
+    rest = whole.parameters[1, 4::2]
+    for q in ((0.3, -0.2), (1.0, 0.5)):
+        known = whole.system.V(q, *whole.parameters[1, ::2])
+        assert system.V(q, *np.sqrt(squares), *rest) == pytest.approx(known, rel=1e-14)
+
+
+def test_the_exact_oscillator_errs_as_single_runs_do_at_equal_cost(scaled):
+    taus = np.array([0.05, 0.1])
+    found, whole = exact_errors(scaled, nh.integrators["aba864"], taus), scaled.ensemble()
+    for m in (0, 6, 11):
+        squares = scaled.potentials.parameters[m // 4, :4:2]
+        system = declared(whole.system, squares, m // 4)
+        names = list(system.parameters)[2:]
+        given = dict(zip(names, whole.parameters[m, 4::2].tolist(), strict=True))
+        start = whole.start[m].reshape(4, 2)
+        for t, tau in enumerate(taus):
+            steps = round(20 / (tau * CHARGE * 7))
+            run = nh.integrate(
+                system, "aba864", Fraction(20, steps), t_end=20, q0=start[0], p0=start[2], parameters=given,
+                split="exact_oscillator", summation="plain", samples=2,
+            )  # fmt: skip
+            # Errors are rounding where the oscillator is all there is.
+            assert found[t, m] == pytest.approx(float(run.max_energy_error), rel=0.02, abs=2e-15)
+
+
+def test_the_exact_oscillator_is_best_where_the_rest_vanishes_and_alone_there(scaled):
+    found = ideas_of(scaled, METHODS, EXACT, np.array([0.1]))
+    best = {idea: one.logarithms.mean(axis=-1).min(axis=0)[0] for idea, one in found.items()}
+    assert list(found) == [idea for idea in IDEAS if idea != "trained"]
+    assert found["harmonic_conditions"].names == ["babps8o7h", "babs7o7h"]
+    weakest, strongest = ({idea: row[j] for idea, row in best.items()} for j in (0, -1))
+    assert min(weakest, key=weakest.get) == "exact_oscillator"
+    assert max(strongest, key=strongest.get) != "harmonic_conditions"
+    # Errors with the oscillator solved exactly are proportional to the strength where this is small.
+    slope = best["exact_oscillator"][1] - best["exact_oscillator"][0]
+    assert slope == pytest.approx(np.log10(scaled.strengths[1] / scaled.strengths[0]), abs=0.6)
+
+
+def made(values):
+    """Ideas with one method each, whose errors on 6 problems are these at one step size and two strengths."""
+    noise = np.linspace(-0.1, 0.1, 6)
+    return {
+        idea: Idea(names=[f"method of {idea}"], logarithms=np.array(row)[None, None, :, None] + noise * (i + 1))
+        for i, (idea, row) in enumerate(values.items())
+    }
+
+
+def test_the_leader_is_the_idea_of_least_mean_error_and_the_lead_is_over_the_second():
+    values = {"exact_oscillator": [-9, -4], "harmonic_conditions": [-7, -5], "nystrom": [-6, -5.5], "general": [-5, -5]}
+    variables = _comparison(made(values), 1, 50)
+    found = {name: entry[1] for name, entry in variables.items()}
+    assert found["leader"].tolist() == [["exact_oscillator", "nystrom"]]
+    assert found["lead"][0] == pytest.approx([2, 0.5])
+    assert found["leader_split"].tolist() == [["harmonic_conditions", "nystrom"]]
+    assert found["lead_split"][0] == pytest.approx([1, 0.5])
+    assert found["gain"][:, 0, 0] == pytest.approx([4, 2, 1, np.nan, 0], nan_ok=True)
+    assert found["best_method"][:, 0, 0].tolist() == [
+        "method of exact_oscillator", "method of harmonic_conditions", "method of nystrom", "", "method of general",
+    ]  # fmt: skip
+    low, high = np.moveaxis(found["lead_interval"][0], -1, 0)
+    assert (low < found["lead"][0]).all()
+    assert (found["lead"][0] < high).all()
+
+
+def test_the_table_has_a_row_for_each_cell_of_the_map_and_says_the_same():
+    made_here = measure(METHODS, EXACT, SMALL)
+    values = {name: entry[1] for name, entry in made_here["cube"].variables.items()}
+    rows = [dict(zip(made_here["table"].header, row, strict=True)) for row in made_here["table"].rows]
+    assert len(rows) == 2 * STRENGTHS
+    for n, row in enumerate(rows):
+        t, j = divmod(n, STRENGTHS)
+        gains = {idea: row[idea] for idea in IDEAS}
+        assert (
+            row["ahead"] == values["leader"][t, j] == max(IDEAS, key=lambda idea: np.nan_to_num(gains[idea], nan=-99))
+        )
+        second = sorted(np.nan_to_num(list(gains.values()), nan=-99))[-2]
+        assert row["lead"] == pytest.approx(gains[row["ahead"]] - second)
+        assert np.isnan(row["trained"])
+        assert row["general"] == 0
+    assert (np.diff(values["anharmonicity"][:, 1]) > 0).all()

@@ -1,0 +1,118 @@
+"""Long runs: trends that are put in, the way back, rounding as a random walk; and gains at equal time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import nearharmonic as nh
+from nearharmonic.experiments.trained import times
+from nearharmonic.experiments.trained.long_runs import STARTS, Run, by_rounding, measure, trend, way_back
+from nearharmonic.experiments.trained.named_systems import NAMED, named_ensemble
+from nearharmonic.experiments.trained.proof import run as proof
+from nearharmonic.experiments.trained.proof.settings import ProofSettings
+from nearharmonic.output import job
+
+SMALL = ProofSettings(
+    systems=4, t_end="10", tau_per_stage=("0.1",), evaluations_per_orbit=(60,), steps=2000
+)  # fmt: skip
+
+
+def run(name="henon_heiles", method="babps8o7h", steps=2000):
+    (one,) = (one for one in NAMED if one.name == name)
+    ensemble = named_ensemble(one, STARTS, 3, 100.0)
+    return Run(ensemble=ensemble, method=nh.integrators[method], tau_per_stage=0.1, steps=steps)
+
+
+def test_a_run_is_that_of_integrate(tmp_path):
+    one = run(steps=50)
+    start = one.ensemble.start[2].reshape(4, 2)
+    alone = nh.integrate("henon_heiles", "babps8o7h", 0.8, t_end=40, q0=start[0], p0=start[2], samples=2)
+    assert one.paths(samples=2).max_energy_error[2] == pytest.approx(float(alone.max_energy_error), rel=1e-9)
+
+
+def test_a_trend_that_is_put_in_is_found_within_its_interval(monkeypatch):
+    slope, random = 3e-7, np.random.default_rng(4)
+    marks = np.tile(np.arange(0, 2001, 5), (STARTS, 1))
+    own = slope + 1e-8 * random.normal(size=(STARTS, 1))
+    errors = own * (marks / 2000) + 1e-7 * np.sin(marks * 0.37)
+    paths = SimpleNamespace(marks=marks, energy_error=errors, max_energy_error=np.abs(errors).max(axis=1))
+    monkeypatch.setattr(Run, "paths", lambda *_, **__: paths)
+    largest, found, width = trend(run())
+    assert largest == np.abs(errors).max()
+    # Student's t of 15 degrees of freedom is 2.13; the spread of 16 numbers is known to a fifth or so.
+    assert width == pytest.approx(2.13 * 1e-8 / 4, rel=0.5)
+    assert abs(found - slope) < 2 * width + 1e-9
+
+
+def test_symmetric_methods_drift_nowhere_and_one_that_is_not_does():
+    """McLachlan & Atela's of order three is symplectic but not symmetric: the way back does not retrace the orbit."""
+    largest, slope, width = trend(run(steps=20_000))
+    assert abs(slope) < 3 * width
+    assert abs(slope) < largest / 50
+    assert way_back(run(), "compensated") < 1e-12 < way_back(run(method="mclachlan_atela_3"), "compensated")
+
+
+def test_errors_by_rounding_are_some_roundings_and_smaller_with_compensated_sums():
+    """A random walk of 2 s + 1 roundings of 2^-53 a step: 10^4 evaluations have sqrt(2 10^4) 2^-53 = 1.6e-14."""
+    one = run()
+    compensated, plain = by_rounding(one.ensemble, one.method, 10**5)
+    assert compensated < plain / 2
+    assert 2.0**-53 < plain < 1.6e-14 * 10
+
+
+def test_the_table_has_rows_of_the_method_beside_and_of_all_others():
+    table = measure(("ruth",), "babps8o7h", SMALL)["table"]
+    rows = [dict(zip(table.header, row, strict=True)) for row in table.rows]
+    assert [(row["system"], row["method"]) for row in rows] == [
+        (system, method) for system in ("morse", "henon_heiles") for method in ("babps8o7h", "ruth")
+    ]
+    assert [row["rounding_ratio"] for row in rows[::2]] == [1, 1]
+    for row in rows:
+        method = nh.integrators[row["method"]]
+        assert row["sum of coefficients"] == pytest.approx(sum(abs(float(c)) for c in (*method.kick, *method.drift)))
+        assert row["drift"] == ("no" if abs(row["trend"]) <= row["trend_half_width"] else "yes")
+        assert row["rounding_ratio"] > 0
+
+
+def test_gains_at_equal_time_are_those_of_the_modified_methods_run_at_the_measured_charge(monkeypatch, tmp_path):
+    methods = ("babps8o7h", "srkn_b11", "chin_4a", "mclachlan_ss5", "abag5o6")
+    monkeypatch.setattr(times, "costs", lambda _, width: (2.0, 3.0) if width > 1 else (8.0, 1e-9))
+    monkeypatch.setattr(times, "kind_of", lambda name: "trained" if name == "chin_4a" else "published")
+    job.write(proof.measure(methods, SMALL)["cube"], [str(tmp_path / "cube.h5")], {})
+    table = times.measure(str(tmp_path / "cube.h5"), methods, SMALL)["table"]
+    rows = [dict(zip(table.header, row, strict=True)) for row in table.rows]
+    assert {(row["ns_lanes"], row["ns_single"], row["charge_lanes"]) for row in rows} == {(2.0, 8.0, 3.0)}
+    for trial, row in zip(times.proof_ensembles(SMALL), rows, strict=True):
+        for mode, charge in (("lanes", 3.0), ("single", 1e-9)):
+            logs = proof.log_errors(trial.ensemble, methods, trial.tau_per_stage, charge).mean(axis=-1)[:, 0]
+            assert row[f"gain_{mode}"] == pytest.approx(min(logs[[0, 1, 3, 4]]) - logs[2]), trial.ensemble.name
+    # A dearer gradient means longer steps at equal time, which no force-gradient method gains from.
+    assert np.mean([row["gain_lanes"] for row in rows]) < np.mean([row["gain_single"] for row in rows])
+
+
+def test_costs_are_positive_numbers_of_nanoseconds():
+    """A lane and a processor of some GHz: an evaluation takes a hundred nanoseconds at most, and a gradient is work."""
+    ensemble = run().ensemble
+    for width in (1, 16):
+        nanoseconds, charge = times.costs(ensemble, width)
+        assert 0.05 < nanoseconds < 500
+        assert 0 <= charge < 20
+
+
+def test_without_trained_methods_there_is_no_gain_at_equal_time():
+    errors = np.array([[-3.0], [-4.0]])
+    assert np.isnan(times.gain(errors, np.array(["published", "own"]))).all()
+    assert times.gain(errors, np.array(["published", "trained"])).tolist() == [1.0]
+
+
+def test_a_run_back_has_the_same_steps_with_the_other_sign():
+    one = replace(run(steps=10), tau_per_stage=0.2)
+    there, back = one.paths(samples=2), one.paths(samples=2, back=True)
+    mirrored = one.ensemble.start.copy()
+    mirrored.reshape(-1, 4, 2)[:, 2] *= -1
+    assert one.paths(mirrored, samples=2).q[:, -1] == pytest.approx(back.q[:, -1], abs=1e-14)
+    assert not np.allclose(there.q[:, -1], back.q[:, -1])

@@ -1,0 +1,220 @@
+"""The proof: gains and intervals against known numbers, errors against a plain loop, tables and settings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import log10, sqrt
+
+import numpy as np
+import pytest
+import yaml
+
+import nearharmonic as nh
+from nearharmonic.config import load
+from nearharmonic.errors import SettingError
+from nearharmonic.experiments.trained.contestants import contestants, idea_of, kind_of
+from nearharmonic.experiments.trained.ensembles import proof_ensembles
+from nearharmonic.experiments.trained.named_systems import NAMED, named_ensemble
+from nearharmonic.experiments.trained.proof.gains import gains
+from nearharmonic.experiments.trained.proof.run import log_errors, measure, padded
+from nearharmonic.experiments.trained.proof.settings import ProofSettings
+from nearharmonic.experiments.trained.proof.tables import gain_table, method_table, stretch, verdict
+from nearharmonic.modified_integrators import method_of
+from plain_runs import (
+    henon_heiles_energy,
+    henon_heiles_gradient,
+    henon_heiles_gradient_of_square,
+    largest_error,
+)  # fmt: skip
+
+SMALL = ProofSettings(
+    systems=4, t_end="12", tau_per_stage=("0.05", "0.1"), evaluations_per_orbit=(60,)
+)  # fmt: skip
+#: Two published methods, one of this project, and two with kicks of a modified potential, a published one and an own.
+METHODS = ("babps8o7h", "srkn_b11", "babs8o6_7h", "chin_4a", "abag5o6")
+
+
+def curves(best_published, best_trained, noise, count, seed=1):
+    """Logarithms (4, 2, count): two published methods, two trained ones; of each the first is best at first."""
+    random = np.random.default_rng(seed)
+    means = np.array([best_published, best_published[::-1], best_trained, best_trained[::-1]], dtype=float)
+    return means[:, :, None] + noise * random.normal(size=(4, 2, count))
+
+
+KINDS = ("published", "published", "trained", "trained")
+
+
+def test_a_gain_is_the_difference_of_the_means_of_the_best():
+    found = gains(curves([-6, -4], [-6.5, -4], 0.0, 10), KINDS, 1, 50)
+    assert found.gain == pytest.approx([0.5, 0.5])
+    assert found.interval == pytest.approx(0.5)
+    assert (found.published.tolist(), found.trained.tolist()) == ([0, 1], [2, 3])
+
+
+def test_intervals_of_independent_errors_are_those_of_the_normal_distribution():
+    """1.96 standard deviations of a difference of means; 4000 resamples know their tails to 5 %, 400 draws theirs."""
+    count = 400
+    found = gains(curves([-6, -2], [-6.7, -2], 0.3, count), KINDS, 2, 4000)
+    width = 1.96 * 0.3 * sqrt(2 / count)
+    assert np.diff(found.interval, axis=1)[:, 0] == pytest.approx([2 * width] * 2, rel=0.12)
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say():
+    """Of 200 samples 95 % do, give or take 3 deviations of the binomial distribution and what 60 problems lack."""
+    inside = 0
+    for seed in range(200):
+        low, high = gains(curves([-6, -2], [-6.4, -2], 0.5, 60, seed), KINDS, seed, 200).interval[0]
+        inside += low <= 0.4 <= high
+    assert 0.87 <= inside / 200 <= 0.99
+
+
+def test_problems_are_resampled_together_for_all_methods():
+    """What problems have in common cancels: the errors of all methods move alike, and the gain does not."""
+    logs = np.full((2, 1, 50), -5.0) + np.random.default_rng(3).normal(size=50)
+    logs[1] -= 0.25
+    assert gains(logs, ("published", "trained"), 4, 100).interval == pytest.approx(0.25)
+
+
+def test_the_best_are_chosen_anew_in_each_resample():
+    """Two published methods that are equal in the mean: the better of them in a resample is better than the mean."""
+    logs = curves([-5, -5], [-4, -4], 1.0, 40)
+    logs -= logs.mean(axis=-1, keepdims=True) - np.array([-5, -5, -4, -4])[:, None, None]
+    found = gains(logs, KINDS, 5, 2000)
+    # The larger of two normal numbers is 1/sqrt(pi) deviations above the mean; trained methods gain the same.
+    assert found.gain == pytest.approx(-1)
+    one = gains(logs[[0, 2]], ("published", "trained"), 5, 2000)
+    assert (np.diff(found.interval)[:, 0] < 0.95 * np.diff(one.interval)[:, 0]).all()
+
+
+def test_without_a_trained_method_there_is_no_gain_and_the_best_published_one_is_told():
+    found = gains(curves([-6, -4], [-7, -7], 0.0, 5)[:2], ("published", "own"), 1, 10)
+    assert np.isnan(found.gain).all()
+    assert np.isnan(found.interval).all()
+    assert (found.published.tolist(), found.trained.tolist()) == ([0, 0], [-1, -1])
+
+
+def test_every_registered_method_is_compared_but_processed_ones_and_is_of_one_kind():
+    names = contestants()
+    assert set(names) == {*nh.integrators.registered, *nh.modified_integrators.registered} - {"rowlands"}
+    kinds = {name: kind_of(name) for name in names}
+    own = {name for name, kind in kinds.items() if kind == "own"}
+    found_here = {name for name in names if method_of(name).source.startswith("found by")}
+    assert own == {name for name in found_here if not name.startswith("trained_")}
+    assert {"babs8o6_7h", "abag5o6"} <= own
+    assert kinds["rnia12"] == kinds["omelyan_g5o6"] == "published"
+    trained = replace(nh.integrators["leapfrog"], name="trained_x")
+    assert idea_of(trained) == "trained"
+    ideas = {name: idea_of(method_of(name)) for name in ("babps8o7h", "srkn_b11", "teloy_8a17b", "aba864", "chin_4a")}
+    assert list(ideas.values()) == ["harmonic_conditions", "nystrom", "nystrom", "general", None]
+
+
+def test_errors_are_those_of_a_plain_loop_over_the_operators_at_equal_cost():
+    """To a thousandth: the energy error at the largest is some hundred roundings of a double."""
+    (one,) = (one for one in NAMED if one.name == "henon_heiles")
+    ensemble = named_ensemble(one, 3, 2, 20.0)
+    taus, charge = np.array([0.1, 0.15]), 0.8
+    found = log_errors(ensemble, METHODS, taus, charge)
+    for a, name in enumerate(METHODS):
+        method = method_of(name)
+        rows = [list(map(float, row)) for row in (method.kick, method.drift, getattr(method, "square", ()))]
+        cost = method.stages + charge * getattr(method, "gradients", 0)
+        for t, tau in enumerate(taus):
+            steps = round(20 / (tau * cost))
+            for m, row in enumerate(ensemble.start.reshape(3, 4, 2)):
+                error = largest_error(
+                    rows, method.first, 20 / steps, steps, row[0], row[2], henon_heiles_energy, henon_heiles_gradient,
+                    henon_heiles_gradient_of_square if method.modified else None,
+                )  # fmt: skip
+                assert found[a, t, m] == pytest.approx(log10(error), abs=1e-3), (name, tau, m)
+
+
+@pytest.fixture(scope="module")
+def small():
+    return measure(METHODS, SMALL)
+
+
+def test_the_cube_has_each_ensemble_with_its_own_step_sizes(small):
+    values = {name: entry[1] for name, entry in small["cube"].variables.items()}
+    assert len(values["ensemble"]) == 8 + len(NAMED) + 1 == len(set(values["ensemble"].tolist()))
+    assert values["tau_per_stage"][-1] == pytest.approx([2 * np.pi / 60, np.nan], nan_ok=True)
+    assert (values["tau_per_stage"][:-1] == [0.05, 0.1]).all()
+    assert np.isnan(values["mean_log_error"][-1, :, 1]).all()
+    assert np.isfinite(values["mean_log_error"][:-1]).all()
+    assert values["kind"].tolist() == ["published", "published", "own", "published", "own"]
+    assert (np.diff(values["anharmonicity"], axis=1) >= 0).all()
+    for e, trial in enumerate(proof_ensembles(SMALL)):
+        charge = 0.3 if trial.panel == "Kepler orbits" else 1.1
+        means = log_errors(trial.ensemble, METHODS, trial.tau_per_stage, charge).mean(axis=-1)
+        assert (values["mean_log_error"][e, :, : means.shape[1]] == means).all()
+        best = [METHODS[i] for i in np.where(values["kind"] == "published", means.T, np.inf).argmin(axis=1)]
+        assert values["best_published"][e, : len(best)].tolist() == best
+
+
+def test_a_table_without_trained_methods_says_so(small):
+    table = small["gains"]
+    assert {row[-1] for row in table.rows} == {"none trained"}
+    assert {row[4] for row in table.rows} == {"none"}
+    assert len(table.rows) == 2 * (8 + len(NAMED)) + 1
+    assert small["methods"].rows[0][0] == "none"
+
+
+def renamed(small):
+    """The cube with its first method as a trained one."""
+    variables = dict(small["cube"].variables)
+    kinds = variables["kind"][1].copy()
+    kinds[0] = "trained"
+    return variables | {"kind": ("integrator", kinds, {})}
+
+
+def test_the_table_of_methods_tells_gains_and_losses(small):
+    variables = renamed(small)
+    errors = variables["mean_log_error"][1]
+    rows = method_table(variables).rows
+    assert len(rows) == 8 + len(NAMED) + 1
+    for e, row in enumerate(rows):
+        gain = (errors[e, [1, 3]].min(axis=0) - errors[e, 0])[: 1 if e == len(rows) - 1 else 2]
+        assert row[:2] == ["babps8o7h", variables["ensemble"][1][e]]
+        assert (row[5], row[7]) == (pytest.approx(gain.max()), pytest.approx(-gain.min()))
+        ahead = [tau for tau, g in zip(variables["tau_per_stage"][1][e], gain, strict=False) if g > 0]
+        assert row[2:4] == (
+            pytest.approx([min(ahead), max(ahead)]) if ahead else pytest.approx([np.nan] * 2, nan_ok=True)
+        )
+
+
+def test_the_table_of_gains_names_the_best_and_their_errors(small):
+    variables = dict(small["cube"].variables)
+    best = variables["best_published"][1].copy()
+    best[0, 0] = "srkn_b11"
+    table = gain_table(variables | {"best_published": ("", best, {})})
+    assert table.rows[0][2:4] == ["srkn_b11", variables["mean_log_error"][1][0, 1, 0]]
+
+
+def test_what_an_interval_says():
+    assert [verdict(*pair) for pair in ((0.1, 0.2), (-0.2, -0.1), (-0.1, 0.1))] == ["ahead", "behind", "even"]
+    assert verdict(np.nan, np.nan) == "none trained"
+
+
+def test_the_widest_stretch_is_by_ratio_whatever_the_order():
+    taus = np.array([0.01, 0.02, 0.03, 0.1, 0.2])
+    assert stretch(taus, np.array([1, 1, -1, 1, 1.0])) == (0.01, 0.02)
+    assert stretch(taus, np.array([-1, 1, 1, 1, -1.0])) == (0.02, 0.1)
+    assert stretch(taus[::-1], np.array([-1, 1, 1, 1, -1.0])) == (0.02, 0.1)
+    assert stretch(taus, np.array([1, -1, -1, 1, 1.0])) == (0.1, 0.2)
+    assert np.isnan(stretch(taus, -np.ones(5))).all()
+
+
+def test_short_rows_are_filled_up_behind():
+    assert padded([np.ones((2, 1)), np.zeros((2, 3))], 7.0)[0].tolist() == [[1, 7, 7], [1, 7, 7]]
+
+
+def test_settings_are_keys_of_the_config_and_too_much_is_refused():
+    given = yaml.safe_load(
+        "name: x\nintegrators: [ruth]\nsystems: {sho: {tau_per_stage: {lowest: 1, highest: 2, points_per_decade: 4}}}\n"
+        "trained: {proof: {systems: 5, tau_per_stage: [0.1]}}\n"
+    )
+    proof = load(given).trained.proof
+    assert (proof.systems, proof.tau_per_stage, proof.steps) == (5, ("0.1",), 10**6)
+    for key, value in (("systems", 100_000), ("steps", 10**9)):
+        given["trained"]["proof"] = {key: value, "t_end": 10_000 if key != "steps" else 10}
+        with pytest.raises(SettingError, match=rf"trained\.proof\.{key}.*force evaluations"):
+            load(given)

@@ -1,0 +1,151 @@
+"""What methods are trained for, the search of a purpose from seed to digits, and the modules that register them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import isclose
+
+import numpy as np
+import pytest
+
+import nearharmonic as nh
+from nearharmonic.errors import SettingError
+from nearharmonic.experiments.trained import purposes, search
+from nearharmonic.experiments.trained.published import published_methods, published_names
+from nearharmonic.experiments.trained.purposes import PURPOSES, Chain, Purpose
+from nearharmonic.experiments.trained.registration import register
+from nearharmonic.experiments.trained.settings import SearchSettings
+from nearharmonic.output.table import save_document
+
+SETTINGS = SearchSettings(seed=5, systems=4, held_out=6, trials=40, random=0, refinements=1)
+PUBLISHED = ("babs7o7h", "srkn_b6", "aba104")
+GOAL = Purpose(
+    name="trial", what="a trial", tau_per_stage=(0.1, 0.16), t_end=20.0, chains=(Chain(first="kick", stages=(6, 7)),)
+)
+MODIFIED = Purpose(
+    name="kicked", what="a trial", tau_per_stage=(0.1, 0.16), t_end=20.0,
+    chains=(Chain(first="drift", stages=(5,), squares=(0, 2)),),
+)  # fmt: skip
+
+
+def trained(monkeypatch, goal=GOAL, settings=SETTINGS):
+    monkeypatch.setitem(PURPOSES, goal.name, goal)
+    told = []
+    found = search.train(goal.name, settings, PUBLISHED, told.append)
+    assert told
+    return found
+
+
+def tableau_of(document):
+    kind = nh.modified_integrators["chin_4a"].__class__ if "square" in document else nh.Tableau
+    rows = {name: tuple(document[name]) for name in ("kick", "drift", "square") if name in document}
+    return kind(name="found", order=4, first=document["first"], source="test", digits=document["digits"], **rows)
+
+
+@pytest.mark.parametrize("name", list(PURPOSES))
+def test_every_window_is_a_factor_1_5_wide_and_every_family_can_be_built(name):
+    low, high = PURPOSES[name].window
+    assert high / low >= purposes.NARROWEST
+    assert PURPOSES[name].tau_per_stage == tuple(sorted(PURPOSES[name].tau_per_stage))
+    for chain in PURPOSES[name].chains:
+        assert [family.stages for family in chain.families()] == list(chain.stages)
+
+
+def test_published_methods_are_all_but_those_of_this_project():
+    names = published_names()
+    left = set(nh.integrators.registered) - set(names)
+    assert {"babs8o6_7h", "abas9o6_7h", "babs10o6_8h", "abas11o6_8h"} <= left
+    assert all(name in left or not name.startswith("trained_") for name in nh.integrators.registered)
+    assert {one for one in left if not one.startswith("trained_")} == {
+        "babs8o6_7h", "abas9o6_7h", "babs10o6_8h", "abas11o6_8h",
+    }  # fmt: skip
+    with_squares = {one.name for one in published_methods(names, modified=True)} - set(names)
+    assert with_squares == {"chin_4a", "omelyan_g5o6"}
+
+
+def test_the_same_seed_finds_the_same_method_and_another_seed_another(monkeypatch):
+    one, again = (trained(monkeypatch)["document"] for _ in range(2))
+    assert one == again
+    other = trained(monkeypatch, settings=SearchSettings(**{**SETTINGS.__dict__, "seed": 6}))["document"]
+    assert other["kick"] != one["kick"]
+    assert other["digest"] != one["digest"]
+
+
+def test_what_is_found_has_the_orders_proved_and_the_limit_that_the_document_says(monkeypatch):
+    document = trained(monkeypatch)["document"]
+    tableau = tableau_of(document)
+    assert nh.order_of(tableau) == document["order"] == 4
+    assert document["harmonic_order"] == 4
+    assert isclose(float(nh.stability_limit(tableau)), document["stability_limit"], rel_tol=1e-12)
+    assert document["seed"] == 5
+    assert document["window"] == [0.1, 0.16]
+
+
+def mean_log(method, ensemble, tau_per_stage, cost):
+    """By members of ``nh.ensemble`` with exact coefficients and compensated sums."""
+    d, names = ensemble.system.dimension, list(ensemble.system.parameters)
+    steps = max(1, round(ensemble.t_end / (tau_per_stage * cost)))
+    run = nh.ensemble(
+        ensemble.system, method, ensemble.t_end / steps, t_end=ensemble.t_end, q0=ensemble.start[:, :d],
+        p0=ensemble.start[:, 2 * d : 3 * d],
+        parameters={name: ensemble.parameters[:, 2 * i] for i, name in enumerate(names)},
+    )  # fmt: skip
+    return np.log10(np.minimum(run.max_energy_error.values, 1.0)).mean()
+
+
+@pytest.mark.parametrize("goal", [GOAL, MODIFIED], ids=["plain", "modified"])
+def test_the_gain_in_the_document_is_that_of_ensembles_at_equal_cost(monkeypatch, goal):
+    document = trained(monkeypatch, goal)["document"]
+    method = tableau_of(document)
+    known = published_methods(PUBLISHED, modified=bool(goal.chains[0].squares))
+
+    def cost(one):
+        return one.stages + goal.charge * getattr(one, "gradients", 0)
+
+    gains = []
+    for tau in goal.tau_per_stage:
+        of_dimensions = [
+            min(mean_log(one, ensemble, tau, cost(one)) for one in known)
+            - mean_log(method, ensemble, tau, cost(method))
+            for ensemble in goal.ensembles(SETTINGS.held_out, 3 * SETTINGS.seed + 2, longer=2.0)
+        ]
+        gains.append(np.mean(of_dimensions))
+    # Plain sums and coefficients rounded one by one move errors of 1e-6 by their rounding, 1e-13.
+    assert document["gain"] == pytest.approx(gains, abs=1e-5)
+
+
+def test_registered_text_defines_the_methods_digit_for_digit(monkeypatch, tmp_path):
+    documents = [trained(monkeypatch, goal)["document"] for goal in (GOAL, MODIFIED)]
+    places = [str(tmp_path / f"{one['name']}.toml") for one in documents]
+    for one, place in zip(documents, places, strict=True):
+        save_document(one, place)
+    texts = register(places)
+    for text, document in zip((texts["plain"], texts["modified"]), documents, strict=True):
+        assert max(map(len, text.splitlines())) <= 120
+        scope = {}
+        exec(text, scope)
+        (found,) = scope["TABLEAUS"]
+        assert (found.name, found.first, found.digits) == (document["name"], document["first"], 60)
+        assert list(found.kick) == document["kick"]
+        assert list(found.drift) == document["drift"]
+        assert document["digest"][:16] in found.note
+        assert f"{document['window'][0]:.3g} to {document['window'][1]:.3g}" in found.note
+    assert list(scope["TABLEAUS"][0].square) == documents[1]["square"]
+
+
+def test_a_family_that_nothing_leads_to_is_left_out_and_no_family_at_all_is_refused(monkeypatch):
+    lonely = Chain(first="drift", stages=(10,))
+    table = trained(monkeypatch, replace(GOAL, chains=(*GOAL.chains, lonely)))["landscape"]
+    assert [row[1] for row in table.rows] == [6, 7]
+    with pytest.raises(SettingError, match="random"):
+        trained(monkeypatch, replace(GOAL, chains=(lonely,)))
+
+
+def test_the_landscape_has_a_row_for_each_family(monkeypatch):
+    table = trained(monkeypatch)["landscape"]
+    rows = [dict(zip(table.header, row, strict=True)) for row in table.rows]
+    assert [row["stages"] for row in rows] == [6, 7]
+    # srkn_b6 from two spreads, and around the best; babs7o7h likewise, what is grown from 6, and around the best.
+    assert rows[0]["searches"] == 3
+    assert all(row["ended at the best"] >= 1 for row in rows)
+    assert all(row["least gain"] <= row["mean gain"] for row in rows)

@@ -1,0 +1,61 @@
+"""The trained methods that are registered: what their notes say, what they gain, and that a search finds them."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+import nearharmonic as nh
+from nearharmonic.experiments.trained import search
+from nearharmonic.experiments.trained.published import published_methods, published_names
+from nearharmonic.experiments.trained.purposes import PURPOSES
+from nearharmonic.experiments.trained.settings import SearchSettings
+from nearharmonic.modified_integrators import method_of
+from nearharmonic.training.objective import mean_errors
+
+#: Seed of problems that no set of the search has, and how many.
+SEED, PROBLEMS = 70_001, 64
+#: Least gain in decades at each step size of a window, on these problems.
+LEAST = 0.25
+
+
+@pytest.mark.parametrize("name", list(PURPOSES))
+def test_a_note_says_window_ensemble_limit_seed_and_run(name):
+    purpose, tableau = PURPOSES[name], method_of(PURPOSES[name].title)
+    low, high = purpose.window
+    assert f"tau/s {low:.3g} to {high:.3g}; {purpose.problems}; " in tableau.note
+    assert re.search(r"seed \d+; run [0-9a-f]{16}$", tableau.note)
+    assert tableau.digits == 60
+    if not tableau.modified:
+        limit = re.search(r"stability limit tau = ([\d.]+);", tableau.note)
+        assert float(limit.group(1)) == pytest.approx(float(nh.stability_limit(tableau)), abs=1e-4)
+        # A window reaches up to the limit at most.
+        assert high * tableau.stages < float(limit.group(1))
+
+
+def test_every_trained_method_has_a_purpose():
+    names = [*nh.integrators.registered, *nh.modified_integrators.registered]
+    assert sorted(one for one in names if one.startswith("trained_")) == sorted(p.title for p in PURPOSES.values())
+
+
+@pytest.mark.parametrize("name", list(PURPOSES))
+def test_a_trained_method_is_ahead_of_all_published_ones_in_its_window_on_problems_it_was_not_chosen_by(name):
+    purpose, method = PURPOSES[name], method_of(PURPOSES[name].title)
+    known = published_methods(published_names(), modified=method.modified)
+    gains = []
+    for ensemble in purpose.ensembles(PROBLEMS, SEED):
+        published = mean_errors(ensemble, known, purpose.tau_per_stage, purpose.charge).min(axis=0)
+        gains.append(published - mean_errors(ensemble, [method], purpose.tau_per_stage, purpose.charge)[0])
+    assert np.mean(gains, axis=0).min() > LEAST
+
+
+@pytest.mark.slow
+def test_the_search_finds_the_registered_digits_again():
+    """On another kind of processor NumPy may round otherwise, and the search takes another path."""
+    purpose = PURPOSES["weak"]
+    document = search.train("weak", SearchSettings(), published_names(), print)["document"]
+    assert tuple(document["kick"]) == method_of(purpose.title).kick
+    assert tuple(document["drift"]) == method_of(purpose.title).drift
+    assert document["digest"][:16] in method_of(purpose.title).note

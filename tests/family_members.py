@@ -1,0 +1,45 @@
+"""Members of families of methods for tests, and operators of their steps as exact rational numbers."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+
+from nearharmonic.training.family import Family
+
+#: One of each kind: plain and with squares, both roles, odd and even numbers of stages, all kinds of conditions.
+FAMILIES = (
+    Family(stages=5, first="kick"),
+    Family(stages=6, first="drift"),
+    Family(stages=8, first="kick", harmonic_order=7),
+    Family(stages=9, first="drift", harmonic_order=8),
+    Family(stages=9, first="drift", order=6),
+    Family(stages=12, first="kick", order=6, harmonic_order=7),
+    Family(stages=2, first="kick", squares=(0, 1)),
+    Family(stages=3, first="drift", squares=(1,)),
+    Family(stages=5, first="drift", order=6, squares=(0, 1, 2)),
+    Family(stages=6, first="kick", order=6, harmonic_order=7, squares=(0, 1, 3)),
+)
+
+
+def members(family, count, seed=1):
+    """``count`` members (count, n), from random points."""
+    random = np.random.default_rng([seed, family.stages])
+    points = random.normal(1 / family.stages, 1 / family.stages, (400 * count, family.unknowns))
+    points[:, family.stages - 1 :] *= 1 / family.stages**2
+    found, inside = family.project(points)
+    small = np.abs(found).sum(axis=1) < 4
+    assert (inside & small).sum() >= count, family
+    return found[inside & small][:count]
+
+
+def operators_of(tableau):
+    """The operators of a step in their order, exact, from the decimals: A drifts, B kicks, C kicks of the square."""
+    kicks = [[("B", Fraction(text))] for text in tableau.kick]
+    for operators, text in zip(kicks, getattr(tableau, "square", ()), strict=False):
+        if Fraction(text):
+            operators.append(("C", Fraction(text)))
+    drifts = [[("A", Fraction(text))] for text in tableau.drift]
+    rows = (kicks, drifts) if tableau.first == "kick" else (drifts, kicks)
+    return [x for i in range(tableau.stages + 1) for row in rows for operators in row[i : i + 1] for x in operators]

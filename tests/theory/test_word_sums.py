@@ -1,0 +1,99 @@
+"""Sums over words and their derivatives, against exact rational series that share no code with them."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mpmath import mp, mpf
+
+from nearharmonic.exact.words import product_of_exponentials, words
+from nearharmonic.theory.word_sums import word_slopes, word_sums
+
+LENGTH = 6
+#: Steps that are no palindromes, in which an operator may follow itself.
+steps = st.lists(
+    st.tuples(st.sampled_from("ABC"), st.integers(-1500, 1500).map(lambda n: Fraction(n, 1000))),
+    min_size=1,
+    max_size=6,
+)
+
+
+def exact(step):
+    series = product_of_exponentials(step, LENGTH)
+    return {word: series[word] for word in words(LENGTH)}
+
+
+def in_mpmath(step):
+    return [(name, mpf(c.numerator) / c.denominator) for name, c in step]
+
+
+def difference(number, fraction):
+    return abs(number - mpf(fraction.numerator) / fraction.denominator)
+
+
+@settings(max_examples=30)
+@given(steps)
+def test_sums_in_sixty_digits_are_the_exact_ones(step):
+    with mp.workdps(60):
+        found = word_sums(in_mpmath(step), words(LENGTH))
+        for word, value in exact(step).items():
+            # Sums of at most 6^6 products, none above 1.5^6.
+            assert difference(found[word], value) < mpf(10) ** -50, word
+
+
+@settings(max_examples=30)
+@given(steps)
+def test_sums_of_arrays_are_those_of_each_column(step):
+    two = [step, [(name, -c / 2) for name, c in step]]
+    factors = [(name, np.array([float(a), float(b)])) for (name, a), (_, b) in zip(*two, strict=True)]
+    found = word_sums(factors, words(LENGTH))
+    for column, one in enumerate(two):
+        for word, value in exact(one).items():
+            at = np.broadcast_to(found[word], 2)[column]
+            assert float(value) == pytest.approx(at, rel=1e-12, abs=1e-10), word
+
+
+@settings(max_examples=30)
+@given(steps)
+def test_slopes_in_sixty_digits_are_the_exact_derivatives(step):
+    with mp.workdps(60):
+        sums, slopes = word_slopes(in_mpmath(step), words(LENGTH))
+        h = Fraction(1, 10**40)
+        values = exact(step)
+        for i, (name, c) in enumerate(step):
+            up, down = (exact([*step[:i], (name, c + sign * h), *step[i + 1 :]]) for sign in (1, -1))
+            for word in words(LENGTH):
+                # Without rounding a central difference is off by h^2 alone.
+                assert difference(slopes[word][i], (up[word] - down[word]) / (2 * h)) < mpf(10) ** -48, word
+                assert difference(sums[word], values[word]) < mpf(10) ** -50
+
+
+def test_slopes_of_arrays_are_those_of_each_column():
+    random = np.random.default_rng(3)
+    names, numbers = "ABCABBACBA", random.normal(size=(10, 4))
+    needed = words(LENGTH)
+    _, found = word_slopes(list(zip(names, numbers, strict=True)), needed)
+    for column in range(4):
+        _, one = word_slopes([(name, mpf(c)) for name, c in zip(names, numbers[:, column], strict=True)], needed)
+        for word in needed:
+            wanted = np.array(one[word], dtype=float)
+            # 10^5 products of sizes up to 100: rounding of 1e-16 each.
+            assert np.abs(found[word][:, column] - wanted).max() < 1e-9, word
+
+
+def test_slopes_on_few_words_are_those_on_all():
+    numbers = np.random.default_rng(4).normal(size=7)
+    step = list(zip("ABCABBA", numbers, strict=True))
+    _, few = word_slopes(step, ["AAABB", "AB"])
+    _, everything = word_slopes(step, words(5))
+    assert set(few) == {"AAABB", "AB"}
+    for word, slope in few.items():
+        assert slope == pytest.approx(everything[word], rel=1e-13, abs=1e-13)
+
+
+def test_only_the_words_asked_for_and_their_beginnings_are_computed():
+    assert set(word_sums([("A", 0.5), ("B", 1.0)], ["AAB", "BA"])) == {"", "A", "AA", "AAB", "B", "BA"}

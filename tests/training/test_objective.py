@@ -1,0 +1,147 @@
+"""The objective of a search: what it compares, what it refuses, and that a member's value is its own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import nearharmonic as nh
+from family_members import members
+from nearharmonic.experiments.trained.orbits import orbit_ensemble
+from nearharmonic.experiments.trained.random_potentials import random_ensemble
+from nearharmonic.training.family import Family
+from nearharmonic.training.objective import (
+    LARGEST_SUM,
+    OUTSIDE,
+    Objective,
+    best_of,
+    errors_of,
+    mean_errors,
+)
+from nearharmonic.training.polish import tableau_of
+
+WINDOW = (0.06, 0.09)
+ENSEMBLES = (
+    random_ensemble(2, 6, 1, band=(0.05, 0.4), t_end=15.0),
+    orbit_ensemble(5, 1, eccentricities=(0.02, 0.3), orbits=2.0),
+)
+REFERENCES = (np.array([-6.0, -5.0]), np.array([-4.0, -3.5]))
+
+
+def objective_of(family, size=20, **more):
+    return Objective(family, ENSEMBLES, WINDOW, REFERENCES, size=size, **more)
+
+
+@pytest.mark.parametrize(
+    "family", [Family(stages=6, first="kick"), Family(stages=4, first="drift", squares=(0, 1))], ids=str
+)
+def test_the_value_is_the_worst_difference_and_half_of_the_mean(family):
+    x = members(family, 3)
+    found = objective_of(family, charge=0.5)(x)
+    for value, one in zip(found, x, strict=True):
+        tableau = tableau_of(family, one, digits=20, name="one", source="here")
+        differences = []
+        for i, tau in enumerate(WINDOW):
+            of_ensembles = [
+                np.log10(np.maximum(errors_of(ensemble, tableau, [tau], 0.5)[0], 1e-16)).mean() - reference[i]
+                for ensemble, reference in zip(ENSEMBLES, REFERENCES, strict=True)
+            ]
+            differences.append(sum(of_ensembles) / 2)
+        # Coefficients of members and of the polished tableau differ by rounding, whose part of an error is 1e-6.
+        assert value == pytest.approx(max(differences) + sum(differences) / 4, abs=1e-4)
+
+
+def test_gains_are_decades_below_the_reference_for_each_ensemble_and_step_size():
+    family = Family(stages=6, first="kick")
+    x = members(family, 4)
+    objective = objective_of(family)
+    gains = objective.gains(x)
+    assert gains.shape == (2, 4, 2)
+    worst = (-gains).mean(axis=0)
+    assert objective(x) == pytest.approx(worst.max(axis=1) + worst.mean(axis=1) / 2, abs=1e-6)
+    tableau = tableau_of(family, x[1], digits=20, name="one", source="here")
+    for k in range(2):
+        wanted = REFERENCES[k] - mean_errors(ENSEMBLES[k], [tableau], WINDOW)[0]
+        assert gains[k, 1] == pytest.approx(wanted, abs=1e-4)
+
+
+def test_the_value_of_a_point_is_that_of_the_member_next_to_it():
+    family = Family(stages=6, first="kick")
+    near = members(family, 3) + 1e-3
+    objective = objective_of(family)
+    assert objective(near) == pytest.approx(objective(family.project(near)[0]), abs=1e-6)
+
+
+def test_what_is_outside_is_worse_than_all_members_and_the_worse_the_larger():
+    family = Family(stages=6, first="kick")
+    x = members(family, 3)
+    objective = objective_of(family)
+    outside = np.full((5, family.unknowns), np.nan)
+    outside[1] = 1e200
+    outside[2] = -np.inf
+    outside[3] = 30.0  # too far for as many Newton steps
+    outside[4] = 300.0
+    found = objective(np.concatenate([outside, x]))
+    assert (found[5:] < OUTSIDE).all()
+    assert (found[:5] >= OUTSIDE).all()
+    assert np.isfinite(found).all()
+    assert found[3] <= found[4] <= found[0] == found[1] == found[2] == OUTSIDE + 1
+    assert found[5:].tobytes() == objective(x).tobytes()
+
+
+def test_members_with_large_coefficients_are_outside():
+    family = Family(stages=6, first="kick")
+    x = members(family, 5)
+    sums = np.array([sum(np.abs(row).sum() for row in family.rows(one)[:2]) for one in x])
+    bound = np.median(sums)
+    found = objective_of(family, largest_sum=bound)(x)
+    assert ((found >= OUTSIDE) == (sums >= bound)).all()
+    beyond = sums[sums >= bound]
+    assert found[sums >= bound] == pytest.approx(OUTSIDE + 0.01 * beyond, abs=1e-9)
+    assert (sums < LARGEST_SUM).all()
+
+
+@pytest.mark.parametrize(
+    "family",
+    [Family(stages=7, first="drift", order=6, squares=(0, 1, 2)), Family(stages=8, first="kick", harmonic_order=6)],
+    ids=str,
+)
+def test_the_value_of_a_point_does_not_depend_on_the_others_to_the_last_bit(family):
+    points = members(family, 5) + np.random.default_rng(4).normal(size=(5, family.unknowns)) * 0.01
+    points = np.concatenate([points, np.full((2, family.unknowns), np.nan)])
+    objective = objective_of(family)
+    together = objective(points)
+    order = np.random.default_rng(2).permutation(len(points))
+    assert objective(points[order]).tobytes() == together[order].tobytes()
+    for i, point in enumerate(points):
+        assert objective(point[None])[0].tobytes() == together[i].tobytes()
+    small = objective_of(family, size=2)
+    assert small(points).tobytes() == together.tobytes()
+
+
+def test_every_point_is_a_trial():
+    family = Family(stages=6, first="kick")
+    objective = objective_of(family, size=2)
+    assert objective.trials == 0
+    objective(members(family, 5))
+    objective(np.full((3, family.unknowns), np.nan))
+    assert objective.trials == 8
+
+
+def test_a_gradient_of_the_square_is_charged():
+    tableau, ensemble = nh.modified_integrators["omelyan_g5o6"], ENSEMBLES[0]
+    cost = 5 + 0.7 * tableau.gradients
+    free = errors_of(ensemble, tableau, [0.05 * cost / 5])
+    assert errors_of(ensemble, tableau, [0.05], 0.7) == pytest.approx(free, rel=1e-6)
+    assert (errors_of(ensemble, tableau, [0.05]) < free).mean() > 0.8
+
+
+def test_the_best_of_methods_is_found_for_each_step_size():
+    methods = [nh.integrators[name] for name in ("ruth", "babs7o7h", "srkn_a14")]
+    tau_per_stage = (0.03, 0.3)
+    all_errors = mean_errors(ENSEMBLES[0], methods, tau_per_stage)
+    assert all_errors.shape == (3, 2)
+    best = best_of(ENSEMBLES[0], methods, tau_per_stage)
+    assert best.value.tolist() == all_errors.min(axis=0).tolist()
+    assert best.names == tuple(methods[i].name for i in all_errors.argmin(axis=0))
+    assert len(set(best.names)) == 2

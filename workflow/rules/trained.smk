@@ -1,0 +1,80 @@
+"""Methods trained on near-harmonic systems: all methods on problems that none was trained on, and what they show."""
+
+from nearharmonic.experiments.trained.contestants import contestants, kind_of
+
+CONTESTANTS = contestants()
+TRAINED_CUBES = ["trained", "trained_ideas"]
+TRAINED_FIGURES = figures_of("experiments.trained", CONFIG.systems, TRAINED_CUBES)
+FIGURES += TRAINED_FIGURES
+
+
+rule trained_proof_cube:
+    output:
+        cube=CUBE("trained"),
+        gains=TABLE("trained_gains"),
+        methods=TABLE("trained_methods"),
+    log:
+        LOG("trained/proof"),
+    params:
+        task=task("experiments.trained.proof.run:measure", methods=CONTESTANTS, settings=CONFIG.trained.proof),
+    script:
+        "../scripts/task.py"
+
+
+rule trained_ideas_cube:
+    output:
+        cube=CUBE("trained_ideas"),
+        table=TABLE("trained_ideas"),
+    log:
+        LOG("trained/ideas"),
+    params:
+        task=task(
+            "experiments.trained.ideas.run:measure",
+            methods=CONTESTANTS,
+            exact=CONFIG.exact_oscillator.methods,
+            settings=CONFIG.trained.proof,
+        ),
+    script:
+        "../scripts/task.py"
+
+
+rule trained_long_table:
+    output:
+        table=TABLE("trained_long"),
+    log:
+        LOG("trained/long"),
+    params:
+        task=task(
+            "experiments.trained.long_runs:measure",
+            methods=[name for name in CONTESTANTS if kind_of(name) == "trained"],
+            beside="babps8o7h",
+            settings=CONFIG.trained.proof,
+        ),
+    script:
+        "../scripts/task.py"
+
+
+rule trained_times_table:
+    input:
+        cube=CUBE("trained"),
+    output:
+        table=TABLE("trained_times"),
+    log:
+        LOG("trained/times"),
+    threads: ALL_CORES  # nothing runs beside what is timed
+    params:
+        task=task("experiments.trained.times:measure", methods=CONTESTANTS, settings=CONFIG.trained.proof),
+    script:
+        "../scripts/task.py"
+
+
+rule trained_proof:
+    input:
+        [CUBE(stem) for stem in TRAINED_CUBES],
+        [TABLE(f"trained_{stem}") for stem in ("gains", "methods", "ideas", "long", "times")],
+        [FIGURE(one.stem) for one in TRAINED_FIGURES],
+
+
+rule trained:
+    input:
+        rules.trained_proof.input,
