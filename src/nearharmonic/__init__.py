@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from nearharmonic.theory.linear_stability import stability_limit as stability_limit
     from nearharmonic.theory.order import order_of as order_of
     from nearharmonic.theory.oscillator import kappa as kappa
+    from nearharmonic.training.tailor.tailoring import tailor as tailor
 
 __version__ = "0.1.0"
 
@@ -53,12 +54,13 @@ _MODULES = {
     "stability_limit": "theory.linear_stability",
     "sweep": "engine.trajectory",
     "systems": "systems",
+    "tailor": "training.tailor.tailoring",
 }
 
 __all__ = [
     "ModifiedTableau", "NearharmonicError", "Observable", "Parameter", "System", "Tableau", "__version__", "ensemble",
     "integrate", "integrators", "kappa", "modified_integrators", "order_of", "palindrome", "plot", "problem",
-    "recommend", "stability_limit", "sweep", "systems",
+    "recommend", "stability_limit", "sweep", "systems", "tailor",
 ]  # fmt: skip
 
 

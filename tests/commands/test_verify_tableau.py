@@ -67,3 +67,16 @@ def test_a_file_as_export_writes_it_is_read(tmp_path, capsys):
     (tmp_path / "aba864.json").write_text(json.dumps(document))
     assert main(["verify-tableau", str(tmp_path / "aba864.json")]) == 0
     assert "nearest registered method: ABA864 (aba864): the same to all digits" in capsys.readouterr().out
+
+
+def test_a_python_file_of_an_integrator_is_verified_as_its_export_would_be(capsys):
+    from pathlib import Path
+
+    example = Path(__file__).parents[2] / "examples/fourth_order.py"
+    for place in (str(example), f"{example}:five_leapfrogs"):
+        assert main(["verify-tableau", place]) == 0
+        lines = capsys.readouterr().out.splitlines()
+        assert lines[0] == "five leapfrogs: all claims hold"
+        assert any(line.startswith("order = 4 for every separable H") for line in lines)
+    assert main(["verify-tableau", f"{example}:six"]) == 2
+    assert "unknown integrator" in capsys.readouterr().err

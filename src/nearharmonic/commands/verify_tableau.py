@@ -19,7 +19,9 @@ HEADER = ("claim", "holds", "proof")
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to ``parser``."""
-    parser.add_argument("file", help="a .json, .toml or .csv file with the rows kick and drift, and claims")
+    parser.add_argument(
+        "file", help="a .json, .toml or .csv file with the rows kick and drift, and claims, or FILE.py of an integrator"
+    )
 
 
 def answer(chosen: argparse.Namespace) -> Answer:

@@ -1,4 +1,4 @@
-"""Files of coefficients from anywhere: JSON, TOML or CSV, read without rounding a digit.
+"""Files of coefficients from anywhere: JSON, TOML, CSV or a user's Python file, read without rounding a digit.
 
 The rows hold the coefficients in the order in which they are applied. The row of the operator that is applied first is
 as long as the other one, or longer by one. Every other key is a claim of the file, which nothing here trusts.
@@ -19,6 +19,7 @@ from typing import Any, NoReturn, cast
 
 from nearharmonic.errors import TableauError
 from nearharmonic.integrators.tableau import DECIMAL, QUADRATIC_KINETIC_ENERGY, First, Row
+from nearharmonic.registry import split_path
 
 #: Orders up to which conditions are examined; the number of words doubles with each more.
 HIGHEST_ORDER = 10
@@ -76,9 +77,10 @@ def read(path: str) -> CoefficientFile:
     Parameters
     ----------
     path : str
-        A file that ends with .json, .toml or .csv. CSV has either a header ``kick,drift`` and a coefficient of each in
-        a line (the shorter column ends with an empty cell), or lines ``kick,0.5,0.5`` and ``drift,1`` and a line
-        ``key,value`` for each claim; ``#`` begins a comment.
+        A file that ends with .json, .toml, .csv or .py. CSV has either a header ``kick,drift`` and a coefficient of
+        each in a line (the shorter column ends with an empty cell), or lines ``kick,0.5,0.5`` and ``drift,1`` and a
+        line ``key,value`` for each claim; ``#`` begins a comment. A Python file is that of an integrator, with ``:``
+        and a name behind it if it defines several.
 
     Returns
     -------
@@ -92,8 +94,10 @@ def read(path: str) -> CoefficientFile:
     """
     readers: Mapping[str, Callable[[str], Any]] = {".json": _json, ".toml": _toml, ".csv": _csv}
     place = Path(path)
+    if split_path(path)[0].endswith(".py"):
+        return _checked(path, _python(path))
     if place.suffix.lower() not in readers:
-        raise TableauError(f"{path}: a file of coefficients ends with {', '.join(readers)}")
+        raise TableauError(f"{path}: a file of coefficients ends with {', '.join(readers)}, .py")
     if not place.is_file():
         raise TableauError(f"{path}: there is no such file")
     try:
@@ -126,6 +130,15 @@ def _csv(text: str) -> dict[str, Any]:
             raise ValueError(f"there are two lines {key!r}")
         found[key] = _without_empty_end(cells) if key in _ROWS else _typed(",".join(cells))
     return found
+
+
+def _python(place: str) -> dict[str, Any]:
+    """What the tableau of a user's file would be written as."""
+    from nearharmonic.exchange.coefficients import as_registered
+    from nearharmonic.exchange.writers.data import document
+    from nearharmonic.integrators.user_file import tableau_at
+
+    return {key: value for key, value in document(as_registered(tableau_at(place))).items() if value is not None}
 
 
 def _without_empty_end(cells: list[str]) -> list[str]:

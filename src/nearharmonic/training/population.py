@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from nearharmonic.core.layout import COLUMNS, DRIFT, KICK, PRODUCT, SQUARE
 from nearharmonic.core.modified_kick import modified_columns
 from nearharmonic.engine.batch import Batch, prepared_batch
 from nearharmonic.engine.modified_moves import moves_behind
+from nearharmonic.engine.results import energy_unit
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.systems.system import System
@@ -44,6 +45,8 @@ class Ensemble:
         Time in which step sizes are given: one radian of the fastest oscillation.
     strength : (M,) array of float, optional
         Anharmonicity of each problem.
+    scale : float
+        Energy that errors are relative to; 0 for |H0| of each problem.
     """
 
     name: str
@@ -53,6 +56,7 @@ class Ensemble:
     t_end: float
     unit: float = 1.0
     strength: Floats | None = None
+    scale: float = 0.0
 
     @property
     def size(self) -> int:
@@ -63,10 +67,7 @@ class Ensemble:
         """Return the ensemble of some of the problems."""
         parameters = self.parameters if len(self.parameters) == 1 else self.parameters[which]
         strength = None if self.strength is None else self.strength[which]
-        return Ensemble(
-            name=self.name, system=self.system, start=self.start[which], parameters=parameters, t_end=self.t_end,
-            unit=self.unit, strength=strength,
-        )  # fmt: skip
+        return replace(self, start=self.start[which], parameters=parameters, strength=strength)
 
 
 class Population:
@@ -128,7 +129,7 @@ class Population:
         batch = self._batch
         worst = batch.blocks[1, :, -1].reshape(self.shape)
         with np.errstate(all="ignore"):
-            errors = worst / np.abs(batch.energy[:, 0].reshape(self.shape))
+            errors = worst / energy_unit(batch.energy[:, 0], self.ensemble.scale).reshape(self.shape)
         lost = batch.left_at.reshape(self.shape) != 0
         return np.where(lost | ~(errors < LOST), LOST, errors)
 
@@ -146,6 +147,7 @@ class Population:
             ensemble.system, shape, Numerics(summation="plain", width=LANES), marks=marks.reshape(runs, 2),
             scheme=np.repeat(np.arange(size * taus), problems), moves=self._moves,
             start=np.tile(ensemble.start, (size * taus, 1)), parameters=parameters,
+            scale=ensemble.scale,
         )  # fmt: skip
 
 

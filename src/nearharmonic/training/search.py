@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -177,9 +178,7 @@ def descend(objective: Objective, start: Start, effort: Effort, seed: int) -> tu
         points = random.normal(MEAN / family.stages, SPREAD / family.stages, (RANDOM_POINTS, family.unknowns))
         points[:, family.stages - 1 :] *= 1 / family.stages**2  # squares are coefficients of tau^3
         point = points[objective(points).argmin()]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # optional packages that cma looks for
-        import cma
+    cma = library()
     options = {
         "verbose": -9, "maxfevals": effort.trials, "popsize": effort.population, "tolfun": SMALL_VALUE,
         "tolx": SMALL_STEP, "CMA_stds": _scales(family),
@@ -193,6 +192,14 @@ def descend(objective: Objective, start: Start, effort: Effort, seed: int) -> tu
     best = np.array(strategy.result.xbest if strategy.result.xbest is not None else point)
     value = float(strategy.result.fbest)
     return value, family.project(best[None])[0][0] if value < OUTSIDE else best
+
+
+def library() -> Any:
+    """Return pycma, which takes a second to load."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # optional packages that it looks for
+        import cma
+    return cma
 
 
 def _scales(family: Family) -> Floats:

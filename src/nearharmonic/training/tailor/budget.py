@@ -1,0 +1,54 @@
+"""What a search may take, in time or in trials."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from nearharmonic.errors import NearharmonicError
+from nearharmonic.training.search import library
+
+
+class BudgetSpentError(NearharmonicError):
+    """Time or trials of a search are spent; what was found until then stays."""
+
+
+class Budget:
+    """Time, or a number of trials, that a search may take.
+
+    Parameters
+    ----------
+    seconds, trials : float and int, or None
+        What is allowed; None for any.
+    show : callable, optional
+        Is told of the part that is spent, from 0 to 1, and of the least objective.
+    """
+
+    def __init__(
+        self, seconds: float | None, trials: int | None, show: Callable[[float, float], None] | None = None
+    ) -> None:
+        library()  # loading it is no part of a search
+        self._seconds, self._most, self._show = seconds, trials, show
+        self._begin = time.monotonic()
+        self.trials = 0
+
+    @property
+    def seconds(self) -> float:
+        """Time since the search began."""
+        return time.monotonic() - self._begin
+
+    def spend(self, trials: int, best: float) -> None:
+        """Count trials.
+
+        Raises
+        ------
+        BudgetSpentError
+            They are the last.
+        """
+        self.trials += trials
+        parts = [(self.seconds, self._seconds), (self.trials, self._most)]
+        spent = max(used / allowed for used, allowed in parts if allowed is not None)
+        if self._show is not None:
+            self._show(min(spent, 1.0), best)
+        if spent >= 1:
+            raise BudgetSpentError("the budget of the search is spent")

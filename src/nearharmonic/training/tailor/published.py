@@ -1,0 +1,133 @@
+"""The methods that a new one has to beat, and the window of step sizes in which it does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import ceil, log, sqrt
+
+import numpy as np
+
+from nearharmonic.engine.grid import check_fit
+from nearharmonic.errors import SettingError, bad_setting
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.systems.system import System
+from nearharmonic.training.objective import mean_errors
+from nearharmonic.training.population import LEAST, LOST, Ensemble, Floats
+
+#: Begin of the names of methods that a search of this package found, and the modules of such methods.
+TRAINED, OWN = "trained_", ("nearharmonic_2026", "trained")
+#: Step sizes per stage, in radians of the fastest oscillation, among which a window is looked for.
+LADDER = np.geomspace(0.01, 1.0, 25)
+#: Problems on which it is looked for.
+PROBLEMS = 8
+#: Highest over lowest step size of a window that is found.
+WIDTH = 1.5
+#: Decades above the least error told apart that rounding errors reach.
+ROUNDING = 2.0
+#: Decades behind the best on the starts of a search within which a method may be the best on those of the test.
+BEHIND = 1.0
+#: Ratio of neighbouring step sizes in a window, at most, and the fewest of them.
+RATIO, FEWEST = 1.26, 3
+
+
+def registered(system: System) -> list[Tableau]:
+    """Return the registered methods that fit a system, which a search starts from."""
+    found = []
+    for name in integrators.registered:
+        try:
+            check_fit(system, integrators[name])
+        except SettingError:
+            continue
+        found.append(integrators[name])
+    return [one for one in found if not one.processed and not one.modified]
+
+
+def published(system: System) -> list[Tableau]:
+    """Return the registered methods that fit a system and are not of this project."""
+    return [one for one in registered(system) if not _is_own(one)]
+
+
+def trained(system: System) -> list[Tableau]:
+    """Return the registered methods that were trained on ensembles and fit a system."""
+    return [one for one in registered(system) if one.name.startswith(TRAINED)]
+
+
+def step_sizes(window: tuple[float, float], *, between: bool = False) -> Floats:
+    """Return step sizes per stage (T,) that cover a window, and, if ``between`` is set, those between as well."""
+    count = max(FEWEST, ceil(log(window[1] / window[0]) / log(RATIO)) + 1)
+    found: Floats = np.geomspace(*window, 2 * count - 1 if between else count)
+    return found
+
+
+def window_at(ensemble: Ensemble, methods: list[Tableau], error: float, frequency: float) -> tuple[float, float]:
+    """Return the window in whose middle the best published method has an error.
+
+    Parameters
+    ----------
+    ensemble : Ensemble
+        The problems.
+    methods : list of Tableau
+        Published methods.
+    error : float
+        Mean of max |dH| over the problems, by its logarithm, relative to the energy.
+    frequency : float
+        Of the fastest oscillation.
+
+    Raises
+    ------
+    SettingError
+        No step size of :data:`LADDER` has it.
+    """
+    ladder, few = LADDER / frequency, ensemble.part(slice(PROBLEMS))
+    best = np.minimum.accumulate(mean_errors(few, methods, ladder.tolist()).min(axis=0)[::-1])[::-1]
+    wanted, lowest, highest = np.log10(error), best[0], best[-1]
+    if not lowest < wanted < highest:
+        what = (
+            f"between {10**lowest:.2g} and {10**highest:.2g}, the errors of the best published methods at step sizes "
+            f"per stage from {ladder[0]:.3g} to {ladder[-1]:.3g}; or give a window"
+        )
+        raise bad_setting("error", error, what)
+    place = int(np.argmax(best > wanted))
+    part = (wanted - best[place - 1]) / (best[place] - best[place - 1])
+    middle = float(np.exp((1 - part) * np.log(ladder[place - 1]) + part * np.log(ladder[place])))
+    low, high = (float(f"{x:.3g}") for x in (middle / sqrt(WIDTH), middle * sqrt(WIDTH)))
+    return low, high
+
+
+def contenders(methods: Sequence[Tableau], errors: Floats) -> list[Tableau]:
+    """Return the methods of mean errors (methods, T), by their logarithm, that are near the best at some step size."""
+    near = (errors < errors.min(axis=0) + BEHIND).any(axis=1)
+    return [one for one, is_near in zip(methods, near, strict=True) if is_near]
+
+
+def check_window(best: Floats, window: tuple[float, float], unit: str) -> None:
+    """Refuse a window in which there is nothing to gain.
+
+    Parameters
+    ----------
+    best : (T,) array of float
+        Mean of log10 max |dH| of the best published method at each step size of the window.
+    window : pair of float
+        Its ends.
+    unit : str
+        Unit of time, for the message.
+
+    Raises
+    ------
+    SettingError
+        Every method loses the energy at its upper end, or one is at the rounding of doubles in all of it.
+    """
+    shown = f"{window[0]:g}:{window[1]:g}"
+    time = "" if unit == "1" else f" {unit}"
+    if best[-1] >= np.log10(LOST):
+        what = f"every published method loses the energy at {window[1]:g}{time} per stage: take smaller step sizes"
+        raise bad_setting("window", shown, what)
+    if best[-1] < np.log10(LEAST) + ROUNDING:
+        what = f"published methods err by rounding alone up to {window[1]:g}{time} per stage: take larger step sizes"
+        raise bad_setting("window", shown, what)
+
+
+def _is_own(tableau: Tableau) -> bool:
+    module = integrators.module_of(tableau.name) or ""
+    return tableau.name.startswith(TRAINED) or module.rpartition(".")[2] in OWN

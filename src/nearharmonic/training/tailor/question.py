@@ -1,0 +1,207 @@
+"""What is asked of a method that is made for one system, checked before any work."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from nearharmonic.engine.initial_values import exact
+from nearharmonic.engine.problem import Problem
+from nearharmonic.engine.settings import checked_count, checked_tau
+from nearharmonic.errors import SettingError, bad_setting
+from nearharmonic.systems.system import System
+from nearharmonic.training.population import Floats
+from nearharmonic.training.tailor.start_file import least_starts, read_starts
+
+#: Stages of a method of order four that leave coefficients free, and the most that are searched.
+FEWEST_STAGES, MOST_STAGES = 4, 20
+#: Highest over lowest step size of a window, at least: a method that wins at one step size alone is none.
+NARROWEST = 1.2
+#: Highest over lowest step size of a window, at most: no single method is best over more.
+WIDEST = 10.0
+#: Coordinates of a system, at most: a search takes thousands of runs.
+MOST_COORDINATES = 100
+#: Energy error around which a window is laid if neither is given.
+ERROR = 1e-6
+#: Seconds of the search, and seed, unless others are given; the most trials, and the largest seed.
+SECONDS, SEED, MOST_TRIALS, LARGEST_SEED = 30.0, 0, 10**8, 2**31 - 1
+#: The energy of the given start, as the option names it.
+SAME = "same"
+#: A method that fits every system: it looks at the initial values.
+ANY = "ruth"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Question:
+    """A system, and what a method for it has to be.
+
+    Attributes
+    ----------
+    system : System
+        The system.
+    stages : tuple of int
+        Stages that are searched.
+    window : pair of float, or None
+        Lowest and highest step size over stages, in the system's unit of time.
+    error : float
+        Energy error of the best published method in the middle of the window, where no window is given.
+    seconds : float or None
+        Time that the search may take.
+    trials : int or None
+        Methods that the search may try.
+    starts : (R, 2 d) array of float, or None
+        Starts in place of drawn ones, positions and then momenta.
+    energy : float or None
+        Energy of all starts that are drawn; None for starts in a box around the orbit of the given one.
+    seed : int
+        Of all random numbers.
+    scale : float
+        Energy that errors are relative to.
+    """
+
+    system: System
+    stages: tuple[int, ...]
+    window: tuple[float, float] | None
+    error: float
+    seconds: float | None
+    trials: int | None
+    starts: Floats | None
+    energy: float | None
+    seed: int
+    scale: float
+
+
+def question(
+    system: str | os.PathLike[str] | System,
+    *,
+    stages: object = 8,
+    window: object = None,
+    error: object = None,
+    seconds: object = None,
+    trials: object = None,
+    starts: object = None,
+    energy: object = None,
+    seed: object = None,
+) -> Question:
+    """Check what is asked; arguments as for :func:`nearharmonic.tailor`.
+
+    Raises
+    ------
+    NearharmonicError
+        An unknown name, a setting outside what is allowed, or a system that no method can be made for.
+    """
+    if window is not None and error is not None:
+        raise bad_setting("error", error, "a window is given, which it would choose")
+    if starts is not None and energy is not None:
+        raise bad_setting("energy", energy, "starts are given, which have energies of their own")
+    place = os.fspath(system) if isinstance(system, os.PathLike) else system
+    problem = Problem(place, ANY)
+    subject = problem.system
+    if subject.regularisation is not None:
+        what = "a system in its physical time: this one is regularised, and its steps are of a fictitious time"
+        raise bad_setting("system", subject.name, what)
+    if subject.dimension > MOST_COORDINATES:
+        what = f"a system of at most {MOST_COORDINATES} coordinates, and it has {subject.dimension}: a search takes "
+        raise bad_setting("system", subject.name, f"{what}thousands of runs. Tailor a method for a small copy of it")
+    H0 = _energy(subject)
+    return Question(
+        system=subject,
+        stages=_stages(stages),
+        window=None if window is None else _window(window),
+        error=ERROR if error is None else _error(error),
+        seconds=_seconds(seconds, trials),
+        trials=None if trials is None else checked_count("trials", trials, MOST_TRIALS),
+        starts=None if starts is None else _starts(starts, subject),
+        energy=None if energy is None else _surface(energy, subject, H0),
+        seed=SEED if seed is None else _seed(seed),
+        scale=problem.scale or abs(H0) or 1.0,
+    )
+
+
+def _energy(system: System) -> float:
+    """H at the given start."""
+    q, p = system.start(float)
+    try:
+        H0 = float(system.energy(q, p, system.constants(float), 0.0))
+    except (ArithmeticError, ValueError):
+        H0 = float("nan")
+    if not isfinite(H0):
+        raise bad_setting("(q0, p0)", f"({list(q)}, {list(p)})", f"a start where the energy of {system.name} is finite")
+    return H0
+
+
+def _stages(given: Any) -> tuple[int, ...]:
+    """A whole number, a pair, or text such as "8" or "6:10"."""
+    allowed = f"whole numbers from {FEWEST_STAGES} to {MOST_STAGES}, as 8, or 6:10 for all from 6 to 10"
+    parts = _parts(given)
+    try:
+        ends = [checked_count("stages", int(x) if isinstance(x, str) else x, MOST_STAGES) for x in parts]
+    except ValueError:  # an error of this package is one
+        raise bad_setting("stages", given, allowed) from None
+    if len(ends) > 2 or min(ends, default=0) < FEWEST_STAGES or ends != sorted(ends):
+        raise bad_setting("stages", given, allowed)
+    return tuple(range(ends[0], ends[-1] + 1))
+
+
+def _window(given: Any) -> tuple[float, float]:
+    """A pair of numbers, or text such as "0.08:0.12"."""
+    allowed = (
+        "two step sizes per stage above 0 in the system's unit of time, LOW:HIGH, the higher one "
+        f"{NARROWEST:g} to {WIDEST:g} times the lower one"
+    )
+    parts = _parts(given)
+    try:
+        ends = [checked_tau(x, "window") for x in parts]
+    except SettingError:
+        raise bad_setting("window", given, allowed) from None
+    if len(ends) != 2 or not NARROWEST * (1 - 1e-9) <= ends[1] / ends[0] <= WIDEST * (1 + 1e-9):
+        raise bad_setting("window", given, allowed)
+    return ends[0], ends[1]
+
+
+def _parts(given: Any) -> list[Any]:
+    if isinstance(given, str):
+        return given.split(":")
+    return list(given) if isinstance(given, list | tuple) else [given]
+
+
+def _error(given: object) -> float:
+    error = checked_tau(given, "error")
+    if error >= 1:
+        raise bad_setting("error", given, "an energy error below 1, relative to the energy")
+    return error
+
+
+def _seconds(given: object, trials: object) -> float | None:
+    if given is None:
+        return SECONDS if trials is None else None
+    return checked_tau(given, "seconds")
+
+
+def _seed(given: object) -> int:
+    if given == 0 and not isinstance(given, bool):
+        return 0
+    return checked_count("seed", given, LARGEST_SEED)
+
+
+def _surface(given: object, system: System, H0: float) -> float:
+    if system.time_dependent:
+        raise bad_setting("energy", given, f"the energy of {system.name} depends on time: its starts are of a box")
+    if given == SAME:
+        return H0
+    try:
+        return float(exact("energy", given))
+    except SettingError:
+        raise bad_setting("energy", given, f"a finite number, or {SAME} for the energy of the given start") from None
+
+
+def _starts(given: Any, system: System) -> Floats:
+    if isinstance(given, str | os.PathLike):
+        return read_starts(given, system.dimension)
+    rows = np.array(given, dtype=float, ndmin=2)
+    least_starts("starts", f"array of shape {rows.shape}", rows, system.dimension)
+    return rows

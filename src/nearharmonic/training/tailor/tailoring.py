@@ -1,0 +1,192 @@
+"""A method for a system: starts, window, search, digits and test, in this order; ``nearharmonic.tailor``."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from nearharmonic.engine.initial_values import standard_parameters
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.systems.system import System
+from nearharmonic.theory.order import harmonic_order_of
+from nearharmonic.training.objective import mean_errors
+from nearharmonic.training.polish import tableau_of
+from nearharmonic.training.population import Ensemble, Floats
+from nearharmonic.training.tailor.budget import Budget
+from nearharmonic.training.tailor.orbit import RADIANS, STEP, Orbit, orbit_of
+from nearharmonic.training.tailor.provenance import note_of, source_of
+from nearharmonic.training.tailor.published import (
+    check_window,
+    contenders,
+    published,
+    registered,
+    step_sizes,
+    trained,
+    window_at,
+)
+from nearharmonic.training.tailor.question import Question, question
+from nearharmonic.training.tailor.result import Tailored, comparison
+from nearharmonic.training.tailor.search import SearchResult, TailorSearch
+from nearharmonic.training.tailor.starts import starts_of
+
+#: Runs of the test over those of the search.
+LONGER = 4.0
+#: Steps that a run has at least, and the evaluations that one of the search and one of the test have at most.
+FEWEST_STEPS, MOST_EVALUATIONS, MOST_IN_TEST = 24, 1600, 16000
+
+
+class NoGainWarning(UserWarning):
+    """A search found no method that is better than the published ones."""
+
+
+def tailor(
+    system: str | os.PathLike[str] | System,
+    *,
+    stages: int | tuple[int, int] | str = 8,
+    window: tuple[float, float] | str | None = None,
+    error: float | str | None = None,
+    seconds: float | None = None,
+    trials: int | None = None,
+    starts: Floats | str | os.PathLike[str] | None = None,
+    energy: float | str | None = None,
+    seed: int = 0,
+) -> Tableau:
+    """Make a symplectic method of order four for one system, and test it on starts that were not used.
+
+    Coefficients are chosen by the energy error itself. What comes back is for :func:`nearharmonic.integrate` and all
+    else that takes a method; its ``note`` says for what it was made and how much it gains.
+
+    Parameters
+    ----------
+    system : str, path or System
+        Problem, its name, or the path of a Python file that defines SYSTEM.
+    stages : int, pair of int or str
+        Stages of the method, 4 to 20; a pair, or "6:10", for the best of several.
+    window : pair of float or str, optional
+        Lowest and highest step size over stages, in the system's unit of time; the higher one is 1.2 to 10 times the
+        lower one.
+    error : float or str, optional
+        In place of a window: the energy error that the best published method has in its middle, by default 1e-6.
+    seconds : float, optional
+        Time of the search, by default 30.
+    trials : int, optional
+        Methods that the search tries; given without ``seconds``, it is the only budget, and the same seed gives the
+        same method.
+    starts : (R, 2 d) array of float or path, optional
+        Starts in place of drawn ones, eight at least: positions and then momenta, or a CSV file of such lines.
+    energy : float or str, optional
+        Energy of all starts that are drawn, "same" for that of the given one. By default starts are drawn in a box
+        around the orbit of the given one.
+    seed : int
+        Of all random numbers.
+
+    Returns
+    -------
+    Tableau
+        The method. If none is better than the published ones on starts that were not used, the best of those.
+
+    Raises
+    ------
+    NearharmonicError
+        An unknown name, or a setting outside what is allowed, before any search.
+    KeyboardInterrupt
+        Ctrl-C before or after the search; in it, what was found so far is tested and returned.
+
+    Warns
+    -----
+    NoGainWarning
+        The published method comes back.
+    """
+    asked = question(
+        system, stages=stages, window=window, error=error, seconds=seconds, trials=trials, starts=starts,
+        energy=energy, seed=seed,
+    )  # fmt: skip
+    found = tailored(asked)
+    if found.has_gain:
+        return found.tableau
+    best = found.test.overall
+    message = (
+        f"no gain over published methods on starts that were not used: {found.test.gain} decades; this is {best.name}"
+    )
+    warnings.warn(message, NoGainWarning, stacklevel=2)
+    return best
+
+
+def tailored(asked: Question, show: Callable[[float, float], None] | None = None) -> Tailored:
+    """Return the method that is found, and its test.
+
+    Parameters
+    ----------
+    asked : Question
+        What is asked.
+    show : callable, optional
+        Is told of the part of the budget that is spent, and of the least objective.
+
+    Raises
+    ------
+    SettingError
+        A window in which there is nothing to gain, or starts that leave their energy surface.
+    """
+    subject, methods = asked.system, published(asked.system)
+    orbit = orbit_of(subject)
+    ensemble, held_out = ensembles(asked, orbit)
+    window = asked.window or window_at(ensemble, methods, asked.error, orbit.frequency)
+    ensemble = _fitted(ensemble, window, asked, MOST_EVALUATIONS)
+    held_out = _fitted(held_out, window, asked, MOST_IN_TEST)
+    taus = step_sizes(window)
+    errors = mean_errors(ensemble, methods, taus.tolist())
+    check_window(errors.min(axis=0), window, subject.units["t"])
+    budget = Budget(asked.seconds, asked.trials, show)
+    search = TailorSearch(
+        ensemble, taus, errors.min(axis=0), registered(subject), stages=asked.stages,
+        quadratic=subject.quadratic_kinetic_energy, budget=budget, seed=asked.seed,
+    ).run()  # fmt: skip
+    return tested(asked, window, (ensemble, held_out), search, contenders(methods, errors))
+
+
+def ensembles(asked: Question, orbit: Orbit) -> tuple[Ensemble, Ensemble]:
+    """Return the starts of the search, for runs of twelve periods, and those of the test, for four times that."""
+    subject = asked.system
+    t_end = RADIANS / orbit.frequency
+    step = min(STEP / orbit.frequency, np.inf if asked.window is None else asked.window[0])
+    rows = starts_of(asked, orbit, LONGER * t_end, step)
+    first, second = (
+        Ensemble(
+            name=name, system=subject, start=row, parameters=standard_parameters(subject)[None, :], t_end=end,
+            scale=asked.scale,
+        )
+        for name, row, end in zip(("search", "test"), rows, (t_end, LONGER * t_end), strict=True)
+    )  # fmt: skip
+    return first, second
+
+
+def _fitted(ensemble: Ensemble, window: tuple[float, float], asked: Question, most: int) -> Ensemble:
+    """The ensemble with runs of enough steps at the upper end of the window, and not too many at the lower one."""
+    least, highest = FEWEST_STEPS * max(asked.stages) * window[1], most * window[0]
+    t_end = float(np.clip(ensemble.t_end, least, max(highest, least)))
+    return replace(ensemble, t_end=float(f"{t_end:.3g}"))
+
+
+def tested(
+    asked: Question, window: tuple[float, float], ensembles: tuple[Ensemble, Ensemble], search: SearchResult,
+    others: Sequence[Tableau],
+) -> Tailored:  # fmt: skip
+    """Return what a search found as a tableau, beside ``others`` and those that were trained on ensembles."""
+    (ensemble, held_out), best, taus = ensembles, search.best, step_sizes(window, between=True)
+    assert best.family is not None
+    stages, label = best.family.stages, asked.system.label
+    name = f"tailored_{asked.system.name}_{stages}"
+    tableau = tableau_of(best.family, best.unknowns.tolist(), name=name, label=f"{label}, {stages} stages", source="-")
+    also = trained(asked.system)
+    found = Tailored(
+        question=asked, window=window, ensemble=ensemble, held_out=held_out, tableau=tableau, search=search,
+        test=comparison(tableau, others, held_out, taus, asked.seed),
+        training=comparison(tableau, others, ensemble, taus, asked.seed),
+        trained=comparison(tableau, also, held_out, taus, asked.seed) if also else None,
+    )  # fmt: skip
+    tableau = replace(tableau, harmonic_order=harmonic_order_of(tableau), source=source_of(found), note=note_of(found))
+    return replace(found, tableau=tableau)

@@ -1,0 +1,201 @@
+"""``nearharmonic tailor``: the file that it writes is used everywhere, Ctrl-C gives the best so far, and bad input."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import pty
+import select
+import struct
+import subprocess
+import sys
+import termios
+import time
+from pathlib import Path
+
+import pytest
+
+import nearharmonic as nh
+from nearharmonic.cli import main
+
+QUICK = ("henon_heiles", "--window", "0.08:0.12", "--trials", "500")
+
+
+def told(capsys, *words):
+    """(what JSON holds, exit status) of the command."""
+    status = main(["tailor", *words, "--format", "json"])
+    return json.loads(capsys.readouterr().out), status
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory):
+    """A folder with a method for the Henon-Heiles system in a folder that was not there, and what was printed."""
+    folder = tmp_path_factory.mktemp("tailor")
+    place = Path.cwd()
+    os.chdir(folder)
+    try:
+        assert main(["tailor", *QUICK, "--output", "methods/my_method.py", "--format", "json"]) == 0
+    finally:
+        os.chdir(place)
+    return folder
+
+
+@pytest.fixture
+def place(project, monkeypatch):
+    monkeypatch.chdir(project)
+    return "methods/my_method.py"
+
+
+def test_the_file_is_an_integrator_by_its_path(place):
+    tableau = nh.integrators[place]
+    assert (tableau.name, tableau.stages, tableau.order, tableau.digits) == ("my_method", 8, 4, 60)
+    assert "seed 0" in tableau.source
+    assert "0.08 to 0.12 per stage" in tableau.source
+    assert nh.integrate("henon_heiles", place, 0.8, t_end=50).max_energy_error < 1e-6
+    text = Path(place).read_text(encoding="utf-8")
+    assert "starts that were not used" in " ".join(text.split())
+
+
+def test_the_same_seed_and_trials_give_the_same_method(place, capsys):
+    document, status = told(capsys, *QUICK)
+    own, method = nh.integrators[place], document["method"]
+    assert status == 0
+    assert (tuple(method["kick"]), tuple(method["drift"])) == (own.kick, own.drift)
+    assert (document["file"], document["has_gain"]) == (None, True)
+    assert document["gain"]["low"] > 0
+    assert len(document["steps"]) == 5
+
+
+def test_verify_tableau_proves_the_file(place, capsys):
+    assert main(["verify-tableau", place, "--format", "json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["name"] == "my_method"
+    says = [claim["says"] for claim in found["claims"]]
+    assert says[:3] == ["rows sum to 1", "symmetric = true", "order = 4 for every separable H"]
+    assert any(claim.startswith("harmonic_order = ") for claim in says)
+
+
+def test_recommend_ranks_the_file(place, capsys):
+    words = ["henon_heiles", "--error", "1e-6", "--t-end", "50", "--methods", f"{place},ruth", "--budget", "5000"]
+    assert main(["recommend", *words, "--format", "json"]) == 0
+    first, *_ = json.loads(capsys.readouterr().out)["choices"]
+    assert (first["method"], first["status"]) == (place, "met")
+
+
+def test_export_writes_the_file_as_data(place, capsys):
+    assert main(["export", place, "--to", "json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert tuple(found["kick"]) == nh.integrators[place].kick
+    assert found["digits"] == 60
+
+
+def test_a_config_names_the_file(place):
+    from nearharmonic.config import read
+    from nearharmonic.integrators.user_file import expanded
+
+    Path("mine.yaml").write_text(
+        f"name: mine\nintegrators: [ruth, {place}]\nsystems:\n  henon_heiles:\n    t_end: 30\n"
+        "    tau_per_stage: {lowest: 0.05, highest: 0.2, points_per_decade: 10}\n"
+    )
+    config = read(Path("mine.yaml"))
+    assert expanded(config.integrators) == ("ruth", "my_method")
+    assert nh.integrators["my_method"].kick == nh.integrators[place].kick
+
+
+def test_a_table_says_what_is_gained_over_which_method_and_how_far_the_search_came(capsys):
+    assert main(["tailor", *QUICK]) == 0
+    title, header, *lines = capsys.readouterr().out.splitlines()
+    assert title.startswith("Hénon-Heiles system, tau/s = 0.08 to 0.12: a gain of 0.")
+    assert header.split() == ["tau_per_stage", "published", "its_error", "error", "gain", "low", "high"]
+    assert lines[0].split()[:2] == ["0.08", "babps8o7h"]
+    notes = "\n".join(lines[5:])
+    assert "95 % interval over 32 starts that were not used" in notes
+    assert "published method of the least mean error in the window: babps8o7h" in notes
+    assert "search: 5" in notes
+    assert "--output FILE.py writes the method" in notes
+
+
+def test_without_a_gain_the_status_is_1_the_published_method_is_named_and_nothing_is_written(
+    capsys, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    words = ["henon_heiles", "--window", "0.08:0.12", "--stages", "5", "--trials", "20", "--output", "mine.py"]
+    assert main(["tailor", *words]) == 1
+    out = capsys.readouterr().out
+    assert "no gain, -" in out.splitlines()[0]
+    assert out.splitlines()[0].endswith("take the published babps8o7h")
+    assert "not written: mine.py, as there is no gain" in out
+    assert not list(tmp_path.iterdir())
+
+
+def test_step_sizes_without_a_gain_are_named(capsys):
+    """A method for a window that is a factor 3 wide is not the best in all of it."""
+    assert main(["tailor", "henon_heiles", "--window", "0.05:0.15", "--trials", "500"]) == 0
+    title, _, *lines = capsys.readouterr().out.splitlines()
+    low = [line.split()[0] for line in lines[:11] if float(line.split()[5]) <= 0]
+    assert low
+    assert title.endswith(", though not in all of the window")
+    (note,) = [line for line in lines if line.startswith("no gain at tau/s = ")]
+    places = note.removeprefix("no gain at tau/s = ").partition(";")[0]
+    assert [place.partition(":")[0] for place in places.split(", ")] == low
+
+
+def test_a_system_of_a_file_in_its_own_units_is_taken(capsys, tmp_path):
+    assert main(["new", "system", "well", "--output", str(tmp_path / "well.py")]) == 0
+    capsys.readouterr()
+    document, status = told(capsys, str(tmp_path / "well.py"), "--trials", "40", "--stages", "6")
+    assert status in (0, 1)
+    assert document["system"] == "well"
+    assert document["window"][1] / document["window"][0] == pytest.approx(1.5, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["henon_heilse"], "Did you mean 'henon_heiles'"),
+        (["sho", "--window", "0.1:0.11"], "window = '0.1:0.11' is not allowed"),
+        (["henon_heiles", "--window", "5:7"], "every published method loses the energy at 7 per stage"),
+        (["henon_heiles", "--window", "1e-4:1.5e-4"], "published methods err by rounding alone"),
+        (["sho", "--trials", "many"], "trials = 'many' is not allowed"),
+        (["sho", "--output", "ruth.py"], "a registered integrator has the name ruth"),
+        (["sho", "--output", "my-method.py"], "output = 'my-method.py' is not allowed: a file NAME.py"),
+        (["sho", "--output", "mine.txt"], "output = 'mine.txt' is not allowed: a file NAME.py"),
+        (["sho", "--output", "here.py"], "here.py exists already, and is not overwritten"),
+        (["sho", "--output", "here.py/mine.py"], "here.py is no folder"),
+        (["sho", "--windw", "0.1:0.2"], "Did you mean '--window'"),
+        (["here.py"], "here.py does not define SYSTEM"),
+    ],
+)
+def test_bad_input_gives_status_2_and_one_sentence(words, message, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("here.py").write_text("")
+    assert main(["tailor", *words]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    (line,) = printed.err.splitlines()
+    assert message in line
+    assert [one.name for one in tmp_path.iterdir()] == ["here.py"]
+
+
+@pytest.mark.slow
+def test_ctrl_c_on_a_terminal_gives_the_best_so_far_behind_a_bar():
+    reader, terminal = pty.openpty()
+    fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 100, 0, 0))
+    environment = {**os.environ, "PYTHONPATH": str(Path(nh.__file__).parents[1])}
+    words = ["tailor", "henon_heiles", "--window", "0.08:0.12", "--seconds", "300"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "nearharmonic.cli", *words], stderr=terminal, stdout=subprocess.PIPE, env=environment,
+        stdin=subprocess.DEVNULL,
+    )  # fmt: skip
+    shown, end = b"", time.monotonic() + 120
+    while b"objective -" not in shown and time.monotonic() < end:
+        if select.select([reader], [], [], 0.2)[0]:
+            shown += os.read(reader, 65536)
+    process.send_signal(2)
+    out, _ = process.communicate(timeout=60)
+    os.close(terminal)
+    os.close(reader)
+    assert b"Ctrl-C for the best so far" in shown
+    assert process.returncode in (0, 1)
+    assert " s until Ctrl-C, " in out.decode()
