@@ -1,6 +1,6 @@
 """Methods trained on near-harmonic systems: the search for each purpose, and the modules that register what it finds."""
 
-from nearharmonic.experiments.trained.published import published_names
+from nearharmonic.training.published import published_names
 from nearharmonic.experiments.trained.purposes import PURPOSES
 
 TRAINED_METHODS = expand(f"{RESULTS}/derived/trained_{{purpose}}.toml", purpose=CONFIG.trained.purposes)

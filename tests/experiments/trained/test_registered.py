@@ -9,11 +9,11 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.experiments.trained import search
-from nearharmonic.experiments.trained.published import published_methods, published_names
 from nearharmonic.experiments.trained.purposes import PURPOSES
 from nearharmonic.experiments.trained.settings import SearchSettings
 from nearharmonic.modified_integrators import method_of
 from nearharmonic.training.objective import mean_errors
+from nearharmonic.training.published import published_methods, published_names
 
 #: Seed of problems that no set of the search has, and how many.
 SEED, PROBLEMS = 70_001, 64

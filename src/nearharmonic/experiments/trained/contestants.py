@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from typing import Literal
 
-from nearharmonic.experiments.trained.published import OURS
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.modified_integrators import modified_integrators
+from nearharmonic.training.published import OURS, TRAINED, module_of
 
 Kind = Literal["trained", "published", "own"]
 #: In the order of cubes.
 KINDS: tuple[Kind, ...] = ("published", "own", "trained")
-#: What the names of trained methods begin with.
-TRAINED = "trained_"
 
 #: What a method is built on, in the order of tables and figures.
 IDEAS = ("exact_oscillator", "harmonic_conditions", "nystrom", "trained", "general")
@@ -31,8 +29,7 @@ def kind_of(name: str) -> Kind:
     """Return the kind of a registered method."""
     if name.startswith(TRAINED):
         return "trained"
-    registry = integrators if name in integrators else modified_integrators
-    return "own" if str(registry.module_of(name)).split(".")[-1] in OURS else "published"
+    return "own" if module_of(name) in OURS else "published"
 
 
 def idea_of(method: Tableau) -> str | None:

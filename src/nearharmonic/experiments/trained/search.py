@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from nearharmonic.errors import bad_setting
-from nearharmonic.experiments.trained.published import modified_methods, published_methods
 from nearharmonic.experiments.trained.purposes import PURPOSES, Purpose
 from nearharmonic.experiments.trained.settings import SearchSettings
 from nearharmonic.integrators.modified_tableau import ModifiedTableau
@@ -23,6 +22,7 @@ from nearharmonic.training.family import Family
 from nearharmonic.training.objective import WEIGHT_OF_MEAN, Objective, best_of
 from nearharmonic.training.polish import DIGITS, tableau_of
 from nearharmonic.training.population import Ensemble
+from nearharmonic.training.published import modified_methods, published_methods
 from nearharmonic.training.search import Effort, Findings, Found, search, starts_of
 
 SOURCE = "trained by nearharmonic.experiments.trained"

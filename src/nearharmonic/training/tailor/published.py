@@ -14,9 +14,8 @@ from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.systems.system import System
 from nearharmonic.training.objective import mean_errors
 from nearharmonic.training.population import LEAST, LOST, Ensemble, Floats
+from nearharmonic.training.published import OURS, TRAINED, module_of
 
-#: Begin of the names of methods that a search of this package found, and the modules of such methods.
-TRAINED, OWN = "trained_", ("nearharmonic_2026", "trained")
 #: Step sizes per stage, in radians of the fastest oscillation, among which a window is looked for.
 LADDER = np.geomspace(0.01, 1.0, 25)
 #: Problems on which it is looked for.
@@ -45,7 +44,7 @@ def registered(system: System) -> list[Tableau]:
 
 def published(system: System) -> list[Tableau]:
     """Return the registered methods that fit a system and are not of this project."""
-    return [one for one in registered(system) if not _is_own(one)]
+    return [one for one in registered(system) if module_of(one.name) not in OURS]
 
 
 def trained(system: System) -> list[Tableau]:
@@ -126,8 +125,3 @@ def check_window(best: Floats, window: tuple[float, float], unit: str) -> None:
     if best[-1] < np.log10(LEAST) + ROUNDING:
         what = f"published methods err by rounding alone up to {window[1]:g}{time} per stage: take larger step sizes"
         raise bad_setting("window", shown, what)
-
-
-def _is_own(tableau: Tableau) -> bool:
-    module = integrators.module_of(tableau.name) or ""
-    return tableau.name.startswith(TRAINED) or module.rpartition(".")[2] in OWN

@@ -8,13 +8,21 @@ from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.modified_integrators import modified_integrators
 
-#: Modules of this project's own methods.
+#: What the names of trained methods begin with.
+TRAINED = "trained_"
+#: Modules of this project's own methods: found by order conditions, and trained.
 OURS = ("nearharmonic_2026", "trained")
+
+
+def module_of(name: str) -> str:
+    """Return the last part of the name of the module that registers a method, of either registry."""
+    registry = integrators if name in integrators else modified_integrators
+    return str(registry.module_of(name)).rpartition(".")[2]
 
 
 def published_names() -> tuple[str, ...]:
     """Return the names of all published methods without modified potentials."""
-    return tuple(name for name in integrators.registered if str(integrators.module_of(name)).split(".")[-1] not in OURS)
+    return tuple(name for name in integrators.registered if module_of(name) not in OURS)
 
 
 def published_methods(names: Sequence[str], *, modified: bool = False) -> list[Tableau]:
@@ -35,7 +43,7 @@ def modified_methods(*, own: bool) -> list[Tableau]:
     """Return the methods with kicks of a modified potential of this project's own search, or the published ones."""
     found: list[Tableau] = []
     for name, one in modified_integrators.items():
-        module = str(modified_integrators.module_of(name)).split(".")[-1]
+        module = module_of(name)
         if not one.processed and (module == OURS[0] if own else module not in OURS):
             found.append(one)
     return found
