@@ -9,10 +9,11 @@ from __future__ import annotations
 import argparse
 import csv
 import re
-import shutil
 from itertools import groupby
 from math import isnan, nan, pi
 from pathlib import Path
+
+from PIL import Image
 
 import nearharmonic as nh
 from nearharmonic.modified_integrators import method_of
@@ -20,6 +21,8 @@ from nearharmonic.modified_integrators import method_of
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs/trained.md"
 FIGURES = ("trained_error", "trained_gain", "trained_ideas")
+#: Colours of a picture on the page.
+COLOURS = 128
 #: The ensemble whose best methods are named, those of the table of windows, and the beginning of the name of orbits.
 WIDEST, ORBITS = "d = 2, 0.01 to 0.5", "Kepler"
 WINDOWS = (WIDEST, "d = 3, 0.01 to 0.5", "d = 2, 0.001 to 0.01", "Hénon-Heiles", ORBITS)
@@ -224,7 +227,8 @@ def main():
     folder = parser.parse_args().results
     PAGE.write_text(filled(PAGE.read_text(encoding="utf-8"), folder), encoding="utf-8")
     for stem in FIGURES:
-        shutil.copyfile(folder / f"figures/{stem}.png", PAGE.parent / f"{stem}.png")
+        with Image.open(folder / f"figures/{stem}.png") as picture:  # few colours take a fifth of the room
+            picture.convert("RGB").quantize(COLOURS).save(PAGE.parent / f"{stem}.png", optimize=True)
     print(f"wrote {PAGE} and {len(FIGURES)} pictures")
 
 
