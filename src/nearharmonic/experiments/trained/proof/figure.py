@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 #: Every published method, and the best of them.
-FAINT, BEST = "#cfcfcf", "#303030"
+FAINT, BEST = "#cfcfcf", "#0b3c8c"
 #: Colours of the best trained methods, and of the curves of a panel of gains.
 AHEAD = "#c1121f"
 CURVES = ("#4a90e2", "#e8871a", "#2e8b57", "#8e3fb5", "#8b4513", "#111111")
@@ -36,8 +36,8 @@ LABELLED = 1000
     caption=(
         "Energy error against the step size per evaluation of the force, in radians of the fastest small oscillation, "
         "on problems that no method was trained on: means over the problems of an ensemble of the largest error at "
-        "any step. Grey: every published method of the registry. Black: the best of them at each step size. Thin "
-        "lines: each trained method; thick red: the best of them. Where black lies below red, trained methods lose."
+        "any step. Grey: every published method of the registry. Blue: the best of them at each step size. Thin "
+        "lines: each trained method; thick red: the best of them. Where blue lies below red, trained methods lose."
     ),
 )
 def trained_error(cube: xr.Dataset) -> Figure:
