@@ -157,7 +157,7 @@ _ALL = (
         chains=(Chain(first="kick", stages=(8, 9), harmonic_order=6),),
     ),
     Purpose(
-        name="orbits", what="planetary orbits", tau_per_stage=evaluations_an_orbit(480, 240, 120), t_end=8 * pi,
+        name="orbits", what="planetary orbits", tau_per_stage=evaluations_an_orbit(480, 340, 240), t_end=8 * pi,
         band=None, chains=(_FOURTEEN,),
     ),
     Purpose(
