@@ -77,4 +77,6 @@ rule trained_proof:
 
 rule trained:
     input:
+        rules.register_trained.output,
+        expand(TABLE("trained_landscape_{purpose}"), purpose=CONFIG.trained.purposes),
         rules.trained_proof.input,

@@ -1,20 +1,18 @@
 """Methods trained on near-harmonic systems: the search for each purpose, and the modules that register what it finds."""
 
 from nearharmonic.training.published import published_names
-from nearharmonic.experiments.trained.purposes import PURPOSES
+from nearharmonic.experiments.trained.purposes import trained_before
 
 TRAINED_METHODS = expand(f"{RESULTS}/derived/trained_{{purpose}}.toml", purpose=CONFIG.trained.purposes)
 
 
-def methods_before(wildcards):
-    """What the search of a purpose begins with: the method of a window beside it, if that is trained as well."""
-    after = PURPOSES[wildcards.purpose].after
-    return [f"{RESULTS}/derived/trained_{after}.toml"] if after in CONFIG.trained.purposes else []
-
-
 rule train:
     input:
-        before=methods_before,
+        # The method of a window beside this one.
+        before=lambda wildcards: expand(
+            f"{RESULTS}/derived/trained_{{purpose}}.toml",
+            purpose=trained_before(wildcards.purpose, CONFIG.trained.purposes),
+        ),
     output:
         document=f"{RESULTS}/derived/trained_{{purpose}}.toml",
         landscape=TABLE("trained_landscape_{purpose}"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from math import pi
 
@@ -175,3 +175,9 @@ _ALL = (
 )  # fmt: skip
 #: All purposes by name.
 PURPOSES = {one.name: one for one in _ALL}
+
+
+def trained_before(purpose: str, trained: Collection[str]) -> list[str]:
+    """Return the purpose whose method a search begins with, if it is among those that are ``trained``."""
+    after = PURPOSES[purpose].after
+    return [after] if after is not None and after in trained else []
