@@ -78,5 +78,5 @@ rule trained_proof:
 rule trained:
     input:
         rules.register_trained.output,
-        expand(TABLE("trained_landscape_{purpose}"), purpose=CONFIG.trained.purposes),
+        [TABLE(f"trained_landscape_{purpose}") for purpose in CONFIG.trained.purposes],
         rules.trained_proof.input,
