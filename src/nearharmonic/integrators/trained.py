@@ -67,7 +67,7 @@ TABLEAUS = (
         digits=60,
         note=(
             "low accuracy: tau/s 0.1 to 0.155; random potentials, d = 2 and 3, strengths 0.01 to 0.5; "
-            "stability limit tau = 3.1416; seed 1; run c81bf101871ffe80"
+            "stability limit tau = 3.1416; seed 1; run cf510019aaa25fa2"
         ),
     ),
     Tableau(
@@ -151,7 +151,7 @@ TABLEAUS = (
         digits=60,
         note=(
             "higher accuracy: tau/s 0.027 to 0.042; random potentials, d = 2 and 3, strengths 0.01 to 0.5; "
-            "stability limit tau = 3.1417; seed 1; run c2716b00a0d0c5aa"
+            "stability limit tau = 3.1417; seed 1; run c05d4f5d87838167"
         ),
     ),
     Tableau(
@@ -179,7 +179,7 @@ TABLEAUS = (
         digits=60,
         note=(
             "highest accuracy: tau/s 0.0175 to 0.0275; random potentials, d = 2 and 3, strengths 0.01 to 0.5; "
-            "stability limit tau = 3.1416; seed 1; run e3fba7ebb39de24f"
+            "stability limit tau = 3.1416; seed 1; run 0dd02903d5e23c82"
         ),
     ),
     Tableau(
@@ -214,7 +214,7 @@ TABLEAUS = (
         requires=QUADRATIC_KINETIC_ENERGY,
         note=(
             "errors of 1e-12: tau/s 0.0115 to 0.0175; random potentials, d = 2 and 3, strengths 0.01 to 0.5; "
-            "stability limit tau = 3.1411; seed 1; run 61f1c8944796fd49"
+            "stability limit tau = 3.1411; seed 1; run e0258f2e2109f513"
         ),
     ),
     Tableau(

@@ -125,32 +125,32 @@ def evaluations_an_orbit(*counts: int) -> tuple[float, ...]:
 
 
 #: SRKN 11b of Blanes & Moan (2002) leads to the best methods for random potentials, their SRKN 14a to those for orbits.
-_ELEVEN = Chain(first="kick", stages=(11, 12))
+_ELEVEN, _TWELVE = Chain(first="kick", stages=(11,)), Chain(first="kick", stages=(11, 12))
 _FOURTEEN = Chain(first="drift", stages=(14, 15, 16), order=6)
 _ALL = (
     Purpose(
         name="coarse", what="few evaluations", tau_per_stage=(0.15, 0.185, 0.235), t_end=60.0, after="light",
-        chains=(Chain(first="kick", stages=(6, 7, 8)), Chain(first="kick", stages=(11,))),
+        chains=(Chain(first="kick", stages=(6, 7, 8)), _ELEVEN),
     ),
     Purpose(
         name="light", what="low accuracy", tau_per_stage=(0.1, 0.125, 0.155), t_end=50.0, after="moderate",
         chains=(_ELEVEN,),
     ),
     Purpose(
-        name="moderate", what="moderate accuracy", tau_per_stage=(0.064, 0.08, 0.102), t_end=50.0, chains=(_ELEVEN,)
+        name="moderate", what="moderate accuracy", tau_per_stage=(0.064, 0.08, 0.102), t_end=50.0, chains=(_TWELVE,)
     ),
-    Purpose(name="fine", what="high accuracy", tau_per_stage=(0.041, 0.051, 0.065), t_end=40.0, chains=(_ELEVEN,)),
+    Purpose(name="fine", what="high accuracy", tau_per_stage=(0.041, 0.051, 0.065), t_end=40.0, chains=(_TWELVE,)),
     Purpose(
         name="finer", what="higher accuracy", tau_per_stage=(0.027, 0.034, 0.042), t_end=30.0, after="fine",
         chains=(_ELEVEN,),
     ),
     Purpose(
         name="finest", what="highest accuracy", tau_per_stage=(0.0175, 0.022, 0.0275), t_end=20.0, after="finer",
-        chains=(_ELEVEN, Chain(first="drift", stages=(14,), order=6)),
+        chains=(_ELEVEN,),
     ),
     Purpose(
         name="precise", what="errors of 1e-12", tau_per_stage=(0.0115, 0.014, 0.0175), t_end=14.0,
-        chains=(Chain(first="kick", stages=(17,), order=6), Chain(first="drift", stages=(17,), order=6)),
+        chains=(Chain(first="kick", stages=(17,), order=6),),
     ),
     Purpose(
         name="weak", what="small anharmonicity", tau_per_stage=(0.085, 0.11, 0.14), t_end=50.0, band=WEAK,
