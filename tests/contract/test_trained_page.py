@@ -88,8 +88,8 @@ def test_what_the_page_says_of_ideas_is_what_its_table_says():
         if 0.02 <= float(tau) <= 0.2:
             assert every.startswith("oscillator solved exactly"), tau
             assert "trained" in every, tau
-        if 0.03 <= float(tau) <= 0.2:
-            assert split.startswith("harmonic conditions"), tau
+        if 0.02 <= float(tau) <= 0.25:
+            assert split.startswith("harmonic conditions") is (float(tau) <= 0.12), tau
             assert "trained" in split, tau
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from configs_by_file import ROOT
+from pathlib import Path
+
 from nearharmonic.user_module import load
+
+ROOT = Path(__file__).parents[2]
 
 
 def test_the_tables_of_the_page_are_those_of_the_registered_methods():
