@@ -73,6 +73,19 @@ def test_the_mean_is_that_of_the_rows_and_every_ensemble_has_one():
         assert value(mean[column]) == pytest.approx(np.mean([value(row[column]) for row in each]), abs=0.011)
 
 
+def test_readme_says_what_the_tables_say():
+    text = re.sub(r"\s+", " ", (ROOT / "README.md").read_text(encoding="utf-8"))
+    taus = list(map(float, header("gains")[1:]))
+    widest = [row[1:] for row in rows("gains") if row[0].endswith("0.01 to 0.5")]
+    assert len(widest) == 2
+    of_potentials = [value(cell) for row in widest for tau, cell in zip(taus, row, strict=True) if 0.02 <= tau <= 0.2]
+    of_orbits = [value(row[5]) for row in rows("orbits")]
+    for before, found in ((r"`trained_\*` err", of_potentials), ("on Kepler orbits", of_orbits)):
+        least, most = map(float, re.search(rf"{before} (\S+) to (\S+) decades less", text).groups())
+        assert least <= min(found) < least + 0.1
+        assert most - 0.05 <= max(found) < most + 0.05
+
+
 def test_every_loss_of_the_table_of_gains_stands_among_the_losses():
     taus, told = header("gains")[1:], rows("losses")
     for row in rows("gains")[:-1]:
