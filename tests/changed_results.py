@@ -160,6 +160,18 @@ def equal_errors(results):
         swap.loc[{"integrator": name}] = swap.sel(integrator=kepler.COINCIDING[0])
 
 
+def reversed_order(*steps):
+    """At some step sizes the methods of larger sums of coefficients err less, on all ensembles."""
+
+    def change(results):
+        cube = results.cubes["trained"]
+        errors, tau = cube["mean_log_error"].values, cube["tau_per_stage"].values[-1]
+        for step in steps:
+            errors[:, :, tau == step] *= -1
+
+    return change
+
+
 def advance_follows_maximum(results):
     cube = results.cubes["kepler"]
     cube["perihelion_advance"] = cube["max_energy_error"] * 3

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.stats import spearmanr
 
 from nearharmonic.claims.claim import combined, counted
-from nearharmonic.claims.curves import Curves, Range, for_larger_steps, orders, over, slope
+from nearharmonic.claims.curves import Curves, Range, for_larger_steps, orders, over, rank_correlation, slope
 from nearharmonic.claims.results import Undecided
 
 X = np.geomspace(1e-4, 1, 161)  # forty a decade
@@ -126,3 +127,15 @@ def test_several_things_hold_in_part_if_some_do(good, verdict):
 )
 def test_a_statement_of_parts_holds_or_fails_if_all_of_them_do(parts, verdict):
     assert combined(parts, "").verdict == verdict
+
+
+@pytest.mark.parametrize("values", [4, 1000])  # with many ties, and with few
+def test_rank_correlations_are_those_of_scipy(values):
+    one, other = np.random.default_rng(3).integers(0, values, (2, 40, 6)).astype(float)
+    other[0, 0] = np.inf
+    expected = [spearmanr(one[:, i], other[:, i]).statistic for i in range(6)]
+    assert rank_correlation(one, other) == pytest.approx(expected, abs=1e-14)  # sums of integers, but for one quotient
+
+
+def test_what_has_no_order_has_no_correlation():
+    assert rank_correlation(np.ones((5, 1)), np.arange(5.0)[:, None]) == 0

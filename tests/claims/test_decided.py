@@ -20,7 +20,8 @@ from targets import TARGETS
 VERDICTS = {"holds", "holds in part", "fails", "not decided here"}
 #: Targets whose files may be looked at, written down here and not asked for.
 ALLOWED = {"all": TARGETS["all"] | {f"cubes/{name}.h5" for name in ("sho", "henon_heiles", "kepler", "sho_terms")},
-           "derive": TARGETS["derive"], "stability": TARGETS["stability"]}  # fmt: skip
+           "derive": TARGETS["derive"], "stability": TARGETS["stability"],
+           "trained": TARGETS["trained"]}  # fmt: skip
 
 
 def refused(constant):
@@ -85,10 +86,11 @@ def test_an_empty_folder_leaves_undecided_what_needs_a_file_and_names_the_target
 
 
 def test_the_target_of_a_statement_makes_the_files_that_it_needs():
-    assert set(FILES) == {name for one in CLAIMS for name in one.needs}
+    assert set(FILES) == {name for one in CLAIMS for name in (*one.needs, *one.also)}
     for one in CLAIMS:
         others = ALLOWED["all"] if one.target != "all" else set()
         assert set(one.needs) <= ALLOWED[one.target] | others, one.id
+        assert set(one.also) <= set().union(*ALLOWED.values()) - ALLOWED[one.target], one.id
 
 
 def test_what_is_in_a_folder_is_decided_as_in_memory(folder):

@@ -44,6 +44,9 @@ class Claim:
         Result files that it is decided on, relative to the folder of results.
     target : str
         Target of the workflow that makes these files.
+    also : tuple of str
+        Result files of other targets. Where they are there, the value tells something from them; the verdict does not
+        depend on them.
     decide : callable
         Takes :class:`~nearharmonic.claims.results.Results` to a :class:`Decision`.
     """
@@ -55,6 +58,7 @@ class Claim:
     needs: tuple[str, ...]
     target: str
     decide: Decide
+    also: tuple[str, ...] = ()
 
     def decision(self, results: Results) -> Decision:
         """Decide the statement on ``results``; what is not there leaves it undecided.
@@ -80,8 +84,9 @@ class Claim:
 
 
 def claim(
-    *, id: str, paper: str, statement: str, threshold: str, needs: Sequence[str] = (), target: str = "all"
-) -> Callable[[Decide], Claim]:
+    *, id: str, paper: str, statement: str, threshold: str, needs: Sequence[str] = (), target: str = "all",
+    also: Sequence[str] = (),
+) -> Callable[[Decide], Claim]:  # fmt: skip
     """Make the decorated function a statement; arguments are the attributes of :class:`Claim`."""
 
     def decorate(decide: Decide) -> Claim:
@@ -93,6 +98,7 @@ def claim(
             needs=tuple(needs),
             target=target,
             decide=decide,
+            also=tuple(also),
         )
 
     return decorate

@@ -1,4 +1,5 @@
-"""Curves of errors over step sizes: where they are truncation, how steep they are, over which steps one is the lower.
+"""Curves of errors over step sizes: where they are truncation, how steep they are, over which steps one is the lower,
+and whether they have the order of something else.
 
 Statements about curves are decided at every step size of a range. Unless a statement says otherwise it is the range of
 :func:`compared`: from the first step size at which every curve is clear of rounding to the last before one of them
@@ -202,3 +203,19 @@ def orders(curves: Curves, expected: dict[str, int]) -> Decision:
     if off and len(off) < len(found):
         return Decision("holds in part", f"not {', '.join(off)}: {value}")
     return either(not off, value)
+
+
+def rank_correlation(one: Floats, other: Floats) -> Floats:
+    """Return Spearman's rank correlation over the rows for each column; 0 where all of one are equal.
+
+    Parameters
+    ----------
+    one, other : (n, T) arrays
+        Equal numbers share the mean of their ranks.
+    """
+    # Twice the ranks, from the middle: how many numbers are below each, less how many are above.
+    below = ((rows[:, None] > rows, rows[:, None] < rows) for rows in (one, other))
+    first, second = (less.sum(axis=1) - more.sum(axis=1) for less, more in below)
+    spread = np.sqrt((first**2).sum(axis=0) * (second**2).sum(axis=0))
+    found: Floats = (first * second).sum(axis=0) / np.where(spread > 0, spread, 1.0)
+    return found

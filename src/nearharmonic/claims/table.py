@@ -24,20 +24,21 @@ from nearharmonic.claims.statements import (
     search,
     splitting,
     substeps,
+    trained,
 )
 from nearharmonic.integrators import integrators as registered
 from nearharmonic.output.table import Table
 
 #: The groups in the order of the paper; a digest of the job follows these imports, so that an edit of one decides anew.
 GROUPS = (
-    splitting, decomposition, identities, search, coefficients, roles, methods, rounding, oscillator, henon_heiles,
-    kepler, substeps, comparisons, conclusions,
+    splitting, decomposition, identities, search, coefficients, trained, roles, methods, rounding, oscillator,
+    henon_heiles, kepler, substeps, comparisons, conclusions,
 )  # fmt: skip
 
 CLAIMS: tuple[Claim, ...] = tuple(one for group in GROUPS for one in vars(group).values() if isinstance(one, Claim))
 
-#: Result files that a statement may need, relative to the folder of results.
-FILES: tuple[str, ...] = tuple(sorted({name for one in CLAIMS for name in one.needs}))
+#: Result files that a statement may need or tell of, relative to the folder of results.
+FILES: tuple[str, ...] = tuple(sorted({name for one in CLAIMS for name in (*one.needs, *one.also)}))
 
 #: Keys of an entry, and columns of the table.
 KEYS = ("id", "paper", "statement", "verdict", "value", "threshold", "needs")

@@ -10,6 +10,7 @@ from nearharmonic.claims.claim import Claim, Decision, Verdict, claim, combined,
 from nearharmonic.claims.curves import LOST, MEASURES, Curves, Floats, for_larger_steps, over, range_words
 from nearharmonic.claims.results import Results, label, short
 from nearharmonic.claims.statements.kepler import DOT
+from nearharmonic.claims.statements.trained import CUBE, lead_of_trained
 
 NEW = ("abas5o6h", "babs7o7h", "babps8o7h", "babps9o7h")
 KAHAN = ("s5odr4",)
@@ -112,8 +113,10 @@ yoshida_on_sho, yoshida_on_henon_heiles, yoshida_on_kepler = map(_favourable_to_
     statement="The best performance is generally achieved by BAB's9o7H, BAB's8o7H and ABAs5o6H",
     threshold="the least error of the ten is that of one of the three at more than half of the step sizes, as "
     "'generally' is read, on each system, by the maximum and by the mean; from where all maximum errors are 100 times "
-    "their lowest point, which is rounding, to where that of one of the three passes 1 %",
+    "their lowest point, which is rounding, to where that of one of the three passes 1 %. Methods trained by the "
+    "energy error came later: they are in the value if the target trained has run, and not in the verdict",
     needs=CUBES,
+    also=(CUBE,),
 )
 def best_performance(results: Results) -> Decision:
     good, told = [], []
@@ -127,7 +130,8 @@ def best_performance(results: Results) -> Decision:
             counts.append(int(best[asked].sum()))
         good += [2 * count > int(asked.sum()) for count in counts]
         told.append(f"{name} {counts[0]} and {counts[1]} of {int(asked.sum())}")
-    return counted(good, f"by the maximum and the mean: {', '.join(told)}")
+    beside = lead_of_trained(results, PRAISED, "the three")
+    return counted(good, f"by the maximum and the mean: {', '.join(told)}{beside}")
 
 
 @claim(

@@ -5,7 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from nearharmonic.claims.claim import Decision, Verdict, claim, combined, either
-from nearharmonic.claims.curves import FEWEST, MEASURES, SLOPE, Curves, Floats, Range, orders, over, range_words
+from nearharmonic.claims.curves import (
+    FEWEST,
+    MEASURES,
+    SLOPE,
+    Curves,
+    Floats,
+    Range,
+    orders,
+    over,
+    range_words,
+    rank_correlation,
+)
 from nearharmonic.claims.results import Results, Undecided, label, short
 from nearharmonic.claims.statements.henon_heiles import ORDERS
 from nearharmonic.systems import kepler
@@ -210,15 +221,7 @@ def accumulated_and_mean(results: Results) -> Decision:
     if asked.asked.sum() < FEWEST:
         message = "the advances of the ten methods are known at fewer than three step sizes"
         raise Undecided(message)
-    by_mean, by_largest = (_rank_correlation(advance, other) for other in (mean, largest))
+    by_mean, by_largest = (rank_correlation(advance, other) for other in (mean, largest))
     told = (short(float(np.median(one[asked.asked])), 2) for one in (by_mean, by_largest))
     value = "median rank correlation {} with the mean and {} with the maximum error".format(*told)
     return over(asked, by_mean > by_largest, value)
-
-
-def _rank_correlation(one: Floats, other: Floats) -> Floats:
-    """Spearman's coefficient over the rows, for each column."""
-    count = len(one)
-    ranks = [np.argsort(np.argsort(rows, axis=0), axis=0) for rows in (one, other)]
-    squares: Floats = ((ranks[0] - ranks[1]) ** 2).sum(axis=0)
-    return 1 - 6 * squares / (count * (count * count - 1))
