@@ -114,7 +114,7 @@ yoshida_on_sho, yoshida_on_henon_heiles, yoshida_on_kepler = map(_favourable_to_
     threshold="the least error of the ten is that of one of the three at more than half of the step sizes, as "
     "'generally' is read, on each system, by the maximum and by the mean; from where all maximum errors are 100 times "
     "their lowest point, which is rounding, to where that of one of the three passes 1 %. Methods trained by the "
-    "energy error came later: they are in the value if the target trained has run, and not in the verdict",
+    "energy error came later: they are in the value if the target trained_proof has run, and not in the verdict",
     needs=CUBES,
     also=(CUBE,),
 )

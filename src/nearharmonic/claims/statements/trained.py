@@ -108,7 +108,7 @@ def lead_of_trained(results: Results, names: Sequence[str], what: str) -> str:
     "row has the sum 1, methods have the same order by that sum, by their negative coefficients and by their positive "
     "ones",
     needs=(CUBE,),
-    target="trained",
+    target="trained_proof",
 )
 def minimised_coefficients(results: Results) -> Decision:
     errors = errors_on_random_potentials(results).of_order_four_or_more(results)
