@@ -77,6 +77,7 @@ rule trained_proof:
 
 rule trained:
     input:
+        TRAINED_METHODS,
         rules.register_trained.output,
         [TABLE(f"trained_landscape_{purpose}") for purpose in CONFIG.trained.purposes],
         rules.trained_proof.input,
