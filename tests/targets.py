@@ -72,8 +72,13 @@ TARGETS["trained_proof"] = (
 )
 TARGETS["trained"] = (
     TARGETS["trained_proof"]
-    | {"derived/trained_light.toml", "derived/trained.py", "derived/trained_modified.py"}
-    | tables("trained_landscape_light")
+    | {
+        "derived/trained_light.toml",
+        "derived/trained_modified.toml",
+        "derived/trained.py",
+        "derived/trained_modified.py",
+    }
+    | tables("trained_landscape_light", "trained_landscape_modified")
 )
 TARGETS["claims"] = {f"tables/claims.{suffix}" for suffix in ("csv", "md", "json")}
 TARGETS["sixth_order"] = TARGETS["beyond"]

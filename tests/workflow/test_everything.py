@@ -39,7 +39,7 @@ COLUMNS = {
     "sixth_order_counts": "distinct solutions", "sixth_order_measured": "rank by maximum",
     "sixth_order_ranking": "nystrom_error", "stability_henon_heiles": "share_of_linear_limit",
     "stability_kepler": "e_0.000", "stability_rounding": "brouwer", "structure": "symplectic defect",
-    "trained_landscape_light": "ended at the best",
+    "trained_landscape_light": "ended at the best", "trained_landscape_modified": "ended at the best",
     "trained_gains": "best trained", "trained_ideas": "ahead with T + V", "trained_long": "sum of coefficients",
     "trained_methods": "ahead_from", "trained_times": "charge_lanes",
     "table1_structure": "ABA d value", "table2_recursion": "tau^1", "table2_values": "tau^1",

@@ -1,7 +1,6 @@
 """Methods trained on near-harmonic systems: the search for each purpose, and the modules that register what it finds."""
 
-from nearharmonic.training.published import published_names
-from nearharmonic.experiments.trained.purposes import trained_before
+from nearharmonic.experiments.trained.purposes import PURPOSES, trained_before
 
 TRAINED_METHODS = expand(f"{RESULTS}/derived/trained_{{purpose}}.toml", purpose=CONFIG.trained.purposes)
 
@@ -25,7 +24,7 @@ rule train:
             "experiments.trained.search:train",
             purpose=wildcards.purpose,
             settings=CONFIG.trained.search,
-            published=published_names(),
+            known=PURPOSES[wildcards.purpose].known,
         ),
     script:
         "../scripts/task.py"

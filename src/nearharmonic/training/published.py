@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.modified_integrators import modified_integrators
+from nearharmonic.modified_integrators import method_of, modified_integrators
 
 #: What the names of trained methods begin with.
 TRAINED = "trained_"
@@ -25,25 +25,15 @@ def published_names() -> tuple[str, ...]:
     return tuple(name for name in integrators.registered if module_of(name) not in OURS)
 
 
-def published_methods(names: Sequence[str], *, modified: bool = False) -> list[Tableau]:
-    """Return the methods of these names.
+def modified_names() -> tuple[str, ...]:
+    """Return the names of all methods with kicks of a modified potential but for processed and trained ones.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Of :func:`published_names`.
-    modified : bool
-        Whether published methods with kicks of a modified potential are among them; processed ones are left out.
+    Published ones come first.
     """
-    found: list[Tableau] = [integrators[name] for name in names]
-    return found + (modified_methods(own=False) if modified else [])
+    found = [name for name, one in modified_integrators.items() if not one.processed and module_of(name) != OURS[1]]
+    return tuple(sorted(found, key=lambda name: module_of(name) in OURS))
 
 
-def modified_methods(*, own: bool) -> list[Tableau]:
-    """Return the methods with kicks of a modified potential of this project's own search, or the published ones."""
-    found: list[Tableau] = []
-    for name, one in modified_integrators.items():
-        module = module_of(name)
-        if not one.processed and (module == OURS[0] if own else module not in OURS):
-            found.append(one)
-    return found
+def published_methods(names: Sequence[str]) -> list[Tableau]:
+    """Return the published ones among the methods of these names."""
+    return [method_of(name) for name in names if module_of(name) not in OURS]

@@ -13,7 +13,7 @@ from nearharmonic.experiments.trained.purposes import PURPOSES
 from nearharmonic.experiments.trained.settings import SearchSettings
 from nearharmonic.modified_integrators import method_of
 from nearharmonic.training.objective import mean_errors
-from nearharmonic.training.published import published_methods, published_names
+from nearharmonic.training.published import published_methods
 
 #: Seed of problems that no set of the search has, and how many.
 SEED, PROBLEMS = 70_001, 64
@@ -43,7 +43,7 @@ def test_every_trained_method_has_a_purpose():
 @pytest.mark.parametrize("name", list(PURPOSES))
 def test_a_trained_method_is_ahead_of_all_published_ones_in_its_window_on_problems_it_was_not_chosen_by(name):
     purpose, method = PURPOSES[name], method_of(PURPOSES[name].title)
-    known = published_methods(published_names(), modified=method.modified)
+    known = published_methods(purpose.known)
     gains = []
     for ensemble in purpose.ensembles(PROBLEMS, SEED):
         published = mean_errors(ensemble, known, purpose.tau_per_stage, purpose.charge).min(axis=0)
@@ -55,7 +55,7 @@ def test_a_trained_method_is_ahead_of_all_published_ones_in_its_window_on_proble
 def test_the_search_finds_the_registered_digits_again():
     """On another kind of processor NumPy may round otherwise, and the search takes another path."""
     purpose = PURPOSES["weak"]
-    document = search.train("weak", SearchSettings(), published_names(), print)["document"]
+    document = search.train("weak", SearchSettings(), purpose.known, print)["document"]
     assert tuple(document["kick"]) == method_of(purpose.title).kick
     assert tuple(document["drift"]) == method_of(purpose.title).drift
     assert document["digest"][:16] in method_of(purpose.title).note

@@ -11,6 +11,7 @@ from nearharmonic.experiments.trained.random_potentials import random_ensemble
 from nearharmonic.integrators.tableau import First
 from nearharmonic.training.family import Family
 from nearharmonic.training.population import Ensemble
+from nearharmonic.training.published import modified_names, published_names
 
 #: Bands of the strength of random potentials: of all methods but those for small anharmonicity, and of these.
 STRONG, WEAK = (0.01, 0.5), (0.001, 0.03)
@@ -88,6 +89,12 @@ class Purpose:
     def window(self) -> tuple[float, float]:
         """Smallest and largest step size."""
         return min(self.tau_per_stage), max(self.tau_per_stage)
+
+    @property
+    def known(self) -> tuple[str, ...]:
+        """Names of the methods that a search begins with; those of others are what it has to beat."""
+        modified = any(chain.squares for chain in self.chains)
+        return published_names() + (modified_names() if modified else ())
 
     @property
     def charge(self) -> float:

@@ -15,6 +15,7 @@ from nearharmonic.experiments.trained.purposes import PURPOSES, Purpose
 from nearharmonic.experiments.trained.settings import SearchSettings
 from nearharmonic.integrators.modified_tableau import ModifiedTableau
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.modified_integrators import method_of
 from nearharmonic.output.table import Table
 from nearharmonic.theory.linear_stability import stability_limit
 from nearharmonic.theory.order import harmonic_order_of, nystrom_order_of, order_of
@@ -22,7 +23,7 @@ from nearharmonic.training.family import Family
 from nearharmonic.training.objective import WEIGHT_OF_MEAN, Objective, best_of
 from nearharmonic.training.polish import DIGITS, tableau_of
 from nearharmonic.training.population import Ensemble
-from nearharmonic.training.published import modified_methods, published_methods
+from nearharmonic.training.published import published_methods
 from nearharmonic.training.search import Effort, Findings, Found, search, starts_of
 
 SOURCE = "trained by nearharmonic.experiments.trained"
@@ -55,7 +56,7 @@ class Candidate:
 def train(
     purpose: str,
     settings: SearchSettings,
-    published: Sequence[str],
+    known: Sequence[str],
     report: Callable[[str], None],
     before: Sequence[str] = (),
 ) -> dict[str, Any]:
@@ -67,8 +68,8 @@ def train(
         Name among :data:`PURPOSES`.
     settings : SearchSettings
         How hard to search.
-    published : sequence of str
-        Names of the methods that it is compared with and begins from.
+    known : sequence of str
+        Names of the methods that it begins with; published ones are what it is compared with.
     report : callable
         Is told of the progress.
     before : sequence of str
@@ -80,7 +81,8 @@ def train(
         ``document`` with the method, for a TOML file, and ``landscape``, a :class:`Table` of the families.
     """
     goal = PURPOSES[purpose]
-    begun = [_method(Path(place)) for place in before]
+    begun = [*(_method(Path(place)) for place in before), *map(method_of, known)]
+    published = published_methods(known)
     all_findings = _all_findings(goal, settings, published, begun, report)
     validation = _Judge(goal, settings, published, VALIDATION)
     short = [one for findings in all_findings for one in _short_list(findings, validation)]
@@ -98,24 +100,18 @@ def train(
 def _all_findings(
     goal: Purpose,
     settings: SearchSettings,
-    published: Sequence[str],
+    published: Sequence[Tableau],
     begun: Sequence[Tableau],
     report: Callable[[str], None],
 ) -> list[Findings]:
     """What is found of each family, each chain from its first."""
     judge = _Judge(goal, settings, published, TRAINING)
     effort = Effort(trials=settings.trials, random=settings.random, refinements=settings.refinements)
-    modified = any(chain.squares for chain in goal.chains)
-    known = [
-        *begun,
-        *published_methods(published, modified=modified),
-        *(modified_methods(own=True) if modified else []),
-    ]
     found: list[Findings] = []
     for chain in goal.chains:
         before: list[Findings] = []
         for family in chain.families():
-            starts = starts_of(family, known, before, effort)
+            starts = starts_of(family, begun, before, effort)
             before.append(search(judge.objective(family, effort.population), starts, effort, settings.seed, None))
             if not before[-1].found:  # no published method has its shape, and random starts are not asked for
                 continue
@@ -133,14 +129,12 @@ def _all_findings(
 class _Judge:
     """The objective on one of the three sets."""
 
-    def __init__(self, goal: Purpose, settings: SearchSettings, published: Sequence[str], which: int) -> None:
+    def __init__(self, goal: Purpose, settings: SearchSettings, published: Sequence[Tableau], which: int) -> None:
         count = settings.systems if which == TRAINING else settings.held_out
         longer = 1.0 if which == TRAINING else LONGER
         self._goal = goal
         self.ensembles: list[Ensemble] = goal.ensembles(count, 3 * settings.seed + which, longer)
-        modified = any(chain.squares for chain in goal.chains)
-        methods = published_methods(published, modified=modified)
-        self.references = [best_of(one, methods, goal.tau_per_stage, goal.charge).value for one in self.ensembles]
+        self.references = [best_of(one, published, goal.tau_per_stage, goal.charge).value for one in self.ensembles]
 
     def objective(self, family: Family, size: int = 1) -> Objective:
         """The objective of a family."""
