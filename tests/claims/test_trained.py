@@ -10,8 +10,8 @@ from scipy.stats import spearmanr
 
 from nearharmonic.claims.statements.comparisons import best_performance
 from nearharmonic.claims.statements.trained import ENSEMBLES, FEWEST_METHODS, RELATED, minimised_coefficients
-from nearharmonic.experiments.trained.ensembles import BANDS, DIMENSIONS
-from nearharmonic.experiments.trained.random_potentials import random_ensemble
+from nearharmonic.experiments.trained.problems.random_potentials import random_ensemble
+from nearharmonic.experiments.trained.proof.ensembles import BANDS, DIMENSIONS
 from nearharmonic.integrators import integrators
 from sound_results import PROOF_STEPS, sound_results
 

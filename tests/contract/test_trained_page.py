@@ -10,7 +10,7 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.experiments.trained.contestants import contestants, kind_of
-from nearharmonic.experiments.trained.named_systems import NAMED, named_ensembles
+from nearharmonic.experiments.trained.problems.named_systems import NAMED, named_ensembles
 from nearharmonic.experiments.trained.proof.gains import gains
 from nearharmonic.experiments.trained.proof.run import log_errors
 from nearharmonic.experiments.trained.proof.settings import ProofSettings

@@ -7,14 +7,13 @@ import pytest
 
 import nearharmonic as nh
 from family_members import members
-from nearharmonic.experiments.trained.orbits import orbit_ensemble
-from nearharmonic.experiments.trained.random_potentials import random_ensemble
+from nearharmonic.experiments.trained.problems.orbits import orbit_ensemble
+from nearharmonic.experiments.trained.problems.random_potentials import random_ensemble
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import (
     LARGEST_SUM,
     OUTSIDE,
     Objective,
-    best_of,
     errors_of,
     mean_errors,
 )
@@ -134,14 +133,3 @@ def test_a_gradient_of_the_square_is_charged():
     free = errors_of(ensemble, tableau, [0.05 * cost / 5])
     assert errors_of(ensemble, tableau, [0.05], 0.7) == pytest.approx(free, rel=1e-6)
     assert (errors_of(ensemble, tableau, [0.05]) < free).mean() > 0.8
-
-
-def test_the_best_of_methods_is_found_for_each_step_size():
-    methods = [nh.integrators[name] for name in ("ruth", "babs7o7h", "srkn_a14")]
-    tau_per_stage = (0.03, 0.3)
-    all_errors = mean_errors(ENSEMBLES[0], methods, tau_per_stage)
-    assert all_errors.shape == (3, 2)
-    best = best_of(ENSEMBLES[0], methods, tau_per_stage)
-    assert best.value.tolist() == all_errors.min(axis=0).tolist()
-    assert best.names == tuple(methods[i].name for i in all_errors.argmin(axis=0))
-    assert len(set(best.names)) == 2

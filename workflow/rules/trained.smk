@@ -45,7 +45,7 @@ rule trained_long_table:
         LOG("trained/long"),
     params:
         task=task(
-            "experiments.trained.long_runs:measure",
+            "experiments.trained.proof.long_runs:measure",
             methods=[name for name in CONTESTANTS if kind_of(name) == "trained"],
             beside="babps8o7h",
             settings=CONFIG.trained.proof,
@@ -63,7 +63,7 @@ rule trained_times_table:
         LOG("trained/times"),
     threads: ALL_CORES  # nothing runs beside what is timed
     params:
-        task=task("experiments.trained.times:measure", methods=CONTESTANTS, settings=CONFIG.trained.proof),
+        task=task("experiments.trained.proof.times:measure", methods=CONTESTANTS, settings=CONFIG.trained.proof),
     script:
         "../scripts/task.py"
 

@@ -7,7 +7,6 @@ the mean: a method that wins at one step size and nowhere near it gains nothing.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,22 +23,6 @@ WEIGHT_OF_MEAN = 0.5
 OUTSIDE, SLOPE = 20.0, 0.01
 #: Largest sum of the absolute values of all coefficients of a step, in which rounding errors grow.
 LARGEST_SUM = 9.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class Best:
-    """The best of some methods at each step size on an ensemble.
-
-    Attributes
-    ----------
-    value : (T,) array of float
-        Mean of log10 max |dH/H0|.
-    names : tuple of T str
-        Names of the methods.
-    """
-
-    value: Floats
-    names: tuple[str, ...]
 
 
 def mean_errors(
@@ -68,15 +51,6 @@ def errors_of(ensemble: Ensemble, method: Tableau, tau_per_stage: Sequence[float
     rows = [np.array([list(map(float, row))]) for row in (method.kick, method.drift, getattr(method, "square", ()))]
     found: Floats = population.errors(rows[0], rows[1], rows[2] if method.modified else None)[0]
     return found
-
-
-def best_of(
-    ensemble: Ensemble, methods: Sequence[Tableau], tau_per_stage: Sequence[float], charge: float = 0.0
-) -> Best:
-    """Return the best of ``methods`` at each step size; arguments are those of :func:`mean_errors`."""
-    found = mean_errors(ensemble, methods, tau_per_stage, charge)
-    places = found.argmin(axis=0)
-    return Best(value=found.min(axis=0), names=tuple(methods[i].name for i in places))
 
 
 class Objective:

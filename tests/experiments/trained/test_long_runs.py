@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.experiments.trained import times
-from nearharmonic.experiments.trained.long_runs import STARTS, Run, by_rounding, measure, trend, way_back
-from nearharmonic.experiments.trained.named_systems import NAMED, named_ensemble
+from nearharmonic.experiments.trained.problems.named_systems import NAMED, named_ensemble
 from nearharmonic.experiments.trained.proof import run as proof
+from nearharmonic.experiments.trained.proof import times
+from nearharmonic.experiments.trained.proof.long_runs import STARTS, Run, by_rounding, measure, trend, way_back
 from nearharmonic.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.output import job
 

@@ -13,8 +13,8 @@ import nearharmonic as nh
 from nearharmonic.config import load
 from nearharmonic.errors import SettingError
 from nearharmonic.experiments.trained.contestants import contestants, idea_of, kind_of
-from nearharmonic.experiments.trained.ensembles import proof_ensembles
-from nearharmonic.experiments.trained.named_systems import NAMED, named_ensemble
+from nearharmonic.experiments.trained.problems.named_systems import NAMED, named_ensemble
+from nearharmonic.experiments.trained.proof.ensembles import proof_ensembles
 from nearharmonic.experiments.trained.proof.gains import gains
 from nearharmonic.experiments.trained.proof.run import log_errors, measure, padded
 from nearharmonic.experiments.trained.proof.settings import ProofSettings

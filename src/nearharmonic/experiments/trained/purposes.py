@@ -6,8 +6,8 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from math import pi
 
-from nearharmonic.experiments.trained.orbits import orbit_ensemble
-from nearharmonic.experiments.trained.random_potentials import random_ensemble
+from nearharmonic.experiments.trained.problems.orbits import orbit_ensemble
+from nearharmonic.experiments.trained.problems.random_potentials import random_ensemble
 from nearharmonic.integrators.tableau import First
 from nearharmonic.training.family import Family
 from nearharmonic.training.population import Ensemble

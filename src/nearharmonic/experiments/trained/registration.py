@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from nearharmonic.training.source_text import palindrome_lines
+
 #: Head of the module.
 HEAD = '''"""{title}
 
@@ -73,17 +75,11 @@ def _fields(one: Mapping[str, Any]) -> list[str]:
     ]  # fmt: skip
     for row in ("kick", "square", "drift"):
         if row in one:
-            lines += _palindrome(row, one[row])
+            lines += palindrome_lines(row, one[row], "")
     lines += ["source=SOURCE,", f"digits={one['digits']},"]
     if quadratic and "square" not in one:
         lines.append("requires=QUADRATIC_KINETIC_ENERGY,")
     return [*lines, *_note(one)]
-
-
-def _palindrome(name: str, row: Sequence[str]) -> list[str]:
-    half = [f'    "{text}",' for text in row[: len(row) // 2]]
-    centre = [f'    centre="{row[len(row) // 2]}",'] if len(row) % 2 else []
-    return [f"{name}=palindrome(", *half, *centre, "),"]
 
 
 def _note(one: Mapping[str, Any]) -> list[str]:

@@ -10,6 +10,8 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from nearharmonic.errors import bad_setting
 from nearharmonic.experiments.trained.purposes import PURPOSES, Purpose
 from nearharmonic.experiments.trained.settings import SearchSettings
@@ -20,7 +22,7 @@ from nearharmonic.output.table import Table
 from nearharmonic.theory.linear_stability import stability_limit
 from nearharmonic.theory.order import harmonic_order_of, nystrom_order_of, order_of
 from nearharmonic.training.family import Family
-from nearharmonic.training.objective import WEIGHT_OF_MEAN, Objective, best_of
+from nearharmonic.training.objective import Objective, mean_errors
 from nearharmonic.training.polish import DIGITS, tableau_of
 from nearharmonic.training.population import Ensemble
 from nearharmonic.training.published import published_methods
@@ -134,7 +136,9 @@ class _Judge:
         longer = 1.0 if which == TRAINING else LONGER
         self._goal = goal
         self.ensembles: list[Ensemble] = goal.ensembles(count, 3 * settings.seed + which, longer)
-        self.references = [best_of(one, published, goal.tau_per_stage, goal.charge).value for one in self.ensembles]
+        self.references = [
+            mean_errors(one, published, goal.tau_per_stage, goal.charge).min(axis=0) for one in self.ensembles
+        ]
 
     def objective(self, family: Family, size: int = 1) -> Objective:
         """The objective of a family."""
@@ -158,12 +162,12 @@ def _method(place: Path) -> Tableau:
 def _short_list(findings: Findings, validation: _Judge) -> list[Candidate]:
     """The best few of a family, each on the validation set."""
     ranked = sorted(findings.found, key=lambda one: one.value)[:SHORT_LIST]
-    found = []
-    for one in ranked:
-        gains = validation.gains(findings.family, one)
-        value = float(-gains.min() - WEIGHT_OF_MEAN * gains.mean())
-        found.append(Candidate(family=findings.family, found=one, validation=value))
-    return found
+    objective = validation.objective(findings.family, SHORT_LIST)
+    values = objective(np.stack([one.unknowns for one in ranked])).tolist()
+    return [
+        Candidate(family=findings.family, found=one, validation=value)
+        for one, value in zip(ranked, values, strict=True)
+    ]
 
 
 def _row(findings: Findings, short: Sequence[Candidate], test: _Judge) -> list[Any]:

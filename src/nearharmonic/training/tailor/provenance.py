@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 from textwrap import fill, wrap
 
-from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Row, Tableau
+from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau
 from nearharmonic.theory.linear_stability import stability_limit
+from nearharmonic.training.source_text import palindrome_lines
 from nearharmonic.training.tailor.result import Tailored
 
 #: Width of the lines of a file, but for coefficients, which are not cut.
@@ -70,7 +71,8 @@ def file_text(tableau: Tableau, name: str) -> str:
     if tableau.requires == QUADRATIC_KINETIC_ENERGY:
         fields["requires"] = tableau.requires
     lines = [f"    {key}={_literal(value)}," for key, value in fields.items()]
-    lines += [f"    {key}={_row(getattr(tableau, key))}," for key in ("kick", "drift")]
+    for key in ("kick", "drift"):
+        lines += palindrome_lines(key, getattr(tableau, key), "    ")
     lines += [f"    {key}={_literal(getattr(tableau, key))}," for key in ("digits", "source", "note")]
     body = "\n".join(["TABLEAU = Tableau(", *lines, ")"])
     return f'{head}\n"""\n\nfrom nearharmonic import Tableau, palindrome\n\n{body}\n'
@@ -95,11 +97,3 @@ def _literal(value: object) -> str:
 
 def _quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)  # of which Python reads the same
-
-
-def _row(row: Row) -> str:
-    half = len(row) // 2
-    numbers = [f'        "{c}",' for c in row[:half]]
-    if len(row) % 2:
-        numbers.append(f'        centre="{row[half]}",')
-    return "\n".join(["palindrome(", *numbers, "    )"])

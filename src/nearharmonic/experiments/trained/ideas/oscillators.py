@@ -1,8 +1,8 @@
 """Random potentials at all strengths, whose oscillators can be solved exactly.
 
-Each is drawn as :mod:`nearharmonic.experiments.trained.random_potentials` has it, with strength 1; its cubic and
-quartic coefficients are then multiplied by one strength after the other, from the same start. The frequencies stay, so
-that they can be declared.
+Each is drawn as :mod:`nearharmonic.experiments.trained.problems.random_potentials` has it, with strength 1; its cubic
+and quartic coefficients are then multiplied by one strength after the other, from the same start. The frequencies stay,
+so that they can be declared.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.settings import EXACT_OSCILLATOR, Numerics
-from nearharmonic.experiments.trained.random_potentials import random_ensemble
+from nearharmonic.experiments.trained.problems.random_potentials import random_ensemble
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.systems.quantities import Parameter
 from nearharmonic.systems.system import System
@@ -78,8 +78,8 @@ def declared(system: System, squares: Floats, number: int) -> System:
     Parameters
     ----------
     system : System
-        From :func:`nearharmonic.experiments.trained.random_potentials.random_potential`: its first parameters are the
-        squares of the frequencies.
+        From :func:`nearharmonic.experiments.trained.problems.random_potentials.random_potential`: its first parameters
+        are the squares of the frequencies.
     squares : (d,) array of float
         The squares.
     number : int

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.experiments.trained.anharmonicity import anharmonicities
 from nearharmonic.experiments.trained.contestants import IDEAS, idea_of
 from nearharmonic.experiments.trained.ideas.oscillators import (
     CHARGE,
@@ -18,6 +17,7 @@ from nearharmonic.experiments.trained.ideas.oscillators import (
     scaled_potentials,
 )
 from nearharmonic.experiments.trained.ideas.tables import ideas_table
+from nearharmonic.experiments.trained.problems.anharmonicity import anharmonicities
 from nearharmonic.experiments.trained.proof.gains import CONFIDENCE, RESAMPLES, bounds, means_of
 from nearharmonic.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.modified_integrators import method_of

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from nearharmonic.experiments.trained.contestants import kind_of
-from nearharmonic.experiments.trained.ensembles import Trial, proof_ensembles
+from nearharmonic.experiments.trained.proof.ensembles import Trial, proof_ensembles
 from nearharmonic.experiments.trained.proof.gains import CONFIDENCE, Gains, gains
 from nearharmonic.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.experiments.trained.proof.tables import gain_table, method_table

@@ -14,7 +14,7 @@ from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.results import Trajectories
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.engine.statistics import student_975
-from nearharmonic.experiments.trained.named_systems import NAMED, named_ensemble
+from nearharmonic.experiments.trained.problems.named_systems import NAMED, named_ensemble
 from nearharmonic.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.modified_integrators import method_of

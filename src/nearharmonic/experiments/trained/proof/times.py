@@ -17,7 +17,7 @@ from nearharmonic.engine.clock import Patience, interleaved, pinned, processor
 from nearharmonic.engine.coefficients import moves_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.experiments.trained.contestants import kind_of
-from nearharmonic.experiments.trained.ensembles import Trial, proof_ensembles
+from nearharmonic.experiments.trained.proof.ensembles import Trial, proof_ensembles
 from nearharmonic.experiments.trained.proof.run import log_errors
 from nearharmonic.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.integrators.tableau import Tableau

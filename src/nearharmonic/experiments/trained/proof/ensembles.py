@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nearharmonic.experiments.trained.anharmonicity import with_anharmonicity
-from nearharmonic.experiments.trained.named_systems import named_ensembles
-from nearharmonic.experiments.trained.orbits import orbit_ensemble
+from nearharmonic.experiments.trained.problems.anharmonicity import with_anharmonicity
+from nearharmonic.experiments.trained.problems.named_systems import named_ensembles
+from nearharmonic.experiments.trained.problems.orbits import orbit_ensemble
+from nearharmonic.experiments.trained.problems.random_potentials import random_ensemble
 from nearharmonic.experiments.trained.proof.settings import ORBITS, ProofSettings
 from nearharmonic.experiments.trained.purposes import CHARGE, CHARGE_OF_ORBITS, ECCENTRICITIES
-from nearharmonic.experiments.trained.random_potentials import random_ensemble
 from nearharmonic.training.population import Ensemble, Floats
 
 #: Coordinates of the random potentials, and bands of their strength, the widest last.

@@ -57,7 +57,7 @@ def random_potential(dimension: int) -> System:
     return System(
         name=f"random_potential_{dimension}", label=f"random potential, d = {dimension}", V=V, q0=tuple(point),
         p0=tuple(point), t_end="100", parameters=dict.fromkeys(names, Parameter(value="0.125")),
-        source="drawn at random: nearharmonic.experiments.trained.random_potentials",
+        source="drawn at random: nearharmonic.experiments.trained.problems.random_potentials",
     )  # fmt: skip
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from nearharmonic.engine.initial_values import standard_parameters
-from nearharmonic.experiments.trained.anharmonicity import hessians, with_anharmonicity
+from nearharmonic.experiments.trained.problems.anharmonicity import hessians, with_anharmonicity
 from nearharmonic.math import cos, exp
 from nearharmonic.systems import henon_heiles
 from nearharmonic.systems.quantities import Vector
