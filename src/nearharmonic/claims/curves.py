@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from nearharmonic.claims.claim import Decision, either
 from nearharmonic.claims.results import Undecided, label, short
 from nearharmonic.engine.statistics import PLATEAU, line_fit, truncation
+from nearharmonic.output.dataset import double_runs
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -80,11 +81,11 @@ class Curves:
     Parameters
     ----------
     cube : xarray.Dataset
-        Its cube; of one with precisions the double runs, as it has all step sizes.
+        Its cube, of which the runs in double precision count: they have all step sizes.
     """
 
     def __init__(self, cube: xr.Dataset) -> None:
-        self.cube = cube.sel(precision="double") if "precision" in cube.dims else cube
+        self.cube = double_runs(cube)
         self.x: Floats = cube["tau_per_stage"].values
         unit = cube["tau_per_stage"].attrs.get("units", "1")
         self.unit = "" if unit == "1" else f" {unit}"

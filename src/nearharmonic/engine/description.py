@@ -12,7 +12,7 @@ from nearharmonic.engine.coefficients import Floats
 from nearharmonic.engine.results import Trajectories
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.modified_tableau import ModifiedTableau
-from nearharmonic.output.dataset import Variables, assembled, described
+from nearharmonic.output.dataset import Variables, assembled, described, flags
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -20,12 +20,14 @@ if TYPE_CHECKING:
     from nearharmonic.engine.continuation import Start
     from nearharmonic.engine.problem import Problem
 
-STATUS = "ok, or diverged: the run left its energy surface"
+#: Words for the end of a run. A plan skips runs; no integration returns that word.
+STATUSES = ("ok", "diverged", "skipped")
+STATUS = "ok; diverged: the run left its energy surface; skipped: the plan left the run out (tables/skipped.csv)"
 
 
 def error_variables(paths: Trajectories, problem: Problem) -> Variables:
     """Return errors, steps, evaluations and status of runs over tau_per_stage."""
-    status = np.where(paths.left_at > 0, "diverged", "ok")
+    status = np.array(STATUSES[:2])[(paths.left_at > 0).astype(int)]
     scale, unit = energy_scale(paths, problem)
     over = {"every": "over every step, inf if diverged", "samples": "over the samples, inf if diverged"}
     what = f"|H - H0|{scale} {over.get(problem.numerics.energy, 'was not asked for')}"
@@ -35,7 +37,9 @@ def error_variables(paths: Trajectories, problem: Problem) -> Variables:
         "mean_energy_error": (paths.mean_energy_error, f"mean of {what}", unit),
         "steps": (made, "steps that cover [0, t_end]", "1"),
         "evaluations": (paths.evaluations, "force evaluations made", "1"),
-        "status": (status, STATUS, "1"),
+    }) | {
+        "status": flags("tau_per_stage", status, STATUSES, STATUS),
+    } | over_runs({
         "diverged_at": (paths.left_at, "step at which the run left its energy surface, 0 if it did not", "1"),
     })  # fmt: skip
 
@@ -219,6 +223,18 @@ def problem_attributes(problem: Problem) -> dict[str, str]:
     if problem.numerics.exact_oscillator:
         notes["split"] = problem.numerics.split
     return notes
+
+
+def kernel_in_words(problem: Problem) -> str:
+    """Return the arithmetic of a run in words, as an attribute of its file."""
+    numerics = problem.numerics
+    return ", ".join((
+        "double-double" if numerics.precision == "extended" else "double",
+        f"{'compensated' if numerics.compensated else 'plain'} sums",
+        f"{problem.tableau.first} first",
+        *(["oscillator solved exactly"] if numerics.exact_oscillator else []),
+        {"every": "energy at every step", "samples": "energy at the samples", "none": "no energy"}[numerics.energy],
+    ))  # fmt: skip
 
 
 def over_runs(table: dict[str, tuple[Any, str, str]]) -> Variables:

@@ -1,4 +1,4 @@
-"""Runs of a job: their samples and errors as described variables, without loading xarray."""
+"""Runs of a job as described variables: samples, blocks and counts, without loading xarray."""
 
 from __future__ import annotations
 
@@ -6,43 +6,33 @@ from collections.abc import Sequence
 
 from nearharmonic.engine.description import block_variables, error_variables, tau_variable, trajectory_variables
 from nearharmonic.engine.problem import Problem
-from nearharmonic.engine.settings import KINETIC_POTENTIAL
-from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.dataset import Variables
-from nearharmonic.systems.system import System
 
 
-def sampled(
-    system: str | System,
-    integrator: str | Tableau,
-    steps: Sequence[int],
-    *,
-    t_end: str,
-    precision: str,
-    summation: str,
-    first: str | None,
-    samples: int,
-    split: str = KINETIC_POTENTIAL,
-) -> Variables:
+def sampled(problem: Problem, steps: Sequence[int], samples: int) -> Variables:
     """Integrate one run for each of ``steps``.
 
-    Settings are those of :func:`nearharmonic.engine.trajectory.integrate`.
+    Parameters
+    ----------
+    problem : Problem
+        System of d coordinates, method and settings.
+    steps : sequence of int
+        Steps of each run.
+    samples : int
+        Most states that a run keeps.
 
     Returns
     -------
     Variables
         t, q, p, energy_error and the system's observables over (tau_per_stage, sample, component); the maximum, the
         mean and the number of the steps since the previous sample over (tau_per_stage, sample); tau, steps,
-        evaluations, status and diverged_at over tau_per_stage, which has no coordinate.
+        evaluations, status and diverged_at over tau_per_stage, which has no coordinate. Runs with fewer samples than
+        the longest are padded: NaN, and 0 steps.
     """
-    problem = Problem(
-        system, integrator, t_end=t_end, precision=precision, summation=summation, first=first, split=split
-    )
     paths = problem.run(steps, samples)
     path = trajectory_variables(problem, paths, problem.system.constants(float))
     # The order of variables is that of the files.
     leading = {name: path.pop(name) for name in ("t", "q", "p", "energy_error")}
-    errors = {
-        name: value for name, value in error_variables(paths, problem).items() if not name.endswith("energy_error")
-    }
-    return {**leading, **block_variables(paths), **path, **errors, **tau_variable(problem, paths)}
+    counts = error_variables(paths, problem)
+    del counts["max_energy_error"], counts["mean_energy_error"]  # reductions of the blocks
+    return {**leading, **block_variables(paths), **path, **counts, **tau_variable(problem, paths)}

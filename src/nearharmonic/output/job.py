@@ -163,7 +163,8 @@ def write(result: Any, places: Places, origin: Mapping[str, str]) -> None:
     from nearharmonic.output import store
 
     if isinstance(result, Contents):
-        store.write(places[0], result.variables, {**result.attributes, **origin}, groups=result.groups)
+        attributes = {**result.attributes, **origin}
+        store.write(places[0], result.variables, attributes, result.groups, coordinates=result.coordinates)
     elif isinstance(result, Table):
         save_table(result, places)
     elif isinstance(result, str):

@@ -18,6 +18,7 @@ from nearharmonic.output import store
 from nearharmonic.output.dataset import Variables
 from nearharmonic.output.definitions import defined, read_definitions
 from nearharmonic.record import manifest
+from nearharmonic.record.query.run_table import SKIPPED
 
 FUNCTION = "experiments.paper.run:integrate"
 
@@ -72,8 +73,11 @@ def _cells(folder: Path) -> Iterator[tuple[str, str, int]]:
     """File, precision and index of every run."""
     for name, entry in manifest.read(folder)["files"].items():
         if entry["function"] == FUNCTION:
-            for precision, (runs,) in store.read_precisions([folder / name], dimensions=("tau_per_stage",)).items():
-                yield from ((name, precision, i) for i in range(runs.sizes["tau_per_stage"]))
+            for group in (None, *store.groups_of(folder / name)):
+                with store.opened(folder / name, group) as runs:
+                    if runs.data_vars:
+                        made = np.flatnonzero(runs.status.values != SKIPPED).tolist()
+                        yield from ((name, group or "double", i) for i in made)
 
 
 def _again(folder: Path, name: str, precision: str, index: int) -> Rerun:
@@ -88,7 +92,8 @@ def _compared(name: str, precision: str, index: int, kept: Any, settings: Mappin
     sweep = Sweep(**settings["sweep"] | {"precision": tuple(settings["sweep"]["precision"])})
     planned = runs_of(sweep, settings["integrator"], settings["shard"])
     (run,) = (run for run in planned if run.precision == precision)
-    one = replace(run, tau_per_stage=run.tau_per_stage[index : index + 1], steps=run.steps[index : index + 1])
+    place = run.tau_per_stage.index(float(kept.tau_per_stage[index]))
+    one = replace(run, tau_per_stage=run.tau_per_stage[place : place + 1], steps=run.steps[place : place + 1])
     return Rerun(
         file=name,
         system=run.system,
@@ -108,7 +113,9 @@ def _differing(made: Variables, kept: Any, index: int) -> Iterator[str]:
         dimensions, values, _ = made[name]
         before = kept[name].values[index : index + 1] if dimensions[:1] == ("tau_per_stage",) else kept[name].values
         after = np.asarray(values)
-        if "sample" in dimensions:
+        if name == "sample":
+            before = before[: after.size]
+        elif "sample" in dimensions:
             # Beside longer runs, a short one has its samples filled up.
             before, filling = np.split(before, [after.shape[1]], axis=1)
             if not (np.isnan(filling) | (filling == 0)).all():

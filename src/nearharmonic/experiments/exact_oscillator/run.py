@@ -17,7 +17,7 @@ from nearharmonic.experiments.exact_oscillator.surfaces import starts_on
 from nearharmonic.experiments.exact_oscillator.tables import crossing_table
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.output.dataset import Contents, Variables, coordinate, variable
+from nearharmonic.output.dataset import Contents, Variables, bounds_coordinate, coordinate, variable
 from nearharmonic.systems.henon_heiles import SYSTEM
 
 #: Of the largest |dH/H0| over the trajectories of a surface.
@@ -56,7 +56,8 @@ def measure(split: Sequence[str], exact: Sequence[str], settings: ExactOscillato
     plain, rotated = errors(split, KINETIC_POTENTIAL, CHARGES[:1]), errors(exact, EXACT_OSCILLATOR, CHARGES)
     found = crossings(plain[:, 0], rotated, energies, settings.seed)
     variables = _variables(split, exact, settings, energies, plain[:, 0], rotated) | found
-    return {"cube": Contents(variables=variables), "table": crossing_table(variables)}
+    cube = Contents(variables=variables, coordinates=("label", "exact_label"))
+    return {"cube": cube, "table": crossing_table(variables)}
 
 
 def largest_error(tableau: Tableau, tau_per_stage: Fraction, t_end: Fraction, start: Floats, split: str) -> Floats:
@@ -93,6 +94,7 @@ def _variables(
         **coordinate("charge", list(CHARGES), "cost of an evaluation with the exact oscillator over one of T and V"),
         **coordinate("energy", list(energies), "energy H0"),
         **coordinate("quantile", list(QUANTILES), "fraction of the trajectories that err less"),
+        **bounds_coordinate(),
         **coordinate("integrator", list(split), "integrator that splits into T and V"),
         **coordinate("exact_integrator", list(exact), "integrator that solves the oscillator exactly"),
         "label": variable("integrator", [integrators[name].label for name in split], "name in the paper"),

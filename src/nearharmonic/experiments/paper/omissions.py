@@ -161,10 +161,9 @@ def _ended_early(system: str, cube: xr.Dataset) -> Iterator[Omission]:
 
 def _distinct(cube: xr.Dataset) -> Iterator[tuple[str, str, list[tuple[int, int, str]]]]:
     """(precision, integrator, [(steps, evaluations, status)]) of the runs made: one for equal numbers of steps."""
-    layered = cube if "precision" in cube.dims else cube.expand_dims(precision=["double"])
-    for precision in layered.precision.values:
-        for name in layered.integrator.values:
-            runs: Any = layered.sel(precision=precision, integrator=name)
+    for precision in cube.precision.values:
+        for name in cube.integrator.values:
+            runs: Any = cube.sel(precision=precision, integrator=name)
             kept = np.flatnonzero(runs.status.values != "skipped")
             _, first = np.unique(runs.steps.values[kept], return_index=True)
             columns = (runs[key].values[kept][first].tolist() for key in ("steps", "evaluations", "status"))

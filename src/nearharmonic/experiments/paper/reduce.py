@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import xarray as xr
 
 from nearharmonic.engine.settings import Sweep
-from nearharmonic.engine.statistics import observed_order
-from nearharmonic.experiments.paper.reductions import orbital_period
+from nearharmonic.experiments.paper.reductions import orbital_period, reduction
 from nearharmonic.integrators import integrators as methods_by_name
+from nearharmonic.integrators.tableau import First
 from nearharmonic.output import store
-from nearharmonic.output.dataset import coordinate, described, method_coordinates, variable
+from nearharmonic.output.dataset import assembled, coordinate, described, method_coordinates, variable
 from nearharmonic.systems import systems
-from nearharmonic.systems.system import System
 
-#: Datasets over tau_per_stage alone, one for each shard, by integrator and precision.
-Shards = Mapping[str, Mapping[str, Sequence[xr.Dataset]]]
+#: Values of a cell that no run fills; others are NaN.
+NO_RUN: dict[Any, Any] = {"status": "skipped", "steps": 0, "evaluations": 0, "diverged_at": 0}
 
 
 def reduce(sweep: Sweep, integrators: Sequence[str], **runs: Sequence[str]) -> dict[str, xr.Dataset]:
@@ -27,7 +26,7 @@ def reduce(sweep: Sweep, integrators: Sequence[str], **runs: Sequence[str]) -> d
     Parameters
     ----------
     sweep : Sweep
-        What is asked of the system.
+        Settings of the runs on this system.
     integrators : sequence of str
         Names of the methods, in the order of the cube.
     **runs
@@ -36,76 +35,69 @@ def reduce(sweep: Sweep, integrators: Sequence[str], **runs: Sequence[str]) -> d
     Returns
     -------
     dict
-        ``cube``, as :func:`assembled` makes it.
+        ``cube``, as :func:`cube_of` makes it.
     """
-    return {"cube": assembled(sweep.system, {name: numbers_of(runs[name]) for name in integrators})}
+    return {"cube": cube_of(sweep.system, {name: numbers_of(runs[name]) for name in integrators})}
 
 
-def numbers_of(paths: Iterable[str]) -> dict[str, list[xr.Dataset]]:
-    """Return what run files hold over tau_per_stage alone, by precision: kilobytes, trajectories stay on disk."""
-    return store.read_precisions(paths, dimensions=("tau_per_stage",))
+def numbers_of(paths: Iterable[str]) -> xr.Dataset:
+    """Return the counts and the reduced numbers of one method's runs over (precision, tau_per_stage).
+
+    One file is open at a time, and of its trajectories no more is read than the reductions use.
+    """
+    shards: dict[str, list[xr.Dataset]] = {}
+    for path in paths:
+        for group in (None, *store.groups_of(path)):
+            with store.opened(path, group) as runs:
+                if runs.data_vars:  # without runs in double precision the root is empty
+                    shards.setdefault(group or "double", []).append(numbers(runs))
+    curves = {name: _joined(parts, "tau_per_stage").sortby("tau_per_stage") for name, parts in shards.items()}
+    return _joined([one.expand_dims(precision=[name]) for name, one in curves.items()], "precision")
 
 
-def assembled(system: str, parts: Shards) -> xr.Dataset:
-    """Assemble the cube of a system from the reduced numbers of its shards.
+def numbers(runs: xr.Dataset) -> xr.Dataset:
+    """Return the variables of ``runs`` over tau_per_stage alone, and the results of the reductions."""
+    counts = [name for name, values in runs.data_vars.items() if values.dims == ("tau_per_stage",)]
+    return runs[counts].load().merge(reduction.of(runs))
+
+
+def cube_of(system: str, methods: Mapping[str, xr.Dataset]) -> xr.Dataset:
+    """Assemble the cube of a system.
 
     Parameters
     ----------
     system : str
         Name of the system.
-    parts : mapping
-        ``parts[integrator][precision]``: the numbers of each shard over tau_per_stage, in any order and number.
+    methods : mapping
+        Numbers of each method over (precision, tau_per_stage), by its name.
 
     Returns
     -------
-    xr.Dataset
-        Dimensions (integrator, tau_per_stage), and precision in front where a system has more than one. Runs that the
-        plan left out have status "skipped" and NaN errors.
+    xarray.Dataset
+        Over (precision, integrator, tau_per_stage). Runs that the plan left out have status "skipped" and NaN errors.
     """
     problem = systems[system]
-    layers: dict[str, list[xr.Dataset]] = {}
-    for name, by_precision in parts.items():
-        for precision, shards in by_precision.items():
-            whole = xr.concat(list(shards), "tau_per_stage", data_vars="all", join="outer").sortby("tau_per_stage")
-            label = methods_by_name[name].label
-            layers.setdefault(precision, []).append(whole.assign_coords(integrator=name, label=label))
-    stacked = {precision: _stack(members, "integrator") for precision, members in layers.items()}
-    if len(stacked) == 1:
-        (dataset,) = stacked.values()
-    else:
-        dataset = _stack([d.assign_coords(precision=precision) for precision, d in stacked.items()], "precision")
-    dataset = dataset.sel(integrator=list(parts))  # an outer join of precisions sorts by name
-    best = dataset.isel(precision=0, drop=True) if "precision" in dataset.dims else dataset
-    dataset["observed_order"] = observed_order(best.tau, best.max_energy_error)
-    _describe(dataset, problem)
+    labels = [methods_by_name[name].label for name in methods]
+    cube = _joined([numbers.expand_dims(integrator=[name]) for name, numbers in methods.items()], "integrator")
+    cube = cube.transpose("precision", "integrator", "tau_per_stage").assign_coords(label=("integrator", labels))
+    cube = cube.merge(reduction.of(cube, over="tau_per_stage"))
+    cube.tau_per_stage.attrs |= described("step size per stage", problem.units["t"])
+    label = "name in the paper" if problem.name in systems.registered else "label"
+    for name, text in (("integrator", "integrator"), ("label", label), ("precision", "precision")):
+        cube[name].attrs |= described(text)
     attributes: dict[str, Any] = {"system": system, "system_label": problem.label}
     if problem.period is not None:
         attributes["orbital_period"] = orbital_period(problem)
-    dataset.attrs = attributes  # not those of a shard, which are inherited
-    return dataset
+    cube.attrs = attributes
+    return cube
 
 
-def _describe(dataset: xr.Dataset, problem: System) -> None:
-    """Give the coordinates their units and long names, and ``status`` its third value if there are precisions."""
-    if "precision" in dataset.dims:
-        text = "; or skipped: the plan left the run out (tables/skipped.csv)"
-        dataset.status.attrs["long_name"] = f"{dataset.status.attrs['long_name']}{text}"
-    dataset.tau_per_stage.attrs |= {"units": problem.units["t"], "long_name": "step size per stage"}
-    label = "name in the paper" if problem.name in systems.registered else "label"
-    for name, text in (("integrator", "integrator"), ("label", label), ("precision", "precision")):
-        if name in dataset.coords:
-            dataset[name].attrs |= described(text)
-
-
-def _stack(members: Iterable[xr.Dataset], dimension: str) -> xr.Dataset:
-    """Concatenate on a new ``dimension``, filling what a member lacks: 0 counts, "skipped", NaN."""
-    fill = {"status": "skipped", "steps": 0, "evaluations": 0, "diverged_at": 0}
-    parts = list(members)
+def _joined(parts: Sequence[xr.Dataset], dimension: str) -> xr.Dataset:
+    """Concatenate along ``dimension``, filling what a part lacks."""
     names = {name for part in parts for name in part.data_vars}
-    filling = {name: fill.get(str(name), np.nan) for name in names}
     return xr.concat(
-        parts, dimension, data_vars="all", coords=[dimension, *(["label"] if dimension == "integrator" else [])],
-        compat="override", join="outer", fill_value=filling, combine_attrs="override",
+        parts, dimension, data_vars="all", coords="minimal", compat="override", join="outer",
+        fill_value={name: NO_RUN.get(name, np.nan) for name in names}, combine_attrs="override",
     )  # fmt: skip
 
 
@@ -115,24 +107,21 @@ def decompose(integrators: Sequence[str]) -> dict[str, xr.Dataset]:
 
 
 def harmonic_terms(methods: Sequence[str]) -> xr.Dataset:
-    """Return the terms kappa over (integrator, first, order), as far as each composition's stages reach."""
+    """Return the terms kappa over (integrator, first, order), as far as the stages of each composition reach."""
     from nearharmonic.theory.oscillator import kappa, lambda_max
 
-    tableaus = [methods_by_name[name] for name in methods]
-    roles = ("drift", "kick")
-    reach = {(t.name, first): lambda_max(t, first=first) for t in tableaus for first in roles}  # type: ignore[arg-type]
-    highest = max(reach.values())
-    values = np.full((len(tableaus), len(roles), highest), np.nan)
-    for i, tableau in enumerate(tableaus):
-        for j, first in enumerate(roles):
-            terms = kappa(tableau, reach[tableau.name, first], first=first)  # type: ignore[arg-type]
-            values[i, j, : len(terms)] = [float(term) for term in terms]
+    tableaus, roles = [methods_by_name[name] for name in methods], get_args(First)
+    terms = [[kappa(t, lambda_max(t, first=first), first=first) for first in roles] for t in tableaus]
+    highest = max(len(row) for rows in terms for row in rows)
+    values = [[[*map(float, row), *[np.nan] * (highest - len(row))] for row in rows] for rows in terms]
     text = "position error term kappa of the harmonic oscillator; kick first is BAB, drift first is ABA"
-    return xr.Dataset(
-        {"kappa": variable(("integrator", "first", "order"), values, text)},
-        coords={
+    return assembled(
+        {
             **method_coordinates(tableaus),
-            **coordinate("first", list(roles), "operator that comes first"),
+            **coordinate("first", roles, "operator that comes first"),
             **coordinate("order", np.arange(1, highest + 1), "order lambda in tau"),
+            "kappa": variable(("integrator", "first", "order"), values, text),
         },
+        ["label"],
+        {},
     )

@@ -30,7 +30,7 @@ from nearharmonic.experiments.work_precision.peers.measure import peer_curve, qu
 from nearharmonic.experiments.work_precision.settings import WorkPrecisionSettings
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.output.dataset import Contents, Variables, coordinate, variable
+from nearharmonic.output.dataset import Contents, Variables, coordinate, counted, variable
 from nearharmonic.output.receipts import measures_time
 from nearharmonic.systems import systems
 from nearharmonic.systems.system import System
@@ -108,7 +108,8 @@ def measure(
     facts["libraries"] = ", ".join(sorted(versions))
     after = machine(core)
     facts["load_average"] = f"{facts['load_average']} before, {after['load_average']} after"
-    return {"cube": Contents(variables={}, attributes={**facts, "problems": json.dumps(intervals)}, groups=groups)}
+    told = {**facts, "problems": json.dumps(intervals)}
+    return {"cube": Contents(variables={}, attributes=told, coordinates=("label", "kind", "version"), groups=groups)}
 
 
 def problems(system: System, t_end: str) -> tuple[Problem, ...]:
@@ -274,7 +275,7 @@ def variables(curves: Sequence[Curve], unit: str) -> Variables:
                 repeats[i, j] = len(point.times.get(mode, []))
         found[f"time_{mode}"] = variable(("solver", "point", "quartile"), times, f"wall time of {text}", "s")
         found[f"repeats_{mode}"] = variable(("solver", "point"), repeats, f"repeats of {text}")
-    return found
+    return found | counted(found)
 
 
 def curves_of(group: xr.Dataset, quartile: str = "min") -> list[Curve]:

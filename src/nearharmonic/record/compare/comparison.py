@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from nearharmonic.output import store
 from nearharmonic.output.receipts import WHOLE
@@ -14,11 +14,8 @@ from nearharmonic.record import manifest
 from nearharmonic.record.compare.differences import Difference, dataset_differences, missing
 from nearharmonic.record.compare.tables import table_differences
 from nearharmonic.record.history import flattened, newest_finished
-from nearharmonic.record.query.run_table import layered, settings_of
+from nearharmonic.record.query.run_table import settings_of
 from nearharmonic.record.texts import Texts
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Attributes = Mapping[str, Any]
 
@@ -155,7 +152,7 @@ class _Pair:
                 if group is not None and not all(group in names for names in groups):
                     yield missing(place, in_a=group in groups[0])
                     continue
-                datasets = _alike(store.read(one, group), store.read(other, group))
+                datasets = store.read(one, group), store.read(other, group)
                 measured = {str(v) for d in datasets for v in d.variables if "volatile" in d[v].attrs} | volatile
                 self.left_out += [f"{place}: {v}" for v in sorted(measured) if any(v in d for d in datasets)]
                 yield from dataset_differences(place, *datasets, measured)
@@ -199,11 +196,6 @@ def _claims(folder: Path) -> dict[str, str] | None:
         return {str(claim["id"]): str(claim["verdict"]) for claim in json.loads(text)}
     except (ValueError, TypeError, LookupError, RecursionError) as error:
         raise texts.unusable(str(CLAIMS), "holds no claims") from error
-
-
-def _alike(a: xr.Dataset, b: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
-    """Both with the dimension ``precision`` if one of them has it."""
-    return (layered(a), layered(b)) if "precision" in {*a.dims, *b.dims} else (a, b)
 
 
 def _differing(

@@ -10,7 +10,8 @@ from matplotlib.lines import Line2D
 
 from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.output import store, style
-from nearharmonic.record.query.run_table import layered, system_cubes
+from nearharmonic.output.dataset import double_runs
+from nearharmonic.record.query.run_table import system_cubes
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -47,16 +48,9 @@ def save_overlay(results: Mapping[str, Path], place: str) -> Path:
     common = [name for name in cubes[0] if name in cubes[1]]
     if not common:
         raise SettingError(f"no figure: {' and '.join(results)} have no system in common")
-    pairs = {name: [_double(store.read(found[name])) for found in cubes] for name in common}
+    pairs = {name: [double_runs(store.read(found[name])) for found in cubes] for name in common}
     (written,) = style.save(overlay(list(results), pairs), [path])
     return written
-
-
-def _double(cube: xr.Dataset) -> xr.Dataset:
-    """The runs in double precision, or those in the only precision that there is."""
-    cube = layered(cube)
-    names = [str(name) for name in cube["precision"].values]
-    return cube.isel(precision=names.index("double") if "double" in names else 0)
 
 
 @style.house_style

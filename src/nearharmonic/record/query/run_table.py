@@ -6,15 +6,12 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from nearharmonic.errors import ResultFileError, unknown_name
 from nearharmonic.output import store
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Columns of every system, in the order in which they are shown; what a system adds comes behind.
 COLUMNS = (
@@ -23,7 +20,7 @@ COLUMNS = (
 )  # fmt: skip
 #: Those among them that hold text.
 TEXTS = {"result", "system", "integrator", "precision", "status", "label"}
-#: Dimensions of a cube of runs; the precision is left out where there is one alone.
+#: Dimensions of a cube of runs.
 DIMENSIONS = ("integrator", "precision", "tau_per_stage")
 #: Status of a cell that was never run.
 SKIPPED = "skipped"
@@ -107,15 +104,6 @@ def settings_of(attributes: Any) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def layered(cube: xr.Dataset) -> xr.Dataset:
-    """Return the cube of a system with the dimension ``precision``, which one of a single precision lacks."""
-    if "precision" in cube.dims or "tau_per_stage" not in cube.dims:
-        return cube
-    only = (settings_of(cube.attrs).get("sweep", {}).get("precision") or ["double"])[0]
-    over_runs = [name for name, values in cube.data_vars.items() if "tau_per_stage" in values.dims]
-    return cube.drop_vars(over_runs).merge(cube[over_runs].expand_dims(precision=[only]))
-
-
 def runs_of_cube(path: Path) -> tuple[Columns, dict[str, str]]:
     """Return the columns of the runs in the cube of one system, and the units of those that have one.
 
@@ -125,11 +113,11 @@ def runs_of_cube(path: Path) -> tuple[Columns, dict[str, str]]:
         The cube cannot be read, or lacks something that every cube of a system has.
     """
     cube = store.read(path)
-    missing = [name for name in COLUMNS if name not in cube.variables and name not in {"system", "precision"}]
+    missing = [name for name in COLUMNS if name not in cube.variables and name != "system"]
     if missing:
         message = f"{path} has no {' and no '.join(missing)}. Make it again: {store.command_for(path)}"
         raise ResultFileError(message)
-    cube = layered(cube).sortby(["integrator", "precision", "tau_per_stage"])
+    cube = cube.sortby(["integrator", "precision", "tau_per_stage"])
     shape = tuple(cube.sizes[dimension] for dimension in DIMENSIONS)
     names = [name for name in cube.data_vars if set(cube[name].dims) == set(DIMENSIONS)]
     arrays = {str(name): cube[name].transpose(*DIMENSIONS).values for name in names}

@@ -16,7 +16,7 @@ from nearharmonic.engine.settings import KINETIC_POTENTIAL, checked_tau, one_of
 from nearharmonic.errors import NearharmonicError, bad_setting, unknown_name
 from nearharmonic.output import store
 from nearharmonic.output.definitions import defined, read_definitions
-from nearharmonic.record.query.run_table import COLUMNS, Columns, runs_of_cube, settings_of, system_cubes
+from nearharmonic.record.query.run_table import COLUMNS, SKIPPED, Columns, runs_of_cube, settings_of, system_cubes
 from nearharmonic.systems import systems
 from nearharmonic.systems.user_file import SystemDefinition
 
@@ -150,10 +150,12 @@ def _trajectory(folder: Path, cells: Mapping[str, Any]) -> tuple[Path | None, in
     for path in sorted(folder.glob(f"runs/{cells['system']}/{cells['integrator']}/*.h5")):
         if group is not None and group not in store.groups_of(path):
             continue
-        runs = store.read(path, group, dimensions=("tau_per_stage", "sample"))
-        (rows,) = np.nonzero(runs["tau_per_stage"].values == cells["tau_per_stage"])
-        if rows.size:
-            return path, int(np.isfinite(runs["t"].values[rows[0]]).sum())
+        with store.opened(path, group) as runs:
+            (rows,) = np.nonzero(
+                (runs.tau_per_stage.values == cells["tau_per_stage"]) & (runs.status != SKIPPED).values
+            )
+            if rows.size:
+                return path, int(np.isfinite(runs.t[rows[0]].values).sum())
     return None, None
 
 

@@ -10,6 +10,7 @@ from nearharmonic.claims.page.plots import panels
 from nearharmonic.claims.page.plots.models import Field, Model
 from nearharmonic.claims.page.plots.panels import Panel
 from nearharmonic.experiments.paper.figures.levels import MERCURY_RELATIVISTIC_ADVANCE, arcseconds_per_century
+from nearharmonic.output.dataset import double_runs
 from nearharmonic.output.palette import style_of
 
 if TYPE_CHECKING:
@@ -20,21 +21,22 @@ _TEXT = "|perihelion advance| (rad per orbit)"
 
 
 def perihelion(cube: xr.Dataset) -> list[Panel]:
-    """Draw |perihelion_advance| of ``cube``, dimensions (integrator, tau_per_stage), with its 95 % interval.
+    """Draw |perihelion_advance| of ``cube``, over (precision, integrator, tau_per_stage), with its 95 % interval.
 
     Runs whose interval includes zero are crosses without a line. The dashed line is what general relativity explains.
     """
     century = arcseconds_per_century(float(cube.attrs["orbital_period"]))
     unit = cube["tau_per_stage"].attrs.get("units", "1")
-    advance = abs(cube["perihelion_advance"].values)
+    runs = double_runs(cube)
+    advance = abs(runs["perihelion_advance"].values)
     ranges = (
-        panels.span([cube["evaluations_per_orbit"].values], logarithmic=True),
-        panels.span([advance[np.isfinite(cube["perihelion_advance_interval"].values)]], logarithmic=True),
+        panels.span([runs["evaluations_per_orbit"].values], logarithmic=True),
+        panels.span([advance[np.isfinite(runs["perihelion_advance_interval"].values)]], logarithmic=True),
     )
     plot = panels.new_plot(ranges, ("force evaluations per orbit", _TEXT), height=460)
     _add_relativity(plot, MERCURY_RELATIVISTIC_ADVANCE / century)
     methods = cube.sizes["integrator"]
-    dots = [dot for turn in range(methods) for dot in _draw(plot, cube.isel(integrator=turn), (turn, methods), century)]
+    dots = [dot for turn in range(methods) for dot in _draw(plot, runs.isel(integrator=turn), (turn, methods), century)]
     rows = [
         ("method", "$name"),
         ("evaluations per orbit", f"@{_X}{{%.5g}}"),

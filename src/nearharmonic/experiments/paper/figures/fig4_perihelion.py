@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from nearharmonic.experiments.paper.figures.levels import MERCURY_RELATIVISTIC_ADVANCE, arcseconds_per_century
+from nearharmonic.output.dataset import double_runs
 from nearharmonic.output.declarations import figure
 from nearharmonic.output.style import (
     log_scale,
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     ),
 )
 def fig4_perihelion(cube: xr.Dataset) -> Figure:
-    """Draw |perihelion_advance| of ``cube``, dimensions (integrator, tau_per_stage), in rad per orbit.
+    """Draw |perihelion_advance| of ``cube``, dimensions (precision, integrator, tau_per_stage), in rad per orbit.
 
     ``cube.attrs["orbital_period"]``, in h, turns it into arcseconds per century. Runs without a finite advance or
     interval are left out.
@@ -45,8 +46,9 @@ def fig4_perihelion(cube: xr.Dataset) -> Figure:
     drawn.subplots_adjust(left=0.105, right=0.895, top=0.865, bottom=0.08)
     axes = drawn.subplots()
     names = [str(name) for name in cube["integrator"].values]
+    runs = double_runs(cube)
     for position, name in enumerate(names):
-        _draw_method(axes, cube.sel(integrator=name), name, position, len(names))
+        _draw_method(axes, runs.sel(integrator=name), name, position, len(names))
     axes.margins(x=0.03, y=0.04)
     log_scale(axes, "xy")
     axes.set_xlabel("force evaluations per orbit")

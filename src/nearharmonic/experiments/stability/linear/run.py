@@ -59,5 +59,6 @@ def linear_stability_cube(tableaus: Sequence[Tableau]) -> xr.Dataset:
             **method_coordinates(tableaus),
             "stages": variable("integrator", [t.stages for t in tableaus], "stages"),
             **coordinate("tau_per_stage", grid, "step size per stage"),
+            **coordinate("gap", np.arange(edges.shape[2]), "number of the gap"),
         },
     )

@@ -32,7 +32,7 @@ from nearharmonic.experiments.stability.kepler.run import PERIOD, SYSTEM
 from nearharmonic.experiments.stability.settings import RoundingSettings
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.output.dataset import Contents, coordinate, variable
+from nearharmonic.output.dataset import Contents, coordinate, counted, variable
 
 #: Lanes of the kernels: two AVX-512 registers, which hide each other's latency.
 WIDTH = 16
@@ -191,11 +191,10 @@ def rounding_errors(tableau: Tableau, settings: RoundingSettings) -> Contents:
     energy, lag = (np.array([pairs[source][k] for source in SOURCES]) for k in (0, 1))
     periods = samples * (plan.periods // plan.samples)
     over = ("source", "orbit", "sample")
-    return Contents(
-        variables={
-            "energy_error": variable(over, energy, "(H - H of the exact arithmetic)/|H0|, by rounding alone"),
-            "time": variable("sample", periods.astype(float), "periods of the exact orbit"),
-            "lag": variable(over, lag, "displacement along the track as mean anomaly, by rounding alone", "rad"),
-            **coordinate("source", list(SOURCES), "arithmetic of the run, or its coefficients alone"),
-        }
-    )
+    variables = {
+        "energy_error": variable(over, energy, "(H - H of the exact arithmetic)/|H0|, by rounding alone"),
+        "time": variable("sample", periods.astype(float), "periods of the exact orbit"),
+        "lag": variable(over, lag, "displacement along the track as mean anomaly, by rounding alone", "rad"),
+        **coordinate("source", list(SOURCES), "arithmetic of the run, or its coefficients alone"),
+    }
+    return Contents(variables=variables | counted(variables), coordinates=("time",))

@@ -21,7 +21,7 @@ from nearharmonic.experiments.trained.problems.anharmonicity import anharmonicit
 from nearharmonic.experiments.trained.proof.gains import CONFIDENCE, RESAMPLES, bounds, means_of
 from nearharmonic.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.modified_integrators import method_of
-from nearharmonic.output.dataset import Contents, Variables, coordinate, variable
+from nearharmonic.output.dataset import Contents, Variables, bounds_coordinate, coordinate, variable
 from nearharmonic.training.objective import errors_of
 from nearharmonic.training.population import LEAST, Floats
 
@@ -96,6 +96,7 @@ def _variables(scaled: Scaled, taus: Floats) -> Variables:
         **coordinate("tau_per_stage", taus, "step size over the cost of a step, in radians of the fastest oscillation"),
         **coordinate("strength", scaled.strengths, "by which cubic and quartic coefficients are multiplied"),
         **coordinate("idea", list(IDEAS), f"what methods are built on; {IDEAS[0]} costs {CHARGE} an evaluation"),
+        **bounds_coordinate(),
         **coordinate("quantile", list(QUANTILES), "fraction of the potentials that are less anharmonic"),
         "anharmonicity": variable(
             ("strength", "quantile"), np.quantile(delta, QUANTILES, axis=0).T,

@@ -13,12 +13,22 @@ from nearharmonic.experiments.trained.proof.gains import CONFIDENCE, Gains, gain
 from nearharmonic.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.experiments.trained.proof.tables import gain_table, method_table
 from nearharmonic.modified_integrators import method_of
-from nearharmonic.output.dataset import Contents, Variables, coordinate, method_coordinates, variable
+from nearharmonic.output.dataset import (
+    Contents,
+    Variables,
+    bounds_coordinate,
+    coordinate,
+    counted,
+    method_coordinates,
+    variable,
+)
 from nearharmonic.training.objective import errors_of
 from nearharmonic.training.population import LEAST, Ensemble, Floats
 
 #: Of the anharmonicities of the problems of an ensemble.
 QUANTILES = (0.05, 0.5, 0.95)
+#: Auxiliary coordinates of the cube.
+COORDINATES = ("label", "kind", "panel", "problems", "tau_per_stage")
 WHAT = "mean over the problems of log10 of the largest |H - H0|/|H0| over every step"
 UNIT = "radians of the fastest small oscillation"
 
@@ -42,7 +52,7 @@ def measure(methods: Sequence[str], settings: ProofSettings) -> dict[str, Any]:
         found.append(gains(logarithms, kinds, settings.seed))
     variables = _variables(methods, kinds, trials, means) | _gain_variables(methods, found)
     return {
-        "cube": Contents(variables=variables),
+        "cube": Contents(variables=variables | counted(variables), coordinates=COORDINATES),
         "gains": gain_table(variables),
         "methods": method_table(variables),
     }
@@ -83,6 +93,7 @@ def _variables(
     return {
         **coordinate("ensemble", [one.name for one in ensembles], "ensemble of problems"),
         **method_coordinates(map(method_of, methods)),
+        **bounds_coordinate(),
         **coordinate("quantile", list(QUANTILES), "fraction of the problems that are less anharmonic"),
         "kind": variable("integrator", list(kinds), "trained, published, or own: found by this project"),
         "panel": variable("ensemble", [trial.panel for trial in trials], "panel of the figure of gains"),

@@ -1,0 +1,84 @@
+"""Declared reductions: functions of a dataset, each with the variables that it needs.
+
+The object ``reduction = Reductions()`` of an experiment is the decorator of its reductions. What a decorated function
+returns stands in the cube with no further line of code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import fsum, nan
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    Reduction = Callable[[xr.Dataset], xr.DataArray | xr.Dataset]
+
+
+@dataclass(frozen=True)
+class _Declared:
+    function: Reduction
+    needs: tuple[str, ...]
+    over: str
+
+
+class Reductions:
+    """The reductions of one experiment, in the order of their declaration."""
+
+    def __init__(self) -> None:
+        self._declared: list[_Declared] = []
+
+    def __call__(self, *needs: str, over: str = "sample") -> Callable[[Reduction], Reduction]:
+        """Declare the decorated function a reduction.
+
+        Parameters
+        ----------
+        *needs : str
+            Variables of the dataset without which the reduction is left out.
+        over : str
+            Dimension that is reduced.
+        """
+
+        def declare(function: Reduction) -> Reduction:
+            self._declared.append(_Declared(function, needs, over))
+            return function
+
+        return declare
+
+    def of(self, dataset: xr.Dataset, over: str = "sample") -> xr.Dataset:
+        """Return the results of all reductions over a dimension that ``dataset`` has the variables for.
+
+        A DataArray gets the name of its function.
+        """
+        import xarray as xr
+
+        found = xr.Dataset()
+        for one in self._declared:
+            if one.over == over and all(name in dataset for name in one.needs):
+                result = one.function(dataset)
+                found.update(result if isinstance(result, xr.Dataset) else {one.function.__name__: result})
+        return found
+
+    def needed(self) -> set[str]:
+        """Return the names of all variables that a reduction needs."""
+        return {name for one in self._declared for name in one.needs}
+
+
+def exact_sum(values: xr.DataArray, dimension: str) -> xr.DataArray:
+    """Return the sum along a dimension, rounded once: it depends neither on the order of the terms nor on padding.
+
+    NaN is skipped; the sum of nothing else is NaN.
+    """
+    import xarray as xr
+
+    summed: xr.DataArray = xr.apply_ufunc(_exact_sum, values, input_core_dims=[[dimension]], vectorize=True)
+    return summed
+
+
+def _exact_sum(row: Any) -> float:
+    known = row[~np.isnan(row)]
+    return fsum(known) if known.size else nan

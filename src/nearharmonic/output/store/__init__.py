@@ -1,0 +1,19 @@
+"""Result files, the only room that opens HDF5: netCDF-4 conventions, the same bytes for the same numbers."""
+
+from nearharmonic.output.store.reader import attributes_of, groups_of, opened, read
+from nearharmonic.output.store.remake import DEFAULT_CONFIG, command_for, workflow_command
+from nearharmonic.output.store.seal import sealed_digest
+from nearharmonic.output.store.writer import write, write_dataset
+
+__all__ = [
+    "DEFAULT_CONFIG",
+    "attributes_of",
+    "command_for",
+    "groups_of",
+    "opened",
+    "read",
+    "sealed_digest",
+    "workflow_command",
+    "write",
+    "write_dataset",
+]

@@ -1,0 +1,42 @@
+"""Commands that make a result file again, for messages about a file that is missing or damaged."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+from nearharmonic.errors import ResultFileError
+
+#: The config of ``snakemake`` without ``--configfile``.
+DEFAULT_CONFIG = "config/config.yaml"
+
+
+def unusable(path: str | os.PathLike[str], complaint: str) -> ResultFileError:
+    """Return the error about a file that cannot be used, with the command that makes it again."""
+    return ResultFileError(f"{path} {complaint}. Make it again: {command_for(path)}")
+
+
+def command_for(path: str | os.PathLike[str]) -> str:
+    """Return the command that makes a result file again, with the config that ``results/<name>`` is named by."""
+    return f"{workflow_command(path)} --force {path}"
+
+
+def workflow_command(path: str | os.PathLike[str]) -> str:
+    """Return the command that brings the results up to date to which a file belongs, with their config."""
+    parts = Path(path).parts
+    if "results" not in parts[:-1]:
+        return "snakemake -j2"
+    end = parts.index("results") + 2
+    config = _config_of(Path(*parts[:end]))
+    return "snakemake -j2" if config == DEFAULT_CONFIG else f"snakemake -j2 --configfile {config}"
+
+
+def _config_of(folder: Path) -> str:
+    """The config file that the results in ``folder`` were made with, or else the one that their name points to."""
+    guess = DEFAULT_CONFIG if folder.name == "paper" else f"config/{folder.name}.yaml"
+    try:
+        said = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))["configfiles"]
+        return " ".join(map(str, said)) or guess
+    except (OSError, ValueError, LookupError, TypeError, RecursionError):
+        return guess

@@ -1,0 +1,60 @@
+"""The last line of a result file: the SHA-256 of all bytes before it.
+
+HDF5 ignores bytes behind its own end of file. The digest is compared before a file is opened: on a damaged file the
+HDF5 library may fail anywhere, return other numbers, or never end.
+"""
+
+from __future__ import annotations
+
+import os
+from hashlib import file_digest, sha256
+from pathlib import Path
+
+#: The attribute that tells a result file of this package from any other HDF5 file, and its value.
+FORMAT_KEY, FORMAT = "format", "nearharmonic 2"
+#: First bytes of any HDF5 file.
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+#: Beginning of the last line; the digest and a line feed follow.
+SEAL = b"\nnearharmonic sha256 "
+SEALED = len(SEAL) + 2 * sha256().digest_size + len(b"\n")
+#: Bytes that are hashed at a time.
+PIECE = 2**20
+
+
+def seal(path: Path) -> None:
+    """Append the last line to a file."""
+    with path.open("r+b") as file:
+        digest = file_digest(file, "sha256").hexdigest()
+        file.write(_line(digest))
+
+
+def complaint(path: Path) -> str:
+    """Return the reason why a file must not be opened, empty if there is none; nothing is read as HDF5."""
+    try:
+        with path.open("rb") as file:
+            signed = file.read(len(SIGNATURE)) == SIGNATURE
+            size = file.seek(0, os.SEEK_END) - SEALED
+            if size < 0 or not signed:
+                return "is truncated or no result file"
+            digest = sha256()
+            file.seek(0)
+            for start in range(0, size, PIECE):
+                digest.update(file.read(min(PIECE, size - start)))
+            last = file.read()
+    except OSError as error:
+        return "does not exist" if isinstance(error, FileNotFoundError) else f"cannot be read ({error.strerror})"
+    if not last.startswith(SEAL):
+        return "is truncated or no result file"
+    return "" if last == _line(digest.hexdigest()) else "is damaged: its bytes are not those that were written"
+
+
+def sealed_digest(path: str | os.PathLike[str]) -> str:
+    """Return the digest in the last line of a file, or an empty text if the file ends otherwise."""
+    with Path(path).open("rb") as file:
+        file.seek(max(0, file.seek(0, os.SEEK_END) - SEALED))
+        last = file.read()
+    return last[len(SEAL) : -1].decode() if last.startswith(SEAL) and len(last) == SEALED else ""
+
+
+def _line(digest: str) -> bytes:
+    return SEAL + digest.encode() + b"\n"
