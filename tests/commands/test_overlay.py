@@ -11,13 +11,12 @@ from artists import NO_LINE, SOLID, dashes, lines_of
 from nearharmonic.cli import main
 from nearharmonic.output import store
 from nearharmonic.record.compare.overlay import overlay
-from nearharmonic.record.query.run_table import layered
 
 
 def test_the_figure_shows_the_first_solid_and_the_second_dashed(other, project):
     pairs = {}
     for system in ("henon_heiles", "sho"):
-        cubes = [layered(store.read(folder / f"cubes/{system}.h5")) for folder in (project, other)]
+        cubes = [store.read(folder / f"cubes/{system}.h5") for folder in (project, other)]
         pairs[system] = [cube.sel(precision="double") for cube in cubes]
     panels = overlay(["paper", "other"], pairs).axes
     assert len(panels) == 4

@@ -157,7 +157,7 @@ def test_no_module_writes_a_file_in_place():
         for path in sorted(folder.rglob("*.py"))
         if not {path.relative_to(folder).parts[0], str(path.relative_to(folder))} & OTHER_FILES
     ]
-    assert {ROOT / "output/store.py", SCRIPTS / "task.py"} <= set(walked)
+    assert {ROOT / "output/store/writer.py", SCRIPTS / "task.py"} <= set(walked)
     found = {
         f"{path.name}: {ast.unparse(call)}"
         for path in walked

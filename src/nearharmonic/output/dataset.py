@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 #: Attributes of a variable of words (CF conventions, section 3.5): the words, and in a file the integers for them.
 FLAG_MEANINGS, FLAG_VALUES = "flag_meanings", "flag_values"
-#: Meanings of coordinates that count; others are "number of the ...".
+#: Meanings of coordinates that count, where "number of the ..." would not do.
 COUNTED = {"component": "number of the coordinate"}
 #: Attributes of a variable: ``units`` and ``long_name`` at least.
 Attributes = dict[str, str]

@@ -55,13 +55,13 @@ def test_extended_precision_is_left_out_where_double_is_good_enough():
     }
 
 
-def runs(steps, evaluations, status):
+def runs(steps, evaluations, status, precision="double"):
     """A cube of one method made by hand, the step sizes 1, 2, ... per stage."""
-    over = ("integrator", "tau_per_stage")
+    over = ("precision", "integrator", "tau_per_stage")
     columns = {"steps": steps, "evaluations": evaluations, "status": status}
     return xr.Dataset(
-        {name: (over, np.array([values])) for name, values in columns.items()},
-        coords={"integrator": ["leapfrog"], "tau_per_stage": np.arange(1.0, len(steps) + 1)},
+        {name: (over, np.array([[values]])) for name, values in columns.items()},
+        coords={"precision": [precision], "integrator": ["leapfrog"], "tau_per_stage": np.arange(1.0, len(steps) + 1)},
     )
 
 
@@ -75,8 +75,8 @@ def test_the_rest_of_runs_that_left_is_spared_by_each_once():
 def test_runs_that_were_skipped_are_not_counted_as_done():
     """In extended precision the finest was run alone: 41 + 6 + 41 forces, of three runs."""
     double = runs([40, 20], [41, 6], ["ok", "diverged"])
-    extended = runs([40, 0], [41, 0], ["ok", "skipped"])
-    cube = xr.concat([double, extended], "precision").assign_coords(precision=["double", "extended"])
+    extended = runs([40, 0], [41, 0], ["ok", "skipped"], "extended")
+    cube = xr.concat([double, extended], "precision", data_vars="all")
     done, full, *saved = totals([], {"henon_heiles": cube})
     assert (done.runs, done.evaluations) == (full.runs, full.evaluations) == (3, 88)
     assert saved == []

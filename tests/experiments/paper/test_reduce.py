@@ -12,27 +12,34 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from nearharmonic.engine.settings import Sweep
+from nearharmonic.experiments.paper import reduce
 from nearharmonic.experiments.paper.plan import runs_of, shards_of
-from nearharmonic.experiments.paper.reduce import assembled, harmonic_terms, numbers_of
-from nearharmonic.experiments.paper.reductions import Runs
-from nearharmonic.experiments.paper.reductions import reduced as reduced_runs
-from nearharmonic.experiments.paper.run import integrate_run
+from nearharmonic.experiments.paper.reduce import harmonic_terms, numbers
+from nearharmonic.experiments.paper.run import integrate, integrate_run
 from nearharmonic.integrators import integrators
+from nearharmonic.output.dataset import assembled
 from nearharmonic.output.store import write
 from nearharmonic.systems import systems
 from nearharmonic.systems.user_file import SystemDefinition
 
 
-def numbers(variables):
-    """What a run file holds over tau_per_stage alone."""
-    return xr.Dataset({name: value for name, value in variables.items() if value[0] == ("tau_per_stage",)})
+def runs_of_dataset(variables, system):
+    """A run file as the reductions are given it."""
+    return assembled(variables, ["t"], {"system": system, "integrator": "ruth"})
 
 
-def reduced(runs, system, stages):
-    """The reductions of the runs in a Dataset, by a method of so many stages."""
-    variables = {str(name): (value.dims, value.values, value.attrs) for name, value in runs.variables.items()}
-    (tableau,) = (integrators[name] for name in ("ruth",) if integrators[name].stages == stages)
-    return xr.Dataset(reduced_runs(Runs(variables=variables, system=system, tableau=tableau)))
+def reduced(runs):
+    """The numbers of Kepler runs by Ruth's method, of three stages."""
+    return numbers(runs.assign_attrs(system="kepler", integrator="ruth"))
+
+
+def cube_of(system, parts):
+    """The cube of ``parts[integrator][precision]``, the numbers of each shard, made through no file."""
+    methods = {}
+    for name, by_precision in parts.items():
+        layers = {p: xr.concat(shards, "tau_per_stage").sortby("tau_per_stage") for p, shards in by_precision.items()}
+        methods[name] = reduce._joined([one.expand_dims(precision=[p]) for p, one in layers.items()], "precision")
+    return reduce.cube_of(system, methods)
 
 
 def sweep(system, **changes):
@@ -49,20 +56,20 @@ def runs_in_memory(asked, methods):
     for name in methods:
         for index in range(shards_of(asked, name)):
             for run in runs_of(asked, name, index):
-                runs[name].setdefault(run.precision, []).append(numbers(integrate_run(run)))
+                made = runs_of_dataset(integrate_run(run), asked.system)
+                runs[name].setdefault(run.precision, []).append(numbers(made))
     return runs
 
 
-def runs_in_files(asked, methods, folder):
+def cube_from_files(asked, methods, folder):
     """The same through files, as the rules pass them on."""
-    runs = {}
+    runs = {name: [] for name in methods}
     for name in methods:
-        paths = [folder / f"{asked.shards}/{name}/{index}.h5" for index in range(shards_of(asked, name))]
-        for index, path in enumerate(paths):
-            parts = {run.precision: integrate_run(run) for run in runs_of(asked, name, index)}
-            write(path, parts.pop("double", {}), {"settings": f"shard {index}"}, groups=parts)
-        runs[name] = numbers_of(paths)
-    return runs
+        for index in range(shards_of(asked, name)):
+            made = integrate(asked, name, index)["run"]
+            runs[name].append(folder / f"{asked.shards}/{name}/{index}.h5")
+            write(runs[name][-1], made.variables, made.attributes, made.groups, coordinates=made.coordinates)
+    return reduce.reduce(asked, methods, **runs)["cube"]
 
 
 def assert_same_bits(one, other):
@@ -89,7 +96,7 @@ def assert_same_bits(one, other):
 def test_a_cube_does_not_depend_on_the_number_of_shards(samples, shards, lowest, decades, precision):
     asked = {"samples": samples, "lowest": lowest, "highest": lowest * 10**decades, "precision": precision}
     whole, parted = (
-        assembled("sho", runs_in_memory(sweep("sho", shards=count, **asked), ("ruth", "babps9o7h")))
+        cube_of("sho", runs_in_memory(sweep("sho", shards=count, **asked), ("ruth", "babps9o7h")))
         for count in (1, shards)
     )
     assert_same_bits(whole, parted)
@@ -98,25 +105,25 @@ def test_a_cube_does_not_depend_on_the_number_of_shards(samples, shards, lowest,
 def test_shards_read_from_files_make_one_cube_with_its_perihelion(tmp_path):
     """About a tenth to three times as many steps as samples, 8 to 380, the coarsest ending early."""
     asked = {"t_end": "8766", "lowest": 7.6, "highest": 380.0, "points_per_decade": 5, "samples": 100}
-    cubes = [
-        assembled("kepler", runs_in_files(sweep("kepler", shards=count, **asked), ("aba864",), tmp_path))
-        for count in (1, 3, 5)
-    ]
+    cubes = [cube_from_files(sweep("kepler", shards=count, **asked), ("aba864",), tmp_path) for count in (1, 3, 5)]
     assert {"ok", "diverged"} == set(cubes[0].status.values.ravel())
     for parted in cubes[1:]:
         assert_same_bits(cubes[0], parted)
 
 
 def test_a_method_that_is_nowhere_near_the_floor_has_its_cube_in_extended_precision_alone():
-    made = assembled("sho", runs_in_memory(sweep("sho", lowest=0.1, precision=("extended",)), ("ruth",)))
-    assert made.sizes == {"integrator": 1, "tau_per_stage": 5}
+    made = cube_of("sho", runs_in_memory(sweep("sho", lowest=0.1, precision=("extended",)), ("ruth",)))
+    assert made.sizes == {"precision": 1, "integrator": 1, "tau_per_stage": 5}
+    assert made.precision.values.tolist() == ["extended"]
     assert (made.max_energy_error > 0).all()
 
 
 def test_the_coordinate_tau_is_the_step_as_used():
     """[0, 5] takes 4, 2 and 1 steps of three times 0.4, 0.8 and 1.6."""
     (run,) = runs_of(sweep("sho", lowest=0.4, highest=1.6, points_per_decade=1 / math.log10(2)), "ruth", 0)
-    made = assembled("sho", {"ruth": {"double": [numbers(integrate_run(run))]}})
+    made = cube_of("sho", {"ruth": {"double": [numbers(runs_of_dataset(integrate_run(run), "sho"))]}}).sel(
+        precision="double"
+    )
     assert made.tau_per_stage.values.tolist() == [0.4, 0.8, 1.6]
     assert made.tau.values.tolist() == [[1.25, 2.5, 5.0]]
     assert made.steps.values.tolist() == [[4, 2, 1]]
@@ -151,7 +158,7 @@ def turning(rate, *, samples=60, t_end=8000.0):
 @pytest.mark.parametrize("rate", [2e-4, -2e-4, 0.01])
 def test_a_perihelion_that_turns_with_the_planet_advances_by_the_angle_of_one_period(rate):
     """Counterclockwise is positive, as the orbit; 0.01 rad/h is a turn of 1.4 rad from sample to sample."""
-    made = reduced(turning(rate), systems["kepler"], 3)
+    made = reduced(turning(rate))
     assert made.perihelion_advance.values == pytest.approx([rate * PERIOD, np.nan], rel=1e-10, nan_ok=True)
     assert abs(made.perihelion_advance_interval[0]) < 1e-10
     assert np.isnan(made.perihelion_advance_interval[1])
@@ -163,19 +170,19 @@ def test_the_interval_of_the_advance_is_that_of_the_slope_times_the_period():
     run, a = turning(0.0, samples=40, t_end=39.0).isel(tau_per_stage=[0]), 0.01
     run["perihelion_angle"] = run.perihelion_angle * 0 + a * xr.DataArray([1, -1, -1, 1] * 10, dims="sample")
     deviation = math.sqrt(40 * a**2 / 38 / (40 * (40**2 - 1) / 12))
-    made = reduced(run, systems["kepler"], 3)
+    made = reduced(run)
     assert abs(made.perihelion_advance.item()) < 1e-14
     # 2.024394 is Student's t_0.975 for 38 degrees of freedom, from tables.
     assert made.perihelion_advance_interval.item() == pytest.approx(2.024394 * deviation * PERIOD, rel=1e-6)
 
 
 def test_evaluations_per_orbit_are_those_of_the_step_as_used():
-    made = reduced(turning(0.0), systems["kepler"], 3)
+    made = reduced(turning(0.0))
     np.testing.assert_allclose(made.evaluations_per_orbit, [3 * PERIOD / 24.5, 3 * PERIOD / 50.0], rtol=1e-13)
 
 
 def test_reduced_numbers_have_no_samples_and_say_their_units():
-    made = reduced(turning(1e-4), systems["kepler"], 3)
+    made = reduced(turning(1e-4))
     assert set(made.sizes) == {"tau_per_stage"}
     numbers = set(made.data_vars) - {"tau", "steps", "evaluations", "status", "diverged_at"}
     assert len(numbers) == 5
@@ -207,7 +214,7 @@ def layered():
     double = {"ruth": [1e-15, 1e-8, 4e-8, 16e-8], "aba864": [1e-15, 1e-8, 2e-8, 4e-8]}
     parts = {name: {"double": [part(GRID[1::2], e[1::2]), part(GRID[::2], e[::2])]} for name, e in double.items()}
     parts["ruth"]["extended"] = [part(GRID[:2], [1e-20, 1e-16], steps=9)]
-    return assembled("sho", parts)
+    return cube_of("sho", parts)
 
 
 def test_what_the_plan_left_out_is_filled_in_as_skipped(layered):
@@ -234,24 +241,23 @@ def test_methods_keep_their_order_and_step_sizes_ascend(layered):
 
 
 def test_observed_orders_are_those_of_double_precision(layered):
-    assert layered.observed_order.dims == ("integrator",)
-    np.testing.assert_allclose(layered.observed_order, [2, 1], atol=1e-9)
+    assert layered.observed_order.dims == ("precision", "integrator")
+    np.testing.assert_allclose(layered.observed_order.sel(precision="double"), [2, 1], atol=1e-9)
 
 
-def test_one_precision_makes_no_dimension_and_shards_of_one_method_are_put_in_order():
+def test_one_precision_is_a_dimension_and_shards_of_one_method_are_put_in_order():
     shards = [part(GRID[1::2], [2.0, 4.0]), part(GRID[::2], [1.0, 3.0])]
-    made = assembled("henon_heiles", {"ruth": {"double": shards}})
+    made = cube_of("henon_heiles", {"ruth": {"double": shards}})
     assert made.tau_per_stage.values.tolist() == GRID
-    assert made.max_energy_error.values.tolist() == [[1.0, 2.0, 3.0, 4.0]]
-    assert made.max_energy_error.dims == ("integrator", "tau_per_stage")
-    assert "skipped" not in made.status.attrs["long_name"]
+    assert made.max_energy_error.values.tolist() == [[[1.0, 2.0, 3.0, 4.0]]]
+    assert made.max_energy_error.dims == ("precision", "integrator", "tau_per_stage")
 
 
 def test_a_cube_says_what_it_is_of_and_not_what_one_shard_was(layered):
     assert layered.attrs == {"system": "sho", "system_label": "simple harmonic oscillator"}
-    assert layered.status.attrs["long_name"].startswith("ok or not; or skipped")
+    assert layered.status.attrs["long_name"] == "ok or not"
     assert {name: layered[name].attrs["units"] for name in layered.coords} == dict.fromkeys(layered.coords, "1")
-    made = assembled("kepler", {"ruth": {"double": [part(GRID, [1e-15] * 4)]}})
+    made = cube_of("kepler", {"ruth": {"double": [part(GRID, [1e-15] * 4)]}})
     assert made.attrs["system"] == "kepler"
     assert made.attrs["orbital_period"] == pytest.approx(PERIOD, rel=1e-13)
     assert made.tau_per_stage.attrs["units"] == "h"
@@ -302,5 +308,5 @@ def test_labels_are_names_in_the_paper_in_cubes_of_its_systems_alone():
     own = {"venus": SystemDefinition(base="sho", label="not in the paper")}
     with systems.defining(own):
         for name, says in (("sho", "name in the paper"), ("venus", "label")):
-            cube = assembled(name, runs_in_memory(sweep(name), ["ruth"]))
+            cube = cube_of(name, runs_in_memory(sweep(name), ["ruth"]))
             assert cube.label.attrs["long_name"] == says

@@ -6,24 +6,15 @@ import numpy as np
 import xarray as xr
 
 from nearharmonic.experiments.paper import reductions
-from nearharmonic.experiments.paper.reductions import Runs
-from nearharmonic.integrators import integrators
-from nearharmonic.systems import systems
-
-
-def number(name, blocks):
-    """The result of the reduction ``name`` of the runs ``blocks``."""
-    variables = {str(key): (value.dims, value.values, {}) for key, value in blocks.variables.items()}
-    runs = Runs(variables=variables, system=systems["sho"], tableau=integrators["ruth"])
-    return getattr(reductions, name)(runs)[name][1]
+from nearharmonic.output.reduction import Reductions, exact_sum
 
 
 def mean_energy_error(blocks):
-    return number("mean_energy_error", blocks)
+    return reductions.mean_energy_error(blocks).values
 
 
 def max_energy_error(blocks):
-    return number("max_energy_error", blocks)
+    return reductions.max_energy_error(blocks).values
 
 
 def blocks(**changes):
@@ -61,3 +52,32 @@ def test_a_mean_is_the_same_bits_in_longer_company():
         })  # fmt: skip
         padded = alone.pad(sample=(0, 300), constant_values={"block_mean_energy_error": np.nan, "block_steps": 0})
         assert mean_energy_error(alone).item() == mean_energy_error(padded).item()
+
+
+def test_a_reduction_is_declared_by_the_variables_that_it_needs():
+    reduction = Reductions()
+
+    @reduction("q", "status")
+    def farthest(runs):
+        return abs(runs.q).max("sample").assign_attrs(units="1", long_name="largest |q|")
+
+    @reduction("farthest", over="tau_per_stage")
+    def widest(curves):
+        return xr.Dataset({"widest_run": curves.farthest.max("tau_per_stage")})
+
+    runs = blocks().assign(q=(("tau_per_stage", "sample"), [[1, -3, 2, 0]] * 4))
+    assert reduction.of(blocks()).sizes == {}
+    found = reduction.of(runs)
+    assert found.farthest.values.tolist() == [3] * 4
+    assert found.farthest.attrs["long_name"] == "largest |q|"
+    assert set(found.data_vars) == {"farthest"}
+    assert reduction.of(found, over="tau_per_stage").widest_run.item() == 3
+
+
+def test_an_exact_sum_depends_on_no_order_and_skips_nan():
+    """1e16 + 1 + ... in any order: partial sums round the ones away, the exact sum is 1e16 + 1000."""
+    row = np.concatenate([[1e16], np.ones(1000), [np.nan] * 5])
+    orders = [row, row[::-1], np.random.default_rng(1).permutation(row)]
+    table = xr.DataArray([*orders, np.full(row.size, np.nan)], dims=("run", "sample"))
+    assert exact_sum(table, "sample").values[:3].tolist() == [1e16 + 1000] * 3
+    assert np.isnan(exact_sum(table, "sample").values[3])

@@ -30,7 +30,7 @@ from nearharmonic.experiments.work_precision.peers.measure import peer_curve, qu
 from nearharmonic.experiments.work_precision.settings import WorkPrecisionSettings
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.output.dataset import Contents, Variables, coordinate, counted, variable
+from nearharmonic.output.dataset import Contents, Variables, coordinate, variable
 from nearharmonic.output.receipts import measures_time
 from nearharmonic.systems import systems
 from nearharmonic.systems.system import System
@@ -275,7 +275,7 @@ def variables(curves: Sequence[Curve], unit: str) -> Variables:
                 repeats[i, j] = len(point.times.get(mode, []))
         found[f"time_{mode}"] = variable(("solver", "point", "quartile"), times, f"wall time of {text}", "s")
         found[f"repeats_{mode}"] = variable(("solver", "point"), repeats, f"repeats of {text}")
-    return found | counted(found)
+    return found
 
 
 def curves_of(group: xr.Dataset, quartile: str = "min") -> list[Curve]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.output.atomic import replacing
-from nearharmonic.output.dataset import FLAG_MEANINGS, FLAG_VALUES, Variables
+from nearharmonic.output.dataset import FLAG_MEANINGS, FLAG_VALUES, Variables, counted
 from nearharmonic.output.store.seal import FORMAT, FORMAT_KEY, seal
 
 if TYPE_CHECKING:
@@ -51,12 +51,12 @@ def write(
         Variables of each group, by its name.
     coordinates : collection of str
         Names of the auxiliary coordinates, in the root and in groups (CF conventions, section 5). A variable with the
-        name of its dimension is a coordinate anyway.
+        name of its dimension is a coordinate anyway, and a dimension that has none counts from 0.
 
     Raises
     ------
     NearharmonicError
-        A variable without units or long_name, a dimension without coordinate, or lengths that contradict a dimension.
+        A variable without units or long_name, or lengths that contradict a dimension.
     """
     import h5netcdf
 
@@ -75,7 +75,8 @@ def write_dataset(path: str | os.PathLike[str], dataset: xr.Dataset, attributes:
     write(path, variables, {**dataset.attrs, **attributes}, coordinates=auxiliary)
 
 
-def _fill(group: Any, variables: Variables, coordinates: Collection[str]) -> None:
+def _fill(group: Any, given: Variables, coordinates: Collection[str]) -> None:
+    variables = given | counted(given)
     arrays = {name: np.asarray(values) for name, (_, values, _) in variables.items()}
     group.dimensions = _checked_sizes(variables, arrays)
     for name, (dims, _, attributes) in variables.items():
@@ -102,10 +103,6 @@ def _checked_sizes(variables: Variables, arrays: Mapping[str, np.ndarray]) -> di
         shape = arrays[name].shape
         if len(shape) != len(dims) or any(sizes.setdefault(d, n) != n for d, n in zip(dims, shape, strict=True)):
             message = f"variable {name!r} of shape {shape} does not fit its dimensions {dims}, of lengths {sizes}"
-            raise NearharmonicError(message)
-    for name in sizes:
-        if name not in variables:
-            message = f"dimension {name!r} has no coordinate"
             raise NearharmonicError(message)
     return sizes
 

@@ -32,7 +32,7 @@ from nearharmonic.experiments.stability.kepler.run import PERIOD, SYSTEM
 from nearharmonic.experiments.stability.settings import RoundingSettings
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.output.dataset import Contents, coordinate, counted, variable
+from nearharmonic.output.dataset import Contents, coordinate, variable
 
 #: Lanes of the kernels: two AVX-512 registers, which hide each other's latency.
 WIDTH = 16
@@ -197,4 +197,4 @@ def rounding_errors(tableau: Tableau, settings: RoundingSettings) -> Contents:
         "lag": variable(over, lag, "displacement along the track as mean anomaly, by rounding alone", "rad"),
         **coordinate("source", list(SOURCES), "arithmetic of the run, or its coefficients alone"),
     }
-    return Contents(variables=variables | counted(variables), coordinates=("time",))
+    return Contents(variables=variables, coordinates=("time",))

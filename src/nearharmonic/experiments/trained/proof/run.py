@@ -18,7 +18,6 @@ from nearharmonic.output.dataset import (
     Variables,
     bounds_coordinate,
     coordinate,
-    counted,
     method_coordinates,
     variable,
 )
@@ -52,7 +51,7 @@ def measure(methods: Sequence[str], settings: ProofSettings) -> dict[str, Any]:
         found.append(gains(logarithms, kinds, settings.seed))
     variables = _variables(methods, kinds, trials, means) | _gain_variables(methods, found)
     return {
-        "cube": Contents(variables=variables | counted(variables), coordinates=COORDINATES),
+        "cube": Contents(variables=variables, coordinates=COORDINATES),
         "gains": gain_table(variables),
         "methods": method_table(variables),
     }
