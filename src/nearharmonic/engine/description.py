@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from nearharmonic.engine.continuation import Start
     from nearharmonic.engine.problem import Problem
 
+#: Extent of a block of steps.
+SINCE = "since the previous sample"
 #: Words for the end of a run. A plan skips runs; no integration returns that word.
 STATUSES = ("ok", "diverged", "skipped")
 STATUS = "ok; diverged: the run left its energy surface; skipped: the plan left the run out (tables/skipped.csv)"
@@ -63,13 +65,14 @@ def first_run(variables: Variables) -> Variables:
     }
 
 
-def block_variables(paths: Trajectories) -> Variables:
-    """Return what the blocks of steps before each sample came to."""
+def block_variables(problem: Problem, paths: Trajectories) -> Variables:
+    """Return length, maximum and mean of the blocks of steps before each sample."""
     length = np.where(paths.marks >= 0, np.diff(paths.marks, axis=1, prepend=0), 0)
+    scale, unit = energy_scale(paths, problem)
     return over_runs({
-        "block_steps": (length, "steps since the previous sample", "1"),
-        "block_max_energy_error": (paths.block_max, "maximum of |H - H0|/|H0| since the previous sample", "1"),
-        "block_mean_energy_error": (paths.block_mean, "mean of |H - H0|/|H0| since the previous sample", "1"),
+        "block_steps": (length, f"steps {SINCE}", "1"),
+        "block_max_energy_error": (paths.block_max, f"maximum of |H - H0|{scale} {SINCE}", unit),
+        "block_mean_energy_error": (paths.block_mean, f"mean of |H - H0|{scale} {SINCE}", unit),
     })  # fmt: skip
 
 

@@ -35,4 +35,4 @@ def sampled(problem: Problem, steps: Sequence[int], samples: int) -> Variables:
     leading = {name: path.pop(name) for name in ("t", "q", "p", "energy_error")}
     counts = error_variables(paths, problem)
     del counts["max_energy_error"], counts["mean_energy_error"]  # reductions of the blocks
-    return {**leading, **block_variables(paths), **path, **counts, **tau_variable(problem, paths)}
+    return {**leading, **block_variables(problem, paths), **path, **counts, **tau_variable(problem, paths)}

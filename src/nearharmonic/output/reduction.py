@@ -63,10 +63,6 @@ class Reductions:
                 found.update(result if isinstance(result, xr.Dataset) else {one.function.__name__: result})
         return found
 
-    def needed(self) -> set[str]:
-        """Return the names of all variables that a reduction needs."""
-        return {name for one in self._declared for name in one.needs}
-
 
 def exact_sum(values: xr.DataArray, dimension: str) -> xr.DataArray:
     """Return the sum along a dimension, rounded once: it depends neither on the order of the terms nor on padding.

@@ -73,11 +73,9 @@ def _cells(folder: Path) -> Iterator[tuple[str, str, int]]:
     """File, precision and index of every run."""
     for name, entry in manifest.read(folder)["files"].items():
         if entry["function"] == FUNCTION:
-            for group in (None, *store.groups_of(folder / name)):
-                with store.opened(folder / name, group) as runs:
-                    if runs.data_vars:
-                        made = np.flatnonzero(runs.status.values != SKIPPED).tolist()
-                        yield from ((name, group or "double", i) for i in made)
+            with store.opened(folder / name) as by_precision:
+                for precision, runs in by_precision.items():
+                    yield from ((name, precision, i) for i in np.flatnonzero(runs.status.values != SKIPPED).tolist())
 
 
 def _again(folder: Path, name: str, precision: str, index: int) -> Rerun:

@@ -18,6 +18,8 @@ from nearharmonic.systems import systems
 
 #: Values of a cell that no run fills; others are NaN.
 NO_RUN: dict[Any, Any] = {"status": "skipped", "steps": 0, "evaluations": 0, "diverged_at": 0}
+#: Variables that a cube takes over from run files.
+TAKEN_OVER = ("tau_per_stage", "tau", "steps", "evaluations", "status", "diverged_at")
 
 
 def reduce(sweep: Sweep, integrators: Sequence[str], **runs: Sequence[str]) -> dict[str, xr.Dataset]:
@@ -43,22 +45,21 @@ def reduce(sweep: Sweep, integrators: Sequence[str], **runs: Sequence[str]) -> d
 def numbers_of(paths: Iterable[str]) -> xr.Dataset:
     """Return the counts and the reduced numbers of one method's runs over (precision, tau_per_stage).
 
-    One file is open at a time, and of its trajectories no more is read than the reductions use.
+    One file is open at a time, and no other variables are read than those that the reductions use.
     """
     shards: dict[str, list[xr.Dataset]] = {}
     for path in paths:
-        for group in (None, *store.groups_of(path)):
-            with store.opened(path, group) as runs:
-                if runs.data_vars:  # without runs in double precision the root is empty
-                    shards.setdefault(group or "double", []).append(numbers(runs))
+        with store.opened(path) as by_precision:
+            for precision, runs in by_precision.items():
+                shards.setdefault(precision, []).append(numbers(runs))
     curves = {name: _joined(parts, "tau_per_stage").sortby("tau_per_stage") for name, parts in shards.items()}
     return _joined([one.expand_dims(precision=[name]) for name, one in curves.items()], "precision")
 
 
 def numbers(runs: xr.Dataset) -> xr.Dataset:
-    """Return the variables of ``runs`` over tau_per_stage alone, and the results of the reductions."""
-    counts = [name for name, values in runs.data_vars.items() if values.dims == ("tau_per_stage",)]
-    return runs[counts].load().merge(reduction.of(runs))
+    """Return the numbers of ``runs`` over tau_per_stage: those of the file, and the results of the reductions."""
+    runs = runs.reset_coords()  # xarray compares auxiliary coordinates at every operation
+    return runs[list(TAKEN_OVER)].load().assign(reduction.of(runs))
 
 
 def cube_of(system: str, methods: Mapping[str, xr.Dataset]) -> xr.Dataset:
@@ -80,7 +81,7 @@ def cube_of(system: str, methods: Mapping[str, xr.Dataset]) -> xr.Dataset:
     labels = [methods_by_name[name].label for name in methods]
     cube = _joined([numbers.expand_dims(integrator=[name]) for name, numbers in methods.items()], "integrator")
     cube = cube.transpose("precision", "integrator", "tau_per_stage").assign_coords(label=("integrator", labels))
-    cube = cube.merge(reduction.of(cube, over="tau_per_stage"))
+    cube = cube.assign(reduction.of(cube, over="tau_per_stage"))
     cube.tau_per_stage.attrs |= described("step size per stage", problem.units["t"])
     label = "name in the paper" if problem.name in systems.registered else "label"
     for name, text in (("integrator", "integrator"), ("label", label), ("precision", "precision")):

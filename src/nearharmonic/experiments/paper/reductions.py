@@ -7,9 +7,12 @@ A reduction is a function below ``@reduction(...)``, which names the variables t
 
 from __future__ import annotations
 
+from math import inf
+
 import xarray as xr
 
 from nearharmonic.engine import invariants
+from nearharmonic.engine.description import SINCE
 from nearharmonic.engine.statistics import linear_trend
 from nearharmonic.engine.statistics import observed_order as order_of_curve
 from nearharmonic.integrators import integrators
@@ -27,21 +30,19 @@ PAPER = ("sho", "henon_heiles", "kepler")
 @reduction("block_max_energy_error", "status")
 def max_energy_error(runs: xr.Dataset) -> xr.DataArray:
     """Maximum over every step of |H - H0|/|H0|; infinite for a run that left its energy surface."""
-    return _energy_error(runs, "maximum", runs.block_max_energy_error.max("sample"))
+    return _over_every_step(runs, runs.block_max_energy_error, runs.block_max_energy_error.max("sample"))
 
 
 @reduction("block_mean_energy_error", "block_steps", "steps", "status")
 def mean_energy_error(runs: xr.Dataset) -> xr.DataArray:
     """Mean over every step of |H - H0|/|H0|; infinite for a run that left its energy surface."""
     blocks = (runs.block_mean_energy_error * runs.block_steps).where(runs.status == "ok")
-    return _energy_error(runs, "mean", exact_sum(blocks, "sample") / runs.steps)
+    return _over_every_step(runs, runs.block_mean_energy_error, exact_sum(blocks, "sample") / runs.steps)
 
 
-def _energy_error(runs: xr.Dataset, what: str, values: xr.DataArray) -> xr.DataArray:
-    notes = runs.energy_error.attrs if "energy_error" in runs else described("(H - H0)/|H0|")
-    error = notes["long_name"].replace("(H - H0)", "|H - H0|", 1)
-    text = described(f"{what} of {error} over every step, inf if diverged", notes["units"])
-    return values.where(runs.status != "diverged", float("inf")).assign_attrs(text)
+def _over_every_step(runs: xr.Dataset, blocks: xr.DataArray, values: xr.DataArray) -> xr.DataArray:
+    text = blocks.attrs["long_name"].replace(SINCE, "over every step, inf if diverged")
+    return values.where(runs.status != "diverged", inf).assign_attrs(described(text, blocks.attrs["units"]))
 
 
 @reduction("t", "perihelion_angle", "status")

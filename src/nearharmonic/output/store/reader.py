@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,9 @@ from nearharmonic.output.store.seal import FORMAT, FORMAT_KEY, complaint
 
 if TYPE_CHECKING:
     import xarray as xr
+
+#: Options of xarray's reader: numbers as they are, and not as dates or masked.
+PLAIN: dict[str, Any] = {"engine": "h5netcdf", "decode_times": False, "mask_and_scale": False}
 
 
 def read(path: str | os.PathLike[str], group: str | None = None) -> xr.Dataset:
@@ -40,22 +43,26 @@ def read(path: str | os.PathLike[str], group: str | None = None) -> xr.Dataset:
         The file is missing, truncated or not one of this package, or lacks the group; the message holds the command
         that makes it again.
     """
-    with opened(path, group) as dataset:
-        return dataset.load()
+    import xarray as xr
+
+    attributes = attributes_of(path)
+    try:
+        with xr.open_dataset(path, group=group, **PLAIN) as found:
+            return _described(found.load(), attributes)
+    except (OSError, KeyError, ValueError, RuntimeError) as error:
+        raise unusable(path, "cannot be read" if group is None else f"has no readable group {group!r}") from error
 
 
 @contextmanager
-def opened(
-    path: str | os.PathLike[str], group: str | None = None, *, leave_out: Collection[str] = ()
-) -> Iterator[xr.Dataset]:
-    """Open the root of a file, or one of its groups, as :func:`read` does; values are read when they are used.
+def opened(path: str | os.PathLike[str]) -> Iterator[dict[str, xr.Dataset]]:
+    """Open the runs of a file by precision: double in its root, another in the group of its name.
+
+    Values are read when they are used.
 
     Parameters
     ----------
-    path, group
-        As for :func:`read`.
-    leave_out : collection of str
-        Variables that are not wanted; each takes 3 ms to open.
+    path : path
+        A run file.
 
     Raises
     ------
@@ -66,13 +73,19 @@ def opened(
 
     attributes = attributes_of(path)
     try:
-        found = xr.open_dataset(
-            path, engine="h5netcdf", group=group, decode_times=False, mask_and_scale=False, drop_variables=leave_out
-        )
+        groups = xr.open_groups(path, **PLAIN)
     except (OSError, KeyError, ValueError, RuntimeError) as error:
-        raise unusable(path, "cannot be read" if group is None else f"has no readable group {group!r}") from error
-    with found:
-        yield _texts(found).drop_encoding().assign_attrs(attributes)
+        raise unusable(path, "cannot be read") from error
+    with ExitStack() as stack:
+        for one in groups.values():
+            stack.enter_context(one)
+        # Without runs in double precision the root is empty.
+        runs = {name.strip("/") or "double": one for name, one in groups.items() if one.data_vars}
+        yield {precision: _described(one, attributes) for precision, one in runs.items()}
+
+
+def _described(dataset: xr.Dataset, attributes: dict[str, Any]) -> xr.Dataset:
+    return _texts(dataset).drop_encoding().assign_attrs(attributes)
 
 
 def _texts(dataset: xr.Dataset) -> xr.Dataset:
@@ -115,7 +128,7 @@ def groups_of(path: str | os.PathLike[str]) -> tuple[str, ...]:
     import h5py
 
     with _checked(path) as file:
-        return tuple(name for name, member in file.items() if isinstance(member, h5py.Group))
+        return tuple(name for name in file if file.get(name, getclass=True) is h5py.Group)
 
 
 def _checked(path: str | os.PathLike[str]) -> Any:

@@ -146,14 +146,13 @@ def _nearest(taus: np.ndarray, asked: float, whose: str) -> int:
 
 def _trajectory(folder: Path, cells: Mapping[str, Any]) -> tuple[Path | None, int | None]:
     """The run file that holds the run, and how many of its states."""
-    group = None if cells["precision"] == "double" else cells["precision"]
     for path in sorted(folder.glob(f"runs/{cells['system']}/{cells['integrator']}/*.h5")):
-        if group is not None and group not in store.groups_of(path):
-            continue
-        with store.opened(path, group) as runs:
-            (rows,) = np.nonzero(
-                (runs.tau_per_stage.values == cells["tau_per_stage"]) & (runs.status != SKIPPED).values
-            )
+        with store.opened(path) as by_precision:
+            if cells["precision"] not in by_precision:
+                continue
+            runs = by_precision[cells["precision"]]
+            made = (runs.tau_per_stage == cells["tau_per_stage"]) & (runs.status != SKIPPED)
+            (rows,) = np.nonzero(made.values)
             if rows.size:
                 return path, int(np.isfinite(runs.t[rows[0]].values).sum())
     return None, None
