@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from nearharmonic.engine.arrays import list_of
 from nearharmonic.engine.continuation import start_of
 from nearharmonic.engine.description import (
     error_variables,
@@ -208,12 +209,7 @@ def _check_start(problem: Problem, paths: Trajectories) -> None:
 
 
 def _checked_taus(taus: Iterable[float]) -> list[float]:
-    if hasattr(taus, "__array__"):
-        asked = np.asarray(taus).ravel().tolist()
-    elif isinstance(taus, Iterable) and not isinstance(taus, str):
-        asked = list(taus)
-    else:
-        raise bad_setting("taus", taus, "a list of step sizes")
+    asked = list_of("taus", taus, "a list of step sizes")
     if not asked:
         raise bad_setting("taus", asked, "at least one step size")
     return [checked_tau(tau, f"taus[{i}]") for i, tau in enumerate(asked)]
