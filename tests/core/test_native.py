@@ -119,7 +119,7 @@ def test_another_version_of_a_compiler_has_another_key(monkeypatch, compiler):
 
 
 def on_processor(monkeypatch, name):
-    """A run by code made for the processor of this name, or for the host if it is None; the environment does not count."""
+    """A run by code made for the processor of this name, or for the host if it is None, whatever is set outside."""
     for variable in ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES"):
         monkeypatch.delenv(variable, raising=False)
     if name is not None:
