@@ -1,7 +1,8 @@
-"""Multiprecision and the registries are reset after each test; tests that share a workflow run in one process."""
+"""Multiprecision, registries, environment are reset after each test; tests that share a workflow share a process."""
 
 from __future__ import annotations
 
+import os
 from pathlib import PurePosixPath
 
 import mpmath
@@ -33,6 +34,22 @@ def _registries():
         nh.integrators.defining(nh.integrators.definitions),
     ):
         yield
+
+
+def _own_variables():
+    return {name: value for name, value in os.environ.items() if name.startswith("NEARHARMONIC_")}
+
+
+@pytest.fixture(autouse=True)
+def _environment():
+    """A variable that a test leaves behind would change what the tests after it find."""
+    before = _own_variables()
+    yield
+    after = _own_variables()
+    for name in after.keys() - before.keys():
+        del os.environ[name]
+    os.environ.update(before)
+    assert after == before
 
 
 class OneProcessAWorkflow(LoadScopeScheduling):

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import pytest
 
 import nearharmonic as nh
 from configs_by_file import CONFIG, METHOD, WELL, changed, enter, refused, under
 from nearharmonic.config import load
+from nearharmonic.output.declarations import cubes_of
 
 
 @pytest.fixture(autouse=True)
@@ -89,7 +93,20 @@ def test_a_name_that_is_no_identifier_is_refused(key):
         load(under(key, file="quartic_well.py"))
 
 
-@pytest.mark.parametrize("key", ["substeps", "sho_terms", "structure", "stability_kepler", "sweeps", "items", "sort"])
+RULES = "\n".join(path.read_text(encoding="utf-8") for path in Path(__file__).parents[1].glob("workflow/rules/*.smk"))
+#: Names of the cubes of all rules, without those of single systems.
+CUBES = sorted(set(re.findall(r'\bCUBE\("(\w+)"\)', RULES)))
+
+
+def test_the_cubes_of_the_rules_are_those_that_experiments_declare():
+    """Cubes of ensembles have the names of a folder each."""
+    by_name = re.findall(r"\bcube=CUBE\((.+)\),", RULES)
+    assert {name.strip('"') for name in by_name} == {*CUBES, "{system}", "stability_{ensemble}"}
+    ensembles = {f"stability_{name}" for name in ("henon_heiles", "kepler", "rounding")}
+    assert sorted(cubes_of("experiments")) == sorted({*CUBES, *ensembles})
+
+
+@pytest.mark.parametrize("key", [*CUBES, "substeps", "stability_kepler", "stability", "sweeps", "items", "sort"])
 def test_a_name_that_the_workflow_has_another_use_for_is_refused(key):
     with refused(f"systems.{key} = {key!r} is not allowed: the workflow has another use of this name"):
         load(under(key, file="quartic_well.py"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from difflib import get_close_matches
 
@@ -53,12 +54,14 @@ def unknown_name(kind: str, name: object, known: Iterable[str]) -> UnknownNameEr
 
 def bad_setting(key: str, value: object, allowed: str) -> SettingError:
     """The error for a ``value`` of ``key`` outside ``allowed``."""
-    return SettingError(f"{key} = {_shown(value)} is not allowed: {allowed}")
+    return SettingError(f"{key} = {shown(value)} is not allowed: {allowed}")
 
 
-def _shown(value: object) -> str:
+def shown(value: object) -> str:
+    """Return a value as messages show it: on one line, and shortened."""
     try:
         text = repr(value)
     except ValueError:  # an integer of more digits than Python writes
         return f"a number of type {type(value).__name__}"
+    text = re.sub(r"\s*\n\s*", " ", text)  # arrays are written over several lines
     return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE // 2]}... ({len(text)} characters)"

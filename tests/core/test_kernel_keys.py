@@ -13,7 +13,9 @@ import pytest
 import nearharmonic as nh
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.kernels import kernel_of
+from nearharmonic.engine.regularised import landing_of
 from nearharmonic.engine.settings import Numerics
+from nearharmonic.systems.regularisation import Regularisation, RegularisedFormulas
 
 OSCILLATOR = nh.systems["sho"]
 
@@ -58,6 +60,28 @@ def test_kernels_with_and_without_the_energy_at_every_step_share_a_cache(own_cac
         assert paths["every"].mean_energy_error[0] > 0
         assert np.isnan(paths["samples"].mean_energy_error[0])
         assert paths["every"].max_energy_error[0] > paths["samples"].max_energy_error[0] > 0
+
+
+class HalfSteps(RegularisedFormulas):
+    """Maps whose fictitious time runs as if each orbit were half as large."""
+
+    def inverse_axis(self, x, *parameters):
+        return 2 * super().inverse_axis(x, *parameters)
+
+
+def test_systems_that_differ_in_the_time_map_alone_get_their_own_code(own_cache):
+    """Steps of the fictitious time are those of physical time over the semi-major axis: half of it, half as many."""
+    own = nh.systems["kepler_regularised"]
+    system, other = (replace(own, regularisation=Regularisation(gravity="GM")) for _ in range(2))
+    maps = other.formulas().regularised
+    halved = HalfSteps(maps.regularisation, maps.gravity, maps.dimension)
+    vars(other)["_formulas"] = replace(other.formulas(), regularised=halved)
+    steps = {}
+    for key, one in (("own", system), ("halved", other), ("own again", system)):
+        landing_of.cache_clear()
+        steps[key] = nh.integrate(one, "ruth", 100, t_end=20000, samples=2).steps.item()
+    assert steps["own"] == steps["own again"]
+    assert steps["halved"] == pytest.approx(steps["own"] / 2, abs=1)
 
 
 def core_digest_of_a_fresh_process():

@@ -118,15 +118,24 @@ def test_another_version_of_a_compiler_has_another_key(monkeypatch, compiler):
     assert after != before
 
 
+def on_processor(monkeypatch, name):
+    """A run by code made for the processor of this name, or for the host if it is None, whatever is set outside."""
+    for variable in ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES"):
+        monkeypatch.delenv(variable, raising=False)
+    if name is not None:
+        monkeypatch.setenv("NUMBA_CPU_NAME", name)
+    caches = native.processor, native.core_digest, kernel_of
+    for cached in caches:
+        cached.cache_clear()
+    run = integrate_batch(OSCILLATOR, nh.integrators["aba864"], t_end=Fraction(50), steps=[170, 90], samples=20)
+    for cached in caches:
+        cached.cache_clear()
+    return run
+
+
 @pytest.mark.parametrize("processor", ["x86-64-v3", "generic"])
 def test_code_for_another_processor_computes_the_same_bits(own_cache, monkeypatch, processor):
-    here = integrate_batch(OSCILLATOR, nh.integrators["aba864"], t_end=Fraction(50), steps=[170, 90], samples=20)
-    monkeypatch.setenv("NUMBA_CPU_NAME", processor)
-    for cached in (native.processor, native.core_digest, kernel_of):
-        cached.cache_clear()
-    there = integrate_batch(OSCILLATOR, nh.integrators["aba864"], t_end=Fraction(50), steps=[170, 90], samples=20)
-    for cached in (native.processor, native.core_digest):
-        cached.cache_clear()
+    here, there = on_processor(monkeypatch, None), on_processor(monkeypatch, processor)
     assert len(kernels_in(own_cache)) == 2
     assert np.array_equal(here.q, there.q)
     assert np.array_equal(here.max_energy_error, there.max_energy_error)

@@ -75,6 +75,16 @@ def test_a_result_says_that_it_is_processed_and_where_its_energy_is_measured():
     assert run.evaluations == 50  # of the kernel
 
 
+@pytest.mark.parametrize("precision", ["double", "extended"])
+def test_a_prepared_run_has_the_bits_of_a_run_by_itself(precision):
+    """It copies all results at once, whatever they are made of; the second call fills the arrays of the first."""
+    asked = {"t_end": 5, "samples": 6, "precision": precision}
+    prepared = nh.problem("henon_heiles", "rowlands", **asked)
+    for q0 in ((0.3, 0.0), (0.1, 0.2)):
+        found, expected = prepared(0.1, q0=q0), nh.integrate("henon_heiles", "rowlands", 0.1, q0=q0, **asked)
+        assert found.to_dataset().drop_attrs().identical(expected.drop_attrs())
+
+
 def test_a_sweep_measures_at_many_samples():
     swept = nh.sweep("henon_heiles", "rowlands", [0.1], t_end=20)
     run = nh.integrate("henon_heiles", "rowlands", 0.1, t_end=20, samples=1000)

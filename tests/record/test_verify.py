@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import json
 import random
+import re
+from pathlib import Path
 
 import pytest
 
 from nearharmonic.output.provenance import task
 from nearharmonic.output.receipts import Receipt
 from nearharmonic.record import history, manifest, verify
-from nearharmonic.record.verify import faults
+from nearharmonic.record.verify import _target_of, faults
+from targets import TARGETS
 
 TASK = task("experiments.paper.run:integrate", system="sho", integrator="ruth")
+RULES = Path(__file__).parents[2] / "workflow/rules"
+EXPERIMENTS = Path(verify.__file__).parents[1] / "experiments"
 FILES = {
     "runs/sho/ruth/0.h5": b"trajectory",
     "cubes/sho.h5": b"numbers",
@@ -122,6 +127,8 @@ def test_other_code_and_other_coefficients_are_told_once_for_each_function(resul
     [
         ("experiments.derivation.run:derive", " -- derive"),
         ("experiments.stability.rounding.run:measure", " -- stability"),
+        ("experiments.exact_oscillator.times:measure", " -- exact_oscillator"),
+        ("experiments.trained.proof.run:measure", " -- trained"),
         ("experiments.paper.reduce:reduce", ""),
         ("claims.table:decided", ""),
     ],
@@ -130,6 +137,16 @@ def test_the_command_names_the_target_that_the_function_belongs_to(results, func
     edit(results, function=function, code="0")
     (found,) = faults(results)
     assert found.mend == f"Make it again: snakemake -j2 --configfile config/smoke.yaml{target}"
+
+
+@pytest.mark.parametrize("experiment", sorted(path.parent.name for path in EXPERIMENTS.glob("*/__init__.py")))
+def test_every_experiment_has_a_target_that_makes_its_files(experiment):
+    """The default target makes those of the paper alone."""
+    target = _target_of(f"experiments.{experiment}.run:measure").removeprefix(" -- ") or "all"
+    rules = "\n".join(path.read_text(encoding="utf-8") for path in RULES.glob("*.smk"))
+    assert (target == "all") == (experiment == "paper")
+    assert target == "all" or re.search(rf"^rule {target}:$", rules, re.MULTILINE)
+    assert target in TARGETS
 
 
 def test_the_command_has_the_config_that_the_results_were_made_with(results):

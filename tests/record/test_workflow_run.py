@@ -116,6 +116,7 @@ def test_a_machine_that_cannot_be_named_is_one_warning_and_the_rest_is_kept(tmp_
         raise OSError("no such machine")
 
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("NEARHARMONIC_RUN", "another")
     monkeypatch.setattr("nearharmonic.record.workflow_run.fingerprint", fail)
     begun = WorkflowRun("results/smoke", load(yaml.safe_load(SMOKE.read_text(encoding="utf-8"))), sources=tmp_path)
     begun.begin(["snakemake"], ["all"], cores=None)

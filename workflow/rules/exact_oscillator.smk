@@ -1,6 +1,8 @@
 """The oscillator of Henon-Heiles solved exactly beside T + V: errors and crossings, and what that costs here."""
 
-EXACT_OSCILLATOR_FIGURES = figures_of("experiments.exact_oscillator", CONFIG.systems, ["exact_oscillator"])
+from nearharmonic.experiments.exact_oscillator import CUBES as EXACT_OSCILLATOR_CUBES
+
+EXACT_OSCILLATOR_FIGURES = figures_of("experiments.exact_oscillator", CONFIG.systems, EXACT_OSCILLATOR_CUBES)
 FIGURES += EXACT_OSCILLATOR_FIGURES
 
 
@@ -41,7 +43,7 @@ rule exact_oscillator_times:
 
 rule exact_oscillator:
     input:
-        CUBE("exact_oscillator"),
+        [CUBE(stem) for stem in EXACT_OSCILLATOR_CUBES],
         TABLE("exact_oscillator"),
         TABLE("exact_oscillator_times"),
         [FIGURE(one.stem) for one in EXACT_OSCILLATOR_FIGURES],

@@ -1,8 +1,9 @@
 """The paper: runs, cubes, figures, and tables of coefficients and of what was left out."""
 
+from nearharmonic.experiments.paper import CUBES as PAPER_CUBES
 from nearharmonic.experiments.paper.tables import STEMS
 
-PAPER_FIGURES = figures_of("experiments.paper", CONFIG.systems, ["sho_terms"])
+PAPER_FIGURES = figures_of("experiments.paper", CONFIG.systems, PAPER_CUBES)
 FIGURES += PAPER_FIGURES
 PAPER_TABLES = {stem: TABLE(stem) for stem in STEMS}
 TABLE_FILES = [f"{RESULTS}/tables/skipped.csv", *PAPER_TABLES.values()]

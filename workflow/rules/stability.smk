@@ -1,14 +1,9 @@
 """Where the methods may be trusted: three ensembles, one job a method and then a cube; and three cubes of one job."""
 
+from nearharmonic.experiments.stability import CUBES as STABILITY_CUBES
 from nearharmonic.systems import systems
 
 ENSEMBLES = ("henon_heiles", "kepler", "rounding")
-STABILITY_CUBES = [
-    "linear_stability",
-    "structure",
-    "kinetic_energy",
-    *(f"stability_{ensemble}" for ensemble in ENSEMBLES),
-]
 STABILITY_FIGURES = figures_of("experiments.stability", CONFIG.systems, STABILITY_CUBES)
 FIGURES += STABILITY_FIGURES
 

@@ -1,9 +1,9 @@
 """Methods trained on near-harmonic systems: all methods on problems that none was trained on, and what they show."""
 
+from nearharmonic.experiments.trained import CUBES as TRAINED_CUBES
 from nearharmonic.experiments.trained.contestants import contestants, kind_of
 
 CONTESTANTS = contestants()
-TRAINED_CUBES = ["trained", "trained_ideas"]
 TRAINED_FIGURES = figures_of("experiments.trained", CONFIG.systems, TRAINED_CUBES)
 FIGURES += TRAINED_FIGURES
 

@@ -2,6 +2,7 @@
 
 import os
 
+from nearharmonic.experiments.work_precision import CUBES as WORK_PRECISION_CUBES
 from nearharmonic.systems import systems
 
 try:
@@ -10,7 +11,7 @@ except WorkflowError:  # --summary, --list-changes, --report and remote executor
     ALL_CORES = os.cpu_count()
 
 WORK_PRECISION_FILES = [
-    CUBE("work_precision"),
+    *map(CUBE, WORK_PRECISION_CUBES),
     *(FIGURE(f"work_precision_{system}") for system in CONFIG.systems),
     FIGURE("library_times_trajectory"),
     FIGURE("library_times_ensemble"),

@@ -132,17 +132,22 @@ def build_landing(
         Prepares a call, from the arguments of :data:`nearharmonic.core.layout.LAND` without the three addresses in
         front and the arrays of one state behind.
     """
+    from nearharmonic.core import landing
+
     rules = Rules(physics, extended, compensated)
     kernel = build(physics, extended=extended, compensated=compensated, width=1, energy=energy)
     main = _advance(rules, 1, energy)
     look = _advance(rules, 1, "none" if energy == "none" else "samples")
 
+    module, name = landing.land(rules, maps)
+
     def make() -> tuple[str, bytes]:
-        from nearharmonic.core import assembly, landing
+        from nearharmonic.core import assembly
 
-        return assembly.machine_code(*landing.land(rules, maps))
+        return assembly.machine_code(module, name)
 
-    land = native(f"land-{_key(rules, 1)}", LAND, make)
+    # The formulas of the steps do not tell the maps: the text of the function does.
+    land = native(f"land-{code_key(str(module))}", LAND, make)
 
     def prepared(measured: int, *others: Any) -> PreparedCall:
         stages = others[_STAGES]

@@ -13,6 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+Floats = NDArray[np.float64]
 Scalar = Literal["int64", "float64", "bool"]
 
 #: Entries of the tally behind the 4 d rows of the state, in this order.
@@ -213,6 +214,21 @@ def running_rows(dimension: int) -> int:
 def running_at(dimension: int, parameters: int) -> int:
     """The first row of the state that runs, behind the state that is seen, the tally and the parameters."""
     return 4 * dimension + TALLY + parameter_rows(parameters)
+
+
+def split_results(results: Floats, runs: int, samples: int, d: int) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return ``states`` (R, S, 4 d), ``blocks`` (3, R, S), ``energy`` (R, 2) and ``running`` (R, 5 d) of one array.
+
+    ``blocks`` are ``energy_error``, ``worst`` and ``total`` of :data:`RUN`.
+    """
+    states, blocks = 4 * d * runs * samples, 3 * runs * samples
+    behind = states + blocks + 2 * runs
+    return (
+        results[:states].reshape(runs, samples, 4 * d),
+        results[states : states + blocks].reshape(3, runs, samples),
+        results[states + blocks : behind].reshape(runs, 2),
+        results[behind:].reshape(runs, running_rows(d)),
+    )
 
 
 def workspace(

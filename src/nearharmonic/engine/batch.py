@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nearharmonic.core.layout import EVERY_STEP, LOOKS, NEVER, SAMPLES, running_rows
+from nearharmonic.core.layout import EVERY_STEP, LOOKS, NEVER, SAMPLES, running_rows, split_results
 from nearharmonic.engine import execution
 from nearharmonic.engine.coefficients import Floats, moves_of
 from nearharmonic.engine.initial_values import standard_parameters, standard_start
@@ -236,18 +236,6 @@ def surface_limit(system: System, scale: float) -> float:
     ``scale`` only what is not finite has diverged.
     """
     return inf if system.time_dependent and scale == 0 else system.surface_limit
-
-
-def split_results(results: Floats, runs: int, samples: int, d: int) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return ``states``, ``blocks``, ``energy`` and ``running`` of :class:`Batch`, which lie in one array."""
-    states, blocks = 4 * d * runs * samples, 3 * runs * samples
-    behind = states + blocks + 2 * runs
-    return (
-        results[:states].reshape(runs, samples, 4 * d),
-        results[states : states + blocks].reshape(3, runs, samples),
-        results[states + blocks : behind].reshape(runs, 2),
-        results[behind:].reshape(runs, running_rows(d)),
-    )
 
 
 def integrate_batch(

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nearharmonic.engine.coefficients import Floats, moves_of
+from nearharmonic.engine.earlier_result import checked_result, end_of, parameters_of
 from nearharmonic.engine.initial_values import parameter_array, standard_parameters, start_array
 from nearharmonic.engine.kernels import formulas_digest
 from nearharmonic.engine.regularised import check_bound
@@ -25,9 +26,6 @@ if TYPE_CHECKING:
 
     from nearharmonic.engine.problem import Problem
     from nearharmonic.systems.system import System
-
-#: Variables of a result that a continuation needs.
-CONTINUED = ("q", "p", "t", "status", "diverged_at", "initial_energy", "initial_energy_low")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,22 +107,38 @@ def start_of(
     NearharmonicError
         A value outside what is allowed, or an earlier result that cannot be continued so.
     """
-    if isinstance(start, Solution):
-        start = start.to_dataset()
-    earlier = {} if start is None else json.loads(_result(start).attrs.get("parameters", "{}"))
-    asked = {**earlier, **_mapping(parameters)}
-    rows = parameter_array(problem.system, asked) if asked else standard_parameters(problem.system)[None, :]
     if start is not None:
         if q0 is not None or p0 is not None:
             key, value = ("q0", q0) if q0 is not None else ("p0", p0)
             raise bad_setting(key, value, "with start=, a run continues from the state of that result")
-        return _end_of(problem, start, rows, asked, changed=bool(parameters))
+        return _continued(problem, start.to_dataset() if isinstance(start, Solution) else start, parameters)
+    asked = _mapping(parameters)
+    rows = parameter_array(problem.system, asked) if asked else standard_parameters(problem.system)[None, :]
     state = start_array(problem.system, q0, p0, plain=problem.plain)
     for key, array in (("q0 and p0", state), ("parameters", rows)):
-        if len(array) != 1:
-            raise bad_setting(key, f"{len(array)} rows", "those of one trajectory; nearharmonic.ensemble takes many")
+        _check_one(key, array)
     check_bound(problem.system, state, rows)
     return Start(state=state, parameters=rows, system=problem.system, given=asked)
+
+
+def _continued(problem: Problem, start: Any, parameters: Mapping[str, Any] | None) -> Start:
+    """The end of an earlier result, which keeps its H0 and ``running`` unless its parameters are replaced."""
+    result = checked_result(problem, start)
+    own = _mapping(parameters)
+    asked = {**parameters_of(result), **own}
+    rows = parameter_array(problem.system, asked)
+    _check_one("parameters", rows)
+    end = end_of(problem, result)
+    check_bound(problem.system, end.state, rows)
+    return Start(
+        state=end.state, parameters=rows, system=problem.system, given=asked, t=end.t, moves=end.moves,
+        reference=(nan, nan) if own else end.reference, running=None if own else end.running,
+    )  # fmt: skip
+
+
+def _check_one(key: str, rows: Floats) -> None:
+    if len(rows) != 1:
+        raise bad_setting(key, f"{len(rows)} rows", "those of one trajectory; nearharmonic.ensemble takes many")
 
 
 def _mapping(parameters: object) -> Mapping[str, Any]:
@@ -140,40 +154,3 @@ def _exact_text(value: Any) -> str:
     if isinstance(value, Sequence):  # of one number
         return _exact_text(value[0])
     return str(Decimal(np.asarray(value, float).item()))
-
-
-def _result(start: Any) -> Any:
-    complete = hasattr(start, "attrs") and all(name in start for name in CONTINUED)
-    if not complete or start.q.dims != ("sample", "component") or not start.q.size:
-        allowed = "a Dataset that nearharmonic.integrate returned, with all its variables"
-        raise bad_setting("start", type(start).__name__, allowed)
-    return start
-
-
-def _end_of(problem: Problem, start: Any, rows: Floats, given: Mapping[str, Any], *, changed: bool) -> Start:
-    """The last sample of an earlier result."""
-    system, last = problem.system, start.isel(sample=-1)
-    if start.attrs.get("system") != system.name or last.q.size != system.dimension:
-        raise bad_setting("start", f"a result of {start.attrs.get('system')}", f"a result of {system.name}")
-    if start.attrs.get("formulas", formulas_digest(system)) != formulas_digest(system):
-        what = f"a result of another system of the name {system.name}"
-        raise bad_setting("start", what, "one of the same formulas, masses and parameters that are compiled in")
-    if str(start.status.values) != "ok":
-        raise bad_setting(
-            "start", f"a run that diverged at step {int(start.diverged_at)}", "a run that did not diverge"
-        )
-    state = np.zeros((4, problem.states_dimension))
-    for k, name in enumerate(("q", "q_low", "p", "p_low")):
-        if name in last and not (problem.plain and k % 2):
-            state[k, : system.dimension] = last[name].values
-        clock = ("clock", "clock_low", "clock_momentum", "clock_momentum_low")[k]
-        if clock in last and not (problem.plain and k % 2):
-            state[k, system.dimension] = float(last[clock])
-    reference = (nan, nan) if changed else (float(start.initial_energy), float(start.initial_energy_low))
-    running = None
-    if "running" in start and not changed:
-        running = np.array(start.running.values, float)[None, :]
-    return Start(
-        state=state.reshape(1, -1), parameters=rows, system=system, given=given, t=float(last.t), reference=reference,
-        running=running, moves=start.attrs.get("moves", ""),
-    )  # fmt: skip

@@ -178,9 +178,11 @@ def trajectory_dataset(
     ends = times is None or np.ravel(times)[-1] == float(problem.end) + begin.t  # the last sample is the end of the run
     if ends and paths.running.size:
         from nearharmonic.engine.continuation import moves_digest
+        from nearharmonic.engine.earlier_result import end_digest
 
         one |= running_variable(problem, paths)
         notes["moves"] = moves_digest(problem, int(paths.steps[0]))
+        notes["end"] = end_digest(one, notes.get("parameters", ""))
     return assembled(one, ["t"], notes)
 
 

@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 
 from nearharmonic.core.arithmetic import rounded_pair
+from nearharmonic.engine.arrays import array_of
 from nearharmonic.engine.coefficients import Floats, parameter_row, start_row
 from nearharmonic.errors import bad_setting, unknown_name
-from nearharmonic.systems.quantities import is_extreme
+from nearharmonic.systems.quantities import is_extreme, is_list
 from nearharmonic.systems.system import System
 
 #: What a number may be, as errors tell.
@@ -93,7 +94,7 @@ def start_array(system: System, q0: object, p0: object, *, plain: bool) -> Float
     Raises
     ------
     SettingError
-        Another number of components or rows, or a component that is no finite number.
+        Another number of components or rows, or a component that is masked or no finite number.
     """
     d, own = system.dimension, standard_start(system, plain)
     given = [(k, _rows(key, values, d)) for k, key, values in ((0, "q0", q0), (2, "p0", p0)) if values is not None]
@@ -123,7 +124,7 @@ def parameter_array(system: System, parameters: Mapping[str, Any]) -> Floats:
     UnknownNameError
         The system has no such parameter.
     SettingError
-        A value that is no finite number, or arrays of different lengths.
+        A value that is masked or no finite number, or arrays of different lengths.
     """
     if not isinstance(parameters, Mapping):
         raise bad_setting("parameters", parameters, "a mapping of names to values")
@@ -156,8 +157,8 @@ def _rows(key: str, values: Any, d: int) -> Floats:
     allowed = f"{d} number{'s' if d > 1 else ''}, one a coordinate, or rows of {d}"
     if hasattr(values, "data_vars"):
         raise bad_setting(key, "a Dataset", f"{allowed}; a run is continued by start=")
-    if _is_array(values):
-        array = np.asarray(values)
+    array = array_of(key, values)
+    if array is not None:
         if array.ndim == 0:
             array = array[None]
         if array.ndim > 2 or array.shape[-1] != d or not len(array):
@@ -165,7 +166,7 @@ def _rows(key: str, values: Any, d: int) -> Floats:
         return _pairs_of(key, array.reshape(-1, d))
     if isinstance(values, str | Real | Decimal):
         values = [values]
-    if not isinstance(values, Sequence) or isinstance(values, bytes) or not values:
+    if not isinstance(values, Sequence) or not is_list(values) or not values:
         raise bad_setting(key, values, allowed)
     if isinstance(values[0], Sequence | np.ndarray) and not isinstance(values[0], str):
         return np.concatenate([_rows(f"{key}[{i}]", row, d) for i, row in enumerate(values)])
@@ -178,18 +179,14 @@ def _rows(key: str, values: Any, d: int) -> Floats:
 
 def _column(key: str, value: Any) -> Floats:
     """Pairs (R, 2) of one value, or of an array of them."""
-    if _is_array(value):
-        array = np.asarray(value)
+    array = array_of(key, value)
+    if array is not None:
         if array.ndim > 1 or not array.size:
             raise bad_setting(key, f"array of shape {array.shape}", "a number, or one a member")
         return _pairs_of(key, array.reshape(-1, 1))[:, 0]
-    if isinstance(value, Sequence) and not isinstance(value, str):
+    if isinstance(value, Sequence) and is_list(value):
         return np.array([_pair(f"{key}[{i}]", x) for i, x in enumerate(value)]).reshape(-1, 2)
     return np.array([_pair(key, value)])
-
-
-def _is_array(values: Any) -> bool:
-    return hasattr(values, "__array__") and np.asarray(values).dtype.kind in "fiu"
 
 
 def _pairs_of(key: str, array: Any) -> Floats:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from nearharmonic.engine.arrays import list_of
 from nearharmonic.engine.batch import integrate_batch, prepared_batch
 from nearharmonic.engine.coefficients import Floats, moves_of
 from nearharmonic.engine.initial_values import exact, standard_parameters
@@ -35,11 +36,9 @@ def checked_times(t: object, end: Fraction, t_end: str) -> list[Fraction]:
     Raises
     ------
     SettingError
-        No times, too many, one outside the interval, or one before its predecessor.
+        No list, no times, too many, a masked one, one outside the interval, or one before its predecessor.
     """
-    if isinstance(t, str) or not isinstance(t, Iterable):
-        raise bad_setting("t", t, "a list of output times")
-    given = np.asarray(t).ravel().tolist() if hasattr(t, "__array__") else list(t)
+    given = list_of("t", t, "a list of output times")
     if not 1 <= len(given) <= MOST_SAMPLES:
         raise bad_setting("t", f"{len(given)} times", f"from 1 to {MOST_SAMPLES} output times")
     times = [exact(f"t[{i}]", value) for i, value in enumerate(given)]

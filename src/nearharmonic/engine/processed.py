@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from nearharmonic.core.layout import split_results
 from nearharmonic.engine.modified_moves import modified_moves
 from nearharmonic.integrators.processed_tableau import ProcessedTableau
 
@@ -58,7 +59,7 @@ def processed_batch(
     reference : pair of float
         H0 for all runs, in place of the energy of each start.
     """
-    samples, numerics = kernel.marks.shape[1], kernel.numerics
+    (runs, samples, width), numerics = kernel.states.shape, kernel.numerics
     many = np.repeat(kernel.scheme, samples)
     parameters = kernel.parameters if len(kernel.parameters) == 1 else np.repeat(kernel.parameters, samples, axis=0)
     first, last = (
@@ -72,21 +73,12 @@ def processed_batch(
         )
     )  # fmt: skip
     results = np.empty_like(kernel.results)
-    states, blocks, energy, running = (
-        _same_place(own, kernel.results, results)
-        for own in (kernel.states, kernel.blocks, kernel.energy, kernel.running)
-    )
+    states, blocks, energy, running = split_results(results, runs, samples, width // 4)
     batch = replace(
         kernel, moves=moves, start=kernel.start.copy(), results=results, states=states, blocks=blocks, energy=energy,
         running=running,
     )  # fmt: skip
     return replace(batch, call=ProcessedCall(batch, kernel, first, last, reference))
-
-
-def _same_place(part: Floats, whole: Floats, other: Floats) -> Floats:
-    """The part of ``other`` that is where ``part`` is in ``whole``."""
-    offset = (part.ctypes.data - whole.ctypes.data) // whole.itemsize
-    return other[offset : offset + part.size].reshape(part.shape)
 
 
 class ProcessedCall:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nearharmonic.engine.batch import Batch, split_results
+from nearharmonic.core.layout import split_results
+from nearharmonic.engine.batch import Batch
 from nearharmonic.engine.coefficients import Floats
 from nearharmonic.engine.results import Integers, Trajectories, trajectories_of
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from nearharmonic.engine.arrays import list_of
 from nearharmonic.engine.continuation import start_of
 from nearharmonic.engine.description import (
     error_variables,
@@ -88,8 +89,9 @@ def integrate(
     energy_scale : float or str, optional
         Energy that errors are relative to, in the system's unit; by default |H0|, or that unit where H0 = 0.
     start : xarray.Dataset or Solution, optional
-        Continue from the last sample of this result, with its parameters and relative to its H0, with the same bits as
-        one long run. ``t_end`` is then the length of the continuation.
+        Continue from the last sample of this result, with its parameters and relative to its H0. ``t_end`` is then the
+        length of the continuation. The bits are those of one long run, unless the last sample has been edited: the run
+        then goes on from what it says.
     split : {"kinetic_potential", "exact_oscillator"}
         What the two operators of the method solve: T by drifts and V by kicks; or, for a system that declares
         ``frequencies`` w, p.p/2 + sum w_i^2 q_i^2 / 2 by rotations in place of drifts, and the rest of V by kicks.
@@ -208,12 +210,7 @@ def _check_start(problem: Problem, paths: Trajectories) -> None:
 
 
 def _checked_taus(taus: Iterable[float]) -> list[float]:
-    if hasattr(taus, "__array__"):
-        asked = np.asarray(taus).ravel().tolist()
-    elif isinstance(taus, Iterable) and not isinstance(taus, str):
-        asked = list(taus)
-    else:
-        raise bad_setting("taus", taus, "a list of step sizes")
+    asked = list_of("taus", taus, "a list of step sizes")
     if not asked:
         raise bad_setting("taus", asked, "at least one step size")
     return [checked_tau(tau, f"taus[{i}]") for i, tau in enumerate(asked)]

@@ -20,10 +20,10 @@ Entries = Mapping[str, Mapping[str, Any]]
 
 #: Beginnings of the names of files, in the order in which one is made from another.
 ORDER = ("runs/", "cubes/", "derived/", "figures/", "tables/", "report.html")
-#: Targets of the experiments that are no part of the default target.
-TARGETS = {
-    "derivation": "derive", "sixth_order": "sixth_order", "stability": "stability", "work_precision": "work_precision",
-}  # fmt: skip
+#: The experiment that the default target makes; every other one has a target of its name,
+DEFAULT = "paper"
+#: but for these.
+TARGETS = {"derivation": "derive"}
 
 
 @dataclass(frozen=True, order=True, kw_only=True)
@@ -144,8 +144,11 @@ def _difference(
 
 def _target_of(function: str) -> str:
     """The target that the files of ``function`` belong to, as the end of a command; empty for those of the default."""
-    experiment = function.removeprefix("experiments.").partition(".")[0]
-    return f" -- {TARGETS[experiment]}" if experiment in TARGETS else ""
+    room, _, rest = function.partition(".")
+    experiment = rest.partition(".")[0]
+    if room != "experiments" or experiment == DEFAULT:
+        return ""
+    return f" -- {TARGETS.get(experiment, experiment)}"
 
 
 def extent(folder: Path) -> tuple[int, int]:

@@ -8,7 +8,7 @@ from math import isinf
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
-from nearharmonic.errors import SystemDefinitionError
+from nearharmonic.errors import SystemDefinitionError, shown
 from nearharmonic.systems.quantities import is_extreme
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def check_numbers(system: System) -> None:
         except (InvalidOperation, TypeError, ValueError):
             finite = False
         if not finite:
-            raise SystemDefinitionError(f"{system.name}: {key} = {text!r} is not a finite decimal number")
+            raise SystemDefinitionError(f"{system.name}: {key} = {shown(text)} is not a finite decimal number")
         if isinf(float(text)):
             raise SystemDefinitionError(f"{system.name}: {key} = {text!r} is larger than any double")
         if is_extreme(text):

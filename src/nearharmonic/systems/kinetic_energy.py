@@ -12,7 +12,7 @@ from typing import Any
 from nearharmonic.core.number import Constant
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems.energy import constants_beside
-from nearharmonic.systems.quantities import is_extreme
+from nearharmonic.systems.quantities import is_extreme, is_list
 
 Vector = tuple[Any, ...]
 
@@ -53,7 +53,7 @@ class MassKineticEnergy:
     def __init__(self, masses: Sequence[Any], dimension: int, parameters: Collection[str]) -> None:
         #: What it is made of.
         self.given = (masses, tuple(parameters))
-        if isinstance(masses, str) or not hasattr(masses, "__len__"):
+        if not is_list(masses) or not hasattr(masses, "__len__"):
             raise SystemDefinitionError(f"masses = {masses!r} is no tuple of {dimension} masses")
         if len(masses) != dimension:
             raise SystemDefinitionError(f"masses has {len(masses)} entries, expected {dimension}, one a coordinate")

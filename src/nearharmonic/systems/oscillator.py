@@ -14,7 +14,7 @@ from nearharmonic.core.number import Constant
 from nearharmonic.errors import SystemDefinitionError, bad_setting
 from nearharmonic.systems.energy import Energy, constants_beside
 from nearharmonic.systems.formulas import Formulas
-from nearharmonic.systems.quantities import Vector, is_extreme
+from nearharmonic.systems.quantities import Vector, is_extreme, is_list
 
 if TYPE_CHECKING:
     from nearharmonic.systems.system import System
@@ -46,7 +46,7 @@ def written_frequencies(system: System) -> tuple[Fraction | str, ...]:
         Another number of them than of coordinates, or one that is no number of at least 0 and no parameter.
     """
     given: Any = system.frequencies
-    if isinstance(given, str) or not hasattr(given, "__len__") or len(given) != system.dimension:
+    if not is_list(given) or not hasattr(given, "__len__") or len(given) != system.dimension:
         allowed = f"{system.dimension} frequencies, one a coordinate, 0 for one that is free"
         raise SystemDefinitionError(f"{system.name}: frequencies = {given!r} is not allowed: {allowed}")
     return tuple(_frequency(system, i, value) for i, value in enumerate(given))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from decimal import Context, Decimal, InvalidOperation
 from numbers import Rational, Real
@@ -67,6 +68,12 @@ def is_extreme(value: Any) -> bool:
     return number.is_finite() and number != 0 and abs(number.adjusted()) > LARGEST_EXPONENT
 
 
+def is_list(values: Any) -> bool:
+    """Return whether iterating over ``values`` gives numbers in an order: not for text, bytes, mappings and sets."""
+    other = isinstance(values, str | bytes | bytearray | memoryview | Mapping | AbstractSet)
+    return isinstance(values, Iterable) and not other and getattr(values, "ndim", 1) > 0
+
+
 def sequence(values: Any) -> Any:
-    """Return what is no sequence as one of itself alone."""
-    return values if isinstance(values, Iterable) and not isinstance(values, str) else (values,)
+    """Return a value that is no list as a tuple of this value alone."""
+    return values if is_list(values) else (values,)

@@ -10,6 +10,14 @@ from nearharmonic.claims.page.page import page
 from page_results import write_results
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _outside_a_run():
+    """The tests themselves may run in a job of a workflow."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("NEARHARMONIC_RUN", raising=False)
+        yield
+
+
 @pytest.fixture(scope="session")
 def results(tmp_path_factory):
     """A folder of results that tests only read."""

@@ -82,8 +82,32 @@ OPTIONAL = (
             "library_times_trajectory": "One trajectory, beside other libraries",
             "library_times_ensemble": "Ensembles, beside other libraries",
             "work_precision_*": "Run time against error",
+            "regularised_times": "Kepler's problem regularised",
         },
         tables=("library_times", "work_precision_*"),
+    ),
+    Section(
+        anchor="exact-oscillator",
+        title="Oscillator solved exactly",
+        target="exact_oscillator",
+        about="The oscillator of the system of Hénon and Heiles solved exactly, beside T + V, over the amplitude.",
+        figures={
+            "exact_oscillator_error": "Energy error against amplitude",
+            "exact_oscillator_charge": "Amplitude up to which the exact oscillator is ahead, against its cost",
+        },
+        tables=("exact_oscillator", "exact_oscillator_times"),
+    ),
+    Section(
+        anchor="trained",
+        title="Trained methods",
+        target="trained",
+        about="Methods whose coefficients a search has chosen, on problems that none was trained on.",
+        figures={
+            "trained_error": "Energy error on ensembles",
+            "trained_gain": "Gain over the best published method",
+            "trained_ideas": "Five ideas, by anharmonicity",
+        },
+        tables=("trained_*",),
     ),
     Section(
         anchor="derivation",

@@ -13,27 +13,15 @@ from nearharmonic.errors import NearharmonicError, SettingError, UnknownNameErro
 from nearharmonic.experiments.paper.settings import SystemSettings
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.user_file import TableauDefinition, load_tableaus
+from nearharmonic.output.declarations import cubes_of
 from nearharmonic.registry import is_path, split_path
 from nearharmonic.systems import System, systems
 from nearharmonic.systems.gradients import check_gradients
 from nearharmonic.systems.user_file import SystemDefinition
 from nearharmonic.user_module import is_file
 
-#: Names that files and rules of the workflow have already.
-TAKEN = frozenset(
-    {
-        "exact_oscillator",
-        "exact_oscillator_times",
-        "kinetic_energy",
-        "linear_stability",
-        "stability",
-        "structure",
-        "substeps",
-        "sho_terms",
-        "sweeps",
-        "work_precision",
-    }
-)
+#: Names that folders and rules of the workflow have already; those of cubes are taken as well.
+TAKEN = frozenset({"exact_oscillator_times", "stability", "substeps", "sweeps"})
 #: Names that parameters of the workflow's functions have, and methods of Snakemake's lists of files.
 RESERVED = (
     frozenset({"cube", "integrator", "integrators", "run", "runs", "settings", "shard", "sweep", "system"})
@@ -139,7 +127,7 @@ def check_name(key: str, name: str) -> None:
     """
     if not _NAME.fullmatch(name) or keyword.iskeyword(name):
         allowed = f"a letter, then letters, digits and '_', at most {LONGEST} characters, no keyword of Python"
-    elif name in TAKEN | RESERVED or name.startswith("stability_"):
+    elif name in TAKEN | RESERVED | {*cubes_of("experiments")} or name.startswith("stability_"):
         allowed = "the workflow has another use of this name"
     else:
         return
