@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from decimal import Decimal, localcontext
 from itertools import combinations
-from math import frexp, fsum, ldexp, sqrt
+from math import frexp, fsum, isfinite, ldexp, sqrt
 from typing import Any
 
 import numpy as np
@@ -61,7 +61,9 @@ def decades(lowest: float, count: int, per_decade: int) -> list[Decimal]:
 
 
 def nearest_power_of_two(x: float) -> float:
-    """Return the power of two whose logarithm is nearest to that of a number above 0."""
+    """Return the power of two whose logarithm is nearest to that of a number above 0; what is not finite as it is."""
+    if not isfinite(x):
+        return x
     mantissa, exponent = frexp(x)
     return ldexp(1.0, exponent if mantissa >= sqrt(0.5) else exponent - 1)
 
