@@ -7,7 +7,6 @@ once, and all else is ``+ - * /`` and ``sqrt`` in a stated order.
 
 from __future__ import annotations
 
-from decimal import Decimal, localcontext
 from itertools import combinations
 from math import frexp, fsum, isfinite, ldexp, sqrt
 from typing import Any
@@ -19,8 +18,6 @@ from nearharmonic.math import log
 
 Floats = NDArray[np.float64]
 
-#: Digits of numbers that are rounded to doubles in the end.
-DIGITS = 40
 #: Sweeps of rotations, which square what is left off the diagonal, and the relative size at which none is left.
 SWEEPS, LEFT = 30, 2.0**-60
 
@@ -40,24 +37,6 @@ def dot(one: Any, other: Any) -> float:
 def log10(x: Any) -> Any:
     """Return the logarithm to base 10 of a float or of an array, to about 1 ulp."""
     return log(x) / log(10.0)
-
-
-def geometric(lowest: float, highest: float, count: int) -> Floats:
-    """Return ``count`` numbers (count,) from ``lowest`` to ``highest``, evenly in the logarithm, correctly rounded.
-
-    Both ends stand for the shortest decimals that name them.
-    """
-    with localcontext(prec=DIGITS):
-        first, last = Decimal(repr(float(lowest))), Decimal(repr(float(highest)))
-        ratio = last / first
-        inner = [float(first * ratio ** (Decimal(i) / (count - 1))) for i in range(1, count - 1)]
-    return np.array([lowest, *inner, highest][:count], dtype=float)
-
-
-def decades(lowest: float, count: int, per_decade: int) -> list[Decimal]:
-    """Return ``lowest`` * 10^(i / ``per_decade``) for i below ``count``, to :data:`DIGITS` digits."""
-    with localcontext(prec=DIGITS):
-        return [Decimal(repr(float(lowest))) * Decimal(10) ** (Decimal(i) / per_decade) for i in range(count)]
 
 
 def nearest_power_of_two(x: float) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from nearharmonic.engine.config_entries import STRICT, PositiveDecimal, setting, whole_from
-from nearharmonic.engine.portable import geometric
+from nearharmonic.engine.geometric import geometric
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
@@ -76,4 +76,4 @@ class ExactOscillatorSettings:
 
     def surfaces(self) -> list[float]:
         """Return the energies."""
-        return geometric(float(LOWEST), float(HIGHEST), self.energies).tolist()
+        return geometric(float(LOWEST), float(HIGHEST), self.energies)

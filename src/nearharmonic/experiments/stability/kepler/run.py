@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.coefficients import Floats
+from nearharmonic.engine.geometric import decades, geometric
 from nearharmonic.engine.kernels import kernel_of
-from nearharmonic.engine.portable import decades, dot, geometric, log10
+from nearharmonic.engine.portable import dot, log10
 from nearharmonic.engine.results import Integers, Trajectories
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.experiments.stability.initial_conditions import kepler_apoapsis
@@ -57,7 +58,7 @@ def measure(integrator: str, settings: MapSettings) -> dict[str, Contents]:
 def eccentricities(settings: MapSettings) -> Floats:
     """Return 0 to the highest, evenly in log(1 - e): what changes is the distance of the perihelion, 1 - e."""
     distances = geometric(1.0, 1.0 - settings.highest_eccentricity, settings.eccentricities)
-    return np.asarray(1.0 - distances)
+    return 1.0 - np.array(distances)
 
 
 def evaluations_grid(settings: MapSettings) -> Floats:

@@ -42,7 +42,7 @@ def rounding_cube(methods: Sequence[Tableau], runs: Mapping[str, xr.Dataset]) ->
     over = ("integrator", "source")
     for name, text in QUANTITIES.items():
         unit = cube[name].attrs["units"]
-        rms: xr.DataArray = np.sqrt((cube[name] * cube[name]).mean("orbit"))
+        rms: xr.DataArray = (cube[name] * cube[name]).mean("orbit").pipe(np.sqrt)
         cube[f"{name}_rms"] = rms.assign_attrs(described(f"root mean square of the {text} over the orbits", unit))
         errors = cube[name].transpose(*over, "orbit", "sample").values
         laws = [[growth(one, time) for one in row] for row, time in zip(errors, cube.time.values, strict=True)]
