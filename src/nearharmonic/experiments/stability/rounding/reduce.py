@@ -42,7 +42,8 @@ def rounding_cube(methods: Sequence[Tableau], runs: Mapping[str, xr.Dataset]) ->
     over = ("integrator", "source")
     for name, text in QUANTITIES.items():
         unit = cube[name].attrs["units"]
-        rms: xr.DataArray = (cube[name] * cube[name]).mean("orbit").pipe(np.sqrt)
+        square: xr.DataArray = (cube[name] * cube[name]).mean("orbit")
+        rms = square.copy(data=np.sqrt(square.values))
         cube[f"{name}_rms"] = rms.assign_attrs(described(f"root mean square of the {text} over the orbits", unit))
         errors = cube[name].transpose(*over, "orbit", "sample").values
         laws = [[growth(one, time) for one in row] for row, time in zip(errors, cube.time.values, strict=True)]
