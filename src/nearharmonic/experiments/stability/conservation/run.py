@@ -216,13 +216,8 @@ class _Run:
         else:
             velocity, force = self.rates(q, p)
             tau = float(self.t_end / self.steps)
-            sizes = {
-                name: [abs(float(Fraction(c))) * tau * _rms(rate) for c in row]
-                for name, row, rate in (
-                    ("drift", self.tableau.drift, velocity),
-                    ("kick", self.tableau.kick, force),
-                )
-            }
+            rows = (("drift", self.tableau.drift, velocity), ("kick", self.tableau.kick, force))
+            sizes = {name: [abs(float(Fraction(c))) * tau * _rms(rate) for c in row] for name, row, rate in rows}
         each = np.array([x / float(scales[0]) for x in sizes["drift"]] + [x / float(scales[d]) for x in sizes["kick"]])
         return float(self.steps * d * each.sum()), float(self.steps * d * (each**2).sum())
 
