@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from nearharmonic.claims.claim import Decision, either
 from nearharmonic.claims.results import Undecided, label, short
-from nearharmonic.engine.statistics import PLATEAU, line_fit, truncation
+from nearharmonic.engine.statistics import PLATEAU, power_law, truncation
 from nearharmonic.output.dataset import double_runs
 
 if TYPE_CHECKING:
@@ -187,8 +187,7 @@ def slope(curves: Curves, name: str) -> Slope:
     if points.size < FEWEST:
         message = f"the runs of {label(name)} have fewer than three step sizes between rounding and an error of 1e-4"
         raise Undecided(message)
-    x = np.log(tau[points])
-    value, interval = line_fit(x - x.mean(), np.log(error[points]))
+    value, interval = power_law(tau[points], error[points])
     return Slope(value, interval, float(curves.x[points[0]]), float(curves.x[points[-1]]))
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from decimal import Decimal
 from fractions import Fraction
+from functools import cache
 from math import floor, log10
 from typing import TypeVar
 
+from nearharmonic.engine.geometric import decades
 from nearharmonic.engine.settings import MOST_STEPS, exact_decimal
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau
@@ -16,11 +18,12 @@ from nearharmonic.systems.system import System
 Item = TypeVar("Item")
 
 
+@cache
 def tau_grid(lowest: float, highest: float, points_per_decade: int) -> tuple[float, ...]:
     """Return ``lowest`` * 10^(i / ``points_per_decade``) up to ``highest``, to six significant digits."""
     # The slack admits a highest that is itself written with few digits, such as 158.489 for 10^2.2.
     last = floor(log10(highest / lowest) * points_per_decade + 1e-3)
-    return tuple(float(f"{lowest * 10 ** (i / points_per_decade):.6g}") for i in range(last + 1))
+    return tuple(float(f"{tau:.6g}") for tau in decades(lowest, last + 1, points_per_decade))
 
 
 def shard(items: Sequence[Item], index: int, count: int) -> Sequence[Item]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import lru_cache
+from functools import lru_cache, reduce
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from nearharmonic.errors import SystemDefinitionError
+from nearharmonic.math import hypot
 from nearharmonic.output.dataset import Variables, described
 from nearharmonic.systems.system import System
 
@@ -163,16 +164,21 @@ def invariant_variables(
         found[name] = (
             ("tau_per_stage", "sample", *several), values if several else values[..., 0], described(meaning, unit)
         )  # fmt: skip
-        first = np.hypot.reduce(at_start[name], axis=-1)
+        first = _length(at_start[name])
         relative = bool((first > 0).all())
         with np.errstate(all="ignore"):  # a state may be too large for an invariant
-            change = np.hypot.reduce(values - at_start[name], axis=-1) / (first if relative else 1.0)
+            change = _length(values - at_start[name]) / (first if relative else 1.0)
         # fmax passes over NaN, the samples that a run does not have.
         drift = np.where(diverged, np.inf, np.fmax.reduce(change, axis=1, initial=np.nan))
         measure = "|I - I0|/|I0|" if relative else "|I - I0|"
         what = f"maximum over the samples of {measure}, I = {name} in double precision, inf if diverged"
         found[f"{name}_drift"] = ("tau_per_stage",), drift, described(what, "1" if relative else unit)
     return found
+
+
+def _length(vectors: Floats) -> Floats:
+    """The Euclidean norms (...) of vectors (..., n), from the first component on."""
+    return reduce(hypot, np.moveaxis(vectors, -1, 0), np.zeros(vectors.shape[:-1]))
 
 
 def _real(value: Any) -> Any:

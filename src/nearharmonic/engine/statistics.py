@@ -1,12 +1,19 @@
-"""Fits to runs: slopes above the floor of rounding, trends and their intervals, Student's t, the jackknife."""
+"""Fits to runs: slopes above the floor of rounding, trends and their intervals, Student's t, the jackknife.
+
+All results reach result files, so they are computed by :mod:`nearharmonic.engine.portable`.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import sqrt
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from nearharmonic.engine.portable import dot, total
+from nearharmonic.math import log
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -19,6 +26,13 @@ PLATEAU = 100.0
 ASYMPTOTIC = 1e-4
 #: Largest number of points, taken from the smallest errors above the plateau, that a slope is fitted to: half a decade.
 SLOPE_POINTS = 20
+#: Terms of the Cornish-Fisher series over z: coefficients of even powers of z, and a divisor.
+_CORNISH_FISHER = (
+    ((1, 1), 4),
+    ((3, 16, 5), 96),
+    ((-15, 17, 19, 3), 384),
+    ((-945, -1920, 1482, 776, 79), 92160),
+)
 
 
 def observed_order(tau: xr.DataArray, error: xr.DataArray, dimension: str = "tau_per_stage") -> xr.DataArray:
@@ -45,7 +59,7 @@ def observed_order(tau: xr.DataArray, error: xr.DataArray, dimension: str = "tau
         usable = truncation(x, y)
         if usable.size < 3:
             return float("nan")
-        return float(np.polyfit(np.log(x[usable]), np.log(y[usable]), 1)[0])
+        return power_law(x[usable], y[usable])[0]
 
     fitted: xr.DataArray = xr.apply_ufunc(slope, tau, error, input_core_dims=[[dimension], [dimension]], vectorize=True)
     return fitted.assign_attrs(units="1", long_name="observed order: slope of the maximum energy error above round-off")
@@ -67,7 +81,19 @@ def truncation(tau: Floats, error: Floats) -> NDArray[np.intp]:
         return np.zeros(0, dtype=np.intp)
     near_floor = finite & (error < PLATEAU * max(error[finite].min(), np.finfo(float).eps / 2))
     usable = np.flatnonzero(finite & (tau > tau[near_floor].max(initial=0.0)) & (error < ASYMPTOTIC))
-    return usable[np.argsort(tau[usable])][:SLOPE_POINTS]
+    return usable[np.argsort(tau[usable], kind="stable")][:SLOPE_POINTS]
+
+
+def power_law(x: Floats, y: Floats) -> tuple[float, float]:
+    """Return the slope of log(y) against log(x) by ordinary least squares, and the half width of its 95 % interval.
+
+    Parameters
+    ----------
+    x, y : array of shape (n,)
+        Numbers above 0, n > 2.
+    """
+    abscissas = log(x)
+    return line_fit(abscissas - mean(abscissas), log(y))
 
 
 def linear_trend(t: Any, angle: Any) -> tuple[float, float]:
@@ -91,7 +117,7 @@ def linear_trend(t: Any, angle: Any) -> tuple[float, float]:
     if finite.sum() < 3:
         return float("nan"), float("nan")
     x = t[finite]
-    return line_fit(x - x.mean(), np.unwrap(angle[finite]))
+    return line_fit(x - mean(x), np.unwrap(angle[finite]))
 
 
 def line_fit(x: Floats, y: Floats) -> tuple[float, float]:
@@ -104,11 +130,16 @@ def line_fit(x: Floats, y: Floats) -> tuple[float, float]:
     y : array of shape (n,)
         Ordinates, n > 2. The interval takes their residuals as independent.
     """
-    spread = float(x @ x)
-    slope = float(x @ y) / spread
-    residual = y - y.mean() - slope * x
-    deviation = np.sqrt(float(residual @ residual) / (x.size - 2) / spread)
-    return slope, student_975(x.size - 2) * float(deviation)
+    spread = dot(x, x)
+    slope = dot(x, y) / spread
+    residual = y - mean(y) - slope * x
+    deviation = sqrt(dot(residual, residual) / (x.size - 2) / spread)
+    return slope, student_975(x.size - 2) * deviation
+
+
+def mean(x: Floats) -> float:
+    """Return the exact sum of an array over its size, rounded twice."""
+    return total(x) / x.size
 
 
 def jackknife_interval(without: Floats) -> float:
@@ -120,7 +151,8 @@ def jackknife_interval(without: Floats) -> float:
         The estimate without each of the samples in turn.
     """
     n = len(without)
-    deviation = sqrt((n - 1) / n * float(((without - without.mean()) ** 2).sum()))
+    distance = without - mean(without)
+    deviation = sqrt((n - 1) / n * dot(distance, distance))
     return student_975(n - 1) * deviation
 
 
@@ -131,14 +163,18 @@ def student_975(freedom: int) -> float:
     3 degrees of freedom on, and falls as their fifth power.
     """
     if freedom == 1:
-        return float(np.tan(0.475 * np.pi))
+        return 12.706204736174694  # tan(0.475 pi)
     if freedom == 2:
-        return 0.95 * float(np.sqrt(2 / (1 - 0.95**2)))
+        return 0.95 * sqrt(2 / (1 - 0.95 * 0.95))
     z, n = 1.959963984540054, float(freedom)
-    terms = (
-        (z**3 + z) / 4,
-        (5 * z**5 + 16 * z**3 + 3 * z) / 96,
-        (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / 384,
-        (79 * z**9 + 776 * z**7 + 1482 * z**5 - 1920 * z**3 - 945 * z) / 92160,
-    )
-    return z + sum(term / n ** (k + 1) for k, term in enumerate(terms))
+    square = z * z
+    terms = [z * _polynomial(coefficients, square) / divisor for coefficients, divisor in _CORNISH_FISHER]
+    return z + _polynomial([0.0, *terms], 1 / n)
+
+
+def _polynomial(coefficients: Sequence[float], x: float) -> float:
+    """The polynomial with these coefficients, that of x^0 first, by Horner's rule."""
+    value = 0.0
+    for coefficient in reversed(coefficients):
+        value = value * x + coefficient
+    return value

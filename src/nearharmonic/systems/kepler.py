@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from nearharmonic.core.arithmetic import sqrt
+from nearharmonic.math import atan2
 from nearharmonic.systems.quantities import Observable, Parameter, Vector
 from nearharmonic.systems.system import System
 
@@ -44,13 +43,13 @@ def orbital_period(q: Vector, p: Vector, GM: float) -> float:
     """Kepler's third law: 2 pi sqrt(a^3 / GM) with the semi-major axis a = -GM / 2H."""
     (u, v) = p
     semi_major_axis = -GM / (u * u + v * v + 2 * V(q, GM))
-    return 2 * math.pi * math.sqrt(semi_major_axis**3 / GM)
+    return 2 * math.pi * math.sqrt(semi_major_axis * semi_major_axis * semi_major_axis / GM)
 
 
 def perihelion_angle(q: Vector, p: Vector, GM: Any) -> Any:
     """Angle of the Laplace-Runge-Lenz vector in (-pi, pi]; at rest on an exact orbit."""
     x, y = eccentricity_vector(q, p, GM)
-    return np.arctan2(y, x)
+    return atan2(y, x)
 
 
 def exact_position(system: System, t: Any) -> Vector | None:

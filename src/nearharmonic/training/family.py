@@ -156,11 +156,15 @@ class Family:
     def project(self, points: Floats) -> tuple[Floats, NDArray[np.bool_]]:
         """Return the members (C, n) of the family near ``points``, and which of them meet the equations.
 
-        Each Newton step is the shortest that the linearised equations allow.
+        Each Newton step is the shortest that the linearised equations allow. Members are returned bit for bit: a step
+        would move them by the rounding of the linear algebra, which differs between processors.
         """
-        x, moving = np.array(points, dtype=float), np.arange(len(points))
+        x = np.array(points, dtype=float)
         with np.errstate(all="ignore"):
+            moving = np.flatnonzero(~self._met(x))
             for _ in range(PROJECTIONS):
+                if not moving.size:
+                    break
                 values, J = self._linearised(x[moving].T)
                 square = J @ J.transpose(0, 2, 1)
                 size = 1 + np.trace(square, axis1=1, axis2=2)[:, None, None]
@@ -168,9 +172,12 @@ class Family:
                 step = (J.transpose(0, 2, 1) @ np.linalg.solve(square, values.T[..., None]))[..., 0]
                 x[moving] -= np.clip(np.nan_to_num(step), -LONGEST, LONGEST)
                 moving = moving[~(np.abs(values).max(axis=0) < NEAR)]
-                if not moving.size:
-                    break
-            return x, np.abs(np.stack(self.residuals(x.T))).max(axis=0) < MET
+            return x, self._met(x)
+
+    def _met(self, x: Floats) -> NDArray[np.bool_]:
+        """Tell which of the points (C, n) meet the equations."""
+        found: NDArray[np.bool_] = np.abs(np.stack(self.residuals(x.T))).max(axis=0) < MET
+        return found
 
     def grown(self, x: Floats) -> tuple[Family, Floats]:
         """Return the family of one stage more and the same step in it: its innermost operator is split by nothing."""

@@ -117,7 +117,7 @@ class Population:
         tau = self.taus[None, :, None]
         moves[:count, :, :, KICK], moves[:count, :, :, DRIFT] = kick * tau, drift * tau
         if self.modified:
-            moves[:count, :, :, SQUARE] = square * tau**3
+            moves[:count, :, :, SQUARE] = square * tau * tau * tau
             moves[:count, :, :, -1] = _square_behind(np.abs(square[:, 0]) > 0)[:, None, :]
         else:
             moves[:count, :, :, PRODUCT] = kick * drift * tau * tau

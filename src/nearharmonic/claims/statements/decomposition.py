@@ -55,7 +55,7 @@ def _largest_error(method: Tableau, tau: float, step: Callable[[Tableau, float, 
     state, largest = (1.0, -1.0), 0.0
     for _ in range(1000):
         state = step(method, tau, state)
-        largest = max(largest, abs((state[0] ** 2 + state[1] ** 2) / 2 - 1))
+        largest = max(largest, abs((state[0] * state[0] + state[1] * state[1]) / 2 - 1))
     return largest
 
 

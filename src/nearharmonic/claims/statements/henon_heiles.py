@@ -9,6 +9,8 @@ import numpy as np
 from nearharmonic.claims.claim import Decision, claim, counted, either
 from nearharmonic.claims.curves import FEWEST, LOST, SLOPE, Curves, Floats, Range, orders, over
 from nearharmonic.claims.results import Results, Undecided, label, short
+from nearharmonic.engine.portable import log10
+from nearharmonic.engine.statistics import power_law
 from nearharmonic.systems import henon_heiles
 
 CUBE = ("cubes/henon_heiles.h5",)
@@ -97,7 +99,7 @@ def _last_decade(curves: Curves, name: str) -> float:
     if asked.sum() < FEWEST or not np.isfinite(end):
         message = f"the results have no decade of {label(name)} below an error of 1 %"
         raise Undecided(message)
-    return float(np.polyfit(np.log(curves.x[asked]), np.log(curves.errors([name])[0][asked]), 1)[0])
+    return power_law(curves.x[asked], curves.errors([name])[0][asked])[0]
 
 
 def _local_slopes(curves: Curves, name: str) -> Floats:
@@ -105,7 +107,7 @@ def _local_slopes(curves: Curves, name: str) -> Floats:
     tau, error = curves.of(name, "tau"), curves.errors([name])[0]
     found = np.full(curves.x.size, np.nan)
     for i, x in enumerate(curves.x):
-        near = np.abs(np.log10(curves.x / x)) <= 0.25
+        near = np.abs(log10(curves.x / x)) <= 0.25
         if near.sum() >= FEWEST and np.isfinite(error[near]).all():
-            found[i] = np.polyfit(np.log(tau[near]), np.log(error[near]), 1)[0]
+            found[i] = power_law(tau[near], error[near])[0]
     return found

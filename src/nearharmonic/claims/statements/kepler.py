@@ -19,6 +19,7 @@ from nearharmonic.claims.curves import (
 )
 from nearharmonic.claims.results import Results, Undecided, label, short
 from nearharmonic.claims.statements.henon_heiles import ORDERS
+from nearharmonic.math import cos, exp, hypot, log, sin
 from nearharmonic.systems import kepler
 
 CUBE = ("cubes/kepler.h5",)
@@ -26,7 +27,7 @@ COINCIDING = ("abas5o6h", "aba104", "babps8o7h")
 #: Ten methods, or there is no best of them.
 TEN = tuple(ORDERS)
 #: A dot of 2 pt in a figure 5 inches high over 18 decades covers a tenth of a decade.
-DOT = 10**0.1
+DOT = 1.2589254117941673  # 10^(1/10)
 DOT_WORDS = "a tenth of a decade, 26 %, what a dot of 2 pt covers in a figure of 5 inches over 18 decades"
 
 
@@ -40,7 +41,7 @@ DOT_WORDS = "a tenth of a decade, 26 %, what a dot of 2 pt covers in a figure of
 def kepler_starts_at_aphelion(_: Results) -> Decision:
     system = kepler.SYSTEM
     ((x, y), (u, v)), (GM,) = system.start(float), system.constants(float)
-    eccentricity = 1 - np.hypot(x, y) * (u * u + v * v) / GM
+    eccentricity = 1 - hypot(x, y) * (u * u + v * v) / GM
     days = kepler.orbital_period((x, y), (u, v), GM) / 24
     good = x * u + y * v == 0 and abs(eccentricity / 0.2056 - 1) < 1e-3 and abs(days / 87.97 - 1) < 1e-3
     return either(good, f"eccentricity {eccentricity:.4f}, period {days:.2f} d")
@@ -72,8 +73,8 @@ def eq_20(_: Results) -> Decision:
     L, e = x * v, abs(1 - x * v * v / GM)
     f = np.linspace(0, 2 * np.pi, 64, endpoint=False)
     # p x L along the radius and across it, for the momentum (GM/L) (e sin f, 1 + e cos f).
-    along, across = GM * (1 + e * np.cos(f)), -GM * e * np.sin(f)
-    printed, mended = np.hypot(along - 1, across), np.hypot(along / GM - 1, across / GM)
+    along, across = GM * (1 + e * cos(f)), -GM * e * sin(f)
+    printed, mended = hypot(along - 1, across), hypot(along / GM - 1, across / GM)
     value = (
         f"L = {short(L)} and GM = {short(GM)} in the units of the system: length {short(printed.min(), 2)} to "
         f"{short(printed.max(), 2)}; with p × L divided by GM, mk in general, it is {short(mended.mean(), 6)} "
@@ -152,11 +153,11 @@ def _at_evaluations(curves: Curves, advance: Floats, number: float = 240.0) -> s
     for name, row in zip(COINCIDING, advance, strict=True):
         evaluations = curves.of(name, "evaluations_per_orbit")
         known = np.flatnonzero(np.isfinite(row) & (row > 0))
-        known = known[np.argsort(evaluations[known])]
+        known = known[np.argsort(evaluations[known], kind="stable")]
         if known.size == 0 or not evaluations[known[0]] <= number <= evaluations[known[-1]]:
             return ""
-        between = np.interp(np.log(number), np.log(evaluations[known]), np.log(row[known]))
-        told.append(f"{label(name)} {1e6 * np.exp(between):.2f}")
+        between = float(np.interp(log(number), log(evaluations[known]), log(row[known])))
+        told.append(f"{label(name)} {1e6 * exp(between):.2f}")
     return f"; at {number:.0f} evaluations an orbit {', '.join(told)} × 10⁻⁶ rad"
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from nearharmonic.claims.claim import Decision, claim, counted, either
 from nearharmonic.claims.results import Results, short
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.math import hypot
 from nearharmonic.theory.linear_stability import stability_limit
 
 
@@ -55,7 +56,7 @@ def largest_error(method: Tableau, iterations: int) -> float:
     else:
         start, pairs = 0.0, tuple(zip_longest(drifts, kicks, fillvalue=0.0))
     y = p = 0.4
-    first = p * p / 2 + y * y / 2 - y**3 / 3
+    first = p * p / 2 + y * y / 2 - y * y * y / 3
     low = high = first
     for _ in range(iterations):
         p -= start * (y - y * y)
@@ -81,7 +82,7 @@ def fig_6_substeps(results: Results) -> Decision:
     good, told, longest = [], [], {}
     for letter in "ABCD":
         panel = panels[letter]
-        length = np.hypot(*(np.diff(panel[name].values, axis=1) for name in "qp"))
+        length = hypot(*(np.diff(panel[name].values, axis=1) for name in "qp"))
         back = np.minimum(panel["next_drift_sign"].values, panel["next_kick_sign"].values)[:-1] < 0
         longest[letter] = [float(length[:, chosen].max()) for chosen in (~back, back)]
     for i, way in enumerate(("forward", "backward")):

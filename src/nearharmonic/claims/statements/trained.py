@@ -11,6 +11,7 @@ import numpy as np
 from nearharmonic.claims.claim import Decision, claim, counted
 from nearharmonic.claims.curves import Floats, rank_correlation
 from nearharmonic.claims.results import Results, Undecided, label, short
+from nearharmonic.math import pow
 
 CUBE = "cubes/trained.h5"
 #: The ensembles of random potentials whose strengths span the widest band, as the cube names them.
@@ -141,6 +142,6 @@ def _leaders(errors: Errors, sums: Floats) -> Iterator[str]:
         led.append(f"{label(errors.names[best])} ({short(sums[best])}) at {' to '.join(dict.fromkeys((x[0], x[-1])))}")
     yield f"least error, with the sum: {', '.join(led)}"
     small = int(sums.argmin())
-    ratios = 10 ** (errors.mean_log[small] - errors.mean_log.min(axis=0))
+    ratios = pow(10.0, errors.mean_log[small] - errors.mean_log.min(axis=0))
     of = f"{short(sums[small])}, of {label(errors.names[small])}"
     yield f"the least sum is {of}, with {short(ratios.min())} to {short(ratios.max())} times the least error"

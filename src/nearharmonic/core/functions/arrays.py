@@ -11,7 +11,6 @@ import numpy as np
 from llvmlite import binding, ir
 from numpy.typing import NDArray
 
-from nearharmonic.core.functions import double
 from nearharmonic.core.layout import Argument, Signature
 from nearharmonic.core.native import code_key, native, target_machine
 from nearharmonic.core.number import FUNCTIONS
@@ -111,6 +110,8 @@ def of_numbers(name: str) -> Callable[..., float]:
     signature = Signature(tuple(Argument(f"x{i}", "float64") for i in range(count)), "float64")
 
     def make() -> tuple[str, bytes]:
+        from nearharmonic.core.functions import double
+
         module, kind = ir.Module(), ir.DoubleType()
         function = ir.Function(module, ir.FunctionType(kind, [kind] * count), name_in_c(name))
         builder = ir.IRBuilder(function.append_basic_block())
@@ -126,6 +127,8 @@ def of_numbers(name: str) -> Callable[..., float]:
 @cache
 def _of_arrays(name: str) -> Callable[..., None]:
     def make() -> tuple[str, bytes]:
+        from nearharmonic.core.functions import double  # takes longer to load than the compiled code that is kept
+
         return elementwise(lambda *x: [double.FUNCTIONS[name](*x)], FUNCTIONS[name], LANES, name_in_c(f"{name}s"))
 
     return native(f"array-{name}-{code_key()}", ELEMENTWISE, make)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from nearharmonic.engine.coefficients import Floats
+from nearharmonic.math import exp, log
 from nearharmonic.output.dataset import Variables, variable
 
 #: Resamples of the trajectories, and the part of them that an interval holds.
@@ -29,13 +30,13 @@ def crossing(logarithms: Floats, energies: Floats) -> Floats:
         Where the logarithm first rises above 0, interpolated in the logarithm of the energy; 0 if it is above 0 at the
         first energy already, infinite if it is never.
     """
-    log_energy, worse = np.log(energies), logarithms > 0
+    log_energy, worse = log(energies), logarithms > 0
     first = worse.argmax(axis=-1)
     behind = np.maximum(first, 1)
     low, high = (np.take_along_axis(logarithms, (behind - k)[..., None], -1)[..., 0] for k in (1, 0))
     with np.errstate(invalid="ignore", divide="ignore"):
         part = np.clip(np.where(np.isfinite(high), -low / (high - low), 0.0), 0.0, 1.0)
-    found = np.exp(log_energy[behind - 1] + part * (log_energy[behind] - log_energy[behind - 1]))
+    found = exp(log_energy[behind - 1] + part * (log_energy[behind] - log_energy[behind - 1]))
     return np.where(worse.any(axis=-1), np.where(first > 0, found, 0.0), np.inf)
 
 
@@ -75,8 +76,7 @@ def crossings(plain: Floats, rotated: Floats, energies: Sequence[float], seed: i
 
 def _pairs(plain: Floats, rotated: Floats, energies: Floats) -> tuple[Floats, Floats]:
     """The crossings of all pairs (T, C, X, P), and those with the best (T, C, X), by medians over the trajectories."""
-    with np.errstate(divide="ignore"):
-        logs = [np.log(np.median(errors, axis=-1)) for errors in (plain, rotated)]
+    logs = [log(np.median(errors, axis=-1)) for errors in (plain, rotated)]
     pairs = logs[1][:, :, :, None] - logs[0][:, None, None]
     best = logs[1] - logs[0].min(axis=1)[:, None, None]
     return crossing(pairs, energies), crossing(best, energies)

@@ -6,9 +6,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-import numpy as np
-
 from nearharmonic.engine.config_entries import STRICT, PositiveDecimal, setting, whole_from
+from nearharmonic.engine.geometric import geometric
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
@@ -77,4 +76,4 @@ class ExactOscillatorSettings:
 
     def surfaces(self) -> list[float]:
         """Return the energies."""
-        return [float(energy) for energy in np.geomspace(float(LOWEST), float(HIGHEST), self.energies)]
+        return geometric(float(LOWEST), float(HIGHEST), self.energies)

@@ -6,6 +6,7 @@ import numpy as np
 
 from nearharmonic.engine.coefficients import Floats
 from nearharmonic.engine.quasi_random import quasi_random
+from nearharmonic.math import cos, sin
 from nearharmonic.systems.henon_heiles import SYSTEM
 
 
@@ -41,5 +42,5 @@ def starts_on(energy: float, count: int, seed: int) -> Floats:
     momentum, angle = np.sqrt(2 * kinetic[kept]), 2 * np.pi * u[kept, 2]
     starts = np.zeros((count, 8))
     starts[:, 0], starts[:, 1] = x[kept], y[kept]
-    starts[:, 4], starts[:, 5] = momentum * np.cos(angle), momentum * np.sin(angle)
+    starts[:, 4], starts[:, 5] = momentum * cos(angle), momentum * sin(angle)
     return starts

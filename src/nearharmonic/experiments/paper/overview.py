@@ -14,6 +14,7 @@ from nearharmonic.core import disk
 from nearharmonic.exact.decimals import fixed_point
 from nearharmonic.integrators import integrators as methods_by_name
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.math import pow
 from nearharmonic.output.provenance import code_digest, coefficients_digest
 from nearharmonic.theory.linear_stability import stability_gaps
 from nearharmonic.theory.order import (
@@ -140,4 +141,4 @@ def row_of(tableau: Tableau) -> Cells:
 
 
 def _effective(error: ErrorTerm, tableau: Tableau) -> float:
-    return float(tableau.stages * error.norm ** (1 / (error.degree - 1)))
+    return float(tableau.stages * pow(error.norm, 1 / (error.degree - 1)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from nearharmonic.engine.coefficients import Floats
+from nearharmonic.math import cos, sin
 
 
 def kepler_apoapsis(eccentricity: Floats, orientation: Floats | float = 0.0) -> Floats:
@@ -18,7 +19,7 @@ def kepler_apoapsis(eccentricity: Floats, orientation: Floats | float = 0.0) -> 
         Direction from the centre to the apoapsis in rad.
     """
     e = np.asarray(eccentricity, dtype=np.float64)
-    cosine, sine = np.cos(orientation), np.sin(orientation)
+    cosine, sine = cos(orientation), sin(orientation)
     distance, speed = 1 + e, np.sqrt((1 - e) / (1 + e))
     starts = np.zeros((e.size, 8))
     starts[:, 0], starts[:, 1] = distance * cosine, distance * sine

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.coefficients import start_row
 from nearharmonic.engine.grid import check_fit
+from nearharmonic.engine.portable import nearest_power_of_two, norms
 from nearharmonic.engine.results import Trajectories
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.engine.statistics import line_fit
@@ -142,7 +143,7 @@ def structure(system: System, tableau: Tableau, *, t_end: str) -> Structure:
         growth=growth,
         **found,
         symplectic_defect=symplectic_defect(J),
-        symplectic_walk=2 * growth**2 * DOUBLE_DOUBLE_ROUNDOFF * float(np.sqrt(squares) / SPACING),
+        symplectic_walk=2 * growth * growth * DOUBLE_DOUBLE_ROUNDOFF * float(np.sqrt(squares) / SPACING),
         energy_drift=drift,
         energy_drift_interval=interval,
         energy_walk=walk,
@@ -173,8 +174,8 @@ class _Run:
     def scales(self) -> list[Fraction]:
         """The power of two next to the largest |q|, and to |p|, once for each component of (q, p)."""
         path = self.batch()
-        largest = [np.exp2(np.round(np.log2(np.abs(x).max()))) for x in (path.q, path.p)]
-        return [Fraction(float(x)) for x in largest for _ in range(self.system.dimension)]
+        largest = [nearest_power_of_two(float(np.abs(x).max())) for x in (path.q, path.p)]
+        return [Fraction(x) for x in largest for _ in range(self.system.dimension)]
 
     def return_error(self, summation: str) -> float:
         """Largest distance of a component from its start after the run and the run back, carries included."""
@@ -215,13 +216,8 @@ class _Run:
         else:
             velocity, force = self.rates(q, p)
             tau = float(self.t_end / self.steps)
-            sizes = {
-                name: [abs(float(Fraction(c))) * tau * _rms(rate) for c in row]
-                for name, row, rate in (
-                    ("drift", self.tableau.drift, velocity),
-                    ("kick", self.tableau.kick, force),
-                )
-            }
+            rows = (("drift", self.tableau.drift, velocity), ("kick", self.tableau.kick, force))
+            sizes = {name: [abs(float(Fraction(c))) * tau * _rms(rate) for c in row] for name, row, rate in rows}
         each = np.array([x / float(scales[0]) for x in sizes["drift"]] + [x / float(scales[d]) for x in sizes["kick"]])
         return float(self.steps * d * each.sum()), float(self.steps * d * (each**2).sum())
 
@@ -300,4 +296,4 @@ def _differences(high: Floats, low: Floats, scales: Sequence[Fraction]) -> list[
 def _growth(high: Floats, scales: Sequence[float]) -> float:
     """Root mean square over the samples of the tangent map's 2-norm, from states (4 per axis, S, 2 d)."""
     change = (high[2::4] - high[1::4]) / (2 * float(SPACING) * np.array(scales))  # (axis, S, component)
-    return _rms(np.linalg.norm(np.moveaxis(change, 1, 0), ord=2, axis=(1, 2)))
+    return _rms(norms(np.moveaxis(change, 1, 0)))

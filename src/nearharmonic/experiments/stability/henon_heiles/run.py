@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from math import ceil
+from math import ceil, sqrt
 
 import numpy as np
 
@@ -17,11 +17,12 @@ from nearharmonic.errors import bad_setting
 from nearharmonic.experiments.stability.settings import ESCAPE_ENERGY, EnsembleSettings
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.math import cos, sin
 from nearharmonic.output.dataset import Contents, coordinate, variable
 from nearharmonic.systems.henon_heiles import SYSTEM
 
 #: Box around the triangle whose corners are the saddle points: |x| up to sqrt(3)/2, and y from -1/2 to 1.
-_WIDTH, _HEIGHT, _LOWEST = 3**0.5, 1.5, -0.5
+_WIDTH, _HEIGHT, _LOWEST = sqrt(3), 1.5, -0.5
 #: Instants at which the energy is looked at, evenly spaced in time: enough to notice an escape soon.
 LOOKS = 25
 #: Lanes of the kernel: two AVX-512 registers, which hide each other's latency.
@@ -102,7 +103,7 @@ def henon_heiles_surface(energy: Fraction, count: int, seed: int) -> Floats:
     momentum, angle = np.sqrt(2 * kinetic[kept]), 2 * np.pi * u[kept, 2]
     starts = np.zeros((count, 8))
     starts[:, 0], starts[:, 1] = x[kept], y[kept]
-    starts[:, 4], starts[:, 5] = momentum * np.cos(angle), momentum * np.sin(angle)
+    starts[:, 4], starts[:, 5] = momentum * cos(angle), momentum * sin(angle)
     return starts
 
 

@@ -13,13 +13,16 @@ from numpy.typing import NDArray
 
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.coefficients import Floats
+from nearharmonic.engine.geometric import decades, geometric
 from nearharmonic.engine.kernels import kernel_of
+from nearharmonic.engine.portable import dot, log10
 from nearharmonic.engine.results import Integers, Trajectories
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.experiments.stability.initial_conditions import kepler_apoapsis
 from nearharmonic.experiments.stability.settings import MapSettings
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.math import exp, log
 from nearharmonic.output.dataset import Contents, coordinate, variable
 from nearharmonic.systems.kepler import SYSTEM as MERCURY
 from nearharmonic.systems.kepler import perihelion_angle
@@ -54,15 +57,15 @@ def measure(integrator: str, settings: MapSettings) -> dict[str, Contents]:
 
 def eccentricities(settings: MapSettings) -> Floats:
     """Return 0 to the highest, evenly in log(1 - e): what changes is the distance of the perihelion, 1 - e."""
-    fractions = np.linspace(0.0, 1.0, settings.eccentricities)
-    return np.asarray(1.0 - (1.0 - settings.highest_eccentricity) ** fractions)
+    distances = geometric(1.0, 1.0 - settings.highest_eccentricity, settings.eccentricities)
+    return 1.0 - np.array(distances)
 
 
 def evaluations_grid(settings: MapSettings) -> Floats:
     """Return the force evaluations per orbit asked for, fewest first, evenly in the logarithm."""
     grid = settings.evaluations_per_orbit
-    points = int(np.log10(grid.highest / grid.lowest) * grid.points_per_decade + 1e-9) + 1
-    return np.asarray(grid.lowest * 10.0 ** (np.arange(points) / grid.points_per_decade))
+    points = int(log10(grid.highest / grid.lowest) * grid.points_per_decade + 1e-9) + 1
+    return np.array(decades(grid.lowest, points, grid.points_per_decade), dtype=float)
 
 
 def steps_per_orbit(settings: MapSettings, stages: int) -> Integers:
@@ -111,7 +114,7 @@ def perihelion_advance(q: Floats, p: Floats) -> Floats:
     turns[np.abs(turns) > np.pi / 2] = np.nan
     path = np.concatenate([np.zeros((len(turns), 1)), np.cumsum(turns, axis=1)], axis=1)
     index = np.arange(path.shape[1]) - (path.shape[1] - 1) / 2
-    return np.asarray((path @ index) / (index @ index))
+    return np.array([dot(row, index) for row in path]) / dot(index, index)
 
 
 def _columns(tableau: Tableau, settings: MapSettings) -> Iterator[tuple[int, Integers, Trajectories]]:
@@ -186,7 +189,7 @@ def evaluations_below(evaluations: NDArray[Any], error: Floats, level: float) ->
         last = above[-1] if above.size else len(evaluations)
         if last + 1 >= len(evaluations):
             continue
-        (x0, x1), (y0, y1) = np.log(evaluations[last : last + 2]), np.log(error[last : last + 2, column])
+        (x0, x1), (y0, y1) = log(evaluations[last : last + 2]), log(error[last : last + 2, column])
         inside = np.isfinite([y0, y1]).all()
-        found[column] = np.exp(x0 + (x1 - x0) * (y0 - np.log(level)) / (y0 - y1)) if inside else np.exp(x1)
+        found[column] = exp(x0 + (x1 - x0) * (y0 - log(level)) / (y0 - y1)) if inside else exp(x1)
     return found

@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.engine.statistics import Floats, jackknife_interval
+from nearharmonic.engine.portable import dot
+from nearharmonic.engine.statistics import Floats, jackknife_interval, mean
 from nearharmonic.experiments.stability.ensembles import cube_and_table, stacked
 from nearharmonic.experiments.stability.rounding.tables import rounding_table
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.math import log
 from nearharmonic.output.dataset import described, variable
 
 if TYPE_CHECKING:
@@ -40,7 +42,8 @@ def rounding_cube(methods: Sequence[Tableau], runs: Mapping[str, xr.Dataset]) ->
     over = ("integrator", "source")
     for name, text in QUANTITIES.items():
         unit = cube[name].attrs["units"]
-        rms: xr.DataArray = (cube[name] ** 2).mean("orbit") ** 0.5
+        square: xr.DataArray = (cube[name] * cube[name]).mean("orbit")
+        rms = square.copy(data=np.sqrt(square.values))
         cube[f"{name}_rms"] = rms.assign_attrs(described(f"root mean square of the {text} over the orbits", unit))
         errors = cube[name].transpose(*over, "orbit", "sample").values
         laws = [[growth(one, time) for one in row] for row, time in zip(errors, cube.time.values, strict=True)]
@@ -71,16 +74,16 @@ def growth(errors: Floats, time: Floats) -> dict[str, float]:
         over orbits, since the times of one orbit are not independent. ``rms`` and ``bias`` (the absolute mean) at the
         last time.
     """
-    squares, x = errors**2, np.log(time)
-    x = x - x.mean()
+    squares, x = errors * errors, log(time)
+    x = x - mean(x)
 
     def slope(rms: Floats) -> Floats:
-        return np.asarray(np.log(rms) @ x / (x @ x))
+        return np.array([dot(row, x) for row in log(rms)]) / dot(x, x)
 
     n = len(errors)
     total = squares.sum(axis=0)
     return {
-        "exponent": float(slope(np.sqrt(total / n))),
+        "exponent": float(slope(np.sqrt(total / n)[None])[0]),
         "interval": jackknife_interval(slope(np.sqrt((total - squares) / (n - 1)))),
         "rms": float(np.sqrt(total[-1] / n)),
         "bias": float(abs(errors[:, -1].mean())),

@@ -23,6 +23,7 @@ import numpy as np
 from nearharmonic.core.arithmetic import rounded_pair
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.coefficients import Floats
+from nearharmonic.engine.geometric import geometric
 from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.quasi_random import quasi_random
 from nearharmonic.engine.results import Integers, Trajectories
@@ -175,7 +176,7 @@ def _integrate(
 def rounding_errors(tableau: Tableau, settings: RoundingSettings) -> Contents:
     """Return energy error and lag by rounding alone over (source, orbit, sample), for one method."""
     plan, start = schedule(settings, tableau.stages), starts(settings)
-    samples = np.unique(np.geomspace(1, plan.samples, TIMES).round().astype(np.int64))
+    samples = np.unique(np.array(geometric(1, plan.samples, TIMES)).round().astype(np.int64))
     exact = _integrate(tableau, plan, start, "extended")
     rounded_coefficients = _integrate(tableau, plan, start, "extended", double_coefficients=True)
     scaled = _integrate(tableau, plan, _scaled(start), "extended", scale=SCALE_ROOT)

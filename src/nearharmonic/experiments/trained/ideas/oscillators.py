@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from nearharmonic.engine.batch import integrate_batch
+from nearharmonic.engine.geometric import geometric
 from nearharmonic.engine.settings import EXACT_OSCILLATOR, Numerics
 from nearharmonic.experiments.trained.problems.random_potentials import random_ensemble
 from nearharmonic.integrators.tableau import Tableau
@@ -69,7 +70,7 @@ def scaled_potentials(count: int, strengths: int, seed: int, t_end: float) -> Sc
         Interval of every run, in radians of the frequency 1.
     """
     whole = random_ensemble(DIMENSION, count, seed, band=(1.0, 1.0), t_end=t_end)
-    return Scaled(potentials=whole, strengths=np.geomspace(WEAKEST, STRONGEST, strengths))
+    return Scaled(potentials=whole, strengths=np.array(geometric(WEAKEST, STRONGEST, strengths)))
 
 
 def declared(system: System, squares: Floats, number: int) -> System:

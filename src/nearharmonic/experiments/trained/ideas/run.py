@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from nearharmonic.engine.portable import log10
 from nearharmonic.experiments.trained.contestants import IDEAS, idea_of
 from nearharmonic.experiments.trained.ideas.oscillators import (
     CHARGE,
@@ -18,7 +19,7 @@ from nearharmonic.experiments.trained.ideas.oscillators import (
 )
 from nearharmonic.experiments.trained.ideas.tables import ideas_table
 from nearharmonic.experiments.trained.problems.anharmonicity import anharmonicities
-from nearharmonic.experiments.trained.proof.gains import CONFIDENCE, RESAMPLES, bounds, means_of
+from nearharmonic.experiments.trained.proof.gains import CONFIDENCE, RESAMPLES, bounds, means_of, resampled
 from nearharmonic.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.modified_integrators import method_of
 from nearharmonic.output.dataset import Contents, Variables, bounds_coordinate, coordinate, variable
@@ -75,7 +76,7 @@ def ideas_of(scaled: Scaled, methods: Sequence[str], exact: Sequence[str], taus:
     whole, shape = scaled.ensemble(), (len(taus), scaled.potentials.size, len(scaled.strengths))
 
     def logarithms(errors: Sequence[Floats]) -> Floats:
-        rows = np.log10(np.maximum(np.reshape(errors, (len(errors), *shape)), LEAST))
+        rows = log10(np.maximum(np.reshape(errors, (len(errors), *shape)), LEAST))
         return np.ascontiguousarray(np.moveaxis(rows, 2, -1))
 
     split = {idea: [name for name in methods if idea_of(method_of(name)) == idea] for idea in IDEAS}
@@ -109,7 +110,7 @@ def _comparison(found: Mapping[str, Idea], seed: int, resamples: int = RESAMPLES
     """Errors of the best, gains over the reference and the idea that is ahead."""
     shape = found[REFERENCE].logarithms.shape[1:]
     problems = shape[-1]
-    weights = np.random.default_rng(seed).multinomial(problems, np.full(problems, 1 / problems), resamples) / problems
+    counts = resampled(problems, resamples, seed)
     best = np.full((len(IDEAS), *shape[:-1]), np.nan)
     again = np.full((*best.shape, resamples), np.nan)
     names = np.full(best.shape, "", dtype=object)
@@ -118,7 +119,7 @@ def _comparison(found: Mapping[str, Idea], seed: int, resamples: int = RESAMPLES
             means = found[idea].logarithms.mean(axis=-1)
             best[i] = means.min(axis=0)
             names[i] = np.array(found[idea].names, dtype=object)[means.argmin(axis=0)]
-            again[i] = means_of(found[idea].logarithms, weights).min(axis=0)
+            again[i] = means_of(found[idea].logarithms, counts).min(axis=0)
     reference = IDEAS.index(REFERENCE)
     over = ("idea", "tau_per_stage", "strength")
     return {
@@ -135,7 +136,7 @@ def _comparison(found: Mapping[str, Idea], seed: int, resamples: int = RESAMPLES
 
 def _ahead(suffix: str, best: Floats, again: Floats, what: str) -> Variables:
     """The leader among the last of the ideas, whose errors are (I, T, J), and its lead over the second of them."""
-    order = np.argsort(best, axis=0)  # NaN last
+    order = np.argsort(best, axis=0, kind="stable")  # NaN last
     first, second = (np.take_along_axis(best, order[k : k + 1], 0)[0] for k in (0, 1))
     resampled = [np.take_along_axis(again, order[k : k + 1, ..., None], 0)[0] for k in (0, 1)]
     over = ("tau_per_stage", "strength")

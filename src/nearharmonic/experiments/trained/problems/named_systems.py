@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from nearharmonic.engine.initial_values import standard_parameters
+from nearharmonic.engine.portable import eigen, product
 from nearharmonic.experiments.trained.problems.anharmonicity import hessians, with_anharmonicity
-from nearharmonic.math import cos, exp
+from nearharmonic.math import cos, exp, log
 from nearharmonic.systems import henon_heiles
 from nearharmonic.systems.quantities import Vector
 from nearharmonic.systems.system import System
@@ -152,15 +153,16 @@ def named_ensembles(count: int, seed: int, t_end: float) -> Iterator[Ensemble]:
 def named_ensemble(one: Named, count: int, seed: int | list[int], t_end: float) -> Ensemble:
     """Return ``count`` starts of one system; parameters as for :func:`named_ensembles`."""
     system, d = one.system(), one.dimension
-    squares, modes = np.linalg.eigh(hessians(system, np.zeros((1, d)))[0])
+    squares, modes = eigen(hessians(system, np.zeros((1, d)))[0])
     random = np.random.default_rng(seed)
-    low, high = np.log(one.energies)
-    energies = np.exp(random.uniform(low, high, count))
-    free = squares < FREE
-    sphere = random.normal(size=(count, 2, d)) * ~free
+    low, high = map(log, one.energies)
+    energies = exp(random.uniform(low, high, count))
+    bound = modes[:, squares >= FREE].T
+    # As the sphere looks alike from all sides, any basis will do: here that of the coordinates.
+    sphere = product(random.normal(size=(count, 2, d)), product(bound.T, bound))
     sphere /= np.sqrt((sphere**2).sum(axis=(1, 2), keepdims=True))
-    q = (sphere[:, 0] / np.sqrt(np.where(free, 1.0, squares))) @ modes.T
-    p = sphere[:, 1] @ modes.T
+    q = product(sphere[:, 0], product(bound.T / np.sqrt(squares[squares >= FREE]), bound))
+    p = sphere[:, 1]
     length = _lengths(system, q, p, energies)[:, None]
     start = np.zeros((count, 4, d))
     start[:, 0], start[:, 2] = q * length, p * length

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from nearharmonic.engine.initial_values import parameter_array
+from nearharmonic.math import cos, sin
 from nearharmonic.systems import kepler
 from nearharmonic.training.population import Ensemble
 
@@ -35,13 +36,13 @@ def orbit_ensemble(
     M, turn = random.uniform(0.0, 2 * np.pi, (2, count))
     E = M.copy()
     for _ in range(ITERATIONS):
-        E -= (E - e * np.sin(E) - M) / (1 - e * np.cos(E))
-    b, rate = np.sqrt(1 - e * e), 1 / (1 - e * np.cos(E))
-    q = np.stack([np.cos(E) - e, b * np.sin(E)])
-    p = np.stack([-np.sin(E) * rate, b * np.cos(E) * rate])
-    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+        E -= (E - e * sin(E) - M) / (1 - e * cos(E))
+    b, rate = np.sqrt(1 - e * e), 1 / (1 - e * cos(E))
+    q, p = (cos(E) - e, b * sin(E)), (-sin(E) * rate, b * cos(E) * rate)
+    cosine, sine = cos(turn), sin(turn)
     start = np.zeros((count, 4, 2))
-    start[:, 0], start[:, 2] = (np.einsum("ijm,jm->mi", rotation, x) for x in (q, p))
+    for row, (x, y) in ((0, q), (2, p)):
+        start[:, row] = np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=-1)
     return Ensemble(
         name=name or f"Kepler, e {eccentricities[0]:g} to {eccentricities[1]:g}", system=kepler.SYSTEM,
         start=start.reshape(count, -1), parameters=parameter_array(kepler.SYSTEM, {"GM": 1}),

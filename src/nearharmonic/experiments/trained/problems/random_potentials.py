@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from nearharmonic.math import cos, exp, log, sin
 from nearharmonic.systems.quantities import Parameter
 from nearharmonic.systems.system import System
 from nearharmonic.training.population import Ensemble, Floats
@@ -84,8 +85,8 @@ def random_ensemble(
     system, random = random_potential(dimension), np.random.default_rng([seed, dimension, count])
     start = np.zeros((count, 4, dimension))
     parameters = np.zeros((count, len(system.parameters), 2))
-    low, high = np.log(band)
-    strength = np.exp(random.uniform(low, high, count))
+    low, high = map(log, band)
+    strength = exp(random.uniform(low, high, count))
     for i, s in enumerate(strength):
         w: Floats = random.uniform(*FREQUENCIES, dimension)
         w[random.integers(dimension)] = 1.0
@@ -95,7 +96,7 @@ def random_ensemble(
         parameters[i, :, 0] = np.concatenate([w**2, cubic, quartic, mixed])
         amplitude = random.uniform(*AMPLITUDES) * np.sqrt(random.dirichlet(np.ones(dimension)))
         phase = random.uniform(0.0, 2 * np.pi, dimension)
-        start[i, 0], start[i, 2] = amplitude * np.cos(phase) / np.maximum(w, SOFTEST), amplitude * np.sin(phase)
+        start[i, 0], start[i, 2] = amplitude * cos(phase) / np.maximum(w, SOFTEST), amplitude * sin(phase)
     return Ensemble(
         name=name or f"d = {dimension}, {band[0]:g} to {band[1]:g}", system=system, start=start.reshape(count, -1),
         parameters=parameters.reshape(count, -1), t_end=t_end, strength=strength,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import frexp, ldexp
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,9 +59,8 @@ def gains(logarithms: Floats, kinds: Sequence[str], seed: int, resamples: int = 
         nothing = np.full(points, np.nan)
         places = [_best(logarithms.mean(axis=-1), which) for which in (published, trained)]
         return Gains(published=places[0], trained=places[1], gain=nothing, interval=np.stack([nothing] * 2, axis=-1))
-    weights = np.random.default_rng(seed).multinomial(problems, np.full(problems, 1 / problems), resamples) / problems
     means = logarithms.mean(axis=-1)
-    again = means_of(logarithms, weights)
+    again = means_of(logarithms, resampled(problems, resamples, seed))
     found = again[published].min(axis=0) - again[trained].min(axis=0)
     return Gains(
         published=_best(means, published), trained=_best(means, trained),
@@ -68,9 +68,21 @@ def gains(logarithms: Floats, kinds: Sequence[str], seed: int, resamples: int = 
     )  # fmt: skip
 
 
-def means_of(logarithms: Floats, weights: Floats) -> Floats:
-    """Return the means (..., R) over the last axis, of M problems, with the weights (R, M) of resamples."""
-    found: Floats = logarithms @ weights.T
+def resampled(problems: int, resamples: int, seed: int) -> Integers:
+    """Return how often (R, M) each of M problems is in each of R resamples."""
+    return np.random.default_rng(seed).multinomial(problems, np.full(problems, 1 / problems), resamples)
+
+
+def means_of(logarithms: Floats, counts: Integers) -> Floats:
+    """Return the means (..., R) over the last axis, of M problems, each taken as often as ``counts`` (R, M) says.
+
+    A matrix product adds in an order of each processor's own. The finite logarithms are rounded to multiples of a power
+    of two that makes all sums exact, whatever their order: by 10^-12 at most for 192 problems.
+    """
+    sizes = counts.sum(axis=1)
+    _, exponent = frexp(float(np.abs(logarithms).max()) * int(sizes.max()))
+    unit = ldexp(1.0, exponent - 52)
+    found: Floats = np.rint(logarithms / unit) @ counts.T.astype(float) * unit / sizes
     return found
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from nearharmonic.engine.portable import log10
 from nearharmonic.experiments.trained.contestants import kind_of
 from nearharmonic.experiments.trained.proof.ensembles import Trial, proof_ensembles
 from nearharmonic.experiments.trained.proof.gains import CONFIDENCE, Gains, gains
@@ -72,7 +73,7 @@ def log_errors(ensemble: Ensemble, methods: Sequence[str], tau_per_stage: Floats
         Cost of the gradient of the square of grad V, in forces.
     """
     errors = [errors_of(ensemble, method_of(name), tau_per_stage.tolist(), charge) for name in methods]
-    found: Floats = np.log10(np.maximum(errors, LEAST))
+    found: Floats = log10(np.maximum(errors, LEAST))
     return found
 
 

@@ -1,0 +1,29 @@
+"""Geometric progressions in decimal arithmetic, with the same bits on every processor; the plan needs no numpy.
+
+Doubles stand for the shortest decimals that name them.
+"""
+
+from __future__ import annotations
+
+from decimal import Decimal, localcontext
+
+#: Digits, so that a double rounded from them is correctly rounded but for one in 10^20.
+DIGITS = 40
+
+
+def geometric(lowest: float, highest: float, count: int) -> list[float]:
+    """Return ``count`` numbers from ``lowest`` to ``highest``, evenly in the logarithm; ``lowest`` alone if it is 1."""
+    with localcontext(prec=DIGITS):
+        first, last = _decimal(lowest), _decimal(highest)
+        inner = [float(first * (last / first) ** (Decimal(i) / (count - 1))) for i in range(1, count - 1)]
+    return [float(lowest), *inner, float(highest)][:count]
+
+
+def decades(lowest: float, count: int, per_decade: int) -> list[Decimal]:
+    """Return ``lowest`` * 10^(i / ``per_decade``) for i below ``count``, not rounded to doubles."""
+    with localcontext(prec=DIGITS):
+        return [_decimal(lowest) * Decimal(10) ** (Decimal(i) / per_decade) for i in range(count)]
+
+
+def _decimal(x: float) -> Decimal:
+    return Decimal(repr(float(x)))

@@ -1,0 +1,86 @@
+"""What decides the bits of result files beside the compiled kernels, as bytes; run as a program it prints digests."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+
+import numpy as np
+import xarray as xr
+
+from nearharmonic.engine.invariants import observable_values
+from nearharmonic.engine.portable import log10, norms
+from nearharmonic.engine.quasi_random import quasi_random
+from nearharmonic.engine.statistics import line_fit, linear_trend, observed_order, power_law
+from nearharmonic.experiments.exact_oscillator.crossings import crossings
+from nearharmonic.experiments.exact_oscillator.settings import ExactOscillatorSettings
+from nearharmonic.experiments.exact_oscillator.surfaces import starts_on
+from nearharmonic.experiments.stability.initial_conditions import kepler_apoapsis
+from nearharmonic.experiments.stability.kepler.run import evaluations_below, perihelion_advance
+from nearharmonic.experiments.stability.rounding.reduce import growth
+from nearharmonic.experiments.trained.problems.named_systems import NAMED, named_ensemble
+from nearharmonic.experiments.trained.problems.orbits import orbit_ensemble
+from nearharmonic.experiments.trained.problems.random_potentials import random_ensemble
+from nearharmonic.experiments.trained.proof.gains import gains
+from nearharmonic.systems import systems
+
+COUNT = 2000
+
+
+def computations():
+    """Arrays by name."""
+    u = quasi_random(COUNT, 4, 1)
+    kepler = systems["kepler"]
+    q, p = (u[:, :2] - 0.5) * 140, (u[:, 2:] - 0.5) * 0.28
+    angle = observable_values(kepler, q, p, kepler.constants(float))["perihelion_angle"]
+    time = np.sort(u[:, 0]) * 87660
+    errors = 1e-3 * u[:, 1] * (u[:, 2] + 0.5) ** 2
+    tau = np.sort(u[:200, 3]) + 1e-3
+    made = {"perihelion angles": angle, "trend": linear_trend(time, 1e-6 * time + 1e-3 * angle)}
+    made["fit"] = line_fit(u[:, 0] - 0.5, errors)
+    curves = 1e-6 * tau * tau * tau * (1 + 1e-3 * quasi_random(100 * 200, 1, 2).reshape(100, 200))
+    orders = (xr.DataArray(x, dims=("curve", "tau_per_stage")) for x in (tau + 0 * curves, curves))
+    made["orders"] = observed_order(*orders)
+    made["power laws"] = [power_law(tau, curve) for curve in curves]
+    made["growth"] = [*growth((u[:, :1] - 0.5) * np.sqrt(tau), tau * 1000).values()]
+    made["apoapsis"] = kepler_apoapsis(u[:, 0] * 0.9, u[:, 1] * 6)
+    path = [np.reshape(x, (40, 50, 2)) for x in (np.array([69.0, 3.0]) + 0.5 * q / 70, np.array([0.01, 0.14]) + p / 50)]
+    made["advance"] = perihelion_advance(path[0] / 70, path[1] * 7)
+    made["contour"] = evaluations_below(np.arange(1, 201), (errors.reshape(200, 10) + 1e-4) / tau[:, None], 1e-2)
+    made["norms"] = norms(u.reshape(500, 4, 4) - 0.5)
+    made["surface"] = starts_on(1 / 80, 500, 1)
+    energies = ExactOscillatorSettings(integrators=("aba864",)).surfaces()
+    plain, rotated = np.split(errors[: 17 * 100].reshape(17, 2, 50).swapaxes(0, 1)[None, :, None], 2, axis=1)
+    found = crossings(plain[:, 0], rotated[:, :, :] * np.linspace(0.5, 2, 17)[:, None], energies, 1)
+    made |= {f"crossings: {name}": entry[1] for name, entry in found.items()}
+    for one in NAMED:
+        made[f"starts of {one.name}"] = named_ensemble(one, 20, 3, 100.0).start
+    whole = random_ensemble(3, 100, 1, band=(0.01, 0.5), t_end=10.0)
+    made |= {"random potentials": whole.parameters, "their starts": whole.start}
+    made["orbits"] = orbit_ensemble(500, 1, eccentricities=(0.02, 0.35), orbits=3.0).start
+    table = log10(errors.reshape(4, 5, 100))
+    resampled = gains(table, ["published", "trained"] * 2, 1, 200)
+    made |= {"gain": resampled.gain, "its interval": resampled.interval}
+    return made
+
+
+def of_libraries():
+    """The same operations by numpy, BLAS and the C library, which choose their code by the processor."""
+    x = quasi_random(COUNT, 2, 2) + 0.1
+    by_numpy = [np.exp(x), np.log(x), np.sin(9 * x), np.arctan2(x[:, 0], x[:, 1] - 0.6), x @ x.T]
+    return [*by_numpy, [f(a) for f in (math.exp, math.log, math.sin) for a in x[:, 0].tolist()]]
+
+
+def digests():
+    """Digests of the bytes of all computations by name, and one of what libraries compute."""
+    found = {name: _digest(value) for name, value in computations().items()}
+    return found, [_digest(value) for value in of_libraries()]
+
+
+def _digest(value):
+    return hashlib.sha256(np.ascontiguousarray(value, dtype=float).tobytes()).hexdigest()
+
+
+if __name__ == "__main__":
+    print(json.dumps(digests()))
