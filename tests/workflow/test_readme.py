@@ -8,14 +8,15 @@ from math import isfinite, nan
 from pathlib import Path
 
 import pytest
-import xarray as xr
 
 from nearharmonic.engine.grid import steps_of
 from nearharmonic.experiments.paper.plan import Run
-from nearharmonic.experiments.paper.reduce import assembled
+from nearharmonic.experiments.paper.reduce import cube_of
+from nearharmonic.experiments.paper.reduce import numbers as reduced_numbers
 from nearharmonic.experiments.paper.run import integrate_run
 from nearharmonic.experiments.work_precision.peers import PEERS
-from nearharmonic.output.store import write_dataset
+from nearharmonic.output import store
+from nearharmonic.output.dataset import assembled
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -29,18 +30,18 @@ BLOCKS = {
 
 @pytest.fixture
 def beside_results(tmp_path, monkeypatch):
-    """A folder with a small cube where README expects the paper's."""
-    runs = {}
+    """A folder with a small cube and run files where README expects the paper's."""
+    methods = {}
     for name, stages in (("ruth", 3), ("babps8o7h", 8)):
         steps = tuple(steps_of("50", tau * stages) for tau in (0.05, 0.1, 0.2))
         run = Run(
             system="henon_heiles", integrator=name, precision="double", summation="compensated", first=None,
             t_end="50", tau_per_stage=(0.05, 0.1, 0.2), steps=steps, samples=10,
         )  # fmt: skip
-        runs[name] = {
-            "double": [xr.Dataset({k: v for k, v in integrate_run(run).items() if v[0] == ("tau_per_stage",)})]
-        }
-    write_dataset(tmp_path / "results/paper/cubes/henon_heiles.h5", assembled("henon_heiles", runs), {})
+        runs = assembled(integrate_run(run), ["t"], {"system": "henon_heiles", "integrator": name})
+        methods[name] = reduced_numbers(runs).expand_dims(precision=["double"])
+        store.write_dataset(tmp_path / f"results/paper/runs/henon_heiles/{name}/0.h5", runs, {})
+    store.write_dataset(tmp_path / "results/paper/cubes/henon_heiles.h5", cube_of("henon_heiles", methods), {})
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     monkeypatch.chdir(tmp_path)
 

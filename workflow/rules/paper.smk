@@ -65,7 +65,7 @@ rule decompose:
     log:
         LOG("reduce/sho_terms"),
     params:
-        task=task("experiments.paper.reduce:decompose", integrators=CONFIG.decomposed),
+        task=task("experiments.paper.decompose:decompose", integrators=CONFIG.decomposed),
     script:
         "../scripts/task.py"
 

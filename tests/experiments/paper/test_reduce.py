@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.experiments.paper import reduce
+from nearharmonic.experiments.paper.decompose import harmonic_terms
 from nearharmonic.experiments.paper.plan import runs_of, shards_of
-from nearharmonic.experiments.paper.reduce import harmonic_terms, numbers
+from nearharmonic.experiments.paper.reduce import numbers
 from nearharmonic.experiments.paper.run import integrate, integrate_run
 from nearharmonic.integrators import integrators
 from nearharmonic.output.dataset import assembled

@@ -1,9 +1,9 @@
-"""From run files to cubes: the reduced numbers of every method lined up, and the error terms of the oscillator."""
+"""From run files to cubes: the reduced numbers of every method lined up."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -11,9 +11,8 @@ import xarray as xr
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.experiments.paper.reductions import orbital_period, reduction
 from nearharmonic.integrators import integrators as methods_by_name
-from nearharmonic.integrators.tableau import First
 from nearharmonic.output import store
-from nearharmonic.output.dataset import assembled, coordinate, described, method_coordinates, variable
+from nearharmonic.output.dataset import described
 from nearharmonic.systems import systems
 
 #: Values of a cell that no run fills; others are NaN.
@@ -100,29 +99,3 @@ def _joined(parts: Sequence[xr.Dataset], dimension: str) -> xr.Dataset:
         parts, dimension, data_vars="all", coords="minimal", compat="override", join="outer",
         fill_value={name: NO_RUN.get(name, np.nan) for name in names}, combine_attrs="override",
     )  # fmt: skip
-
-
-def decompose(integrators: Sequence[str]) -> dict[str, xr.Dataset]:
-    """Compute the position error terms of methods; the dataset ``cube`` is that of :func:`harmonic_terms`."""
-    return {"cube": harmonic_terms(integrators)}
-
-
-def harmonic_terms(methods: Sequence[str]) -> xr.Dataset:
-    """Return the terms kappa over (integrator, first, order), as far as the stages of each composition reach."""
-    from nearharmonic.theory.oscillator import kappa, lambda_max
-
-    tableaus, roles = [methods_by_name[name] for name in methods], get_args(First)
-    terms = [[kappa(t, lambda_max(t, first=first), first=first) for first in roles] for t in tableaus]
-    highest = max(len(row) for rows in terms for row in rows)
-    values = [[[*map(float, row), *[np.nan] * (highest - len(row))] for row in rows] for rows in terms]
-    text = "position error term kappa of the harmonic oscillator; kick first is BAB, drift first is ABA"
-    return assembled(
-        {
-            **method_coordinates(tableaus),
-            **coordinate("first", roles, "operator that comes first"),
-            **coordinate("order", np.arange(1, highest + 1), "order lambda in tau"),
-            "kappa": variable(("integrator", "first", "order"), values, text),
-        },
-        ["label"],
-        {},
-    )

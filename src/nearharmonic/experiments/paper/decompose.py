@@ -1,0 +1,40 @@
+"""Error terms of the oscillator: how the position after one step differs from the exact one, order by order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, get_args
+
+import numpy as np
+
+from nearharmonic.integrators import integrators as registry
+from nearharmonic.integrators.tableau import First
+from nearharmonic.output.dataset import assembled, coordinate, method_coordinates, variable
+from nearharmonic.theory.oscillator import kappa, lambda_max
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def decompose(integrators: Sequence[str]) -> dict[str, xr.Dataset]:
+    """Compute the position error terms of methods; the dataset ``cube`` is that of :func:`harmonic_terms`."""
+    return {"cube": harmonic_terms(integrators)}
+
+
+def harmonic_terms(methods: Sequence[str]) -> xr.Dataset:
+    """Return the terms kappa over (integrator, first, order), as far as the stages of each composition reach."""
+    tableaus, roles = [registry[name] for name in methods], get_args(First)
+    terms = [[kappa(t, lambda_max(t, first=first), first=first) for first in roles] for t in tableaus]
+    highest = max(len(row) for rows in terms for row in rows)
+    values = [[[*map(float, row), *[np.nan] * (highest - len(row))] for row in rows] for rows in terms]
+    text = "position error term kappa of the harmonic oscillator; kick first is BAB, drift first is ABA"
+    return assembled(
+        {
+            **method_coordinates(tableaus),
+            **coordinate("first", roles, "operator that comes first"),
+            **coordinate("order", np.arange(1, highest + 1), "order lambda in tau"),
+            "kappa": variable(("integrator", "first", "order"), values, text),
+        },
+        ["label"],
+        {},
+    )
