@@ -12,8 +12,9 @@ from hashlib import sha256
 import h5py
 
 from nearharmonic.engine.settings import Sweep
+from nearharmonic.experiments.paper.decompose import decompose
 from nearharmonic.experiments.paper.plan import shards_of
-from nearharmonic.experiments.paper.reduce import decompose, reduce
+from nearharmonic.experiments.paper.reduce import reduce
 from nearharmonic.experiments.paper.run import integrate
 from nearharmonic.output import job, table
 from nearharmonic.output.provenance import provenance, task

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from nearharmonic.claims.results import Results
-from nearharmonic.experiments.paper.reduce import harmonic_terms
+from nearharmonic.experiments.paper.decompose import harmonic_terms
 from nearharmonic.experiments.paper.substeps import paper_panels
 from nearharmonic.experiments.paper.tables import paper_tables
 from nearharmonic.integrators import BENCHMARKED, integrators

@@ -13,7 +13,7 @@ from nearharmonic.output.receipts import Receipt
 from nearharmonic.record import manifest, verify
 from nearharmonic.record.adopt import check_jobs
 
-TASK = task("experiments.paper.reduce:decompose", integrators=["ruth"])
+TASK = task("experiments.paper.decompose:decompose", integrators=["ruth"])
 CUBE = "results/paper/cubes/sho_terms.h5"
 
 
@@ -147,4 +147,6 @@ def test_a_job_for_a_file_that_is_not_there_is_not(results):
 
 
 def test_settings_that_are_written_otherwise_are_the_same():
-    assert settings_digest(TASK) == settings_digest(task("experiments.paper.reduce:decompose", integrators=("ruth",)))
+    assert settings_digest(TASK) == settings_digest(
+        task("experiments.paper.decompose:decompose", integrators=("ruth",))
+    )

@@ -13,7 +13,7 @@ from nearharmonic.output.provenance import task
 from nearharmonic.output.receipts import Receipt, folder_of
 from nearharmonic.record import manifest
 
-TASK = task("experiments.paper.reduce:decompose", integrators=["ruth"])
+TASK = task("experiments.paper.decompose:decompose", integrators=["ruth"])
 
 
 @pytest.fixture
@@ -42,7 +42,7 @@ def test_it_holds_size_digest_and_origin_of_each_file(results):
         "cubes/a.h5": {
             "size": 7,
             "sha256": sha256(b"numbers").hexdigest(),
-            "function": "experiments.paper.reduce:decompose",
+            "function": "experiments.paper.decompose:decompose",
             "code": TASK["code"],
             "coefficients": TASK["coefficients"],
             "settings": sha256(b'{"integrators": ["ruth"]}').hexdigest(),

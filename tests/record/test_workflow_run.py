@@ -15,7 +15,7 @@ from nearharmonic.record import fingerprint, history, manifest
 from nearharmonic.record.workflow_run import WorkflowRun
 
 SMOKE = Path(__file__).parents[2] / "config/smoke.yaml"
-TASK = task("experiments.paper.reduce:decompose", integrators=["ruth"])
+TASK = task("experiments.paper.decompose:decompose", integrators=["ruth"])
 
 
 @pytest.fixture
