@@ -10,7 +10,7 @@ import pytest
 import nearharmonic as nh
 from configs_by_file import CONFIG, METHOD, WELL, changed, enter, refused, under
 from nearharmonic.config import load
-from nearharmonic.output.declarations import cubes_of
+from nearharmonic.output.cubes import cubes_of
 
 
 @pytest.fixture(autouse=True)

@@ -1,7 +1,7 @@
-"""Declared figures and cubes: a decorated function is a figure, and its files are named after the function.
+"""Declared figures: a decorated function is a figure, and its files are named after the function.
 
-The decorator says which cube the figure shows; the package of an experiment names its cubes in ``CUBES``. A workflow
-reads the declarations from the source text, because importing matplotlib takes longer than the workflow takes to start.
+The decorator says which cube the figure shows. A workflow reads the declarations from the source text, because
+importing matplotlib takes longer than the workflow takes to start.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -104,17 +103,6 @@ def figures_of(package: str, systems: Collection[str], cubes: Collection[str] = 
         elif one.cube is None or one.cube in systems or one.cube in cubes:
             found.append(one)
     return found
-
-
-@cache
-def cubes_of(package: str) -> tuple[str, ...]:
-    """Return the names in ``CUBES`` of each package directly in ``package``, a dotted name; nothing is imported."""
-    found: list[str] = []
-    for path in sorted(ROOT.joinpath(*package.split(".")).glob("*/__init__.py")):
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
-            if isinstance(node, ast.Assign) and [ast.unparse(name) for name in node.targets] == ["CUBES"]:
-                found += ast.literal_eval(node.value)
-    return tuple(found)
 
 
 def _declarations(folder: Path) -> Iterator[Declaration]:

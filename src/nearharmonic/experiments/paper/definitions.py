@@ -13,7 +13,7 @@ from nearharmonic.errors import NearharmonicError, SettingError, UnknownNameErro
 from nearharmonic.experiments.paper.settings import SystemSettings
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.user_file import TableauDefinition, load_tableaus
-from nearharmonic.output.declarations import cubes_of
+from nearharmonic.output.cubes import cubes_of
 from nearharmonic.registry import is_path, split_path
 from nearharmonic.systems import System, systems
 from nearharmonic.systems.gradients import check_gradients
