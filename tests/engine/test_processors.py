@@ -24,7 +24,7 @@ def older_processor():
         "OPENBLAS_CORETYPE": "Prescott",
         "NPY_DISABLE_CPU_FEATURES": " ".join(features),
         "NUMBA_CPU_NAME": "generic",
-        "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-FMA4",
+        "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-AVX512F,-FMA4",
         "PYTHONPATH": str(Path(nh.__file__).parents[1]),
     }
 

@@ -19,10 +19,10 @@ def geometric(lowest: float, highest: float, count: int) -> list[float]:
     return [float(lowest), *inner, float(highest)][:count]
 
 
-def decades(lowest: float, count: int, per_decade: int) -> list[Decimal]:
+def decades(lowest: float, count: int, per_decade: float) -> list[Decimal]:
     """Return ``lowest`` * 10^(i / ``per_decade``) for i below ``count``, not rounded to doubles."""
     with localcontext(prec=DIGITS):
-        return [_decimal(lowest) * Decimal(10) ** (Decimal(i) / per_decade) for i in range(count)]
+        return [_decimal(lowest) * Decimal(10) ** (Decimal(i) / _decimal(per_decade)) for i in range(count)]
 
 
 def _decimal(x: float) -> Decimal:
