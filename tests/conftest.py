@@ -12,8 +12,10 @@ from xdist.scheduler.loadscope import LoadScopeScheduling
 
 import nearharmonic as nh
 
-#: Their tests read the one project in which ``everything`` has run.
-FINISHED = {"test_adopt", "test_derive", "test_everything", "test_results", "test_work_precision"}
+#: Their tests read the projects in which the workflow has run to its end.
+FINISHED = {
+    "test_adopt", "test_derive", "test_everything", "test_results", "test_settings_of_results", "test_work_precision",
+}  # fmt: skip
 
 # A busy machine is no fault: tests have no deadline of their own.
 settings.register_profile("shared", deadline=None)
