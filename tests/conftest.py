@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from pathlib import PurePosixPath
 
@@ -12,8 +13,10 @@ from xdist.scheduler.loadscope import LoadScopeScheduling
 
 import nearharmonic as nh
 
-#: Their tests read the one project in which ``everything`` has run.
-FINISHED = {"test_adopt", "test_derive", "test_everything", "test_results", "test_work_precision"}
+#: Their tests read the projects in which the workflow has run to its end.
+FINISHED = {
+    "test_adopt", "test_derive", "test_everything", "test_results", "test_settings_of_results", "test_work_precision",
+}  # fmt: skip
 
 # A busy machine is no fault: tests have no deadline of their own.
 settings.register_profile("shared", deadline=None)
@@ -52,16 +55,31 @@ def _environment():
     assert after == before
 
 
-class OneProcessAWorkflow(LoadScopeScheduling):
-    """Tests go to processes one by one, but those of a file of tests/workflow together, and those of FINISHED."""
+class OneProcessAFile(LoadScopeScheduling):
+    """The tests of a file go to one process, so that they share fixtures and caches; so do the files of FINISHED."""
 
     def _split_scope(self, nodeid: str) -> str:
         file = PurePosixPath(nodeid.partition("::")[0])
-        if file.parent.name != "workflow":
-            return nodeid
-        return "finished" if file.stem in FINISHED else str(file)
+        return "finished" if file.parent.name == "workflow" and file.stem in FINISHED else str(file)
 
 
 # Not marks named xdist_group: pytest 9.2 does not let xdist 3.8 put the groups into the names of tests.
 def pytest_xdist_make_scheduler(config, log):
-    return OneProcessAWorkflow(config, log)
+    config.option.loadscopereorder = False  # in the order of the items, not by their number
+    return OneProcessAFile(config, log)
+
+
+def pytest_collection_modifyitems(items):
+    """Put the workflow first: its files take longest, and a long file at the end keeps one process busy alone."""
+    items.sort(key=lambda item: item.path.parent.name != "workflow")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """Keep the garbage collector from scanning the syntax trees, modules and items of all tests again and again."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()

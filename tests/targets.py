@@ -93,5 +93,7 @@ ENSEMBLES = cubes(*(f"stability_{name}" for name in _ENSEMBLES)) | {
     f"runs/stability/{name}/{method}.h5" for name in _ENSEMBLES for method in METHODS
 }
 MADE = TARGETS["everything"] | RUNS | CUBES | ENSEMBLES
+#: Target -> all files that are there after it.
+MADE_BY = {"all": TARGETS["all"] | RUNS | CUBES, "everything": MADE}
 #: What every run of the workflow writes to, beside what it was asked for.
 RECORD = {"history.jsonl", "manifest.json"}

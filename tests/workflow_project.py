@@ -7,11 +7,19 @@ import os
 import shutil
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[1]
 TINY = ("--configfile", "config/tiny.yaml")
+
+
+@cache
+def _server() -> subprocess.Popen[str]:
+    """The process that runs Snakemake; it ends with this one, which holds its standard input."""
+    command = [sys.executable, str(ROOT / "tests/snakemake_server.py")]
+    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
 
 class Project:
@@ -25,9 +33,22 @@ class Project:
             shutil.copy(ROOT / name, folder)
         shutil.copy(ROOT / "tests/workflow/tiny.yaml", folder / "config")
 
+    def copy(self, folder: Path) -> Project:
+        """The project with its results and its times as they are, in ``folder``, to break things in."""
+        shutil.copytree(self.folder, folder, symlinks=True)
+        other = Project.__new__(Project)
+        other.folder = folder
+        return other
+
     def snakemake(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         """``snakemake`` with ``arguments``; what it prints is in ``stdout``, errors included."""
-        return self._run("snakemake", *arguments, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        printed = self.folder.with_name(f"{self.folder.name}.printed")
+        server = _server()
+        request = {"folder": str(self.folder), "arguments": arguments, "printed": str(printed)}
+        server.stdin.write(json.dumps(request | {"environment": self._environment}) + "\n")
+        server.stdin.flush()
+        status = int(server.stdout.readline())
+        return subprocess.CompletedProcess(arguments, status, printed.read_text(encoding="utf-8"))
 
     def nearharmonic(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         """The command ``nearharmonic`` with ``arguments``."""
@@ -39,8 +60,13 @@ class Project:
 
     def _run(self, module: str, *arguments: str, **streams: int) -> subprocess.CompletedProcess[str]:
         command = [sys.executable, *(["-m", module] if module else []), *arguments]
-        environment = {**os.environ, "PYTHONPATH": str(self.folder / "src")}
-        return subprocess.run(command, cwd=self.folder, env=environment, text=True, check=False, **streams)
+        return subprocess.run(command, cwd=self.folder, env=self._environment, text=True, check=False, **streams)
+
+    @property
+    def _environment(self) -> dict[str, str]:
+        # Python keeps what it compiled of the copy, which dozens of processes load.
+        kept = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
+        return {**kept, "PYTHONPATH": str(self.folder / "src")}
 
     @property
     def results(self) -> Path:

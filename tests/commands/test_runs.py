@@ -7,12 +7,12 @@ import io
 import json
 import math
 import shutil
-import time
 
 import numpy as np
 import pytest
 import xarray as xr
 
+from call_counts import calls_of
 from nearharmonic.cli import main
 from nearharmonic.output import store
 from result_folder import edited
@@ -155,8 +155,9 @@ def test_a_damaged_cube_is_named_with_the_command_that_makes_it_again(project, c
     assert "cubes/sho.h5 is truncated or no result file. Make it again: snakemake" in capsys.readouterr().err
 
 
-def test_a_million_runs_are_filtered_and_sorted_in_three_seconds(project, capsys):
-    shape, seed = (10, 10**5), np.random.default_rng(1)
+def write_runs(project, tau_per_stage):
+    """A cube of ten methods with made up errors, which are returned."""
+    shape, seed = (10, tau_per_stage), np.random.default_rng(1)
     error = 10 ** seed.uniform(-16, 0, shape)
     words = {"units": "1", "long_name": "made up"}
     over = {
@@ -172,8 +173,17 @@ def test_a_million_runs_are_filtered_and_sorted_in_three_seconds(project, capsys
     variables = coordinates | {name: (over_runs, v[None], words) for name, v in over.items()}
     shutil.rmtree(project / "cubes")
     store.write(project / "cubes/sho.h5", variables, {"system": "sho"})
-    start = time.process_time()
-    condition = "max_energy_error < 1e-9 and status == 'ok'"
-    rows = told(capsys, "paper", "--where", condition, "--sort", "-max_energy_error", "--limit", "3")
-    assert time.process_time() - start < 3
-    assert [float(row["max_energy_error"]) for row in rows] == sorted(error[error < 1e-9])[:-4:-1]
+    return error
+
+
+def test_a_million_runs_are_filtered_with_at_most_two_calls_each(project, capsys):
+    calls = []
+    for tau_per_stage in (10, 10**5):
+        error, rows = write_runs(project, tau_per_stage), []
+        condition = "max_energy_error < 1e-4 and status == 'ok'"
+        words = ("paper", "--where", condition, "--sort", "-max_energy_error", "--limit", "3")
+        told(capsys, *words)  # imports are done
+        calls.append(calls_of(lambda words=words, rows=rows: rows.extend(told(capsys, *words))))
+        assert [float(row["max_energy_error"]) for row in rows] == sorted(error[error < 1e-4])[:-4:-1]
+    # 2 s or so: what goes through rows in Python takes ten calls and more for each.
+    assert calls[1] - calls[0] < 2 * 10**6

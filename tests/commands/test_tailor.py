@@ -11,7 +11,6 @@ import struct
 import subprocess
 import sys
 import termios
-import time
 from pathlib import Path
 
 import pytest
@@ -188,12 +187,12 @@ def test_ctrl_c_on_a_terminal_gives_the_best_so_far_behind_a_bar():
         [sys.executable, "-m", "nearharmonic.cli", *words], stderr=terminal, stdout=subprocess.PIPE, env=environment,
         stdin=subprocess.DEVNULL,
     )  # fmt: skip
-    shown, end = b"", time.monotonic() + 120
-    while b"objective -" not in shown and time.monotonic() < end:
+    shown = b""
+    while b"objective -" not in shown and process.poll() is None:
         if select.select([reader], [], [], 0.2)[0]:
             shown += os.read(reader, 65536)
     process.send_signal(2)
-    out, _ = process.communicate(timeout=60)
+    out, _ = process.communicate()
     os.close(terminal)
     os.close(reader)
     assert b"Ctrl-C for the best so far" in shown

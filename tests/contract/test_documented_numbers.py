@@ -9,6 +9,7 @@ from math import isclose
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import nearharmonic as nh
 from nearharmonic.cli import main
@@ -91,6 +92,7 @@ def shown(*words):
     return out.getvalue()
 
 
+@pytest.mark.slow
 def test_chains_and_bodies_take_the_memory_that_the_page_says():
     stated_bytes = stated("docs/larger_systems.md", r"(\d+) kB for the chain and (\d+) kB for the bodies")
     examples = (ROOT / "examples" / name for name in ("fput_chain.py", "hundred_bodies.py"))

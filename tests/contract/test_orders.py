@@ -20,6 +20,7 @@ from nearharmonic.theory.order import (
     nystrom_order_of,
     order_of,
 )
+from ten_methods import EVERY_METHOD
 
 EVERY = pytest.mark.parametrize("name", list(integrators))
 
@@ -58,7 +59,7 @@ def test_a_harmonic_order_is_no_smaller_than_the_order(name):
     assert min(harmonic_orders_of(name)) >= integrators[name].order
 
 
-@EVERY
+@EVERY_METHOD
 def test_the_leading_error_stands_out_from_what_the_digits_leave(name):
     # The smallest so far are 4e-9; a vanishing condition leaves less than 1e-24 of any set with 26 digits or more, and
     # sets with fewer are of order two, which is a matter of their sums.

@@ -155,7 +155,7 @@ def test_a_step_is_that_of_multiprecision(name, looped):
         assert abs(initial - energy) < 1e-26
 
 
-@pytest.mark.parametrize("name", ["uneven", "embedded", "driven"])
+@pytest.mark.parametrize("name", [pytest.param("uneven", marks=pytest.mark.slow), "embedded", "driven"])
 def test_doubles_follow_double_doubles_to_rounding(name, looped):
     """Ten steps of a fourth-order method; both summations, either part first, the three ways to measure the energy."""
     system = system_of(name, tau="1")

@@ -74,6 +74,7 @@ def test_the_energy_of_a_chain_of_1024_sites_is_measured_to_rounding():
     assert run.energy_error.values == pytest.approx(np.array(errors, float), abs=1e-15, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_hundred_bodies_conserve_momentum_and_angular_momentum_to_rounding(bodies):
     run = nh.integrate(bodies, "aba864", 0.005, samples=3)
     q, p = (run[name].values.reshape(-1, BODIES, 3) for name in ("q", "p"))

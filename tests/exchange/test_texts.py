@@ -17,8 +17,8 @@ from nearharmonic.errors import SettingError
 from nearharmonic.exchange import TARGETS
 from nearharmonic.exchange.description import comment, identifier
 from nearharmonic.exchange.export import WRITERS, export
+from ten_methods import EVERY_METHOD
 
-EVERY = pytest.mark.parametrize("name", list(integrators))
 PROGRAMS = ("c", "julia", "rebound", "diffrax", "sundials", "fortran")
 READERS = {"json": json.loads, "toml": tomllib.loads}
 #: How each language calls an operator, at the beginning of a line.
@@ -47,7 +47,7 @@ def test_there_is_a_writer_for_each_target():
     assert tuple(WRITERS) == TARGETS
 
 
-@EVERY
+@EVERY_METHOD
 @pytest.mark.parametrize("to", ["json", "toml"])
 def test_an_exported_table_reads_back_digit_for_digit(name, to):
     tableau = integrators[name]
@@ -64,7 +64,7 @@ def test_json_says_null_and_toml_nothing_where_there_is_nothing():
     assert "harmonic_order" not in tomllib.loads(export(integrators["ruth"], "toml"))
 
 
-@EVERY
+@EVERY_METHOD
 @pytest.mark.parametrize("digits", [1, 16, 33])
 def test_a_rounded_coefficient_is_off_by_at_most_half_a_unit_of_its_last_digit(name, digits):
     tableau = integrators[name]
@@ -77,7 +77,7 @@ def test_a_rounded_coefficient_is_off_by_at_most_half_a_unit_of_its_last_digit(n
         assert (Fraction(text) / unit).denominator == 1
 
 
-@EVERY
+@EVERY_METHOD
 @pytest.mark.parametrize("to", PROGRAMS)
 def test_a_program_has_by_default_the_doubles_that_our_kernels_have(name, to):
     tableau = integrators[name]
@@ -101,7 +101,7 @@ def test_a_program_has_the_digits_that_are_asked_for(to, digits):
     assert drift[: len(data["drift"])] == data["drift"]
 
 
-@EVERY
+@EVERY_METHOD
 def test_stages_of_sundials_apply_the_substeps_of_a_step_in_their_order(name):
     tableau = integrators[name]
     kicks, drifts = arrays(tableau, "sundials", export(tableau, "sundials"))
@@ -114,7 +114,7 @@ def test_stages_of_sundials_apply_the_substeps_of_a_step_in_their_order(name):
     assert len(kicks) == tableau.stages + tableau.symmetric  # as many kicks as drifts need no more stages
 
 
-@EVERY
+@EVERY_METHOD
 @pytest.mark.parametrize("to", list(CALLS))
 def test_a_loop_begins_with_the_operator_that_is_first_and_repeats_the_other_one_before_it(name, to):
     tableau = integrators[name]
@@ -123,7 +123,7 @@ def test_a_loop_begins_with_the_operator_that_is_first_and_repeats_the_other_one
     assert called[:3] == [tableau.first, other, tableau.first]
 
 
-@EVERY
+@EVERY_METHOD
 @pytest.mark.parametrize("to", PROGRAMS)
 def test_the_head_says_name_orders_roles_and_source(name, to):
     tableau = integrators[name]
@@ -140,7 +140,7 @@ def test_the_head_says_name_orders_roles_and_source(name, to):
     assert f"Source: {' '.join(tableau.source.split())}" in head
 
 
-@EVERY
+@EVERY_METHOD
 @pytest.mark.parametrize("to", ["rebound", "diffrax", "sundials"])
 def test_the_head_says_if_a_step_takes_more_force_evaluations_than_stages(name, to):
     tableau = integrators[name]

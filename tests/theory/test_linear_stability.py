@@ -21,8 +21,7 @@ from nearharmonic.theory.linear_stability import (
 )
 from nearharmonic.theory.oscillator import harmonic_energy_error
 from oracles import oscillator_step
-
-EVERY = pytest.mark.parametrize("name", list(integrators))
+from ten_methods import EVERY_METHOD
 
 
 def trace(tableau, tau):
@@ -66,7 +65,7 @@ def beside(name, edge):
     return step if step > edge * mpf(10) ** -28 else None
 
 
-@EVERY
+@EVERY_METHOD
 def test_each_edge_is_a_crossing_of_two_to_more_than_twelve_digits(name):
     tableau, gaps = integrators[name], stability_gaps(name)
     assert stability_limit(name) == gaps[0][0]
@@ -86,7 +85,7 @@ def test_the_edges_of_the_stability_limit_and_of_most_methods_are_told_apart_in_
     assert all(beside(name, stability_limit(name)) for name in integrators)
 
 
-@EVERY
+@EVERY_METHOD
 def test_a_scan_finds_instability_in_the_gaps_alone(name):
     gaps, tableau = stability_gaps(name), integrators[name]
     for tau in linspace(mpf("0.01"), 2 * gaps[-1][0], 300):
@@ -98,15 +97,13 @@ def test_the_limits_agree_with_those_found_by_another_program(name, limit):
     assert abs(stability_limit(name) - mpf(limit)) < mpf("6e-10")  # its tenth digit
 
 
-@EVERY
+@EVERY_METHOD
 def test_exchanging_roles_changes_no_edge(name):
     # The trace is the same: K12 and K21 change places.
     assert stability_gaps(name, first="kick") == stability_gaps(name, first="drift")
 
 
 # Growth, touching points, and runs on both sides of every edge.
-
-TEN = pytest.mark.parametrize("name", BENCHMARKED)
 
 #: Steps of the runs beside an edge: the slowest growth there, 2.4e-5 a step, becomes e^48 in the energy.
 STEPS = 1_000_000
@@ -129,12 +126,12 @@ def test_leapfrogs_in_a_row_touch_at_their_resonances_and_never_cross(count):
     assert all(abs(a - b) < mpf(10) ** -27 for a, b in zip(touching_points(leapfrogs(count)), expected, strict=True))
 
 
-@EVERY
+@EVERY_METHOD
 def test_no_registered_method_touches_without_crossing(name):
     assert touching_points(name) == []
 
 
-@EVERY
+@EVERY_METHOD
 def test_the_growth_is_the_logarithm_of_the_larger_eigenvalue(name):
     for start, end in stability_gaps(name):
         tau = start * mpf("1.1") if end == inf else (start + end) / 2
@@ -144,7 +141,7 @@ def test_the_growth_is_the_logarithm_of_the_larger_eigenvalue(name):
         assert near is None or growth_rate(name, start - near) == 0
 
 
-@EVERY
+@EVERY_METHOD
 def test_no_growth_in_a_gap_exceeds_the_largest(name):
     for gap in stability_gaps(name):
         found, (start, end) = largest_growth(name, gap), gap
@@ -189,7 +186,7 @@ def beside_edges(name):
         yield (edge - away, edge + away) if opens else (edge + away, edge - away)
 
 
-@TEN
+@pytest.mark.parametrize("name", BENCHMARKED)
 def test_runs_on_either_side_of_every_edge_do_what_the_edge_says(name):
     """Rounding moves an edge by 1e-16 times the size of the step's operators, below 1e-12; runs keep 5e-9 away."""
     for stable, unstable in beside_edges(name):

@@ -26,6 +26,7 @@ from nearharmonic.theory.order import (
     nystrom_order_of,
     order_of,
 )
+from ten_methods import EVERY_METHOD
 
 
 def method(name, first, outer, inner, digits, order=2):
@@ -109,7 +110,7 @@ def test_a_nystrom_method_has_its_order_for_quadratic_kinetic_energy_and_in_its_
     assert nystrom_order_of(SRKN11, first="drift") == 4
 
 
-@pytest.mark.parametrize("name", list(integrators))
+@EVERY_METHOD
 def test_the_first_generalised_order_is_that_of_a_quadrature(name):
     # To first order in epsilon the kicks are the weights, the drifts before them the nodes, of a quadrature on [0, 1].
     tableau = integrators[name]

@@ -15,13 +15,13 @@ from nearharmonic.integrators import integrators
 from nearharmonic.theory.oscillator import kappa, lambda_max, zeta
 from nearharmonic.theory.recursion import closed_sums, momentum_row, position_rows
 from random_tableaus import tableaus
+from ten_methods import EVERY_METHOD, thinned
 
-EVERY = pytest.mark.parametrize("name", list(integrators))
 ROLES = pytest.mark.parametrize("first", ["drift", "kick"])
 PAIRS = [(name, first) for name in integrators for first in ("drift", "kick")]
 #: The last line of Table 2 divides by the last drift, which is 0 if the last coefficient of the drifts is padding.
 WITH_LAST_DRIFT = pytest.mark.parametrize(
-    ("name", "first"), [pair for pair in PAIRS if Fraction(integrators[pair[0]].role(pair[1]).drift[-1])]
+    ("name", "first"), thinned(pair for pair in PAIRS if Fraction(integrators[pair[0]].role(pair[1]).drift[-1]))
 )
 
 
@@ -99,7 +99,7 @@ def test_zeta_is_the_step_from_one_and_minus_one_order_by_order(tableau):
         assert not any(expected[len(found) :])
 
 
-@EVERY
+@EVERY_METHOD
 def test_the_momentum_of_one_composition_errs_as_the_position_of_the_other(name):
     # Exchanging q and p (and the sign of time) turns kicks into drifts: kappa must not know the difference.
     tableau = integrators[name]
@@ -137,7 +137,7 @@ def test_the_upper_limit_printed_in_table_3_gives_the_row_above(tableau):
     assert [row.tau4_as_printed for row in sums[1:]] == [row.tau4 for row in sums[:-1]]
 
 
-@pytest.mark.parametrize("name", [name for name, one in integrators.items() if one.order >= 4 and one.symmetric])
+@pytest.mark.parametrize("name", thinned(name for name, one in integrators.items() if one.order >= 4 and one.symmetric))
 @ROLES
 def test_only_the_upper_limit_of_equation_16_makes_a_registered_method_fourth_order(name, first):
     last = closed_sums(name, first=first)[-1]
@@ -213,7 +213,7 @@ def test_table_2_reads_as_printed_for_three_stages():
     assert rows[3][3:5] == ("Q[2,2] Cbar_3 - C_3 Q[1,2] + D_3 Qbar[2,0]", "Q[2,3] Cbar_3 + D_3 Qbar[2,1]")
 
 
-@EVERY
+@EVERY_METHOD
 @ROLES
 def test_table_3_agrees_with_table_2(name, first):
     header, rows = even_orders(name, first=first)
@@ -224,7 +224,7 @@ def test_table_3_agrees_with_table_2(name, first):
     assert cells["h"] == len(integrators[name].role(first).drift)
 
 
-@EVERY
+@EVERY_METHOD
 def test_table_1_names_coefficients_that_are_equal(name):
     header, rows = structure(name)
     columns = dict(zip(header, zip(*rows, strict=True), strict=True))

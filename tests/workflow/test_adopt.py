@@ -8,20 +8,31 @@ from zipfile import ZipFile
 
 import pytest
 
-from targets import MADE, SYSTEMS
+from targets import MADE, MADE_BY, SYSTEMS
 from workflow_project import TINY, Project
 
 
-def test_after_everything_each_file_is_in_the_manifest_and_verified(finished):
-    assert finished.snakemake("everything", "-j2", *TINY).returncode == 0
-    assert set(finished.manifest()["files"]) == MADE
-    verified = finished.nearharmonic("verify", "tiny", "--rerun", "3")
+def check_manifest_and_verify(project, target):
+    made = MADE_BY[target]
+    assert project.snakemake(target, "-j2", *TINY).returncode == 0
+    assert set(project.manifest()["files"]) == made
+    verified = project.nearharmonic("verify", "tiny", "--rerun", "3")
     assert verified.returncode == 0, verified.stdout + verified.stderr
     assert "3 runs integrated again: 3 have the same bits" in verified.stdout
 
 
-def test_measured_times_are_marked(finished):
-    files = finished.manifest()["files"]
+def test_each_file_is_in_the_manifest_and_verified(finished):
+    check_manifest_and_verify(finished, "all")
+
+
+@pytest.mark.slow
+def test_after_everything_each_file_is_in_the_manifest_and_verified(everything):
+    check_manifest_and_verify(everything, "everything")
+
+
+@pytest.mark.slow
+def test_measured_times_are_marked(everything):
+    files = everything.manifest()["files"]
     volatile = {name: entry["volatile"] for name, entry in files.items() if entry["volatile"]}
     whole = {name for name, columns in volatile.items() if columns == ["*"]}
     timed = ("work_precision", "library_times", "exact_oscillator_times", "trained_times")
@@ -33,7 +44,7 @@ def test_measured_times_are_marked(finished):
 
 def test_the_evaluations_of_a_whole_run_are_those_of_the_table_of_what_was_skipped(finished):
     """Counted here by the jobs, there from the cubes."""
-    run = next(run for run in finished.history() if run["targets"] == ["everything"])
+    run = next(run for run in finished.history() if run["targets"] == ["all"])
     rows = (finished.results / "tables/skipped.csv").read_text().splitlines()
     count = {tuple(row.split(",")[2:4]): int(row.rpartition(",")[2]) for row in rows if row.startswith("all,all,")}
     assert run["evaluations"] == count["all", "done"]
@@ -45,10 +56,10 @@ def test_results_that_were_copied_are_adopted_and_nothing_runs_again(finished, t
     shutil.copytree(finished.folder / "src", copy.folder / "src", dirs_exist_ok=True)
     without_logs = shutil.ignore_patterns("logs")
     shutil.copytree(finished.results, copy.results, ignore=without_logs, copy_function=shutil.copy)
-    assert copy.jobs("everything", *TINY) != {}
+    assert copy.jobs(*TINY) != {}
     adopted = copy.nearharmonic("adopt", "tiny")
     assert adopted.returncode == 0, adopted.stderr
-    assert copy.jobs("everything", *TINY) == {}
+    assert copy.jobs(*TINY) == {}
     assert copy.nearharmonic("verify", "tiny").returncode == 0
     edited = copy.folder / "src/nearharmonic/experiments/paper/reduce.py"
     edited.write_text(edited.read_text() + "_EDITED = 1\n")
@@ -80,42 +91,40 @@ def test_results_that_are_not_what_they_seem_are_refused_with_the_reason(finishe
     assert (copy.results / "manifest.json").read_bytes() == (finished.results / "manifest.json").read_bytes()
 
 
-def test_the_commands_that_verify_prints_mend_what_it_found(finished):
+def test_the_commands_that_verify_prints_mend_what_it_found(breakable):
     """A damaged run takes its cube with it: Snakemake deletes what a failing job was to make."""
-    damaged = finished.results / "runs/sho/ruth/0.h5"
+    damaged = breakable.results / "runs/sho/ruth/0.h5"
     whole = damaged.read_bytes()
     damaged.write_bytes(whole[:99] + bytes([whole[99] ^ 1]) + whole[100:])
-    assert finished.snakemake("-j2", *TINY).returncode == 1
-    found = json.loads(finished.nearharmonic("verify", "tiny", "--format", "json").stdout)["faults"]
+    assert breakable.snakemake("results/tiny/cubes/sho.h5", "-j2", *TINY).returncode == 1
+    found = json.loads(breakable.nearharmonic("verify", "tiny", "--format", "json").stdout)["faults"]
     assert [fault["file"] for fault in found[:2]] == ["runs/sho/ruth/0.h5", "cubes/sho.h5"]
     for fault in found:
         command = fault["mend"].partition(": snakemake ")[2].split()
-        assert finished.snakemake(*command).returncode == 0, fault
+        assert breakable.snakemake(*command).returncode == 0, fault
     assert damaged.read_bytes() == whole
-    assert finished.snakemake("everything", "-j2", *TINY).returncode == 0
-    verified = finished.nearharmonic("verify", "tiny")
+    verified = breakable.nearharmonic("verify", "tiny")
     assert verified.returncode == 0, verified.stdout
+    assert breakable.jobs(*TINY) == {}
 
 
-def test_the_settings_in_an_archive_make_the_same_results(finished):
-    assert finished.nearharmonic("archive", "tiny", "-o", "tiny.zip").returncode == 0
-    with ZipFile(finished.folder / "tiny.zip") as archive:
-        (finished.folder / "config.json").write_bytes(archive.read("config.json"))
-    assert finished.jobs("everything", "--configfile", "config.json") == {}
-    assert finished.nearharmonic("verify", "tiny.zip").returncode == 0
+def test_the_settings_in_an_archive_make_the_same_results(breakable):
+    assert breakable.nearharmonic("archive", "tiny", "-o", "tiny.zip").returncode == 0
+    with ZipFile(breakable.folder / "tiny.zip") as archive:
+        (breakable.folder / "config.json").write_bytes(archive.read("config.json"))
+    assert breakable.jobs("--configfile", "config.json") == {}
+    assert breakable.nearharmonic("verify", "tiny.zip").returncode == 0
 
 
-def test_files_of_a_former_config_are_told_until_they_are_gone(finished):
-    config = finished.folder / "config/tiny.yaml"
+def test_files_of_a_former_config_are_told_until_they_are_gone(breakable):
+    config = breakable.folder / "config/tiny.yaml"
     text = config.read_text()
     config.write_text(text.replace("integrators: [ruth, babs7o7h]", "integrators: [ruth]"))
-    try:
-        assert finished.snakemake("-j2", *TINY).returncode == 0
-        found = json.loads(finished.nearharmonic("verify", "tiny", "--format", "json").stdout)["faults"]
-        former = {fault["file"] for fault in found if fault["fault"].startswith("is of a former config")}
-        assert former >= {f"runs/{system}/babs7o7h/{shard}.h5" for system in SYSTEMS for shard in (0, 1)}
-        assert all("babs7o7h" in file for file in former)
-    finally:
-        config.write_text(text)
-    assert finished.snakemake("everything", "-j2", *TINY).returncode == 0
-    assert finished.nearharmonic("verify", "tiny").returncode == 0
+    assert breakable.snakemake("results/tiny/cubes/sho.h5", "-j2", *TINY).returncode == 0
+    found = json.loads(breakable.nearharmonic("verify", "tiny", "--format", "json").stdout)["faults"]
+    former = {fault["file"] for fault in found if fault["fault"].startswith("is of a former config")}
+    assert former >= {f"runs/{system}/babs7o7h/{shard}.h5" for system in SYSTEMS for shard in (0, 1)}
+    assert all("babs7o7h" in file for file in former)
+    config.write_text(text)
+    assert breakable.snakemake("results/tiny/cubes/sho.h5", "-j2", *TINY).returncode == 0
+    assert breakable.nearharmonic("verify", "tiny").returncode == 0

@@ -5,29 +5,34 @@ from __future__ import annotations
 import csv
 import tomllib
 
+import pytest
+
 SMOKE = ("--configfile", "config/smoke.yaml")
 
 
-def table(finished, stem):
-    with (finished.folder / f"results/tiny/tables/{stem}.csv").open() as file:
+def table(everything, stem):
+    with (everything.folder / f"results/tiny/tables/{stem}.csv").open() as file:
         return list(csv.DictReader(file))
 
 
-def test_the_isolated_sets_of_table_4_come_out_to_every_printed_decimal(finished):
-    rows = [row for row in table(finished, "table4_derived") if row["set"].startswith(("ABAs5o6H", "BABs6o7H"))]
+@pytest.mark.slow
+def test_the_isolated_sets_of_table_4_come_out_to_every_printed_decimal(everything):
+    rows = [row for row in table(everything, "table4_derived") if row["set"].startswith(("ABAs5o6H", "BABs6o7H"))]
     assert len(rows) == 17
     assert {row["agreeing decimals"] for row in rows} == {"76"}
 
 
-def test_every_real_solution_is_proved_and_none_is_missing(finished):
-    rows = table(finished, "derived_counts")
+@pytest.mark.slow
+def test_every_real_solution_is_proved_and_none_is_missing(everything):
+    rows = table(everything, "derived_counts")
     assert [row["real solutions by Sturm"] for row in rows] == ["4", "3", "9"]
     assert [row["proved to exist"] for row in rows] == ["4", "3", "9"]
     assert {row["complete"] for row in rows} == {"yes"}
 
 
-def test_the_document_holds_128_digits_and_where_they_come_from(finished):
-    document = tomllib.loads((finished.folder / "results/tiny/derived/coefficients.toml").read_text())
+@pytest.mark.slow
+def test_the_document_holds_128_digits_and_where_they_come_from(everything):
+    document = tomllib.loads((everything.folder / "results/tiny/derived/coefficients.toml").read_text())
     assert {"package_version", "code_digest", "settings"} <= set(document["provenance"])
     for case in document["isolated"]:
         for root in case["roots"]:

@@ -1,4 +1,4 @@
-"""Every target ran to its end: every file is there, can be read, and holds what its rule was asked for."""
+"""After the default target and, as slow tests, after all: each file is there and holds what its rule was asked for."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ import json
 import re
 import tomllib
 import xml.etree.ElementTree as ET
-from dataclasses import asdict
-from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,11 +15,10 @@ import yaml
 from matplotlib.image import imread
 
 from nearharmonic.claims.table import decided
-from nearharmonic.config import load
 from nearharmonic.experiments.trained.contestants import contestants
 from nearharmonic.output.store import groups_of, read
 from nearharmonic.output.style import style_of
-from targets import DECOMPOSED, MADE, METHODS, RECORD, SYSTEMS, TARGETS
+from targets import DECOMPOSED, MADE, MADE_BY, METHODS, RECORD, SYSTEMS, TARGETS
 
 TINY = ("--configfile", "config/tiny.yaml")
 RESULTS = "results/tiny/"
@@ -28,7 +26,20 @@ RESULTS = "results/tiny/"
 ESCAPES = [(r"\textasciitilde{}", "~"), (r"\textbackslash{}", "\\"), (r"\ensuremath{<}", "<"), (r"\ensuremath{>}", ">"),
            (r"\^{}", "^"), *((f"\\{mark}", mark) for mark in "&%$#_{}")]  # fmt: skip
 
-PICTURES = sorted(name[8:-4] for name in MADE if name.endswith(".png"))
+
+def stems(suffix, made):
+    return sorted(Path(name).stem for name in made if name.endswith(suffix))
+
+
+def each(suffix):
+    """Parameters (after, stem): files of the default target in README's command, those of the others as slow tests."""
+    first = stems(suffix, MADE_BY["all"])
+    rest = sorted({*stems(suffix, MADE)} - {*first})
+    cases = [("all", stem) for stem in first]
+    cases += [pytest.param("everything", stem, marks=pytest.mark.slow) for stem in rest]
+    return pytest.mark.parametrize(("after", "stem"), cases, indirect=["after"])
+
+
 #: Table -> a column that no other table has, or the set of columns.
 COLUMNS = {
     "derived_counts": "complex solutions", "derived_errors": "max error, Henon-Heiles", "derived_families": "set",
@@ -47,15 +58,15 @@ COLUMNS = {
 }  # fmt: skip
 
 
-def text_of(finished, name):
-    return (finished.folder / RESULTS / name).read_text(encoding="utf-8")
+def text_of(project, name):
+    return (project.folder / RESULTS / name).read_text(encoding="utf-8")
 
 
-def test_every_file_is_there_and_no_other(finished):
-    folder = finished.folder / RESULTS
+def test_every_file_is_there_and_no_other(after):
+    folder = after.folder / RESULTS
     files = {str(path.relative_to(folder)): path for path in folder.rglob("*") if path.is_file()}
-    assert {name for name in files if not name.startswith("logs/")} == MADE | RECORD
-    assert all(files[name].stat().st_size > 0 for name in MADE)
+    assert {name for name in files if not name.startswith("logs/")} == after.made | RECORD
+    assert all(files[name].stat().st_size > 0 for name in after.made)
 
 
 def test_each_target_stands_for_its_files(finished):
@@ -68,37 +79,39 @@ def test_each_target_stands_for_its_files(finished):
         assert {file.removeprefix(RESULTS) for file in listed.split(", ")} == files, name
 
 
-def test_statements_are_decided_on_what_is_there(finished):
+@pytest.mark.slow
+def test_statements_are_decided_on_what_is_there(everything):
     """The job ran before the other targets; after them no statement lacks a file, and few lack methods or steps."""
-    before = json.loads(text_of(finished, "tables/claims.json"))
-    after = json.loads(decided(finished.folder / RESULTS)["document"])
-    assert [entry["id"] for entry in before] == [entry["id"] for entry in after]
-    undecided = {entry["id"]: entry["value"] for entry in after if entry["verdict"] == "not decided here"}
+    before = json.loads(text_of(everything, "tables/claims.json"))
+    now = json.loads(decided(everything.folder / RESULTS)["document"])
+    assert [entry["id"] for entry in before] == [entry["id"] for entry in now]
+    undecided = {entry["id"]: entry["value"] for entry in now if entry["verdict"] == "not decided here"}
     assert [value for value in undecided.values() if "is not there" in value] == []
     assert {"fig-1-sixth-order", "fig-5-best-mean"} <= set(undecided)
     of_other_targets = {"table-4-c3", "five-stage-solutions", "time-reversible", "compensated-summation"}
     assert {*of_other_targets, "minimised-coefficients"}.isdisjoint(undecided)
 
 
-def test_what_snakemake_says_of_a_finished_run_needs_no_number_of_cores(finished):
+@pytest.mark.slow
+def test_what_snakemake_says_of_a_finished_run_needs_no_number_of_cores(everything):
     """--summary, --list-changes and --report; by the first, every rule has run and none has to run again."""
-    summary = finished.snakemake("everything", "--summary", *TINY)
+    summary = everything.snakemake("everything", "--summary", *TINY)
     assert summary.returncode == 0, summary.stdout
     rows = list(csv.DictReader(summary.stdout[summary.stdout.index("output_file") :].splitlines(), delimiter="\t"))
     assert {(row["status"], row["plan"]) for row in rows} == {("ok", "no update")}
     files = {row["output_file"].removeprefix(RESULTS) for row in rows}
     assert {name for name in files if not name.startswith("logs/compile/")} == MADE
-    rules = re.findall(r"^\w+$", finished.snakemake("--list-rules", *TINY).stdout, re.MULTILINE)
+    rules = re.findall(r"^\w+$", everything.snakemake("--list-rules", *TINY).stdout, re.MULTILINE)
     # The figure of regularised systems is drawn where a config has one.
     elsewhere = {"regularised_times_figure"}
     assert {row["rule"] for row in rows} == set(rules) - set(TARGETS) - elsewhere
-    changes = finished.snakemake("everything", "--list-changes", "code", *TINY)
+    changes = everything.snakemake("everything", "--list-changes", "code", *TINY)
     assert changes.returncode == 0, changes.stdout
     assert RESULTS not in changes.stdout
-    report = finished.snakemake("everything", "--report", "x.html", *TINY)
+    report = everything.snakemake("everything", "--report", "x.html", *TINY)
     assert report.returncode == 0, report.stdout
-    page = (finished.folder / "x.html").read_text(encoding="utf-8")
-    assert all(f"{stem}.png" in page for stem in PICTURES)
+    page = (everything.folder / "x.html").read_text(encoding="utf-8")
+    assert all(f"{stem}.png" in page for stem in stems(".png", MADE))
 
 
 def cells(line):
@@ -130,18 +143,18 @@ def same(cell, shown):
         return shown == cell.strip()
 
 
-@pytest.mark.parametrize("stem", sorted(name[7:-4] for name in MADE if name.endswith(".tex")))
-def test_a_table_has_rows_and_says_the_same_in_csv_markdown_and_latex(finished, stem):
-    header, *rows = table = list(csv.reader(text_of(finished, f"tables/{stem}.csv").splitlines()))
+@each(".tex")
+def test_a_table_has_rows_and_says_the_same_in_csv_markdown_and_latex(after, stem):
+    header, *rows = table = list(csv.reader(text_of(after, f"tables/{stem}.csv").splitlines()))
     assert rows
     assert all(header)
     assert COLUMNS[stem] in header
-    for shown in (markdown(text_of(finished, f"tables/{stem}.md")), latex(text_of(finished, f"tables/{stem}.tex"))):
+    for shown in (markdown(text_of(after, f"tables/{stem}.md")), latex(text_of(after, f"tables/{stem}.tex"))):
         assert [len(line) for line in shown] == [len(line) for line in table] == [len(header)] * (1 + len(rows))
         for line, shown_line in zip(table, shown, strict=True):
             assert all(map(same, line, shown_line)), (line, shown_line)
     # Under it stands a sentence of what it is; the methods of the config are in it, if it is one of methods.
-    assert text_of(finished, f"tables/{stem}.md").splitlines()[0].endswith((".", ";"))
+    assert text_of(after, f"tables/{stem}.md").splitlines()[0].endswith((".", ";"))
     if header[0] == "integrator" or header[:2] == ["system", "integrator"]:
         assert set(METHODS) <= {row[header.index("integrator")] for row in rows}
 
@@ -158,29 +171,32 @@ def test_tables_2_and_3_are_those_of_ruths_method_with_the_kick_first(finished):
     assert float(first[2]) == pytest.approx(-w * w / 2, rel=1e-14)
 
 
-def test_the_tables_of_timings_have_rows_of_every_method_and_peer(finished):
+@pytest.mark.slow
+def test_the_tables_of_timings_have_rows_of_every_method_and_peer(everything):
     for system in SYSTEMS:
-        rows = list(csv.DictReader(text_of(finished, f"tables/work_precision_{system}.csv").splitlines()))
+        rows = list(csv.DictReader(text_of(everything, f"tables/work_precision_{system}.csv").splitlines()))
         assert {row["system"] for row in rows} == {system}
         ends = {"sho": ("20", "20"), "henon_heiles": ("25", "20"), "kepler": ("4383", "4383")}[system]
         intervals = {(row["measure"], row["t_end"]) for row in rows}
         assert intervals == {("max", ends[0]), ("mean", ends[0]), ("position", ends[1])}
         assert {*METHODS, "aba864", "numpy_aba864", "numpy_babps9o7h"} == {row["method"] for row in rows}
-        page = text_of(finished, f"tables/work_precision_{system}.md")
+        page = text_of(everything, f"tables/work_precision_{system}.md")
         assert all(f"| {label} |" in page for label in ("Ruth", "BABs7o7H", "ABA864"))
 
 
-def test_no_two_figures_are_one_but_for_those_with_two_names(finished):
+def test_no_two_figures_are_one_but_for_those_with_two_names(after):
     second = {"fig1_sho": "sho", "fig3_henon_heiles": "henon_heiles", "fig5_kepler": "kepler"}
-    pictures = {stem: (finished.folder / RESULTS / f"figures/{stem}.png").read_bytes() for stem in PICTURES}
+    pictures = {
+        stem: (after.folder / RESULTS / f"figures/{stem}.png").read_bytes() for stem in stems(".png", after.made)
+    }
     for stem, system in second.items():
         assert pictures.pop(f"{system}_energy_error") == pictures[stem]
     assert len(set(pictures.values())) == len(pictures)
 
 
-@pytest.mark.parametrize("stem", PICTURES)
-def test_a_figure_shows_its_methods_in_each_of_its_files(finished, stem):
-    place = finished.folder / RESULTS / "figures"
+@each(".png")
+def test_a_figure_shows_its_methods_in_each_of_its_files(after, stem):
+    place = after.folder / RESULTS / "figures"
     page = (place / f"{stem}.pdf").read_bytes()
     assert page.startswith(b"%PDF")
     assert page.rstrip().endswith(b"%%EOF")
@@ -201,68 +217,19 @@ def test_a_figure_shows_its_methods_in_each_of_its_files(finished, stem):
     assert all(style_of(name).colour in drawing for name in methods)
 
 
-def test_the_documents_hold_coefficients_and_where_they_come_from(finished):
+@pytest.mark.slow
+def test_the_documents_hold_coefficients_and_where_they_come_from(everything):
     for name, key in (("coefficients", "isolated"), ("sixth_order", "method")):
-        document = tomllib.loads(text_of(finished, f"derived/{name}.toml"))
+        document = tomllib.loads(text_of(everything, f"derived/{name}.toml"))
         assert {"package_version", "code_digest", "settings", "coefficients_digest"} <= set(document["provenance"])
         assert document[key]
 
 
-def expected_settings(finished):
-    """File -> what it has to say about the settings that it was made with: the config, read without Snakemake."""
-    given = yaml.safe_load((finished.folder / "config/tiny.yaml").read_text(encoding="utf-8"))
-    sweeps = {sweep.system: json.loads(json.dumps(asdict(sweep))) for sweep in load(given).sweeps}
-    methods = {"integrators": list(METHODS)}
-    found = {f"cubes/{system}.h5": {"sweep": sweep} | methods for system, sweep in sweeps.items()}
-    for name in ("sho_terms", "linear_stability", "kinetic_energy", "structure"):
-        found[f"cubes/{name}.h5"] = dict(methods)
-    found["cubes/sho_terms.h5"]["integrators"] = list(DECOMPOSED)
-    found["cubes/structure.h5"]["t_end"] = {"sho": "20", "henon_heiles": "25", "kepler": "4383"} | {
-        "relativistic_oscillator": "500"
-    }
-    found["cubes/work_precision.h5"] = {
-        "methods": [*METHODS, *given["work_precision"]["integrators"]], "sweeps": list(sweeps.values()),
-    }  # fmt: skip
-    found["cubes/exact_oscillator.h5"] = {"split": list(METHODS), "exact": ["aba864"]}
-    found["cubes/trained.h5"] = {"methods": list(contestants())}
-    found["cubes/trained_ideas.h5"] = {"methods": list(contestants()), "exact": ["aba864"]}
-    for name in given["stability"]:
-        found[f"cubes/stability_{name}.h5"] = dict(methods)
-        found |= {f"runs/stability/{name}/{method}.h5": {"integrator": method} for method in METHODS}
-    for system, sweep in sweeps.items():
-        for method in METHODS:
-            for shard in (0, 1):
-                found[f"runs/{system}/{method}/{shard}.h5"] = {"sweep": sweep, "integrator": method, "shard": shard}
-    return found
-
-
-def test_the_settings_of_an_ensemble_are_those_of_the_config(finished):
-    given = yaml.safe_load((finished.folder / "config/tiny.yaml").read_text(encoding="utf-8"))["stability"]
-    for name, section in given.items():
-        for method in METHODS:
-            path = finished.folder / RESULTS / f"runs/stability/{name}/{method}.h5"
-            settings = json.loads(read(path).attrs["settings"])["settings"]
-            for key, value in section.items():
-                members = value if isinstance(value, dict) else {"": value}
-                for member, asked in members.items():
-                    stored = settings[key][member] if member else settings[key]
-                    numbers = [one if isinstance(one, list) else [one] for one in (stored, asked)]
-                    assert [Fraction(str(x)) for x in numbers[0]] == [Fraction(str(x)) for x in numbers[1]], (name, key)
-
-
-def test_every_cube_and_run_was_made_with_the_settings_of_the_config(finished):
-    expected = expected_settings(finished)
-    assert set(expected) == {name for name in MADE if name.endswith(".h5")}
-    for name, settings in expected.items():
-        stored = json.loads(read(finished.folder / RESULTS / name).attrs["settings"])
-        assert {key: stored.get(key) for key in settings} == settings, name
-
-
-def test_every_number_of_a_cube_is_there_for_each_method(finished):
-    for name in sorted(MADE):
+def test_every_number_of_a_cube_is_there_for_each_method(after):
+    for name in sorted(after.made):
         if not name.startswith("cubes/"):
             continue
-        place = finished.folder / RESULTS / name
+        place = after.folder / RESULTS / name
         numbers, found = set(), set()
         for group in (None, *groups_of(place)):
             data = read(place, group)

@@ -141,7 +141,7 @@ def extended(tmp_path_factory):
     )
     insert(project.folder / "Snakefile", 'include: "workflow/rules/figures.smk"', 'include: "workflow/rules/added.smk"')
     (project.folder / "added.yaml").write_text(yaml.safe_dump(CONFIG))
-    done = project.snakemake("figures", "added", "-j2", "--configfile", "added.yaml")
+    done = project.snakemake("quartic_energy_error", "added", "-j2", "--configfile", "added.yaml")
     assert done.returncode == 0, done.stdout
     return project.folder / "results/added"
 

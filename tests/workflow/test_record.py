@@ -17,6 +17,9 @@ from targets import FIGURES, METHODS, SYSTEMS
 from workflow_project import TINY, Project
 
 COMMAND = ("-j2", "--quiet", "rules", *TINY)
+#: A cube that needs no trajectory, and a file of trajectories: what takes least.
+CUBE = "results/tiny/cubes/sho_terms.h5"
+RUN = "results/tiny/runs/sho/ruth/0.h5"
 
 
 @pytest.fixture(scope="module")
@@ -74,15 +77,15 @@ def test_a_run_with_nothing_to_do_leaves_no_trace(fresh):
 
 
 def test_the_same_work_has_the_same_digest_and_another_id(fresh):
-    assert fresh.snakemake("fig2", "--forceall", *COMMAND).returncode == 0
+    assert fresh.snakemake(CUBE, "--forceall", *COMMAND).returncode == 0
     first, second = fresh.history()
     assert first["work"] == second["work"]
     assert first["id"] != second["id"]
-    assert (second["jobs_run"], second["jobs_reused"]) == (2, 0)
+    assert (second["jobs_run"], second["jobs_reused"]) == (1, 0)
 
 
 def test_a_second_target_adds_to_the_manifest_and_reuses_what_is_there(fresh):
-    assert fresh.snakemake("results/tiny/runs/sho/ruth/0.h5", "fig2", *COMMAND).returncode == 0
+    assert fresh.snakemake(RUN, "fig2", *COMMAND).returncode == 0
     run = fresh.history()[-1]
     files = fresh.manifest()["files"]
     assert {"runs/sho/ruth/0.h5", "cubes/sho_terms.h5", "figures/fig6_substeps.png"} <= set(files)
@@ -96,7 +99,7 @@ def test_another_config_is_other_work(fresh):
     text = place.read_text()
     place.write_text(text.replace("samples: 20", "samples: 21"))
     try:
-        assert fresh.snakemake("results/tiny/runs/sho/ruth/0.h5", *COMMAND).returncode == 0
+        assert fresh.snakemake(RUN, *COMMAND).returncode == 0
     finally:
         place.write_text(text)
     before, after = fresh.history()[-2:]
@@ -109,7 +112,7 @@ def test_another_config_is_other_work(fresh):
 
 def test_a_run_that_fails_is_remembered_as_failed(fresh):
     (fresh.results / "cubes/sho_terms.h5").write_bytes(b"damaged")
-    failed = fresh.snakemake("fig2", *COMMAND)
+    failed = fresh.snakemake("fig2", *COMMAND)  # draws the damaged cube
     assert failed.returncode == 1
     assert (fresh.history()[-1]["status"], fresh.history()[-1]["exit_status"]) == ("failed", 1)
     assert "changed since their jobs wrote them: cubes/sho_terms.h5" in failed.stdout
@@ -127,7 +130,7 @@ def test_a_killed_run_is_closed_by_the_next_start_and_nothing_of_it_is_taken_for
     shutil.rmtree(fresh.results / "runs", ignore_errors=True)
     before = len(fresh.history())
     process = subprocess.Popen(
-        [sys.executable, "-m", "snakemake", "fig3", *COMMAND],
+        [sys.executable, "-m", "snakemake", RUN, *COMMAND],
         cwd=fresh.folder,
         env={**os.environ, "PYTHONPATH": str(fresh.folder / "src")},
         stdout=subprocess.DEVNULL,
@@ -135,19 +138,18 @@ def test_a_killed_run_is_closed_by_the_next_start_and_nothing_of_it_is_taken_for
         start_new_session=True,
     )
     markers = fresh.results / "logs/running"
-    deadline = time.monotonic() + 60
     while not list(markers.glob("*.json")):
-        assert time.monotonic() < deadline
+        assert process.poll() is None
         time.sleep(0.05)
     (marker,) = markers.glob("*.json")
     os.killpg(process.pid, signal.SIGKILL)
     process.wait()
     assert len(fresh.history()) == before
     assert fresh.snakemake("--unlock", *TINY).returncode == 0
-    assert fresh.snakemake("fig3", *COMMAND).returncode == 0
+    assert fresh.snakemake(RUN, *COMMAND).returncode == 0
     killed, run = fresh.history()[before:]
     assert (killed["id"], killed["status"], killed["end"]) == (marker.stem, "killed", None)
-    assert killed["targets"] == run["targets"] == ["fig3"]
+    assert killed["targets"] == run["targets"] == [RUN]
     assert run["status"] == "ok"
     assert list(markers.iterdir()) == []
 
@@ -165,7 +167,7 @@ def test_what_fails_in_the_record_is_one_warning_and_costs_no_result(fresh):
             (programs / name).symlink_to(shutil.which(name))
     try:
         done = subprocess.run(
-            [sys.executable, "-m", "snakemake", "fig2", "--forceall", *COMMAND],
+            [sys.executable, "-m", "snakemake", CUBE, "--forceall", *COMMAND],
             cwd=fresh.folder,
             env={**os.environ, "PYTHONPATH": str(fresh.folder / "src"), "PATH": str(programs)},
             capture_output=True,

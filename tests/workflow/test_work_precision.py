@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 
 import h5py
 import pytest
 import yaml
+
+from nearharmonic.config import load
+from nearharmonic.errors import NearharmonicError
+from workflow_project import ROOT
 
 SMOKE = ("--configfile", "config/smoke.yaml")
 SYSTEMS = ("sho", "henon_heiles", "kepler")
@@ -38,10 +43,11 @@ def test_the_job_that_takes_times_holds_all_cores(project, cores):
     assert threads == [cores]
 
 
-def test_times_are_in_a_file_of_their_own(finished):
+@pytest.mark.slow
+def test_times_are_in_a_file_of_their_own(everything):
     """All other files have the same bytes every time."""
     holding = set()
-    for path in (finished.folder / "results/tiny").rglob("*.h5"):
+    for path in (everything.folder / "results/tiny").rglob("*.h5"):
         with h5py.File(path) as file:
             names = []
             file.visit(names.append)
@@ -50,8 +56,9 @@ def test_times_are_in_a_file_of_their_own(finished):
     assert holding == {"work_precision.h5"}
 
 
-def test_the_file_names_the_machine_and_the_settings(finished):
-    with h5py.File(finished.folder / "results/tiny/cubes/work_precision.h5") as file:
+@pytest.mark.slow
+def test_the_file_names_the_machine_and_the_settings(everything):
+    with h5py.File(everything.folder / "results/tiny/cubes/work_precision.h5") as file:
         for key in ("cpu", "clock", "pinned_core", "load_average", "measured", "code_digest", "coefficients_digest"):
             assert file.attrs[key]
         assert json.loads(file.attrs["settings"])["methods"] == ["ruth", "babs7o7h", "aba864"]
@@ -60,8 +67,9 @@ def test_the_file_names_the_machine_and_the_settings(finished):
         assert (times[..., 0] <= times[..., 2]).sum() == (times[..., 0] > 0).sum() > 0
 
 
-def test_figures_and_tables_say_that_they_are_timings(finished):
-    results = finished.folder / "results/tiny"
+@pytest.mark.slow
+def test_figures_and_tables_say_that_they_are_timings(everything):
+    results = everything.folder / "results/tiny"
     assert "Measured 20" in (results / "tables/work_precision_sho.md").read_text()
     with (results / "tables/work_precision_sho.csv").open(newline="") as file:
         table = list(csv.DictReader(file))
@@ -69,16 +77,23 @@ def test_figures_and_tables_say_that_they_are_timings(finished):
     assert {row["kind"] for row in table} == {"splitting", "peer"}
 
 
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        ({"integrators": ["leapfrg"]}, "work_precision.integrators: unknown integrator 'leapfrg'"),
-        ({"peers": ["heyok"]}, "work_precision.peers[0] = 'heyok' is not allowed"),
-        ({"longest": 0}, "work_precision.longest = 0 is not allowed: a finite number above 0"),
-        ({"evaluations": 3}, "work_precision.evaluations = 3 is not allowed: a whole number from 100"),
-        ({"point_per_decade": 3}, "'point_per_decade'. Did you mean 'points_per_decade'?"),
-    ],
+BAD = (
+    ({"integrators": ["leapfrg"]}, "work_precision.integrators: unknown integrator 'leapfrg'"),
+    ({"peers": ["heyok"]}, "work_precision.peers[0] = 'heyok' is not allowed"),
+    ({"longest": 0}, "work_precision.longest = 0 is not allowed: a finite number above 0"),
+    ({"evaluations": 3}, "work_precision.evaluations = 3 is not allowed: a whole number from 100"),
+    ({"point_per_decade": 3}, "'point_per_decade'. Did you mean 'points_per_decade'?"),
 )
+
+
+@pytest.mark.parametrize(("change", "says"), BAD)
+def test_a_bad_section_is_refused_with_what_is_allowed(change, says):
+    config = yaml.safe_load((ROOT / "config/smoke.yaml").read_text(encoding="utf-8"))
+    with pytest.raises(NearharmonicError, match=re.escape(says)):
+        load(config | {"work_precision": change})
+
+
+@pytest.mark.parametrize(("change", "says"), [BAD[0], *(pytest.param(*row, marks=pytest.mark.slow) for row in BAD[1:])])
 def test_a_bad_section_ends_with_status_1_and_one_message(project, change, says):
     config = yaml.safe_load((project.folder / "config/smoke.yaml").read_text())
     config["work_precision"] = change

@@ -98,6 +98,7 @@ def test_the_simplex_descends_on_the_largest_of_the_errors(stages, order, first)
     assert abs(found - max(map(abs, equations.errors(x, order)))) < Fraction(1, 2**176)
 
 
+@pytest.mark.slow
 def test_a_random_start_that_a_short_run_finds_promising_leads_the_simplex_to_a_root(five):
     """One in a few hundred random points; nothing of a root is known to the simplex."""
     (start, *_) = promising_starts(five.equations, starts=200, seed=1)

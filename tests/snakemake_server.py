@@ -1,0 +1,46 @@
+"""A process that has Snakemake's modules loaded and forks for each command: loading them takes most of a dry run.
+
+A request is a line of JSON on the standard input: folder, arguments, environment, and the file to print to. The answer
+is a line with the exit status.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import runpy
+import sys
+
+#: Nothing of the package: each command loads that of its own folder.
+LOADED = ("snakemake.cli", "jinja2", "mpmath", "nbformat", "numpy", "pydantic", "requests", "yte")
+
+
+def run(folder: str, arguments: list[str], environment: dict[str, str], printed: str) -> int:
+    """Run ``python -m snakemake`` in this process; return its exit status."""
+    output = os.open(printed, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    for given, stream in ((nothing, 0), (output, 1), (output, 2)):
+        os.dup2(given, stream)
+    os.chdir(folder)
+    os.environ.clear()
+    os.environ.update(environment)
+    sys.path[:1] = ["", *environment["PYTHONPATH"].split(os.pathsep)]
+    sys.argv = ["snakemake", *arguments]
+    try:
+        runpy.run_module("snakemake", run_name="__main__", alter_sys=True)
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else int(end.code is not None)
+    return 0
+
+
+if __name__ == "__main__":
+    for name in LOADED:
+        importlib.import_module(name)
+    for line in sys.stdin:
+        if not (child := os.fork()):
+            status = run(**json.loads(line))
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(status)
+        print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)

@@ -1,0 +1,69 @@
+"""Every file of numbers names the settings that it was made with, and these are the ones of the config."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from fractions import Fraction
+
+import pytest
+import yaml
+
+from nearharmonic.config import load
+from nearharmonic.experiments.trained.contestants import contestants
+from nearharmonic.output.store import read
+from targets import DECOMPOSED, MADE, METHODS
+
+RESULTS = "results/tiny/"
+
+
+def expected_settings(project):
+    """File -> what it has to say about the settings that it was made with: the config, read without Snakemake."""
+    given = yaml.safe_load((project.folder / "config/tiny.yaml").read_text(encoding="utf-8"))
+    sweeps = {sweep.system: json.loads(json.dumps(asdict(sweep))) for sweep in load(given).sweeps}
+    methods = {"integrators": list(METHODS)}
+    found = {f"cubes/{system}.h5": {"sweep": sweep} | methods for system, sweep in sweeps.items()}
+    for name in ("sho_terms", "linear_stability", "kinetic_energy", "structure"):
+        found[f"cubes/{name}.h5"] = dict(methods)
+    found["cubes/sho_terms.h5"]["integrators"] = list(DECOMPOSED)
+    found["cubes/structure.h5"]["t_end"] = {"sho": "20", "henon_heiles": "25", "kepler": "4383"} | {
+        "relativistic_oscillator": "500"
+    }
+    found["cubes/work_precision.h5"] = {
+        "methods": [*METHODS, *given["work_precision"]["integrators"]], "sweeps": list(sweeps.values()),
+    }  # fmt: skip
+    found["cubes/exact_oscillator.h5"] = {"split": list(METHODS), "exact": ["aba864"]}
+    found["cubes/trained.h5"] = {"methods": list(contestants())}
+    found["cubes/trained_ideas.h5"] = {"methods": list(contestants()), "exact": ["aba864"]}
+    for name in given["stability"]:
+        found[f"cubes/stability_{name}.h5"] = dict(methods)
+        found |= {f"runs/stability/{name}/{method}.h5": {"integrator": method} for method in METHODS}
+    for system, sweep in sweeps.items():
+        for method in METHODS:
+            for shard in (0, 1):
+                found[f"runs/{system}/{method}/{shard}.h5"] = {"sweep": sweep, "integrator": method, "shard": shard}
+    return found
+
+
+@pytest.mark.slow
+def test_the_settings_of_an_ensemble_are_those_of_the_config(everything):
+    given = yaml.safe_load((everything.folder / "config/tiny.yaml").read_text(encoding="utf-8"))["stability"]
+    for name, section in given.items():
+        for method in METHODS:
+            path = everything.folder / RESULTS / f"runs/stability/{name}/{method}.h5"
+            settings = json.loads(read(path).attrs["settings"])["settings"]
+            for key, value in section.items():
+                members = value if isinstance(value, dict) else {"": value}
+                for member, asked in members.items():
+                    stored = settings[key][member] if member else settings[key]
+                    numbers = [one if isinstance(one, list) else [one] for one in (stored, asked)]
+                    assert [Fraction(str(x)) for x in numbers[0]] == [Fraction(str(x)) for x in numbers[1]], (name, key)
+
+
+def test_every_cube_and_run_was_made_with_the_settings_of_the_config(after):
+    expected = expected_settings(after)
+    assert set(expected) == {name for name in MADE if name.endswith(".h5")}
+    for name in expected.keys() & after.made:
+        settings = expected[name]
+        stored = json.loads(read(after.folder / RESULTS / name).attrs["settings"])
+        assert {key: stored.get(key) for key in settings} == settings, name
