@@ -21,12 +21,43 @@ def results(finished):
 
 def test_every_variable_of_every_file_has_units_and_a_meaning(finished):
     def check(name, member):
-        if isinstance(member, h5py.Dataset) and not member.attrs.get("NAME", b"").startswith(b"This is a netCDF dim"):
+        if isinstance(member, h5py.Dataset):
             assert {"units", "long_name"} <= set(member.attrs), name
 
     for path in results(finished).rglob("*.h5"):
         with h5py.File(path) as file:
             file.visititems(check)
+
+
+def test_xarray_finds_a_coordinate_for_each_dimension(finished):
+    auxiliary = {"label", "exact_label", "kind", "t"}
+    for path in results(finished).rglob("*.h5"):
+        with xr.open_datatree(path, engine="h5netcdf") as tree:
+            for node in tree.subtree:
+                assert set(node.dims) <= set(node.coords), path
+                assert not auxiliary & set(node.data_vars), path
+
+
+def test_run_files_and_cubes_say_in_words_what_they_hold(finished):
+    with xr.open_dataset(results(finished) / "runs/sho/babs7o7h/0.h5", engine="h5netcdf") as runs:
+        assert (runs.attrs["system"], runs.attrs["integrator"]) == ("sho", "babs7o7h")
+        assert set(runs.attrs["precision"].split()) <= {"double", "extended"}
+        assert runs.attrs["kernel"].startswith("double, compensated sums, kick first, energy at every step")
+    for system in SYSTEMS:
+        with xr.open_dataset(results(finished) / f"cubes/{system}.h5", engine="h5netcdf") as cube:
+            assert cube.max_energy_error.dims == ("precision", "integrator", "tau_per_stage")
+            assert cube.status.attrs["flag_meanings"] == "ok diverged skipped"
+            assert cube.status.attrs["flag_values"].tolist() == [0, 1, 2]
+
+
+def test_run_files_hold_nothing_derived(finished):
+    """What follows from other variables of a file is in the cube alone."""
+    derived = {"max_energy_error", "mean_energy_error", "observed_order", "perihelion_advance", "evaluations_per_orbit"}
+    for path in (results(finished) / "runs").rglob("*.h5"):
+        with h5py.File(path) as file:
+            names = []
+            file.visit(names.append)
+            assert not derived & {name.rpartition("/")[2] for name in names}, path
 
 
 def test_every_file_says_where_it_comes_from(finished):
