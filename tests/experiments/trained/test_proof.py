@@ -15,7 +15,7 @@ from nearharmonic.errors import SettingError
 from nearharmonic.experiments.trained.contestants import contestants, idea_of, kind_of
 from nearharmonic.experiments.trained.problems.named_systems import NAMED, named_ensemble
 from nearharmonic.experiments.trained.proof.ensembles import proof_ensembles
-from nearharmonic.experiments.trained.proof.gains import gains
+from nearharmonic.experiments.trained.proof.gains import gains, means_of, resampled
 from nearharmonic.experiments.trained.proof.run import log_errors, measure, padded
 from nearharmonic.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.experiments.trained.proof.tables import gain_table, method_table, stretch, verdict
@@ -73,6 +73,15 @@ def test_problems_are_resampled_together_for_all_methods():
     logs = np.full((2, 1, 50), -5.0) + np.random.default_rng(3).normal(size=50)
     logs[1] -= 0.25
     assert gains(logs, ("published", "trained"), 4, 100).interval == pytest.approx(0.25)
+
+
+def test_means_of_resamples_do_not_depend_on_the_order_of_sums():
+    """Logarithms from -16 to 0 of 192 problems are rounded to 2^-40 or finer, so that means are off by half of it."""
+    logs, counts = -16 * np.random.default_rng(5).random((3, 2, 192)), resampled(192, 50, 6)
+    found, order = means_of(logs, counts), np.random.default_rng(7).permutation(192)
+    assert means_of(logs[..., order], counts[:, order]).tobytes() == found.tobytes()
+    plain = [np.repeat(logs, times, axis=-1).mean(axis=-1) for times in counts]
+    assert found == pytest.approx(np.stack(plain, axis=-1), abs=2.0**-41 + 1e-14)
 
 
 def test_the_best_are_chosen_anew_in_each_resample():
