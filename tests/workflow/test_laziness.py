@@ -9,7 +9,7 @@ import yaml
 
 from nearharmonic.config import load
 from nearharmonic.experiments.paper.plan import plan
-from nearharmonic.output.store import opened
+from nearharmonic.output.store import read_precisions
 from targets import METHODS, RECORD, figures
 
 TINY = ("--configfile", "config/tiny.yaml")
@@ -46,12 +46,6 @@ NEEDED = {
 }
 
 
-def precisions_of(path):
-    """The runs of a file by precision, loaded."""
-    with opened(path) as runs:
-        return {precision: one.load() for precision, one in runs.items()}
-
-
 @pytest.mark.parametrize("target", NEEDED)
 def test_a_target_asks_for_the_files_it_needs_and_for_no_other(project, target):
     asked = outputs(project, f"results/tiny/{target}" if "/" in target else target)
@@ -80,7 +74,7 @@ def test_a_target_made_leaves_its_files_alone_and_its_jobs_integrate_what_the_pl
     integrated = {
         (path.parts[-3], path.parts[-2], precision, float(tau))
         for path in (results / "runs").rglob("*.h5")
-        for precision, runs in precisions_of(path).items()
+        for precision, runs in read_precisions(path).items()
         for tau in runs.tau_per_stage[runs.status != "skipped"].values
     }
     assert integrated == planned

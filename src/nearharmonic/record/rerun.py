@@ -73,9 +73,8 @@ def _cells(folder: Path) -> Iterator[tuple[str, str, int]]:
     """File, precision and index of every run."""
     for name, entry in manifest.read(folder)["files"].items():
         if entry["function"] == FUNCTION:
-            with store.opened(folder / name) as by_precision:
-                for precision, runs in by_precision.items():
-                    yield from ((name, precision, i) for i in np.flatnonzero(runs.status.values != SKIPPED).tolist())
+            for precision, runs in store.read_precisions(folder / name).items():
+                yield from ((name, precision, i) for i in np.flatnonzero(runs.status.values != SKIPPED).tolist())
 
 
 def _again(folder: Path, name: str, precision: str, index: int) -> Rerun:

@@ -51,11 +51,22 @@ def test_a_trained_method_is_ahead_of_all_published_ones_in_its_window_on_proble
     assert np.mean(gains, axis=0).min() > LEAST
 
 
+#: Half width in decades of the interval of a gain on 192 problems (docs/trained.md): nothing less can be told apart.
+RESOLVED = 0.05
+
+
 @pytest.mark.slow
-def test_the_search_finds_the_registered_digits_again():
-    """On another kind of processor NumPy may round otherwise, and the search takes another path."""
-    purpose = PURPOSES["weak"]
-    document = search.train("weak", SearchSettings(), purpose.known, print)["document"]
-    assert tuple(document["kick"]) == method_of(purpose.title).kick
-    assert tuple(document["drift"]) == method_of(purpose.title).drift
-    assert document["digest"][:16] in method_of(purpose.title).note
+def test_the_search_finds_a_method_as_good_as_the_registered_one():
+    """The last bits of linear algebra differ from processor to processor, and the search takes another path."""
+    purpose, settings = PURPOSES["weak"], SearchSettings()
+    registered = method_of(purpose.title)
+    document = search.train("weak", settings, purpose.known, print)["document"]
+    assert (document["first"], len(document["kick"])) == (registered.first, len(registered.kick))
+    problems = purpose.ensembles(PROBLEMS, SEED)
+    found = nh.Tableau(
+        name="found", order=4, first=document["first"], kick=tuple(document["kick"]), drift=tuple(document["drift"]),
+        digits=60, source="this test",
+    )  # fmt: skip
+    errors = [mean_errors(one, [found, registered], purpose.tau_per_stage, purpose.charge) for one in problems]
+    lost = np.mean(errors, axis=0)[0] - np.mean(errors, axis=0)[1]
+    assert abs(lost).max() < RESOLVED

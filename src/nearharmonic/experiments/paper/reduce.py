@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from nearharmonic.engine.settings import Sweep
-from nearharmonic.experiments.paper.reductions import orbital_period, reduction
+from nearharmonic.experiments.paper.reductions import PAPER, orbital_period, reduction
 from nearharmonic.integrators import integrators as methods_by_name
 from nearharmonic.output import store
 from nearharmonic.output.dataset import described
@@ -17,6 +17,8 @@ from nearharmonic.systems import systems
 
 #: Values of a cell that no run fills; others are NaN.
 NO_RUN: dict[Any, Any] = {"status": "skipped", "steps": 0, "evaluations": 0, "diverged_at": 0}
+#: States, most of a run file. Drifts of invariants need them; the files of the paper's systems show what these would.
+STATES = ("q", "p", "q_low", "p_low")
 #: Variables that a cube takes over from run files.
 TAKEN_OVER = ("tau_per_stage", "tau", "steps", "evaluations", "status", "diverged_at")
 
@@ -38,19 +40,19 @@ def reduce(sweep: Sweep, integrators: Sequence[str], **runs: Sequence[str]) -> d
     dict
         ``cube``, as :func:`cube_of` makes it.
     """
-    return {"cube": cube_of(sweep.system, {name: numbers_of(runs[name]) for name in integrators})}
+    leave_out = STATES if sweep.system in PAPER else ()
+    return {"cube": cube_of(sweep.system, {name: numbers_of(runs[name], leave_out) for name in integrators})}
 
 
-def numbers_of(paths: Iterable[str]) -> xr.Dataset:
+def numbers_of(paths: Iterable[str], leave_out: Collection[str] = ()) -> xr.Dataset:
     """Return the counts and the reduced numbers of one method's runs over (precision, tau_per_stage).
 
-    One file is open at a time, and no other variables are read than those that the reductions use.
+    One file is read at a time, but for the variables in ``leave_out`` and the reductions that need them.
     """
     shards: dict[str, list[xr.Dataset]] = {}
     for path in paths:
-        with store.opened(path) as by_precision:
-            for precision, runs in by_precision.items():
-                shards.setdefault(precision, []).append(numbers(runs))
+        for precision, runs in store.read_precisions(path, leave_out=leave_out).items():
+            shards.setdefault(precision, []).append(numbers(runs))
     curves = {name: _joined(parts, "tau_per_stage").sortby("tau_per_stage") for name, parts in shards.items()}
     return _joined([one.expand_dims(precision=[name]) for name, one in curves.items()], "precision")
 
@@ -58,7 +60,7 @@ def numbers_of(paths: Iterable[str]) -> xr.Dataset:
 def numbers(runs: xr.Dataset) -> xr.Dataset:
     """Return the numbers of ``runs`` over tau_per_stage: those of the file, and the results of the reductions."""
     runs = runs.reset_coords()  # xarray compares auxiliary coordinates at every operation
-    return runs[list(TAKEN_OVER)].load().assign(reduction.of(runs))
+    return runs[list(TAKEN_OVER)].assign(reduction.of(runs))
 
 
 def cube_of(system: str, methods: Mapping[str, xr.Dataset]) -> xr.Dataset:

@@ -1,6 +1,7 @@
 """Result files, the only room that opens HDF5: netCDF-4 conventions, the same bytes for the same numbers."""
 
-from nearharmonic.output.store.reader import attributes_of, groups_of, opened, read
+from nearharmonic.output.store.files import attributes_of, groups_of
+from nearharmonic.output.store.reader import read, read_precisions
 from nearharmonic.output.store.remake import DEFAULT_CONFIG, command_for, workflow_command
 from nearharmonic.output.store.seal import sealed_digest
 from nearharmonic.output.store.writer import write, write_dataset
@@ -10,8 +11,8 @@ __all__ = [
     "attributes_of",
     "command_for",
     "groups_of",
-    "opened",
     "read",
+    "read_precisions",
     "sealed_digest",
     "workflow_command",
     "write",

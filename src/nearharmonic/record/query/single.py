@@ -147,10 +147,8 @@ def _nearest(taus: np.ndarray, asked: float, whose: str) -> int:
 def _trajectory(folder: Path, cells: Mapping[str, Any]) -> tuple[Path | None, int | None]:
     """The run file that holds the run, and how many of its states."""
     for path in sorted(folder.glob(f"runs/{cells['system']}/{cells['integrator']}/*.h5")):
-        with store.opened(path) as by_precision:
-            if cells["precision"] not in by_precision:
-                continue
-            runs = by_precision[cells["precision"]]
+        runs = store.read_precisions(path).get(cells["precision"])
+        if runs is not None:
             made = (runs.tau_per_stage == cells["tau_per_stage"]) & (runs.status != SKIPPED)
             (rows,) = np.nonzero(made.values)
             if rows.size:

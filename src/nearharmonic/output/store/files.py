@@ -1,0 +1,72 @@
+"""HDF5 files that are opened once their digest has been compared, and what they say of themselves."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+from nearharmonic.output.store.remake import unusable
+from nearharmonic.output.store.seal import FORMAT, FORMAT_KEY, complaint
+
+#: Attributes that make dimension scales of HDF5 datasets.
+SCALES = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST"}
+
+
+def checked(path: str | os.PathLike[str]) -> Any:
+    """Open an HDF5 file whose bytes are those that were written.
+
+    Raises
+    ------
+    ResultFileError
+        The file is missing, truncated, damaged or not one of this package; the message holds the command that makes it
+        again.
+    """
+    import h5py
+
+    fault = complaint(Path(path))
+    if fault:
+        raise unusable(path, fault)
+    file = h5py.File(path, "r")
+    if str(file.attrs.get(FORMAT_KEY)) != FORMAT:
+        file.close()
+        raise unusable(path, f"has another format (attribute {FORMAT_KEY} is not {FORMAT!r})")
+    return file
+
+
+def attributes_in(member: Any) -> dict[str, Any]:
+    """Return the attributes of an open file, group or variable, those of HDF5 and netCDF themselves left out."""
+    named = {name: value for name, value in member.attrs.items() if not name.startswith("_") and name not in SCALES}
+    # netCDF keeps every number as an array; one of length 1 is the number.
+    return {name: value.item() if getattr(value, "size", 0) == 1 else value for name, value in named.items()}
+
+
+def attributes_of(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return the attributes of the file ``path``: its provenance.
+
+    Raises
+    ------
+    ResultFileError
+        As :func:`checked` does.
+    """
+    with checked(path) as file:
+        return attributes_in(file)
+
+
+def groups_of(path: str | os.PathLike[str]) -> tuple[str, ...]:
+    """Return the names of the groups below the root of ``path``.
+
+    Raises
+    ------
+    ResultFileError
+        As :func:`checked` does.
+    """
+    with checked(path) as file:
+        return groups_in(file)
+
+
+def groups_in(file: Any) -> tuple[str, ...]:
+    """Return the names of the groups of an open file."""
+    import h5py
+
+    return tuple(name for name in file if file.get(name, getclass=True) is h5py.Group)
