@@ -17,8 +17,8 @@ from nearharmonic.experiments.exact_oscillator.crossings import crossings
 from nearharmonic.experiments.exact_oscillator.settings import ExactOscillatorSettings
 from nearharmonic.experiments.exact_oscillator.surfaces import starts_on
 from nearharmonic.experiments.stability.initial_conditions import kepler_apoapsis
-from nearharmonic.experiments.stability.kepler.run import evaluations_below, perihelion_advance
-from nearharmonic.experiments.stability.rounding.reduce import growth
+from nearharmonic.experiments.stability.kepler.reductions import evaluations_below, rotation_per_sample
+from nearharmonic.experiments.stability.rounding.reductions import growth
 from nearharmonic.experiments.trained.problems.named_systems import NAMED, named_ensemble
 from nearharmonic.experiments.trained.problems.orbits import orbit_ensemble
 from nearharmonic.experiments.trained.problems.random_potentials import random_ensemble
@@ -43,11 +43,12 @@ def computations():
     orders = (xr.DataArray(x, dims=("curve", "tau_per_stage")) for x in (tau + 0 * curves, curves))
     made["orders"] = observed_order(*orders)
     made["power laws"] = [power_law(tau, curve) for curve in curves]
-    made["growth"] = [*growth((u[:, :1] - 0.5) * np.sqrt(tau), tau * 1000).values()]
+    made["growth"] = growth((u[:, :1] - 0.5) * np.sqrt(tau), tau * 1000)
     made["apoapsis"] = kepler_apoapsis(u[:, 0] * 0.9, u[:, 1] * 6)
     path = [np.reshape(x, (40, 50, 2)) for x in (np.array([69.0, 3.0]) + 0.5 * q / 70, np.array([0.01, 0.14]) + p / 50)]
-    made["advance"] = perihelion_advance(path[0] / 70, path[1] * 7)
-    made["contour"] = evaluations_below(np.arange(1, 201), (errors.reshape(200, 10) + 1e-4) / tau[:, None], 1e-2)
+    made["advance"] = rotation_per_sample(path[0] / 70, path[1] * 7)
+    columns = (errors.reshape(200, 10) + 1e-4).T / tau
+    made["contour"] = [evaluations_below(np.arange(1, 201), column, 1e-2) for column in columns]
     made["norms"] = norms(u.reshape(500, 4, 4) - 0.5)
     made["surface"] = starts_on(1 / 80, 500, 1)
     energies = ExactOscillatorSettings(integrators=("aba864",)).surfaces()

@@ -22,6 +22,7 @@ from nearharmonic.experiments.stability.settings import (
     RoundingSettings,
 )
 from nearharmonic.integrators import integrators
+from nearharmonic.output.dataset import assembled
 from nearharmonic.output.job import covered, write
 from nearharmonic.output.provenance import function_of, provenance, task
 from nearharmonic.output.style import save
@@ -87,10 +88,8 @@ def cubes(made):
 @pytest.mark.parametrize("name", SMALL)
 def test_a_cube_of_run_files_is_that_of_the_runs_in_the_order_of_the_methods(cubes, name):
     module = f"experiments.stability.{name}.run:measure"
-    parts = {
-        method: xr.Dataset(results(task(module, integrator=method, settings=SMALL[name]))["run"].variables)
-        for method in METHODS
-    }
+    made = {method: results(task(module, integrator=method, settings=SMALL[name]))["run"] for method in METHODS}
+    parts = {method: assembled(run.variables, run.coordinates, {}) for method, run in made.items()}
     expected = REDUCTIONS[name]([integrators[method] for method in METHODS], parts)
     xr.testing.assert_equal(cubes[name], expected)
     assert cubes[name].integrator.values.tolist() == list(METHODS)
