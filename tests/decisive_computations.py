@@ -13,7 +13,7 @@ from nearharmonic.engine.invariants import observable_values
 from nearharmonic.engine.portable import log10, norms
 from nearharmonic.engine.quasi_random import quasi_random
 from nearharmonic.engine.statistics import line_fit, linear_trend, observed_order, power_law
-from nearharmonic.experiments.exact_oscillator.crossings import crossings
+from nearharmonic.experiments.exact_oscillator.reductions import crossings
 from nearharmonic.experiments.exact_oscillator.settings import ExactOscillatorSettings
 from nearharmonic.experiments.exact_oscillator.surfaces import starts_on
 from nearharmonic.experiments.stability.initial_conditions import kepler_apoapsis
@@ -52,9 +52,12 @@ def computations():
     made["norms"] = norms(u.reshape(500, 4, 4) - 0.5)
     made["surface"] = starts_on(1 / 80, 500, 1)
     energies = ExactOscillatorSettings(integrators=("aba864",)).surfaces()
-    plain, rotated = np.split(errors[: 17 * 100].reshape(17, 2, 50).swapaxes(0, 1)[None, :, None], 2, axis=1)
-    found = crossings(plain[:, 0], rotated[:, :, :] * np.linspace(0.5, 2, 17)[:, None], energies, 1)
-    made |= {f"crossings: {name}": entry[1] for name, entry in found.items()}
+    plain, rotated = errors[: 17 * 100].reshape(17, 2, 50).swapaxes(0, 1)
+    over = ("energy", "trajectory")
+    runs = {"energy_error": (("integrator", *over), [plain])}
+    runs["exact_energy_error"] = over, rotated * np.linspace(0.5, 2, 17)[:, None]
+    found = crossings(xr.Dataset(runs, {"energy": energies}, {"seed": 1}))
+    made |= {f"crossings: {name}": entry.values for name, entry in found.items()}
     for one in NAMED:
         made[f"starts of {one.name}"] = named_ensemble(one, 20, 3, 100.0).start
     whole = random_ensemble(3, 100, 1, band=(0.01, 0.5), t_end=10.0)

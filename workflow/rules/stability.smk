@@ -6,6 +6,7 @@ from nearharmonic.systems import systems
 ENSEMBLES = ("henon_heiles", "kepler", "rounding")
 STABILITY_FIGURES = figures_of("experiments.stability", CONFIG.systems, STABILITY_CUBES)
 FIGURES += STABILITY_FIGURES
+RUNS += expand(RUN("stability/{ensemble}/{name}"), ensemble=ENSEMBLES, name=CONFIG.methods)
 
 # Structure is measured on every autonomous system, over the interval that the config gives or the system has.
 # The phase space in which a regularised system is integrated is not that of its states.
@@ -39,7 +40,7 @@ rule stability_run:
     input:
         f"{RESULTS}/logs/compile/stability_{{ensemble}}.done",
     output:
-        run=f"{RESULTS}/runs/stability/{{ensemble}}/{{integrator}}.h5",
+        run=RUN("stability/{ensemble}/{integrator}"),
     log:
         LOG("stability/{ensemble}/{integrator}"),
     params:
@@ -54,7 +55,7 @@ rule stability_run:
 
 rule stability_cube:
     input:
-        **{name: f"{RESULTS}/runs/stability/{{ensemble}}/{name}.h5" for name in CONFIG.methods},
+        **{name: RUN(f"stability/{{ensemble}}/{name}") for name in CONFIG.methods},
     output:
         cube=CUBE("stability_{ensemble}"),
         table=TABLE("stability_{ensemble}"),
