@@ -22,7 +22,7 @@ from nearharmonic.experiments.stability.rounding.reductions import growth
 from nearharmonic.experiments.trained.problems.named_systems import NAMED, named_ensemble
 from nearharmonic.experiments.trained.problems.orbits import orbit_ensemble
 from nearharmonic.experiments.trained.problems.random_potentials import random_ensemble
-from nearharmonic.experiments.trained.proof.gains import gains
+from nearharmonic.experiments.trained.proof.reductions import gains
 from nearharmonic.systems import systems
 
 COUNT = 2000
@@ -64,8 +64,11 @@ def computations():
     made |= {"random potentials": whole.parameters, "their starts": whole.start}
     made["orbits"] = orbit_ensemble(500, 1, eccentricities=(0.02, 0.35), orbits=3.0).start
     table = log10(errors.reshape(4, 5, 100))
-    resampled = gains(table, ["published", "trained"] * 2, 1, 200)
-    made |= {"gain": resampled.gain, "its interval": resampled.interval}
+    logs = {"log_error": (("ensemble", "integrator", "point", "problem"), [table])}
+    kinds = ("integrator", ["published", "trained"] * 2)
+    names = {"ensemble": ["one"], "integrator": list("abcd"), "kind": kinds}
+    resampled = gains(xr.Dataset(logs, names, {"seed": 1}), 200)
+    made |= {"gain": resampled.gain.values, "its interval": resampled.gain_interval.values}
     return made
 
 

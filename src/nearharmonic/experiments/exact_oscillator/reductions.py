@@ -45,7 +45,8 @@ def crossings(runs: xr.Dataset) -> xr.Dataset:
     """Energies up to which the exact oscillator errs less: than each method, and than the best, with intervals."""
     count = runs.sizes["trajectory"]
     draws = np.random.default_rng(runs.attrs["seed"]).integers(0, count, (RESAMPLES, count))
-    resamples = xr.concat([crossings_of_medians(runs.isel(trajectory=draw)) for draw in draws], "resample")
+    parts = [crossings_of_medians(runs.isel(trajectory=draw)) for draw in draws]
+    resamples = xr.concat(parts, "resample", coords="minimal", compat="override")
     found = crossings_of_medians(runs)
     bounds = ranked(resamples, "resample", TAILS, "bound").assign_coords(bounds_coordinate())
     for name, what in (

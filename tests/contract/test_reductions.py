@@ -1,0 +1,30 @@
+"""Reductions of every experiment are declared apart from what integrates, so that editing one integrates nothing."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+import pytest
+
+from nearharmonic.output import sources
+from nearharmonic.output.reduction import Reductions
+from nearharmonic.output.sources import closure
+
+EXPERIMENTS = sources.ROOT / "experiments"
+#: Dotted names of all slices that declare reductions.
+SLICES = sorted(
+    ".".join(("nearharmonic", *path.parent.relative_to(sources.ROOT).parts))
+    for path in EXPERIMENTS.rglob("reductions.py")
+)
+
+
+def test_the_paper_and_the_experiments_beside_it_declare_reductions():
+    assert len(SLICES) >= 7
+    assert "nearharmonic.experiments.paper" in SLICES
+
+
+@pytest.mark.parametrize("slice_", SLICES)
+def test_what_integrates_reaches_no_reduction_and_what_reduces_does(slice_):
+    assert isinstance(import_module(f"{slice_}.reductions").reduction, Reductions)
+    assert not {name for name in closure(f"{slice_}.run") if name.endswith((".reductions", ".reduce"))}
+    assert f"{slice_}.reductions" in closure(f"{slice_}.reduce")
