@@ -93,7 +93,10 @@ ENSEMBLES = cubes(*(f"stability_{name}" for name in _ENSEMBLES)) | {
     f"runs/stability/{name}/{method}.h5" for name in _ENSEMBLES for method in METHODS
 }
 #: Runs of experiments that have one file for all methods.
-SINGLE_RUNS = {"runs/exact_oscillator/trajectories.h5", "runs/trained/proof.h5", "runs/trained/ideas.h5"}
+SINGLE_RUNS = {
+    "runs/stability/kinetic_energy.h5", "runs/exact_oscillator/trajectories.h5", "runs/trained/proof.h5",
+    "runs/trained/ideas.h5",
+}  # fmt: skip
 MADE = TARGETS["everything"] | RUNS | CUBES | ENSEMBLES | SINGLE_RUNS
 #: What every run of the workflow writes to, beside what it was asked for.
 RECORD = {"history.jsonl", "manifest.json"}

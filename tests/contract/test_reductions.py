@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from importlib import import_module
 
 import pytest
@@ -28,3 +30,10 @@ def test_what_integrates_reaches_no_reduction_and_what_reduces_does(slice_):
     assert isinstance(import_module(f"{slice_}.reductions").reduction, Reductions)
     assert not {name for name in closure(f"{slice_}.run") if name.endswith((".reductions", ".reduce"))}
     assert f"{slice_}.reductions" in closure(f"{slice_}.reduce")
+
+
+def test_no_job_that_integrates_loads_xarray():
+    """Loading it takes longer than a short run."""
+    text = "\n".join(["import sys", *(f"import {each}.run" for each in SLICES), "print('xarray' in sys.modules)"])
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"

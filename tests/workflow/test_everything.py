@@ -227,7 +227,8 @@ def expected_settings(finished):
     found["cubes/trained.h5"] = {"methods": list(contestants())}
     found["cubes/trained_ideas.h5"] = {"methods": list(contestants()), "exact": ["aba864"]}
     for run, cube in (
-        ("exact_oscillator/trajectories", "exact_oscillator"), ("trained/proof", "trained"),
+        ("stability/kinetic_energy", "kinetic_energy"), ("exact_oscillator/trajectories", "exact_oscillator"),
+        ("trained/proof", "trained"),
         ("trained/ideas", "trained_ideas"),
     ):  # fmt: skip
         found[f"runs/{run}.h5"] = found[f"cubes/{cube}.h5"]

@@ -118,7 +118,7 @@ def rounding(scale):
             "time": ("sample", TIME, ONE),
         },
         coords={"source": ["plain", "coefficients"]},
-    )  # fmt: skip
+    ).set_coords("time")  # fmt: skip
 
 
 def test_rows_of_rounding_have_the_power_law_the_rms_at_the_end_and_the_bias_over_it():
@@ -143,6 +143,10 @@ def test_rows_of_rounding_have_the_power_law_the_rms_at_the_end_and_the_bias_ove
     assert (cube.lag_bias.attrs["units"], cube.lag_exponent.attrs["units"], cube.lag_rms.attrs["units"]) == (
         "rad", "1", "rad",
     )  # fmt: skip
+
+
+def test_a_cube_of_one_method_has_the_times_of_each_method():
+    assert cube_of(rounding_cube, {"leapfrog": rounding(1.0)}).time.dims == ("integrator", "sample")
 
 
 def test_the_interval_of_an_exponent_is_the_jackknife_of_its_orbits():

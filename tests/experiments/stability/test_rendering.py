@@ -46,7 +46,9 @@ SMALL = {
 REDUCTIONS = {"henon_heiles": henon_heiles_cube, "kepler": kepler_cube, "rounding": rounding_cube}
 FIGURES = {"henon_heiles": henon_heiles_stability, "kepler": kepler_stability, "rounding": rounding_growth}
 #: Items whose cube is made in one job, and its settings besides the methods.
-ALONE = {"linear": {}, "kinetic_energy": {}, "conservation": {"t_end": {"sho": "50", "kepler": "8766"}}}
+ALONE = {"linear": {}, "conservation": {"t_end": {"sho": "50", "kepler": "8766"}}}
+#: Functions of the item whose one run file has all methods.
+APART = ("run:measure", "reduce:reduce")
 
 
 def results(asked, **inputs):
@@ -69,7 +71,7 @@ def runs(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def made(runs):
+def made(runs, tmp_path_factory):
     """Cube and table of each item."""
     found = {}
     for name, settings in SMALL.items():
@@ -77,7 +79,10 @@ def made(runs):
         found[name] = results(asked, **runs[name])
     for name, settings in ALONE.items():
         found[name] = results(task(f"experiments.stability.{name}.run:measure", integrators=METHODS, **settings))
-    return found
+    path = str(tmp_path_factory.mktemp("kinetic_energy") / "run.h5")
+    asked = [task(f"experiments.stability.kinetic_energy.{each}", integrators=METHODS) for each in APART]
+    write(results(asked[0])["run"], [path], provenance(asked[0]))
+    return found | {"kinetic_energy": results(asked[1], run=path)}
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +101,7 @@ def test_a_cube_of_run_files_is_that_of_the_runs_in_the_order_of_the_methods(cub
     assert cubes[name].attrs == {}
 
 
-@pytest.mark.parametrize("name", [*SMALL, *ALONE])
+@pytest.mark.parametrize("name", [*SMALL, *ALONE, "kinetic_energy"])
 def test_every_variable_has_units_and_a_meaning(cubes, name):
     for variable in cubes[name].variables.values():
         assert {"units", "long_name"} <= set(variable.attrs)
