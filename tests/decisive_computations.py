@@ -13,16 +13,16 @@ from nearharmonic.engine.invariants import observable_values
 from nearharmonic.engine.portable import log10, norms
 from nearharmonic.engine.quasi_random import quasi_random
 from nearharmonic.engine.statistics import line_fit, linear_trend, observed_order, power_law
-from nearharmonic.experiments.exact_oscillator.crossings import crossings
+from nearharmonic.experiments.exact_oscillator.reductions import crossings
 from nearharmonic.experiments.exact_oscillator.settings import ExactOscillatorSettings
 from nearharmonic.experiments.exact_oscillator.surfaces import starts_on
 from nearharmonic.experiments.stability.initial_conditions import kepler_apoapsis
-from nearharmonic.experiments.stability.kepler.run import evaluations_below, perihelion_advance
-from nearharmonic.experiments.stability.rounding.reduce import growth
+from nearharmonic.experiments.stability.kepler.reductions import evaluations_below, rotation_per_sample
+from nearharmonic.experiments.stability.rounding.reductions import growth
 from nearharmonic.experiments.trained.problems.named_systems import NAMED, named_ensemble
 from nearharmonic.experiments.trained.problems.orbits import orbit_ensemble
 from nearharmonic.experiments.trained.problems.random_potentials import random_ensemble
-from nearharmonic.experiments.trained.proof.gains import gains
+from nearharmonic.experiments.trained.proof.reductions import gains
 from nearharmonic.systems import systems
 
 COUNT = 2000
@@ -43,25 +43,32 @@ def computations():
     orders = (xr.DataArray(x, dims=("curve", "tau_per_stage")) for x in (tau + 0 * curves, curves))
     made["orders"] = observed_order(*orders)
     made["power laws"] = [power_law(tau, curve) for curve in curves]
-    made["growth"] = [*growth((u[:, :1] - 0.5) * np.sqrt(tau), tau * 1000).values()]
+    made["growth"] = growth((u[:, :1] - 0.5) * np.sqrt(tau), tau * 1000)
     made["apoapsis"] = kepler_apoapsis(u[:, 0] * 0.9, u[:, 1] * 6)
     path = [np.reshape(x, (40, 50, 2)) for x in (np.array([69.0, 3.0]) + 0.5 * q / 70, np.array([0.01, 0.14]) + p / 50)]
-    made["advance"] = perihelion_advance(path[0] / 70, path[1] * 7)
-    made["contour"] = evaluations_below(np.arange(1, 201), (errors.reshape(200, 10) + 1e-4) / tau[:, None], 1e-2)
+    made["advance"] = rotation_per_sample(path[0] / 70, path[1] * 7)
+    columns = (errors.reshape(200, 10) + 1e-4).T / tau
+    made["contour"] = [evaluations_below(np.arange(1, 201), column, 1e-2) for column in columns]
     made["norms"] = norms(u.reshape(500, 4, 4) - 0.5)
     made["surface"] = starts_on(1 / 80, 500, 1)
     energies = ExactOscillatorSettings(integrators=("aba864",)).surfaces()
-    plain, rotated = np.split(errors[: 17 * 100].reshape(17, 2, 50).swapaxes(0, 1)[None, :, None], 2, axis=1)
-    found = crossings(plain[:, 0], rotated[:, :, :] * np.linspace(0.5, 2, 17)[:, None], energies, 1)
-    made |= {f"crossings: {name}": entry[1] for name, entry in found.items()}
+    plain, rotated = errors[: 17 * 100].reshape(17, 2, 50).swapaxes(0, 1)
+    over = ("energy", "trajectory")
+    runs = {"energy_error": (("integrator", *over), [plain])}
+    runs["exact_energy_error"] = over, rotated * np.linspace(0.5, 2, 17)[:, None]
+    found = crossings(xr.Dataset(runs, {"energy": energies}, {"seed": 1}))
+    made |= {f"crossings: {name}": entry.values for name, entry in found.items()}
     for one in NAMED:
         made[f"starts of {one.name}"] = named_ensemble(one, 20, 3, 100.0).start
     whole = random_ensemble(3, 100, 1, band=(0.01, 0.5), t_end=10.0)
     made |= {"random potentials": whole.parameters, "their starts": whole.start}
     made["orbits"] = orbit_ensemble(500, 1, eccentricities=(0.02, 0.35), orbits=3.0).start
     table = log10(errors.reshape(4, 5, 100))
-    resampled = gains(table, ["published", "trained"] * 2, 1, 200)
-    made |= {"gain": resampled.gain, "its interval": resampled.interval}
+    logs = {"log_error": (("ensemble", "integrator", "point", "problem"), [table])}
+    kinds = ("integrator", ["published", "trained"] * 2)
+    names = {"ensemble": ["one"], "integrator": list("abcd"), "kind": kinds}
+    resampled = gains(xr.Dataset(logs, names, {"seed": 1}), 200)
+    made |= {"gain": resampled.gain.values, "its interval": resampled.gain_interval.values}
     return made
 
 

@@ -92,7 +92,12 @@ CUBES = cubes(*SYSTEMS, "sho_terms")
 ENSEMBLES = cubes(*(f"stability_{name}" for name in _ENSEMBLES)) | {
     f"runs/stability/{name}/{method}.h5" for name in _ENSEMBLES for method in METHODS
 }
-MADE = TARGETS["everything"] | RUNS | CUBES | ENSEMBLES
+#: Runs of experiments that have one file for all methods.
+SINGLE_RUNS = {
+    "runs/stability/kinetic_energy.h5", "runs/exact_oscillator/trajectories.h5", "runs/trained/proof.h5",
+    "runs/trained/ideas.h5",
+}  # fmt: skip
+MADE = TARGETS["everything"] | RUNS | CUBES | ENSEMBLES | SINGLE_RUNS
 #: Target -> all files that are there after it.
 MADE_BY = {"all": TARGETS["all"] | RUNS | CUBES, "everything": MADE}
 #: What every run of the workflow writes to, beside what it was asked for.

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import nearharmonic as nh
 from nearharmonic.experiments.trained.contestants import contestants, kind_of
 from nearharmonic.experiments.trained.problems.named_systems import NAMED, named_ensembles
-from nearharmonic.experiments.trained.proof.gains import gains
+from nearharmonic.experiments.trained.proof.reductions import gains
 from nearharmonic.experiments.trained.proof.run import log_errors
 from nearharmonic.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.experiments.trained.purposes import CHARGE
@@ -55,12 +56,17 @@ def test_gains_on_named_systems_are_those_of_runs(label):
         one for one in named_ensembles(settings.systems, settings.seed, float(settings.t_end)) if one.name == label
     )
     logs = log_errors(ensemble, names, np.array(taus), CHARGE)
-    found = gains(logs, [kind_of(name) for name in names], settings.seed)
+    runs = xr.Dataset(
+        {"log_error": (("ensemble", "integrator", "point", "problem"), [logs])},
+        {"ensemble": [label], "integrator": list(names), "kind": ("integrator", list(map(kind_of, names)))},
+        {"seed": settings.seed},
+    )
+    found = gains(runs).isel(ensemble=0)
     (row,) = (row for row in rows("gains") if row[0] == label)
     assert list(map(float, header("gains")[1:])) == sorted(taus)
     # Energy errors differ in the last digits between processors.
-    assert [value(cell) for cell in row[1:]] == pytest.approx(found.gain.tolist(), abs=0.03)
-    for cell, (low, high) in zip(row[1:], found.interval, strict=True):
+    assert [value(cell) for cell in row[1:]] == pytest.approx(found.gain.values.tolist(), abs=0.03)
+    for cell, (low, high) in zip(row[1:], found.gain_interval.values, strict=True):
         if min(abs(low), abs(high)) > 0.03:
             assert cell.startswith("**") == (low > 0), cell
             assert cell.startswith("(") == (low < 0 < high), cell

@@ -52,7 +52,7 @@ def test_a_python_block_runs_as_printed(beside_results, name):
 
 
 def test_the_cube_snippet_ranks_the_methods(beside_results, capsys):
-    (block,) = [block for block in BLOCKS.values() if "open_dataset" in block]
+    (block,) = [block for name, block in BLOCKS.items() if name.startswith("README") and "open_dataset" in block]
     exec(compile(block, "README.md", "exec"), {})
     printed = capsys.readouterr().out
     assert printed.index("babps8o7h") < printed.index("ruth")

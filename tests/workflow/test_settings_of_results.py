@@ -35,6 +35,11 @@ def expected_settings(project):
     found["cubes/exact_oscillator.h5"] = {"split": list(METHODS), "exact": ["aba864"]}
     found["cubes/trained.h5"] = {"methods": list(contestants())}
     found["cubes/trained_ideas.h5"] = {"methods": list(contestants()), "exact": ["aba864"]}
+    for run, cube in (
+        ("stability/kinetic_energy", "kinetic_energy"), ("exact_oscillator/trajectories", "exact_oscillator"),
+        ("trained/proof", "trained"), ("trained/ideas", "trained_ideas"),
+    ):  # fmt: skip
+        found[f"runs/{run}.h5"] = found[f"cubes/{cube}.h5"]
     for name in given["stability"]:
         found[f"cubes/stability_{name}.h5"] = dict(methods)
         found |= {f"runs/stability/{name}/{method}.h5": {"integrator": method} for method in METHODS}

@@ -40,7 +40,7 @@ def test_the_figure_and_the_cube_have_the_name_that_the_config_gives(made):
     with h5py.File(made.folder / "results/mine/cubes/well.h5") as cube:
         assert (cube.attrs["system"], cube.attrs["system_label"]) == ("well", "quartic well")
         assert cube["integrator"][:].tolist() == [b"five_leapfrogs"]
-        assert 0 < cube["max_energy_error"][0, 0] < 0.01
+        assert 0 < cube["max_energy_error"][0, 0, 0] < 0.01
         # Each substep of a splitting method keeps the angular momentum of a central force: rounding alone is left.
         assert cube["angular_momentum_drift"][:].max() < 1e-14
 

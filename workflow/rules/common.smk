@@ -19,13 +19,18 @@ except NearharmonicError as error:
 
 RESULTS = f"results/{CONFIG.name}"
 SWEEPS = {sweep.system: sweep for sweep in CONFIG.sweeps}
-FIGURES = []  # each experiment adds those that it declares
+FIGURES, RUNS = [], []  # each experiment adds those that it declares
 
 
 wildcard_constraints:
     system="|".join(CONFIG.systems),
     integrator="|".join(CONFIG.methods),
     shard="[0-9]+",
+
+
+def RUN(stem):
+    """The run file of this name."""
+    return f"{RESULTS}/runs/{stem}.h5"
 
 
 def CUBE(stem):

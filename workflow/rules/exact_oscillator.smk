@@ -4,21 +4,35 @@ from nearharmonic.experiments.exact_oscillator import CUBES as EXACT_OSCILLATOR_
 
 EXACT_OSCILLATOR_FIGURES = figures_of("experiments.exact_oscillator", CONFIG.systems, EXACT_OSCILLATOR_CUBES)
 FIGURES += EXACT_OSCILLATOR_FIGURES
+RUNS.append(RUN("exact_oscillator/trajectories"))
+EXACT_OSCILLATOR = {
+    "split": CONFIG.methods,
+    "exact": CONFIG.exact_oscillator.methods,
+    "settings": CONFIG.exact_oscillator,
+}
+
+
+rule exact_oscillator_run:
+    output:
+        run=RUN("exact_oscillator/trajectories"),
+    log:
+        LOG("exact_oscillator/run"),
+    params:
+        task=task("experiments.exact_oscillator.run:measure", **EXACT_OSCILLATOR),
+    script:
+        "../scripts/task.py"
 
 
 rule exact_oscillator_cube:
+    input:
+        run=RUN("exact_oscillator/trajectories"),
     output:
         cube=CUBE("exact_oscillator"),
         table=TABLE("exact_oscillator"),
     log:
         LOG("exact_oscillator/errors"),
     params:
-        task=task(
-            "experiments.exact_oscillator.run:measure",
-            split=CONFIG.methods,
-            exact=CONFIG.exact_oscillator.methods,
-            settings=CONFIG.exact_oscillator,
-        ),
+        task=task("experiments.exact_oscillator.reduce:reduce", **EXACT_OSCILLATOR),
     script:
         "../scripts/task.py"
 

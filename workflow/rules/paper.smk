@@ -30,7 +30,7 @@ rule integrate:
     input:
         f"{RESULTS}/logs/compile/{{system}}.done",
     output:
-        run=f"{RESULTS}/runs/{{system}}/{{integrator}}/{{shard}}.h5",
+        run=RUN("{system}/{integrator}/{shard}"),
     log:
         LOG("integrate/{system}/{integrator}/{shard}"),
     params:

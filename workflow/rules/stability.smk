@@ -6,6 +6,8 @@ from nearharmonic.systems import systems
 ENSEMBLES = ("henon_heiles", "kepler", "rounding")
 STABILITY_FIGURES = figures_of("experiments.stability", CONFIG.systems, STABILITY_CUBES)
 FIGURES += STABILITY_FIGURES
+RUNS += expand(RUN("stability/{ensemble}/{name}"), ensemble=ENSEMBLES, name=CONFIG.methods)
+RUNS.append(RUN("stability/kinetic_energy"))
 
 # Structure is measured on every autonomous system, over the interval that the config gives or the system has.
 # The phase space in which a regularised system is integrated is not that of its states.
@@ -39,7 +41,7 @@ rule stability_run:
     input:
         f"{RESULTS}/logs/compile/stability_{{ensemble}}.done",
     output:
-        run=f"{RESULTS}/runs/stability/{{ensemble}}/{{integrator}}.h5",
+        run=RUN("stability/{ensemble}/{integrator}"),
     log:
         LOG("stability/{ensemble}/{integrator}"),
     params:
@@ -54,7 +56,7 @@ rule stability_run:
 
 rule stability_cube:
     input:
-        **{name: f"{RESULTS}/runs/stability/{{ensemble}}/{name}.h5" for name in CONFIG.methods},
+        **{name: RUN(f"stability/{{ensemble}}/{name}") for name in CONFIG.methods},
     output:
         cube=CUBE("stability_{ensemble}"),
         table=TABLE("stability_{ensemble}"),
@@ -89,34 +91,38 @@ rule structure_cube:
     log:
         LOG("stability/conservation"),
     params:
-        task=task(
-            "experiments.stability.conservation.run:measure",
-            integrators=CONFIG.methods,
-            t_end=STRUCTURE_T_END,
-        ),
+        task=task("experiments.stability.conservation.run:measure", integrators=CONFIG.methods, t_end=STRUCTURE_T_END),
     script:
         "../scripts/task.py"
 
 
-rule kinetic_energy_cube:
+rule kinetic_energy_run:
     output:
-        cube=CUBE("kinetic_energy"),
-        table=TABLE("kinetic_energy"),
+        run=RUN("stability/kinetic_energy"),
     log:
-        LOG("stability/kinetic_energy"),
+        LOG("stability/kinetic_energy_run"),
     params:
         task=task("experiments.stability.kinetic_energy.run:measure", integrators=CONFIG.methods),
     script:
         "../scripts/task.py"
 
 
-STABILITY_FILES = [
-    *(CUBE(stem) for stem in STABILITY_CUBES),
-    *(TABLE(stem) for stem in STABILITY_CUBES),
-    *(FIGURE(one.stem) for one in STABILITY_FIGURES),
-]
+rule kinetic_energy_cube:
+    input:
+        run=RUN("stability/kinetic_energy"),
+    output:
+        cube=CUBE("kinetic_energy"),
+        table=TABLE("kinetic_energy"),
+    log:
+        LOG("stability/kinetic_energy"),
+    params:
+        task=task("experiments.stability.kinetic_energy.reduce:reduce", integrators=CONFIG.methods),
+    script:
+        "../scripts/task.py"
 
 
 rule stability:
     input:
-        STABILITY_FILES,
+        [CUBE(stem) for stem in STABILITY_CUBES],
+        [TABLE(stem) for stem in STABILITY_CUBES],
+        [FIGURE(one.stem) for one in STABILITY_FIGURES],

@@ -6,9 +6,24 @@ from nearharmonic.experiments.trained.contestants import contestants, kind_of
 CONTESTANTS = contestants()
 TRAINED_FIGURES = figures_of("experiments.trained", CONFIG.systems, TRAINED_CUBES)
 FIGURES += TRAINED_FIGURES
+RUNS += [RUN("trained/proof"), RUN("trained/ideas")]
+PROOF = {"methods": CONTESTANTS, "settings": CONFIG.trained.proof}
+
+
+rule trained_proof_run:
+    output:
+        run=RUN("trained/proof"),
+    log:
+        LOG("trained/proof_run"),
+    params:
+        task=task("experiments.trained.proof.run:measure", **PROOF),
+    script:
+        "../scripts/task.py"
 
 
 rule trained_proof_cube:
+    input:
+        run=RUN("trained/proof"),
     output:
         cube=CUBE("trained"),
         gains=TABLE("trained_gains"),
@@ -16,24 +31,32 @@ rule trained_proof_cube:
     log:
         LOG("trained/proof"),
     params:
-        task=task("experiments.trained.proof.run:measure", methods=CONTESTANTS, settings=CONFIG.trained.proof),
+        task=task("experiments.trained.proof.reduce:reduce", **PROOF),
+    script:
+        "../scripts/task.py"
+
+
+rule trained_ideas_run:
+    output:
+        run=RUN("trained/ideas"),
+    log:
+        LOG("trained/ideas_run"),
+    params:
+        task=task("experiments.trained.ideas.run:measure", exact=CONFIG.exact_oscillator.methods, **PROOF),
     script:
         "../scripts/task.py"
 
 
 rule trained_ideas_cube:
+    input:
+        run=RUN("trained/ideas"),
     output:
         cube=CUBE("trained_ideas"),
         table=TABLE("trained_ideas"),
     log:
         LOG("trained/ideas"),
     params:
-        task=task(
-            "experiments.trained.ideas.run:measure",
-            methods=CONTESTANTS,
-            exact=CONFIG.exact_oscillator.methods,
-            settings=CONFIG.trained.proof,
-        ),
+        task=task("experiments.trained.ideas.reduce:reduce", exact=CONFIG.exact_oscillator.methods, **PROOF),
     script:
         "../scripts/task.py"
 
@@ -63,7 +86,7 @@ rule trained_times_table:
         LOG("trained/times"),
     threads: ALL_CORES  # nothing runs beside what is timed
     params:
-        task=task("experiments.trained.proof.times:measure", methods=CONTESTANTS, settings=CONFIG.trained.proof),
+        task=task("experiments.trained.proof.times:measure", **PROOF),
     script:
         "../scripts/task.py"
 

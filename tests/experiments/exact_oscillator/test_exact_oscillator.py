@@ -15,12 +15,14 @@ import nearharmonic as nh
 from nearharmonic.config import load
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.experiments.exact_oscillator import times
-from nearharmonic.experiments.exact_oscillator.crossings import crossing, crossings
+from nearharmonic.experiments.exact_oscillator.reduce import reduce
+from nearharmonic.experiments.exact_oscillator.reductions import crossing, reduction
 from nearharmonic.experiments.exact_oscillator.run import largest_error, measure
 from nearharmonic.experiments.exact_oscillator.settings import CHARGES, ExactOscillatorSettings
 from nearharmonic.experiments.exact_oscillator.surfaces import radius, starts_on
 from nearharmonic.experiments.exact_oscillator.tables import BEST
-from nearharmonic.output.store import read, write
+from nearharmonic.output import job
+from nearharmonic.output.store import read
 
 ROOT = Path(__file__).parents[3]
 SMALL = ExactOscillatorSettings(integrators=("aba864",), energies=5, trajectories=6, t_end="20")
@@ -63,22 +65,54 @@ def test_intervals_hold_the_crossing_and_shrink_with_the_number_of_trajectories(
     energies, rng, widths = np.geomspace(1e-4, 1, 9), np.random.default_rng(2), []
     for count in (40, 4000):
         noise = np.exp(rng.normal(0, 0.5, (2, 9, count)))
-        plain = (energies[:, None] ** 0.5 * noise[0])[None, None]
-        rotated = (energies[:, None] ** 2 / 0.02 * noise[1])[None, None, None]
-        found = crossings(plain, rotated, energies, seed=5)
-        low, high = found["best_crossing_interval"][1][0, 0, 0]
+        found = reduced(energies, energies[:, None] ** 0.5 * noise[0], energies[:, None] ** 2 / 0.02 * noise[1])
+        low, high = found.best_crossing_interval.values
         assert low < 0.02 ** (2 / 3) < high
         widths.append(np.log(high / low))
     assert widths[1] < widths[0] / 4  # a tenth, as far as 200 resamples tell
 
 
+def reduced(energies, split, exact):
+    """The reductions of errors (energy, trajectory) of one method that splits into T and V and one that does not."""
+    over = ("energy", "trajectory")
+    errors = {
+        "energy_error": (("integrator", *over), [split], {"long_name": "error"}),
+        "exact_energy_error": (over, exact, {"long_name": "error"}),
+    }
+    return reduction.of(xr.Dataset(errors, {"energy": energies}, {"seed": 5}), over="trajectory")
+
+
+def test_reductions_of_equal_trajectories_are_their_curves_and_an_interval_of_no_width():
+    """H^(1/2) and H^2 / 0.02 cross at 0.02^(2/3); a trajectory that diverges leaves median and crossing alone."""
+    energies = np.geomspace(1e-4, 1, 9)
+    split, exact = (np.tile(curve[:, None], 20) for curve in (energies**0.5, energies**2 / 0.02))
+    split[3, 7] = np.inf
+    found = reduced(energies, split, exact)
+    at = pytest.approx(0.02 ** (2 / 3), rel=1e-12)
+    assert found.crossing.values.tolist() == [at]
+    assert found.crossing_interval.values.tolist() == [[at, at]]
+    assert found.best_crossing.item() == at
+    assert found.energy_error.sel(quantile=0.5).values[0] == pytest.approx(energies**0.5)
+    assert found.energy_error.sel(quantile=0.95).values[0].tolist() == [
+        np.inf if i == 3 else e**0.5 for i, e in enumerate(energies)
+    ]
+    assert found.exact_energy_error.dims == ("energy", "quantile")
+
+
+def made(split, exact, settings, folder):
+    """Run file, cube and table."""
+    path = str(folder / "run.h5")
+    job.write(measure(split, exact, settings)["run"], [path], {})
+    return reduce(split, exact, settings, path)
+
+
 @pytest.fixture(scope="module")
-def small():
-    return measure(("ruth", "babps8o7h"), ("aba864",), SMALL)
+def small(tmp_path_factory):
+    return made(("ruth", "babps8o7h"), ("aba864",), SMALL, tmp_path_factory.mktemp("small"))
 
 
 def test_errors_are_those_of_single_runs_at_equal_cost(small):
-    values = {name: entry[1] for name, entry in small["cube"].variables.items()}
+    values = {name: entry.values for name, entry in small["cube"].variables.items()}
     for e in (0, 4):
         start = starts_on(float(values["energy"][e]), 6, 1)
         for c, charge in enumerate(CHARGES[:3]):
@@ -96,7 +130,7 @@ def test_errors_are_those_of_single_runs_at_equal_cost(small):
 
 def test_the_exact_oscillator_pays_at_small_amplitudes_and_not_at_large_ones(small):
     """The error of T + V does not vanish with the amplitude, and that of the exact oscillator is proportional to it."""
-    values = {name: entry[1] for name, entry in small["cube"].variables.items()}
+    values = {name: entry.values for name, entry in small["cube"].variables.items()}
     exact, best = values["exact_energy_error"][:, 0, 0, :, 1], values["energy_error"][..., 1].min(axis=1)
     assert (exact[:, 0] < best[:, 0] / 10).all()
     assert (exact[:, -1] > best[:, -1]).all()
@@ -129,7 +163,7 @@ def test_times_are_measured_and_charged(small, tmp_path, monkeypatch):
     monkeypatch.setattr(times, "LONG", 200)
     monkeypatch.setattr(times, "SHORT", 40)
     monkeypatch.setattr(times, "MEMBERS", 16)
-    write(tmp_path / "cube.h5", small["cube"].variables, {})
+    job.write(small["cube"], [str(tmp_path / "cube.h5")], {})
     cube = read(tmp_path / "cube.h5")
     table = times.measure(str(tmp_path / "cube.h5"), ("aba864",), SMALL)["table"]
     rows = [dict(zip(table.header, row, strict=True)) for row in table.rows]
@@ -142,18 +176,18 @@ def test_times_are_measured_and_charged(small, tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_page_states_the_crossings_and_leads_of_the_paper_config():
+def test_the_page_states_the_crossings_and_leads_of_the_paper_config(tmp_path):
     config = yaml.safe_load((ROOT / "config/config.yaml").read_text(encoding="utf-8"))
     asked = load({key: config[key] for key in ("name", "integrators", "systems", "exact_oscillator")})
     page = (ROOT / "docs/exact_oscillator.md").read_text(encoding="utf-8")
-    made = measure(asked.methods, asked.exact_oscillator.methods, asked.exact_oscillator)
-    rows = [dict(zip(made["table"].header, row, strict=True)) for row in made["table"].rows]
+    found = made(asked.methods, asked.exact_oscillator.methods, asked.exact_oscillator, tmp_path)
+    rows = [dict(zip(found["table"].header, row, strict=True)) for row in found["table"].rows]
+    values = {name: entry.values for name, entry in found["cube"].variables.items()}
     found = {(r["exact oscillator"], f"{r['tau_per_stage']:g}", r["charge"]): r for r in rows if r["T + V"] == BEST}
     stated = re.findall(r"^\| (\S.*?) \| (0\.05|0\.1) \| (.*?) \| (.*?) \|$", page, re.MULTILINE)
     assert len(stated) == len(asked.exact_oscillator.methods) * len(asked.exact_oscillator.tau_per_stage)
     for name, tau, *cells in stated:
         assert cells == [_cell(found[name, tau, charge]) for charge in (1.0, 1.1)]
-    values = {name: entry[1] for name, entry in made["cube"].variables.items()}
     best, exact = values["energy_error"][..., 1].min(axis=1), values["exact_energy_error"][:, 0, ..., 1].min(axis=1)
     leads = np.log10(best / exact)[:, [0, -1]].round(1).tolist()
     ahead = re.search(r"method is (\S+) decades ahead .*? and (\S+) decades with 0\.05\. At H = 1/6 it is (\S+)", page)

@@ -18,7 +18,7 @@ from nearharmonic.experiments.paper.plan import runs_of, shards_of
 from nearharmonic.experiments.paper.reduce import numbers
 from nearharmonic.experiments.paper.run import integrate, integrate_run
 from nearharmonic.integrators import integrators
-from nearharmonic.output.dataset import assembled
+from nearharmonic.output.dataset import assembled, described
 from nearharmonic.output.store import write
 from nearharmonic.systems import systems
 from nearharmonic.systems.user_file import SystemDefinition
@@ -144,7 +144,10 @@ def turning(rate, *, samples=60, t_end=8000.0):
         {
             "t": (over, np.tile(t, (2, 1))),
             "perihelion_angle": (over, np.tile(angle, (2, 1))),
-            **{f"block_{name}": (over, np.ones((2, samples))) for name in ("max_energy_error", "mean_energy_error")},
+            **{
+                f"block_{name}_energy_error": (over, np.ones((2, samples)), described("since the previous sample"))
+                for name in ("max", "mean")
+            },
             "block_steps": (over, np.ones((2, samples), dtype=int)),
             "tau": (each, [24.5, 50.0]),
             "steps": (each, [samples, 3 * samples]),

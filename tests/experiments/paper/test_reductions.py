@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 
 from nearharmonic.experiments.paper import reductions
+from nearharmonic.output.dataset import described
 from nearharmonic.output.reduction import Reductions, exact_sum
 
 
@@ -25,7 +26,8 @@ def blocks(**changes):
         "block_mean_energy_error": [[0, 2, 8, nan], [0, 1, 2, 4], [0, 0.5, nan, nan], [0, 1, nan, nan]],
         "block_max_energy_error": [[0, 4, 8, nan], [0, 1, 16, 4], [0, 0.75, nan, nan], [0, 1, nan, nan]],
     }
-    runs = {name: (("tau_per_stage", "sample"), np.array(rows)) for name, rows in (values | changes).items()}
+    notes = described("of |H - H0|/|H0| since the previous sample")
+    runs = {name: (("tau_per_stage", "sample"), np.array(rows), notes) for name, rows in (values | changes).items()}
     status = ["ok", "ok", "ok", "diverged"]
     return xr.Dataset(runs | {"steps": ("tau_per_stage", [4, 9, 2, 9]), "status": ("tau_per_stage", status)})
 
@@ -45,7 +47,7 @@ def test_a_mean_is_the_same_bits_in_longer_company():
         mean = random.uniform(0, 1, (1, length))
         steps = random.integers(1, 7, (1, length))
         alone = xr.Dataset({
-            "block_mean_energy_error": (("tau_per_stage", "sample"), mean),
+            "block_mean_energy_error": (("tau_per_stage", "sample"), mean, described("mean since the previous sample")),
             "block_steps": (("tau_per_stage", "sample"), steps),
             "steps": ("tau_per_stage", steps.sum(axis=1)),
             "status": ("tau_per_stage", ["ok"]),
@@ -81,3 +83,8 @@ def test_an_exact_sum_depends_on_no_order_and_skips_nan():
     table = xr.DataArray([*orders, np.full(row.size, np.nan)], dims=("run", "sample"))
     assert exact_sum(table, "sample").values[:3].tolist() == [1e16 + 1000] * 3
     assert np.isnan(exact_sum(table, "sample").values[3])
+
+
+def test_errors_over_every_step_say_what_they_are_relative_to():
+    found = reductions.max_energy_error(blocks())
+    assert found.attrs == described("of |H - H0|/|H0| over every step, inf if diverged")

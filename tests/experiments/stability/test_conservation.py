@@ -15,10 +15,12 @@ from nearharmonic.engine import kernels
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.experiments.stability.conservation.run import _Run, energy_drift, structure, symplectic_defect
 from nearharmonic.experiments.stability.kinetic_energy.figure import kinetic_energy
-from nearharmonic.experiments.stability.kinetic_energy.run import AMPLITUDES, kinetic_energy_cube
+from nearharmonic.experiments.stability.kinetic_energy.reduce import kinetic_energy_cube
+from nearharmonic.experiments.stability.kinetic_energy.run import AMPLITUDES, energy_errors
 from nearharmonic.experiments.stability.kinetic_energy.tables import kinetic_energy_table
 from nearharmonic.experiments.stability.linear.figure import linear_stability
 from nearharmonic.integrators import BENCHMARKED, integrators
+from nearharmonic.output.dataset import assembled
 from nearharmonic.systems import systems
 
 
@@ -162,13 +164,13 @@ def test_a_method_that_needs_a_quadratic_kinetic_energy_is_refused():
     ):
         with pytest.raises(NearharmonicError, match=r"nystrom.*relativistic_oscillator does not have"):
             attempt()
-    cube = kinetic_energy_cube([nystrom, integrators["ruth"]])
-    assert list(cube.integrator.values) == ["ruth"]
+    assert energy_errors([nystrom, integrators["ruth"]])["integrator"][1].tolist() == ["ruth"]
 
 
 @pytest.fixture(scope="module")
 def cube():
-    return kinetic_energy_cube([integrators[name] for name in ("ruth", "babs7o7h", "babps9o7h")])
+    variables = energy_errors([integrators[name] for name in ("ruth", "babs7o7h", "babps9o7h")])
+    return kinetic_energy_cube(assembled(variables, ["label"], {}))
 
 
 @pytest.mark.parametrize("amplitude", [0.01, 1.0])

@@ -81,25 +81,24 @@ def test_a_cube_of_ensembles_names_its_methods(ensembles):
 
 
 def test_kepler_evaluations_per_orbit_are_steps_times_stages_and_rows_take_the_nearest_eccentricity():
+    """Errors 1e-6 (100 (1 + e) / n)^2 of n steps a period: the contour lies at 100 (1 + e) steps."""
     grid = np.array([0.0, 0.21, 0.3, 0.52, 0.79, 0.9, 0.96, 0.99])
-    parts = {
-        name: xr.Dataset(
-            {
-                "steps_per_orbit": ("tau_per_stage", [10, 20], ONE),
-                "evaluations_for_contour": ("eccentricity", factor * 100 * (1 + grid), ONE),
-            },
-            coords={"tau_per_stage": [0.1, 0.05], "eccentricity": grid},
-        )
-        for name, factor in (("leapfrog", 1), ("babs7o7h", 2))
-    }
-    cube = cube_of(kepler_cube, parts)
-    assert cube.evaluations_per_orbit.sel(integrator="leapfrog").values.tolist() == [10, 20]
-    assert cube.evaluations_per_orbit.sel(integrator="babs7o7h").values.tolist() == [70, 140]
+    steps = np.array([10, 1000])
+    states = ("tau_per_stage", "eccentricity", "sample", "component"), np.zeros((2, 8, 3, 2)), ONE
+    errors = ("tau_per_stage", "eccentricity"), 1e-6 * (100 * (1 + grid) / steps[:, None]) ** 2, ONE
+    part = xr.Dataset(
+        {"q": states, "p": states, "energy_error": errors, "steps_per_orbit": ("tau_per_stage", steps, ONE)},
+        coords={"tau_per_stage": [0.1, 0.001], "eccentricity": grid, "component": [0, 1]},
+    )
+    cube = cube_of(kepler_cube, {"leapfrog": part, "babs7o7h": part})
+    assert not {"q", "p", "sample", "component"} & set(cube.variables)
+    assert cube.evaluations_per_orbit.sel(integrator="leapfrog").values.tolist() == [10, 1000]
+    assert cube.evaluations_per_orbit.sel(integrator="babs7o7h").values.tolist() == [70, 7000]
     first, second = cells(kepler_table(cube))
     shown = {"e_0.000": 100, "e_0.210": 121, "e_0.520": 152, "e_0.790": 179, "e_0.900": 190, "e_0.960": 196,
              "e_0.990": 199}  # fmt: skip
     assert first == {"integrator": "leapfrog"} | {k: pytest.approx(v) for k, v in shown.items()}
-    assert second == {"integrator": "babs7o7h"} | {k: pytest.approx(2 * v) for k, v in shown.items()}
+    assert second == {"integrator": "babs7o7h"} | {k: pytest.approx(7 * v) for k, v in shown.items()}
 
 
 TIME = np.array([1.0, 4.0, 9.0, 16.0])
@@ -119,7 +118,7 @@ def rounding(scale):
             "time": ("sample", TIME, ONE),
         },
         coords={"source": ["plain", "coefficients"]},
-    )  # fmt: skip
+    ).set_coords("time")  # fmt: skip
 
 
 def test_rows_of_rounding_have_the_power_law_the_rms_at_the_end_and_the_bias_over_it():
@@ -144,6 +143,10 @@ def test_rows_of_rounding_have_the_power_law_the_rms_at_the_end_and_the_bias_ove
     assert (cube.lag_bias.attrs["units"], cube.lag_exponent.attrs["units"], cube.lag_rms.attrs["units"]) == (
         "rad", "1", "rad",
     )  # fmt: skip
+
+
+def test_a_cube_of_one_method_has_the_times_of_each_method():
+    assert cube_of(rounding_cube, {"leapfrog": rounding(1.0)}).time.dims == ("integrator", "sample")
 
 
 def test_the_interval_of_an_exponent_is_the_jackknife_of_its_orbits():

@@ -14,7 +14,7 @@ from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.experiments.stability.henon_heiles import run as hh
-from nearharmonic.experiments.stability.henon_heiles.reduce import trusted_up_to
+from nearharmonic.experiments.stability.henon_heiles.reductions import trusted_up_to
 from nearharmonic.experiments.stability.henon_heiles.run import henon_heiles_surface
 from nearharmonic.experiments.stability.kepler import run as maps
 from nearharmonic.experiments.stability.rounding import run as rounding

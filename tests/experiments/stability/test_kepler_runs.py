@@ -11,6 +11,8 @@ import xarray as xr
 import nearharmonic as nh
 from nearharmonic.experiments.stability.initial_conditions import kepler_apoapsis
 from nearharmonic.experiments.stability.kepler import run as maps
+from nearharmonic.experiments.stability.kepler.reduce import kepler_cube
+from nearharmonic.experiments.stability.kepler.reductions import evaluations_below, rotation_per_sample
 from nearharmonic.experiments.stability.settings import (
     EvaluationsGrid,
     MapSettings,
@@ -63,7 +65,7 @@ def test_a_cell_of_the_kepler_map_is_what_a_plain_integrator_finds(integrator):
         L, r = x * v - y * u, hypot(x, y)
         angles.append(atan2(-u * L - y / r, v * L - x / r) % (2 * pi))
     slope = np.polyfit(range(orbits + 1), angles, 1)[0]
-    assert maps.perihelion_advance(paths.q, paths.p)[0] == pytest.approx(slope, rel=1e-6)
+    assert rotation_per_sample(paths.q, paths.p)[0] == pytest.approx(slope, rel=1e-6)
 
 
 def test_the_units_of_the_orbit_and_those_of_mercury_give_the_same_error():
@@ -81,13 +83,13 @@ def test_the_units_of_the_orbit_and_those_of_mercury_give_the_same_error():
 @pytest.mark.parametrize("rate", [1e-9, -1e-3, 0.7, -1.5])
 def test_the_advance_is_the_rate_at_which_an_ellipse_is_turned(rate):
     x, y, _, _, u, v, _, _ = kepler_apoapsis(np.full(9, 0.3), rate * np.arange(9)).T
-    advance = maps.perihelion_advance(np.stack([x, y], -1)[None], np.stack([u, v], -1)[None])
+    advance = rotation_per_sample(np.stack([x, y], -1)[None], np.stack([u, v], -1)[None])
     assert advance[0] == pytest.approx(rate, rel=1e-12, abs=1e-15)
 
 
 def test_an_ellipse_that_turns_by_more_than_a_quarter_has_no_advance():
     x, y, _, _, u, v, _, _ = kepler_apoapsis(np.full(9, 0.3), 1.6 * np.arange(9)).T
-    assert np.isnan(maps.perihelion_advance(np.stack([x, y], -1)[None], np.stack([u, v], -1)[None])[0])
+    assert np.isnan(rotation_per_sample(np.stack([x, y], -1)[None], np.stack([u, v], -1)[None])[0])
 
 
 def test_orbits_that_are_not_run_would_err_less_than_the_floor():
@@ -103,7 +105,8 @@ def test_orbits_that_are_not_run_would_err_less_than_the_floor():
 
 
 def test_a_map_tells_lost_orbits_from_kept_ones_and_circles_from_ellipses():
-    result = dataset(maps.orbit_map(nh.integrators["ruth"], MAP))
+    ruth = nh.integrators["ruth"]
+    result = kepler_cube([ruth], {"ruth": dataset(maps.orbit_map(ruth, MAP))}).isel(integrator=0)
     lost = np.isinf(result.energy_error)
     assert lost.any()
     assert (result.orbits_kept.where(lost, drop=True) < MAP.orbits).any()
@@ -120,9 +123,9 @@ def test_the_contour_of_a_power_law_is_where_algebra_puts_it():
     n = np.array([10.0, 30.0, 90.0, 300.0, 1000.0])
     error = np.stack([100 * n**-4, 1e9 * n**-4, np.where(n > 200, np.nan, 100 * n**-4)], axis=1)
     error[0, 0] = np.inf
-    found = maps.evaluations_below(n, error, 1e-6)
+    found = [evaluations_below(n, column, 1e-6) for column in error.T]
     assert found[0] == pytest.approx(100, rel=1e-12)
     assert np.isnan(found[1])
     assert found[2] == pytest.approx(300, rel=1e-12)
-    dip = np.array([1e-7, 1e-3, 1e-7, 1e-5, 1e-9])[:, None]  # a dip below the level is not yet the end
-    assert maps.evaluations_below(n, dip, 1e-6)[0] == pytest.approx(300 * (10 / 3) ** 0.25, rel=1e-12)
+    dip = np.array([1e-7, 1e-3, 1e-7, 1e-5, 1e-9])  # a dip below the level is not yet the end
+    assert evaluations_below(n, dip, 1e-6) == pytest.approx(300 * (10 / 3) ** 0.25, rel=1e-12)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from nearharmonic.experiments.stability.kinetic_energy.run import _relative, exchanged
+from nearharmonic.experiments.stability.kinetic_energy.reductions import reduction
+from nearharmonic.experiments.stability.kinetic_energy.run import exchanged
 from nearharmonic.experiments.stability.kinetic_energy.tables import kinetic_energy_table
 from nearharmonic.integrators import integrators
 
@@ -28,8 +29,7 @@ def cube():
             "tau_per_stage": GRID,
         },
     )  # fmt: skip
-    data["relative_error"] = _relative(data)
-    return data
+    return data.assign(reduction.of(data, over="tau_per_stage"))
 
 
 def test_errors_are_over_those_of_ruth_in_its_own_roles_and_the_decline_over_the_least_amplitude(cube):
@@ -48,7 +48,7 @@ def test_errors_are_over_those_of_ruth_in_its_own_roles_and_the_decline_over_the
 
 def test_without_the_yardstick_there_are_no_ratios(cube):
     alone = cube.isel(integrator=[1])
-    assert np.isnan(_relative(alone)).all()
+    assert np.isnan(reduction.of(alone, over="tau_per_stage").relative_error).all()
 
 
 @pytest.mark.parametrize(("name", "first"), [("ruth", "kick"), ("babs7o7h", "drift")])

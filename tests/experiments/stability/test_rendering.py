@@ -22,6 +22,7 @@ from nearharmonic.experiments.stability.settings import (
     RoundingSettings,
 )
 from nearharmonic.integrators import integrators
+from nearharmonic.output.dataset import assembled
 from nearharmonic.output.job import covered, write
 from nearharmonic.output.provenance import function_of, provenance, task
 from nearharmonic.output.style import save
@@ -45,7 +46,9 @@ SMALL = {
 REDUCTIONS = {"henon_heiles": henon_heiles_cube, "kepler": kepler_cube, "rounding": rounding_cube}
 FIGURES = {"henon_heiles": henon_heiles_stability, "kepler": kepler_stability, "rounding": rounding_growth}
 #: Items whose cube is made in one job, and its settings besides the methods.
-ALONE = {"linear": {}, "kinetic_energy": {}, "conservation": {"t_end": {"sho": "50", "kepler": "8766"}}}
+ALONE = {"linear": {}, "conservation": {"t_end": {"sho": "50", "kepler": "8766"}}}
+#: Functions of the item whose one run file has all methods.
+APART = ("run:measure", "reduce:reduce")
 
 
 def results(asked, **inputs):
@@ -68,7 +71,7 @@ def runs(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def made(runs):
+def made(runs, tmp_path_factory):
     """Cube and table of each item."""
     found = {}
     for name, settings in SMALL.items():
@@ -76,7 +79,10 @@ def made(runs):
         found[name] = results(asked, **runs[name])
     for name, settings in ALONE.items():
         found[name] = results(task(f"experiments.stability.{name}.run:measure", integrators=METHODS, **settings))
-    return found
+    path = str(tmp_path_factory.mktemp("kinetic_energy") / "run.h5")
+    asked = [task(f"experiments.stability.kinetic_energy.{each}", integrators=METHODS) for each in APART]
+    write(results(asked[0])["run"], [path], provenance(asked[0]))
+    return found | {"kinetic_energy": results(asked[1], run=path)}
 
 
 @pytest.fixture(scope="module")
@@ -87,17 +93,15 @@ def cubes(made):
 @pytest.mark.parametrize("name", SMALL)
 def test_a_cube_of_run_files_is_that_of_the_runs_in_the_order_of_the_methods(cubes, name):
     module = f"experiments.stability.{name}.run:measure"
-    parts = {
-        method: xr.Dataset(results(task(module, integrator=method, settings=SMALL[name]))["run"].variables)
-        for method in METHODS
-    }
+    made = {method: results(task(module, integrator=method, settings=SMALL[name]))["run"] for method in METHODS}
+    parts = {method: assembled(run.variables, run.coordinates, {}) for method, run in made.items()}
     expected = REDUCTIONS[name]([integrators[method] for method in METHODS], parts)
     xr.testing.assert_equal(cubes[name], expected)
     assert cubes[name].integrator.values.tolist() == list(METHODS)
     assert cubes[name].attrs == {}
 
 
-@pytest.mark.parametrize("name", [*SMALL, *ALONE])
+@pytest.mark.parametrize("name", [*SMALL, *ALONE, "kinetic_energy"])
 def test_every_variable_has_units_and_a_meaning(cubes, name):
     for variable in cubes[name].variables.values():
         assert {"units", "long_name"} <= set(variable.attrs)

@@ -85,7 +85,12 @@ def test_energies_may_be_quotients_or_decimals():
         ("kepler", {"orbits": 100_000}, "stability.kepler.orbits = 100000 is not allowed: one run may take 1e+09"),
         (
             "kepler",
-            {"eccentricities": 10_000, "orbits": 1000},
+            {"eccentricities": 10_000, "orbits": 1000, "evaluations_per_orbit": {"points_per_decade": 1}},
+            "stability.kepler.orbits = 1000 is not allowed: the states of a method would take",
+        ),
+        (
+            "kepler",
+            {"eccentricities": 10_000, "evaluations_per_orbit": {"highest": 5e7}},
             "stability.kepler.eccentricities = 10000 is not allowed: it would take",
         ),
         ("rounding", {"steps": 5000}, "stability.rounding.steps = 5000 is not allowed: at least 20 times"),

@@ -6,6 +6,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import nearharmonic as nh
 from nearharmonic.experiments.trained.contestants import IDEAS
@@ -17,8 +18,12 @@ from nearharmonic.experiments.trained.ideas.oscillators import (
     exact_errors,
     scaled_potentials,
 )  # fmt: skip
-from nearharmonic.experiments.trained.ideas.run import STRENGTHS, Idea, _comparison, ideas_of, measure
+from nearharmonic.experiments.trained.ideas.reduce import reduce
+from nearharmonic.experiments.trained.ideas.reductions import best_of_ideas, reduction
+from nearharmonic.experiments.trained.ideas.run import STRENGTHS, errors_of_methods, measure
 from nearharmonic.experiments.trained.proof.settings import ProofSettings
+from nearharmonic.output import job
+from nearharmonic.output.dataset import assembled
 from nearharmonic.systems.oscillator import frequencies_of
 
 METHODS = ("ruth", "blanes_moan_s6o4", "babps8o7h", "babs7o7h", "srkn_b11", "chin_4a")
@@ -74,10 +79,13 @@ def test_the_exact_oscillator_errs_as_single_runs_do_at_equal_cost(scaled):
 
 
 def test_the_exact_oscillator_is_best_where_the_rest_vanishes_and_alone_there(scaled):
-    found = ideas_of(scaled, METHODS, EXACT, np.array([0.1]))
-    best = {idea: one.logarithms.mean(axis=-1).min(axis=0)[0] for idea, one in found.items()}
-    assert list(found) == [idea for idea in IDEAS if idea != "trained"]
-    assert found["harmonic_conditions"].names == ["babps8o7h", "babs7o7h"]
+    variables = errors_of_methods(scaled, METHODS, EXACT, np.array([0.1]))
+    runs = assembled(variables, ["label", "idea"], {"seed": 1})
+    assert runs.integrator[runs.idea == "harmonic_conditions"].values.tolist() == ["babps8o7h", "babs7o7h"]
+    assert "chin_4a" not in runs.integrator
+    means = best_of_ideas(runs, 10).mean_log_error.dropna("idea").squeeze("tau_per_stage")
+    assert means.idea.values.tolist() == [idea for idea in IDEAS if idea != "trained"]
+    best = {str(idea): means.sel(idea=idea).values for idea in means.idea.values}
     weakest, strongest = ({idea: row[j] for idea, row in best.items()} for j in (0, -1))
     assert min(weakest, key=weakest.get) == "exact_oscillator"
     assert max(strongest, key=strongest.get) != "harmonic_conditions"
@@ -89,16 +97,23 @@ def test_the_exact_oscillator_is_best_where_the_rest_vanishes_and_alone_there(sc
 def made(values):
     """Ideas with one method each, whose errors on 6 problems are these at one step size and two strengths."""
     noise = np.linspace(-0.1, 0.1, 6)
-    return {
-        idea: Idea(names=[f"method of {idea}"], logarithms=np.array(row)[None, None, :, None] + noise * (i + 1))
-        for i, (idea, row) in enumerate(values.items())
-    }
+    exact, *split = (np.array(row)[None, :, None] + noise * (i + 1) for i, row in enumerate(values.values()))
+    over, (first, *others) = ("tau_per_stage", "strength", "problem"), values
+    return xr.Dataset(
+        {"log_error": (("integrator", *over), split), "exact_log_error": (("exact_integrator", *over), [exact])},
+        {
+            "integrator": [f"method of {idea}" for idea in others],
+            "idea": ("integrator", others),
+            "exact_integrator": [f"method of {first}"],
+        },
+        {"seed": 1},
+    )
 
 
 def test_the_leader_is_the_idea_of_least_mean_error_and_the_lead_is_over_the_second():
     values = {"exact_oscillator": [-9, -4], "harmonic_conditions": [-7, -5], "nystrom": [-6, -5.5], "general": [-5, -5]}
-    variables = _comparison(made(values), 1, 50)
-    found = {name: entry[1] for name, entry in variables.items()}
+    best = reduction.of(made(values), over="problem")
+    found = {name: entry.values for name, entry in best.assign(reduction.of(best, over="resample")).items()}
     assert found["leader"].tolist() == [["exact_oscillator", "nystrom"]]
     assert found["lead"][0] == pytest.approx([2, 0.5])
     assert found["leader_split"].tolist() == [["harmonic_conditions", "nystrom"]]
@@ -112,9 +127,10 @@ def test_the_leader_is_the_idea_of_least_mean_error_and_the_lead_is_over_the_sec
     assert (found["lead"][0] < high).all()
 
 
-def test_the_table_has_a_row_for_each_cell_of_the_map_and_says_the_same():
-    made_here = measure(METHODS, EXACT, SMALL)
-    values = {name: entry[1] for name, entry in made_here["cube"].variables.items()}
+def test_the_table_has_a_row_for_each_cell_of_the_map_and_says_the_same(tmp_path):
+    job.write(measure(METHODS, EXACT, SMALL)["run"], [str(tmp_path / "run.h5")], {})
+    made_here = reduce(METHODS, EXACT, SMALL, str(tmp_path / "run.h5"))
+    values = {name: entry.values for name, entry in made_here["cube"].variables.items()}
     rows = [dict(zip(made_here["table"].header, row, strict=True)) for row in made_here["table"].rows]
     assert len(rows) == 2 * STRENGTHS
     for n, row in enumerate(rows):

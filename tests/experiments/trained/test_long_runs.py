@@ -13,6 +13,7 @@ from nearharmonic.experiments.trained.problems.named_systems import NAMED, named
 from nearharmonic.experiments.trained.proof import run as proof
 from nearharmonic.experiments.trained.proof import times
 from nearharmonic.experiments.trained.proof.long_runs import STARTS, Run, by_rounding, measure, trend, way_back
+from nearharmonic.experiments.trained.proof.reduce import reduce
 from nearharmonic.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.output import job
 
@@ -83,7 +84,8 @@ def test_gains_at_equal_time_are_those_of_the_modified_methods_run_at_the_measur
     methods = ("babps8o7h", "srkn_b11", "chin_4a", "mclachlan_ss5", "abag5o6")
     monkeypatch.setattr(times, "costs", lambda _, width: (2.0, 3.0) if width > 1 else (8.0, 1e-9))
     monkeypatch.setattr(times, "kind_of", lambda name: "trained" if name == "chin_4a" else "published")
-    job.write(proof.measure(methods, SMALL)["cube"], [str(tmp_path / "cube.h5")], {})
+    job.write(proof.measure(methods, SMALL)["run"], [str(tmp_path / "run.h5")], {})
+    job.write(reduce(methods, SMALL, str(tmp_path / "run.h5"))["cube"], [str(tmp_path / "cube.h5")], {})
     table = times.measure(str(tmp_path / "cube.h5"), methods, SMALL)["table"]
     rows = [dict(zip(table.header, row, strict=True)) for row in table.rows]
     assert {(row["ns_lanes"], row["ns_single"], row["charge_lanes"]) for row in rows} == {(2.0, 8.0, 3.0)}

@@ -1,32 +1,27 @@
-"""Energy errors over amplitude, step size and cost: with the oscillator solved exactly, and with T and V."""
+"""Energy errors of single trajectories: with the oscillator solved exactly, and with T and V."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.coefficients import Floats
 from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, Numerics
-from nearharmonic.experiments.exact_oscillator.crossings import crossings
 from nearharmonic.experiments.exact_oscillator.settings import CHARGES, ExactOscillatorSettings
 from nearharmonic.experiments.exact_oscillator.surfaces import starts_on
-from nearharmonic.experiments.exact_oscillator.tables import crossing_table
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.output.dataset import Contents, Variables, bounds_coordinate, coordinate, variable
+from nearharmonic.output.dataset import Contents, coordinate, variable
 from nearharmonic.systems.henon_heiles import SYSTEM
 
-#: Of the largest |dH/H0| over the trajectories of a surface.
-QUANTILES = (0.05, 0.5, 0.95)
-WHAT = "quantile over the trajectories of the largest |H - H0|/|H0| over every step"
+WHAT = "largest |H - H0|/|H0| over every step"
 
 
-def measure(split: Sequence[str], exact: Sequence[str], settings: ExactOscillatorSettings) -> dict[str, Any]:
-    """Return the ``cube`` of errors and crossings, and the ``table`` of crossings.
+def measure(split: Sequence[str], exact: Sequence[str], settings: ExactOscillatorSettings) -> dict[str, Contents]:
+    """Integrate all trajectories with all methods.
 
     Parameters
     ----------
@@ -34,10 +29,17 @@ def measure(split: Sequence[str], exact: Sequence[str], settings: ExactOscillato
         Names of the methods that split into T and V, and of those that solve the oscillator exactly.
     settings : ExactOscillatorSettings
         Energies, starts, interval and step sizes.
+
+    Returns
+    -------
+    dict
+        ``run``: ``energy_error`` over (tau_per_stage, integrator, energy, trajectory), and ``exact_energy_error`` over
+        (tau_per_stage, charge, exact_integrator, energy, trajectory).
     """
     energies = settings.surfaces()
     start = np.concatenate([starts_on(energy, settings.trajectories, settings.seed) for energy in energies])
-    taus = [Fraction(tau) for tau in settings.tau_per_stage]
+    taus = list(map(Fraction, settings.tau_per_stage))
+    what = "step size per stage of the methods that split into T and V"
     t_end, shape = Fraction(settings.t_end), (len(energies), settings.trajectories)
 
     def errors(names: Sequence[str], operators: str, charges: Sequence[float]) -> Floats:
@@ -54,10 +56,22 @@ def measure(split: Sequence[str], exact: Sequence[str], settings: ExactOscillato
         ])  # fmt: skip
 
     plain, rotated = errors(split, KINETIC_POTENTIAL, CHARGES[:1]), errors(exact, EXACT_OSCILLATOR, CHARGES)
-    found = crossings(plain[:, 0], rotated, energies, settings.seed)
-    variables = _variables(split, exact, settings, energies, plain[:, 0], rotated) | found
-    cube = Contents(variables=variables, coordinates=("label", "exact_label"))
-    return {"cube": cube, "table": crossing_table(variables)}
+    over = ("energy", "trajectory")
+    variables = {
+        **coordinate("tau_per_stage", list(map(float, taus)), what),
+        **coordinate("charge", list(CHARGES), "cost of an evaluation with the exact oscillator over one of T and V"),
+        **coordinate("energy", energies, "energy H0"),
+        **coordinate("integrator", list(split), "integrator that splits into T and V"),
+        **coordinate("exact_integrator", list(exact), "integrator that solves the oscillator exactly"),
+        "label": variable("integrator", [integrators[name].label for name in split], "name in the paper"),
+        "exact_label": variable("exact_integrator", [integrators[name].label for name in exact], "name in the paper"),
+        "energy_error": variable(("tau_per_stage", "integrator", *over), plain[:, 0], f"{WHAT}, with T and V"),
+        "exact_energy_error": variable(
+            ("tau_per_stage", "charge", "exact_integrator", *over), rotated,
+            f"{WHAT}, with the oscillator solved exactly, at a step size per stage of charge * tau_per_stage",
+        ),
+    }  # fmt: skip
+    return {"run": Contents(variables=variables, coordinates=("label", "exact_label"))}
 
 
 def largest_error(tableau: Tableau, tau_per_stage: Fraction, t_end: Fraction, start: Floats, split: str) -> Floats:
@@ -80,34 +94,3 @@ def largest_error(tableau: Tableau, tau_per_stage: Fraction, t_end: Fraction, st
         start=start,
     )  # fmt: skip
     return paths.max_energy_error
-
-
-def _variables(
-    split: Sequence[str], exact: Sequence[str], settings: ExactOscillatorSettings, energies: Sequence[float],
-    plain: Floats, rotated: Floats,
-) -> Variables:  # fmt: skip
-    taus = [float(tau) for tau in settings.tau_per_stage]
-    quantiles = [np.moveaxis(_quantiles(errors), 0, -1) for errors in (plain, rotated)]
-    over = ("tau_per_stage", "integrator", "energy", "quantile")
-    return {
-        **coordinate("tau_per_stage", taus, "step size per stage of the methods that split into T and V"),
-        **coordinate("charge", list(CHARGES), "cost of an evaluation with the exact oscillator over one of T and V"),
-        **coordinate("energy", list(energies), "energy H0"),
-        **coordinate("quantile", list(QUANTILES), "fraction of the trajectories that err less"),
-        **bounds_coordinate(),
-        **coordinate("integrator", list(split), "integrator that splits into T and V"),
-        **coordinate("exact_integrator", list(exact), "integrator that solves the oscillator exactly"),
-        "label": variable("integrator", [integrators[name].label for name in split], "name in the paper"),
-        "exact_label": variable("exact_integrator", [integrators[name].label for name in exact], "name in the paper"),
-        "energy_error": variable(over, quantiles[0], f"{WHAT}, with T and V"),
-        "exact_energy_error": variable(
-            ("tau_per_stage", "charge", "exact_integrator", "energy", "quantile"), quantiles[1],
-            f"{WHAT}, with the oscillator solved exactly, at a step size per stage of charge * tau_per_stage",
-        ),
-    }  # fmt: skip
-
-
-def _quantiles(errors: Floats) -> Floats:
-    """Over the last axis, of a value that is there: diverged trajectories have infinite errors."""
-    ranked = np.sort(errors, axis=-1)
-    return np.stack([ranked[..., min(ranked.shape[-1] - 1, int(q * ranked.shape[-1]))] for q in QUANTILES])

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from itertools import product
 from math import sqrt
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from nearharmonic.experiments.exact_oscillator.crossings import CONFIDENCE
-from nearharmonic.output.dataset import Variables
+from nearharmonic.experiments.exact_oscillator.reductions import CONFIDENCE
 from nearharmonic.output.table import Table
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 #: In place of a method: the best of those that split into T and V, at each energy.
 BEST = "best of T + V"
@@ -19,9 +21,9 @@ CAPTION = (
 )
 
 
-def crossing_table(variables: Variables) -> Table:
+def crossing_table(cube: xr.Dataset) -> Table:
     """Return a row for each step size, charge and pair of methods."""
-    values = {name: entry[1] for name, entry in variables.items()}
+    values = {name: entry.values for name, entry in cube.variables.items()}
     header = ["tau_per_stage", "charge", "exact oscillator", "T + V", "energy", "energy_low", "energy_high"]
     header += ["amplitude", "amplitude_low", "amplitude_high"]
     rows: list[list[Any]] = []

@@ -51,6 +51,6 @@ def stacked(methods: Sequence[Tableau], runs: Mapping[str, xr.Dataset]) -> xr.Da
     import xarray as xr
 
     parts = [runs[method.name] for method in methods]
-    cube = xr.concat(parts, "integrator", combine_attrs="override", data_vars="all")
+    cube = xr.concat(parts, "integrator", combine_attrs="override", data_vars="all", coords="all")
     cube.attrs = {}
     return cube.assign_coords(method_coordinates(methods))

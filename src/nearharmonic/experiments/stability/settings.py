@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from math import log10
 from typing import Annotated, Any
 
 from nearharmonic.engine.config_entries import STRICT, PositiveDecimal, PositiveNumber, Reading, setting, whole_from
@@ -17,6 +18,8 @@ ESCAPE_ENERGY = Fraction(1, 6)
 
 #: Step sizes of one map.
 MOST_POINTS = 10**4
+#: Bytes of the states in one run file, twice that in memory.
+MOST_BYTES = 10**9
 #: Force evaluations of one ensemble, all methods together: some minutes.
 MOST_EVALUATIONS = 10**12
 
@@ -204,6 +207,11 @@ def _check_map(asked: MapSettings, methods: int) -> None:
         raise bad_setting(key, _number(grid.highest), allowed)
     if grid.highest * asked.orbits > MOST_STEPS:
         raise bad_setting(f"{here}.orbits", asked.orbits, f"one run may take {MOST_STEPS:.0e} evaluations")
+    points = 1 + grid.points_per_decade * log10(grid.highest / grid.lowest)
+    size = 32 * asked.eccentricities * points * asked.orbits
+    if size > MOST_BYTES:
+        allowed = f"the states of a method would take {size:.1e} bytes, and may take {MOST_BYTES:.0e}"
+        raise bad_setting(f"{here}.orbits", asked.orbits, allowed)
     each = grid.highest * asked.orbits * (1 + grid.points_per_decade / 2.3)
     _affordable(f"{here}.eccentricities", each * methods, asked.eccentricities)
 

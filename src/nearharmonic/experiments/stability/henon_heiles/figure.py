@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from nearharmonic.experiments.stability.henon_heiles.run import TOLERATED
+from nearharmonic.experiments.stability.henon_heiles.reductions import TOLERATED
 from nearharmonic.output.declarations import figure
 from nearharmonic.output.style import new_figure
 

@@ -1,4 +1,4 @@
-"""From the ensembles of each method to one cube: the trusted step sizes, and the linear limits beside them."""
+"""From the ensembles of each method to one cube and its table."""
 
 from __future__ import annotations
 
@@ -6,11 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from nearharmonic.experiments.stability.ensembles import cube_and_table, stacked
-from nearharmonic.experiments.stability.henon_heiles.run import TOLERATED
+from nearharmonic.experiments.stability.henon_heiles.reductions import reduction
 from nearharmonic.experiments.stability.henon_heiles.tables import henon_heiles_table
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.output.dataset import described, variable
-from nearharmonic.theory.linear_stability import stability_limit
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,7 +22,7 @@ def reduce(integrators: Sequence[str], settings: EnsembleSettings, **runs: str) 
 
 
 def henon_heiles_cube(methods: Sequence[Tableau], runs: Mapping[str, xr.Dataset]) -> xr.Dataset:
-    """Return maps over (integrator, energy, tau_per_stage), the trusted step sizes and the linear limits.
+    """Return maps over (integrator, energy, tau_per_stage), and their reductions.
 
     Parameters
     ----------
@@ -34,26 +32,4 @@ def henon_heiles_cube(methods: Sequence[Tableau], runs: Mapping[str, xr.Dataset]
         What :func:`~nearharmonic.experiments.stability.henon_heiles.run.ensemble_map` found of each, by name.
     """
     cube = stacked(methods, runs)
-    cube["trusted_up_to"] = trusted_up_to(cube)
-    limits = [float(stability_limit(method)) / method.stages for method in methods]
-    text = "step size per stage at which the harmonic oscillator is first unstable"
-    cube["linear_limit"] = variable("integrator", limits, text)
-    return cube
-
-
-def trusted_up_to(cube: xr.Dataset) -> xr.DataArray:
-    """Return the largest step size per stage up to which, over the grid, no more than :data:`TOLERATED` escapes.
-
-    Parameters
-    ----------
-    cube : xarray.Dataset
-        ``escaped`` over tau_per_stage and any other dimensions.
-
-    Returns
-    -------
-    xarray.DataArray
-        NaN where too many escape at the smallest step size.
-    """
-    kept = (cube.escaped <= TOLERATED).cumulative("tau_per_stage").min().astype(bool)
-    limit: xr.DataArray = cube.tau_per_stage.where(kept).max("tau_per_stage")
-    return limit.assign_attrs(described(f"largest step size per stage up to which at most {TOLERATED:g} escapes"))
+    return cube.assign(reduction.of(cube, over="tau_per_stage"))

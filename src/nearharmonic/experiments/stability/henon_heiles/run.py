@@ -29,8 +29,6 @@ LOOKS = 25
 WIDTH = 16
 #: Of the largest |dH/H0| over the ensemble, an escaped trajectory counting as infinite.
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
-#: A step size is trusted as long as at most this fraction escapes at it.
-TOLERATED = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.experiments.stability.henon_heiles.run import TOLERATED
+from nearharmonic.experiments.stability.henon_heiles.reductions import TOLERATED
 from nearharmonic.output.table import Table
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""From the Kepler maps of each method to one cube."""
+"""From the Kepler maps of each method to one cube and its table."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from nearharmonic.experiments.stability.ensembles import cube_and_table, stacked
+from nearharmonic.experiments.stability.kepler.reductions import reduction
 from nearharmonic.experiments.stability.kepler.tables import kepler_table
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.output.dataset import described
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -22,7 +22,7 @@ def reduce(integrators: Sequence[str], settings: MapSettings, **runs: str) -> di
 
 
 def kepler_cube(methods: Sequence[Tableau], runs: Mapping[str, xr.Dataset]) -> xr.Dataset:
-    """Return maps over (integrator, tau_per_stage, eccentricity), and the contour over (integrator, eccentricity).
+    """Return maps over (integrator, tau_per_stage, eccentricity), and their reductions; states are left out.
 
     Parameters
     ----------
@@ -31,10 +31,6 @@ def kepler_cube(methods: Sequence[Tableau], runs: Mapping[str, xr.Dataset]) -> x
     runs : mapping
         What :func:`~nearharmonic.experiments.stability.kepler.run.orbit_map` found of each, by name.
     """
-    import xarray as xr
-
-    cube = stacked(methods, runs)
-    stages = xr.DataArray([method.stages for method in methods], dims="integrator")
-    evaluations = cube.steps_per_orbit * stages
-    cube["evaluations_per_orbit"] = evaluations.assign_attrs(described("force evaluations per orbit"))
-    return cube
+    states = stacked(methods, runs)
+    cube = states.drop_dims(["sample", "component"]).assign(reduction.of(states))
+    return cube.assign(reduction.of(cube, over="tau_per_stage"))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nearharmonic.experiments.stability.kepler.run import CONTOUR
+from nearharmonic.experiments.stability.kepler.reductions import CONTOUR
 from nearharmonic.output.table import Table
 
 if TYPE_CHECKING:

@@ -10,35 +10,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.coefficients import start_row
 from nearharmonic.engine.grid import steps_of, tau_grid
-from nearharmonic.experiments.stability.kinetic_energy.tables import kinetic_energy_table
 from nearharmonic.integrators import integrators as registry
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.output.dataset import coordinate, described, method_coordinates, variable
+from nearharmonic.output.dataset import Contents, Variables, coordinate, method_coordinates, variable
 from nearharmonic.systems.relativistic_oscillator import SYSTEM
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 AMPLITUDES = ("0.01", "0.03", "0.1", "0.3", "1", "3", "10")
 LOWEST, HIGHEST, POINTS_PER_DECADE = 0.01, 1.0, 20
-#: Step size per stage at which methods are compared: errors far above rounding, and below all step-size resonances.
-COMPARED_AT = 0.05
-#: The method that others are measured by.
-YARDSTICK = "ruth"
 ROLES = ("own", "exchanged")
 
 
-def measure(integrators: Sequence[str]) -> dict[str, Any]:
-    """Return the ``cube`` of the methods with the names ``integrators``, and its ``table``."""
-    cube = kinetic_energy_cube([registry[name] for name in integrators])
-    return {"cube": cube, "table": kinetic_energy_table(cube)}
+def measure(integrators: Sequence[str]) -> dict[str, Contents]:
+    """Return the contents of the file ``run``: :func:`energy_errors` of the methods with the names ``integrators``."""
+    variables = energy_errors([registry[name] for name in integrators])
+    return {"run": Contents(variables=variables, coordinates=("label",))}
 
 
 def fitting(tableaus: Sequence[Tableau]) -> list[Tableau]:
@@ -51,13 +43,11 @@ def exchanged(tableau: Tableau) -> Tableau:
     return tableau.role("kick" if tableau.first == "drift" else "drift")
 
 
-def kinetic_energy_cube(tableaus: Sequence[Tableau]) -> xr.Dataset:
+def energy_errors(tableaus: Sequence[Tableau]) -> Variables:
     """Return energy errors over (roles, amplitude, integrator, tau_per_stage) of the ``tableaus`` that fit.
 
     max_energy_error and mean_energy_error as everywhere: over every step, relative to H0, infinite if diverged.
     """
-    import xarray as xr
-
     kept, grid = fitting(tableaus), tau_grid(LOWEST, HIGHEST, POINTS_PER_DECADE)
     shape = (len(ROLES), len(AMPLITUDES), len(kept), len(grid))
     largest, mean = np.empty(shape), np.empty(shape)
@@ -65,32 +55,14 @@ def kinetic_energy_cube(tableaus: Sequence[Tableau]) -> xr.Dataset:
         for i, method in enumerate((tableau, exchanged(tableau))):
             largest[i, :, j], mean[i, :, j] = _errors(method, grid)
     dims = ("roles", "amplitude", "integrator", "tau_per_stage")
-    cube = xr.Dataset(
-        {
-            "max_energy_error": variable(dims, largest, "maximum of |H - H0|/|H0|, inf if diverged"),
-            "mean_energy_error": variable(dims, mean, "mean of |H - H0|/|H0|, inf if diverged"),
-        },
-        coords={
-            **coordinate("roles", list(ROLES), "the method's roles of T and V, or exchanged"),
-            **coordinate("amplitude", [float(a) for a in AMPLITUDES], "q at the start"),
-            **method_coordinates(kept),
-            **coordinate("tau_per_stage", list(grid), "step size per stage"),
-        },
-        attrs={"system": SYSTEM.name, "system_label": SYSTEM.label, "compared_at": COMPARED_AT},
-    )
-    text = f"max_energy_error at tau/s = {COMPARED_AT:g} over that of {YARDSTICK} in its own roles"
-    cube["relative_error"] = _relative(cube).assign_attrs(described(text))
-    return cube
-
-
-def _relative(cube: xr.Dataset) -> xr.DataArray:
-    """The errors compared over the yardstick's at the same amplitude; NaN if that is not among the methods."""
-    errors = cube.max_energy_error.sel(tau_per_stage=COMPARED_AT, method="nearest", drop=True)
-    if YARDSTICK not in errors.integrator.values:
-        missing: xr.DataArray = errors * np.nan
-        return missing
-    ratio: xr.DataArray = errors / errors.sel(integrator=YARDSTICK, roles="own", drop=True)
-    return ratio
+    return {
+        "max_energy_error": variable(dims, largest, "maximum of |H - H0|/|H0|, inf if diverged"),
+        "mean_energy_error": variable(dims, mean, "mean of |H - H0|/|H0|, inf if diverged"),
+        **coordinate("roles", list(ROLES), "the method's roles of T and V, or exchanged"),
+        **coordinate("amplitude", [float(a) for a in AMPLITUDES], "q at the start"),
+        **method_coordinates(kept),
+        **coordinate("tau_per_stage", list(grid), "step size per stage"),
+    }
 
 
 def _errors(tableau: Tableau, grid: Sequence[float]) -> tuple[Any, Any]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from itertools import product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from nearharmonic.experiments.trained.contestants import IDEAS
-from nearharmonic.output.dataset import Variables
 from nearharmonic.output.table import Table
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 CAPTION = (
     "Random potentials of two coordinates: the idea whose best method has the least mean of log10 max |dH/H0| at equal "
@@ -17,9 +19,9 @@ CAPTION = (
 )
 
 
-def ideas_table(variables: Variables) -> Table:
+def ideas_table(cube: xr.Dataset) -> Table:
     """Return a row for each step size and strength."""
-    values = {name: entry[1] for name, entry in variables.items()}
+    values = {name: entry.values for name, entry in cube.variables.items()}
     header = ["tau_per_stage", "anharmonicity", "ahead", "method", "log10_error", "lead", "lead_low", "lead_high"]
     header += ["ahead with T + V", "lead with T + V"]
     rows: list[list[Any]] = []

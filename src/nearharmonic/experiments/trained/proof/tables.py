@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.output.dataset import Variables
 from nearharmonic.output.table import Table
 from nearharmonic.training.population import Floats
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 GAINS = (
     "Best published and best trained method on each ensemble at each cost of a step, by the mean of log10 max "
@@ -22,9 +24,9 @@ METHODS = (
 )
 
 
-def gain_table(variables: Variables) -> Table:
+def gain_table(cube: xr.Dataset) -> Table:
     """Return a row for each ensemble and step size."""
-    values = {name: entry[1] for name, entry in variables.items()}
+    values = {name: entry.values for name, entry in cube.variables.items()}
     header = ["ensemble", "tau_per_stage", "best published", "log10_error", "best trained", "log10_error_trained"]
     header += ["gain", "gain_low", "gain_high", "verdict"]
     rows: list[list[Any]] = []
@@ -46,9 +48,9 @@ def verdict(low: float, high: float) -> str:
     return "ahead" if low > 0 else "behind" if high < 0 else "even"
 
 
-def method_table(variables: Variables) -> Table:
+def method_table(cube: xr.Dataset) -> Table:
     """Return a row for each trained method and ensemble."""
-    values = {name: entry[1] for name, entry in variables.items()}
+    values = {name: entry.values for name, entry in cube.variables.items()}
     header = ["method", "ensemble", "ahead_from", "ahead_to", "ratio"]
     header += ["largest_gain", "gain_at", "largest_loss", "loss_at"]
     rows = []

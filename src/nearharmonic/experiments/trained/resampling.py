@@ -1,0 +1,47 @@
+"""Means over resampled problems, and the intervals that hold most of them."""
+
+from __future__ import annotations
+
+from math import frexp, ldexp
+
+import numpy as np
+import xarray as xr
+
+from nearharmonic.output.dataset import bounds_coordinate
+from nearharmonic.training.population import Floats
+
+#: Resamples of the problems, and the part of them that an interval holds.
+RESAMPLES, CONFIDENCE = 1000, 0.95
+
+
+def resampled_means(values: xr.DataArray, seed: int, resamples: int = RESAMPLES) -> xr.DataArray:
+    """Return the means of ``values`` over ``problem`` in each resample of the problems, along ``resample``.
+
+    All methods, step sizes and strengths share the problems of a resample.
+    """
+    count = values.sizes["problem"]
+    counts = np.random.default_rng(seed).multinomial(count, np.full(count, 1 / count), resamples)
+    means: xr.DataArray = xr.apply_ufunc(
+        _means, values, kwargs={"counts": counts}, input_core_dims=[["problem"]], output_core_dims=[["resample"]]
+    )
+    return means
+
+
+def _means(values: Floats, counts: Floats) -> Floats:
+    """The means (..., R) over the last axis, of M problems, each taken as often as ``counts`` (R, M) says.
+
+    A matrix product adds in an order of each processor's own. The values are rounded to multiples of a power of two
+    that makes all sums exact, whatever their order: by 10^-12 at most for logarithms of 192 problems. NaN stays.
+    """
+    sizes = counts.sum(axis=1)
+    _, exponent = frexp(float(np.nanmax(np.abs(values))) * int(sizes.max()))
+    unit = ldexp(1.0, exponent - 52)
+    found: Floats = np.rint(values / unit) @ counts.T.astype(float) * unit / sizes
+    return found
+
+
+def interval(values: xr.DataArray) -> xr.DataArray:
+    """Return the ends, along ``bound``, of the interval that holds :data:`CONFIDENCE` of the resamples."""
+    tails = [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2]
+    ends = values.quantile(tails, "resample", skipna=False).rename(quantile="bound")
+    return ends.transpose(..., "bound").assign_coords(bounds_coordinate())

@@ -1,0 +1,39 @@
+"""Reductions of every experiment are declared apart from what integrates, so that editing one integrates nothing."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from importlib import import_module
+
+import pytest
+
+from nearharmonic.output import sources
+from nearharmonic.output.reduction import Reductions
+from nearharmonic.output.sources import closure
+
+EXPERIMENTS = sources.ROOT / "experiments"
+#: Dotted names of all slices that declare reductions.
+SLICES = sorted(
+    ".".join(("nearharmonic", *path.parent.relative_to(sources.ROOT).parts))
+    for path in EXPERIMENTS.rglob("reductions.py")
+)
+
+
+def test_the_paper_and_the_experiments_beside_it_declare_reductions():
+    assert len(SLICES) >= 7
+    assert "nearharmonic.experiments.paper" in SLICES
+
+
+@pytest.mark.parametrize("slice_", SLICES)
+def test_what_integrates_reaches_no_reduction_and_what_reduces_does(slice_):
+    assert isinstance(import_module(f"{slice_}.reductions").reduction, Reductions)
+    assert not {name for name in closure(f"{slice_}.run") if name.endswith((".reductions", ".reduce"))}
+    assert f"{slice_}.reductions" in closure(f"{slice_}.reduce")
+
+
+def test_no_job_that_integrates_loads_xarray():
+    """Loading it takes longer than a short run."""
+    text = "\n".join(["import sys", *(f"import {each}.run" for each in SLICES), "print('xarray' in sys.modules)"])
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"

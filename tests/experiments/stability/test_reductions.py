@@ -1,0 +1,78 @@
+"""Reductions of the stress tests on datasets made by hand, whose results are known in closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from nearharmonic.experiments.stability.henon_heiles.reductions import reduction as of_ensembles
+from nearharmonic.experiments.stability.initial_conditions import kepler_apoapsis
+from nearharmonic.experiments.stability.kepler.reductions import reduction as of_maps
+
+METHODS = ["leapfrog", "babs7o7h"]
+ECCENTRICITIES = [0.0, 0.3, 0.6]
+
+
+def turned(rates):
+    """States at apoapsis, once a period, of ellipses that turn by ``rates`` (integrator, tau) a period."""
+    places = ("integrator", "tau_per_stage", "eccentricity", "sample", "component")
+    e, angle = np.broadcast_arrays(np.array(ECCENTRICITIES)[:, None], np.array(rates)[..., None, None] * np.arange(6))
+    states = kepler_apoapsis(e.ravel(), angle.ravel()).reshape(*angle.shape, 8)
+    return xr.Dataset(
+        {"q": (places, states[..., 0:2]), "p": (places, states[..., 4:6])},
+        {"integrator": METHODS, "eccentricity": ECCENTRICITIES, "tau_per_stage": [0.1, 0.01]},
+    )
+
+
+@pytest.fixture
+def orbits():
+    """The first method loses the last orbit at the coarse step size; the second skips it at the fine one."""
+    runs = turned([[1e-3, -0.2], [0.4, 1e-9]])
+    errors = np.full((2, 2, 3), 1e-3)
+    errors[0, 0, 2], errors[1, 1, 2] = np.inf, np.nan
+    runs["energy_error"] = ("integrator", "tau_per_stage", "eccentricity"), errors
+    runs["steps_per_orbit"] = ("integrator", "tau_per_stage"), [[10, 100], [2, 14]]
+    return runs
+
+
+def test_an_advance_is_the_rate_of_turning_of_ellipses_that_are_kept(orbits):
+    """The angle is computed to a few roundings of 2 pi, so that a rate over 5 periods is known to 1e-15."""
+    advance = of_maps.of(orbits).perihelion_advance
+    assert advance.dims == ("integrator", "tau_per_stage", "eccentricity")
+    assert np.isnan(advance.sel(eccentricity=0)).all()
+    assert advance.sel(eccentricity=0.3).values == pytest.approx(np.array([[1e-3, -0.2], [0.4, 1e-9]]), abs=2e-15)
+    assert np.isnan(advance.sel(eccentricity=0.6)).values.tolist() == [[True, False], [False, True]]
+
+
+def test_evaluations_per_orbit_are_steps_times_the_stages_of_each_method(orbits):
+    assert of_maps.of(orbits).evaluations_per_orbit.values.tolist() == [[10, 100], [14, 98]]
+
+
+def test_the_contour_of_each_orbit_is_where_its_power_law_crosses_it():
+    """c n^-2 is 1e-6 at 1000 sqrt(c); each doubling of n counts once or twice, as coarse grids round."""
+    n = np.array([100, 100, 200, 400, 800, 1600, 1600, 3200, 6400])
+    factor = np.array([[0.25, 1.0], [4.0, 100.0]])
+    places = ("integrator", "tau_per_stage", "eccentricity")
+    cube = xr.Dataset(
+        {
+            "evaluations_per_orbit": (("integrator", "tau_per_stage"), [n, n]),
+            "energy_error": (places, factor[:, None, :] / (1.0 * n * n)[:, None]),
+        },
+        {"integrator": METHODS, "eccentricity": [0.1, 0.2], "tau_per_stage": 1 / np.arange(1, 10)},
+    )
+    contour = of_maps.of(cube, over="tau_per_stage").evaluations_for_contour
+    assert contour.values == pytest.approx(np.array([[500, 1000], [2000, np.nan]]), rel=1e-12, nan_ok=True)
+
+
+def test_a_step_is_trusted_up_to_the_first_loss_and_linear_limits_are_of_the_methods():
+    """Leapfrog is stable up to a step of 2, by the trace 2 - tau^2 of its matrix."""
+    escaped = [[[0.0, 0.01, 0.02, 0.0]], [[0.5, 0.0, 0.0, 0.0]]]
+    cube = xr.Dataset(
+        {"escaped": (("integrator", "energy", "tau_per_stage"), escaped)},
+        {"integrator": METHODS, "energy": [0.125], "tau_per_stage": [0.1, 0.2, 0.3, 0.4]},
+    )
+    found = of_ensembles.of(cube, over="tau_per_stage")
+    assert found.trusted_up_to.values[0] == [0.2]
+    assert np.isnan(found.trusted_up_to.values[1])
+    assert found.linear_limit.sel(integrator="leapfrog").item() == pytest.approx(2, rel=1e-12)
