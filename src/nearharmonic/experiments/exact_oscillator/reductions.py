@@ -25,6 +25,8 @@ Values = TypeVar("Values", xr.DataArray, xr.Dataset)
 QUANTILES = (0.05, 0.5, 0.95)
 #: Resamples of the trajectories, and the part of them that an interval holds.
 RESAMPLES, CONFIDENCE = 200, 0.95
+#: Resamples that are computed together, which bounds the memory.
+TOGETHER = 10
 TAILS = (0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2)
 
 
@@ -45,7 +47,8 @@ def crossings(runs: xr.Dataset) -> xr.Dataset:
     """Energies up to which the exact oscillator errs less: than each method, and than the best, with intervals."""
     count = runs.sizes["trajectory"]
     draws = np.random.default_rng(runs.attrs["seed"]).integers(0, count, (RESAMPLES, count))
-    parts = [crossings_of_medians(runs.isel(trajectory=draw)) for draw in draws]
+    places = [xr.DataArray(some, dims=("resample", "trajectory")) for some in np.split(draws, RESAMPLES // TOGETHER)]
+    parts = [crossings_of_medians(runs.isel(trajectory=some)) for some in places]
     resamples = xr.concat(parts, "resample", coords="minimal", compat="override")
     found = crossings_of_medians(runs)
     bounds = ranked(resamples, "resample", TAILS, "bound").assign_coords(bounds_coordinate())
