@@ -52,6 +52,7 @@ def test_a_trained_method_is_ahead_of_all_published_ones_in_its_window_on_proble
 
 
 @pytest.mark.slow
+@pytest.mark.reproduction
 def test_the_search_finds_the_registered_digits_again():
     """On another kind of processor NumPy may round otherwise, and the search takes another path."""
     purpose = PURPOSES["weak"]
