@@ -282,6 +282,7 @@ def test_equation_20_is_mended_by_the_factor_along_a_run():
 
 
 @pytest.mark.slow
+@pytest.mark.reproduction
 def test_the_committed_verdicts_are_those_of_a_run(tmp_path):
     """The default run and the targets that statements need, on the paper's config; a few minutes."""
     project = Project(tmp_path)

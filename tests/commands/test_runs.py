@@ -176,14 +176,14 @@ def write_runs(project, tau_per_stage):
     return error
 
 
-def test_a_million_runs_are_filtered_with_at_most_two_calls_each(project, capsys):
+def test_a_hundred_thousand_runs_are_filtered_with_at_most_two_calls_each(project, capsys):
     calls = []
-    for tau_per_stage in (10, 10**5):
+    for tau_per_stage in (10, 10**4):
         error, rows = write_runs(project, tau_per_stage), []
         condition = "max_energy_error < 1e-4 and status == 'ok'"
         words = ("paper", "--where", condition, "--sort", "-max_energy_error", "--limit", "3")
         told(capsys, *words)  # imports are done
         calls.append(calls_of(lambda words=words, rows=rows: rows.extend(told(capsys, *words))))
         assert [float(row["max_energy_error"]) for row in rows] == sorted(error[error < 1e-4])[:-4:-1]
-    # 2 s or so: what goes through rows in Python takes ten calls and more for each.
-    assert calls[1] - calls[0] < 2 * 10**6
+    # What goes through rows in Python takes ten calls and more for each.
+    assert calls[1] - calls[0] < 2 * 10**5

@@ -48,7 +48,8 @@ def test_methods_of_the_page_are_registered_and_all_that_are_have_a_row():
     assert set(re.findall(r"\btrained_[a-z0-9_]+", "".join(map(str, rows("widest") + rows("orbits"))))) <= named
 
 
-@pytest.mark.parametrize("label", [pytest.param("Morse", marks=pytest.mark.slow), "Hénon-Heiles"])
+@pytest.mark.slow
+@pytest.mark.parametrize("label", ["Morse", "Hénon-Heiles"])
 def test_gains_on_named_systems_are_those_of_runs(label):
     settings, names = ProofSettings(), contestants()
     taus = [float(tau) for tau in settings.tau_per_stage]

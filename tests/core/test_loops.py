@@ -155,7 +155,9 @@ def test_a_step_is_that_of_multiprecision(name, looped):
         assert abs(initial - energy) < 1e-26
 
 
-@pytest.mark.parametrize("name", [pytest.param("uneven", marks=pytest.mark.slow), "embedded", "driven"])
+@pytest.mark.parametrize(
+    "name", ["driven", *(pytest.param(name, marks=pytest.mark.slow) for name in ("uneven", "embedded"))]
+)
 def test_doubles_follow_double_doubles_to_rounding(name, looped):
     """Ten steps of a fourth-order method; both summations, either part first, the three ways to measure the energy."""
     system = system_of(name, tau="1")
@@ -189,6 +191,7 @@ def test_loops_have_the_bits_of_the_unrolled_kernel_where_sums_have_one_order(pr
     assert looped.max_energy_error.item() == pytest.approx(unrolled.max_energy_error.item(), rel=1e-4, abs=1e-30)
 
 
+@pytest.mark.slow
 def test_loops_have_the_same_bits_on_every_processor(looped, monkeypatch):
     def digest():
         kernel_of.cache_clear()

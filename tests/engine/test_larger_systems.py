@@ -86,6 +86,7 @@ def test_a_hundred_bodies_conserve_momentum_and_angular_momentum_to_rounding(bod
     assert np.abs(p[-1] - p[0]).max() > 1
 
 
+@pytest.mark.slow
 def test_a_hundred_bodies_feel_the_sum_of_all_pairs(bodies):
     """The first kick of leapfrog against a sum of numpy's."""
     tau = 1e-3

@@ -116,6 +116,7 @@ def test_the_settings_in_an_archive_make_the_same_results(breakable):
     assert breakable.nearharmonic("verify", "tiny.zip").returncode == 0
 
 
+@pytest.mark.slow
 def test_files_of_a_former_config_are_told_until_they_are_gone(breakable):
     config = breakable.folder / "config/tiny.yaml"
     text = config.read_text()

@@ -34,13 +34,13 @@ def fresh(tmp_path_factory):
 
 
 def test_a_run_is_remembered_with_all_that_made_it(fresh):
-    assert fresh.snakemake("fig2", "fig6", *COMMAND).returncode == 0
+    assert fresh.snakemake("fig2", CUBE, *COMMAND).returncode == 0
     (run,) = fresh.history()
     head = subprocess.run(["git", "rev-parse", "HEAD"], cwd=fresh.folder, capture_output=True, text=True, check=True)
-    assert (run["status"], run["exit_status"], run["targets"]) == ("ok", 0, ["fig2", "fig6"])
+    assert (run["status"], run["exit_status"], run["targets"]) == ("ok", 0, ["fig2", CUBE])
     assert (run["commit"], run["dirty"]) == (head.stdout.strip(), False)
     assert run["cores"] == 2
-    assert run["command"][1:] == ["fig2", "fig6", *COMMAND]
+    assert run["command"][1:] == ["fig2", CUBE, *COMMAND]
     assert run["config"]["integrators"] == list(METHODS)
     assert set(run["config"]["systems"]) == set(SYSTEMS)
     assert run["config"]["stability"]["rounding"]["seed"] == 1  # a default that the file does not hold
@@ -55,12 +55,12 @@ def test_a_run_is_remembered_with_all_that_made_it(fresh):
     assert run["versions"]["python"] == ".".join(map(str, sys.version_info[:3]))
     assert run["cpu"]["model"]
     assert "cx16" in run["cpu"]["features"] or "neon" in run["cpu"]["features"]
-    # The decomposition, and a job for each of the two figures; no run of a step size.
-    assert (run["jobs_run"], run["jobs_reused"], run["evaluations"], run["evaluations_skipped"]) == (3, 0, 0, None)
+    # The decomposition and its figure; no run of a step size.
+    assert (run["jobs_run"], run["jobs_reused"], run["evaluations"], run["evaluations_skipped"]) == (2, 0, 0, None)
 
 
 def test_the_manifest_covers_what_the_target_made_and_nothing_else(fresh):
-    names = {"cubes/sho_terms.h5"} | FIGURES["fig2"] | FIGURES["fig6"]
+    names = {"cubes/sho_terms.h5"} | FIGURES["fig2"]
     files = fresh.manifest()["files"]
     assert set(files) == names
     for name, entry in files.items():
@@ -71,7 +71,7 @@ def test_the_manifest_covers_what_the_target_made_and_nothing_else(fresh):
 
 def test_a_run_with_nothing_to_do_leaves_no_trace(fresh):
     before = (fresh.results / "history.jsonl").read_bytes(), (fresh.results / "manifest.json").read_bytes()
-    assert "Nothing to be done" in fresh.snakemake("fig2", "fig6", *COMMAND).stdout
+    assert "Nothing to be done" in fresh.snakemake("fig2", CUBE, *COMMAND).stdout
     assert fresh.snakemake("fig1", "-n", *COMMAND).returncode == 0
     assert ((fresh.results / "history.jsonl").read_bytes(), (fresh.results / "manifest.json").read_bytes()) == before
 
@@ -88,7 +88,7 @@ def test_a_second_target_adds_to_the_manifest_and_reuses_what_is_there(fresh):
     assert fresh.snakemake(RUN, "fig2", *COMMAND).returncode == 0
     run = fresh.history()[-1]
     files = fresh.manifest()["files"]
-    assert {"runs/sho/ruth/0.h5", "cubes/sho_terms.h5", "figures/fig6_substeps.png"} <= set(files)
+    assert {"runs/sho/ruth/0.h5", "cubes/sho_terms.h5", "figures/fig2_decomposition.png"} <= set(files)
     assert files["runs/sho/ruth/0.h5"]["run"] == run["id"] != files["cubes/sho_terms.h5"]["run"]
     assert (run["jobs_run"], run["jobs_reused"]) == (2, 2)  # compile and integrate; decompose and draw
     assert run["evaluations"] > 0

@@ -168,6 +168,7 @@ def test_an_edit_of_coefficients_runs_their_method_and_nothing_else(finished):
     assert jobs == {"integrate": 2, "reduce": 1}
 
 
+@pytest.mark.slow
 def test_broken_results_are_named_with_the_commands_that_make_them_again(breakable):
     """Empty, no HDF5, and cut in half: the cube of each fails by itself."""
     contents = {

@@ -113,7 +113,10 @@ def test_whatever_comes_with_the_function_is_covered_by_the_digest_of_its_rule(p
 
 
 def test_what_no_line_of_its_code_imports_is_not_covered(package, covered, monkeypatch):
-    monkeypatch.setattr("modulefinder.compile", cache(compile), raising=False)  # each module once, not for each task
+    # Each module is compiled and read once, not for each task.
+    opcodes = cache(lambda code, read=ModuleFinder.scan_opcodes: list(read(None, code)))
+    monkeypatch.setattr("modulefinder.compile", cache(compile), raising=False)
+    monkeypatch.setattr(ModuleFinder, "scan_opcodes", lambda self, code: opcodes(code))
     for task, modules in covered.items():
         finder = ModuleFinder(path=[str(package.parent)])
         path = sources.path_of(task, package)

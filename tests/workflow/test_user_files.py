@@ -116,8 +116,8 @@ def test_an_edit_of_the_system_runs_what_depends_on_it_and_nothing_else(made):
 
 
 def test_a_comment_in_a_users_file_runs_nothing(made):
-    assert edited(made, "quartic_well.py", "from near", "# a comment\nfrom near") == {}
-    assert edited(made, "fourth_order.py", "from near", "# a comment\nfrom near") == {}
+    assert edited(made, "quartic_well.py", "\nfrom near", "\n# a comment\nfrom near") == {}
+    assert edited(made, "fourth_order.py", "\nfrom near", "\n# a comment\nfrom near") == {}
 
 
 def test_an_edit_of_the_integrator_runs_its_runs_and_what_is_made_of_them(made):

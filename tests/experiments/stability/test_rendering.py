@@ -124,7 +124,9 @@ def test_a_table_has_one_full_row_for_each_combination(made, name):
         assert missing <= set(header[3:] if name == "henon_heiles" else header[1:] if name == "kepler" else ["brouwer"])
 
 
-@pytest.mark.parametrize("name", SMALL)
+@pytest.mark.parametrize(
+    "name", ["henon_heiles", *(pytest.param(name, marks=pytest.mark.slow) for name in ("kepler", "rounding"))]
+)
 def test_a_figure_is_written_and_the_same_each_time(cubes, name, tmp_path):
     first, again = (
         save(FIGURES[name](cubes[name]), [tmp_path / f"{time}.{suffix}" for suffix in ("pdf", "svg", "png")])

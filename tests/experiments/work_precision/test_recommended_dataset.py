@@ -267,7 +267,8 @@ def test_a_bad_question_is_one_sentence_before_any_method_runs(asked, says, monk
 @pytest.mark.parametrize("system", ["sho", "henon_heiles", "kepler"])
 def test_every_step_returned_for_every_method_meets_the_error_when_it_is_run(system, measure, error):
     found = nh.recommend(system, error, measure=measure)
-    assert found.sizes["rank"] >= len(integrators) - 1  # the leapfrog alone is beyond the budget at small errors
+    # Methods of lower order are beyond the budget at small errors.
+    assert {tableau.name for tableau in integrators.values() if tableau.order >= 4} <= set(found.integrator.values)
     for i in range(found.sizes["rank"]):
         run = run_of(system, found, i)
         assert run[f"{measure}_energy_error"] <= error, found.integrator[i].item()
