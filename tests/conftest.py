@@ -56,11 +56,16 @@ def _environment():
 
 
 class OneProcessAFile(LoadScopeScheduling):
-    """The tests of a file go to one process, so that they share fixtures and caches; so do the files of FINISHED."""
+    """The tests of a file go to one process, so that they share fixtures and caches.
+
+    So do the files of FINISHED, and those of an experiment: two processes would compile its kernels twice.
+    """
 
     def _split_scope(self, nodeid: str) -> str:
         file = PurePosixPath(nodeid.partition("::")[0])
-        return "finished" if file.parent.name == "workflow" and file.stem in FINISHED else str(file)
+        if file.parent.name == "workflow" and file.stem in FINISHED:
+            return "finished"
+        return str(file.parent if file.parent.parent.name == "experiments" else file)
 
 
 # Not marks named xdist_group: pytest 9.2 does not let xdist 3.8 put the groups into the names of tests.

@@ -13,7 +13,10 @@ import runpy
 import sys
 
 #: Nothing of the package: each command loads that of its own folder.
-LOADED = ("snakemake.cli", "jinja2", "mpmath", "nbformat", "numpy", "pydantic", "requests", "yte")
+LOADED = (
+    "docutils.core", "jinja2", "mpmath", "nbformat", "numpy", "pydantic.dataclasses", "requests", "smart_open",
+    "snakemake.cli", "snakemake.report.html_reporter", "snakemake.script", "yte",
+)  # fmt: skip
 
 
 def run(folder: str, arguments: list[str], environment: dict[str, str], printed: str) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import json
 import os
 import shutil
@@ -19,7 +20,9 @@ TINY = ("--configfile", "config/tiny.yaml")
 def _server() -> subprocess.Popen[str]:
     """The process that runs Snakemake; it ends with this one, which holds its standard input."""
     command = [sys.executable, str(ROOT / "tests/snakemake_server.py")]
-    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    server = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    atexit.register(server.communicate)
+    return server
 
 
 class Project:

@@ -76,7 +76,9 @@ def test_the_energy_error_figure_of_a_system_of_the_paper_is_the_papers_figure_u
         assert second.target == f"{system}_energy_error"
 
 
-@pytest.mark.parametrize("name", CUBES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name.startswith("fig") else pytest.mark.slow) for name in CUBES]
+)
 def test_a_figure_draws_one_method_alone_that_the_table_of_styles_does_not_hold(name):
     cube, _ = CUBES[name]
     is_drawn(drawing(name)(cube(["a_method_of_tomorrow"])))

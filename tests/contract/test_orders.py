@@ -85,6 +85,7 @@ def test_a_wrong_digit_ten_places_before_the_last_is_found(name):
     assert max(order_of(forged), nystrom_order_of(forged)) == 1 + tableau.symmetric
 
 
+@pytest.mark.slow
 def test_the_overview_has_a_row_for_each_method_and_tells_what_its_tableau_declares():
     header, rows = overview()
     assert [row[0] for row in rows] == list(integrators)

@@ -38,7 +38,10 @@ def by_label(label):
     return next(name for name, one in nh.integrators.items() if one.label == label)
 
 
-@pytest.mark.parametrize(("number", "error"), [(0, "1e-06"), (2, "1e-09"), (4, "1e-06")])
+@pytest.mark.parametrize(
+    ("number", "error"),
+    [(0, "1e-06"), *(pytest.param(*row, marks=pytest.mark.slow) for row in [(2, "1e-09"), (4, "1e-06")])],
+)
 def test_evaluations_are_those_of_runs(number, error):
     benchmark = load(ROOT / "benchmarks/ranking.py", "the benchmark", ValueError)
     contest = benchmark.contests()[number]

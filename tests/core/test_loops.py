@@ -136,7 +136,9 @@ def in_digits(run, name):
     return [mpf(high) + mpf(low) for high, low in pairs]
 
 
-@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in {"uneven", "spread"})) for name in SYSTEMS]
+)
 def test_a_step_is_that_of_multiprecision(name, looped):
     system = system_of(name)
     run = nh.integrate(system, "leapfrog", 0.1, precision="extended", first="kick")

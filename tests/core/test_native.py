@@ -77,6 +77,7 @@ def test_an_array_of_the_wrong_kind_is_refused_before_the_call(own_cache):
         advance(1, 3, False, np.zeros(32, dtype=np.float32), np.zeros(88))
 
 
+@pytest.mark.slow
 def test_the_kernels_of_both_searches_are_found_again_without_the_compiler():
     text = """
 import sys

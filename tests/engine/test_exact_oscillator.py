@@ -166,7 +166,7 @@ def test_the_role_of_a_near_integrable_method_counts():
 
 @pytest.mark.parametrize("how", HOW, ids=IDS)
 @pytest.mark.parametrize("method", ["aba864", pytest.param("babps9o7h", marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", ["henon_heiles", "chain", "sho"])
+@pytest.mark.parametrize("name", ["henon_heiles", pytest.param("chain", marks=pytest.mark.slow), "sho"])
 def test_bits_do_not_depend_on_lanes_neighbours_samples_or_pieces(how, method, name):
     system = nh.systems[name] if name == "sho" else SYSTEMS[name].system
     given, counts = {"t_end": Fraction(20), "samples": 5}, [400, 171, 93, 60, 41, 40, 25, 13, 7, 3]

@@ -89,7 +89,7 @@ def test_random_probes_find_the_variation_of_a_large_system(monkeypatch):
     assert probed == pytest.approx(formed, rel=0.25)  # 16 probes at 9 samples
 
 
-@pytest.mark.parametrize("place", [1, 2, 6])
+@pytest.mark.parametrize("place", [1, *(pytest.param(place, marks=pytest.mark.slow) for place in [2, 6])])
 def test_a_row_of_the_page_is_what_the_benchmark_finds(place):
     orbit = [*benchmark().families()][place]
     (text,) = (row for row in table("families") if row[:2] == [orbit.family, orbit.amplitude])

@@ -91,6 +91,7 @@ def test_results_that_are_not_what_they_seem_are_refused_with_the_reason(finishe
     assert (copy.results / "manifest.json").read_bytes() == (finished.results / "manifest.json").read_bytes()
 
 
+@pytest.mark.slow
 def test_the_commands_that_verify_prints_mend_what_it_found(breakable):
     """A damaged run takes its cube with it: Snakemake deletes what a failing job was to make."""
     damaged = breakable.results / "runs/sho/ruth/0.h5"

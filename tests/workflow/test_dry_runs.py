@@ -35,10 +35,8 @@ def test_the_smoke_run_is_the_same_workflow(smoke, paper):
 
 
 def test_a_figure_asks_for_no_more_than_it_shows(project):
-    assert project.jobs("fig2", *SMOKE) == {"fig2": 1, "draw_sho_terms": 1, "decompose": 1}
-    assert project.jobs("fig6", *SMOKE) == {"fig6": 1, "draw_substeps": 1}
-    assert project.jobs("fig3", *SMOKE) == {
-        "fig3": 1, "draw_henon_heiles": 1, "reduce": 1, "integrate": 3, "compile": 1,
+    assert project.jobs("fig2", "fig6", *SMOKE) == {
+        "fig2": 1, "draw_sho_terms": 1, "decompose": 1, "fig6": 1, "draw_substeps": 1,
     }  # fmt: skip
     assert project.jobs("fig4", "fig5", *SMOKE) == {
         "fig4": 1, "fig5": 1, "draw_kepler": 1, "reduce": 1, "integrate": 3, "compile": 1,

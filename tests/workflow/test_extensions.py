@@ -169,6 +169,7 @@ def test_an_experiment_is_a_folder_a_rule_file_and_one_line_in_the_config(extend
     assert (extended / "tables/added.csv").read_text() == "number\n0\n1\n"
 
 
+@pytest.mark.slow
 def test_another_workflow_takes_this_one_as_a_module(tmp_path):
     project = Project(tmp_path / "project")
     outer = tmp_path / "outer"

@@ -82,6 +82,7 @@ def test_a_target_made_leaves_its_files_alone_and_its_jobs_integrate_what_the_pl
     assert integrated == planned
 
 
+@pytest.mark.slow
 def test_a_run_ends_with_one_line_on_what_was_skipped_and_a_second_run_says_nothing(project):
     config = yaml.safe_load((project.folder / "config/tiny.yaml").read_text())
     config |= {"name": "least", "integrators": ["ruth"], "shards": 1, "decomposition": ["ruth"]}

@@ -154,6 +154,7 @@ def test_a_killed_run_is_closed_by_the_next_start_and_nothing_of_it_is_taken_for
     assert list(markers.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_what_fails_in_the_record_is_one_warning_and_costs_no_result(fresh):
     """No git, and a history that cannot be written; as root, permissions do not stop a writer, a folder does."""
     history = fresh.results / "history.jsonl"

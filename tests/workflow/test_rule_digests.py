@@ -78,6 +78,7 @@ def edited(package, module):
     path.write_bytes(text)
 
 
+@pytest.mark.slow
 def test_a_digest_changes_with_each_module_that_it_covers_and_with_no_other(package, covered):
     everything = {*sources.closure(*covered, root=package)}
     for module in everything:
@@ -112,6 +113,7 @@ def test_whatever_comes_with_the_function_is_covered_by_the_digest_of_its_rule(p
         assert set(modules) <= covered[task], task
 
 
+@pytest.mark.slow
 def test_what_no_line_of_its_code_imports_is_not_covered(package, covered, monkeypatch):
     # Each module is compiled and read once, not for each task.
     opcodes = cache(lambda code, read=ModuleFinder.scan_opcodes: list(read(None, code)))

@@ -64,6 +64,7 @@ def position(equations, x, length):
 # --- the equations ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @given(points())
 def test_the_errors_are_those_of_the_product_of_matrices_in_exact_arithmetic(case):
     equations, x = case

@@ -15,7 +15,7 @@ from nearharmonic.record.archive import pack, seal
 from nearharmonic.record.archive.check import faults_of_archive
 
 #: Enough to hit a stretch of 1/200 of the file that nothing protects with probability 1 - (199/200)**4000 = 1 - 2e-9.
-FLIPS = 4000
+FLIPS = 2000
 
 
 @pytest.fixture(scope="module")
