@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
+from nearharmonic.core.rules import Rules, fingerprint
 from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.kernels import kernel_of
+from nearharmonic.engine.kernels import kernel_of, physics_of
 from nearharmonic.engine.regularised import landing_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.systems.regularisation import Regularisation, RegularisedFormulas
@@ -98,3 +99,14 @@ def test_another_version_of_a_compiler_makes_other_code(monkeypatch, compiler):
     assert core_digest_of_a_fresh_process() == here
     monkeypatch.setattr(importlib.metadata, "version", lambda name: "9.9" if name == compiler else version(name))
     assert core_digest_of_a_fresh_process() != here
+
+
+def test_an_energy_that_is_seen_in_doubles_alone_gets_its_own_code():
+    """Of many coordinates, the energy error at every step is first looked at in doubles, by a formula of T of its own."""
+    chain = nh.System(name="nine", V=lambda q: sum(x**2 / 2 + x**4 for x in q), q0=["1"] * 9, p0=["0"] * 9, t_end="10")
+    physics = physics_of(chain)
+    kept, other = (
+        fingerprint(Rules(replace(physics, balanced_T=T), extended=False, compensated=True))
+        for T in (physics.balanced_T, lambda p, *parameters: 2 * physics.balanced_T(p, *parameters))
+    )
+    assert kept != other

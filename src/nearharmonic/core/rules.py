@@ -333,5 +333,7 @@ def fingerprint(rules: Rules) -> str:
         rates += square(rules, state, parameters)
     moved = rules.move(state, row, rates, parameters)
     results = [*moved, *rules.measure(state[: 4 * rules.physics.dimension], tally, parameters)]
+    if rules.quick_energy:
+        results += rules.quick(state, rules.potential(state, parameters), tally, parameters)
     text = f"{module}\n{[str(result.value) for result in results]}"
     return sha256(text.encode()).hexdigest()
