@@ -158,8 +158,9 @@ def test_a_killed_run_is_closed_by_the_next_start_and_nothing_of_it_is_taken_for
 def test_what_fails_in_the_record_is_one_warning_and_costs_no_result(fresh):
     """No git, and a history that cannot be written; as root, permissions do not stop a writer, a folder does."""
     history = fresh.results / "history.jsonl"
-    kept = history.read_bytes()
-    history.unlink()
+    history.parent.mkdir(parents=True, exist_ok=True)
+    kept = history.read_bytes() if history.is_file() else b""
+    history.unlink(missing_ok=True)
     history.mkdir()
     programs = fresh.folder / "programs"
     programs.mkdir()
