@@ -102,7 +102,7 @@ def test_another_version_of_a_compiler_makes_other_code(monkeypatch, compiler):
 
 
 def test_an_energy_that_is_seen_in_doubles_alone_gets_its_own_code():
-    """Of many coordinates, the energy error at every step is first looked at in doubles, by a formula of T of its own."""
+    """Of many coordinates, the energy error at every step is looked at in doubles first, by a formula of its own."""
     chain = nh.System(name="nine", V=lambda q: sum(x**2 / 2 + x**4 for x in q), q0=["1"] * 9, p0=["0"] * 9, t_end="10")
     physics = physics_of(chain)
     kept, other = (

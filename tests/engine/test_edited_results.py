@@ -163,3 +163,22 @@ def test_a_result_without_energies_can_be_continued():
     run = first(energy="none")
     whole = nh.integrate("henon_heiles", "aba864", 0.1, t_end=10, samples=2, energy="none")
     assert_equal(rest(run, energy="none")[LAST], whole[LAST])
+
+
+def test_a_member_of_an_ensemble_goes_on_with_its_own_parameters():
+    """Of an array by its coordinate, of one for all by its exact text: a tenth is no double."""
+    oscillator = nh.System(
+        name="two_parameters", V=lambda q, k, m: k * m * q[0] ** 2 / 2, q0=["1"], p0=["0"], t_end="5",
+        parameters={"k": "1", "m": "1"},
+    )  # fmt: skip
+    given = {"k": np.array([1.0, 4.0]), "m": "0.1"}
+    members = nh.ensemble(oscillator, "aba864", 0.1, t_end=5, parameters=given, precision="extended")
+    for i, k in enumerate(given["k"]):
+        own = {"k": k, "m": "0.1"}
+        there = nh.integrate(oscillator, "aba864", 0.1, t_end=5, parameters=own, precision="extended")
+        expected, found = (
+            nh.integrate(oscillator, "aba864", 0.1, t_end=5, start=start, precision="extended")
+            for start in (there.drop_vars("running", errors="ignore"), members.isel(member=i))
+        )
+        assert_equal(found, expected, ("q", "q_low", "p", "p_low", "energy_error"))
+        assert json.loads(found.attrs["parameters"]) == json.loads(expected.attrs["parameters"])

@@ -78,11 +78,23 @@ class Start:
 
     def attributes(self) -> dict[str, str]:
         """What a Dataset says of it."""
-        own = {name: parameter.value for name, parameter in self.system.parameters.items()}
-        texts = own | {name: _exact_text(value) for name, value in self.given.items()}
-        notes = {"parameters": json.dumps(texts)} if texts else {}
-        notes["formulas"] = formulas_digest(self.system)
+        notes = parameter_attributes(self.system, self.given) | {"formulas": formulas_digest(self.system)}
         return notes | ({"t_start": repr(self.t)} if self.t else {})
+
+
+def parameter_attributes(system: System, given: Mapping[str, Any]) -> dict[str, str]:
+    """Return the attribute ``parameters``: exact texts by name of those that all runs share.
+
+    Parameters
+    ----------
+    system : System
+        Gives those that are not given.
+    given : mapping
+        Values by name that were accepted; arrays of several values, one a run, are left out.
+    """
+    values = {name: given.get(name, parameter.value) for name, parameter in system.parameters.items()}
+    texts = {name: _exact_text(value) for name, value in values.items() if np.size(value) == 1}
+    return {"parameters": json.dumps(texts)} if texts else {}
 
 
 def moves_digest(problem: Problem, steps: int) -> str:

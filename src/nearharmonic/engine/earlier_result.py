@@ -99,7 +99,7 @@ def checked_result(problem: Problem, start: Any) -> xr.Dataset:
 
 
 def parameters_of(start: xr.Dataset) -> Mapping[str, Any]:
-    """Return the parameters of a result by name, as exact texts.
+    """Return the parameters of a result by name: exact texts, and floats for those that an ensemble has as coordinates.
 
     Raises
     ------
@@ -114,7 +114,8 @@ def parameters_of(start: xr.Dataset) -> Mapping[str, Any]:
     if not isinstance(found, dict) or not all(isinstance(value, str) for value in found.values()):
         allowed = "those of a result, a mapping of names to decimals in JSON"
         raise bad_setting("start.attrs['parameters']", text, allowed)
-    return found
+    names = {str(name).removeprefix("parameter_"): name for name in start.coords if str(name).startswith("parameter_")}
+    return {name: start[coordinate].values[()] for name, coordinate in names.items()} | found
 
 
 def end_of(problem: Problem, start: xr.Dataset) -> End:

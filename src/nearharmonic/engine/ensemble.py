@@ -13,6 +13,7 @@ import numpy as np
 from nearharmonic.engine import execution
 from nearharmonic.engine.batch import Batch, prepared_batch, sample_marks
 from nearharmonic.engine.coefficients import Floats, moves_of
+from nearharmonic.engine.continuation import parameter_attributes
 from nearharmonic.engine.description import (
     error_variables,
     initial_energy_variables,
@@ -113,7 +114,8 @@ def ensemble(
         _check_size(problem, members, len(asked))
         paths = _at_times(problem, steps, asked, start, given, members, count)
         times = np.array([float(time) for time in asked])
-    return _dataset(problem, paths, start, given, times)
+    dataset = _dataset(problem, paths, start, given, times)
+    return dataset.assign_attrs(parameter_attributes(problem.system, parameters or {}))
 
 
 def _members(start: Floats, parameters: Floats) -> int:
