@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 import subprocess
@@ -291,6 +292,18 @@ def test_the_committed_verdicts_are_those_of_a_run(tmp_path):
     done = project.snakemake("results/paper/tables/claims.json", "--force", "-j2")
     assert done.returncode == 0, done.stdout
     assert (tmp_path / "results/paper/tables/claims.json").read_text(encoding="utf-8") == TEXT
+    text = (tmp_path / "results/paper/tables/stability_rounding.csv").read_text(encoding="utf-8")
+    rows = [row for row in csv.DictReader(text.splitlines()) if row["brouwer"]]
+    law = [abs(float(row["exponent"]) - float(row["brouwer"])) <= float(row["interval_95"]) for row in rows]
+    page = (ROOT / "docs/results.md").read_text(encoding="utf-8")
+    assert f"{sum(law)} of {len(law)} measured exponents" in page
+
+
+def test_the_page_states_the_gains_by_compensated_sums():
+    (value,) = (row["value"] for row in json.loads(TEXT) if row["id"] == "compensated-summation")
+    low, high = re.search(r"gains (\d+) \(Ruth\) to (\d+)", value).groups()
+    page = re.sub(r"\s+", " ", (ROOT / "docs/results.md").read_text(encoding="utf-8"))
+    assert f"With compensation the energy error is {low} to {high} times smaller" in page
 
 
 def test_the_pages_are_written_by_a_command(tmp_path):
