@@ -88,3 +88,20 @@ def test_results_of_sweep_and_integrate_are_ordinary_datasets():
     assert set(one.coords) == {"t", *one.sizes}
     assert one.component.values.tolist() == [0, 1]
     assert one.sizes == {"sample": 5, "component": 2, "eccentricity_vector_component": 2, "running_component": 10}
+
+
+def test_results_of_one_shape_share_neither_values_nor_attributes():
+    def one(x):
+        return assembled(
+            {"t": variable("sample", [x, x], "time"), "q": variable("sample", [x, x], "position")}, ["t"], {}
+        )
+
+    first, second = one(1.0), one(2.0)
+    first["q"].values[:] = 7.0
+    first["t"].values[:] = 7.0
+    for name in ("q", "t", "sample"):
+        first[name].attrs["note"] = "of the first"
+    first = first.assign_coords(sample=[5, 6])
+    assert one(2.0).identical(second)
+    assert one(1.0).q.values.tolist() == one(1.0).t.values.tolist() == [1.0, 1.0]
+    assert one(1.0).sample.values.tolist() == [0, 1]

@@ -80,10 +80,15 @@ def method_coordinates(tableaus: Iterable[Tableau]) -> Variables:
 
 def counted(variables: Variables) -> Variables:
     """Return a coordinate 0, 1, 2, ... for each dimension of ``variables`` that has none."""
+    return {name: _count(name, size) for name, size in _uncounted(variables).items()}
+
+
+def _uncounted(variables: Variables) -> dict[str, int]:
+    """Sizes of the dimensions that have no coordinate."""
     sizes: dict[str, int] = {}
     for dims, values, _ in variables.values():
         sizes |= zip(dims, np.shape(values), strict=True)
-    return {name: _count(name, size) for name, size in sizes.items() if name not in variables}
+    return {name: size for name, size in sizes.items() if name not in variables}
 
 
 def _count(name: str, size: int) -> Variable:
@@ -136,18 +141,31 @@ def assembled(variables: Variables, coordinates: Collection[str], attributes: Ma
     """
     import xarray as xr
 
-    known = {name for name, (dims, _, _) in variables.items() if dims == (name,)} | set(coordinates)
-    held = {name: member for name, member in variables.items() if name not in known}
-    counts = {name: _index(name, len(values)) for name, (_, values, _) in counted(variables).items()}
-    return xr.Dataset(held, counts | {name: variables[name] for name in variables if name in known}, attributes)
+    counts = _uncounted(variables)
+    if not any(dims == (name,) for name, (dims, _, _) in variables.items()):
+        auxiliary = tuple(name for name in variables if name in coordinates)
+        layout = tuple(
+            (name, dims, np.shape(values), *notes.items()) for name, (dims, values, notes) in variables.items()
+        )
+        template = _template(layout, auxiliary, tuple(counts.items()))
+        dataset = template.copy(data={name: one[1] for name, one in variables.items() if name not in auxiliary})
+        for name in auxiliary:
+            dataset[name].data = np.asarray(variables[name][1])
+        dataset.attrs = dict(attributes)
+        return dataset
+    axes = {name: _count(name, size) for name, size in counts.items()}
+    axes |= {name: one for name, one in variables.items() if name in coordinates or one[0] == (name,)}
+    return xr.Dataset({name: one for name, one in variables.items() if name not in axes}, axes, attributes)
 
 
 @lru_cache(maxsize=64)
-def _index(name: str, size: int) -> xr.IndexVariable:
-    """The coordinate 0, 1, 2, ... of a dimension with its index, which takes longer to make than a short run takes."""
+def _template(layout: tuple[Any, ...], auxiliary: tuple[str, ...], counts: tuple[tuple[str, int], ...]) -> xr.Dataset:
+    """A dataset of zeros with the coordinates 0, 1, 2, ..., which take longer to make than a short run takes."""
     import xarray as xr
 
-    return xr.IndexVariable(*_count(name, size))  # type: ignore[no-untyped-call]
+    zeros = {name: (dims, np.broadcast_to(0.0, shape), dict(notes)) for name, dims, shape, *notes in layout}
+    axes = {name: _count(name, size) for name, size in counts} | {name: zeros.pop(name) for name in auxiliary}
+    return xr.Dataset(zeros, axes)
 
 
 @dataclass(frozen=True, kw_only=True)
