@@ -1,210 +1,394 @@
-"""The inner kernel of formulas that are written out: the states of all lanes stay in registers from step to step."""
+"""The loops of the inner kernel: steps of one trajectory, or of one in each lane, and the energy behind each step.
+
+:func:`advance` and :func:`begin` make the functions of :data:`nearharmonic.core.layout.ADVANCE` and ``BEGIN`` for a
+:class:`~nearharmonic.core.form.Form`; what a system and its lanes bring is linked to them by name. Rows of arrays are
+described in :mod:`nearharmonic.core.kernel`.
+"""
 
 from __future__ import annotations
 
-import functools
-import operator
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
-from llvmlite import ir
+from numba.core import types
 
-from nearharmonic.core.assembly import Array, Index, Variable, Writer, function
+from nearharmonic.core import rotation, step
+from nearharmonic.core.arithmetic import two_sum
 from nearharmonic.core.layout import (
-    ADVANCE,
-    BEGIN,
+    CONDITION,
+    DRIFT,
+    ENERGY,
+    ENERGY_LOW,
     INNER,
     KICK,
+    LATEST,
     LIMIT,
     MERGED,
-    OPENING,
+    NEAR,
+    PRODUCT,
+    REST,
     SQUARE,
-    TALLY,
-    parameter_rows,
-    running_at,
-    running_rows,
+    TOTAL,
+    TOTAL_CARRY,
+    WORST,
 )
-from nearharmonic.core.modified_kick import gradient_follows, square
-from nearharmonic.core.rotation import opened
-from nearharmonic.core.rules import Entries, Rules, tallied, uncertain
-from nearharmonic.core.tracing import LLVMValue
+from nearharmonic.core.reals import (
+    PARAMETERS,
+    POINT,
+    REAL,
+    absolute,
+    all_greater,
+    all_within,
+    all_zero,
+    compiled,
+    larger,
+    largest_modulus,
+    linked,
+    linked_number,
+    load_parameters,
+    load_point,
+    load_real,
+    store,
+    where_greater,
+    where_zero,
+    zero_like,
+)
+from nearharmonic.core.shape import Form
 
 
-class Block:
-    """Neighbouring rows of numbers, one for each lane, in a flat array."""
+class Formulas(NamedTuple):
+    """The formulas of a system as compiled text calls them; numbers are points and reals, in double-double pairs."""
 
-    def __init__(self, array: Array, width: int, first: Index | int, count: int) -> None:
-        self._array, self._width, self._first, self._count = array, width, first, count
-
-    def load(self) -> Entries:
-        """The rows."""
-        return [self._array.lanes(self._place(i), self._width) for i in range(self._count)]
-
-    def store(self, entries: Sequence[LLVMValue]) -> None:
-        """Replace the rows."""
-        for i, entry in enumerate(entries):
-            self._array.store_lanes(self._place(i), entry)
-
-    def _place(self, i: int) -> Index | int:
-        return (self._first + i) * self._width
+    force: Any
+    square: Any
+    velocity: Any
+    acceleration: Any
+    energy: Any
+    energies: Any
+    force_and_potential: Any
+    potential: Any
+    balanced_T: Any
+    rounding: Any
 
 
-class _Registers:
-    """Entries that change in loops."""
-
-    def __init__(self, writer: Writer, entries: Entries) -> None:
-        self._variables = [Variable(writer.builder, entry) for entry in entries]
-
-    def get(self) -> Entries:
-        return [variable.value for variable in self._variables]
-
-    def set(self, entries: Entries) -> None:
-        for variable, entry in zip(self._variables, entries, strict=True):
-            variable.value = entry
+def formulas(form: Form) -> Formulas:
+    """Return the formulas that are linked to the loops of a form."""
+    pair, rates = types.UniTuple(REAL, 2), types.UniTuple(POINT, 2) if form.extended else POINT
+    results = {
+        "force": rates, "square": rates, "velocity": rates, "acceleration": rates, "energy": pair,
+        "energies": types.UniTuple(REAL, 4), "force_and_potential": types.Tuple((POINT, REAL)), "potential": REAL,
+        "balanced_T": REAL, "rounding": pair,
+    }  # fmt: skip
+    return Formulas(**{name: linked(name, kind) for name, kind in results.items()})
 
 
-class _Lanes:
-    """The numbers of all lanes in a kernel that is being written."""
-
-    def __init__(self, rules: Rules, width: int, rows: Array) -> None:
-        d, given = rules.physics.dimension, parameter_rows(rules.physics.parameters)
-        self.state = Block(rows, width, 0, 4 * d)
-        self.tally = Block(rows, width, 4 * d, TALLY)
-        self.parameters = Block(rows, width, 4 * d + TALLY, given)
-        self.running = Block(rows, width, running_at(d, rules.physics.parameters), running_rows(d))
+#: Rows: of coordinates, coefficients of a move, the tally, the parameters, and the state that runs.
+_dimension, _columns, _tally, _parameters, _running = (
+    linked_number(name) for name in ("dimension", "columns", "tally", "parameters", "running")
+)
+#: ``_moved(new, old)``: the coordinates of the first that move, and those of the second that rest.
+_moved = linked("moved", POINT)
 
 
-def advance(rules: Rules, width: int, energy: str) -> tuple[ir.Module, str]:
-    """Module and name of the inner kernel: see :class:`nearharmonic.core.kernel.Kernel`."""
-    module, name = ir.Module("advance"), "advance"
-    writer, given = function(module, name, ADVANCE)
-    _Advance(rules, width, energy, writer, given).write()
-    return module, name
+@compiled
+def _load_state(rows, at):  # type: ignore[no-untyped-def]
+    d = _dimension()
+    return load_point(rows, at), load_point(rows, at + d), load_point(rows, at + 2 * d), load_point(rows, at + 3 * d)
 
 
-def begin(rules: Rules, width: int) -> tuple[ir.Module, str]:
-    """Module and name of a function of the rows: each lane's tally anew, with the energy of its state as H0."""
-    module, name = ir.Module("begin"), "begin"
-    writer, given = function(module, name, BEGIN)
-    lanes = _Lanes(rules, width, given["rows"])
-    lanes.tally.store(rules.begin(lanes.state.load(), lanes.parameters.load()))
-    writer.builder.ret_void()
-    return module, name
+@compiled
+def _store_state(rows, at, q, q_low, p, p_low):  # type: ignore[no-untyped-def]
+    d = _dimension()
+    store(rows, at, q)
+    store(rows, at + d, q_low)
+    store(rows, at + 2 * d, p)
+    store(rows, at + 3 * d, p_low)
 
 
-class _Advance:
-    """Writes the inner kernel."""
+@compiled
+def _pair(moves, at):  # type: ignore[no-untyped-def]
+    return load_real(moves, at), load_real(moves, at + 1)
 
-    def __init__(self, rules: Rules, width: int, energy: str, writer: Writer, given: dict[str, Any]) -> None:
-        self.rules, self.width, self.energy, self.writer, self.given = rules, width, energy, writer, given
-        self.quick = energy == "every" and rules.quick_energy
-        self.lanes = _Lanes(rules, width, given["rows"])
-        self.stages: Index = given["stages"]
-        self.parameters = self.lanes.parameters.load()
-        self.running = _Registers(writer, self._first_state())
-        self.tally = _Registers(writer, self.lanes.tally.load())
-        self.state = _Registers(writer, self.lanes.state.load())
-        self.rates = _Registers(writer, self._first_rates())
-        self.height = _Registers(writer, [self.parameters[0].constant(0.0)])
 
-    def write(self) -> None:
-        """The steps, and what they leave."""
-        writer, done, first = self.writer, self.writer.variable(self.writer.index(0)), self._place(OPENING)
-        row = writer.variable(first)
-        with writer.forever() as behind:
-            self._step(row)
-            done.value = done.value + 1
-            if self.energy == "every":
-                self._see()
-                writer.leave(self._measured(), behind)
-            writer.leave(done.value >= self.given["count"], behind)
-            row.value = self._place(MERGED)
-        if self.energy != "every":
-            self._see()
-        if self.energy == "samples":
-            self._measured()
-        self.lanes.running.store(self.running.get())
-        self.lanes.state.store(self.state.get())
-        self.lanes.tally.store(self.tally.get())
-        self._row(OPENING).store(self._row(MERGED).load())
-        writer.builder.ret(done.value.value)
+def row_loader(form: Form) -> Any:
+    """Return ``load(moves, row)``, the coefficients of a move as :mod:`nearharmonic.core.step` takes them."""
+    if form.turning:
+        return rotation.row_loader(extended=form.extended)
+    if form.extended and form.modified:
+        return compiled(lambda moves, at: (_pair(moves, at), _pair(moves, at + 2), _pair(moves, at + 2 * SQUARE)))
+    if form.extended:
+        return compiled(lambda moves, at: (_pair(moves, at), _pair(moves, at + 2)))
+    if form.modified:
+        return compiled(
+            lambda moves, at: (load_real(moves, at), load_real(moves, at + DRIFT), load_real(moves, at + SQUARE))
+        )
+    if form.ahead:
+        return compiled(
+            lambda moves, at: (
+                load_real(moves, at + KICK), load_real(moves, at + DRIFT), load_real(moves, at + PRODUCT),
+                load_real(moves, at + REST),
+            )
+        )  # fmt: skip
+    return compiled(lambda moves, at: (load_real(moves, at + KICK), load_real(moves, at + DRIFT)))
 
-    def _first_state(self) -> Entries:
-        """The state that runs; where an oscillator is solved exactly, a first move of its own is done already."""
-        state, row = self.lanes.running.load(), self._row(OPENING)
-        if self.rules.physics.turning is None:
-            return state
-        state, left = opened(self.rules, state, row.load())
-        row.store(left)
-        return state
 
-    def _first_rates(self) -> Entries:
-        """The forces at the positions that run; where no kick comes first they do not matter, and need not exist."""
-        row = self._row(OPENING).load()
-        rates = self.rules.force(self.running.get(), self.parameters) + self._square(self.rules.part(row, SQUARE))
-        none = self.rules.part(row, KICK)[0].equals(0.0)
-        return [none.choose(0.0, rate) for rate in rates]
+def _move(form: Form, given: Formulas) -> Any:
+    """The move of a form: :mod:`nearharmonic.core.step`, or :mod:`nearharmonic.core.rotation`."""
+    if form.turning:
+        rotated = (
+            rotation.rotated_double_double if form.extended
+            else rotation.rotated_compensated if form.compensated
+            else rotation.rotated_plain
+        )  # fmt: skip
+        return compiled(lambda state, row, f, parameters: rotated(state, row, f))
+    update = step.double_double if form.extended else step.compensated if form.compensated else step.plain
+    if not form.ahead:
+        move = step.momentum_first(given.velocity, update)
+    elif form.compensated:
+        move = step.ahead_compensated(given.velocity, given.acceleration)
+    else:
+        move = step.ahead_plain(given.velocity, given.acceleration)
+    if form.modified:
+        move = step.modified_double_double(move) if form.extended else step.modified(move, form.ahead)
+    if not form.resting:
+        return move
 
-    def _step(self, first: Variable) -> None:
-        """All moves of a step but the one that closes it, and the force behind each."""
-        writer, place = self.writer, self.writer.variable(first.value)
-        last = self.stages - 1
-        with writer.repeated(last if self.quick else self.stages) as i:
-            row = self._move(place.value)
-            force = self.rules.force(self.running.get(), self.parameters)
-            self.rates.set(force + self._square(gradient_follows(row)))
-            place.value = writer.either(i > 0, place.value + self.rules.columns, self._place(INNER))
-        if self.quick:
-            row = self._move(place.value)
-            *force, height = self.rules.force_and_potential(self.running.get(), self.parameters)
-            self.rates.set(force + self._square(gradient_follows(row)))
-            self.height.set([height])
+    @compiled
+    def move_some(state, row, f, parameters):  # type: ignore[no-untyped-def]
+        q, q_low, p, p_low, late = move(state, row, f, parameters)
+        return _moved(q, state[0]), _moved(q_low, state[1]), p, p_low, late
 
-    def _square(self, needed: Entries) -> Entries:
-        """The gradient of the square of the force, where one of ``needed`` is not 0; nothing if kicks are plain.
+    return move_some
 
-        Operations that it has in common with the force are found by the compiler.
-        """
-        if self.rules.physics.modified is None:
-            return []
-        wanted = ~functools.reduce(operator.and_, (x.equals(0.0) for x in needed))
-        zero = self.parameters[0].constant(0.0)
-        found = _Registers(self.writer, [zero] * (self.rules.physics.dimension * self.rules.parts))
-        with self.writer.when(wanted.anywhere()):
-            gradient = square(self.rules, self.running.get(), self.parameters)
-            found.set([wanted.choose(x, 0.0) for x in gradient])
-        return found.get()
 
-    def _move(self, place: Index) -> Entries:
-        row = Block(self.given["moves"], self.width, place, self.rules.columns).load()
-        self.running.set(self.rules.move(self.running.get(), row, self.rates.get(), self.parameters))
-        return row
+def _sheared(form: Form) -> Any:
+    if form.extended:
+        return rotation.sheared_double_double
+    return rotation.sheared_compensated if form.compensated else rotation.sheared_plain
 
-    def _see(self) -> None:
-        """The state at the end of the step."""
-        row = self._row(self.stages + 1).load()
-        self.state.set(self.rules.closed(self.running.get(), row, self.rates.get(), self.parameters))
 
-    def _measured(self) -> Any:
-        """Count the energy of the states in the tallies; whether one of them is beyond its limit."""
-        rules, state, tally = self.rules, self.state.get(), self.tally.get()
-        latest = self._quick_energy(state, tally) if self.quick else rules.latest(state, tally, self.parameters)
-        self.tally.set(tallied(tally, latest))
-        return latest.absolute().any_not_within(tally[LIMIT])
+def _closed(form: Form, move: Any) -> Any:
+    """``closed(state, row, f, parameters)``: the state at the end of a step, (q, q_low, p, p_low), which is a move away."""
+    sheared, turning = _sheared(form), form.turning
+    late_by = form.compensated and form.ahead
 
-    def _quick_energy(self, state: Entries, tally: Entries) -> LLVMValue:
-        """H - H0 in double where that is certain; V is known behind the last force if a step ends with a kick."""
-        rules, writer = self.rules, self.writer
-        with writer.when(~self.given["kick_first"]):
-            self.height.set(rules.potential(state, self.parameters))
-        look = _Registers(writer, rules.quick(state, self.height.get(), tally, self.parameters))
-        with writer.when(uncertain(*look.get()), likely=False):
-            look.set(rules.sharpened(state, tally, look.get(), self.parameters))
-        return look.get()[0]
+    @compiled
+    def closed(state, row, f, parameters):  # type: ignore[no-untyped-def]
+        state = move(state, row, f, parameters)
+        if turning:
+            state = sheared(state, row)
+        q, q_low, p, p_low, late = state
+        if late_by:
+            q_low = q_low + late
+        return q, q_low, p, p_low
 
-    def _place(self, row: Index | int) -> Index:
-        index = self.writer.index(row) if isinstance(row, int) else row
-        return index * self.rules.columns
+    return closed
 
-    def _row(self, row: Index | int) -> Block:
-        return Block(self.given["moves"], self.width, self._place(row), self.rules.columns)
+
+def _without(form: Form) -> Any:
+    """``without(coefficient, rates)``: 0 in the lanes where the coefficient is 0."""
+    if form.extended:
+        return compiled(lambda c, f: (where_zero(c, 0.0, f[0]), where_zero(c, 0.0, f[1])))
+    return compiled(lambda c, f: where_zero(c, 0.0, f))
+
+
+def _forces(form: Form, given: Formulas) -> tuple[Any, Any, Any]:
+    """``first(state, moves, parameters)`` and ``behind(state, moves, row, parameters)``: the forces that moves take.
+
+    The third function is ``behind`` that returns V as well.
+    Where no kick comes first the force does not matter, and need not exist. Behind a force of a modified potential
+    stands the gradient of its square, where a lane needs it.
+    """
+    without = _without(form)
+    force, square, force_and_potential = given.force, given.square, given.force_and_potential
+    m = SQUARE * form.parts
+    if not form.modified:
+
+        @compiled
+        def first(state, moves, parameters):  # type: ignore[no-untyped-def]
+            return without(load_real(moves, KICK), force(state[0], state[1], parameters))
+
+        @compiled
+        def behind(state, moves, row, parameters):  # type: ignore[no-untyped-def]
+            return force(state[0], state[1], parameters)
+
+        @compiled
+        def last(state, moves, row, parameters):  # type: ignore[no-untyped-def]
+            return force_and_potential(state[0], state[1], parameters)
+
+        return first, behind, last
+
+    @compiled
+    def squared(state, f, needed, parameters):  # type: ignore[no-untyped-def]
+        g = zero_like(f)
+        if not all_zero(needed):
+            g = without(needed, square(state[0], state[1], parameters))
+        return g
+
+    @compiled
+    def first_pull(state, moves, parameters):  # type: ignore[no-untyped-def]
+        f = force(state[0], state[1], parameters)
+        g = squared(state, f, load_real(moves, m), parameters)
+        return without(load_real(moves, KICK), f), without(load_real(moves, KICK), g)
+
+    @compiled
+    def pull(state, moves, row, parameters):  # type: ignore[no-untyped-def]
+        f = force(state[0], state[1], parameters)
+        return f, squared(state, f, load_real(moves, row + _columns() - 1), parameters)
+
+    @compiled
+    def last_pull(state, moves, row, parameters):  # type: ignore[no-untyped-def]
+        f, V = force_and_potential(state[0], state[1], parameters)
+        return (f, squared(state, f, load_real(moves, row + _columns() - 1), parameters)), V
+
+    return first_pull, pull, last_pull
+
+
+def _opened(form: Form, row_of: Any, move: Any) -> Any:
+    """``opened(state, moves)``: the state behind a first move of its own, in the lanes that have one.
+
+    Such a move has no kick by the force, and a shear behind it; it is done here, and nothing of it is left.
+    """
+    if not form.turning:
+        return compiled(lambda state, moves, parameters: state)
+    sheared, extended = _sheared(form), form.extended
+
+    @compiled
+    def opened(state, moves, parameters):  # type: ignore[no-untyped-def]
+        row = row_of(moves, 0)
+        shear = largest_modulus(row[-1][0] if extended else row[-1])
+        nothing = zero_like((state[0], state[0]) if extended else state[0])
+        turned = sheared(move(state, row, nothing, parameters), row)
+        for column in range(_columns()):
+            x = load_real(moves, column)
+            store(moves, column, where_zero(shear, x, zero_like(x)))
+        q, q_low, p, p_low, late = state
+        return (
+            where_zero(shear, q, turned[0]), where_zero(shear, q_low, turned[1]), where_zero(shear, p, turned[2]),
+            where_zero(shear, p_low, turned[3]), where_zero(shear, late, turned[4]),
+        )  # fmt: skip
+
+    return opened
+
+
+@compiled
+def _tallied(worst, total, carry, latest):  # type: ignore[no-untyped-def]
+    """The largest, and the sum, of energy errors with one more."""
+    size = absolute(latest)
+    carried = carry + size
+    new = total + carried
+    return larger(size, worst), new, carried + (total - new)
+
+
+def _measure(form: Form, given: Formulas) -> Any:
+    """``measure(seen, height, kick_first, H0, rounding, parameters)``: H - H0, in double where that is certain.
+
+    ``height`` is V at the position of the last force, which is that of the end if the step ends with a kick.
+    """
+    energy, potential, balanced_T = given.energy, given.potential, given.balanced_T
+
+    @compiled
+    def difference(high, low, H0):  # type: ignore[no-untyped-def]
+        return (high - H0[0]) + (low - H0[1])
+
+    @compiled
+    def exact(seen, height, kick_first, H0, rounding, parameters):  # type: ignore[no-untyped-def]
+        q, q_low, p, p_low = seen
+        high, low = energy(q, q_low, p, p_low, parameters)
+        return difference(high, low, H0)
+
+    @compiled
+    def quick(seen, height, kick_first, H0, rounding, parameters):  # type: ignore[no-untyped-def]
+        q, q_low, p, p_low = seen
+        V = height if kick_first else potential(q, q_low, parameters)
+        T = balanced_T(p, parameters)
+        high, low = two_sum(T, V)
+        latest = difference(high, low, H0)
+        bound = rounding[0] + rounding[1] * (absolute(T) + absolute(V))
+        if not all_greater(absolute(latest), bound):
+            latest = where_greater(absolute(latest), bound, latest, exact(seen, V, True, H0, rounding, parameters))
+        return latest
+
+    return quick if form.quick else exact
+
+
+def advance(form: Form) -> Callable[..., Any]:
+    """Return the function of :data:`nearharmonic.core.layout.ADVANCE`, to be compiled."""
+    given = formulas(form)
+    row_of, move = row_loader(form), _move(form, given)
+    closed, opened, measure = _closed(form, move), _opened(form, row_of, move), _measure(form, given)
+    first_force, force_behind, last_force = _forces(form, given)
+    every, sampled, quick = form.energy == "every", form.energy == "samples", form.quick
+
+    def advance(count, stages, kick_first, moves, rows):  # type: ignore[no-untyped-def]
+        running, tally, columns, d = _running(), _tally(), _columns(), _dimension()
+        parameters = load_parameters(rows, _parameters())
+        q, q_low, p, p_low = _load_state(rows, running)
+        state = opened((q, q_low, p, p_low, load_point(rows, running + 4 * d)), moves, parameters)
+        seen = _load_state(rows, 0)
+        worst, total = load_real(rows, tally + WORST), load_real(rows, tally + TOTAL)
+        carry, latest = load_real(rows, tally + TOTAL_CARRY), load_real(rows, tally + LATEST)
+        H0 = load_real(rows, tally + ENERGY), load_real(rows, tally + ENERGY_LOW)
+        rounding, limit = (load_real(rows, tally + NEAR), load_real(rows, tally + CONDITION)), load_real(rows, tally + LIMIT)
+        f, height = first_force(state, moves, parameters), zero_like(limit)
+        done, opening = 0, 0
+        while True:
+            row = opening
+            for i in range(stages - 1 if quick else stages):
+                state = move(state, row_of(moves, row), f, parameters)
+                f = force_behind(state, moves, row, parameters)
+                row = row + columns if i > 0 else INNER * columns
+            if quick:
+                state = move(state, row_of(moves, row), f, parameters)
+                f, height = last_force(state, moves, row, parameters)
+            done += 1
+            if every:
+                seen = closed(state, row_of(moves, (stages + 1) * columns), f, parameters)
+                latest = measure(seen, height, kick_first, H0, rounding, parameters)
+                worst, total, carry = _tallied(worst, total, carry, latest)
+                if not all_within(absolute(latest), limit):
+                    break
+            if done >= count:
+                break
+            opening = MERGED * columns
+        if not every:
+            seen = closed(state, row_of(moves, (stages + 1) * columns), f, parameters)
+        if sampled:
+            latest = measure(seen, height, kick_first, H0, rounding, parameters)
+            worst, total, carry = _tallied(worst, total, carry, latest)
+        q, q_low, p, p_low, late = state
+        _store_state(rows, running, q, q_low, p, p_low)
+        store(rows, running + 4 * d, late)
+        q, q_low, p, p_low = seen
+        _store_state(rows, 0, q, q_low, p, p_low)
+        store(rows, tally + WORST, worst)
+        store(rows, tally + TOTAL, total)
+        store(rows, tally + TOTAL_CARRY, carry)
+        store(rows, tally + LATEST, latest)
+        for column in range(columns):
+            store(moves, column, load_real(moves, MERGED * columns + column))
+        return done
+
+    return advance
+
+
+def begin(form: Form) -> Callable[..., Any]:
+    """Return the function of :data:`nearharmonic.core.layout.BEGIN`, to be compiled."""
+    given, quick = formulas(form), form.quick
+    energies, rounding = given.energies, given.rounding
+
+    def begin(rows):  # type: ignore[no-untyped-def]
+        tally = _tally()
+        q, q_low, p, p_low = _load_state(rows, 0)
+        parameters = load_parameters(rows, _parameters())
+        H, H_low, T, zero = energies(q, q_low, p, p_low, parameters)
+        near, condition = rounding(q, q_low, p, p_low, parameters) if quick else (zero, zero)
+        for entry in range(LIMIT):
+            store(rows, tally + entry, zero)
+        store(rows, tally + ENERGY, H)
+        store(rows, tally + ENERGY_LOW, H_low)
+        store(rows, tally + LIMIT, absolute(T))
+        store(rows, tally + NEAR, near)
+        store(rows, tally + CONDITION, condition)
+
+    return begin

@@ -18,10 +18,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from nearharmonic.core.layout import ADVANCE, BEGIN, LAND, RUN, workspace
+from nearharmonic.core.layout import ADVANCE, BEGIN, LAND, RUN, Signature, workspace
 from nearharmonic.core.native import PreparedCall, code_key, native
 from nearharmonic.core.physics import Physics
-from nearharmonic.core.rules import Rules, fingerprint
+from nearharmonic.core.formulas import fingerprint
+from nearharmonic.core.rules import Rules
 
 __all__ = ["Kernel", "Physics", "build", "build_landing", "cost", "room"]
 
@@ -75,13 +76,13 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
     rules, more = Rules(physics, extended, compensated), room(physics, extended=extended)
 
     def make_begin() -> tuple[str, bytes]:
-        from nearharmonic.core import advance, assembly
+        from nearharmonic.core import assembly
 
         if physics.loops is not None:
             from nearharmonic.core.loops import functions
 
             return assembly.machine_code(*functions.begin(rules))
-        return assembly.machine_code(*advance.begin(rules, width))
+        return _linked("begin", BEGIN, rules, width, "every")
 
     def make_run() -> tuple[str, bytes]:
         from nearharmonic.core import assembly, scheduler
@@ -187,12 +188,33 @@ def _key(rules: Rules, width: int, *more: str) -> str:
 
 def _advance(rules: Rules, width: int, energy: str) -> Any:
     def make() -> tuple[str, bytes]:
-        from nearharmonic.core import advance, assembly
+        from nearharmonic.core import assembly
 
         if rules.physics.loops is not None:
             from nearharmonic.core.loops import functions
 
             return assembly.machine_code(*functions.advance(rules, energy))
-        return assembly.machine_code(*advance.advance(rules, width, energy))
+        return _linked("advance", ADVANCE, rules, width, energy)
 
     return native(f"advance-{_key(rules, width, energy)}", ADVANCE, make)
+
+
+def _linked(entry: str, signature: Signature, rules: Rules, width: int, energy: str) -> tuple[str, bytes]:
+    """Name and object code of a function of the loops of a shape with the formulas of a system."""
+    from nearharmonic.core import formulas, link
+    from nearharmonic.core.shape import Form
+
+    physics = rules.physics
+    form = Form(
+        extended=rules.extended, compensated=rules.compensated, ahead=rules.looks_ahead,
+        modified=physics.modified is not None, turning=physics.turning is not None,
+        resting=not all(formulas.moving(rules)), quick=rules.quick_energy and energy == "every", energy=energy,
+    )  # fmt: skip
+
+    def compiled() -> tuple[str, bytes]:
+        from nearharmonic.core import advance
+
+        return link.loops(getattr(advance, entry)(form), signature)
+
+    loops = link.kept(f"loops-{code_key(entry, repr(form))}", compiled)
+    return link.linked(*loops, formulas.module_of(rules, width), formulas.kinds_of(rules, width), entry, signature)

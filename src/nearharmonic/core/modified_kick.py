@@ -11,8 +11,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from nearharmonic.core import arithmetic
-from nearharmonic.core.layout import KICK, SQUARE
+from nearharmonic.core.layout import SQUARE
 from nearharmonic.core.number import Number, call, constant
 
 if TYPE_CHECKING:
@@ -31,41 +30,6 @@ def square(rules: Rules, state: Entries, parameters: Entries) -> Entries:
     assert physics.modified is not None
     found = call(physics, "V", physics.modified, rules.numbers(_pairs(state[: 2 * d], d)), *rules.constants(parameters))
     return rules.flat(tuple(x if isinstance(x, Number) else constant(x) for x in found), state[0])
-
-
-def combined(rules: Rules, row: Entries, rates: Entries) -> tuple[Entries, Entries]:
-    """The row of a plain move, and the rates that it takes, for a row of coefficients of a modified one.
-
-    Parameters
-    ----------
-    rules : Rules
-        Arithmetic.
-    row : list
-        Coefficients of the modified move.
-    rates : list
-        grad V, and behind it grad |grad V|^2.
-    """
-    d, parts = rules.physics.dimension, rules.parts
-    gradient, square = rates[: parts * d], rates[parts * d :]
-    kick, m, drift = rules.part(row, KICK), rules.part(row, SQUARE), row[parts : 2 * parts]
-    one, zero = row[0].constant(1.0), row[0].constant(0.0)
-    if not rules.extended:
-        pulls = [arithmetic.fma(m[0], g, kick[0] * f) for f, g in zip(gradient, square, strict=True)]
-        return [one, *drift, *drift, zero], pulls
-    products = [
-        arithmetic.dd_add(arithmetic.dd_mul(_pair(kick), f), arithmetic.dd_mul(_pair(m), g))
-        for f, g in zip(_pairs(gradient, d), _pairs(square, d), strict=True)
-    ]
-    return [one, zero, *drift], [high for high, _ in products] + [low for _, low in products]
-
-
-def gradient_follows(row: Entries) -> Entries:
-    """Of a row, what is not 0 if the force behind its move needs the gradient of the square."""
-    return row[-1:]
-
-
-def _pair(entries: Entries) -> tuple[LLVMValue, LLVMValue]:
-    return entries[0], entries[1]
 
 
 def _pairs(entries: Entries, dimension: int) -> list[tuple[LLVMValue, LLVMValue]]:

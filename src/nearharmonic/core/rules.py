@@ -17,11 +17,7 @@ that *runs* is that of the last force. The state at the end of a step, which is 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
-from hashlib import sha256
 from typing import TYPE_CHECKING, Any
-
-from llvmlite import ir
 
 from nearharmonic.core import arithmetic
 from nearharmonic.core.layout import (
@@ -38,12 +34,10 @@ from nearharmonic.core.layout import (
     TOTAL_CARRY,
     WORST,
     columns,
-    parameter_rows,
 )
-from nearharmonic.core.modified_kick import combined, modified_columns, square
+from nearharmonic.core.modified_kick import modified_columns
 from nearharmonic.core.number import Constant, Number, call, constant, scalar, vector
 from nearharmonic.core.physics import Physics
-from nearharmonic.core.rotation import rotated, sheared
 from nearharmonic.core.tracing import Double, DoubleDouble, LLVMValue
 
 if TYPE_CHECKING:
@@ -136,34 +130,6 @@ class Rules:
         q = self.numbers(_pairs(state, self.physics.dimension))
         return self.flat(vector(self.physics, "grad_V", q, *self.constants(parameters)), state[0])
 
-    def move(self, running: Entries, row: Entries, rates: Entries, parameters: Entries) -> Entries:
-        """Kick and drift by a row of coefficients, from the ``rates`` dV/dq at the position; or kick and rotation.
-
-        The kick carries the minus sign of dp/dt = -dV/dq.
-        """
-        if self.physics.turning is not None:
-            return rotated(self, running, row, rates)
-        if self.physics.modified is not None:
-            row, rates = combined(self, row, rates)
-        d = self.physics.dimension
-        position, momentum, late = running[: 2 * d], running[2 * d : 4 * d], running[4 * d :]
-        new_momentum = self.update(_pairs(momentum, d), self.part(row, KICK), rates)
-        if not self.looks_ahead:
-            velocity = self._velocity(new_momentum, parameters)
-            new_position = self.update(_pairs(position, d), self.part(row, DRIFT), self.flat(velocity, running[0]))
-            new = new_position + new_momentum + late
-        else:
-            velocity = self._velocity(momentum, parameters)
-            pull = tuple(Double(rate) for rate in rates)
-            assert self.physics.acceleration is not None
-            acceleration = self.flat(tuple(self.physics.acceleration(pull, *self.constants(parameters))), running[0])
-            new = self.looked_ahead(position, late, row, self.flat(velocity, running[0]), acceleration, new_momentum)
-        # A coordinate that never moves is left alone, so that what depends on it alone is computed once.
-        at_rest = [i for i, v in enumerate(velocity) if isinstance(v, Constant) and v == 0]
-        for place in (i + k for i in at_rest for k in (0, d)):
-            new[place] = running[place]
-        return new
-
     def part(self, row: Entries, column: int) -> Entries:
         """A coefficient of a row, as one double or two."""
         return row[column * self.parts : (column + 1) * self.parts]
@@ -183,11 +149,6 @@ class Rules:
         ]
         return [q for q, _ in new] + [carry for _, carry in new] + momentum + [row[REST] * a for a in acceleration]
 
-    def closed(self, running: Entries, row: Entries, rates: Entries, parameters: Entries) -> Entries:
-        """The state at the end of a step, which is seen and measured."""
-        moved = self.move(running, row, rates, parameters)
-        return self.seen(moved if self.physics.turning is None else sheared(self, moved, row))
-
     def seen(self, running: Entries) -> Entries:
         """A state with what it is late by in its carry."""
         d = len(running) // 5
@@ -196,7 +157,7 @@ class Rules:
         carries = [carry + rest for carry, rest in zip(running[d : 2 * d], running[4 * d :], strict=True)]
         return running[:d] + carries + running[2 * d : 4 * d]
 
-    def _velocity(self, momentum: Entries, parameters: Entries) -> tuple[Any, ...]:
+    def velocity(self, momentum: Entries, parameters: Entries) -> tuple[Any, ...]:
         p = self.numbers(_pairs(momentum, self.physics.dimension))
         return vector(self.physics, "grad_T", p, *self.constants(parameters))
 
@@ -243,6 +204,17 @@ class Rules:
         p = self.numbers(_pairs(state[half:], d))
         T = _carrier(scalar(self.physics, "balanced_T", p, *self.constants(parameters)), state[0])
         return self.quick_difference(T, potential[0], tally)
+
+    def quick_T(self, momentum: Entries, parameters: Entries) -> LLVMValue:
+        """T in double."""
+        p = self.numbers(_pairs(momentum, self.physics.dimension))
+        return _carrier(scalar(self.physics, "balanced_T", p, *self.constants(parameters)), momentum[0])
+
+    def first_energy(self, state: Entries, parameters: Entries) -> Entries:
+        """H as a pair, T, and 0."""
+        T, V = self.energies(state, parameters)
+        H, kinetic = _double_double(T + V, state[0]), _double_double(T, state[0])
+        return [H.high, H.low, kinetic.high, H.high.constant(0.0)]
 
     def quick_difference(self, T: LLVMValue, V: LLVMValue, tally: Entries) -> Entries:
         """H - H0 for T and V in double, and the least of its modulus that can be told from rounding."""
@@ -311,29 +283,3 @@ def tallied(tally: Entries, latest: LLVMValue) -> Entries:
     total = tally[TOTAL] + carried
     carry = carried + (tally[TOTAL] - total)
     return [size.larger(tally[WORST]), total, carry, latest, *tally[ENERGY:]]
-
-
-@lru_cache(maxsize=64)
-def fingerprint(rules: Rules) -> str:
-    """Digest of the instructions that the formulas emit: the one thing about a system that compiled code depends on."""
-    if rules.physics.loops is not None:
-        digests = " ".join(energy.digest for energy in rules.physics.loops)
-        return sha256(f"{digests} {rules.physics.unit_masses}".encode()).hexdigest()
-    count, given = 5 * rules.physics.dimension, parameter_rows(rules.physics.parameters)
-    double = ir.DoubleType()
-    module = ir.Module()
-    kinds = [double] * (count + TALLY + rules.columns + given)
-    function = ir.Function(module, ir.FunctionType(ir.VoidType(), kinds), "formulas")
-    builder = ir.IRBuilder(function.append_basic_block())
-    entries = [LLVMValue(builder, argument) for argument in function.args]
-    state, tally, more = entries[:count], entries[count : count + TALLY], entries[count + TALLY :]
-    row, parameters = more[: rules.columns], more[rules.columns :]
-    rates = rules.force(state, parameters)
-    if rules.physics.modified is not None:
-        rates += square(rules, state, parameters)
-    moved = rules.move(state, row, rates, parameters)
-    results = [*moved, *rules.measure(state[: 4 * rules.physics.dimension], tally, parameters)]
-    if rules.quick_energy:
-        results += rules.quick(state, rules.potential(state, parameters), tally, parameters)
-    text = f"{module}\n{[str(result.value) for result in results]}"
-    return sha256(text.encode()).hexdigest()

@@ -64,7 +64,8 @@ def cost_of(system: System, numerics: Numerics, *, modified: bool = False) -> in
 @cache
 def formulas_digest(system: System) -> str:
     """Return a digest of what is integrated: of the instructions that the formulas emit, with parameters as values."""
-    from nearharmonic.core.rules import Rules, fingerprint
+    from nearharmonic.core.formulas import fingerprint
+    from nearharmonic.core.rules import Rules
 
     return fingerprint(Rules(physics_of(system), extended=True, compensated=True))
 

@@ -1,0 +1,109 @@
+"""Kernels: loops that numba compiled for a shape, and the formulas of a system, linked and optimised as one.
+
+What numba made of a shape is kept, in LLVM's language, so that a new system needs no numba where its shape is known.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import binding, ir
+
+from nearharmonic.core import disk
+from nearharmonic.core.layout import Signature
+from nearharmonic.core.native import target_machine
+from nearharmonic.core.operations import PREFIX, Kinds, define
+
+#: Types of numbers, and operations on them, in the text of loops: declared, and to be defined.
+_TYPE = re.compile(rf"(%{re.escape(PREFIX)}([RPC])(?:\.\d+)?) = type \{{[^}}]*\}}")
+_OPERATION = re.compile(rf"^declare (\S+) @({re.escape(PREFIX)}\w+\.\w+)\(", re.MULTILINE)
+#: Of Signature's scalars: in LLVM's language.
+_KINDS: dict[str, ir.Type] = {"int64": ir.IntType(64), "float64": ir.DoubleType(), "bool": ir.IntType(8)}
+
+
+def kept(key: str, make: Callable[[], tuple[str, bytes]]) -> tuple[str, bytes]:
+    """Return what the cache has under a key, or what ``make`` returns, which is put there."""
+    place = disk.place_of(key)
+    found = disk.read(place) if place else None
+    if found is None:
+        found = make()
+        if place:
+            disk.write(place, *found)
+    return found
+
+
+def loops(function: Callable[..., Any], signature: Signature) -> tuple[str, bytes]:
+    """Return the name and the text, in LLVM's language, of a function compiled by numba; arrays are addresses.
+
+    Nothing is optimised: the size of a number is not known yet.
+    """
+    import numba
+    from numba.core import config, types
+
+    from nearharmonic.core.reals import compiled
+
+    scalars = {"int64": types.int64, "float64": types.float64, "bool": types.boolean}
+    kinds = [
+        types.CPointer(scalars[argument.scalar]) if argument.dimensions else scalars[argument.scalar]
+        for argument in signature.flat
+    ]
+    level, config.OPT = config.OPT, config._OptLevel(0)
+    try:
+        jitted = compiled(function)
+        jitted.compile(tuple(kinds))
+    finally:
+        config.OPT = level
+    (made,) = jitted.overloads.values()
+    return made.fndesc.llvm_func_name, made.library.get_llvm_str().encode()
+
+
+def linked(name: str, loops: bytes, written: ir.Module, kinds: Kinds, entry: str, signature: Signature) -> tuple[str, bytes]:
+    """Name and object code of the C function ``entry``: loops with what is ``written`` of a system, for some lanes.
+
+    No arithmetic is re-ordered. Loops are not made vectors of: what is computed side by side is written so.
+    """
+    text = _TYPE.sub(lambda found: f"{found[1]} = type {kinds.of(found[2])}", loops.decode())
+    for result, symbol in _OPERATION.findall(text):
+        define(written, symbol, kinds, _letter_of(result))
+    _write_entry(written, name, entry, signature)
+    module, rest = binding.parse_assembly(text), binding.parse_assembly(str(written))
+    rest.triple, rest.data_layout = module.triple, module.data_layout
+    module.link_in(rest)
+    for function in module.functions:
+        if not function.is_declaration and function.name != entry:
+            function.linkage = "internal"
+    module.verify()
+    machine = target_machine()
+    options = binding.create_pipeline_tuning_options(speed_level=3)
+    options.slp_vectorization = options.loop_vectorization = False
+    builder = binding.create_pass_builder(machine, options)
+    builder.getModulePassManager().run(module, builder)
+    return entry, machine.emit_object(module)
+
+
+def _letter_of(result: str) -> str:
+    found = re.match(rf"%{re.escape(PREFIX)}([RPC])", result)
+    return found[1] if found else {"i1": "B", "void": "V"}[result]
+
+
+def _write_entry(module: ir.Module, name: str, entry: str, signature: Signature) -> None:
+    """A C function that calls numba's: this returns a status and, by an address, its result."""
+    kinds: list[ir.Type] = []
+    passed = []
+    for argument in signature.flat:
+        kind = _KINDS[argument.scalar]
+        passed.append(len(kinds))
+        kinds += [kind.as_pointer(), *[ir.IntType(64)] * argument.dimensions] if argument.dimensions else [kind]
+    result = _KINDS[signature.result] if signature.result else ir.IntType(8).as_pointer()
+    inner = [result.as_pointer(), ir.IntType(8).as_pointer().as_pointer(), *(kinds[i] for i in passed)]
+    callee = ir.Function(module, ir.FunctionType(ir.IntType(32), inner), name)
+    outer = ir.Function(module, ir.FunctionType(result if signature.result else ir.VoidType(), kinds), entry)
+    builder = ir.IRBuilder(outer.append_basic_block())
+    returned, raised = builder.alloca(result), builder.alloca(ir.IntType(8).as_pointer())
+    builder.call(callee, [returned, raised, *(outer.args[i] for i in passed)])
+    if signature.result:
+        builder.ret(builder.load(returned))
+    else:
+        builder.ret_void()

@@ -1,0 +1,162 @@
+"""Operations on reals and points in LLVM's language, for a number of coordinates and of lanes.
+
+Compiled loops (:mod:`nearharmonic.core.reals`) call them by names that tell their operands, as in
+``nearharmonic.fma.RPP``: R is a real, P a point, D a double that is the same in every lane, C the parameters, I a whole
+number, A an array of doubles; of results, B is a truth value and V is none. An operation is one instruction a coordinate, rounded once, whatever the number of lanes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from llvmlite import ir
+
+PREFIX = "nearharmonic."
+DOUBLE, INDEX, TRUTH = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
+Builder = ir.IRBuilder
+
+
+def _called(name: str) -> Callable[..., ir.Value]:
+    """An intrinsic function of LLVM."""
+
+    def emit(builder: Builder, *values: ir.Value) -> ir.Value:
+        kind, module = values[0].type, builder.module
+        symbol = f"llvm.{name}.v{kind.count}f64" if isinstance(kind, ir.VectorType) else f"llvm.{name}.f64"
+        known = module.globals.get(symbol) or ir.Function(module, ir.FunctionType(kind, [kind] * len(values)), symbol)
+        return builder.call(known, values)
+
+    return emit
+
+
+def _zero(kind: ir.Type) -> ir.Constant:
+    return ir.Constant(kind, [0.0] * kind.count if isinstance(kind, ir.VectorType) else 0.0)
+
+
+def _where(relation: str) -> Callable[..., ir.Value]:
+    return lambda b, x, y, yes, no: b.select(b.fcmp_ordered(relation, x, y), yes, no)
+
+
+#: Operations on one coordinate.
+ELEMENTWISE: dict[str, Callable[..., ir.Value]] = {
+    "add": lambda b, x, y: b.fadd(x, y),
+    "sub": lambda b, x, y: b.fsub(x, y),
+    "mul": lambda b, x, y: b.fmul(x, y),
+    "neg": lambda b, x: b.fneg(x),
+    "fma": _called("fma"),
+    "absolute": _called("fabs"),
+    "larger": lambda b, x, y: _where(">")(b, x, y, x, y),
+    "where_greater": _where(">"),
+    "where_zero": lambda b, x, yes, no: _where("==")(b, x, _zero(x.type), yes, no),
+}
+#: Truth values of a real and another, for one lane; of all lanes together.
+ALL: dict[str, Callable[..., ir.Value]] = {
+    "all_within": lambda b, x, y: b.not_(b.fcmp_unordered(">", x, y)),
+    "all_greater": lambda b, x, y: b.fcmp_ordered(">", x, y),
+    "all_zero": lambda b, x: b.fcmp_ordered("==", x, _zero(x.type)),
+}
+
+
+@dataclass(frozen=True)
+class Kinds:
+    """Types of LLVM by their letters."""
+
+    dimension: int
+    parameters: int
+    lanes: int
+
+    @property
+    def real(self) -> ir.Type:
+        return DOUBLE if self.lanes == 1 else ir.VectorType(DOUBLE, self.lanes)
+
+    def of(self, letter: str) -> ir.Type:
+        """The type of a letter."""
+        points = {"P": self.dimension, "C": self.parameters, "R": 1}
+        if letter in points:
+            return ir.LiteralStructType([self.real] * points[letter])
+        return {"D": DOUBLE, "I": INDEX, "A": DOUBLE.as_pointer(), "B": TRUTH, "V": ir.VoidType()}[letter]
+
+
+def define(module: ir.Module, symbol: str, kinds: Kinds, result: str) -> None:
+    """Write the operation of this name into a module."""
+    _, name, letters = symbol.split(".")
+    function = declare(module, symbol, [kinds.of(letter) for letter in letters], kinds.of(result))
+    builder = Builder(function.append_basic_block())
+    values = dict(enumerate(function.args))
+    if name in ELEMENTWISE:
+        count = len(kinds.of(result).elements)
+        columns = [_coordinates(builder, x, letter, count, kinds) for x, letter in zip(function.args, letters, strict=True)]
+        builder.ret(packed(builder, [ELEMENTWISE[name](builder, *c) for c in zip(*columns, strict=True)], kinds.of(result)))
+    elif name in ALL:
+        found = ALL[name](builder, *(builder.extract_value(x, 0) for x in function.args))
+        if kinds.lanes > 1:
+            bits = builder.bitcast(found, ir.IntType(kinds.lanes))
+            found = builder.icmp_unsigned("==", bits, ir.Constant(bits.type, (1 << kinds.lanes) - 1))
+        builder.ret(found)
+    elif name == "largest_modulus":
+        found = _zero(kinds.real)
+        for x in _coordinates(builder, function.args[0], "P", kinds.dimension, kinds):
+            found = ELEMENTWISE["larger"](builder, ELEMENTWISE["absolute"](builder, x), found)
+        builder.ret(packed(builder, [found], kinds.of("R")))
+    elif name.startswith("load"):
+        write_load(builder, values[0], values[1], kinds, kinds.of(result))
+    elif name == "store":
+        _write_store(builder, *function.args, kinds)
+
+
+def declare(module: ir.Module, symbol: str, kinds: Sequence[ir.Type], result: ir.Type) -> ir.Function:
+    """Return a new function that is always made part of its caller."""
+    function = ir.Function(module, ir.FunctionType(result, kinds), symbol)
+    function.attributes.add("alwaysinline")
+    function.attributes.add("nounwind")
+    return function
+
+
+def _coordinates(builder: Builder, value: ir.Value, letter: str, count: int, kinds: Kinds) -> list[ir.Value]:
+    """The coordinates of a value, or one number as often."""
+    if letter == "D":
+        return [_in_every_lane(builder, value, kinds.lanes)] * count
+    found = [builder.extract_value(value, i) for i in range(len(value.type.elements))]
+    return found * count if letter == "R" else found
+
+
+def _in_every_lane(builder: Builder, double: ir.Value, lanes: int) -> ir.Value:
+    if lanes == 1:
+        return double
+    index, vector = ir.IntType(32), ir.VectorType(DOUBLE, lanes)
+    first = builder.insert_element(ir.Constant(vector, ir.Undefined), double, index(0))
+    return builder.shuffle_vector(first, ir.Constant(vector, ir.Undefined), ir.Constant(ir.VectorType(index, lanes), [0] * lanes))
+
+
+def packed(builder: Builder, numbers: Any, kind: ir.Type) -> ir.Value:
+    """A number, or nested sequences of numbers, as a value of this type."""
+    if isinstance(numbers, ir.Value):
+        return numbers
+    value = ir.Constant(kind, ir.Undefined)
+    members = [kind.element] * kind.count if isinstance(kind, ir.ArrayType) else kind.elements
+    for i, (number, member) in enumerate(zip(numbers, members, strict=True)):
+        value = builder.insert_value(value, packed(builder, number, member), i)
+    return value
+
+
+def _place(builder: Builder, array: ir.Value, row: ir.Value, behind: int, kinds: Kinds) -> ir.Value:
+    first = builder.mul(builder.add(row, INDEX(behind)), INDEX(kinds.lanes))
+    return builder.bitcast(builder.gep(array, [first]), kinds.real.as_pointer())
+
+
+def write_load(
+    builder: Builder, array: ir.Value, row: ir.Value, kinds: Kinds, kind: ir.Type, rows: Sequence[int] | None = None
+) -> None:
+    """Return the numbers in the rows from ``row`` on, or in ``rows`` counted from there."""
+    found = []
+    for behind in range(len(kind.elements)) if rows is None else rows:
+        found.append(builder.load(_place(builder, array, row, behind, kinds)))
+        found[-1].align = 8
+    builder.ret(packed(builder, found, kind))
+
+
+def _write_store(builder: Builder, array: ir.Value, row: ir.Value, value: ir.Value, kinds: Kinds) -> None:
+    for i in range(len(value.type.elements)):
+        builder.store(builder.extract_value(value, i), _place(builder, array, row, i, kinds)).align = 8
+    builder.ret_void()

@@ -1,0 +1,207 @@
+"""Types of numba for the core: reals, one or one a lane, and points, as many of them as there are coordinates.
+
+What numba compiles knows neither how many coordinates nor how many lanes there are, nor the system: an operation on
+reals and points calls a function (:mod:`nearharmonic.core.operations`), and so does a formula of a system. The functions
+are linked to the compiled loops, and made part of them, for a system and a number of lanes.
+"""
+
+from __future__ import annotations
+
+import operator
+from typing import Any
+
+import numba
+from llvmlite import binding, ir
+from numba.core import cgutils, types
+from numba.extending import intrinsic, lower_builtin, models, overload, register_jitable, register_model, type_callable
+
+from nearharmonic.core import arithmetic
+from nearharmonic.core.operations import DOUBLE, PREFIX
+
+#: A function of the core, to be called by others; it allocates nothing and raises nothing.
+compiled = numba.njit(error_model="numpy", nogil=True, _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
+
+class Numbers(types.Type):
+    """A real, a point, or the parameters of a system."""
+
+    def __init__(self, letter: str) -> None:
+        self.letter = letter
+        super().__init__(name=f"Numbers({letter})")
+
+
+REAL, POINT, PARAMETERS = (Numbers(letter) for letter in "RPC")
+LETTERS = {REAL: "R", POINT: "P", PARAMETERS: "C", types.float64: "D", types.int64: "I"}
+
+
+@register_model(Numbers)
+class _Model(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: Numbers) -> None:
+        # What it is made of is replaced when loops are linked; LLVM takes types of the same body for one.
+        named = ir.global_context.get_identified_type(f"{PREFIX}{kind.letter}")
+        if named.is_opaque:
+            named.set_body(*[DOUBLE] * ("RPC".index(kind.letter) + 1))
+        super().__init__(manager, kind, named)
+
+
+def _call(context: Any, builder: Any, name: str, result: Any, values: Any) -> Any:
+    symbol, nothing = PREFIX + name, result == types.void
+    binding.add_symbol(symbol, 1)  # numba makes machine code of it at once, which nobody calls
+    returned = ir.VoidType() if nothing else context.get_value_type(result)
+    kind = ir.FunctionType(returned, [value.type for value in values])
+    found = builder.call(cgutils.get_or_insert_function(builder.module, kind, symbol), values)
+    return context.get_dummy_value() if nothing else found
+
+
+def _letter(kind: Any) -> str:
+    return LETTERS.get(kind, "A")
+
+
+def _operation(name: str) -> Any:
+    """Code that calls an operation."""
+
+    def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        letters = "".join(map(_letter, signature.args))
+        return _call(context, builder, f"{name}.{letters}", signature.return_type, values)
+
+    return codegen
+
+
+def _common(*kinds: Any) -> Any:
+    """The type of an operation's result, a point if there is one among its operands; None if there is no real."""
+    if not all(kind in (REAL, POINT, types.float64) for kind in kinds):
+        return None
+    return POINT if POINT in kinds else REAL if REAL in kinds else None
+
+
+for _name, _operator in (("add", operator.add), ("sub", operator.sub), ("mul", operator.mul)):
+
+    @type_callable(_operator)
+    def _typed(context):  # type: ignore[no-untyped-def]
+        return lambda a, b: _common(a, b)
+
+    for _left, _right in ((Numbers, Numbers), (Numbers, types.Float), (types.Float, Numbers)):
+        lower_builtin(_operator, _left, _right)(_operation(_name))
+
+
+@type_callable(operator.neg)
+def _typed_negative(context):  # type: ignore[no-untyped-def]
+    return lambda x: _common(x)
+
+
+lower_builtin(operator.neg, Numbers)(_operation("neg"))
+
+
+@intrinsic
+def _fma(typing, x, y, z):  # type: ignore[no-untyped-def]
+    return _common(x, y, z)(x, y, z), _operation("fma")
+
+
+@overload(arithmetic.fma)
+def _fma_of_reals(x, y, z):  # type: ignore[no-untyped-def]
+    return (lambda x, y, z: _fma(x, y, z)) if _common(x, y, z) else None
+
+
+for _transform in (
+    arithmetic.quick_two_sum, arithmetic.two_sum, arithmetic.two_product, arithmetic.dd_add, arithmetic.dd_mul,
+):  # fmt: skip
+    register_jitable(_transform)
+
+
+@intrinsic
+def absolute(typing, x):  # type: ignore[no-untyped-def]
+    """|x|."""
+    return x(x), _operation("absolute")
+
+
+@intrinsic
+def larger(typing, x, y):  # type: ignore[no-untyped-def]
+    """x where x > y, else y: a NaN in x is dropped."""
+    return _common(x, y)(x, y), _operation("larger")
+
+
+@intrinsic
+def where_greater(typing, x, y, yes, no):  # type: ignore[no-untyped-def]
+    """``yes`` in the lanes where x > y, else ``no``."""
+    return _common(yes, no)(x, y, yes, no), _operation("where_greater")
+
+
+@intrinsic
+def where_zero(typing, x, yes, no):  # type: ignore[no-untyped-def]
+    """``yes`` in the lanes where x = 0, else ``no``."""
+    return _common(yes, no)(x, yes, no), _operation("where_zero")
+
+
+@intrinsic
+def all_within(typing, x, bound):  # type: ignore[no-untyped-def]
+    """Whether x <= bound in every lane; a NaN is not."""
+    return types.boolean(x, bound), _operation("all_within")
+
+
+@intrinsic
+def all_greater(typing, x, bound):  # type: ignore[no-untyped-def]
+    """Whether x > bound in every lane."""
+    return types.boolean(x, bound), _operation("all_greater")
+
+
+@intrinsic
+def all_zero(typing, x):  # type: ignore[no-untyped-def]
+    """Whether x = 0 in every lane."""
+    return types.boolean(x), _operation("all_zero")
+
+
+@intrinsic
+def largest_modulus(typing, point):  # type: ignore[no-untyped-def]
+    """The largest |x| of the coordinates, in each lane."""
+    return REAL(point), _operation("largest_modulus")
+
+
+@intrinsic
+def zero_like(typing, value):  # type: ignore[no-untyped-def]
+    """0, or a tuple of zeros, of the type of ``value``."""
+    codegen = lambda context, builder, signature, values: context.get_constant_null(signature.return_type)  # noqa: E731
+    return value(value), codegen
+
+
+def _loader(kind: Numbers) -> Any:
+    @intrinsic
+    def load(typing, array, row):  # type: ignore[no-untyped-def]
+        return kind(array, types.int64), _operation(f"load{kind.letter}")
+
+    return load
+
+
+#: ``load_...(array, row)``: the numbers in the rows from this one on.
+load_real, load_point, load_parameters = map(_loader, (REAL, POINT, PARAMETERS))
+
+
+@intrinsic
+def store(typing, array, row, value):  # type: ignore[no-untyped-def]
+    """Replace the rows from ``row`` on by a value."""
+    return types.void(array, types.int64, value), _operation("store")
+
+
+def linked(name: str, result: Any) -> Any:
+    """Return a function that is linked later, with this result: a formula of a system, or what depends on its shape."""
+
+    @intrinsic
+    def call(typing, *given):  # type: ignore[no-untyped-def]
+        arguments = given[0] if len(given) == 1 and isinstance(given[0], tuple) else given
+
+        def codegen(context, builder, signature, values):  # type: ignore[no-untyped-def]
+            passed = [builder.extract_value(values[0], i) for i in range(len(signature.args[0]))]
+            return _call(context, builder, name, result, passed)
+
+        return result(types.StarArgTuple(arguments)), codegen
+
+    return call
+
+
+def linked_number(name: str) -> Any:
+    """Return a function without arguments that is linked later: a whole number."""
+
+    @intrinsic
+    def call(typing):  # type: ignore[no-untyped-def]
+        return types.int64(), lambda context, builder, signature, values: _call(context, builder, name, types.int64, [])
+
+    return call
