@@ -17,7 +17,7 @@ from nearharmonic.core.native import target_machine
 from nearharmonic.core.operations import PREFIX, Kinds, define
 
 #: Types of numbers, and operations on them, in the text of loops: declared, and to be defined.
-_TYPE = re.compile(rf"(%{re.escape(PREFIX)}([RPC])(?:\.\d+)?) = type \{{[^}}]*\}}")
+_TYPE = re.compile(rf"%{re.escape(PREFIX)}([RPC])(?:\.\d+)*( = type .*)?")
 _OPERATION = re.compile(rf"^declare (\S+) @({re.escape(PREFIX)}\w+\.\w+)\(", re.MULTILINE)
 #: Of Signature's scalars: in LLVM's language.
 _KINDS: dict[str, ir.Type] = {"int64": ir.IntType(64), "float64": ir.DoubleType(), "bool": ir.IntType(8)}
@@ -56,7 +56,23 @@ def loops(function: Callable[..., Any], signature: Signature) -> tuple[str, byte
     finally:
         config.OPT = level
     (made,) = jitted.overloads.values()
-    return made.fndesc.llvm_func_name, made.library.get_llvm_str().encode()
+    name, module = made.fndesc.llvm_func_name, binding.parse_assembly(made.library.get_llvm_str())
+    _make_one(module, name)
+    return name, str(module).encode()
+
+
+def _make_one(module: Any, name: str) -> None:
+    """Make the functions that ``name`` calls part of it, but for those that are declared alone or kept apart."""
+    for function in module.functions:
+        if not function.is_declaration and function.name != name:
+            function.linkage = "internal"
+            if not any(b"noinline" in attribute for attribute in function.attributes):
+                function.add_function_attribute("alwaysinline")
+    passes = binding.create_new_module_pass_manager()
+    passes.add_always_inliner_pass()
+    passes.add_global_dead_code_eliminate_pass()
+    builder = binding.create_pass_builder(target_machine(), binding.create_pipeline_tuning_options())
+    passes.run(module, builder)
 
 
 def linked(name: str, loops: bytes, written: ir.Module, kinds: Kinds, entry: str, signature: Signature) -> tuple[str, bytes]:
@@ -64,16 +80,14 @@ def linked(name: str, loops: bytes, written: ir.Module, kinds: Kinds, entry: str
 
     No arithmetic is re-ordered. Loops are not made vectors of: what is computed side by side is written so.
     """
-    text = _TYPE.sub(lambda found: f"{found[1]} = type {kinds.of(found[2])}", loops.decode())
-    for result, symbol in _OPERATION.findall(text):
+    text = _TYPE.sub(lambda found: "" if found[2] else str(kinds.of(found[1])), loops.decode())
+    for result, symbol in _OPERATION.findall(loops.decode()):
         define(written, symbol, kinds, _letter_of(result))
     _write_entry(written, name, entry, signature)
     module, rest = binding.parse_assembly(text), binding.parse_assembly(str(written))
     rest.triple, rest.data_layout = module.triple, module.data_layout
     module.link_in(rest)
-    for function in module.functions:
-        if not function.is_declaration and function.name != entry:
-            function.linkage = "internal"
+    _make_one(module, entry)
     module.verify()
     machine = target_machine()
     options = binding.create_pipeline_tuning_options(speed_level=3)
