@@ -12,7 +12,7 @@ import yaml
 from nearharmonic.config import load
 from nearharmonic.experiments.trained.contestants import contestants
 from nearharmonic.output.store import read
-from targets import DECOMPOSED, MADE, METHODS
+from targets import DECOMPOSED, MADE, METHODS, STRUCTURE_T_END
 
 RESULTS = "results/tiny/"
 
@@ -26,9 +26,9 @@ def expected_settings(project):
     for name in ("sho_terms", "linear_stability", "kinetic_energy", "structure"):
         found[f"cubes/{name}.h5"] = dict(methods)
     found["cubes/sho_terms.h5"]["integrators"] = list(DECOMPOSED)
-    found["cubes/structure.h5"]["t_end"] = {"sho": "20", "henon_heiles": "25", "kepler": "4383"} | {
-        "relativistic_oscillator": "500"
-    }
+    found["cubes/structure.h5"]["t_end"] = STRUCTURE_T_END
+    for system, t_end in STRUCTURE_T_END.items():
+        found[f"runs/stability/structure/{system}.h5"] = {"system": system, "t_end": t_end} | methods
     found["cubes/work_precision.h5"] = {
         "methods": [*METHODS, *given["work_precision"]["integrators"]], "sweeps": list(sweeps.values()),
     }  # fmt: skip
