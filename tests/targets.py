@@ -95,7 +95,7 @@ ENSEMBLES = cubes(*(f"stability_{name}" for name in _ENSEMBLES)) | {
 #: Runs of experiments that have one file for all methods.
 SINGLE_RUNS = {
     "runs/stability/kinetic_energy.h5", "runs/exact_oscillator/trajectories.h5", "runs/trained/proof.h5",
-    "runs/trained/ideas.h5",
+    "runs/trained/ideas.h5", "runs/trained/long.h5",
 }  # fmt: skip
 #: Intervals of the systems that structure is measured on, on the tiny config.
 STRUCTURE_T_END = {"sho": "20", "henon_heiles": "25", "kepler": "4383", "relativistic_oscillator": "500"}

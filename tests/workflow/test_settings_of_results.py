@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from nearharmonic.config import load
-from nearharmonic.experiments.trained.contestants import contestants
+from nearharmonic.experiments.trained.contestants import contestants, kind_of
 from nearharmonic.output.store import read
 from targets import DECOMPOSED, MADE, METHODS, STRUCTURE_T_END
 
@@ -35,6 +35,8 @@ def expected_settings(project):
     found["cubes/exact_oscillator.h5"] = {"split": list(METHODS), "exact": ["aba864"]}
     found["cubes/trained.h5"] = {"methods": list(contestants())}
     found["cubes/trained_ideas.h5"] = {"methods": list(contestants()), "exact": ["aba864"]}
+    trained = [name for name in contestants() if kind_of(name) == "trained"]
+    found["runs/trained/long.h5"] = {"methods": trained, "beside": "babps8o7h"}
     for run, cube in (
         ("stability/kinetic_energy", "kinetic_energy"), ("exact_oscillator/trajectories", "exact_oscillator"),
         ("trained/proof", "trained"), ("trained/ideas", "trained_ideas"),
