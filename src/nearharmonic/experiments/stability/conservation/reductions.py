@@ -64,7 +64,7 @@ def symplectic_defect(runs: xr.Dataset) -> xr.DataArray:
     """Largest entry of J^T Omega J - Omega, J the tangent map of the run."""
     spacing = _spacing(runs)
     defects = _of_each(
-        lambda high, low: defect(tangent_map(high[..., -1, :], low[..., -1, :], spacing)),
+        lambda high, low: defect(tangent_map(high[..., -1, :], low, spacing)),
         runs.neighbour, runs.neighbour_low,
     )  # fmt: skip
     return _described(defects, "largest entry of J^T Omega J - Omega, J the tangent map of the run in double-double")

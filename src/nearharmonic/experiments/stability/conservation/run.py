@@ -40,7 +40,7 @@ SAMPLES = 65
 SUMMATIONS = ("compensated", "plain")
 
 #: Variables of the run file: their dimensions behind ``integrator``, and what they are.
-_STATES, _NEIGHBOURS = ("summation", "direction", "sample", "component"), ("axis", "offset", "sample", "component")
+_STATES = ("summation", "direction", "sample", "component")
 MEANINGS = {
     "tau_per_stage": ((), "step size per stage, in the system's unit of time"),
     "steps": ((), "steps of the run forwards"),
@@ -49,8 +49,11 @@ MEANINGS = {
     "state": (_STATES, "states of the run forwards, and of the run back from its end, in units of scale"),
     "state_low": (_STATES, "digits below those of state"),
     "rate": (("component", "sample"), "dq/dt and dp/dt of the compensated run forwards, in units of scale and of time"),
-    "neighbour": (_NEIGHBOURS, "states begun beside those of the run forwards, in double-double, in units of scale"),
-    "neighbour_low": (_NEIGHBOURS, "digits below those of neighbour"),
+    "neighbour": (
+        ("axis", "offset", "sample", "component"),
+        "states begun beside those of the run forwards, in double-double, in units of scale",
+    ),
+    "neighbour_low": (("axis", "offset", "component"), "digits below those of neighbour at the end"),
     "long_steps": ((), "steps of the long run"),
     "energy_error": (("block",), "mean of (H - H0)/|H0| over all steps of each block of the long run"),
     "power": ((), "root mean square over the long run of |dT/dp dV/dq|/|H0|, in the inverse of the unit of time"),
@@ -138,6 +141,8 @@ def _computed(system: System, tableau: Tableau, t_end: Fraction) -> dict[str, An
         "steps": steps,
         "tau": float(tau),
         "scale": scale,
+        "neighbour": np.stack(np.split(_phase(beside), scale.size)) / scale,
+        "neighbour_low": np.stack(np.split(_phase(beside, "_low")[:, -1], scale.size)) / scale,
         "rate": np.concatenate([velocity, -force]) / scale[:, None],
         "long_steps": long_steps,
         "energy_error": [block.mean() for block in np.array_split(long_run.energy_error[0, 1:], BLOCKS)],
@@ -146,7 +151,6 @@ def _computed(system: System, tableau: Tableau, t_end: Fraction) -> dict[str, An
     for low in ("", "_low"):
         pairs = zip(there, back, strict=True)
         found[f"state{low}"] = np.array([[_phase(path, low)[0] for path in pair] for pair in pairs]) / scale
-        found[f"neighbour{low}"] = np.stack(np.split(_phase(beside, low), scale.size)) / scale
     return found
 
 
@@ -174,6 +178,6 @@ def _rates(system: System, path: Trajectories) -> tuple[Floats, Floats]:
     return np.array(velocity), np.array(force)
 
 
-def _phase(path: Trajectories, low: str) -> Floats:
+def _phase(path: Trajectories, low: str = "") -> Floats:
     """States (R, S, 2 d) over q and p, or the digits below them."""
     return np.concatenate([getattr(path, f"{kind}{low}") for kind in "qp"], axis=2)
