@@ -95,9 +95,12 @@ ENSEMBLES = cubes(*(f"stability_{name}" for name in _ENSEMBLES)) | {
 #: Runs of experiments that have one file for all methods.
 SINGLE_RUNS = {
     "runs/stability/kinetic_energy.h5", "runs/exact_oscillator/trajectories.h5", "runs/trained/proof.h5",
-    "runs/trained/ideas.h5",
+    "runs/trained/ideas.h5", "runs/trained/long.h5",
 }  # fmt: skip
-MADE = TARGETS["everything"] | RUNS | CUBES | ENSEMBLES | SINGLE_RUNS
+#: Intervals of the systems that structure is measured on, on the tiny config.
+STRUCTURE_T_END = {"sho": "20", "henon_heiles": "25", "kepler": "4383", "relativistic_oscillator": "500"}
+STRUCTURE_RUNS = {f"runs/stability/structure/{system}.h5" for system in STRUCTURE_T_END}
+MADE = TARGETS["everything"] | RUNS | CUBES | ENSEMBLES | SINGLE_RUNS | STRUCTURE_RUNS
 #: Target -> all files that are there after it.
 MADE_BY = {"all": TARGETS["all"] | RUNS | CUBES, "everything": MADE}
 #: What every run of the workflow writes to, beside what it was asked for.

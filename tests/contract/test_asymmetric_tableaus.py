@@ -16,11 +16,11 @@ from nearharmonic.errors import TableauError
 from nearharmonic.exchange.coefficient_file import read
 from nearharmonic.exchange.export import export
 from nearharmonic.exchange.verdict import Verdict
-from nearharmonic.experiments.stability.conservation.run import structure
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.integrators.user_file import load_tableaus
 from nearharmonic.theory.oscillator import harmonic_energy_error
+from structures import structure
 
 ASYMMETRIC = [name for name, tableau in integrators.items() if not tableau.symmetric]
 BOTH = pytest.mark.parametrize("name", [*ASYMMETRIC, "ruth", "babps8o7h"])

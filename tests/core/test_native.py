@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 import sys
 from dataclasses import replace
 from fractions import Fraction
 from importlib.metadata import version
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +16,6 @@ from nearharmonic.core import native
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
-from nearharmonic.experiments.sixth_order import kernels
 
 OSCILLATOR = nh.systems["sho"]
 
@@ -75,38 +72,6 @@ def test_an_array_of_the_wrong_kind_is_refused_before_the_call(own_cache):
     advance = kernel_of(OSCILLATOR).advance()
     with pytest.raises(TypeError, match="contiguous float64 array of 1 dimensions"):
         advance(1, 3, False, np.zeros(32, dtype=np.float32), np.zeros(88))
-
-
-@pytest.mark.slow
-def test_the_kernels_of_both_searches_are_found_again_without_the_compiler():
-    text = """
-import sys
-import numpy as np
-from nearharmonic.experiments.derivation.conditions import Equations
-from nearharmonic.experiments.derivation.starts import sample
-from nearharmonic.experiments.sixth_order.conditions import NystromEquations
-from nearharmonic.experiments.sixth_order.cascade import assessed
-from nearharmonic.experiments.sixth_order.kernels import kernels
-print(len(sample(Equations(5, 6), starts=20, seed=1)), np.isfinite(assessed(NystromEquations(7, "kick", 6),
-    np.full((1, 6), 0.1))).all(), "numba" in sys.modules)
-"""
-    for _ in range(2):
-        done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True)
-    assert done.stdout.split()[1:] == ["True", "False"]
-    assert int(done.stdout.split()[0]) > 0
-
-
-@pytest.mark.parametrize("module", ["kernels", "compiled_text", "criterion", "conditions"])
-def test_an_edit_of_the_criterion_or_of_other_compiled_text_changes_the_key_of_the_searchs_kernels(
-    tmp_path, monkeypatch, module
-):
-    for source in Path(kernels.__file__).parent.glob("*.py"):
-        shutil.copy(source, tmp_path)
-    monkeypatch.setattr(kernels, "__file__", str(tmp_path / "kernels.py"))
-    before = kernels.key()
-    with (tmp_path / f"{module}.py").open("a") as file:
-        file.write("ANHARMONICITY = 0.2\n")
-    assert kernels.key() != before
 
 
 @pytest.mark.parametrize("compiler", ["numba", "llvmlite"])

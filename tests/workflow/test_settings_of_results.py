@@ -10,9 +10,9 @@ import pytest
 import yaml
 
 from nearharmonic.config import load
-from nearharmonic.experiments.trained.contestants import contestants
+from nearharmonic.experiments.trained.contestants import contestants, kind_of
 from nearharmonic.output.store import read
-from targets import DECOMPOSED, MADE, METHODS
+from targets import DECOMPOSED, MADE, METHODS, STRUCTURE_T_END
 
 RESULTS = "results/tiny/"
 
@@ -26,15 +26,17 @@ def expected_settings(project):
     for name in ("sho_terms", "linear_stability", "kinetic_energy", "structure"):
         found[f"cubes/{name}.h5"] = dict(methods)
     found["cubes/sho_terms.h5"]["integrators"] = list(DECOMPOSED)
-    found["cubes/structure.h5"]["t_end"] = {"sho": "20", "henon_heiles": "25", "kepler": "4383"} | {
-        "relativistic_oscillator": "500"
-    }
+    found["cubes/structure.h5"]["t_end"] = STRUCTURE_T_END
+    for system, t_end in STRUCTURE_T_END.items():
+        found[f"runs/stability/structure/{system}.h5"] = {"system": system, "t_end": t_end} | methods
     found["cubes/work_precision.h5"] = {
         "methods": [*METHODS, *given["work_precision"]["integrators"]], "sweeps": list(sweeps.values()),
     }  # fmt: skip
     found["cubes/exact_oscillator.h5"] = {"split": list(METHODS), "exact": ["aba864"]}
     found["cubes/trained.h5"] = {"methods": list(contestants())}
     found["cubes/trained_ideas.h5"] = {"methods": list(contestants()), "exact": ["aba864"]}
+    trained = [name for name in contestants() if kind_of(name) == "trained"]
+    found["runs/trained/long.h5"] = {"methods": trained, "beside": "babps8o7h"}
     for run, cube in (
         ("stability/kinetic_energy", "kinetic_energy"), ("exact_oscillator/trajectories", "exact_oscillator"),
         ("trained/proof", "trained"), ("trained/ideas", "trained_ideas"),

@@ -1,4 +1,4 @@
-"""Where the methods may be trusted: three ensembles, one job a method and then a cube; and three cubes of one job."""
+"""Where the methods may be trusted: three ensembles, one job a method and then a cube; and three cubes beside them."""
 
 from nearharmonic.experiments.stability import CUBES as STABILITY_CUBES
 from nearharmonic.systems import systems
@@ -17,10 +17,13 @@ STRUCTURE_T_END = {
     if not system.time_dependent and system.regularisation is None
 }
 STRUCTURE_T_END |= {sweep.system: sweep.t_end for sweep in CONFIG.sweeps if sweep.system in STRUCTURE_T_END}
+STRUCTURE_RUNS = [RUN(f"stability/structure/{name}") for name in STRUCTURE_T_END]
+RUNS += STRUCTURE_RUNS
 
 
 wildcard_constraints:
     ensemble="|".join(ENSEMBLES),
+    autonomous="|".join(STRUCTURE_T_END),
 
 
 rule stability_compile:
@@ -84,14 +87,32 @@ rule linear_stability_cube:
         "../scripts/task.py"
 
 
+rule structure_run:
+    output:
+        run=RUN("stability/structure/{autonomous}"),
+    log:
+        LOG("stability/structure/{autonomous}"),
+    params:
+        task=lambda wildcards: task(
+            "experiments.stability.conservation.run:measure",
+            system=wildcards.autonomous,
+            integrators=CONFIG.methods,
+            t_end=STRUCTURE_T_END[wildcards.autonomous],
+        ),
+    script:
+        "../scripts/task.py"
+
+
 rule structure_cube:
+    input:
+        runs=STRUCTURE_RUNS,
     output:
         cube=CUBE("structure"),
         table=TABLE("structure"),
     log:
         LOG("stability/conservation"),
     params:
-        task=task("experiments.stability.conservation.run:measure", integrators=CONFIG.methods, t_end=STRUCTURE_T_END),
+        task=task("experiments.stability.conservation.reduce:reduce", integrators=CONFIG.methods, t_end=STRUCTURE_T_END),
     script:
         "../scripts/task.py"
 

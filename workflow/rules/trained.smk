@@ -6,8 +6,9 @@ from nearharmonic.experiments.trained.contestants import contestants, kind_of
 CONTESTANTS = contestants()
 TRAINED_FIGURES = figures_of("experiments.trained", CONFIG.systems, TRAINED_CUBES)
 FIGURES += TRAINED_FIGURES
-RUNS += [RUN("trained/proof"), RUN("trained/ideas")]
+RUNS += [RUN("trained/proof"), RUN("trained/ideas"), RUN("trained/long")]
 PROOF = {"methods": CONTESTANTS, "settings": CONFIG.trained.proof}
+LONG = PROOF | {"methods": [name for name in CONTESTANTS if kind_of(name) == "trained"], "beside": "babps8o7h"}
 
 
 rule trained_proof_run:
@@ -61,18 +62,26 @@ rule trained_ideas_cube:
         "../scripts/task.py"
 
 
+rule trained_long_run:
+    output:
+        run=RUN("trained/long"),
+    log:
+        LOG("trained/long_run"),
+    params:
+        task=task("experiments.trained.long_runs.run:measure", **LONG),
+    script:
+        "../scripts/task.py"
+
+
 rule trained_long_table:
+    input:
+        run=RUN("trained/long"),
     output:
         table=TABLE("trained_long"),
     log:
         LOG("trained/long"),
     params:
-        task=task(
-            "experiments.trained.proof.long_runs:measure",
-            methods=[name for name in CONTESTANTS if kind_of(name) == "trained"],
-            beside="babps8o7h",
-            settings=CONFIG.trained.proof,
-        ),
+        task=task("experiments.trained.long_runs.reduce:reduce", **LONG),
     script:
         "../scripts/task.py"
 

@@ -227,7 +227,7 @@ class Writer:
     def call(self, address: Index, signature: Signature, arguments: Sequence[Any]) -> Any:
         """Call the C function at ``address`` with whole numbers, truth values and arrays as its signature has them."""
         values: list[ir.Value] = []
-        for argument, given in zip(signature.flat, arguments, strict=True):
+        for argument, given in zip(signature.arguments, arguments, strict=True):
             lengths = [length.value for length in given.shape] if argument.dimensions else []
             if argument.scalar == "bool":
                 values.append(self.builder.zext(given.value, _KINDS["bool"]))
@@ -249,24 +249,24 @@ def function(module: ir.Module, name: str, signature: Signature) -> tuple[Writer
     if signature.packed:
         kinds = [INDEX.as_pointer(), DOUBLE.as_pointer()]
     else:
-        for argument in signature.flat:
+        for argument in signature.arguments:
             kind = _KINDS[argument.scalar]
             kinds += [kind.as_pointer(), *[INDEX] * argument.dimensions] if argument.dimensions else [kind]
     made = ir.Function(module, ir.FunctionType(result, kinds), name)
     made.attributes.add("nounwind")
     writer = Writer(ir.IRBuilder(made.append_basic_block()))
     slots = _slots(writer.builder, made, signature)
-    return writer, {argument.name: _argument(writer.builder, argument, slots) for argument in signature.flat}
+    return writer, {argument.name: _argument(writer.builder, argument, slots) for argument in signature.arguments}
 
 
 def _slots(builder: ir.IRBuilder, made: ir.Function, signature: Signature) -> Iterator[ir.Value]:
-    """The flat arguments of a function, from its registers or from the block that a packed one is given."""
+    """The arguments of a function, from its registers or from the block that a packed one is given."""
     if not signature.packed:
         yield from made.args
         return
     integers, doubles = made.args
     at = 0
-    for argument in signature.flat:
+    for argument in signature.arguments:
         kind = _KINDS[argument.scalar]
         for k in range(1 + argument.dimensions):
             block = doubles if kind == DOUBLE and not argument.dimensions else integers

@@ -36,8 +36,23 @@ def cache_folder() -> Path:
 
 def place_of(key: str) -> Path | None:
     """Return the path of the file for ``key``; None, with a warning, if there is no folder that can be trusted."""
+    folder = _trusted()
+    return folder / f"{key}.kernel" if folder else None
+
+
+def folder_of(name: str) -> Path | None:
+    """Return the folder ``name`` in that of compiled code; None, with a warning, if nothing can be kept there."""
+    folder = _trusted() and _trusted(name)
+    if folder and not os.access(folder, os.W_OK):
+        _warn(f"{folder} cannot be written to")
+        return None
+    return folder
+
+
+def _trusted(name: str = "") -> Path | None:
+    """Return the folder of compiled code, or the one ``name`` in it; None, with a warning, if it cannot be trusted."""
     try:
-        folder = cache_folder()
+        folder = cache_folder() / name
         for path in reversed([folder, *folder.parents]):
             if not path.exists():
                 path.mkdir(mode=0o700, exist_ok=True)
@@ -48,7 +63,7 @@ def place_of(key: str) -> Path | None:
     if fault:
         _warn(f"{folder} {fault}")
         return None
-    return folder / f"{key}.kernel"
+    return folder
 
 
 def read(place: Path) -> tuple[str, bytes] | None:

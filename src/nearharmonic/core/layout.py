@@ -1,12 +1,10 @@
 """Arguments of compiled functions and layout of a kernel's arrays: known to callers and to compiled text alike.
 
-An :class:`Argument` is a number or an array, a :class:`Group` is a tuple of arguments, a :class:`Signature` is what a
-compiled function takes and returns.
+An :class:`Argument` is a number or an array, a :class:`Signature` is what a compiled function takes and returns.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -14,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 Scalar = Literal["int64", "float64", "bool"]
 
 #: Entries of the tally behind the 4 d rows of the state, in this order.
@@ -56,37 +55,16 @@ class Argument:
 
 
 @dataclass(frozen=True)
-class Group:
-    """Arguments that a compiled function takes as one tuple."""
-
-    name: str
-    members: tuple[Argument | Group, ...]
-
-
-@dataclass(frozen=True)
 class Signature:
     """Arguments of a compiled function, and the type of its result, if it has one.
 
-    A ``packed`` function takes the address of a block of 8-byte slots that hold its flat arguments in order: for many
+    A ``packed`` function takes the address of a block of 8-byte slots that hold its arguments in order: for many
     calls with the same arrays, the block is filled once.
     """
 
-    arguments: tuple[Argument | Group, ...]
+    arguments: tuple[Argument, ...]
     result: Scalar | None = None
     packed: bool = False
-
-    @property
-    def flat(self) -> tuple[Argument, ...]:
-        """The arguments with each group replaced by its members: those of the C entry."""
-        return tuple(_flat(self.arguments))
-
-
-def _flat(arguments: tuple[Argument | Group, ...]) -> Iterator[Argument]:
-    for argument in arguments:
-        if isinstance(argument, Group):
-            yield from _flat(argument.members)
-        else:
-            yield argument
 
 
 def integers(name: str, dimensions: int = 0) -> Argument:
@@ -249,34 +227,3 @@ def aligned_zeros(count: int) -> NDArray[np.float64]:
     room = np.zeros(count + CACHE_LINE - 1)
     skip = -room.ctypes.data // room.itemsize % CACHE_LINE
     return room[skip : skip + count]
-
-
-#: Arrays that :func:`nearharmonic.core.levenberg_marquardt.levenberg_marquardt` works in.
-LEAST_SQUARES = Group(
-    "least_squares",
-    (
-        floats("residuals", 1),  # (equation,), and those of a trial
-        floats("trial_residuals", 1),
-        floats("jacobian", 2),  # (equation, unknown), and that of a trial
-        floats("trial_jacobian", 2),
-        floats("matrix", 2),  # (equation, equation + 1)
-        floats("shortest", 1),  # (unknown,)
-        floats("moved", 1),  # (unknown,)
-    ),
-)
-
-
-def least_squares_signature(problem: Group, scratch: Group) -> Signature:
-    """Arguments of an iteration from ``points`` (start, unknown), in place, until they leave [-bound, bound].
-
-    Results: ``sizes`` (start,) of the residuals at the end, and ``rested`` (start,), whether the iteration has come to
-    rest there. ``problem`` and ``scratch`` are for the function that evaluates the residuals.
-    """
-    results = floats("sizes", 1), flags("rested", 1)
-    return Signature((problem, floats("points", 2), floats("bound"), *results, LEAST_SQUARES, scratch))
-
-
-def least_squares_workspace(equations: int, unknowns: int) -> tuple[NDArray[np.float64], ...]:
-    """The arrays of :data:`LEAST_SQUARES`."""
-    m, n = equations, unknowns
-    return tuple(np.zeros(shape) for shape in (m, m, (m, n), (m, n), (m, m + 1), n, n))

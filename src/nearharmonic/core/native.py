@@ -23,7 +23,7 @@ from llvmlite import binding
 from numpy.typing import NDArray
 
 from nearharmonic.core import disk
-from nearharmonic.core.layout import Argument, Group, Scalar, Signature
+from nearharmonic.core.layout import Argument, Scalar, Signature
 from nearharmonic.errors import CompiledCodeError
 
 _SOURCES = sorted(Path(__file__).parent.rglob("*.py"))
@@ -32,11 +32,6 @@ _KINDS: dict[Scalar, tuple[Any, np.dtype[Any]]] = {
     "float64": (ctypes.c_double, np.dtype(np.float64)),
     "bool": (ctypes.c_bool, np.dtype(np.bool_)),
 }
-#: What numba's error paths call. Compiled text here raises nothing, so these are never reached; they abort.
-_NEVER_CALLED = (
-    "NRT_Free", "NRT_MemInfo_call_dtor", "numba_do_raise", "numba_gil_ensure", "numba_gil_release",
-    "numba_runtime_build_excinfo_struct", "numba_unpickle",
-)  # fmt: skip
 _ENGINES: list[Any] = []
 
 
@@ -136,10 +131,6 @@ def target_machine() -> Any:
 
 
 def _address(name: str, code: bytes) -> int:
-    abort = ctypes.cast(ctypes.CDLL(None).abort, ctypes.c_void_p).value
-    for symbol in _NEVER_CALLED:
-        if not binding.address_of_symbol(symbol):
-            binding.add_symbol(symbol, abort)
     try:
         engine = binding.create_mcjit_compiler(binding.parse_assembly(""), target_machine())
         file = binding.ObjectFileRef.from_data(code)
@@ -157,13 +148,13 @@ def _address(name: str, code: bytes) -> int:
 
 
 class NativeFunction:
-    """A C function at an address. It takes what its signature describes, with tuples for groups."""
+    """A C function at an address. It takes what its signature describes."""
 
     def __init__(self, address: int, signature: Signature) -> None:
-        self.address, self._arguments, self._packed = address, signature.arguments, signature.packed
-        self._flat = [(argument, _KINDS[argument.scalar][1]) for argument in signature.flat]
+        self.address, self._packed = address, signature.packed
+        self._arguments = [(argument, _KINDS[argument.scalar][1]) for argument in signature.arguments]
         kinds: list[Any] = []
-        for argument in signature.flat:
+        for argument in signature.arguments:
             number = _KINDS[argument.scalar][0]
             kinds += [ctypes.c_void_p, *[ctypes.c_int64] * argument.dimensions] if argument.dimensions else [number]
         result = _KINDS[signature.result][0] if signature.result else None
@@ -180,7 +171,7 @@ class NativeFunction:
         """
         if self._packed:
             return self.prepared(*given)()
-        return self._function(*_converted(zip(self._flat, _members(self._arguments, given), strict=True)))
+        return self._function(*_converted(zip(self._arguments, given, strict=True)))
 
     def prepared(self, *given: Any) -> PreparedCall:
         """Return a call of a packed function with these arguments, to be made as often as wanted.
@@ -190,22 +181,20 @@ class NativeFunction:
         TypeError
             As for a call.
         """
-        members = _members(self._arguments, given)
-        slots = _converted(zip(self._flat, members, strict=True))
-        return PreparedCall(self._function, slots, members)
+        return PreparedCall(self._function, _converted(zip(self._arguments, given, strict=True)), given)
 
 
 class PreparedCall:
     """A call of a packed function, whose arguments were converted once: converting them takes 10 microseconds."""
 
-    def __init__(self, function: Any, slots: list[Any], members: list[Any]) -> None:
+    def __init__(self, function: Any, slots: list[Any], given: tuple[Any, ...]) -> None:
         numbers = {i: slot for i, slot in enumerate(slots) if type(slot) is float}
         block = np.array([0 if i in numbers else slot for i, slot in enumerate(slots)], np.int64)
         doubles = block.view(np.float64)
         for i, number in numbers.items():
             doubles[i] = number
         self._function, self._place = function, block.ctypes.data
-        self._alive = block, members  # the block holds addresses of these
+        self._alive = block, given  # the block holds addresses of these
 
     def __call__(self) -> Any:
         """Call the function."""
@@ -223,14 +212,6 @@ def _converted(pairs: Iterable[tuple[tuple[Argument, Any], Any]]) -> list[Any]:
             message = f"expected a contiguous {kind} array of {argument.dimensions} dimensions"
             raise TypeError(f"{argument.name}: {message}")
         flat += [_place(value), *value.shape]
-    return flat
-
-
-def _members(arguments: Iterable[Argument | Group], given: Iterable[Any]) -> list[Any]:
-    """The numbers and arrays in ``given``, where groups come as tuples, in one flat list."""
-    flat: list[Any] = []
-    for argument, value in zip(arguments, given, strict=True):
-        flat += _members(argument.members, value) if isinstance(argument, Group) else [value]
     return flat
 
 

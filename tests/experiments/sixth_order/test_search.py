@@ -12,10 +12,10 @@ from mpmath import mp, mpf
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.experiments.sixth_order import run, tables
 from nearharmonic.experiments.sixth_order.cascade import candidates_of, find_solutions, winners
-from nearharmonic.experiments.sixth_order.compiled_text import word_sums
 from nearharmonic.experiments.sixth_order.conditions import NystromEquations, WordTable
 from nearharmonic.experiments.sixth_order.criterion import criterion_of, system_of
-from nearharmonic.experiments.sixth_order.kernels import kernels
+from nearharmonic.experiments.sixth_order.kernels import descend, solve, word_sums
+from nearharmonic.experiments.sixth_order.kernels import jacobian as derivatives
 from nearharmonic.experiments.sixth_order.registration import (
     jacobian,
     registered,
@@ -41,8 +41,7 @@ def test_word_sums_in_doubles_are_corners_of_products_of_matrices(first):
     equations, random = NystromEquations(9, first, 8), np.random.default_rng(5)
     c = np.array(equations.coefficients(list(random.uniform(-0.5, 0.5, 8))), dtype=float)
     table = equations.table
-    sums = np.empty(len(table.words))
-    word_sums((table.parent, table.letter), equations.letters, c, sums)
+    sums = word_sums(table.parent, table.letter, equations.letters, c)
     operators = [("AB"[letter], mpf(float(value))) for letter, value in zip(equations.letters, c, strict=True)]
     for word, value in zip(table.words, sums, strict=True):
         assert value == pytest.approx(float(word_sum(word, operators)), abs=1e-12)
@@ -68,14 +67,28 @@ def test_unknowns_make_palindromes_of_sum_one_and_come_back_from_them(stages, fi
 
 def test_a_point_that_counts_as_solved_solves_the_equations_in_multiprecision():
     equations, random = NystromEquations(8, "kick", 6), np.random.default_rng(3)
-    starts = random.uniform(-1, 1, (100, 7))
-    found, solved = np.empty_like(starts), np.zeros(100, np.bool_)
-    kernels().solve(system_of(equations), starts, 2.0, found, solved)
+    found, solved = solve(system_of(equations), random.uniform(-1, 1, (100, 7)), 2.0)
     assert 0 < solved.sum() < 100
     for x, claimed in zip(found, solved, strict=True):
         size = max(map(abs, residuals(equations, [mpf(float(u)) for u in x])))
         # Rounding leaves 1e-13 in units of kappa; what is not solved stays in a valley or leaves the box.
         assert (size < 1e-10) == claimed or np.max(np.abs(x)) > 2.0
+
+
+def test_a_start_beyond_the_bound_is_given_up_where_it_stands():
+    equations, start = NystromEquations(8, "kick", 6), np.full((1, 7), 0.5)
+    found, solved = solve(system_of(equations), start, 0.4)
+    assert found.tolist() == start.tolist()
+    assert not solved[0]
+
+
+@pytest.mark.parametrize("first", ["kick", "drift"])
+def test_derivatives_agree_with_multiprecision_differences(first):
+    equations = NystromEquations(9, first, 8)
+    x = np.random.default_rng(4).uniform(-0.5, 0.5, 8)
+    found = derivatives(system_of(equations), x)
+    # Terms of up to 5000 in units of kappa_7, with some roundings each.
+    assert found == pytest.approx(np.array(jacobian(equations, list(map(mpf, x))), dtype=float), rel=1e-10, abs=1e-10)
 
 
 def test_free_parameters_are_counted_by_the_rank_of_the_derivatives():
@@ -185,8 +198,7 @@ def test_a_walk_stays_on_its_family_and_lowers_the_criterion():
     equations = NystromEquations(8, "kick", 6)
     start = np.array([[float(x) for x in unknowns_of(integrators["babs8o6_7h"])]])
     noise = np.random.default_rng(1).normal(0, 1, (1, 200, equations.unknowns))
-    end = start.copy()
-    kernels().descend(system_of(equations), criterion_of(equations.stages), 2.0, noise, end)
+    end = descend(system_of(equations), criterion_of(equations.stages), 2.0, noise, start)
     (before,), (after,) = candidates_of(equations, start, [0]), candidates_of(equations, end, [0])
     assert after.merit.value < before.merit.value
     assert max(map(abs, residuals(equations, list(map(mpf, after.unknowns))))) < 1e-10

@@ -45,10 +45,14 @@ SMALL = {
 }
 REDUCTIONS = {"henon_heiles": henon_heiles_cube, "kepler": kepler_cube, "rounding": rounding_cube}
 FIGURES = {"henon_heiles": henon_heiles_stability, "kepler": kepler_stability, "rounding": rounding_growth}
-#: Items whose cube is made in one job, and its settings besides the methods.
-ALONE = {"linear": {}, "conservation": {"t_end": {"sho": "50", "kepler": "8766"}}}
-#: Functions of the item whose one run file has all methods.
-APART = ("run:measure", "reduce:reduce")
+#: Items whose run files have all methods: the settings of each file, and those of the cube, besides the methods.
+TOGETHER = {
+    "kinetic_energy": ([{}], {}),
+    "conservation": (
+        [{"system": "sho", "t_end": "50"}, {"system": "kepler", "t_end": "8766"}],
+        {"t_end": {"sho": "50", "kepler": "8766"}},
+    ),
+}
 
 
 def results(asked, **inputs):
@@ -77,12 +81,14 @@ def made(runs, tmp_path_factory):
     for name, settings in SMALL.items():
         asked = task(f"experiments.stability.{name}.reduce:reduce", integrators=METHODS, settings=settings)
         found[name] = results(asked, **runs[name])
-    for name, settings in ALONE.items():
-        found[name] = results(task(f"experiments.stability.{name}.run:measure", integrators=METHODS, **settings))
-    path = str(tmp_path_factory.mktemp("kinetic_energy") / "run.h5")
-    asked = [task(f"experiments.stability.kinetic_energy.{each}", integrators=METHODS) for each in APART]
-    write(results(asked[0])["run"], [path], provenance(asked[0]))
-    return found | {"kinetic_energy": results(asked[1], run=path)}
+    for name, (files, settings) in TOGETHER.items():
+        paths = [str(tmp_path_factory.mktemp(name) / "run.h5") for _ in files]
+        for path, one in zip(paths, files, strict=True):
+            asked = task(f"experiments.stability.{name}.run:measure", integrators=METHODS, **one)
+            write(results(asked)["run"], [path], provenance(asked))
+        asked = task(f"experiments.stability.{name}.reduce:reduce", integrators=METHODS, **settings)
+        found[name] = results(asked, **({"run": paths[0]} if len(paths) == 1 else {"runs": paths}))
+    return found | {"linear": results(task("experiments.stability.linear.run:measure", integrators=METHODS))}
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +107,7 @@ def test_a_cube_of_run_files_is_that_of_the_runs_in_the_order_of_the_methods(cub
     assert cubes[name].attrs == {}
 
 
-@pytest.mark.parametrize("name", [*SMALL, *ALONE, "kinetic_energy"])
+@pytest.mark.parametrize("name", [*SMALL, *TOGETHER, "linear"])
 def test_every_variable_has_units_and_a_meaning(cubes, name):
     for variable in cubes[name].variables.values():
         assert {"units", "long_name"} <= set(variable.attrs)

@@ -2,51 +2,55 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.stats import linregress
 from scipy.stats import t as student
 
 import nearharmonic as nh
-from nearharmonic.experiments.stability.conservation import run as module
-from nearharmonic.experiments.stability.conservation.run import Structure, structure
+from nearharmonic.experiments.stability.conservation.reduce import structure_cube
+from nearharmonic.experiments.stability.conservation.tables import structure_table
 from nearharmonic.integrators import integrators
 from nearharmonic.systems import systems
+from structures import runs_of, structure
 
-KEYS = [field.name for field in fields(Structure)]
+NYSTROM = next(tableau.name for tableau in integrators.values() if tableau.requires)
+METHODS = ["ruth", NYSTROM, "leapfrog"]
+T_END = {"sho": "20", "relativistic_oscillator": "50"}
+#: Variables of the cube, and columns of the table, in their order.
+KEYS = [
+    "tau_per_stage", "steps", "growth", "return_error", "return_walk", "return_bound", "plain_return_error",
+    "plain_return_walk", "plain_return_bound", "symplectic_defect", "symplectic_walk", "energy_drift",
+    "energy_drift_interval", "energy_walk",
+]  # fmt: skip
+#: Every pair of system and method that fit each other.
+FITTING = [("sho", name) for name in METHODS] + [("relativistic_oscillator", name) for name in ("ruth", "leapfrog")]
 
 
-def numbered(system, tableau, *, t_end):
-    """Number k of a method of s stages on [0, t_end] is 100 s + t_end + k."""
-    return Structure(**{key: 100.0 * tableau.stages + float(t_end) + k for k, key in enumerate(KEYS)})
-
-
-@pytest.fixture
-def measured(monkeypatch):
-    monkeypatch.setattr(module, "structure", numbered)
-    nystrom = next(tableau.name for tableau in integrators.values() if tableau.requires)
-    return module.measure(["ruth", nystrom, "leapfrog"], {"sho": "20", "relativistic_oscillator": "50"})
-
-
-def test_a_number_stands_at_its_system_and_method(measured):
-    cube = measured["cube"]
-    assert list(cube.data_vars) == KEYS
-    for k, key in enumerate(KEYS):
-        assert cube[key].sel(system="sho", integrator="ruth") == 300 + 20 + k
-        assert cube[key].sel(system="relativistic_oscillator", integrator="leapfrog") == 100 + 50 + k
+def test_a_number_stands_at_its_system_and_method():
+    tableaus = [integrators[name] for name in METHODS]
+    cube = structure_cube(tableaus, {name: runs_of(systems[name], tableaus, t_end) for name, t_end in T_END.items()})
+    assert [*cube] == KEYS
+    for system, name in FITTING:
+        alone = vars(structure(systems[system], integrators[name], t_end=T_END[system]))
+        assert {key: cube[key].sel(system=system, integrator=name).item() for key in cube} == alone
+    assert np.isnan(cube.sel(system="relativistic_oscillator", integrator=NYSTROM).to_dataarray()).all()
     assert cube.label.sel(integrator="leapfrog") == "Leapfrog"
 
 
-def test_a_row_has_every_number_under_its_name_and_methods_that_do_not_fit_have_none(measured):
-    cube, header, rows = measured["cube"], measured["table"].header, measured["table"].rows
-    assert header == ("system", "integrator", *(key.replace("_", " ") for key in KEYS))
-    fitting = [("sho", name) for name in cube.integrator.values]
-    fitting += [("relativistic_oscillator", name) for name in ("ruth", "leapfrog")]
-    assert [row[:2] for row in rows] == fitting
-    assert rows[0][2:] == tuple(320 + k for k in range(len(KEYS)))
-    assert type(rows[0][header.index("steps")]) is int
+def test_a_row_has_every_number_under_its_name_and_methods_that_do_not_fit_have_none():
+    steps = np.arange(320.0, 326).reshape(2, 3)
+    steps[1, 1] = np.nan
+    dims = ("system", "integrator")
+    cube = xr.Dataset(
+        {"return_error": (dims, steps / 7), "steps": (dims, steps)}, {"system": [*T_END], "integrator": METHODS}
+    )
+    table = structure_table(cube)
+    assert table.header == ("system", "integrator", "return error", "steps")
+    assert [row[:2] for row in table.rows] == FITTING
+    assert [row[2:] for row in table.rows] == [(n / 7, n) for n in (320, 321, 322, 323, 325)]
+    assert type(table.rows[0][3]) is int
 
 
 @pytest.fixture(scope="module")

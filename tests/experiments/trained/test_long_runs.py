@@ -3,29 +3,38 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import nearharmonic as nh
+from nearharmonic.experiments.trained.long_runs.reduce import long_table
+from nearharmonic.experiments.trained.long_runs.reductions import reduction, trends
+from nearharmonic.experiments.trained.long_runs.run import STARTS, Run, long_runs, measure
 from nearharmonic.experiments.trained.problems.named_systems import NAMED, named_ensemble
 from nearharmonic.experiments.trained.proof import run as proof
 from nearharmonic.experiments.trained.proof import times
-from nearharmonic.experiments.trained.proof.long_runs import STARTS, Run, by_rounding, measure, trend, way_back
 from nearharmonic.experiments.trained.proof.reduce import reduce
 from nearharmonic.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.output import job
+from nearharmonic.output.dataset import assembled
 
 SMALL = ProofSettings(
     systems=4, t_end="10", tau_per_stage=("0.1",), evaluations_per_orbit=(60,), steps=2000
 )  # fmt: skip
 
 
-def run(name="henon_heiles", method="babps8o7h", steps=2000):
-    (one,) = (one for one in NAMED if one.name == name)
+def run(steps=2000):
+    (one,) = (one for one in NAMED if one.name == "henon_heiles")
     ensemble = named_ensemble(one, STARTS, 3, 100.0)
-    return Run(ensemble=ensemble, method=nh.integrators[method], tau_per_stage=0.1, steps=steps)
+    return Run(ensemble=ensemble, method=nh.integrators["babps8o7h"], tau_per_stage=0.1, steps=steps)
+
+
+def reduced(*methods, steps=2000):
+    """Reductions of long runs on the Hénon-Heiles system, by method."""
+    variables = long_runs({"henon_heiles": run().ensemble}, [nh.integrators[name] for name in methods], steps)
+    return reduction.of(assembled(variables, ("label", "step"), {}), over="problem").isel(system=0)
 
 
 def test_a_run_is_that_of_integrate(tmp_path):
@@ -35,43 +44,45 @@ def test_a_run_is_that_of_integrate(tmp_path):
     assert one.paths(samples=2).max_energy_error[2] == pytest.approx(float(alone.max_energy_error), rel=1e-9)
 
 
-def test_a_trend_that_is_put_in_is_found_within_its_interval(monkeypatch):
+def test_a_trend_that_is_put_in_is_found_within_its_interval():
     slope, random = 3e-7, np.random.default_rng(4)
-    marks = np.tile(np.arange(0, 2001, 5), (STARTS, 1))
+    marks = np.arange(0, 2001, 5)
     own = slope + 1e-8 * random.normal(size=(STARTS, 1))
     errors = own * (marks / 2000) + 1e-7 * np.sin(marks * 0.37)
-    paths = SimpleNamespace(marks=marks, energy_error=errors, max_energy_error=np.abs(errors).max(axis=1))
-    monkeypatch.setattr(Run, "paths", lambda *_, **__: paths)
-    largest, found, width = trend(run())
-    assert largest == np.abs(errors).max()
+    found = trends(xr.Dataset({"energy_error": (("problem", "sample"), errors), "step": ("sample", marks)}))
+    width = found.trend_half_width.item()
     # Student's t of 15 degrees of freedom is 2.13; the spread of 16 numbers is known to a fifth or so.
     assert width == pytest.approx(2.13 * 1e-8 / 4, rel=0.5)
-    assert abs(found - slope) < 2 * width + 1e-9
+    assert abs(found.trend.item() - slope) < 2 * width + 1e-9
 
 
 def test_symmetric_methods_drift_nowhere_and_one_that_is_not_does():
     """McLachlan & Atela's of order three is symplectic but not symmetric: the way back does not retrace the orbit."""
-    largest, slope, width = trend(run(steps=20_000))
-    assert abs(slope) < 3 * width
-    assert abs(slope) < largest / 50
-    assert way_back(run(), "compensated") < 1e-12 < way_back(run(method="mclachlan_atela_3"), "compensated")
+    found = reduced("babps8o7h", "mclachlan_atela_3", steps=20_000)
+    own = found.sel(integrator="babps8o7h")
+    assert abs(own.trend) < 3 * own.trend_half_width
+    assert abs(own.trend) < own.max_energy_error / 50
+    back = found.way_back.sel(summation="compensated")
+    assert back[0] < 1e-12 < back[1]
 
 
 def test_errors_by_rounding_are_some_roundings_and_smaller_with_compensated_sums():
     """A random walk of 2 s + 1 roundings of 2^-53 a step: 10^4 evaluations have sqrt(2 10^4) 2^-53 = 1.6e-14."""
-    one = run()
-    compensated, plain = by_rounding(one.ensemble, one.method, 10**5)
+    compensated, plain = reduced("babps8o7h", steps=10**5).rounding.isel(integrator=0).values
     assert compensated < plain / 2
     assert 2.0**-53 < plain < 1.6e-14 * 10
 
 
 def test_the_table_has_rows_of_the_method_beside_and_of_all_others():
-    table = measure(("ruth",), "babps8o7h", SMALL)["table"]
+    found = measure(("ruth",), "babps8o7h", SMALL)["run"]
+    table = long_table(assembled(found.variables, found.coordinates, {}))
     rows = [dict(zip(table.header, row, strict=True)) for row in table.rows]
     assert [(row["system"], row["method"]) for row in rows] == [
         (system, method) for system in ("morse", "henon_heiles") for method in ("babps8o7h", "ruth")
     ]
     assert [row["rounding_ratio"] for row in rows[::2]] == [1, 1]
+    largest = found.variables["max_energy_error"][1].max(axis=-1)
+    assert [row["max_energy_error"] for row in rows] == largest.ravel().tolist()
     for row in rows:
         method = nh.integrators[row["method"]]
         assert row["sum of coefficients"] == pytest.approx(sum(abs(float(c)) for c in (*method.kick, *method.drift)))

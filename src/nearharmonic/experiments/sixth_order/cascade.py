@@ -18,7 +18,7 @@ import numpy as np
 from nearharmonic.errors import bad_setting
 from nearharmonic.experiments.sixth_order.conditions import NYSTROM_ORDER, STAGES, Doubles, NystromEquations
 from nearharmonic.experiments.sixth_order.criterion import Merit, criterion_of, system_of
-from nearharmonic.experiments.sixth_order.kernels import kernels
+from nearharmonic.experiments.sixth_order.kernels import assess, descend, solve
 from nearharmonic.experiments.sixth_order.settings import SixthOrderSettings
 from nearharmonic.integrators.tableau import First
 
@@ -124,7 +124,6 @@ def find_solutions(
     tasks = [(s, first) for s in sorted(stages, reverse=True) for first in firsts]
     for s, first in tasks:
         NystromEquations(s, first, NYSTROM_ORDER)
-    kernels()
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
         found = list(pool.map(lambda task: list(_cascade(task[0], task[1], settings, report)), tasks))
     levels = [level for cascade in found for level in cascade]
@@ -152,8 +151,7 @@ def _cascade(
     points = random.uniform(-START_BOX, START_BOX, (settings.starts, stages - 1))
     for harmonic_order in range(NYSTROM_ORDER, stages):
         equations = NystromEquations(stages, first, harmonic_order)
-        found, solved = np.empty_like(points), np.zeros(len(points), np.bool_)
-        kernels().solve(system_of(equations), points, BOUND, found, solved)
+        found, solved = solve(system_of(equations), points, BOUND)
         hits = found[solved]
         solutions, multiplicity = _merged(hits)
         count = Count(stages, first, harmonic_order, equations.free, len(points), len(hits), len(solutions))
@@ -201,7 +199,7 @@ def _walked(
     values = assessed(equations, samples)[:, 4]
     ends = _scattered(samples[np.argsort(values, kind="stable")], settings.walks)
     noise = random.normal(0, 1, (len(ends), settings.walk_steps, equations.unknowns))
-    kernels().descend(system_of(equations), criterion_of(equations.stages), BOUND, noise, ends)
+    ends = descend(system_of(equations), criterion_of(equations.stages), BOUND, noise, ends)
     return _scattered(ends[np.argsort(assessed(equations, ends)[:, 4], kind="stable")], settings.walks)
 
 
@@ -216,9 +214,7 @@ def _scattered(points: Doubles, most: int) -> Doubles:
 
 def assessed(equations: NystromEquations, solutions: Doubles) -> Doubles:
     """(e_N, e_H, A, tau*, J) of each of ``solutions`` (solution, unknown)."""
-    merits = np.empty((len(solutions), 5))
-    kernels().assess(system_of(equations), criterion_of(equations.stages), solutions, merits)
-    return merits
+    return assess(system_of(equations), criterion_of(equations.stages), solutions)
 
 
 def candidates_of(equations: NystromEquations, solutions: Doubles, multiplicity: Sequence[int]) -> list[Candidate]:

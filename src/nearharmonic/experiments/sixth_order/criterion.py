@@ -23,14 +23,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.experiments.sixth_order.conditions import (
     NYSTROM_ORDER,
+    Doubles,
     Equation,
+    Integers,
     NystromEquations,
     WordTable,
     alternating,
@@ -78,9 +80,34 @@ def leading_nystrom_error() -> tuple[Equation, ...]:
     return tuple(found)
 
 
+class System(NamedTuple):
+    """Arrays of the equations ``weights`` S = ``wanted`` for a step of coefficients ``directions`` x + ``offset``.
+
+    ``parent`` and ``letter`` belong to the table of words, ``letters`` to the operators of the step.
+    """
+
+    parent: Integers  # (word,)
+    letter: Integers  # (word,)
+    letters: Integers  # (operator,)
+    directions: Doubles  # (operator, unknown)
+    offset: Doubles  # (operator,)
+    weights: Doubles  # (equation, word)
+    wanted: Doubles  # (equation,)
+
+
+class Criterion(NamedTuple):
+    """Arrays of the criterion: errors are ``weights`` S - ``wanted``; ``places`` are indices of alternating words."""
+
+    parent: Integers  # (word,)
+    letter: Integers  # (word,)
+    weights: Doubles  # (error, word)
+    wanted: Doubles  # (error,)
+    places: Integers  # (first letter, length)
+
+
 @cache
-def criterion_of(stages: int) -> tuple[Any, ...]:
-    """What :func:`merits` reads: (table, weights, wanted, places of the alternating words (first letter, length))."""
+def criterion_of(stages: int) -> Criterion:
+    """Return the arrays of the criterion for steps of so many stages."""
     equations = leading_nystrom_error()
     chains = [[alternating(n, start) for n in range(1, 2 * stages + 2)] for start in "AB"]
     table = WordTable.of([*(word for left, _ in equations for word in left), *chains[0], *chains[1]])
@@ -89,12 +116,12 @@ def criterion_of(stages: int) -> tuple[Any, ...]:
         weights[i] /= float(row.scale) ** 0.5
         wanted[i] /= float(row.scale) ** 0.5
     places = np.array([[table.words.index(word) for word in chain] for chain in chains])
-    return (table.parent, table.letter), weights, wanted, places
+    return Criterion(table.parent, table.letter, weights, wanted, places)
 
 
 @cache
-def system_of(equations: NystromEquations) -> tuple[Any, ...]:
-    """What the kernels read of ``equations``: (table, letters, directions, offset, weights, wanted)."""
+def system_of(equations: NystromEquations) -> System:
+    """Return the arrays of ``equations``."""
     table = equations.table
-    directions, offset = equations.placement
-    return (table.parent, table.letter), equations.letters, directions, offset, *table.weights(equations.equations)
+    weights, wanted = table.weights(equations.equations)
+    return System(table.parent, table.letter, equations.letters, *equations.placement, weights, wanted)
