@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.core.rules import Rules, fingerprint
+from nearharmonic.core.formulas import fingerprint
+from nearharmonic.core.rules import Rules
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.kernels import kernel_of, physics_of
 from nearharmonic.engine.regularised import landing_of

@@ -151,8 +151,9 @@ def test_a_formula_that_cannot_be_traced_is_refused_by_its_name(case, tracer):
 
 
 def traced(made):
+    from nearharmonic.core.formulas import fingerprint
     from nearharmonic.core.physics import Physics
-    from nearharmonic.core.rules import Rules, fingerprint
+    from nearharmonic.core.rules import Rules
 
     formulas = {name: getattr(made, name) for name in ("V", "grad_V", "T", "grad_T", "name", "dimension")}
     formulas |= {"grad_V_and_V": None, "balanced_T": None}  # of systems of more coordinates

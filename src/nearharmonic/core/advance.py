@@ -10,8 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from numba.core import types
-
 from nearharmonic.core import rotation, step
 from nearharmonic.core.arithmetic import two_sum
 from nearharmonic.core.layout import (
@@ -33,7 +31,6 @@ from nearharmonic.core.layout import (
     WORST,
 )
 from nearharmonic.core.reals import (
-    PARAMETERS,
     POINT,
     REAL,
     absolute,
@@ -49,6 +46,7 @@ from nearharmonic.core.reals import (
     load_point,
     load_real,
     store,
+    types,
     where_greater,
     where_zero,
     zero_like,
@@ -110,6 +108,23 @@ def _pair(moves, at):  # type: ignore[no-untyped-def]
     return load_real(moves, at), load_real(moves, at + 1)
 
 
+@compiled
+def _load_tally(rows, at):  # type: ignore[no-untyped-def]
+    """Errors so far, H0 as a pair, the rounding of H in double, and the limit."""
+    errors = load_real(rows, at + WORST), load_real(rows, at + TOTAL), load_real(rows, at + TOTAL_CARRY)
+    H0 = load_real(rows, at + ENERGY), load_real(rows, at + ENERGY_LOW)
+    rounding = load_real(rows, at + NEAR), load_real(rows, at + CONDITION)
+    return (*errors, load_real(rows, at + LATEST)), H0, rounding, load_real(rows, at + LIMIT)
+
+
+@compiled
+def _store_errors(rows, at, worst, total, carry, latest):  # type: ignore[no-untyped-def]
+    store(rows, at + WORST, worst)
+    store(rows, at + TOTAL, total)
+    store(rows, at + TOTAL_CARRY, carry)
+    store(rows, at + LATEST, latest)
+
+
 def row_loader(form: Form) -> Any:
     """Return ``load(moves, row)``, the coefficients of a move as :mod:`nearharmonic.core.step` takes them."""
     if form.turning:
@@ -168,7 +183,7 @@ def _sheared(form: Form) -> Any:
 
 
 def _closed(form: Form, move: Any) -> Any:
-    """``closed(state, row, f, parameters)``: the state at the end of a step, (q, q_low, p, p_low), which is a move away."""
+    """``closed(state, row, f, parameters)``: the state at the end of a step, which is a move away."""
     sheared, turning = _sheared(form), form.turning
     late_by = form.compensated and form.ahead
 
@@ -299,7 +314,7 @@ def _measure(form: Form, given: Formulas) -> Any:
 
     @compiled
     def quick(seen, height, kick_first, H0, rounding, parameters):  # type: ignore[no-untyped-def]
-        q, q_low, p, p_low = seen
+        q, q_low, p, _ = seen
         V = height if kick_first else potential(q, q_low, parameters)
         T = balanced_T(p, parameters)
         high, low = two_sum(T, V)
@@ -326,10 +341,7 @@ def advance(form: Form) -> Callable[..., Any]:
         q, q_low, p, p_low = _load_state(rows, running)
         state = opened((q, q_low, p, p_low, load_point(rows, running + 4 * d)), moves, parameters)
         seen = _load_state(rows, 0)
-        worst, total = load_real(rows, tally + WORST), load_real(rows, tally + TOTAL)
-        carry, latest = load_real(rows, tally + TOTAL_CARRY), load_real(rows, tally + LATEST)
-        H0 = load_real(rows, tally + ENERGY), load_real(rows, tally + ENERGY_LOW)
-        rounding, limit = (load_real(rows, tally + NEAR), load_real(rows, tally + CONDITION)), load_real(rows, tally + LIMIT)
+        (worst, total, carry, latest), H0, rounding, limit = _load_tally(rows, tally)
         f, height = first_force(state, moves, parameters), zero_like(limit)
         done, opening = 0, 0
         while True:
@@ -361,10 +373,7 @@ def advance(form: Form) -> Callable[..., Any]:
         store(rows, running + 4 * d, late)
         q, q_low, p, p_low = seen
         _store_state(rows, 0, q, q_low, p, p_low)
-        store(rows, tally + WORST, worst)
-        store(rows, tally + TOTAL, total)
-        store(rows, tally + TOTAL_CARRY, carry)
-        store(rows, tally + LATEST, latest)
+        _store_errors(rows, tally, worst, total, carry, latest)
         for column in range(columns):
             store(moves, column, load_real(moves, MERGED * columns + column))
         return done

@@ -79,8 +79,13 @@ class _Formulas:
         """The formulas of the system."""
         rules, d, real, point = self.rules, self.rules.physics.dimension, self.real, self.point
         rates = ir.ArrayType(point, 2) if rules.extended else point
-        halves = (lambda x: [x[:d], x[d:]]) if rules.extended else (lambda x: x)
-        velocity = lambda p, low, c: halves(rules.flat(rules.velocity(p + low, c), p[0]))  # noqa: E731
+
+        def halves(entries: Entries) -> Any:
+            return [entries[:d], entries[d:]] if rules.extended else entries
+
+        def velocity(p: Entries, low: Entries, c: Entries) -> Any:
+            return halves(rules.flat(rules.velocity(p + low, c), p[0]))
+
         acceleration = rules.physics.acceleration
         self.define("force", rates, "PP", lambda q, low, c: halves(rules.force(q + low, c)))
         if rules.looks_ahead:
@@ -97,7 +102,9 @@ class _Formulas:
         self.define("energies", ir.ArrayType(real, 4), "PPPP", lambda *x: _each(rules.first_energy(_joined(x), x[-1])))
         if rules.quick_energy:
             found = ir.LiteralStructType([point, real])
-            self.define("force_and_potential", found, "PP", lambda q, low, c: _split(rules.force_and_potential(q + low, c)))
+            self.define(
+                "force_and_potential", found, "PP", lambda q, low, c: _split(rules.force_and_potential(q + low, c))
+            )
             self.define("potential", real, "PP", lambda q, low, c: rules.potential(q + low, c))
             self.define("balanced_T", real, "P", lambda p, c: [rules.quick_T(p + p, c)])
             self.define("rounding", ir.ArrayType(real, 2), "PPPP", lambda *x: _each(rules.rounding(_joined(x), x[-1])))
@@ -114,7 +121,12 @@ class _Formulas:
             function.attributes.discard("alwaysinline")
             function.attributes.add("noinline")
         builder = ir.IRBuilder(function.append_basic_block())
-        found = body(*([LLVMValue(builder, builder.extract_value(x, i)) for i in range(len(x.type.elements))] for x in function.args))
+        found = body(
+            *(
+                [LLVMValue(builder, builder.extract_value(x, i)) for i in range(len(x.type.elements))]
+                for x in function.args
+            )
+        )
         builder.ret(packed(builder, _values(found), result))
 
     def number(self, name: str, number: int) -> None:
@@ -130,7 +142,8 @@ class _Formulas:
         function = declare(self.module, f"{PREFIX}turn{column}", [DOUBLE.as_pointer(), INDEX], self.point)
         builder = ir.IRBuilder(function.append_basic_block())
         rows = [first + size * place + column for place in turning]
-        write_load(builder, *function.args, self.kinds, self.point, rows)
+        array, row = function.args
+        write_load(builder, array, row, self.kinds, self.point, rows)
 
 
 def _joined(numbers: Sequence[Entries]) -> Entries:

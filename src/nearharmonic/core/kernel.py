@@ -18,10 +18,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from nearharmonic.core.formulas import fingerprint
 from nearharmonic.core.layout import ADVANCE, BEGIN, LAND, RUN, Signature, workspace
 from nearharmonic.core.native import PreparedCall, code_key, native
 from nearharmonic.core.physics import Physics
-from nearharmonic.core.formulas import fingerprint
 from nearharmonic.core.rules import Rules
 
 __all__ = ["Kernel", "Physics", "build", "build_landing", "cost", "room"]

@@ -39,15 +39,14 @@ def loops(function: Callable[..., Any], signature: Signature) -> tuple[str, byte
 
     Nothing is optimised: the size of a number is not known yet.
     """
-    import numba
-    from numba.core import config, types
+    from numba.core import config
 
-    from nearharmonic.core.reals import compiled
+    from nearharmonic.core.reals import compiled, types
 
     scalars = {"int64": types.int64, "float64": types.float64, "bool": types.boolean}
     kinds = [
         types.CPointer(scalars[argument.scalar]) if argument.dimensions else scalars[argument.scalar]
-        for argument in signature.flat
+        for argument in signature.arguments
     ]
     level, config.OPT = config.OPT, config._OptLevel(0)
     try:
@@ -75,7 +74,9 @@ def _make_one(module: Any, name: str) -> None:
     passes.run(module, builder)
 
 
-def linked(name: str, loops: bytes, written: ir.Module, kinds: Kinds, entry: str, signature: Signature) -> tuple[str, bytes]:
+def linked(
+    name: str, loops: bytes, written: ir.Module, kinds: Kinds, entry: str, signature: Signature
+) -> tuple[str, bytes]:
     """Name and object code of the C function ``entry``: loops with what is ``written`` of a system, for some lanes.
 
     No arithmetic is re-ordered. Loops are not made vectors of: what is computed side by side is written so.
@@ -106,7 +107,7 @@ def _write_entry(module: ir.Module, name: str, entry: str, signature: Signature)
     """A C function that calls numba's: this returns a status and, by an address, its result."""
     kinds: list[ir.Type] = []
     passed = []
-    for argument in signature.flat:
+    for argument in signature.arguments:
         kind = _KINDS[argument.scalar]
         passed.append(len(kinds))
         kinds += [kind.as_pointer(), *[ir.IntType(64)] * argument.dimensions] if argument.dimensions else [kind]

@@ -2,7 +2,8 @@
 
 Compiled loops (:mod:`nearharmonic.core.reals`) call them by names that tell their operands, as in
 ``nearharmonic.fma.RPP``: R is a real, P a point, D a double that is the same in every lane, C the parameters, I a whole
-number, A an array of doubles; of results, B is a truth value and V is none. An operation is one instruction a coordinate, rounded once, whatever the number of lanes.
+number, A an array of doubles; of results, B is a truth value and V is none. An operation is one instruction a
+coordinate, rounded once, whatever the number of lanes.
 """
 
 from __future__ import annotations
@@ -15,13 +16,12 @@ from llvmlite import ir
 
 PREFIX = "nearharmonic."
 DOUBLE, INDEX, TRUTH = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
-Builder = ir.IRBuilder
 
 
 def _called(name: str) -> Callable[..., ir.Value]:
     """An intrinsic function of LLVM."""
 
-    def emit(builder: Builder, *values: ir.Value) -> ir.Value:
+    def emit(builder: ir.IRBuilder, *values: ir.Value) -> ir.Value:
         kind, module = values[0].type, builder.module
         symbol = f"llvm.{name}.v{kind.count}f64" if isinstance(kind, ir.VectorType) else f"llvm.{name}.f64"
         known = module.globals.get(symbol) or ir.Function(module, ir.FunctionType(kind, [kind] * len(values)), symbol)
@@ -82,12 +82,16 @@ def define(module: ir.Module, symbol: str, kinds: Kinds, result: str) -> None:
     """Write the operation of this name into a module."""
     _, name, letters = symbol.split(".")
     function = declare(module, symbol, [kinds.of(letter) for letter in letters], kinds.of(result))
-    builder = Builder(function.append_basic_block())
+    builder = ir.IRBuilder(function.append_basic_block())
     values = dict(enumerate(function.args))
     if name in ELEMENTWISE:
         count = len(kinds.of(result).elements)
-        columns = [_coordinates(builder, x, letter, count, kinds) for x, letter in zip(function.args, letters, strict=True)]
-        builder.ret(packed(builder, [ELEMENTWISE[name](builder, *c) for c in zip(*columns, strict=True)], kinds.of(result)))
+        columns = [
+            _coordinates(builder, x, letter, count, kinds) for x, letter in zip(function.args, letters, strict=True)
+        ]
+        builder.ret(
+            packed(builder, [ELEMENTWISE[name](builder, *c) for c in zip(*columns, strict=True)], kinds.of(result))
+        )
     elif name in ALL:
         found = ALL[name](builder, *(builder.extract_value(x, 0) for x in function.args))
         if kinds.lanes > 1:
@@ -102,7 +106,7 @@ def define(module: ir.Module, symbol: str, kinds: Kinds, result: str) -> None:
     elif name.startswith("load"):
         write_load(builder, values[0], values[1], kinds, kinds.of(result))
     elif name == "store":
-        _write_store(builder, *function.args, kinds)
+        _write_store(builder, values[0], values[1], values[2], kinds)
 
 
 def declare(module: ir.Module, symbol: str, kinds: Sequence[ir.Type], result: ir.Type) -> ir.Function:
@@ -113,7 +117,7 @@ def declare(module: ir.Module, symbol: str, kinds: Sequence[ir.Type], result: ir
     return function
 
 
-def _coordinates(builder: Builder, value: ir.Value, letter: str, count: int, kinds: Kinds) -> list[ir.Value]:
+def _coordinates(builder: ir.IRBuilder, value: ir.Value, letter: str, count: int, kinds: Kinds) -> list[ir.Value]:
     """The coordinates of a value, or one number as often."""
     if letter == "D":
         return [_in_every_lane(builder, value, kinds.lanes)] * count
@@ -121,15 +125,17 @@ def _coordinates(builder: Builder, value: ir.Value, letter: str, count: int, kin
     return found * count if letter == "R" else found
 
 
-def _in_every_lane(builder: Builder, double: ir.Value, lanes: int) -> ir.Value:
+def _in_every_lane(builder: ir.IRBuilder, double: ir.Value, lanes: int) -> ir.Value:
     if lanes == 1:
         return double
     index, vector = ir.IntType(32), ir.VectorType(DOUBLE, lanes)
     first = builder.insert_element(ir.Constant(vector, ir.Undefined), double, index(0))
-    return builder.shuffle_vector(first, ir.Constant(vector, ir.Undefined), ir.Constant(ir.VectorType(index, lanes), [0] * lanes))
+    return builder.shuffle_vector(
+        first, ir.Constant(vector, ir.Undefined), ir.Constant(ir.VectorType(index, lanes), [0] * lanes)
+    )
 
 
-def packed(builder: Builder, numbers: Any, kind: ir.Type) -> ir.Value:
+def packed(builder: ir.IRBuilder, numbers: Any, kind: ir.Type) -> ir.Value:
     """A number, or nested sequences of numbers, as a value of this type."""
     if isinstance(numbers, ir.Value):
         return numbers
@@ -140,13 +146,18 @@ def packed(builder: Builder, numbers: Any, kind: ir.Type) -> ir.Value:
     return value
 
 
-def _place(builder: Builder, array: ir.Value, row: ir.Value, behind: int, kinds: Kinds) -> ir.Value:
+def _place(builder: ir.IRBuilder, array: ir.Value, row: ir.Value, behind: int, kinds: Kinds) -> ir.Value:
     first = builder.mul(builder.add(row, INDEX(behind)), INDEX(kinds.lanes))
     return builder.bitcast(builder.gep(array, [first]), kinds.real.as_pointer())
 
 
 def write_load(
-    builder: Builder, array: ir.Value, row: ir.Value, kinds: Kinds, kind: ir.Type, rows: Sequence[int] | None = None
+    builder: ir.IRBuilder,
+    array: ir.Value,
+    row: ir.Value,
+    kinds: Kinds,
+    kind: ir.Type,
+    rows: Sequence[int] | None = None,
 ) -> None:
     """Return the numbers in the rows from ``row`` on, or in ``rows`` counted from there."""
     found = []
@@ -156,7 +167,7 @@ def write_load(
     builder.ret(packed(builder, found, kind))
 
 
-def _write_store(builder: Builder, array: ir.Value, row: ir.Value, value: ir.Value, kinds: Kinds) -> None:
+def _write_store(builder: ir.IRBuilder, array: ir.Value, row: ir.Value, value: ir.Value, kinds: Kinds) -> None:
     for i in range(len(value.type.elements)):
         builder.store(builder.extract_value(value, i), _place(builder, array, row, i, kinds)).align = 8
     builder.ret_void()

@@ -1,28 +1,35 @@
 """Types of numba for the core: reals, one or one a lane, and points, as many of them as there are coordinates.
 
 What numba compiles knows neither how many coordinates nor how many lanes there are, nor the system: an operation on
-reals and points calls a function (:mod:`nearharmonic.core.operations`), and so does a formula of a system. The functions
-are linked to the compiled loops, and made part of them, for a system and a number of lanes.
+reals and points calls a function (:mod:`nearharmonic.core.operations`), and so does a formula of a system. The
+functions are linked to the compiled loops, and made part of them, for a system and a number of lanes.
 """
 
 from __future__ import annotations
 
 import operator
+from collections.abc import Callable
 from typing import Any
 
 import numba
 from llvmlite import binding, ir
-from numba.core import cgutils, types
+from numba.core import cgutils
+from numba.core import types as numba_types
 from numba.extending import intrinsic, lower_builtin, models, overload, register_jitable, register_model, type_callable
 
 from nearharmonic.core import arithmetic
 from nearharmonic.core.operations import DOUBLE, PREFIX
 
-#: A function of the core, to be called by others; it allocates nothing and raises nothing.
-compiled = numba.njit(error_model="numpy", nogil=True, _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+types: Any = numba_types
 
 
-class Numbers(types.Type):
+def compiled(function: Callable[..., Any]) -> Any:
+    """A function of the core, to be called by others; it allocates nothing and raises nothing."""
+    flags = {"error_model": "numpy", "nogil": True, "_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return numba.njit(**flags)(function)
+
+
+class Numbers(numba_types.Type):
     """A real, a point, or the parameters of a system."""
 
     def __init__(self, letter: str) -> None:
@@ -35,7 +42,7 @@ LETTERS = {REAL: "R", POINT: "P", PARAMETERS: "C", types.float64: "D", types.int
 
 
 @register_model(Numbers)
-class _Model(models.PrimitiveModel):
+class _Model(models.PrimitiveModel):  # type: ignore[misc]
     def __init__(self, manager: Any, kind: Numbers) -> None:
         # What it is made of is replaced when loops are linked; LLVM takes types of the same body for one.
         named = ir.global_context.get_identified_type(f"{PREFIX}{kind.letter}")
@@ -74,11 +81,19 @@ def _common(*kinds: Any) -> Any:
     return POINT if POINT in kinds else REAL if REAL in kinds else None
 
 
+def _common_of_two(a: Any, b: Any) -> Any:
+    return _common(a, b)
+
+
+def _common_of_one(x: Any) -> Any:
+    return _common(x)
+
+
 for _name, _operator in (("add", operator.add), ("sub", operator.sub), ("mul", operator.mul)):
 
     @type_callable(_operator)
     def _typed(context):  # type: ignore[no-untyped-def]
-        return lambda a, b: _common(a, b)
+        return _common_of_two
 
     for _left, _right in ((Numbers, Numbers), (Numbers, types.Float), (types.Float, Numbers)):
         lower_builtin(_operator, _left, _right)(_operation(_name))
@@ -86,7 +101,7 @@ for _name, _operator in (("add", operator.add), ("sub", operator.sub), ("mul", o
 
 @type_callable(operator.neg)
 def _typed_negative(context):  # type: ignore[no-untyped-def]
-    return lambda x: _common(x)
+    return _common_of_one
 
 
 lower_builtin(operator.neg, Numbers)(_operation("neg"))
@@ -99,7 +114,7 @@ def _fma(typing, x, y, z):  # type: ignore[no-untyped-def]
 
 @overload(arithmetic.fma)
 def _fma_of_reals(x, y, z):  # type: ignore[no-untyped-def]
-    return (lambda x, y, z: _fma(x, y, z)) if _common(x, y, z) else None
+    return (lambda x, y, z: _fma(x, y, z)) if _common(x, y, z) else None  # noqa: PLW0108 (its names count)
 
 
 for _transform in (

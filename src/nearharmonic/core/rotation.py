@@ -13,7 +13,6 @@ at the end of a step, have a shear of their own.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from nearharmonic.core.arithmetic import fma
@@ -79,7 +78,7 @@ def sheared_double_double(state, row):  # type: ignore[no-untyped-def]
     return q, q_low, p, p_low, late
 
 
-def row_loader(*, extended: bool) -> Callable[..., Any]:
+def row_loader(*, extended: bool) -> Any:
     """Return ``load(moves, row)``: the kick; b, S, S k and S b, by how much the products of these as rounded exceed
     them, and the shear, each a point. In double-double they are the kick, b, S and the shear, as pairs.
     """

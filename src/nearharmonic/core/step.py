@@ -18,13 +18,13 @@ coefficients of the move, ``force`` is what :func:`nearharmonic.core.advance.adv
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from nearharmonic.core.arithmetic import dd_add, dd_mul, fma
 from nearharmonic.core.reals import compiled
 
-Move = Callable[..., Any]
+#: A compiled function.
+Move = Any
 
 
 @compiled
