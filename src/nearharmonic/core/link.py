@@ -48,6 +48,7 @@ def loops(function: Callable[..., Any], signature: Signature) -> tuple[str, byte
         types.CPointer(scalars[argument.scalar]) if argument.dimensions else scalars[argument.scalar]
         for argument in signature.arguments
     ]
+    config.reload_config()  # or the compiler would, and forget the next line, after a change of the environment
     level, config.OPT = config.OPT, config._OptLevel(0)
     try:
         jitted = compiled(function)
