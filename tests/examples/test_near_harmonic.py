@@ -98,7 +98,6 @@ def test_a_row_of_the_page_is_what_the_benchmark_finds(place):
 
 
 @pytest.mark.slow
-@pytest.mark.reproduction
 def test_the_tables_of_the_page_are_what_the_benchmark_finds():
     found, _ = benchmark().tables()
     assert benchmark().filled(PAGE, found) == PAGE

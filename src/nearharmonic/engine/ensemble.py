@@ -114,8 +114,8 @@ def ensemble(
         _check_size(problem, members, len(asked))
         paths = _at_times(problem, steps, asked, start, given, members, count)
         times = np.array([float(time) for time in asked])
-    dataset = _dataset(problem, paths, start, given, times)
-    return dataset.assign_attrs(parameter_attributes(problem.system, parameters or {}))
+    attributes = problem_attributes(problem) | parameter_attributes(problem.system, parameters or {})
+    return _dataset(problem, paths, start, given, times, attributes)
 
 
 def _members(start: Floats, parameters: Floats) -> int:
@@ -239,8 +239,9 @@ class _Runs:
 
 
 def _dataset(
-    problem: Problem, paths: Trajectories, start: Floats, parameters: Floats, times: Floats | None
-) -> xr.Dataset:
+    problem: Problem, paths: Trajectories, start: Floats, parameters: Floats, times: Floats | None,
+    attributes: Mapping[str, Any],
+) -> xr.Dataset:  # fmt: skip
     constants = [column if len(parameters) == 1 else column[:, None] for column in parameters.T[::2]]
     variables = trajectory_variables(problem, paths, constants, times)
     if problem.numerics.compensated:
@@ -257,4 +258,4 @@ def _dataset(
     notes = described("step size as used, t_end / steps", problem.system.units["t"])
     renamed["tau"] = (), problem.taus(paths.steps[:1])[0], notes
     coordinates = [name for name in renamed if name.startswith("parameter_")]
-    return assembled(renamed, coordinates, problem_attributes(problem))
+    return assembled(renamed, coordinates, attributes)

@@ -56,7 +56,6 @@ RESOLVED = 0.05
 
 
 @pytest.mark.slow
-@pytest.mark.reproduction
 def test_the_search_finds_a_method_as_good_as_the_registered_one():
     """The last bits of linear algebra differ from processor to processor, and the search takes another path."""
     purpose, settings = PURPOSES["weak"], SearchSettings()
