@@ -85,9 +85,9 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
         return _linked("begin", BEGIN, rules, width, "every")
 
     def make_run() -> tuple[str, bytes]:
-        from nearharmonic.core import assembly, scheduler
+        from nearharmonic.core import link, scheduler
 
-        return assembly.machine_code(*scheduler.run())
+        return link.alone(scheduler.run, RUN)
 
     advance = _advance(rules, width, energy)
     begin = 0 if energy == "none" else native(f"begin-{_key(rules, width)}", BEGIN, make_begin).address
@@ -217,4 +217,4 @@ def _linked(entry: str, signature: Signature, rules: Rules, width: int, energy: 
         return link.loops(getattr(advance, entry)(form), signature)
 
     loops = link.kept(f"loops-{code_key(entry, repr(form))}", compiled)
-    return link.linked(*loops, formulas.module_of(rules, width), formulas.kinds_of(rules, width), entry, signature)
+    return link.linked(*loops, formulas.module_of(rules, width), formulas.kinds_of(rules, width))

@@ -47,11 +47,16 @@ FAR = np.iinfo(np.int64).max
 
 @dataclass(frozen=True)
 class Argument:
-    """A number, or a C-contiguous array of numbers with so many ``dimensions``."""
+    """A number, or a C-contiguous array of numbers, whose ``lengths`` have names: the same are equal."""
 
     name: str
     scalar: Scalar
-    dimensions: int = 0
+    lengths: tuple[str, ...] = ()
+
+    @property
+    def dimensions(self) -> int:
+        """Of an array; 0 for a number."""
+        return len(self.lengths)
 
 
 @dataclass(frozen=True)
@@ -67,19 +72,19 @@ class Signature:
     packed: bool = False
 
 
-def integers(name: str, dimensions: int = 0) -> Argument:
+def integers(name: str, *lengths: str) -> Argument:
     """An argument of 64-bit integers."""
-    return Argument(name, "int64", dimensions)
+    return Argument(name, "int64", lengths)
 
 
-def floats(name: str, dimensions: int = 0) -> Argument:
+def floats(name: str, *lengths: str) -> Argument:
     """An argument of doubles."""
-    return Argument(name, "float64", dimensions)
+    return Argument(name, "float64", lengths)
 
 
-def flags(name: str, dimensions: int = 0) -> Argument:
+def flags(name: str, *lengths: str) -> Argument:
     """An argument of truth values."""
-    return Argument(name, "bool", dimensions)
+    return Argument(name, "bool", lengths)
 
 
 #: Arguments of ``advance``: see :class:`nearharmonic.core.kernel.Kernel`.
@@ -88,87 +93,87 @@ ADVANCE = Signature(
         integers("count"),
         integers("stages"),
         flags("kick_first"),
-        floats("moves", 1),
-        floats("rows", 1),
+        floats("moves", "coefficients"),
+        floats("rows", "numbers"),
     ),
     result="int64",
 )
 
 #: Arguments of ``begin``: a kernel's rows, whose tallies begin anew with the energy of their states as H0.
-BEGIN = Signature((floats("rows", 1),))
+BEGIN = Signature((floats("rows", "numbers"),))
 
-#: Arguments of ``run``, for R runs of S samples with states of ``size`` = 4 d doubles.
+#: Arguments of ``run``, for states of ``size`` = 4 d doubles.
 RUN = Signature(
     (
         integers("advance"),  # addresses of the kernel's functions
         integers("begin"),
         integers("measured"),  # EVERY_STEP, LOOKS, SAMPLES or NEVER
-        integers("order", 1),  # (R,) the queue
-        integers("marks", 2),  # (R, S) steps at which to sample, first 0, padded with -1
-        integers("scheme", 1),  # (R,) rows of the coefficient arrays
-        floats("start", 2),  # (R, size)
-        floats("resumed", 2),  # (R, running), states that run, of runs that go on; or (0, running)
-        floats("parameters", 2),  # (R, parts of all parameters), or one row for all runs
+        integers("order", "queued"),  # the queue
+        integers("marks", "total_runs", "samples"),  # steps at which to sample, first 0, padded with -1
+        integers("scheme", "total_runs"),  # row of the coefficient arrays
+        floats("start", "total_runs", "size"),
+        floats("resumed", "resumptions", "running_rows"),  # states that run, of runs that go on, or none
+        floats("parameters", "parameter_sets", "parameter_columns"),  # both parts of each, for each run or once for all
         floats("limit"),  # largest energy error, in units of ``scale``
         floats("scale"),  # energy that errors are relative to; 0 for |H0|
-        floats("reference", 1),  # (2,) H0 as a pair for all runs; NaN for the energy of each start
+        floats("reference", "pair"),  # H0 as a pair for all runs; NaN for the energy of each start
         integers("stretch"),  # most steps between looks at ``control``; with LOOKS, between looks at the energy
         integers("stages"),
         flags("kick_first"),
-        floats("moves", 3),  # (schemes, stages + 2, columns), with the step size multiplied in
-        integers("control", 1),  # STOP and PROGRESS
+        floats("moves", "schemes", "move_rows", "columns"),  # with the step size multiplied in
+        integers("control", "entries"),  # STOP and PROGRESS
         # Results, filled in place.
-        floats("states", 3),  # (R, S, size)
-        floats("energy_error", 2),  # (R, S) H - H0
-        floats("worst", 2),  # (R, S) maximum and
-        floats("total", 2),  # (R, S) sum of |H - H0| over the steps since the last sample
-        floats("energy", 2),  # (R, 2) H0 as a pair
-        floats("running", 2),  # (R, running) states that run at the end
-        integers("left_at", 1),  # (R,) the step at which a run left its energy surface, or 0
+        floats("states", "total_runs", "samples", "size"),
+        floats("energy_error", "total_runs", "samples"),  # H - H0
+        floats("worst", "total_runs", "samples"),  # maximum and
+        floats("total", "total_runs", "samples"),  # sum of |H - H0| over the steps since the last sample
+        floats("energy", "total_runs", "pair"),  # H0
+        floats("running", "total_runs", "running_rows"),  # states that run at the end
+        integers("left_at", "total_runs"),  # the step at which a run left its energy surface, or 0
         # The arrays of :func:`workspace`.
-        floats("rows", 1),
-        floats("fresh", 1),
-        floats("lanes", 1),
-        integers("runs", 1),
-        integers("at", 1),
-        integers("mark", 1),
+        floats("rows", "numbers"),
+        floats("fresh", "numbers"),
+        floats("lanes", "coefficients"),
+        integers("runs", "width"),
+        integers("at", "width"),
+        integers("mark", "width"),
     ),
     packed=True,
 )
 
 
-#: Arguments of ``land``, for R runs of S samples, in physical space of d coordinates; not named below: as for ``run``.
+#: Arguments of ``land``, in physical space of d coordinates; what is not explained is as for ``run``.
 LAND = Signature(
     (
         integers("advance"),
         integers("look"),  # the kernel that measures the energy where it lands
         integers("begin"),
         integers("measured"),
-        integers("order", 1),
-        integers("marks", 2),  # (R, S) times of the samples, in steps of physical time
-        integers("scheme", 1),
-        floats("start", 2),  # (R, 4 d)
-        floats("parameters", 2),
+        integers("order", "queued"),
+        integers("marks", "total_runs", "samples"),  # times of the samples, in steps of physical time
+        integers("scheme", "total_runs"),
+        floats("start", "total_runs", "size"),
+        floats("parameters", "parameter_sets", "parameter_columns"),
         floats("limit"),
         floats("scale"),
-        floats("reference", 1),
+        floats("reference", "pair"),
         integers("stretch"),
         integers("stages"),
         flags("kick_first"),
-        floats("moves", 3),  # (schemes, stages + 3, 6): pairs of kick, drift, product; and of the step size
-        integers("control", 1),
-        floats("states", 3),  # (R, S, 4 d)
-        floats("energy_error", 2),
-        floats("worst", 2),
-        floats("total", 2),
-        floats("energy", 2),
-        floats("ends", 2),  # (R, 5 d): the steps of the run, and those made with the repeats of landing
-        integers("left_at", 1),
+        floats("moves", "schemes", "move_rows", "columns"),  # pairs of kick, drift, product; and the step size behind all
+        integers("control", "entries"),
+        floats("states", "total_runs", "samples", "size"),
+        floats("energy_error", "total_runs", "samples"),
+        floats("worst", "total_runs", "samples"),
+        floats("total", "total_runs", "samples"),
+        floats("energy", "total_runs", "pair"),
+        floats("ends", "total_runs", "running_rows"),  # the steps of the run, and those made with the repeats of landing
+        integers("left_at", "total_runs"),
         # The state of a run and the coefficients of its steps, and of one that is tried.
-        floats("rows", 1),
-        floats("lanes", 1),
-        floats("trial", 1),
-        floats("trial_lanes", 1),
+        floats("rows", "numbers"),
+        floats("lanes", "coefficients"),
+        floats("trial", "numbers"),
+        floats("trial_lanes", "coefficients"),
     ),
     packed=True,
 )

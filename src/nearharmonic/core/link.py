@@ -5,8 +5,9 @@ What numba made of a shape is kept, in LLVM's language, so that a new system nee
 
 from __future__ import annotations
 
+import inspect
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from llvmlite import binding, ir
@@ -14,13 +15,12 @@ from llvmlite import binding, ir
 from nearharmonic.core import disk
 from nearharmonic.core.layout import Signature
 from nearharmonic.core.native import target_machine
-from nearharmonic.core.operations import PREFIX, Kinds, define
+from nearharmonic.core.operations import INDEX, PREFIX, SCALARS, Kinds, define
 
 #: Types of numbers, and operations on them, in the text of loops: declared, and to be defined.
 _TYPE = re.compile(rf"%{re.escape(PREFIX)}([RPC])(?:\.\d+)*( = type .*)?")
 _OPERATION = re.compile(rf"^declare (\S+) @({re.escape(PREFIX)}\w+\.\w+)\(", re.MULTILINE)
-#: Of Signature's scalars: in LLVM's language.
-_KINDS: dict[str, ir.Type] = {"int64": ir.IntType(64), "float64": ir.DoubleType(), "bool": ir.IntType(8)}
+_SCALARS = {"int64": "int64", "float64": "float64", "bool": "boolean"}
 
 
 def kept(key: str, make: Callable[[], tuple[str, bytes]]) -> tuple[str, bytes]:
@@ -35,19 +35,21 @@ def kept(key: str, make: Callable[[], tuple[str, bytes]]) -> tuple[str, bytes]:
 
 
 def loops(function: Callable[..., Any], signature: Signature) -> tuple[str, bytes]:
-    """Return the name and the text, in LLVM's language, of a function compiled by numba; arrays are addresses.
+    """Return the name and the text, in LLVM's language, of a function compiled by numba.
 
-    Nothing is optimised: the size of a number is not known yet.
+    It takes what it names of the signature: numbers, arrays as addresses, and lengths of arrays. Nothing is optimised:
+    the size of a number is not known yet.
     """
     from numba.core import config
 
     from nearharmonic.core.reals import compiled, types
 
-    scalars = {"int64": types.int64, "float64": types.float64, "bool": types.boolean}
-    kinds = [
-        types.CPointer(scalars[argument.scalar]) if argument.dimensions else scalars[argument.scalar]
-        for argument in signature.arguments
-    ]
+    kinds, taken = [], [*inspect.signature(function).parameters]
+    by_name = {argument.name: argument for argument in signature.arguments}
+    for name in taken:
+        argument = by_name.get(name)
+        scalar = types.int64 if argument is None else getattr(types, _SCALARS[argument.scalar])
+        kinds.append(types.CPointer(scalar) if argument and argument.dimensions else scalar)
     config.reload_config()  # or the compiler would, and forget the next line, after a change of the environment
     level, config.OPT = config.OPT, config._OptLevel(0)
     try:
@@ -56,9 +58,12 @@ def loops(function: Callable[..., Any], signature: Signature) -> tuple[str, byte
     finally:
         config.OPT = level
     (made,) = jitted.overloads.values()
-    name, module = made.fndesc.llvm_func_name, binding.parse_assembly(made.library.get_llvm_str())
-    _make_one(module, name)
-    return name, str(module).encode()
+    module = binding.parse_assembly(made.library.get_llvm_str())
+    entry = binding.parse_assembly(str(_entry(made.fndesc.llvm_func_name, function.__name__, signature, taken)))
+    entry.triple, entry.data_layout = module.triple, module.data_layout
+    module.link_in(entry)
+    _make_one(module, function.__name__)
+    return function.__name__, str(module).encode()
 
 
 def _make_one(module: Any, name: str) -> None:
@@ -75,28 +80,30 @@ def _make_one(module: Any, name: str) -> None:
     passes.run(module, builder)
 
 
-def linked(
-    name: str, loops: bytes, written: ir.Module, kinds: Kinds, entry: str, signature: Signature
-) -> tuple[str, bytes]:
-    """Name and object code of the C function ``entry``: loops with what is ``written`` of a system, for some lanes.
+def linked(name: str, loops: bytes, written: ir.Module, kinds: Kinds) -> tuple[str, bytes]:
+    """Name and object code of loops with what is ``written`` of a system, for some lanes.
 
     No arithmetic is re-ordered. Loops are not made vectors of: what is computed side by side is written so.
     """
     text = _TYPE.sub(lambda found: "" if found[2] else str(kinds.of(found[1])), loops.decode())
     for result, symbol in _OPERATION.findall(loops.decode()):
         define(written, symbol, kinds, _letter_of(result))
-    _write_entry(written, name, entry, signature)
     module, rest = binding.parse_assembly(text), binding.parse_assembly(str(written))
     rest.triple, rest.data_layout = module.triple, module.data_layout
     module.link_in(rest)
-    _make_one(module, entry)
+    _make_one(module, name)
     module.verify()
     machine = target_machine()
     options = binding.create_pipeline_tuning_options(speed_level=3)
     options.slp_vectorization = options.loop_vectorization = False
     builder = binding.create_pass_builder(machine, options)
     builder.getModulePassManager().run(module, builder)
-    return entry, machine.emit_object(module)
+    return name, machine.emit_object(module)
+
+
+def alone(function: Callable[..., Any], signature: Signature) -> tuple[str, bytes]:
+    """Name and object code of a C function of plain numbers, which is compiled by numba."""
+    return linked(*loops(function, signature), ir.Module(), Kinds(1, 1, 1))
 
 
 def _letter_of(result: str) -> str:
@@ -104,22 +111,33 @@ def _letter_of(result: str) -> str:
     return found[1] if found else {"i1": "B", "void": "V"}[result]
 
 
-def _write_entry(module: ir.Module, name: str, entry: str, signature: Signature) -> None:
-    """A C function that calls numba's: this returns a status and, by an address, its result."""
+def _entry(name: str, entry: str, signature: Signature, taken: Sequence[str]) -> ir.Module:
+    """A module with a C function that calls numba's: this returns a status and, by an address, its result."""
+    module = ir.Module()
+    names: list[str] = []
     kinds: list[ir.Type] = []
-    passed = []
     for argument in signature.arguments:
-        kind = _KINDS[argument.scalar]
-        passed.append(len(kinds))
-        kinds += [kind.as_pointer(), *[ir.IntType(64)] * argument.dimensions] if argument.dimensions else [kind]
-    result = _KINDS[signature.result] if signature.result else ir.IntType(8).as_pointer()
-    inner = [result.as_pointer(), ir.IntType(8).as_pointer().as_pointer(), *(kinds[i] for i in passed)]
-    callee = ir.Function(module, ir.FunctionType(ir.IntType(32), inner), name)
-    outer = ir.Function(module, ir.FunctionType(result if signature.result else ir.VoidType(), kinds), entry)
+        scalar = SCALARS[argument.scalar]
+        names += [argument.name, *argument.lengths]
+        kinds += [scalar.as_pointer(), *[INDEX] * argument.dimensions] if argument.dimensions else [scalar]
+    result = SCALARS[signature.result] if signature.result else ir.VoidType()
+    outer = ir.Function(module, ir.FunctionType(result, [INDEX.as_pointer()] if signature.packed else kinds), entry)
     builder = ir.IRBuilder(outer.append_basic_block())
-    returned, raised = builder.alloca(result), builder.alloca(ir.IntType(8).as_pointer())
-    builder.call(callee, [returned, raised, *(outer.args[i] for i in passed)])
+    given = dict(zip(names, outer.args, strict=False))
+    if signature.packed:
+        given = {n: _slot(builder, outer.args[0], i, k) for i, (n, k) in enumerate(zip(names, kinds, strict=True))}
+    address = ir.IntType(8).as_pointer()
+    returned = builder.alloca(SCALARS[signature.result] if signature.result else address)
+    arguments = [returned, builder.alloca(address), *(given[name] for name in taken)]
+    callee = ir.Function(module, ir.FunctionType(ir.IntType(32), [value.type for value in arguments]), name)
+    builder.call(callee, arguments)
     if signature.result:
         builder.ret(builder.load(returned))
     else:
         builder.ret_void()
+    return module
+
+
+def _slot(builder: ir.IRBuilder, block: ir.Value, number: int, kind: ir.Type) -> ir.Value:
+    """An argument in a block of them, 8 bytes each."""
+    return builder.load(builder.bitcast(builder.gep(block, [INDEX(number)]), kind.as_pointer()))

@@ -158,7 +158,7 @@ class NativeFunction:
             number = _KINDS[argument.scalar][0]
             kinds += [ctypes.c_void_p, *[ctypes.c_int64] * argument.dimensions] if argument.dimensions else [number]
         result = _KINDS[signature.result][0] if signature.result else None
-        kinds = [ctypes.c_void_p, ctypes.c_void_p] if signature.packed else kinds
+        kinds = [ctypes.c_void_p] if signature.packed else kinds
         self._function = ctypes.CFUNCTYPE(result, *kinds)(address)
 
     def __call__(self, *given: Any) -> Any:
@@ -198,7 +198,7 @@ class PreparedCall:
 
     def __call__(self) -> Any:
         """Call the function."""
-        return self._function(self._place, self._place)
+        return self._function(self._place)
 
 
 def _converted(pairs: Iterable[tuple[tuple[Argument, Any], Any]]) -> list[Any]:

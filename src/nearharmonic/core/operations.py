@@ -16,6 +16,8 @@ from llvmlite import ir
 
 PREFIX = "nearharmonic."
 DOUBLE, INDEX, TRUTH = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
+#: Numbers of a :class:`nearharmonic.core.layout.Signature`.
+SCALARS: dict[str, ir.Type] = {"int64": INDEX, "float64": DOUBLE, "bool": ir.IntType(8)}
 
 
 def _called(name: str) -> Callable[..., ir.Value]:

@@ -18,15 +18,16 @@ from numba.core import types as numba_types
 from numba.extending import intrinsic, lower_builtin, models, overload, register_jitable, register_model, type_callable
 
 from nearharmonic.core import arithmetic
-from nearharmonic.core.operations import DOUBLE, PREFIX
+from nearharmonic.core.layout import Signature
+from nearharmonic.core.operations import DOUBLE, INDEX, PREFIX, SCALARS, TRUTH
 
 types: Any = numba_types
 
 
 def compiled(function: Callable[..., Any]) -> Any:
     """A function of the core, to be called by others; it allocates nothing and raises nothing."""
-    flags = {"error_model": "numpy", "nogil": True, "_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return numba.njit(**flags)(function)
+    flags = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return numba.njit(error_model="numpy", nogil=True, boundscheck=False, **flags)(function)
 
 
 class Numbers(numba_types.Type):
@@ -196,12 +197,17 @@ def store(typing, array, row, value):  # type: ignore[no-untyped-def]
     return types.void(array, types.int64, value), _operation("store")
 
 
+def _star(given: Any) -> Any:
+    """Types of the arguments of an intrinsic function that takes any number of them."""
+    return given[0] if len(given) == 1 and isinstance(given[0], tuple) else given
+
+
 def linked(name: str, result: Any) -> Any:
     """Return a function that is linked later, with this result: a formula of a system, or what depends on its shape."""
 
     @intrinsic
     def call(typing, *given):  # type: ignore[no-untyped-def]
-        arguments = given[0] if len(given) == 1 and isinstance(given[0], tuple) else given
+        arguments = _star(given)
 
         def codegen(context, builder, signature, values):  # type: ignore[no-untyped-def]
             passed = [builder.extract_value(values[0], i) for i in range(len(signature.args[0]))]
@@ -218,5 +224,27 @@ def linked_number(name: str) -> Any:
     @intrinsic
     def call(typing):  # type: ignore[no-untyped-def]
         return types.int64(), lambda context, builder, signature, values: _call(context, builder, name, types.int64, [])
+
+    return call
+
+
+def at_address(signature: Signature) -> Any:
+    """Return ``call(address, ...)``, a call of the C function at an address; behind an array stand its lengths."""
+    kinds: list[ir.Type] = []
+    for argument in signature.arguments:
+        kind = SCALARS[argument.scalar]
+        kinds += [kind.as_pointer(), *[INDEX] * argument.dimensions] if argument.dimensions else [kind]
+    pointer = ir.FunctionType(SCALARS[signature.result] if signature.result else ir.VoidType(), kinds).as_pointer()
+
+    @intrinsic
+    def call(typing, *given):  # type: ignore[no-untyped-def]
+        def codegen(context, builder, signed, values):  # type: ignore[no-untyped-def]
+            address, *passed = (builder.extract_value(values[0], i) for i in range(1 + len(kinds)))
+            passed = [builder.zext(x, kind) if x.type == TRUTH else x for x, kind in zip(passed, kinds, strict=True)]
+            found = builder.call(builder.inttoptr(address, pointer), passed)
+            return found if signature.result else context.get_dummy_value()
+
+        result = getattr(types, signature.result) if signature.result else types.void
+        return result(types.StarArgTuple(_star(given))), codegen
 
     return call
