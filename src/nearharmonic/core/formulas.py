@@ -14,7 +14,7 @@ from nearharmonic.core.modified_kick import square
 from nearharmonic.core.number import Constant
 from nearharmonic.core.operations import DOUBLE, INDEX, PREFIX, Kinds, declare, packed, write_load
 from nearharmonic.core.rules import Entries, Rules
-from nearharmonic.core.tracing import Double, LLVMValue
+from nearharmonic.core.tracing import Double, DoubleDouble, LLVMValue
 
 
 @lru_cache(maxsize=64)
@@ -161,3 +161,63 @@ def _split(entries: Entries) -> list[Entries]:
 
 def _values(numbers: Any) -> Any:
     return numbers.value if isinstance(numbers, LLVMValue) else [_values(number) for number in numbers]
+
+
+def maps_module(rules: Rules, maps: Any) -> ir.Module:
+    """Return a module with what a regularised system brings to :func:`nearharmonic.core.landing.land`.
+
+    Parameters
+    ----------
+    rules : Rules
+        The regularised system, of D coordinates.
+    maps : object
+        ``from_physical(q, p, *parameters)``, ``to_physical(x, y)``, ``inverse_axis(x, *parameters)`` and
+        ``largest_radius(x, y, *parameters)``, formulas of numbers; ``dimension`` d of physical space.
+    """
+    physics, d, D = rules.physics, maps.dimension, rules.physics.dimension
+    written = _Formulas(rules, kinds_of(rules, 1))
+    written.number("dimension", D)
+    written.number("running", running_at(D, physics.parameters))
+
+    def departed(memory: _Memory, start: ir.Value, first: ir.Value, rows: ir.Value, to: ir.Value) -> None:
+        given = physics.constants or tuple(memory.pair(rows, 4 * D + TALLY + 2 * k) for k in range(physics.parameters))
+        start = memory.builder.gep(start, [first])
+        x, y = maps.from_physical(memory.pairs(start, 0, d), memory.pairs(start, 2 * d, d), *given)
+        inverse, radius = maps.inverse_axis(x, *given), maps.largest_radius(x, y, *given)
+        halves = [*(n.high for n in x), *(n.low for n in x), *(n.high for n in y), *(n.low for n in y)]
+        memory.write(to, [*halves, *inverse.pair, radius.high * inverse.high])
+
+    def physical(memory: _Memory, state: ir.Value, to: ir.Value, first: ir.Value) -> None:
+        q, p = maps.to_physical(memory.pairs(state, 0, D), memory.pairs(state, 2 * D, D))
+        halves = [*(n.high for n in q), *(n.low for n in q), *(n.high for n in p), *(n.low for n in p)]
+        memory.write(memory.builder.gep(to, [first]), halves)
+
+    pointer = DOUBLE.as_pointer()
+    for body, kinds in ((departed, [pointer, INDEX, pointer, pointer]), (physical, [pointer, pointer, INDEX])):
+        function = declare(written.module, f"{PREFIX}{body.__name__}", kinds, ir.VoidType())
+        builder = ir.IRBuilder(function.append_basic_block())
+        body(_Memory(builder), *function.args)
+        builder.ret_void()
+    return written.module
+
+
+class _Memory:
+    """Double-doubles in memory."""
+
+    def __init__(self, builder: ir.IRBuilder) -> None:
+        self.builder = builder
+
+    def _double(self, array: ir.Value, at: int) -> LLVMValue:
+        return LLVMValue(self.builder, self.builder.load(self.builder.gep(array, [INDEX(at)])))
+
+    def pair(self, array: ir.Value, at: int) -> DoubleDouble:
+        """Of two neighbours."""
+        return DoubleDouble(self._double(array, at), self._double(array, at + 1))
+
+    def pairs(self, array: ir.Value, at: int, count: int) -> tuple[DoubleDouble, ...]:
+        """High halves, and as many low ones behind them."""
+        return tuple(DoubleDouble(self._double(array, at + k), self._double(array, at + count + k)) for k in range(count))
+
+    def write(self, array: ir.Value, numbers: Sequence[LLVMValue]) -> None:
+        for i, number in enumerate(numbers):
+            self.builder.store(number.value, self.builder.gep(array, [INDEX(i)]))

@@ -133,22 +133,28 @@ def build_landing(
         Prepares a call, from the arguments of :data:`nearharmonic.core.layout.LAND` without the three addresses in
         front and the arrays of one state behind.
     """
-    from nearharmonic.core import landing
+    from nearharmonic.core import formulas
 
     rules = Rules(physics, extended, compensated)
     kernel = build(physics, extended=extended, compensated=compensated, width=1, energy=energy)
     main = _advance(rules, 1, energy)
     look = _advance(rules, 1, "none" if energy == "none" else "samples")
 
-    module, name = landing.land(rules, maps)
+    module = formulas.maps_module(rules, maps)
 
     def make() -> tuple[str, bytes]:
-        from nearharmonic.core import assembly
+        from nearharmonic.core import link
 
-        return assembly.machine_code(module, name)
+        def compiled() -> tuple[str, bytes]:
+            from nearharmonic.core import landing
 
-    # The formulas of the steps do not tell the maps: the text of the function does.
-    land = native(f"land-{code_key(str(module))}", LAND, make)
+            return link.loops(landing.land(extended=extended, compensated=compensated), LAND)
+
+        loops = link.kept(f"loops-{code_key('land', f'{extended} {compensated}')}", compiled)
+        return link.linked(*loops, module, formulas.kinds_of(rules, 1))
+
+    # The formulas of the steps do not tell the maps: the text of these does.
+    land = native(f"land-{code_key(str(module), f'{extended} {compensated}')}", LAND, make)
 
     def prepared(measured: int, *others: Any) -> PreparedCall:
         stages = others[_STAGES]

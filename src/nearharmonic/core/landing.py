@@ -1,28 +1,27 @@
-"""The compiled text of runs in a fictitious time, one after the other, whose samples land on given physical times.
+"""Runs in a fictitious time, one after the other, whose samples land on given physical times.
 
 A regularised system (:mod:`nearharmonic.systems.regularisation`) is integrated in equal steps of a fictitious time s. A
 sample at the time t is one shorter step from the last step before t, whose length Newton's method finds from dt/ds = r.
 The run itself does not take that step, but for the last one.
 
 States come and go as physical positions and momenta, mapped in double-double. The step sizes are those of physical time
-over the semi-major axis of each start, so that an orbit takes as many steps as in physical time.
+over the semi-major axis of each start, so that an orbit takes as many steps as in physical time. There is one lane, so
+that a row is a number; the last rows of ``moves`` is the step size.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from math import inf
 from typing import Any
 
-from llvmlite import ir
-
-from nearharmonic.core import arithmetic
-from nearharmonic.core.assembly import Array, Index, Writer, function
+from nearharmonic.core.arithmetic import dd_add_double, dd_mul, fma
 from nearharmonic.core.layout import (
     ADVANCE,
     BEGIN,
     COLUMNS,
     ENERGY,
     ENERGY_LOW,
-    LAND,
     LATEST,
     LIMIT,
     NEVER,
@@ -31,15 +30,10 @@ from nearharmonic.core.layout import (
     STOP,
     TALLY,
     TOTAL,
-    TOTAL_CARRY,
     WORST,
-    running_at,
-    running_rows,
 )
-from nearharmonic.core.rules import Rules
-from nearharmonic.core.scheduler import Runs
-from nearharmonic.core.tracing import DoubleDouble
-from nearharmonic.core.values import LLVMValue
+from nearharmonic.core.reals import at_address, compiled, linked, linked_number, types
+from nearharmonic.core.scheduler import begin_tally, latest_error, measure_alone, record_errors
 
 #: Repeats of Newton's method, which ends before where no repeat comes nearer: four in double, six in double-double.
 MOST_REPEATS = 12
@@ -47,281 +41,198 @@ MOST_REPEATS = 12
 SAFETY = 0.98
 #: Over so many steps time grows, unless a method with negative coefficients is far beyond its stability.
 ADVANCING = 8
+#: Doubles in a row of coefficients: pairs of the kick, the drift and their product, for a step of scale 1.
+PIECES = 6
+#: More steps than are made at once.
+MANY = 2.0**52
 
-Pair = tuple[LLVMValue, LLVMValue]
+_advance_at, _begin_at = at_address(ADVANCE), at_address(BEGIN)
+#: Coordinates of the regularised system, and the first row of its state that runs.
+_dimension, _running = linked_number("dimension"), linked_number("running")
+#: ``_departed(start, first, rows, to)``: the state x, y of a physical start, the scale of its steps as a pair, and the
+#: largest |dt/ds| times a step of scale 1. ``_physical(state, to, first)``: the physical state.
+_departed, _physical = linked("departed", types.void), linked("physical", types.void)
 
 
-def land(rules: Rules, maps: Any) -> tuple[ir.Module, str]:
-    """Module and name of a function of :data:`nearharmonic.core.layout.LAND`.
+@compiled
+def _copy(source, to, count):  # type: ignore[no-untyped-def]
+    for k in range(count):
+        to[k] = source[k]
 
-    Parameters
-    ----------
-    rules : Rules
-        The regularised system, of D coordinates.
-    maps : object
-        ``from_physical(q, p, *parameters)``, ``to_physical(x, y)``, ``inverse_axis(x, *parameters)`` and
-        ``largest_radius(x, y, *parameters)``, formulas of numbers; ``dimension`` of physical space.
+
+@compiled
+def _gap(rows, target):  # type: ignore[no-untyped-def]
+    """The time from a state to a target, over 4: its conjugate momentum is -t/4."""
+    D = _dimension()
+    return (rows[3 * D - 1] + target[0]) + (rows[4 * D - 1] + target[1])
+
+
+@compiled
+def _radius(rows):  # type: ignore[no-untyped-def]
+    """|u|^2."""
+    total = rows[0] * rows[0]
+    for k in range(1, _dimension() - 1):
+        total = fma(rows[k], rows[k], total)
+    return total
+
+
+def _coefficients(*, extended: bool) -> Any:
+    """``coefficients(lanes, moves, first, rows, scale)``: those of a step ``scale`` times that of ``moves``."""
+
+    @compiled
+    def coefficients(lanes, moves, first, rows, scale):  # type: ignore[no-untyped-def]
+        square = dd_mul(scale, scale)
+        for i in range(rows):
+            at, to = first + PIECES * i, COLUMNS * i
+            kick, drift = dd_mul((moves[at], moves[at + 1]), scale), dd_mul((moves[at + 2], moves[at + 3]), scale)
+            product = dd_mul((moves[at + 4], moves[at + 5]), square)[0]
+            lanes[to], lanes[to + 1] = kick[0], kick[1] if extended else drift[0]
+            lanes[to + 2] = drift[0] if extended else product
+            lanes[to + 3] = drift[1] if extended else fma(kick[0], drift[0], -product)
+
+    return coefficients
+
+
+@compiled
+def _set_out(start, first, parameters, row, count, rows, numbers, trial, keep):  # type: ignore[no-untyped-def]
+    """Fill the rows at the start of a run; the scale of its steps, and the largest |dt/ds| times the step."""
+    D, running = _dimension(), _running()
+    for k in range(numbers):
+        rows[k] = 0.0
+    rows[4 * D + LIMIT] = inf
+    for k in range(count):
+        rows[4 * D + TALLY + k] = parameters[row + k]
+    _departed(start, first, rows, trial)
+    for k in range(4 * D):
+        rows[k] = rows[running + k] = trial[k] * (keep if k // D % 2 else 1.0)
+    return (trial[4 * D], trial[4 * D + 1]), trial[4 * D + 2]
+
+
+@compiled
+def _steps(advance, count, form, lanes, rows):  # type: ignore[no-untyped-def]
+    stages, kick_first, coefficients, numbers = form
+    return _advance_at(advance, count, stages, kick_first, lanes, coefficients, rows, numbers)
+
+
+@compiled
+def _approach(advance, form, target, tau, reach, stretch, limited, measured, control, rows, lanes, trial, trial_lanes):  # type: ignore[no-untyped-def]
+    """All steps before a target, and none behind it: how many, how many with those tried, and whether the run left."""
+    at, made, size = 0, 0, 4 * _dimension()
+    direction = -1.0 if tau < 0 else 1.0
+    while control[STOP] == 0:
+        gap = direction * _gap(rows, target)
+        if not gap > 0:
+            break
+        ahead = gap / (abs(tau) * 0.25 * reach) * SAFETY
+        steps = int(ahead if ahead < MANY else MANY)
+        if steps > 0:
+            moved = _steps(advance, min(steps, stretch), form, lanes, rows)
+            made += moved
+        else:  # one step, unless it passes the target; what is no number does not: the run has left
+            _copy(rows, trial, form[3])
+            _copy(lanes, trial_lanes, form[2])
+            made += _steps(advance, 1, form, trial_lanes, trial)
+            if direction * _gap(trial, target) < 0:
+                break
+            _copy(trial, rows, form[3])
+            _copy(trial_lanes, lanes, form[2])
+            moved = 1
+        at += moved
+        control[PROGRESS] += moved
+        left = limited and not latest_error(rows, 0, 1, size, measured) <= rows[size + LIMIT]
+        # A run that does not come nearer would never arrive.
+        if left or (moved >= ADVANCING and not direction * _gap(rows, target) < gap):
+            return at, made, True
+    return at, made, False
+
+
+def _landing(coefficients: Any) -> Any:
+    """``land(...)``: the state ``trial`` at the target, one step of the right length from ``rows``; the steps tried."""
+
+    @compiled
+    def land(look, form, moves, first, count, scale, target, rows, trial, lanes):  # type: ignore[no-untyped-def]
+        D, running = _dimension(), _running()
+        unit = moves[first + PIECES * count] * 0.25 * scale[0]
+        part = (_gap(rows, target) / (unit * _radius(rows)), 0.0)
+        before, repeats = inf, 0
+        while True:
+            _copy(rows, trial, form[3])
+            for k in range(5 * D):
+                trial[running + k] = trial[k] if k < 4 * D else 0.0
+            coefficients(lanes, moves, first, count, dd_mul(scale, part))
+            _steps(look, 1, form, lanes, trial)
+            gap = _gap(trial, target)
+            repeats += 1
+            if repeats >= MOST_REPEATS or not abs(gap) < before or gap == 0:
+                return repeats
+            before = abs(gap)
+            part = dd_add_double(part, gap / (unit * _radius(trial)))
+
+    return land
+
+
+def land(*, extended: bool, compensated: bool) -> Callable[..., None]:
+    """Return the function of :data:`nearharmonic.core.layout.LAND`, to be compiled.
+
+    What a regularised system brings to it is :func:`nearharmonic.core.formulas.maps_module`.
     """
-    module, name = ir.Module("land"), "land"
-    writer, given = function(module, name, LAND)
-    _Landing(writer, given, rules, maps).write()
-    return module, name
+    coefficients, keep = _coefficients(extended=extended), 1.0 if compensated else 0.0
+    land_on = _landing(coefficients)
 
+    def land(  # type: ignore[no-untyped-def]
+        advance, look, begin, measured, order, queued, marks, samples, scheme, start, size, parameters, parameter_sets,
+        parameter_columns, limit, scale, reference, stretch, stages, kick_first, moves, move_rows, columns, control,
+        states, energy_error, worst, total, energy, ends, running_rows, left_at, rows, numbers, lanes,
+        coefficient_count, trial, trial_lanes,
+    ):  # fmt: skip
+        d, count, tally = size // 4, move_rows - 1, 4 * _dimension()
+        form = stages, kick_first, coefficient_count, numbers
+        limited = measured < SAMPLES or measured == NEVER
+        for i in range(queued):
+            if control[STOP] != 0:
+                break
+            r, at, made = order[i], 0, 0
+            first = scheme[r] * move_rows * columns
+            tau, tau_low = moves[first + count * columns], moves[first + count * columns + 1]
+            row = min(r, parameter_sets - 1) * parameter_columns
+            step, reach = _set_out(start, r * size, parameters, row, parameter_columns, rows, numbers, trial, keep)
+            coefficients(lanes, moves, first, count, step)
+            if measured != NEVER:
+                _begin_at(begin, rows, numbers)
+                begin_tally(rows, rows, 0, 1, tally, limit, scale, reference)
+            energy[2 * r], energy[2 * r + 1] = rows[tally + ENERGY], rows[tally + ENERGY_LOW]
+            for sample in range(r * samples, (r + 1) * samples):
+                if marks[sample] < 0:
+                    break
+                target = dd_mul((tau * 0.25, tau_low * 0.25), (float(marks[sample]), 0.0))
+                more, tried, left = _approach(
+                    advance, form, target, tau, reach, stretch, limited, measured, control, rows, lanes, trial, trial_lanes
+                )
+                at, made = at + more, made + tried
+                if left:
+                    left_at[r] = at
+                    break
+                last = sample + 1 == (r + 1) * samples or marks[sample + 1] < 0
+                _copy(rows, trial, numbers)
+                lands = _gap(rows, target) < 0 if tau < 0 else _gap(rows, target) > 0
+                if lands:
+                    made += land_on(look, form, moves, first, count, step, target, rows, trial, trial_lanes)
+                latest = abs(trial[tally + LATEST])
+                if lands and last:
+                    at += 1
+                    if measured != NEVER:
+                        rows[tally + WORST] = latest if latest > rows[tally + WORST] else rows[tally + WORST]
+                        rows[tally + TOTAL] += latest
+                if measured == SAMPLES:
+                    measure_alone(rows, 0, 1, tally, latest)
+                if measured != NEVER and not latest <= trial[tally + LIMIT]:
+                    left_at[r] = at if last else at + 1
+                    break
+                _physical(trial, states, sample * size)
+                for k in range(d):
+                    states[sample * size + d + k] *= keep
+                    states[sample * size + 3 * d + k] *= keep
+                record_errors(rows, 0, 1, tally, sample, trial[tally + LATEST], energy_error, worst, total)
+            ends[r * running_rows], ends[r * running_rows + 1] = at, made
 
-class _Landing(Runs):
-    """Writes the function. There is one lane, so that a row is a number."""
-
-    def __init__(self, writer: Writer, given: dict[str, Any], rules: Rules, maps: Any) -> None:
-        self.rules, self.maps, self.D = rules, maps, rules.physics.dimension
-        super().__init__(writer, given, width=writer.index(1), size=writer.index(4 * self.D))
-        self.a.fresh = self.a.rows
-        self.lane = writer.index(0)
-        self.running_at = running_at(self.D, rules.physics.parameters)
-        self.block = self.running_at + running_rows(self.D)
-        zero = LLVMValue(writer.builder, ir.Constant(ir.DoubleType(), 0.0))
-        #: Scale of the run's step, as a pair; the largest |dt/ds| times the step; and steps made.
-        self.scale = [writer.variable(zero), writer.variable(zero)]
-        self.reach, self.at = writer.variable(zero), writer.variable(writer.index(0))
-        self.made, self.over = writer.variable(writer.index(0)), writer.variable(writer.index(0))
-
-    def write(self) -> None:
-        writer, a = self.writer, self.a
-        for i in writer.range(a.order.shape[0]):
-            with writer.when(a.control[STOP].equals(0)):
-                self._run(a.order[i])
-        writer.builder.ret_void()
-
-    def _run(self, r: Index) -> None:
-        writer, a = self.writer, self.a
-        for count in (self.at, self.made, self.over):
-            count.value = writer.index(0)
-        parameters = self._parameters_of(r)
-        self._start(a.start[r], parameters)
-        pieces = a.moves[a.scheme[r]]
-        self._coefficients(a.lanes, pieces, self._value(self.scale))
-        with writer.when(~a.measured.equals(NEVER)):
-            writer.call(a.begin, BEGIN, [a.rows])
-            self._begin(self.lane)
-        for half, entry in enumerate((ENERGY, ENERGY_LOW)):
-            a.energy[r, half] = a.rows[self._tally(self.lane, entry)]
-        sample = writer.variable(writer.index(0))
-        with writer.forever() as behind:
-            number = sample.value
-            writer.leave(number >= a.marks.shape[1], behind)
-            mark = a.marks[r, number.at_most(a.marks.shape[1] - 1)]
-            writer.leave(mark < 0, behind)
-            self._advance_to(r, mark, pieces)
-            writer.leave(self.over.value > 0, behind)
-            self._sample(r, number, mark, pieces, self._last(r, number))
-            writer.leave(self.over.value > 0, behind)
-            sample.value = number + 1
-        a.ends[r, 0] = writer.number(self.at.value)
-        a.ends[r, 1] = writer.number(self.made.value)
-
-    def _last(self, r: Index, number: Index) -> Any:
-        return self._was_last(r, number + 1)
-
-    def _value(self, pair: list[Any]) -> Pair:
-        return pair[0].value, pair[1].value
-
-    def _pairs_at(self, array: Array, first: int, count: int, apart: int) -> tuple[DoubleDouble, ...]:
-        return tuple(DoubleDouble(array[first + i], array[first + apart + i]) for i in range(count))
-
-    def _given(self) -> tuple[Any, ...]:
-        """The parameters of the run, in the rows."""
-        if self.rules.physics.constants:
-            return self.rules.physics.constants
-        at, rows = 4 * self.D + TALLY, self.a.rows
-        return tuple(DoubleDouble(rows[at + 2 * k], rows[at + 2 * k + 1]) for k in range(self.rules.physics.parameters))
-
-    def _start(self, start: Array, parameters: Array) -> None:
-        """The rows at the start of a run, and the scale of its steps."""
-        d, D, rows = self.maps.dimension, self.D, self.a.rows
-        for k in self.writer.range(rows.shape[0]):
-            rows[k] = 0.0
-        rows[self._tally(self.lane, LIMIT)] = float("inf")
-        for k in self.writer.range(parameters.shape[0]):
-            rows[self.size + TALLY + k] = parameters[k]
-        given = self._given()
-        q, p = self._pairs_at(start, 0, d, d), self._pairs_at(start, 2 * d, d, d)
-        x, y = self.maps.from_physical(q, p, *given)
-        keep = 1.0 if self.rules.compensated else 0.0
-        for i, number in enumerate((*x, *y)):
-            place = i if i < D else D + i
-            for at in (0, self.running_at):
-                rows[at + place], rows[at + D + place] = number.high, number.low * keep
-        inverse = self.maps.inverse_axis(x, *given)
-        self.scale[0].value, self.scale[1].value = inverse.pair
-        self.reach.value = self.maps.largest_radius(x, y, *given).high * inverse.high
-
-    def _coefficients(self, lanes: Array, pieces: Array, scale: Pair) -> None:
-        """The rows of coefficients of a step that is ``scale`` times that of the pieces."""
-        square = arithmetic.dd_mul(scale, scale)
-        for i in self.writer.range(pieces.shape[0] - 1):
-            kick, drift, product = ((pieces[i, 2 * k], pieces[i, 2 * k + 1]) for k in range(3))
-            kick, drift = arithmetic.dd_mul(kick, scale), arithmetic.dd_mul(drift, scale)
-            high = arithmetic.dd_mul(product, square)[0]
-            rest = arithmetic.fma(kick[0], drift[0], -high)
-            row = [*kick, *drift] if self.rules.extended else [kick[0], drift[0], high, rest]
-            for column, number in enumerate(row):
-                lanes[i * COLUMNS + column] = number
-
-    def _gap(self, rows: Array, target: Pair) -> LLVMValue:
-        """The time from a state to a target, over 4: its conjugate momentum is -t/4."""
-        high, low = 3 * self.D - 1, 4 * self.D - 1
-        gap: LLVMValue = (rows[high] + target[0]) + (rows[low] + target[1])
-        return gap
-
-    def _target(self, pieces: Array, mark: Index) -> Pair:
-        """A quarter of the time of a mark, which counts physical time in steps."""
-        last = pieces.shape[0] - 1
-        steps = self.writer.number(mark)
-        quarter = pieces[last, 0] * 0.25, pieces[last, 1] * 0.25
-        return arithmetic.dd_mul(quarter, (steps, steps.constant(0.0)))
-
-    def _radius(self, rows: Array) -> LLVMValue:
-        """|u|^2."""
-        total: LLVMValue = rows[0] * rows[0]
-        for k in range(1, self.D - 1):
-            total = arithmetic.fma(rows[k], rows[k], total)
-        return total
-
-    def _step(self, rows: Array, lanes: Array, count: Index, advance: Index) -> Index:
-        done: Index = self.writer.call(advance, ADVANCE, [count, self.a.stages, self.a.kick_first, lanes, rows])
-        self.made.value = self.made.value + done
-        return done
-
-    def _ahead(self, target: Pair, pieces: Array) -> tuple[LLVMValue, LLVMValue]:
-        """The gap to the target and the change of the gap by a step of radius 1, both in the direction of the run."""
-        tau = pieces[pieces.shape[0] - 1, 0]
-        backwards = tau.less(0.0)
-        gap = self._gap(self.a.rows, target)
-        return backwards.choose(-gap, gap), tau.absolute() * 0.25
-
-    def _advance_to(self, r: Index, mark: Index, pieces: Array) -> None:
-        """All steps before a mark, and none behind it."""
-        writer, a = self.writer, self.a
-        target = self._target(pieces, mark)
-        with writer.forever() as behind:
-            gap, change = self._ahead(target, pieces)
-            writer.leave(~gap.greater(0.0), behind)
-            writer.leave(~a.control[STOP].equals(0), behind)
-            steps = writer.whole(gap / (change * self.reach.value) * SAFETY)
-            with writer.when(steps > 0):
-                moved = self._step(a.rows, a.lanes, steps.at_most(a.stretch), a.advance)
-                self._count(r, moved)
-                left, _ = self._ahead(target, pieces)
-                # Such a run would never arrive.
-                with writer.when((moved >= ADVANCING) & ~left.less(gap)):
-                    a.left_at[r] = self.at.value
-                    self.over.value = writer.index(1)
-            writer.leave(self.over.value > 0, behind)
-            with writer.when(~(steps > 0)):
-                self._try_one(r, target, pieces, behind)
-
-    def _try_one(self, r: Index, target: Pair, pieces: Array, behind: ir.Block) -> None:
-        """One step, unless it passes the target: then none."""
-        writer, a = self.writer, self.a
-        self._copy(a.rows, a.trial)
-        self._copy(a.lanes, a.trial_lanes)
-        self._step(a.trial, a.trial_lanes, writer.index(1), a.advance)
-        backwards = pieces[pieces.shape[0] - 1, 0].less(0.0)
-        gap = self._gap(a.trial, target)
-        # What is no number does not pass: the run has left.
-        writer.leave(backwards.choose(-gap, gap).less(0.0), behind)
-        self._copy(a.trial, a.rows)
-        self._copy(a.trial_lanes, a.lanes)
-        self._count(r, writer.index(1))
-        writer.leave(self.over.value > 0, behind)
-
-    def _copy(self, source: Array, to: Array) -> None:
-        for k in self.writer.range(source.shape[0]):
-            to[k] = source[k]
-
-    def _count(self, r: Index, moved: Index) -> None:
-        """Steps of the run are done; it is over if it has left its energy surface."""
-        writer, a = self.writer, self.a
-        self.at.value = self.at.value + moved
-        a.control[PROGRESS] = a.control[PROGRESS] + moved
-        with writer.when((a.measured < SAMPLES) | a.measured.equals(NEVER)):
-            self._leave_surface(r, a.rows, self.at.value)
-
-    def _leave_surface(self, r: Index, rows: Array, step: Index) -> None:
-        writer, a = self.writer, self.a
-        latest = writer.variable(rows[self._tally(self.lane, LATEST)].absolute())
-        with writer.when(a.measured.equals(NEVER)):
-            self._unless_finite(self.lane, latest)
-        with writer.when(latest.value.any_not_within(rows[self._tally(self.lane, LIMIT)])):
-            a.left_at[r] = step
-            self.over.value = writer.index(1)
-
-    def _sample(self, r: Index, number: Index, mark: Index, pieces: Array, last: Any) -> None:
-        """Land on the mark, and record the state there."""
-        writer, a = self.writer, self.a
-        target = self._target(pieces, mark)
-        self._copy(a.rows, a.trial)
-        gap, _ = self._ahead(target, pieces)
-        landed = gap.greater(0.0)
-        with writer.when(landed):
-            self._newton(target, pieces)
-        with writer.when(landed & last):
-            self.at.value = self.at.value + 1
-            with writer.when(~a.measured.equals(NEVER)):
-                latest = a.trial[self._tally(self.lane, LATEST)].absolute()
-                total = self._tally(self.lane, TOTAL)
-                a.rows[self._tally(self.lane, WORST)] = latest.larger(a.rows[self._tally(self.lane, WORST)])
-                a.rows[total] = a.rows[total] + latest
-        with writer.when(a.measured.equals(SAMPLES)):
-            latest = a.trial[self._tally(self.lane, LATEST)].absolute()
-            a.rows[self._tally(self.lane, WORST)] = a.rows[self._tally(self.lane, TOTAL)] = latest
-            a.rows[self._tally(self.lane, TOTAL_CARRY)] = 0.0
-        with writer.when(~a.measured.equals(NEVER)):
-            before: Index = self.at.value
-            self._leave_surface(r, a.trial, writer.either(last, before, before + 1))
-        with writer.when(self.over.value.equals(0)):
-            self._record_physical(r, number)
-
-    def _newton(self, target: Pair, pieces: Array) -> None:
-        """The state ``trial`` at the target, one step of the right length from ``rows``."""
-        writer, a = self.writer, self.a
-        tau = pieces[pieces.shape[0] - 1, 0]
-        one = tau.constant(1.0)
-        whole = self._value(self.scale)
-        part = [writer.variable(one), writer.variable(one.constant(0.0))]
-        unit = tau * 0.25 * whole[0]
-        part[0].value = self._gap(a.rows, target) / (unit * self._radius(a.rows))
-        repeats, before = writer.variable(writer.index(0)), writer.variable(one.constant(float("inf")))
-        with writer.forever() as behind:
-            self._copy(a.rows, a.trial)
-            for k in writer.range(self.size):
-                a.trial[k + self.running_at] = a.trial[k]
-            for k in writer.range(self.D):
-                a.trial[k + (self.running_at + 4 * self.D)] = 0.0
-            self._coefficients(a.trial_lanes, pieces, arithmetic.dd_mul(whole, self._value(part)))
-            self._step(a.trial, a.trial_lanes, writer.index(1), a.look)
-            gap = self._gap(a.trial, target)
-            size = gap.absolute()
-            repeats.value = repeats.value + 1
-            writer.leave(repeats.value >= MOST_REPEATS, behind)
-            writer.leave(~size.less(before.value), behind)
-            before.value = size
-            writer.leave(size.equals(0.0), behind)
-            change = gap / (unit * self._radius(a.trial))
-            high, low = arithmetic.dd_add_double(self._value(part), change)
-            part[0].value, part[1].value = high, low
-
-    def _record_physical(self, r: Index, number: Index) -> None:
-        """One sample: the physical state of ``trial``, and what the block of steps since the last one came to."""
-        a, d, D = self.a, self.maps.dimension, self.D
-        x, y = self._pairs_at(a.trial, 0, D, D), self._pairs_at(a.trial, 2 * D, D, D)
-        q, p = self.maps.to_physical(x, y)
-        keep = 1.0 if self.rules.compensated else 0.0
-        for first, vector in ((0, q), (2 * d, p)):
-            for i, component in enumerate(vector):
-                a.states[r, number, first + i] = component.high
-                a.states[r, number, first + d + i] = component.low * keep
-        worst, total, carry = (self._tally(self.lane, entry) for entry in (WORST, TOTAL, TOTAL_CARRY))
-        a.energy_error[r, number] = a.trial[self._tally(self.lane, LATEST)]
-        a.worst[r, number] = a.rows[worst]
-        a.total[r, number] = a.rows[total] + a.rows[carry]
-        a.rows[worst] = a.rows[total] = a.rows[carry] = 0.0
+    return land

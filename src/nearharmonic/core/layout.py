@@ -133,7 +133,7 @@ RUN = Signature(
         # The arrays of :func:`workspace`.
         floats("rows", "numbers"),
         floats("fresh", "numbers"),
-        floats("lanes", "coefficients"),
+        floats("lanes", "coefficient_count"),
         integers("runs", "width"),
         integers("at", "width"),
         integers("mark", "width"),
@@ -171,9 +171,9 @@ LAND = Signature(
         integers("left_at", "total_runs"),
         # The state of a run and the coefficients of its steps, and of one that is tried.
         floats("rows", "numbers"),
-        floats("lanes", "coefficients"),
+        floats("lanes", "coefficient_count"),
         floats("trial", "numbers"),
-        floats("trial_lanes", "coefficients"),
+        floats("trial_lanes", "coefficient_count"),
     ),
     packed=True,
 )

@@ -110,16 +110,20 @@ lower_builtin(operator.neg, Numbers)(_operation("neg"))
 
 @intrinsic
 def _fma(typing, x, y, z):  # type: ignore[no-untyped-def]
-    return _common(x, y, z)(x, y, z), _operation("fma")
+    kind = _common(x, y, z)
+    if kind is None:
+        return types.float64(x, y, z), lambda context, builder, signature, values: builder.fma(*values)
+    return kind(x, y, z), _operation("fma")
 
 
 @overload(arithmetic.fma)
 def _fma_of_reals(x, y, z):  # type: ignore[no-untyped-def]
-    return (lambda x, y, z: _fma(x, y, z)) if _common(x, y, z) else None  # noqa: PLW0108 (its names count)
+    return lambda x, y, z: _fma(x, y, z)  # noqa: PLW0108 (its names count)
 
 
 for _transform in (
     arithmetic.quick_two_sum, arithmetic.two_sum, arithmetic.two_product, arithmetic.dd_add, arithmetic.dd_mul,
+    arithmetic.dd_add_double,
 ):  # fmt: skip
     register_jitable(_transform)
 

@@ -76,19 +76,26 @@ def measure_alone(rows, lane, width, size, latest):  # type: ignore[no-untyped-d
 
 
 @compiled
-def record(rows, lane, width, size, at, states, energy_error, worst, total):  # type: ignore[no-untyped-def]
-    """Record a sample and what the block of steps since the last one came to, and begin another block."""
+def record_errors(rows, lane, width, size, at, latest, energy_error, worst, total):  # type: ignore[no-untyped-def]
+    """Record what the block of steps since the last sample came to, and begin another."""
     first = size * width + lane
-    for k in range(size):
-        states[at * size + k] = rows[k * width + lane]
-    energy_error[at] = rows[first + LATEST * width]
+    energy_error[at] = latest
     worst[at] = rows[first + WORST * width]
     total[at] = rows[first + TOTAL * width] + rows[first + TOTAL_CARRY * width]
     rows[first + WORST * width] = rows[first + TOTAL * width] = rows[first + TOTAL_CARRY * width] = 0.0
 
 
 @compiled
-def place(  # type: ignore[no-untyped-def]
+def _record(rows, lane, width, size, at, states, energy_error, worst, total):  # type: ignore[no-untyped-def]
+    """Record a sample."""
+    for k in range(size):
+        states[at * size + k] = rows[k * width + lane]
+    latest = rows[(size + LATEST) * width + lane]
+    record_errors(rows, lane, width, size, at, latest, energy_error, worst, total)
+
+
+@compiled
+def _place(  # type: ignore[no-untyped-def]
     rows, lane, width, size, running_rows, start, r, parameters, parameter_sets, parameter_columns
 ):
     """A lane takes up the state and the parameters of a run; one set of parameters is for all runs."""
@@ -109,7 +116,7 @@ def run(  # type: ignore[no-untyped-def]
     advance, begin, measured, order, queued, marks, samples, scheme, start, size, resumed, resumptions, parameters,
     parameter_sets, parameter_columns, limit, scale, reference, stretch, stages, kick_first, moves, move_rows, columns,
     control, states, energy_error, worst, total, energy, running, running_rows, left_at, rows, numbers, fresh, lanes,
-    coefficients, runs, width, at, mark,
+    coefficient_count, runs, width, at, mark,
 ):  # fmt: skip
     """The function of :data:`nearharmonic.core.layout.RUN`, to be compiled.
 
@@ -128,7 +135,7 @@ def run(  # type: ignore[no-untyped-def]
                 r = order[0] if idle else order[taken]
                 taken += not idle
                 runs[lane], at[lane], mark[lane] = IDLE if idle else r, 0, 0
-                place(rows, lane, width, size, running_rows, start, r, parameters, parameter_sets, parameter_columns)
+                _place(rows, lane, width, size, running_rows, start, r, parameters, parameter_sets, parameter_columns)
                 for i in range(per_run):
                     lanes[i * width + lane] = 0.0 if idle else moves[scheme[r] * per_run + i]
                 if resumptions > 0 and not idle:
@@ -148,7 +155,7 @@ def run(  # type: ignore[no-untyped-def]
                         begin_tally(rows, fresh, lane, width, size, limit, scale, reference)
                     energy[2 * r] = rows[(size + ENERGY) * width + lane]
                     energy[2 * r + 1] = rows[(size + ENERGY_LOW) * width + lane]
-                    record(rows, lane, width, size, r * samples, states, energy_error, worst, total)
+                    _record(rows, lane, width, size, r * samples, states, energy_error, worst, total)
                     mark[lane] = 1
         count = FAR
         for lane in range(width):
@@ -156,7 +163,7 @@ def run(  # type: ignore[no-untyped-def]
                 count = min(count, marks[runs[lane] * samples + mark[lane]] - at[lane])
         if count == FAR:
             break
-        done = advance_at(advance, min(count, stretch), stages, kick_first, lanes, coefficients, rows, numbers)
+        done = advance_at(advance, min(count, stretch), stages, kick_first, lanes, coefficient_count, rows, numbers)
         for lane in range(width):
             r = runs[lane]
             if r < 0:
@@ -173,7 +180,7 @@ def run(  # type: ignore[no-untyped-def]
                 if measured == SAMPLES:
                     measure_alone(rows, lane, width, size, latest)
             if due and not over:
-                record(rows, lane, width, size, sample, states, energy_error, worst, total)
+                _record(rows, lane, width, size, sample, states, energy_error, worst, total)
                 mark[lane] += 1
                 over = mark[lane] == samples or marks[sample + 1] < 0
             if over:  # the state that runs is kept

@@ -11,13 +11,13 @@ import numpy as np
 from llvmlite import binding, ir
 from numpy.typing import NDArray
 
-from nearharmonic.core.layout import Argument, Signature
+from nearharmonic.core.layout import Signature, floats
 from nearharmonic.core.native import code_key, native, target_machine
 from nearharmonic.core.number import FUNCTIONS
 from nearharmonic.core.values import LLVMValue
 
 #: (arguments, results): one row of doubles a part of an argument or result.
-ELEMENTWISE = Signature((Argument("arguments", "float64", 2), Argument("results", "float64", 2)))
+ELEMENTWISE = Signature((floats("arguments", "rows", "count"), floats("results", "results_rows", "count")))
 #: Lanes in which arrays are evaluated.
 LANES = 8
 Body = Callable[..., Sequence[LLVMValue]]
@@ -107,7 +107,7 @@ def _stretch(
 def of_numbers(name: str) -> Callable[..., float]:
     """The function ``name`` of floats, from the cache of compiled code or compiled into it."""
     count = FUNCTIONS[name]
-    signature = Signature(tuple(Argument(f"x{i}", "float64") for i in range(count)), "float64")
+    signature = Signature(tuple(floats(f"x{i}") for i in range(count)), "float64")
 
     def make() -> tuple[str, bytes]:
         from nearharmonic.core.functions import double
