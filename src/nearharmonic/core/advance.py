@@ -30,6 +30,7 @@ from nearharmonic.core.layout import (
     TOTAL_CARRY,
     WORST,
 )
+from nearharmonic.core.loops import state as in_memory
 from nearharmonic.core.reals import (
     POINT,
     REAL,
@@ -51,7 +52,7 @@ from nearharmonic.core.reals import (
     where_zero,
     zero_like,
 )
-from nearharmonic.core.shape import Form
+from nearharmonic.core.shape import Form, Measured, Motion
 
 
 class Formulas(NamedTuple):
@@ -295,12 +296,12 @@ def _tallied(worst, total, carry, latest):  # type: ignore[no-untyped-def]
     return larger(size, worst), new, carried + (total - new)
 
 
-def _measure(form: Form, given: Formulas) -> Any:
+def _measure(form: Form, given: Measured) -> Any:
     """``measure(seen, height, kick_first, H0, rounding, parameters)``: H - H0, in double where that is certain.
 
     ``height`` is V at the position of the last force, which is that of the end if the step ends with a kick.
     """
-    energy, potential, balanced_T = given.energy, given.potential, given.balanced_T
+    energy, potential, kinetic = given.energy, given.potential, given.kinetic
 
     @compiled
     def difference(high, low, H0):  # type: ignore[no-untyped-def]
@@ -308,15 +309,13 @@ def _measure(form: Form, given: Formulas) -> Any:
 
     @compiled
     def exact(seen, height, kick_first, H0, rounding, parameters):  # type: ignore[no-untyped-def]
-        q, q_low, p, p_low = seen
-        high, low = energy(q, q_low, p, p_low, parameters)
+        high, low = energy(seen, parameters)
         return difference(high, low, H0)
 
     @compiled
     def quick(seen, height, kick_first, H0, rounding, parameters):  # type: ignore[no-untyped-def]
-        q, q_low, p, _ = seen
-        V = height if kick_first else potential(q, q_low, parameters)
-        T = balanced_T(p, parameters)
+        V = height if kick_first else potential(seen, parameters)
+        T = kinetic(seen, parameters)
         high, low = two_sum(T, V)
         latest = difference(high, low, H0)
         bound = rounding[0] + rounding[1] * (absolute(T) + absolute(V))
@@ -327,32 +326,66 @@ def _measure(form: Form, given: Formulas) -> Any:
     return quick if form.quick else exact
 
 
-def advance(form: Form) -> Callable[..., Any]:
-    """Return the function of :data:`nearharmonic.core.layout.ADVANCE`, to be compiled."""
+def _motion(form: Form) -> Motion:
+    """Return what :func:`advance` calls, for states that are points."""
     given = formulas(form)
     row_of, move = row_loader(form), _move(form, given)
-    closed, opened, measure = _closed(form, move), _opened(form, row_of, move), _measure(form, given)
-    first_force, force_behind, last_force = _forces(form, given)
+    opened = _opened(form, row_of, move)
+    first, behind, last = _forces(form, given)
+
+    @compiled
+    def load(rows, moves, parameters):  # type: ignore[no-untyped-def]
+        running = _running()
+        q, q_low, p, p_low = _load_state(rows, running)
+        late = load_point(rows, running + 4 * _dimension())
+        return opened((q, q_low, p, p_low, late), moves, parameters), _load_state(rows, 0)
+
+    @compiled
+    def save(rows, state, seen):  # type: ignore[no-untyped-def]
+        q, q_low, p, p_low, late = state
+        _store_state(rows, _running(), q, q_low, p, p_low)
+        store(rows, _running() + 4 * _dimension(), late)
+        q, q_low, p, p_low = seen
+        _store_state(rows, 0, q, q_low, p, p_low)
+
+    return Motion(load, first, move, behind, last, _closed(form, move), save)
+
+
+def _measured(form: Form) -> Measured:
+    """Return the energies of states that are points."""
+    given = formulas(form)
+    energy, energies, rounding = given.energy, given.energies, given.rounding
+    potential, balanced_T = given.potential, given.balanced_T
+    return Measured(
+        compiled(lambda seen, parameters: energy(seen[0], seen[1], seen[2], seen[3], parameters)),
+        compiled(lambda seen, parameters: energies(seen[0], seen[1], seen[2], seen[3], parameters)),
+        compiled(lambda seen, parameters: rounding(seen[0], seen[1], seen[2], seen[3], parameters)),
+        compiled(lambda seen, parameters: potential(seen[0], seen[1], parameters)),
+        compiled(lambda seen, parameters: balanced_T(seen[2], parameters)),
+    )
+
+
+def advance(form: Form) -> Callable[..., Any]:
+    """Return the function of :data:`nearharmonic.core.layout.ADVANCE`, to be compiled."""
+    load, first, move, behind, last, closed, save = in_memory.motion(form) if form.large else _motion(form)
+    row_of, measure = row_loader(form), _measure(form, in_memory.measured() if form.large else _measured(form))
     every, sampled, quick = form.energy == "every", form.energy == "samples", form.quick
 
     def advance(count, stages, kick_first, moves, rows):  # type: ignore[no-untyped-def]
-        running, tally, columns, d = _running(), _tally(), _columns(), _dimension()
-        parameters = load_parameters(rows, _parameters())
-        q, q_low, p, p_low = _load_state(rows, running)
-        state = opened((q, q_low, p, p_low, load_point(rows, running + 4 * d)), moves, parameters)
-        seen = _load_state(rows, 0)
+        tally, columns, parameters = _tally(), _columns(), load_parameters(rows, _parameters())
+        state, seen = load(rows, moves, parameters)
         (worst, total, carry, latest), H0, rounding, limit = _load_tally(rows, tally)
-        f, height = first_force(state, moves, parameters), zero_like(limit)
+        f, height = first(state, moves, parameters), zero_like(limit)
         done, opening = 0, 0
         while True:
             row = opening
             for i in range(stages - 1 if quick else stages):
                 state = move(state, row_of(moves, row), f, parameters)
-                f = force_behind(state, moves, row, parameters)
+                f = behind(state, moves, row, parameters)
                 row = row + columns if i > 0 else INNER * columns
             if quick:
                 state = move(state, row_of(moves, row), f, parameters)
-                f, height = last_force(state, moves, row, parameters)
+                f, height = last(state, moves, row, parameters)
             done += 1
             if every:
                 seen = closed(state, row_of(moves, (stages + 1) * columns), f, parameters)
@@ -368,11 +401,7 @@ def advance(form: Form) -> Callable[..., Any]:
         if sampled:
             latest = measure(seen, height, kick_first, H0, rounding, parameters)
             worst, total, carry = _tallied(worst, total, carry, latest)
-        q, q_low, p, p_low, late = state
-        _store_state(rows, running, q, q_low, p, p_low)
-        store(rows, running + 4 * d, late)
-        q, q_low, p, p_low = seen
-        _store_state(rows, 0, q, q_low, p, p_low)
+        save(rows, state, seen)
         _store_errors(rows, tally, worst, total, carry, latest)
         for column in range(columns):
             store(moves, column, load_real(moves, MERGED * columns + column))
@@ -381,17 +410,16 @@ def advance(form: Form) -> Callable[..., Any]:
     return advance
 
 
-def begin(form: Form) -> Callable[..., Any]:
+def begin(*, large: bool, quick: bool) -> Callable[..., Any]:
     """Return the function of :data:`nearharmonic.core.layout.BEGIN`, to be compiled."""
-    given, quick = formulas(form), form.quick
-    energies, rounding = given.energies, given.rounding
+    form = Form(large=large, quick=quick)
+    energies, rounding = (in_memory.measured() if large else _measured(form))[1:3]
 
     def begin(rows):  # type: ignore[no-untyped-def]
-        tally = _tally()
-        q, q_low, p, p_low = _load_state(rows, 0)
-        parameters = load_parameters(rows, _parameters())
-        H, H_low, T, zero = energies(q, q_low, p, p_low, parameters)
-        near, condition = rounding(q, q_low, p, p_low, parameters) if quick else (zero, zero)
+        tally, parameters = _tally(), load_parameters(rows, _parameters())
+        seen = rows if large else _load_state(rows, 0)
+        H, H_low, T, zero = energies(seen, parameters)
+        near, condition = rounding(seen, parameters) if quick else (zero, zero)
         for entry in range(LIMIT):
             store(rows, tally + entry, zero)
         store(rows, tally + ENERGY, H)

@@ -10,9 +10,10 @@ from typing import Any
 from llvmlite import ir
 
 from nearharmonic.core.layout import TALLY, TURN, TURNS, parameter_rows, running_at
+from nearharmonic.core.loops.tables import BLOCK
 from nearharmonic.core.modified_kick import square
 from nearharmonic.core.number import Constant
-from nearharmonic.core.operations import DOUBLE, INDEX, PREFIX, Kinds, declare, packed, write_load
+from nearharmonic.core.operations import DOUBLE, INDEX, PREFIX, Kinds, declare, packed, write_load, write_number
 from nearharmonic.core.rules import Entries, Rules
 from nearharmonic.core.tracing import Double, DoubleDouble, LLVMValue
 
@@ -50,12 +51,16 @@ def module_of(rules: Rules, lanes: int) -> ir.Module:
         Lanes of the kernel.
     """
     physics, d = rules.physics, rules.physics.dimension
+    if physics.loops is not None:
+        from nearharmonic.core.loops import functions
+
+        return functions.module_of(rules, kinds_of(rules, lanes))
     written = _Formulas(rules, kinds_of(rules, lanes))
     for name, number in {
         "dimension": d, "columns": rules.columns, "tally": 4 * d, "parameters": 4 * d + TALLY,
         "running": running_at(d, physics.parameters),
     }.items():  # fmt: skip
-        written.number(name, number)
+        write_number(written.module, name, number)
     written.write()
     if physics.turning is not None:
         for column in range(6 if rules.extended else TURNS):
@@ -65,7 +70,8 @@ def module_of(rules: Rules, lanes: int) -> ir.Module:
 
 def kinds_of(rules: Rules, lanes: int) -> Kinds:
     """Types of the numbers of a kernel."""
-    return Kinds(rules.physics.dimension, parameter_rows(rules.physics.parameters), lanes)
+    block = 0 if rules.physics.loops is None else BLOCK
+    return Kinds(rules.physics.dimension, parameter_rows(rules.physics.parameters), lanes, block)
 
 
 class _Formulas:
@@ -129,11 +135,6 @@ class _Formulas:
         )
         builder.ret(packed(builder, _values(found), result))
 
-    def number(self, name: str, number: int) -> None:
-        """A function that returns a whole number."""
-        function = declare(self.module, f"{PREFIX}{name}", [], INDEX)
-        ir.IRBuilder(function.append_basic_block()).ret(INDEX(number))
-
     def coefficient(self, column: int) -> None:
         """A function that loads a coefficient of each coordinate where an oscillator is solved exactly."""
         turning = self.rules.physics.turning
@@ -176,8 +177,8 @@ def maps_module(rules: Rules, maps: Any) -> ir.Module:
     """
     physics, d, D = rules.physics, maps.dimension, rules.physics.dimension
     written = _Formulas(rules, kinds_of(rules, 1))
-    written.number("dimension", D)
-    written.number("running", running_at(D, physics.parameters))
+    write_number(written.module, "dimension", D)
+    write_number(written.module, "running", running_at(D, physics.parameters))
 
     def departed(memory: _Memory, start: ir.Value, first: ir.Value, rows: ir.Value, to: ir.Value) -> None:
         given = physics.constants or tuple(memory.pair(rows, 4 * D + TALLY + 2 * k) for k in range(physics.parameters))

@@ -76,13 +76,8 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
     rules, more = Rules(physics, extended, compensated), room(physics, extended=extended)
 
     def make_begin() -> tuple[str, bytes]:
-        from nearharmonic.core import assembly
-
-        if physics.loops is not None:
-            from nearharmonic.core.loops import functions
-
-            return assembly.machine_code(*functions.begin(rules))
-        return _linked("begin", BEGIN, rules, width, "every")
+        choice = {"large": physics.loops is not None, "quick": rules.quick_energy}
+        return _linked("begin", BEGIN, choice, rules, width)
 
     def make_run() -> tuple[str, bytes]:
         from nearharmonic.core import link, scheduler
@@ -194,33 +189,32 @@ def _key(rules: Rules, width: int, *more: str) -> str:
 
 def _advance(rules: Rules, width: int, energy: str) -> Any:
     def make() -> tuple[str, bytes]:
-        from nearharmonic.core import assembly
+        from nearharmonic.core.formulas import moving
+        from nearharmonic.core.shape import Form
 
-        if rules.physics.loops is not None:
-            from nearharmonic.core.loops import functions
-
-            return assembly.machine_code(*functions.advance(rules, energy))
-        return _linked("advance", ADVANCE, rules, width, energy)
+        physics, large = rules.physics, rules.physics.loops is not None
+        form = Form(
+            extended=rules.extended, compensated=rules.compensated,
+            ahead=rules.looks_ahead and (physics.unit_masses or not large), modified=physics.modified is not None,
+            turning=physics.turning is not None, resting=not large and not all(moving(rules)),
+            quick=rules.quick_energy and energy == "every", energy=energy, large=large,
+            unit_masses=large and physics.unit_masses,
+        )  # fmt: skip
+        return _linked("advance", ADVANCE, {"form": form}, rules, width)
 
     return native(f"advance-{_key(rules, width, energy)}", ADVANCE, make)
 
 
-def _linked(entry: str, signature: Signature, rules: Rules, width: int, energy: str) -> tuple[str, bytes]:
-    """Name and object code of a function of the loops of a shape with the formulas of a system."""
+def _linked(
+    entry: str, signature: Signature, choice: dict[str, Any], rules: Rules, width: int
+) -> tuple[str, bytes]:
+    """Name and object code of a function of :mod:`nearharmonic.core.advance` with the formulas of a system."""
     from nearharmonic.core import formulas, link
-    from nearharmonic.core.shape import Form
-
-    physics = rules.physics
-    form = Form(
-        extended=rules.extended, compensated=rules.compensated, ahead=rules.looks_ahead,
-        modified=physics.modified is not None, turning=physics.turning is not None,
-        resting=not all(formulas.moving(rules)), quick=rules.quick_energy and energy == "every", energy=energy,
-    )  # fmt: skip
 
     def compiled() -> tuple[str, bytes]:
         from nearharmonic.core import advance
 
-        return link.loops(getattr(advance, entry)(form), signature)
+        return link.loops(getattr(advance, entry)(**choice), signature)
 
-    loops = link.kept(f"loops-{code_key(entry, repr(form))}", compiled)
+    loops = link.kept(f"loops-{code_key(entry, repr(choice))}", compiled)
     return link.linked(*loops, formulas.module_of(rules, width), formulas.kinds_of(rules, width))

@@ -67,6 +67,7 @@ class Kinds:
     dimension: int
     parameters: int
     lanes: int
+    block: int = 0  # coordinates that are side by side in memory, of which a point is so many; 0 for all, one by one
 
     @property
     def real(self) -> ir.Type:
@@ -74,6 +75,8 @@ class Kinds:
 
     def of(self, letter: str) -> ir.Type:
         """The type of a letter."""
+        if letter == "P" and self.block:
+            return ir.LiteralStructType([ir.VectorType(DOUBLE, self.block)])
         points = {"P": self.dimension, "C": self.parameters, "R": 1}
         if letter in points:
             return ir.LiteralStructType([self.real] * points[letter])
@@ -87,13 +90,9 @@ def define(module: ir.Module, symbol: str, kinds: Kinds, result: str) -> None:
     builder = ir.IRBuilder(function.append_basic_block())
     values = dict(enumerate(function.args))
     if name in ELEMENTWISE:
-        count = len(kinds.of(result).elements)
-        columns = [
-            _coordinates(builder, x, letter, count, kinds) for x, letter in zip(function.args, letters, strict=True)
-        ]
-        builder.ret(
-            packed(builder, [ELEMENTWISE[name](builder, *c) for c in zip(*columns, strict=True)], kinds.of(result))
-        )
+        kind = kinds.of(result)
+        columns = [_coordinates(builder, x, kind) for x in function.args]
+        builder.ret(packed(builder, [ELEMENTWISE[name](builder, *c) for c in zip(*columns, strict=True)], kind))
     elif name in ALL:
         found = ALL[name](builder, *(builder.extract_value(x, 0) for x in function.args))
         if kinds.lanes > 1:
@@ -102,13 +101,13 @@ def define(module: ir.Module, symbol: str, kinds: Kinds, result: str) -> None:
         builder.ret(found)
     elif name == "largest_modulus":
         found = _zero(kinds.real)
-        for x in _coordinates(builder, function.args[0], "P", kinds.dimension, kinds):
+        for x in _coordinates(builder, function.args[0], kinds.of("P")):
             found = ELEMENTWISE["larger"](builder, ELEMENTWISE["absolute"](builder, x), found)
         builder.ret(packed(builder, [found], kinds.of("R")))
     elif name.startswith("load"):
         write_load(builder, values[0], values[1], kinds, kinds.of(result))
-    elif name == "store":
-        _write_store(builder, values[0], values[1], values[2], kinds)
+    elif name.startswith("store"):
+        _write_store(builder, values[0], values[1], values[2], kinds, rest=name == "store_rest")
 
 
 def declare(module: ir.Module, symbol: str, kinds: Sequence[ir.Type], result: ir.Type) -> ir.Function:
@@ -119,21 +118,19 @@ def declare(module: ir.Module, symbol: str, kinds: Sequence[ir.Type], result: ir
     return function
 
 
-def _coordinates(builder: ir.IRBuilder, value: ir.Value, letter: str, count: int, kinds: Kinds) -> list[ir.Value]:
-    """The coordinates of a value, or one number as often."""
-    if letter == "D":
-        return [_in_every_lane(builder, value, kinds.lanes)] * count
-    found = [builder.extract_value(value, i) for i in range(len(value.type.elements))]
-    return found * count if letter == "R" else found
+def _coordinates(builder: ir.IRBuilder, value: ir.Value, kind: ir.Type) -> list[ir.Value]:
+    """The coordinates of a value, or one number as often as a value of ``kind`` has them."""
+    numbers = [value] if value.type == DOUBLE else [builder.extract_value(value, i) for i in range(len(value.type.elements))]
+    element = kind.elements[0]
+    found = [x if x.type == element else _in_every_lane(builder, x, element) for x in numbers]
+    return found * len(kind.elements) if len(found) == 1 else found
 
 
-def _in_every_lane(builder: ir.IRBuilder, double: ir.Value, lanes: int) -> ir.Value:
-    if lanes == 1:
-        return double
-    index, vector = ir.IntType(32), ir.VectorType(DOUBLE, lanes)
+def _in_every_lane(builder: ir.IRBuilder, double: ir.Value, vector: ir.Type) -> ir.Value:
+    index = ir.IntType(32)
     first = builder.insert_element(ir.Constant(vector, ir.Undefined), double, index(0))
     return builder.shuffle_vector(
-        first, ir.Constant(vector, ir.Undefined), ir.Constant(ir.VectorType(index, lanes), [0] * lanes)
+        first, ir.Constant(vector, ir.Undefined), ir.Constant(ir.VectorType(index, vector.count), [0] * vector.count)
     )
 
 
@@ -148,9 +145,11 @@ def packed(builder: ir.IRBuilder, numbers: Any, kind: ir.Type) -> ir.Value:
     return value
 
 
-def _place(builder: ir.IRBuilder, array: ir.Value, row: ir.Value, behind: int, kinds: Kinds) -> ir.Value:
+def _place(
+    builder: ir.IRBuilder, array: ir.Value, row: ir.Value, behind: int, kinds: Kinds, element: ir.Type
+) -> ir.Value:
     first = builder.mul(builder.add(row, INDEX(behind)), INDEX(kinds.lanes))
-    return builder.bitcast(builder.gep(array, [first]), kinds.real.as_pointer())
+    return builder.bitcast(builder.gep(array, [first]), element.as_pointer())
 
 
 def write_load(
@@ -163,13 +162,25 @@ def write_load(
 ) -> None:
     """Return the numbers in the rows from ``row`` on, or in ``rows`` counted from there."""
     found = []
-    for behind in range(len(kind.elements)) if rows is None else rows:
-        found.append(builder.load(_place(builder, array, row, behind, kinds)))
+    for behind, element in zip(range(len(kind.elements)) if rows is None else rows, kind.elements, strict=True):
+        found.append(builder.load(_place(builder, array, row, behind, kinds, element)))
         found[-1].align = 8
     builder.ret(packed(builder, found, kind))
 
 
-def _write_store(builder: ir.IRBuilder, array: ir.Value, row: ir.Value, value: ir.Value, kinds: Kinds) -> None:
-    for i in range(len(value.type.elements)):
-        builder.store(builder.extract_value(value, i), _place(builder, array, row, i, kinds)).align = 8
+def _write_store(
+    builder: ir.IRBuilder, array: ir.Value, row: ir.Value, value: ir.Value, kinds: Kinds, *, rest: bool
+) -> None:
+    """Replace rows by a value, or by the coordinates that whole blocks leave over."""
+    numbers = [builder.extract_value(value, i) for i in range(len(value.type.elements))]
+    if rest:
+        numbers = [builder.extract_element(numbers[0], ir.IntType(32)(i)) for i in range(kinds.dimension % kinds.block)]
+    for i, x in enumerate(numbers):
+        builder.store(x, _place(builder, array, row, i, kinds, x.type)).align = 8
     builder.ret_void()
+
+
+def write_number(module: ir.Module, name: str, number: int) -> None:
+    """Write a function that returns a whole number."""
+    function = declare(module, f"{PREFIX}{name}", [], INDEX)
+    ir.IRBuilder(function.append_basic_block()).ret(INDEX(number))

@@ -201,6 +201,12 @@ def store(typing, array, row, value):  # type: ignore[no-untyped-def]
     return types.void(array, types.int64, value), _operation("store")
 
 
+@intrinsic
+def store_rest(typing, array, row, value):  # type: ignore[no-untyped-def]
+    """The same by the coordinates that whole blocks of them leave over."""
+    return types.void(array, types.int64, value), _operation("store_rest")
+
+
 def _star(given: Any) -> Any:
     """Types of the arguments of an intrinsic function that takes any number of them."""
     return given[0] if len(given) == 1 and isinstance(given[0], tuple) else given

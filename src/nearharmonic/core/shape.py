@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,18 +26,56 @@ class Form:
         Whether energies are measured in double where that is certain.
     energy : {"every", "samples", "none"}
         As for :func:`nearharmonic.core.kernel.build`.
+    large : bool
+        Whether states lie in memory.
+    unit_masses : bool
+        Whether T = p.p / 2, for states in memory.
     """
 
-    extended: bool
-    compensated: bool
-    ahead: bool
-    modified: bool
-    turning: bool
-    resting: bool
-    quick: bool
-    energy: str
+    extended: bool = False
+    compensated: bool = False
+    ahead: bool = False
+    modified: bool = False
+    turning: bool = False
+    resting: bool = False
+    quick: bool = False
+    energy: str = "every"
+    large: bool = False
+    unit_masses: bool = False
 
     @property
     def parts(self) -> int:
         """Doubles of a number."""
         return 2 if self.extended else 1
+
+
+class Motion(NamedTuple):
+    """What the loops of a form call; f are forces, whatever the moves take.
+
+    ``load(rows, moves, parameters)`` returns the state that runs and the one that was seen, ``first(state, moves,
+    parameters)`` the forces of the first move, ``move(state, row, f, parameters)`` the next state, ``behind(state,
+    moves, row, parameters)`` the forces behind the move of a row, ``last`` of the same arguments these and V,
+    ``closed(state, row, f, parameters)`` the state at the end of a step; ``save(rows, state, seen)`` puts both back.
+    """
+
+    load: Any
+    first: Any
+    move: Any
+    behind: Any
+    last: Any
+    closed: Any
+    save: Any
+
+
+class Measured(NamedTuple):
+    """Energies of a state that is seen, each ``f(seen, parameters)``.
+
+    ``energy`` is H as a pair; ``energies`` are H as a pair, T, and 0; ``rounding`` is that of H in double; ``potential``
+    and ``kinetic`` are V and T in double.
+    """
+
+    energy: Any
+    energies: Any
+    rounding: Any
+    potential: Any
+    kinetic: Any

@@ -9,10 +9,9 @@ import numpy as np
 from llvmlite import ir
 
 from nearharmonic.core import arithmetic
-from nearharmonic.core.assembly import Index, Variable
 from nearharmonic.core.expression.program import Program
 from nearharmonic.core.loops.energy import LoopedEnergy, Totals, Work
-from nearharmonic.core.loops.memory import Doubles, LoopWriter, Planes, is_consecutive, is_constant
+from nearharmonic.core.loops.memory import Doubles, Index, LoopWriter, Planes, Variable, is_consecutive, is_constant
 from nearharmonic.core.loops.tables import BLOCK, Places
 from nearharmonic.core.loops.terms import COORDINATES
 from nearharmonic.core.number import Constant, applied

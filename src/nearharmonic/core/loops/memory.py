@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,10 +11,10 @@ import numpy as np
 from llvmlite import ir
 from numpy.typing import NDArray
 
-from nearharmonic.core.assembly import DOUBLE, INDEX, Index, Writer
 from nearharmonic.core.condition import Conditioned
 from nearharmonic.core.loops.tables import BLOCK
 from nearharmonic.core.number import Constant
+from nearharmonic.core.operations import DOUBLE, INDEX
 from nearharmonic.core.tracing import Double, DoubleDouble, LLVMValue
 from nearharmonic.core.values import LLVMMask
 
@@ -88,8 +89,71 @@ class Planes:
     stride: int
 
 
-class LoopWriter(Writer):
+class Index:
+    """A 64-bit whole number."""
+
+    def __init__(self, builder: ir.IRBuilder, value: ir.Value) -> None:
+        self.builder, self.value = builder, value
+
+    def _operand(self, other: Index | int) -> ir.Value:
+        return other.value if isinstance(other, Index) else INDEX(other)
+
+    def __add__(self, other: Index | int) -> Index:
+        return Index(self.builder, self.builder.add(self.value, self._operand(other)))
+
+    def __mul__(self, other: Index | int) -> Index:
+        return Index(self.builder, self.builder.mul(self.value, self._operand(other)))
+
+
+class Variable:
+    """A value of a function that changes."""
+
+    def __init__(self, builder: ir.IRBuilder, initial: LLVMValue) -> None:
+        self._builder = builder
+        with builder.goto_entry_block():
+            self._room = builder.alloca(initial.value.type)
+        self.value = initial
+
+    @property
+    def value(self) -> LLVMValue:
+        """What it is now."""
+        return LLVMValue(self._builder, self._builder.load(self._room))
+
+    @value.setter
+    def value(self, new: LLVMValue) -> None:
+        self._builder.store(new.value, self._room)
+
+
+class LoopWriter:
     """Writes loops over blocks, tables and accesses to memory at the end of a function."""
+
+    def __init__(self, builder: ir.IRBuilder) -> None:
+        self.builder = builder
+
+    def index(self, number: int) -> Index:
+        """A constant."""
+        return Index(self.builder, INDEX(number))
+
+    def variable(self, initial: LLVMValue) -> Variable:
+        """A variable with its first value."""
+        return Variable(self.builder, initial)
+
+    @contextmanager
+    def repeated(self, count: int) -> Iterator[Index]:
+        """Write the body of a loop over 0, ..., ``count`` - 1."""
+        builder = self.builder
+        before, head = builder.block, builder.append_basic_block("repeated")
+        body, behind = builder.append_basic_block("body"), builder.append_basic_block("behind")
+        builder.branch(head)
+        builder.position_at_end(head)
+        i = builder.phi(INDEX)
+        i.add_incoming(INDEX(0), before)
+        builder.cbranch(builder.icmp_signed("<", i, INDEX(count)), body, behind)
+        builder.position_at_end(body)
+        yield Index(builder, i)
+        i.add_incoming(builder.add(i, INDEX(1)), builder.block)
+        builder.branch(head)
+        builder.position_at_end(behind)
 
     def zero(self, width: int) -> LLVMValue:
         """0 in each of ``width`` lanes."""
