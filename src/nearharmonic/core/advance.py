@@ -66,7 +66,7 @@ class Formulas(NamedTuple):
     energies: Any
     force_and_potential: Any
     potential: Any
-    balanced_T: Any
+    kinetic: Any
     rounding: Any
 
 
@@ -76,7 +76,7 @@ def formulas(form: Form) -> Formulas:
     results = {
         "force": rates, "square": rates, "velocity": rates, "acceleration": rates, "energy": pair,
         "energies": types.UniTuple(REAL, 4), "force_and_potential": types.Tuple((POINT, REAL)), "potential": REAL,
-        "balanced_T": REAL, "rounding": pair,
+        "kinetic": REAL, "rounding": pair,
     }  # fmt: skip
     return Formulas(**{name: linked(name, kind) for name, kind in results.items()})
 
@@ -355,13 +355,13 @@ def _measured(form: Form) -> Measured:
     """Return the energies of states that are points."""
     given = formulas(form)
     energy, energies, rounding = given.energy, given.energies, given.rounding
-    potential, balanced_T = given.potential, given.balanced_T
+    potential, kinetic = given.potential, given.kinetic
     return Measured(
         compiled(lambda seen, parameters: energy(seen[0], seen[1], seen[2], seen[3], parameters)),
         compiled(lambda seen, parameters: energies(seen[0], seen[1], seen[2], seen[3], parameters)),
         compiled(lambda seen, parameters: rounding(seen[0], seen[1], seen[2], seen[3], parameters)),
         compiled(lambda seen, parameters: potential(seen[0], seen[1], parameters)),
-        compiled(lambda seen, parameters: balanced_T(seen[2], parameters)),
+        compiled(lambda seen, parameters: kinetic(seen[2], parameters)),
     )
 
 

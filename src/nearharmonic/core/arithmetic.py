@@ -114,20 +114,6 @@ def two_products(a: Any, b: Any) -> Pair:
     return product, a2 * b2 - (((product - a1 * b1) - a2 * b1) - a1 * b2)
 
 
-def compensated_update(state: Pair, coefficient: Any, rate: Any) -> Pair:
-    """state += coefficient * rate, the rounding error kept in the carry (Kahan 1965, doi:10.1145/363707.363723)."""
-    value, carry = state
-    increment = fma(coefficient, rate, carry)
-    total = value + increment
-    return total, increment + (value - total)
-
-
-def plain_update(state: Pair, coefficient: Any, rate: Any) -> Pair:
-    """state += coefficient * rate; the carry is left as it is (zero)."""
-    value, carry = state
-    return fma(coefficient, rate, value), carry
-
-
 def dd_add(a: Pair, b: Pair) -> Pair:
     """Double-double sum, relative error below 3 u^2 with u = 2^-53 (the accurate variant: safe under cancellation)."""
     high, low = two_sum(a[0], b[0])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from functools import lru_cache
 from hashlib import sha256
 from typing import Any
@@ -11,11 +11,23 @@ from llvmlite import ir
 
 from nearharmonic.core.layout import TALLY, TURN, TURNS, parameter_rows, running_at
 from nearharmonic.core.loops.tables import BLOCK
-from nearharmonic.core.modified_kick import square
 from nearharmonic.core.number import Constant
-from nearharmonic.core.operations import DOUBLE, INDEX, PREFIX, Kinds, declare, packed, write_load, write_number
+from nearharmonic.core.operations import (
+    DOUBLE,
+    EVERYTHING,
+    INDEX,
+    PREFIX,
+    Kinds,
+    declare,
+    packed,
+    write_load,
+    write_number,
+)
 from nearharmonic.core.rules import Entries, Rules
-from nearharmonic.core.tracing import Double, DoubleDouble, LLVMValue
+from nearharmonic.core.tracing import DoubleDouble, LLVMValue
+
+#: Formulas that a system may lack, with what they are made of.
+_OPTIONAL = {"square": "modified", "acceleration": "acceleration"}
 
 
 @lru_cache(maxsize=64)
@@ -40,7 +52,7 @@ def moving(rules: Rules) -> tuple[bool, ...]:
     return tuple(not (isinstance(v, Constant) and v == 0) for v in velocity)
 
 
-def module_of(rules: Rules, lanes: int) -> ir.Module:
+def module_of(rules: Rules, lanes: int, needed: Container[str] = EVERYTHING) -> ir.Module:
     """Return a module with what a system and a number of lanes bring to the loops of their form.
 
     Parameters
@@ -49,13 +61,15 @@ def module_of(rules: Rules, lanes: int) -> ir.Module:
         The system, and what its formulas are computed with.
     lanes : int
         Lanes of the kernel.
+    needed : container of str
+        Names of the functions that are called.
     """
     physics, d = rules.physics, rules.physics.dimension
     if physics.loops is not None:
         from nearharmonic.core.loops import functions
 
-        return functions.module_of(rules, kinds_of(rules, lanes))
-    written = _Formulas(rules, kinds_of(rules, lanes))
+        return functions.module_of(rules, kinds_of(rules, lanes), needed)
+    written = _Formulas(rules, kinds_of(rules, lanes), needed)
     for name, number in {
         "dimension": d, "columns": rules.columns, "tally": 4 * d, "parameters": 4 * d + TALLY,
         "running": running_at(d, physics.parameters),
@@ -64,7 +78,8 @@ def module_of(rules: Rules, lanes: int) -> ir.Module:
     written.write()
     if physics.turning is not None:
         for column in range(6 if rules.extended else TURNS):
-            written.coefficient(column)
+            if f"turn{column}" in needed:
+                written.coefficient(column)
     return written.module
 
 
@@ -77,8 +92,8 @@ def kinds_of(rules: Rules, lanes: int) -> Kinds:
 class _Formulas:
     """Functions of one module."""
 
-    def __init__(self, rules: Rules, kinds: Kinds) -> None:
-        self.module, self.rules, self.kinds = ir.Module("formulas"), rules, kinds
+    def __init__(self, rules: Rules, kinds: Kinds, needed: Container[str] = EVERYTHING) -> None:
+        self.module, self.rules, self.kinds, self.needed = ir.Module("formulas"), rules, kinds, needed
         self.real, self.point = kinds.of("R"), kinds.of("P")
 
     def write(self) -> None:
@@ -92,27 +107,22 @@ class _Formulas:
         def velocity(p: Entries, low: Entries, c: Entries) -> Any:
             return halves(rules.flat(rules.velocity(p + low, c), p[0]))
 
-        acceleration = rules.physics.acceleration
         self.define("force", rates, "PP", lambda q, low, c: halves(rules.force(q + low, c)))
         if rules.looks_ahead:
             self.define("velocity", rates, "P", lambda p, c: velocity(p, p, c))
+            self.define("acceleration", point, "P", rules.acceleration)
         else:
             self.define("velocity", rates, "PP", velocity)
-        if rules.looks_ahead and acceleration is not None:
-            self.define("acceleration", point, "P", lambda f, c: rules.flat(
-                tuple(acceleration(tuple(map(Double, f)), *rules.constants(c))), f[0]
-            ))  # fmt: skip
-        if rules.physics.modified is not None:
-            self.define("square", rates, "PP", lambda q, low, c: halves(square(rules, q + low, c)))
-        self.define("energy", ir.ArrayType(real, 2), "PPPP", lambda *x: _each(rules.energy(_joined(x), x[-1]).pair))
-        self.define("energies", ir.ArrayType(real, 4), "PPPP", lambda *x: _each(rules.first_energy(_joined(x), x[-1])))
+        self.define("square", rates, "PP", lambda q, low, c: halves(rules.square(q + low, c)))
+        self.define("energy", ir.ArrayType(real, 2), "PPPP", lambda *x: _each(rules.energies(_joined(x), x[-1])[:2]))
+        self.define("energies", ir.ArrayType(real, 4), "PPPP", lambda *x: _each(rules.energies(_joined(x), x[-1])))
         if rules.quick_energy:
             found = ir.LiteralStructType([point, real])
             self.define(
                 "force_and_potential", found, "PP", lambda q, low, c: _split(rules.force_and_potential(q + low, c))
             )
             self.define("potential", real, "PP", lambda q, low, c: rules.potential(q + low, c))
-            self.define("balanced_T", real, "P", lambda p, c: [rules.quick_T(p + p, c)])
+            self.define("kinetic", real, "P", lambda p, c: rules.kinetic(p + p, c))
             self.define("rounding", ir.ArrayType(real, 2), "PPPP", lambda *x: _each(rules.rounding(_joined(x), x[-1])))
         if not all(moves := moving(rules)):
             self.define("moved", point, "PP", lambda new, old: [
@@ -121,6 +131,8 @@ class _Formulas:
 
     def define(self, name: str, result: ir.Type, letters: str, body: Callable[..., Any], *, given: bool = True) -> None:
         """A function of points and, if they are ``given``, of the parameters."""
+        if name not in self.needed or getattr(self.rules.physics, _OPTIONAL.get(name, "V")) is None:
+            return
         kinds = [self.kinds.of(letter) for letter in (f"{letters}C" if given else letters)]
         function = declare(self.module, f"{PREFIX}{name}", kinds, result)
         if name == "energy" and self.rules.quick_energy:  # long and seldom: it takes no registers from the loop
@@ -217,7 +229,9 @@ class _Memory:
 
     def pairs(self, array: ir.Value, at: int, count: int) -> tuple[DoubleDouble, ...]:
         """High halves, and as many low ones behind them."""
-        return tuple(DoubleDouble(self._double(array, at + k), self._double(array, at + count + k)) for k in range(count))
+        return tuple(
+            DoubleDouble(self._double(array, at + k), self._double(array, at + count + k)) for k in range(count)
+        )
 
     def write(self, array: ir.Value, numbers: Sequence[LLVMValue]) -> None:
         for i, number in enumerate(numbers):

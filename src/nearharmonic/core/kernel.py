@@ -205,9 +205,7 @@ def _advance(rules: Rules, width: int, energy: str) -> Any:
     return native(f"advance-{_key(rules, width, energy)}", ADVANCE, make)
 
 
-def _linked(
-    entry: str, signature: Signature, choice: dict[str, Any], rules: Rules, width: int
-) -> tuple[str, bytes]:
+def _linked(entry: str, signature: Signature, choice: dict[str, Any], rules: Rules, width: int) -> tuple[str, bytes]:
     """Name and object code of a function of :mod:`nearharmonic.core.advance` with the formulas of a system."""
     from nearharmonic.core import formulas, link
 
@@ -217,4 +215,4 @@ def _linked(
         return link.loops(getattr(advance, entry)(**choice), signature)
 
     loops = link.kept(f"loops-{code_key(entry, repr(choice))}", compiled)
-    return link.linked(*loops, formulas.module_of(rules, width), formulas.kinds_of(rules, width))
+    return link.linked(*loops, formulas.module_of(rules, width, link.needed(loops[1])), formulas.kinds_of(rules, width))

@@ -6,7 +6,7 @@ The run itself does not take that step, but for the last one.
 
 States come and go as physical positions and momenta, mapped in double-double. The step sizes are those of physical time
 over the semi-major axis of each start, so that an orbit takes as many steps as in physical time. There is one lane, so
-that a row is a number; the last rows of ``moves`` is the step size.
+that a row is a number; the last row of ``moves`` is the step size.
 """
 
 from __future__ import annotations
@@ -115,8 +115,10 @@ def _steps(advance, count, form, lanes, rows):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _approach(advance, form, target, tau, reach, stretch, limited, measured, control, rows, lanes, trial, trial_lanes):  # type: ignore[no-untyped-def]
+def _approach(advance, form, target, tau, reach, look, control, rows, lanes, trial, trial_lanes):  # type: ignore[no-untyped-def]
     """All steps before a target, and none behind it: how many, how many with those tried, and whether the run left."""
+    stretch, measured = look
+    limited = measured < SAMPLES or measured == NEVER
     at, made, size = 0, 0, 4 * _dimension()
     direction = -1.0 if tau < 0 else 1.0
     while control[STOP] == 0:
@@ -187,7 +189,6 @@ def land(*, extended: bool, compensated: bool) -> Callable[..., None]:
     ):  # fmt: skip
         d, count, tally = size // 4, move_rows - 1, 4 * _dimension()
         form = stages, kick_first, coefficient_count, numbers
-        limited = measured < SAMPLES or measured == NEVER
         for i in range(queued):
             if control[STOP] != 0:
                 break
@@ -206,7 +207,7 @@ def land(*, extended: bool, compensated: bool) -> Callable[..., None]:
                     break
                 target = dd_mul((tau * 0.25, tau_low * 0.25), (float(marks[sample]), 0.0))
                 more, tried, left = _approach(
-                    advance, form, target, tau, reach, stretch, limited, measured, control, rows, lanes, trial, trial_lanes
+                    advance, form, target, tau, reach, (stretch, measured), control, rows, lanes, trial, trial_lanes
                 )
                 at, made = at + more, made + tried
                 if left:

@@ -27,8 +27,8 @@ COLUMNS = 4
 #: Where the oscillator is solved exactly, a row is the kick and, from ``TURN`` on, ``TURNS`` coefficients for each
 #: distinct frequency: see :mod:`nearharmonic.core.rotation`.
 TURN, TURNS = 1, 7
-#: Where kicks are of a modified potential, the third number is that of its other part: see
-#: :mod:`nearharmonic.core.modified_kick`.
+#: Where kicks are of a modified potential k V - m |grad V|^2, a row is k, the drift behind it and m, and whether the
+#: force behind both needs the gradient of the square, which costs more than the force.
 SQUARE = 2
 #: Rows of coefficients: of a lane's next first move, of first moves but for the very first, of the other moves, and of
 #: the one that closes a step.
@@ -160,14 +160,14 @@ LAND = Signature(
         integers("stretch"),
         integers("stages"),
         flags("kick_first"),
-        floats("moves", "schemes", "move_rows", "columns"),  # pairs of kick, drift, product; and the step size behind all
+        floats("moves", "schemes", "move_rows", "columns"),  # pairs of kick, drift, product; last the step size
         integers("control", "entries"),
         floats("states", "total_runs", "samples", "size"),
         floats("energy_error", "total_runs", "samples"),
         floats("worst", "total_runs", "samples"),
         floats("total", "total_runs", "samples"),
         floats("energy", "total_runs", "pair"),
-        floats("ends", "total_runs", "running_rows"),  # the steps of the run, and those made with the repeats of landing
+        floats("ends", "total_runs", "running_rows"),  # steps of the run, and with the repeats of landing
         integers("left_at", "total_runs"),
         # The state of a run and the coefficients of its steps, and of one that is tried.
         floats("rows", "numbers"),
@@ -187,6 +187,11 @@ def parameter_rows(parameters: int) -> int:
 def columns(frequencies: int) -> int:
     """Doubles in a row of coefficients where the oscillator is solved exactly, with so many distinct frequencies."""
     return TURN + TURNS * frequencies if frequencies else COLUMNS
+
+
+def modified_columns(parts: int) -> int:
+    """Doubles in a row where kicks are of a modified potential: three numbers of ``parts`` doubles, and a flag."""
+    return (SQUARE + 1) * parts + 1
 
 
 def running_rows(dimension: int) -> int:

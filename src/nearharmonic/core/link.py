@@ -20,6 +20,7 @@ from nearharmonic.core.operations import INDEX, PREFIX, SCALARS, Kinds, define
 #: Types of numbers, and operations on them, in the text of loops: declared, and to be defined.
 _TYPE = re.compile(rf"%{re.escape(PREFIX)}([RPC])(?:\.\d+)*( = type .*)?")
 _OPERATION = re.compile(rf"^declare (\S+) @({re.escape(PREFIX)}\w+\.\w+)\(", re.MULTILINE)
+_FORMULA = re.compile(rf"^declare .* @{re.escape(PREFIX)}(\w+)\(", re.MULTILINE)
 _SCALARS = {"int64": "int64", "float64": "float64", "bool": "boolean"}
 
 
@@ -78,6 +79,11 @@ def _make_one(module: Any, name: str) -> None:
     passes.add_global_dead_code_eliminate_pass()
     builder = binding.create_pass_builder(target_machine(), binding.create_pipeline_tuning_options())
     passes.run(module, builder)
+
+
+def needed(loops: bytes) -> frozenset[str]:
+    """Names of the functions that loops call and do not have, operations aside."""
+    return frozenset(_FORMULA.findall(loops.decode()))
 
 
 def linked(name: str, loops: bytes, written: ir.Module, kinds: Kinds) -> tuple[str, bytes]:

@@ -20,6 +20,16 @@ DOUBLE, INDEX, TRUTH = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
 SCALARS: dict[str, ir.Type] = {"int64": INDEX, "float64": DOUBLE, "bool": ir.IntType(8)}
 
 
+class _Everything:
+    """What contains any name."""
+
+    def __contains__(self, name: object) -> bool:
+        return True
+
+
+EVERYTHING = _Everything()
+
+
 def _called(name: str) -> Callable[..., ir.Value]:
     """An intrinsic function of LLVM."""
 
@@ -120,7 +130,9 @@ def declare(module: ir.Module, symbol: str, kinds: Sequence[ir.Type], result: ir
 
 def _coordinates(builder: ir.IRBuilder, value: ir.Value, kind: ir.Type) -> list[ir.Value]:
     """The coordinates of a value, or one number as often as a value of ``kind`` has them."""
-    numbers = [value] if value.type == DOUBLE else [builder.extract_value(value, i) for i in range(len(value.type.elements))]
+    numbers = (
+        [value] if value.type == DOUBLE else [builder.extract_value(value, i) for i in range(len(value.type.elements))]
+    )
     element = kind.elements[0]
     found = [x if x.type == element else _in_every_lane(builder, x, element) for x in numbers]
     return found * len(kind.elements) if len(found) == 1 else found

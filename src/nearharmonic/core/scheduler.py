@@ -95,11 +95,9 @@ def _record(rows, lane, width, size, at, states, energy_error, worst, total):  #
 
 
 @compiled
-def _place(  # type: ignore[no-untyped-def]
-    rows, lane, width, size, running_rows, start, r, parameters, parameter_sets, parameter_columns
-):
-    """A lane takes up the state and the parameters of a run; one set of parameters is for all runs."""
-    first = size + TALLY + max(1, parameter_columns)
+def _place(rows, lane, shape, start, r, parameters, row):  # type: ignore[no-untyped-def]
+    """A lane takes up the state and the parameters of a run."""
+    width, size, running_rows, first, parameter_columns = shape
     for k in range(running_rows):
         rows[(first + k) * width + lane] = 0.0
     for k in range(size):
@@ -107,12 +105,31 @@ def _place(  # type: ignore[no-untyped-def]
     for entry in range(TALLY):
         rows[(size + entry) * width + lane] = 0.0
     rows[(size + LIMIT) * width + lane] = inf
-    row = min(r, parameter_sets - 1)
     for k in range(parameter_columns):
         rows[(size + TALLY + k) * width + lane] = parameters[row * parameter_columns + k]
 
 
-def run(  # type: ignore[no-untyped-def]
+@compiled
+def _resume(rows, lanes, lane, shape, resumed, r, merged, columns):  # type: ignore[no-untyped-def]
+    """A lane goes on with a state that ran, and the coefficients of a first move that is not the very first."""
+    width, _, running_rows, first, _ = shape
+    for k in range(running_rows):
+        rows[(first + k) * width + lane] = resumed[r * running_rows + k]
+    for column in range(columns):
+        lanes[column * width + lane] = lanes[(merged * columns + column) * width + lane]
+
+
+@compiled
+def _steps_to_next_sample(runs, at, mark, width, marks, samples):  # type: ignore[no-untyped-def]
+    """Of the lane that is nearest to one; :data:`FAR` if all lanes are idle."""
+    count = FAR
+    for lane in range(width):
+        if runs[lane] >= 0:
+            count = min(count, marks[runs[lane] * samples + mark[lane]] - at[lane])
+    return count
+
+
+def run(  # type: ignore[no-untyped-def]  # noqa: PLR0912 (what a lane goes through, in order)
     advance, begin, measured, order, queued, marks, samples, scheme, start, size, resumed, resumptions, parameters,
     parameter_sets, parameter_columns, limit, scale, reference, stretch, stages, kick_first, moves, move_rows, columns,
     control, states, energy_error, worst, total, energy, running, running_rows, left_at, rows, numbers, fresh, lanes,
@@ -123,8 +140,8 @@ def run(  # type: ignore[no-untyped-def]
     An idle lane stands still at a regular point, the start of the first run: a NaN in it would stop the others. A run
     leaves when its energy is beyond its limit; where none is measured, when its state is not finite.
     """
-    taken, per_run = 0, move_rows * columns
-    first = size + TALLY + max(1, parameter_columns)
+    taken, per_run, first = 0, move_rows * columns, size + TALLY + max(1, parameter_columns)
+    shape = width, size, running_rows, first, parameter_columns
     for lane in range(width):
         runs[lane] = FREE
     while control[STOP] == 0:
@@ -135,32 +152,25 @@ def run(  # type: ignore[no-untyped-def]
                 r = order[0] if idle else order[taken]
                 taken += not idle
                 runs[lane], at[lane], mark[lane] = IDLE if idle else r, 0, 0
-                _place(rows, lane, width, size, running_rows, start, r, parameters, parameter_sets, parameter_columns)
+                _place(rows, lane, shape, start, r, parameters, min(r, parameter_sets - 1))
                 for i in range(per_run):
                     lanes[i * width + lane] = 0.0 if idle else moves[scheme[r] * per_run + i]
                 if resumptions > 0 and not idle:
-                    for k in range(running_rows):
-                        rows[(first + k) * width + lane] = resumed[r * running_rows + k]
-                    for column in range(columns):
-                        lanes[column * width + lane] = moves[scheme[r] * per_run + MERGED * columns + column]
-        if taken > before:
-            if measured != NEVER:
-                for i in range(numbers):
-                    fresh[i] = rows[i]
-                begin_at(begin, fresh, numbers)
-            for lane in range(width):
-                r = runs[lane]
-                if r >= 0 and mark[lane] == 0:
-                    if measured != NEVER:
-                        begin_tally(rows, fresh, lane, width, size, limit, scale, reference)
-                    energy[2 * r] = rows[(size + ENERGY) * width + lane]
-                    energy[2 * r + 1] = rows[(size + ENERGY_LOW) * width + lane]
-                    _record(rows, lane, width, size, r * samples, states, energy_error, worst, total)
-                    mark[lane] = 1
-        count = FAR
+                    _resume(rows, lanes, lane, shape, resumed, r, MERGED, columns)
+        if taken > before and measured != NEVER:
+            for i in range(numbers):
+                fresh[i] = rows[i]
+            begin_at(begin, fresh, numbers)
         for lane in range(width):
-            if runs[lane] >= 0:
-                count = min(count, marks[runs[lane] * samples + mark[lane]] - at[lane])
+            r = runs[lane]
+            if r >= 0 and mark[lane] == 0:
+                if measured != NEVER:
+                    begin_tally(rows, fresh, lane, width, size, limit, scale, reference)
+                energy[2 * r] = rows[(size + ENERGY) * width + lane]
+                energy[2 * r + 1] = rows[(size + ENERGY_LOW) * width + lane]
+                _record(rows, lane, width, size, r * samples, states, energy_error, worst, total)
+                mark[lane] = 1
+        count = _steps_to_next_sample(runs, at, mark, width, marks, samples)
         if count == FAR:
             break
         done = advance_at(advance, min(count, stretch), stages, kick_first, lanes, coefficient_count, rows, numbers)
@@ -170,8 +180,8 @@ def run(  # type: ignore[no-untyped-def]
                 continue
             at[lane] += done
             control[PROGRESS] += done
-            sample = r * samples + mark[lane]
-            due, over = at[lane] >= marks[sample], False
+            sample, over = r * samples + mark[lane], False
+            due = at[lane] >= marks[sample]
             # What is measured at the samples alone must not depend on when the neighbours of a lane are sampled.
             if due or measured < SAMPLES:
                 latest = latest_error(rows, lane, width, size, measured)
@@ -183,7 +193,7 @@ def run(  # type: ignore[no-untyped-def]
                 _record(rows, lane, width, size, sample, states, energy_error, worst, total)
                 mark[lane] += 1
                 over = mark[lane] == samples or marks[sample + 1] < 0
-            if over:  # the state that runs is kept
+            if over:
+                runs[lane] = FREE
                 for k in range(running_rows):
                     running[r * running_rows + k] = rows[(first + k) * width + lane]
-                runs[lane] = FREE

@@ -70,8 +70,8 @@ class Motion(NamedTuple):
 class Measured(NamedTuple):
     """Energies of a state that is seen, each ``f(seen, parameters)``.
 
-    ``energy`` is H as a pair; ``energies`` are H as a pair, T, and 0; ``rounding`` is that of H in double; ``potential``
-    and ``kinetic`` are V and T in double.
+    ``energy`` is H as a pair; ``energies`` are H as a pair, T, and 0; ``rounding`` is that of H in double, absolute and
+    relative; ``potential`` and ``kinetic`` are V and T in double.
     """
 
     energy: Any

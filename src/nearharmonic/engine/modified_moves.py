@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearharmonic.core.arithmetic import rounded_pair
-from nearharmonic.core.modified_kick import modified_columns
+from nearharmonic.core.layout import modified_columns
 from nearharmonic.integrators.modified_tableau import ModifiedTableau
 from nearharmonic.integrators.processed_tableau import Processor
 
@@ -25,7 +25,7 @@ def modified_moves(
     """Return the coefficients (len(taus), s + 2, columns) of a kernel's moves, multiplied by powers of tau exactly.
 
     Rows: the first move of a run, the first move of each later step, the others, and the move that closes a step.
-    Columns: those of :mod:`nearharmonic.core.modified_kick`.
+    Columns: those of :data:`nearharmonic.core.layout.SQUARE`.
 
     Parameters
     ----------

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nearharmonic.core.layout import COLUMNS, DRIFT, KICK, PRODUCT, SQUARE
-from nearharmonic.core.modified_kick import modified_columns
+from nearharmonic.core.layout import COLUMNS, DRIFT, KICK, PRODUCT, SQUARE, modified_columns
 from nearharmonic.engine.batch import Batch, prepared_batch
 from nearharmonic.engine.modified_moves import moves_behind
 from nearharmonic.engine.results import energy_unit

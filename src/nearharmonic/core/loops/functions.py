@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from typing import Any
 
 from llvmlite import ir
@@ -16,7 +16,7 @@ from nearharmonic.core.loops.energy import LoopedEnergy
 from nearharmonic.core.loops.memory import ConditionedDoubles, DoubleDoubles, Doubles, Index, LoopWriter, Planes
 from nearharmonic.core.loops.tables import BLOCK
 from nearharmonic.core.operations import DOUBLE, INDEX, PREFIX, Kinds, declare, packed, write_number
-from nearharmonic.core.rules import Rules
+from nearharmonic.core.rules import Rules, rounding_of
 
 
 def room(V: LoopedEnergy, T: LoopedEnergy, extended: bool) -> int:
@@ -29,10 +29,10 @@ def _planes(V: LoopedEnergy, T: LoopedEnergy, extended: bool) -> int:
     return 2 if extended or max(len(V.levels), len(T.levels)) > 1 else 1
 
 
-def module_of(rules: Rules, kinds: Kinds) -> ir.Module:
+def module_of(rules: Rules, kinds: Kinds, needed: Container[str]) -> ir.Module:
     """Return a module with what a system of many coordinates brings to the loops of its form."""
-    physics, d = rules.physics, rules.physics.dimension
-    written = _Functions(rules, kinds)
+    d = rules.physics.dimension
+    written = _Functions(rules, kinds, needed)
     for name, number in {
         "dimension": d, "columns": rules.columns, "tally": 4 * d, "parameters": 4 * d + TALLY,
         "running": written.running, "force_at": written.force_at, "force_plane": written.V.room,
@@ -46,10 +46,10 @@ def module_of(rules: Rules, kinds: Kinds) -> ir.Module:
 class _Functions:
     """The functions of one module."""
 
-    def __init__(self, rules: Rules, kinds: Kinds) -> None:
+    def __init__(self, rules: Rules, kinds: Kinds, needed: Container[str]) -> None:
         physics, d = rules.physics, rules.physics.dimension
         assert physics.loops is not None
-        self.rules, self.kinds, (self.V, self.T) = rules, kinds, physics.loops
+        self.rules, self.kinds, self.needed, (self.V, self.T) = rules, kinds, needed, physics.loops
         self.running = running_at(d, physics.parameters)
         self.force_at = -(-(self.running + running_rows(d)) // BLOCK) * BLOCK
         self.velocity_at = self.force_at + _planes(self.V, self.T, rules.extended) * self.V.room
@@ -67,7 +67,7 @@ class _Functions:
 
         def rounding(writer: LoopWriter, rows: ir.Value) -> list[Any]:
             conditioned = ConditionedDoubles()
-            return self.rules.rounding_of(
+            return rounding_of(
                 *(self._emission(writer, rows, energy, conditioned).value() for energy in (self.T, self.V))
             )
 
@@ -92,6 +92,8 @@ class _Functions:
 
     def _define(self, name: str, result: ir.Type, body: Callable[..., Any], *more: ir.Type) -> None:
         """A function of the rows, which is long, and therefore called."""
+        if name not in self.needed:
+            return
         function = declare(self.module, f"{PREFIX}{name}", [DOUBLE.as_pointer(), *more], result)
         function.attributes.discard("alwaysinline")
         function.attributes.add("noinline")

@@ -1,7 +1,7 @@
 """States of many coordinates, which lie in memory and advance eight coordinates at a time.
 
-The state is the address of the rows. Where masses are not 1, a move is the kick, the velocity and the drift one after the
-other: such states are bound by what there is to compute, not by the time of a chain of operations.
+The state is the address of the rows. Where masses are not 1, a move is the kick, the velocity and the drift one after
+the other: such states are bound by what there is to compute, not by the time of a chain of operations.
 """
 
 from __future__ import annotations
@@ -27,8 +27,7 @@ from nearharmonic.core.reals import (
 from nearharmonic.core.shape import Form, Measured, Motion
 
 _dimension, _running, _force_at, _force_plane, _velocity_at, _velocity_plane = (
-    linked_number(name)
-    for name in ("dimension", "running", "force_at", "force_plane", "velocity_at", "velocity_plane")
+    linked_number(name) for name in ("dimension", "running", "force_at", "force_plane", "velocity_at", "velocity_plane")
 )
 
 
