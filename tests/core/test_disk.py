@@ -15,27 +15,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from llvmlite import ir
 
 import nearharmonic as nh
-from nearharmonic.core import assembly, disk, native
+from nearharmonic.core import disk, link, native
 from nearharmonic.core.layout import Signature, floats
 from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import CompiledCodeError
 
-DOT = Signature((floats("factor"), floats("a", 1), floats("b", 1)), result="float64")
+DOT = Signature((floats("factor"), floats("a", "n"), floats("b", "n")), result="float64")
 A, B = np.array([1.0, 2.0]), np.array([3.0, 4.0])
 
 
 def weighted(weight):
     """Symbol and object code of a function of ``DOT``: factor a.b, times ``weight``."""
+    def dot(factor, a, b):
+        return weight * factor * (a[0] * b[0] + a[1] * b[1])
 
-    module = ir.Module()
-    writer, given = assembly.function(module, "dot_of_pairs", DOT)
-    factor, a, b = given.values()
-    writer.builder.ret((weight * factor * (a[0] * b[0] + a[1] * b[1])).value)
-    return assembly.machine_code(module, "dot_of_pairs")
+    return link.alone(dot, DOT)
 
 
 @pytest.fixture(scope="module")
@@ -135,7 +132,7 @@ def test_code_that_cannot_be_loaded_when_just_made_is_one_clear_error_and_is_not
 
 
 def test_a_fault_of_compiled_code_is_not_blamed_on_the_systems_formulas(folder, monkeypatch):
-    monkeypatch.setattr(assembly, "machine_code", lambda *_: ("entry", b"no object file"))
+    monkeypatch.setattr(link, "linked", lambda *_: ("entry", b"no object file"))
     kernel_of.cache_clear()
     with pytest.raises(CompiledCodeError, match="no object file"):
         kernel_of(nh.systems["sho"], Numerics(width=2))
