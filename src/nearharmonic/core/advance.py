@@ -327,6 +327,24 @@ def _measure(form: Form, given: Formulas) -> Any:
     return quick if form.quick else exact
 
 
+class Moves(NamedTuple):
+    """Compiled functions that make up a step: see the functions of this module that return them."""
+
+    row: Any
+    move: Any
+    closed: Any
+    first_force: Any
+    force_behind: Any
+
+
+def moves(form: Form) -> Moves:
+    """Return the functions of a step of a form."""
+    given = formulas(form)
+    move = _move(form, given)
+    first_force, force_behind, _ = _forces(form, given)
+    return Moves(row_loader(form), move, _closed(form, move), first_force, force_behind)
+
+
 def advance(form: Form) -> Callable[..., Any]:
     """Return the function of :data:`nearharmonic.core.layout.ADVANCE`, to be compiled."""
     given = formulas(form)

@@ -19,12 +19,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from nearharmonic.core.formulas import fingerprint
-from nearharmonic.core.layout import ADVANCE, BEGIN, LAND, RUN, Signature, workspace
-from nearharmonic.core.native import PreparedCall, code_key, native
+from nearharmonic.core.layout import ADVANCE, BEGIN, LAND, RUN, STEP, Signature, workspace
+from nearharmonic.core.native import NativeFunction, PreparedCall, code_key, native
 from nearharmonic.core.physics import Physics
 from nearharmonic.core.rules import Rules
 
-__all__ = ["Kernel", "Physics", "build", "build_landing", "cost", "room"]
+__all__ = ["Kernel", "Physics", "build", "build_landing", "build_step", "cost", "room"]
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Kernel:
     room: int
     columns: int
     begin: int
-    advance: Callable[[], Callable[..., int]]
+    advance: Callable[[], NativeFunction]
     prepared: Callable[..., PreparedCall]
 
     def run(self, *given: Any) -> None:
@@ -160,6 +160,20 @@ def build_landing(
     return prepared
 
 
+def build_step(physics: Physics, *, compensated: bool) -> NativeFunction:
+    """Load the function of a single step in double precision, or compile it into the cache.
+
+    Parameters
+    ----------
+    physics : Physics
+        The system, whose formulas are not loops.
+    compensated : bool
+        Arithmetic of the sums.
+    """
+    rules = Rules(physics, False, compensated)
+    return native(f"step-{_key(rules, 1)}", STEP, lambda: _linked("step", STEP, rules, 1, "none"))
+
+
 #: Place of the number of stages among the arguments of :data:`LAND` from the queue on.
 _STAGES = [argument.name for argument in LAND.arguments].index("stages") - 4
 
@@ -212,9 +226,10 @@ def _linked(entry: str, signature: Signature, rules: Rules, width: int, energy: 
     )  # fmt: skip
 
     def compiled() -> tuple[str, bytes]:
-        from nearharmonic.core import advance
+        from nearharmonic.core import advance, single_step
 
-        return link.loops(getattr(advance, entry)(form), signature)
+        made = single_step.step if entry == "step" else getattr(advance, entry)
+        return link.loops(made(form), signature)
 
     loops = link.kept(f"loops-{code_key(entry, repr(form))}", compiled)
     return link.linked(*loops, formulas.module_of(rules, width), formulas.kinds_of(rules, width), entry, signature)

@@ -97,6 +97,21 @@ ADVANCE = Signature(
 #: Arguments of ``begin``: a kernel's rows, whose tallies begin anew with the energy of their states as H0.
 BEGIN = Signature((floats("rows", 1),))
 
+#: Arguments of ``step``: a single step by itself, of arrays of d doubles that are changed in place. Unless sums are
+#: compensated the carries are neither read nor written.
+STEP = Signature(
+    (
+        integers("stages"),
+        flags("kick_first"),
+        floats("moves", 1),
+        floats("parameters", 1),
+        floats("q", 1),
+        floats("carry_q", 1),
+        floats("p", 1),
+        floats("carry_p", 1),
+    )
+)
+
 #: Arguments of ``run``, for R runs of S samples with states of ``size`` = 4 d doubles.
 RUN = Signature(
     (
