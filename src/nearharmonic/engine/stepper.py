@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.core.kernel import build_step
 from nearharmonic.core.layout import ADVANCE, STEP
 from nearharmonic.engine.batch import parameters_compiled_in
 from nearharmonic.engine.coefficients import exact_products
@@ -75,6 +74,7 @@ def stepper(
 
 def step_of(problem: Problem, parameters: Mapping[str, Any] | None = None) -> Step:
     """Return the machine code and the coefficients of a step of ``problem``."""
+    from nearharmonic.core.kernel import build_step
     from nearharmonic.core.products import table_of
     from nearharmonic.core.stepper import Step
 
