@@ -14,6 +14,7 @@ from nearharmonic.errors import NearharmonicError
 if TYPE_CHECKING:
     from nearharmonic.engine.ensemble import ensemble as ensemble
     from nearharmonic.engine.problem import problem as problem
+    from nearharmonic.engine.stepper import stepper as stepper
     from nearharmonic.engine.trajectory import integrate as integrate
     from nearharmonic.engine.trajectory import sweep as sweep
     from nearharmonic.experiments.paper.figures.plot import plot as plot
@@ -52,6 +53,7 @@ _MODULES = {
     "plot": "experiments.paper.figures.plot",
     "recommend": "experiments.work_precision.recommend.dataset",
     "stability_limit": "theory.linear_stability",
+    "stepper": "engine.stepper",
     "sweep": "engine.trajectory",
     "systems": "systems",
     "tailor": "training.tailor.tailoring",
@@ -60,7 +62,7 @@ _MODULES = {
 __all__ = [
     "ModifiedTableau", "NearharmonicError", "Observable", "Parameter", "System", "Tableau", "__version__", "ensemble",
     "integrate", "integrators", "kappa", "modified_integrators", "order_of", "palindrome", "plot", "problem",
-    "recommend", "stability_limit", "sweep", "systems", "tailor",
+    "recommend", "stability_limit", "stepper", "sweep", "systems", "tailor",
 ]  # fmt: skip
 
 

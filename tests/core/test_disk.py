@@ -29,6 +29,7 @@ A, B = np.array([1.0, 2.0]), np.array([3.0, 4.0])
 
 def weighted(weight):
     """Symbol and object code of a function of ``DOT``: factor a.b, times ``weight``."""
+
     def dot(factor, a, b):
         return weight * factor * (a[0] * b[0] + a[1] * b[1])
 

@@ -326,7 +326,7 @@ def _measure(form: Form, given: Measured) -> Any:
     return quick if form.quick else exact
 
 
-def _motion(form: Form) -> Motion:
+def motion(form: Form) -> Motion:
     """Return what :func:`advance` calls, for states that are points."""
     given = formulas(form)
     row_of, move = row_loader(form), _move(form, given)
@@ -367,7 +367,7 @@ def _measured(form: Form) -> Measured:
 
 def advance(form: Form) -> Callable[..., Any]:
     """Return the function of :data:`nearharmonic.core.layout.ADVANCE`, to be compiled."""
-    load, first, move, behind, last, closed, save = in_memory.motion(form) if form.large else _motion(form)
+    load, first, move, behind, last, closed, save = in_memory.motion(form) if form.large else motion(form)
     row_of, measure = row_loader(form), _measure(form, in_memory.measured() if form.large else _measured(form))
     every, sampled, quick = form.energy == "every", form.energy == "samples", form.quick
 

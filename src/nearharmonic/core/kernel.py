@@ -19,12 +19,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from nearharmonic.core.formulas import fingerprint
-from nearharmonic.core.layout import ADVANCE, BEGIN, LAND, RUN, Signature, workspace
-from nearharmonic.core.native import PreparedCall, code_key, native
+from nearharmonic.core.layout import ADVANCE, BEGIN, LAND, RUN, STEP, Signature, workspace
+from nearharmonic.core.native import NativeFunction, PreparedCall, code_key, native
 from nearharmonic.core.physics import Physics
 from nearharmonic.core.rules import Rules
+from nearharmonic.core.shape import Form
 
-__all__ = ["Kernel", "Physics", "build", "build_landing", "cost", "room"]
+__all__ = ["Kernel", "Physics", "build", "build_landing", "build_step", "cost", "room"]
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class Kernel:
     room: int
     columns: int
     begin: int
-    advance: Callable[[], Callable[..., int]]
+    advance: Callable[[], NativeFunction]
     prepared: Callable[..., PreparedCall]
 
     def run(self, *given: Any) -> None:
@@ -161,6 +162,22 @@ def build_landing(
     return prepared
 
 
+def build_step(physics: Physics, *, compensated: bool) -> NativeFunction:
+    """Load the function of a single step in double precision, or compile it into the cache.
+
+    Parameters
+    ----------
+    physics : Physics
+        The system, whose formulas are not loops.
+    compensated : bool
+        Arithmetic of the sums.
+    """
+    rules = Rules(physics, False, compensated)
+    return native(
+        f"step-{_key(rules, 1)}", STEP, lambda: _linked("step", STEP, {"form": _form(rules, "none")}, rules, 1)
+    )
+
+
 #: Place of the number of stages among the arguments of :data:`LAND` from the queue on.
 _STAGES = [argument.name for argument in LAND.arguments].index("stages") - 4
 
@@ -189,30 +206,34 @@ def _key(rules: Rules, width: int, *more: str) -> str:
 
 def _advance(rules: Rules, width: int, energy: str) -> Any:
     def make() -> tuple[str, bytes]:
-        from nearharmonic.core.formulas import moving
-        from nearharmonic.core.shape import Form
-
-        physics, large = rules.physics, rules.physics.loops is not None
-        form = Form(
-            extended=rules.extended, compensated=rules.compensated,
-            ahead=rules.looks_ahead and (physics.unit_masses or not large), modified=physics.modified is not None,
-            turning=physics.turning is not None, resting=not large and not all(moving(rules)),
-            quick=rules.quick_energy and energy == "every", energy=energy, large=large,
-            unit_masses=large and physics.unit_masses,
-        )  # fmt: skip
-        return _linked("advance", ADVANCE, {"form": form}, rules, width)
+        return _linked("advance", ADVANCE, {"form": _form(rules, energy)}, rules, width)
 
     return native(f"advance-{_key(rules, width, energy)}", ADVANCE, make)
 
 
+def _form(rules: Rules, energy: str) -> Form:
+    from nearharmonic.core.formulas import moving
+
+    physics, large = rules.physics, rules.physics.loops is not None
+    return Form(
+        extended=rules.extended, compensated=rules.compensated,
+        ahead=rules.looks_ahead and (physics.unit_masses or not large), modified=physics.modified is not None,
+        turning=physics.turning is not None, resting=not large and not all(moving(rules)),
+        quick=rules.quick_energy and energy == "every", energy=energy, large=large,
+        unit_masses=large and physics.unit_masses,
+    )  # fmt: skip
+
+
 def _linked(entry: str, signature: Signature, choice: dict[str, Any], rules: Rules, width: int) -> tuple[str, bytes]:
-    """Name and object code of a function of :mod:`nearharmonic.core.advance` with the formulas of a system."""
+    """Name and object code of a function that numba compiles for a choice, with the formulas of a system."""
     from nearharmonic.core import formulas, link
 
     def compiled() -> tuple[str, bytes]:
         from nearharmonic.core import advance
+        from nearharmonic.core.stepper import single_step
 
-        return link.loops(getattr(advance, entry)(**choice), signature)
+        made = {"advance": advance.advance, "begin": advance.begin, "step": single_step.step}[entry]
+        return link.loops(made(**choice), signature)
 
     loops = link.kept(f"loops-{code_key(entry, repr(choice))}", compiled)
     return link.linked(*loops, formulas.module_of(rules, width, link.needed(loops[1])), formulas.kinds_of(rules, width))

@@ -102,6 +102,21 @@ ADVANCE = Signature(
 #: Arguments of ``begin``: a kernel's rows, whose tallies begin anew with the energy of their states as H0.
 BEGIN = Signature((floats("rows", "numbers"),))
 
+#: Arguments of ``step``: a single step by itself, of arrays of d doubles that are changed in place. Unless sums are
+#: compensated the carries are neither read nor written.
+STEP = Signature(
+    (
+        integers("stages"),
+        flags("kick_first"),
+        floats("moves", "coefficients"),
+        floats("parameters", "parameter_columns"),
+        floats("q", "d"),
+        floats("carry_q", "d"),
+        floats("p", "d"),
+        floats("carry_p", "d"),
+    )
+)
+
 #: Arguments of ``run``, for states of ``size`` = 4 d doubles.
 RUN = Signature(
     (

@@ -157,7 +157,7 @@ def prepared_batch(
     if numerics.exact_oscillator:
         _check_frequencies(system, parameters)
     if kernel.parameters < len(system.parameters):
-        parameters = _compiled_in(system, parameters)
+        parameters = parameters_compiled_in(system, parameters)
     cost = tableau.stages * cost_of(system, numerics.compiled, modified=tableau.modified)
     runs, d = len(marks), kernel.dimension
     left_at, control = np.zeros(runs, np.int64), execution.control()
@@ -211,8 +211,14 @@ def _prepared_landing(
     )  # fmt: skip
 
 
-def _compiled_in(system: System, parameters: Floats) -> Floats:
-    """No parameters at run time, if those asked for are those that are compiled in."""
+def parameters_compiled_in(system: System, parameters: Floats) -> Floats:
+    """Return no parameters (1, 0) at run time, if those asked for are those that are compiled in.
+
+    Raises
+    ------
+    SettingError
+        They are others.
+    """
     if (parameters == standard_parameters(system)).all():
         return np.empty((1, 0))
     what = f"a formula of {system.name} decides by its parameters, so that they are compiled in: make a copy of the "

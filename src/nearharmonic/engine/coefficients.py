@@ -110,7 +110,7 @@ def pieces(tableau: Tableau, taus: Sequence[Fraction]) -> Floats:
     found = np.zeros((len(taus), tableau.stages + 3, 6))
     for rows, tau in zip(found, taus, strict=True):
         powers = tau, tau, tau * tau
-        for row, numbers in zip(rows, _exact_products(tableau), strict=False):
+        for row, numbers in zip(rows, exact_products(tableau), strict=False):
             exact = [Fraction(*number) * power for number, power in zip(numbers, powers, strict=True)]
             row[:] = [half for number in exact for half in rounded_pair(*number.as_integer_ratio())]
         rows[-1, :2] = rounded_pair(*tau.as_integer_ratio())
@@ -163,7 +163,7 @@ def _products(tableau: Tableau, numerator: int, denominator: int, parts: int, ro
         return _pairs(tableau, numerator, denominator, rounded)
     array = np.empty((tableau.stages + 2, COLUMNS))
     n, d = numerator * numerator, denominator * denominator
-    for row, ((k1, k2), (e1, e2), (p1, p2)) in zip(array, _exact_products(tableau), strict=True):
+    for row, ((k1, k2), (e1, e2), (p1, p2)) in zip(array, exact_products(tableau), strict=True):
         row[:2] = k1 * numerator / (k2 * denominator), e1 * numerator / (e2 * denominator)
         row[PRODUCT] = _quotient(p1 * n, p2 * d)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -198,8 +198,8 @@ def kicks_and_drifts(tableau: Tableau, tau: Fraction, *, rounded: bool) -> list[
 
 
 @lru_cache(maxsize=256)
-def _exact_products(tableau: Tableau) -> list[tuple[tuple[int, int], ...]]:
-    """Kick, drift and their product of each move as quotients of whole numbers."""
+def exact_products(tableau: Tableau) -> list[tuple[tuple[int, int], ...]]:
+    """Return kick, drift and their product (s + 2) of each move, for tau = 1, as quotients of whole numbers."""
     kicks, drifts = _rows(tableau)
     pairs = _moves(kicks, drifts, kick_first=tableau.first == "kick")
     return [tuple(c.as_integer_ratio() for c in (k, e, k * e)) for k, e in pairs]

@@ -41,6 +41,13 @@ def modified_moves(
     return np.stack([_moves(tableau, tau, parts, rounded) for tau in taus])
 
 
+def exact_moves(tableau: ModifiedTableau) -> list[Move]:
+    """Return the moves (s + 2) of a step of size 1."""
+    rows = ([Fraction(c) for c in row] for row in (tableau.kick, tableau.drift, tableau.square))
+    kicks, drifts, squares = rows
+    return _in_order([-k for k in kicks], drifts, squares, kick_first=tableau.first == "kick")
+
+
 @lru_cache(maxsize=1024)
 def _moves(tableau: ModifiedTableau | Processor, tau: Fraction, parts: int, rounded: bool) -> Floats:
     """The moves (s + 2, columns) of one step size."""

@@ -1,0 +1,1 @@
+"""A step by itself, for functions of numba."""

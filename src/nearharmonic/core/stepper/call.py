@@ -1,0 +1,242 @@
+"""Functions of numba that advance arrays by one step, for use inside other functions of numba.
+
+They call the machine code of kernels by its address. They work on the stack or in memory of their own, so that threads
+may call them at once. Separate because this module imports numba, which takes longer to load than most runs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba.core import cgutils, errors
+from numba.core import types as numba_types
+from numba.extending import intrinsic, overload
+
+from nearharmonic.core.layout import COLUMNS, TALLY, Floats, Signature, running_at, running_rows
+from nearharmonic.core.stepper.recent_moves import empty_slots, recall
+
+types: Any = numba_types
+_LLVM = {"int64": ir.IntType(64), "float64": ir.DoubleType(), "bool": ir.IntType(8)}
+#: Arrays whose addresses are in machine code.
+_KEPT: list[Floats] = []
+_NUMBA = {"int64": types.int64, "float64": types.float64, "bool": types.boolean}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """A step of one method on one system.
+
+    Attributes
+    ----------
+    name : str
+        Of the system, for errors.
+    address : int
+        Of machine code: that of :data:`~nearharmonic.core.layout.STEP` or :data:`~nearharmonic.core.layout.ADVANCE`.
+    signature : Signature
+        Which of the two.
+    dimension : int
+        Coordinates d.
+    room : int
+        Doubles behind the rows of ADVANCE.
+    compensated : bool
+        Whether there are carries.
+    kick_first : bool
+        Whether a step begins with a kick.
+    table, flags, power
+        Coefficients of the moves: see :func:`nearharmonic.core.stepper.products.fill`.
+    parameters : (2 P,) array of float
+        Parameters as pairs.
+    """
+
+    name: str
+    address: int
+    signature: Signature
+    dimension: int
+    room: int
+    compensated: bool
+    kick_first: bool
+    table: Floats
+    flags: Floats
+    power: int
+    parameters: Floats
+
+
+def stepper(steps: Step) -> Any:
+    """Return ``step(q, p, tau)``, or ``step(q, p, carry_q, carry_p, tau)`` if sums are compensated, compiled by numba.
+
+    numba counts references to arrays by atomic operations, which take longer than a step of the leapfrog. The function
+    makes none, as it is compiled without the counters and passes addresses on. All is compiled at once: a function that
+    is compiled for a caller takes over options such as ``fastmath`` of that caller.
+    """
+    advance, d = _with_moves(steps), steps.dimension
+    message = f"step of {steps.name}: expected arrays of {d} number{'s' if d > 1 else ''}"
+
+    def step(q, p, tau):  # type: ignore[no-untyped-def]
+        """Advance positions and momenta by one step of size tau, in place."""
+        check(tau, q, p)
+        if q.size != d or p.size != d:
+            raise ValueError(message)
+        advance(_data(q), _data(q), _data(p), _data(p), float(tau))
+
+    def compensated_step(q, p, carry_q, carry_p, tau):  # type: ignore[no-untyped-def]
+        """Advance positions, momenta and what their sums have left out by one step of size tau, in place."""
+        check(tau, q, p, carry_q, carry_p)
+        if q.size != d or p.size != d or carry_q.size != d or carry_p.size != d:
+            raise ValueError(message)
+        advance(_data(q), _data(carry_q), _data(p), _data(carry_p), float(tau))
+
+    made, arrays = (compensated_step, 4) if steps.compensated else (step, 2)
+    compiled = numba.njit(nogil=True, _nrt=False)(made)
+    compiled.compile((*[types.Array(types.float64, 1, "C")] * arrays, types.float64))
+    return compiled
+
+
+@intrinsic
+def _data(typing, array):  # type: ignore[no-untyped-def]
+    """Address of the first number of an array."""
+
+    def codegen(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        return context.make_array(array)(context, builder, values[0]).data
+
+    return types.CPointer(types.float64)(array), codegen
+
+
+def _with_moves(step: Step) -> Any:
+    """Return ``advance(q, carry_q, p, carry_p, tau)``, which takes addresses."""
+    advanced = _in_memory(step) if step.signature.result else _at_once(step)
+    table, flags, power = step.table, step.flags, step.power
+    count = COLUMNS * len(flags)
+    room, slots = _stack(count), address_of(empty_slots(count))
+
+    @numba.njit((*[types.CPointer(types.float64)] * 4, types.float64))
+    def advance(q, carry_q, p, carry_p, tau):  # type: ignore[no-untyped-def]
+        moves = numba.carray(room(), (count,))
+        recall(slots(), table, flags, power, tau, moves)
+        advanced(moves, q, carry_q, p, carry_p)
+
+    return advance
+
+
+def check(tau: Any, *arrays: Any) -> None:
+    """Raise TypingError for other types than a step takes, when the caller is compiled."""
+
+
+@overload(check)
+def _check(tau, *arrays):  # type: ignore[no-untyped-def]
+    for array in arrays:
+        fits = isinstance(array, types.Array) and array.dtype == types.float64 and array.ndim == 1
+        if not (fits and array.layout == "C" and array.mutable):
+            what = "a step takes writable, C-contiguous arrays of float64 with one dimension, and tau behind them"
+            raise errors.TypingError(f"{what}; this is {array}")
+    if not isinstance(tau, types.Integer | types.Float):
+        raise errors.TypingError(f"a step takes arrays and a real number tau behind them; this is {tau}")
+    return lambda tau, *arrays: None
+
+
+def _at_once(step: Step) -> Any:
+    """Return ``advanced(moves, q, carry_q, p, carry_p)``, which calls a function of one step."""
+    call, stages, kick_first = _caller(step), len(step.flags) - 2, step.kick_first
+    parameters = step.parameters if step.parameters.size else np.zeros(2)
+
+    @numba.njit
+    def advanced(moves, q, carry_q, p, carry_p):  # type: ignore[no-untyped-def]
+        call(stages, kick_first, moves, parameters, q, carry_q, p, carry_p)
+
+    return advanced
+
+
+def _in_memory(step: Step) -> Any:
+    """Return ``advanced`` as above, which calls a kernel whose state is in rows."""
+    call, stages, kick_first, d = _caller(step), len(step.flags) - 2, step.kick_first, step.dimension
+    parameters, compensated = step.parameters, step.compensated
+    count, behind = parameters.size, 4 * d + TALLY
+    running = running_at(d, count // 2)
+    size = running + running_rows(d) + step.room
+
+    @numba.njit
+    def advanced(moves, q, carry_q, p, carry_p):  # type: ignore[no-untyped-def]
+        rows = np.zeros(size)
+        rows[behind : behind + count] = parameters
+        for i in range(d):
+            rows[running + i], rows[running + 2 * d + i] = q[i], p[i]
+            if compensated:
+                rows[running + d + i], rows[running + 3 * d + i] = carry_q[i], carry_p[i]
+        call(1, stages, kick_first, moves, rows)
+        for i in range(d):
+            q[i], p[i] = rows[i], rows[2 * d + i]
+            if compensated:
+                carry_q[i], carry_p[i] = rows[d + i], rows[3 * d + i]
+
+    return advanced
+
+
+def _stack(count: int) -> Any:
+    """Return a function that returns the address of so many doubles on the stack of its caller."""
+
+    @intrinsic
+    def room(typing):  # type: ignore[no-untyped-def]
+        def codegen(context, builder, signature, values):  # type: ignore[no-untyped-def]
+            block = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), count))
+            return builder.bitcast(block, ir.DoubleType().as_pointer())
+
+        return types.CPointer(types.float64)(), codegen
+
+    return room
+
+
+def address_of(array: Floats) -> Any:
+    """Return a function that returns the address of an array, which then lives as long as the process."""
+    _KEPT.append(array)
+    address = array.ctypes.data
+
+    @intrinsic
+    def place(typing):  # type: ignore[no-untyped-def]
+        def codegen(context, builder, signature, values):  # type: ignore[no-untyped-def]
+            found = context.add_dynamic_addr(builder, address, info="nearharmonic.stepper")
+            return builder.bitcast(found, ir.DoubleType().as_pointer())
+
+        return types.CPointer(types.float64)(), codegen
+
+    return place
+
+
+def _caller(step: Step) -> Any:
+    """Return a function that calls the machine code of a step.
+
+    numba does not keep the caller on disk, as it is told that the address is of this process.
+    """
+    signature, address, d = step.signature, step.address, step.dimension
+
+    @intrinsic
+    def call(typing, *given):  # type: ignore[no-untyped-def]
+        taken = types.StarArgTuple(
+            [
+                found if argument.dimensions else _NUMBA[argument.scalar]
+                for found, argument in zip(given[0] if len(given) == 1 else given, signature.arguments, strict=True)
+            ]
+        )
+
+        def codegen(context, builder, typed, values):  # type: ignore[no-untyped-def]
+            passed = []
+            for i, argument in enumerate(signature.arguments):
+                value, kind = builder.extract_value(values[0], i), taken[i]
+                if isinstance(kind, types.Array):
+                    array = context.make_array(kind)(context, builder, value)
+                    passed += [array.data, array.nitems]
+                elif argument.dimensions:
+                    passed += [value, context.get_constant(types.int64, d)]
+                else:
+                    passed.append(context.get_value_as_argument(builder, kind, value))
+            result = _LLVM[signature.result] if signature.result else ir.VoidType()
+            function = ir.FunctionType(result, [value.type for value in passed]).as_pointer()
+            place = context.add_dynamic_addr(builder, address, info="nearharmonic.stepper")
+            builder.call(builder.bitcast(place, function), passed)
+            return context.get_dummy_value()
+
+        return types.void(taken), codegen
+
+    return call

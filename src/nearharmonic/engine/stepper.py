@@ -1,0 +1,122 @@
+"""A step as a function of numba, for programs that compose steps themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nearharmonic.core.layout import ADVANCE, STEP
+from nearharmonic.engine.batch import parameters_compiled_in
+from nearharmonic.engine.coefficients import exact_products
+from nearharmonic.engine.continuation import start_of
+from nearharmonic.engine.kernels import kernel_of, physics_of
+from nearharmonic.engine.modified_moves import exact_moves, modified_moves
+from nearharmonic.engine.problem import Problem
+from nearharmonic.engine.settings import KINETIC_POTENTIAL
+from nearharmonic.errors import bad_setting
+from nearharmonic.integrators.modified_tableau import ModifiedTableau
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.systems.system import System
+
+if TYPE_CHECKING:
+    from nearharmonic.core.stepper.call import Step
+
+
+def stepper(
+    system: str | System,
+    integrator: str | Tableau,
+    *,
+    summation: str = "plain",
+    parameters: Mapping[str, Any] | None = None,
+    first: str | None = None,
+    precision: str = "double",
+    split: str = KINETIC_POTENTIAL,
+) -> Any:
+    """Return a function of numba that advances a state by one step.
+
+    Parameters
+    ----------
+    system, integrator, first
+        As for :func:`nearharmonic.integrate`.
+    summation : {"plain", "compensated"}
+        Summation of the steps.
+    parameters : mapping, optional
+        Values of parameters by name in place of the system's own, as for :func:`nearharmonic.integrate`.
+    precision, split
+        "double" and "kinetic_potential": a step has no others.
+
+    Returns
+    -------
+    callable
+        ``step(q, p, tau)``, or ``step(q, p, carry_q, carry_p, tau)`` for compensated sums, compiled by numba and to be
+        called from functions of numba, in threads if wanted, or from Python. The C-contiguous float64 arrays (d,) are
+        changed in place; those of a system that depends on time end with the time and its momentum. ``tau`` is a
+        finite number of either sign and means its binary value. A call has the bits of a run of one step of
+        :func:`nearharmonic.integrate`. Arrays of another length raise ValueError.
+
+    Raises
+    ------
+    NearharmonicError
+        An unknown name, or a setting outside what is allowed.
+    """
+    from nearharmonic.core.stepper import call as compiled
+
+    problem = Problem(
+        system, integrator, summation=summation, first=first, precision=precision, split=split, energy="none"
+    )
+    _check(problem)
+    return compiled.stepper(step_of(problem, parameters))
+
+
+def step_of(problem: Problem, parameters: Mapping[str, Any] | None = None) -> Step:
+    """Return the machine code and the coefficients of a step of ``problem``."""
+    from nearharmonic.core.kernel import build_step
+    from nearharmonic.core.stepper.call import Step
+    from nearharmonic.core.stepper.products import table_of
+
+    system, tableau = problem.system, problem.tableau
+    numerics = replace(problem.numerics, width=1)
+    given = start_of(problem, parameters=parameters).parameters
+    kernel = kernel_of(system, numerics.compiled, modified=tableau.modified)
+    if kernel.parameters < len(system.parameters):
+        given = parameters_compiled_in(system, given)
+    if isinstance(tableau, ModifiedTableau):
+        power, rows = 3, exact_moves(tableau)
+        flags = np.ascontiguousarray(modified_moves(tableau, [Fraction(1)], 1)[0, :, -1])
+    else:
+        power, rows = 2, [(Fraction(*k), Fraction(*e), Fraction(*ke)) for k, e, ke in exact_products(tableau)]
+        flags = np.zeros(len(rows))
+    in_memory = system.formulas().are_loops
+    physics = physics_of(system, modified=tableau.modified)
+    function = kernel.advance() if in_memory else build_step(physics, compensated=numerics.compensated)
+    return Step(
+        name=system.name,
+        address=function.address,
+        signature=ADVANCE if in_memory else STEP,
+        dimension=kernel.dimension,
+        room=kernel.room,
+        compensated=numerics.compensated,
+        kick_first=tableau.first == "kick",
+        table=table_of(rows, (1, 1, power)),
+        flags=flags,
+        power=power,
+        parameters=given[0].copy(),
+    )
+
+
+def _check(problem: Problem) -> None:
+    """Refuse what a step by itself is not."""
+    system, tableau, numerics = problem.system, problem.tableau, problem.numerics
+    if numerics.parts > 1:
+        raise bad_setting("precision", numerics.precision, "the arrays of a step are doubles")
+    if numerics.exact_oscillator:
+        raise bad_setting("split", numerics.split, "the sines of a step size are computed before a run, in decimals")
+    if system.regularisation is not None:
+        raise bad_setting("system", system.name, "it is regularised, and its steps are those of a fictitious time")
+    if tableau.processed:
+        what = "it is processed: each step by itself would begin and end with its processor"
+        raise bad_setting("integrator", tableau.name, what)
