@@ -17,10 +17,10 @@ from numba.core import types as numba_types
 from numba.extending import intrinsic, overload
 
 from nearharmonic.core.layout import COLUMNS, TALLY, Floats, Signature, running_at, running_rows
+from nearharmonic.core.operations import SCALARS
 from nearharmonic.core.stepper.recent_moves import empty_slots, recall
 
 types: Any = numba_types
-_LLVM = {"int64": ir.IntType(64), "float64": ir.DoubleType(), "bool": ir.IntType(8)}
 #: Arrays whose addresses are in machine code.
 _KEPT: list[Floats] = []
 _NUMBA = {"int64": types.int64, "float64": types.float64, "bool": types.boolean}
@@ -231,7 +231,7 @@ def _caller(step: Step) -> Any:
                     passed += [value, context.get_constant(types.int64, d)]
                 else:
                     passed.append(context.get_value_as_argument(builder, kind, value))
-            result = _LLVM[signature.result] if signature.result else ir.VoidType()
+            result = SCALARS[signature.result] if signature.result else ir.VoidType()
             function = ir.FunctionType(result, [value.type for value in passed]).as_pointer()
             place = context.add_dynamic_addr(builder, address, info="nearharmonic.stepper")
             builder.call(builder.bitcast(place, function), passed)

@@ -88,7 +88,7 @@ def _written(typing, slots, at, counter):  # type: ignore[no-untyped-def]
 
 @jit
 def recall(slots: Floats, table: Floats, flags: Floats, n: int, tau: float, moves: Floats) -> None:
-    """Fill in the moves of a step as :func:`nearharmonic.core.stepper.products.fill` does, from a slot if they are there.
+    """Fill in the moves of a step, from a slot if they are there: see :func:`nearharmonic.core.stepper.products.fill`.
 
     Parameters
     ----------

@@ -1,0 +1,51 @@
+"""What finds its kernels compiled does not load numba, which takes longer than the integrations of a figure."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+#: Runs of few and of many coordinates, in lanes, in double-double, of a regularised system, with functions.
+TEXT = """
+import sys
+if forbidden:
+    sys.modules["numba"] = None  # what Python itself does to forbid an import
+import numpy as np
+import nearharmonic as nh
+from nearharmonic.math import cos
+nh.sweep("henon_heiles", "aba864", [0.1, 0.2, 0.3], t_end=10)
+nh.integrate("sho", "ruth", 0.1, t_end=1, precision="extended")
+nh.integrate("kepler_regularised", "leapfrog", 40, t_end=400)
+nh.ensemble("henon_heiles", "leapfrog", 0.1, t_end=1, q0=np.full((3, 2), 0.1), p0=np.full((3, 2), 0.1))
+chain = nh.System(
+    name="chain", V=lambda q: sum((x - y) ** 4 for x, y in zip(q[1:], q)), q0=["0.1"] * 60, p0=["0"] * 60, t_end="1",
+)
+nh.integrate(chain, "leapfrog", 0.1)
+pendulum = nh.System(name="pendulum", V=lambda q: -cos(q[0]), q0=["1"], p0=["0"], t_end="1")
+nh.integrate(pendulum, "leapfrog", 0.1)
+"""
+
+
+def python(text):
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_process_whose_kernels_are_kept_needs_no_numba():
+    python(f"forbidden = False{TEXT}")
+    python(f"forbidden = True{TEXT}")
+
+
+def test_a_job_whose_kernels_are_kept_needs_no_numba(breakable):
+    """A module of this name in front of numba's: a job that imports it fails."""
+    stub = breakable.folder / "src/numba"
+    stub.mkdir()
+    (stub / "__init__.py").write_text("raise ImportError('numba is not needed here')\n")
+    cube = breakable.folder / "results/tiny/cubes/sho.h5"
+    cube.unlink()
+    for run in (breakable.folder / "results/tiny/runs/sho").rglob("*.h5"):
+        run.unlink()
+    done = breakable.snakemake("results/tiny/cubes/sho.h5", "-j1", "--configfile", "config/tiny.yaml")
+    assert done.returncode == 0, done.stdout
+    assert cube.exists()
+    assert "integrate" in done.stdout
