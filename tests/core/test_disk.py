@@ -33,7 +33,7 @@ def weighted(weight):
     def dot(factor, a, b):
         return weight * factor * (a[0] * b[0] + a[1] * b[1])
 
-    return link.alone(dot, DOT)
+    return link.alone(*link.loops(dot, DOT))
 
 
 @pytest.fixture(scope="module")

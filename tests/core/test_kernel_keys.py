@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
+from kept_loops import keep_loops
 from nearharmonic.core.formulas import fingerprint
 from nearharmonic.core.rules import Rules
 from nearharmonic.engine.batch import integrate_batch
@@ -27,6 +28,7 @@ def own_cache(tmp_path_factory):
     """A folder for the kernels of this file, which it compiles once."""
     folder = tmp_path_factory.mktemp("kernels")
     with pytest.MonkeyPatch.context() as patch:
+        keep_loops(folder)
         patch.setenv("NEARHARMONIC_CACHE_DIR", str(folder))
         kernel_of.cache_clear()
         yield folder

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
+from kept_loops import keep_loops
 from nearharmonic.core import native
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.kernels import kernel_of
@@ -22,6 +23,7 @@ OSCILLATOR = nh.systems["sho"]
 
 @pytest.fixture
 def own_cache(tmp_path, monkeypatch):
+    keep_loops(tmp_path)
     monkeypatch.setenv("NEARHARMONIC_CACHE_DIR", str(tmp_path))
     kernel_of.cache_clear()
     yield tmp_path
@@ -39,6 +41,12 @@ def test_a_second_process_finds_the_kernel_and_does_not_load_the_compiler(own_ca
     text = "import sys, nearharmonic as nh; print(nh.sweep('sho', 'ruth', [0.2]).steps.item(), 'numba' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["2500", "False"]
+
+
+def forget(module):
+    """What the module has found out about sources, compilers and processor."""
+    for found in (module._source_digest, module.core_digest, module.processor):
+        found.cache_clear()
 
 
 def kernels_in(folder):
@@ -78,9 +86,9 @@ def test_an_array_of_the_wrong_kind_is_refused_before_the_call(own_cache):
 def test_another_version_of_a_compiler_has_another_key(monkeypatch, compiler):
     before = native.code_key()
     monkeypatch.setattr(native, "version", lambda name: "0.0" if name == compiler else version(name))
-    native.core_digest.cache_clear()
+    forget(native)
     after = native.code_key()
-    native.core_digest.cache_clear()
+    forget(native)
     assert after != before
 
 
@@ -90,12 +98,11 @@ def on_processor(monkeypatch, name):
         monkeypatch.delenv(variable, raising=False)
     if name is not None:
         monkeypatch.setenv("NUMBA_CPU_NAME", name)
-    caches = native.processor, native.core_digest, kernel_of
-    for cached in caches:
-        cached.cache_clear()
+    forget(native)
+    kernel_of.cache_clear()
     run = integrate_batch(OSCILLATOR, nh.integrators["aba864"], t_end=Fraction(50), steps=[170, 90], samples=20)
-    for cached in caches:
-        cached.cache_clear()
+    forget(native)
+    kernel_of.cache_clear()
     return run
 
 

@@ -81,9 +81,14 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
         return _linked("begin", BEGIN, choice, rules, width)
 
     def make_run() -> tuple[str, bytes]:
-        from nearharmonic.core import link, scheduler
+        from nearharmonic.core import link
 
-        return link.alone(scheduler.run, RUN)
+        def compiled() -> tuple[str, bytes]:
+            from nearharmonic.core import scheduler
+
+            return link.loops(scheduler.run, RUN)
+
+        return link.alone(*link.kept("run", "", compiled))
 
     advance = _advance(rules, width, energy)
     begin = 0 if energy == "none" else native(f"begin-{_key(rules, width)}", BEGIN, make_begin).address
@@ -146,7 +151,7 @@ def build_landing(
 
             return link.loops(landing.land(extended=extended, compensated=compensated), LAND)
 
-        loops = link.kept(f"loops-{code_key('land', f'{extended} {compensated}')}", compiled)
+        loops = link.kept("land", f"{extended} {compensated}", compiled)
         return link.linked(*loops, module, formulas.kinds_of(rules, 1))
 
     # The formulas of the steps do not tell the maps: the text of these does.
@@ -235,5 +240,5 @@ def _linked(entry: str, signature: Signature, choice: dict[str, Any], rules: Rul
         made = {"advance": advance.advance, "begin": advance.begin, "step": single_step.step}[entry]
         return link.loops(made(**choice), signature)
 
-    loops = link.kept(f"loops-{code_key(entry, repr(choice))}", compiled)
+    loops = link.kept(entry, repr(choice), compiled)
     return link.linked(*loops, formulas.module_of(rules, width, link.needed(loops[1])), formulas.kinds_of(rules, width))

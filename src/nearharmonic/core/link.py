@@ -14,7 +14,7 @@ from llvmlite import binding, ir
 
 from nearharmonic.core import disk
 from nearharmonic.core.layout import Signature
-from nearharmonic.core.native import target_machine
+from nearharmonic.core.native import source_key, target_machine
 from nearharmonic.core.operations import INDEX, PREFIX, SCALARS, Kinds, define
 
 #: Types of numbers, and operations on them, in the text of loops: declared, and to be defined.
@@ -24,9 +24,9 @@ _FORMULA = re.compile(rf"^declare .* @{re.escape(PREFIX)}(\w+)\(", re.MULTILINE)
 _SCALARS = {"int64": "int64", "float64": "float64", "bool": "boolean"}
 
 
-def kept(key: str, make: Callable[[], tuple[str, bytes]]) -> tuple[str, bytes]:
-    """Return what the cache has under a key, or what ``make`` returns, which is put there."""
-    place = disk.place_of(key)
+def kept(name: str, choice: str, make: Callable[[], tuple[str, bytes]]) -> tuple[str, bytes]:
+    """Return the loops of a name and a choice from the cache, or what ``make`` returns, which is put there."""
+    place = disk.place_of(f"loops-{source_key(name, choice)}")
     found = disk.read(place) if place else None
     if found is None:
         found = make()
@@ -107,9 +107,9 @@ def linked(name: str, loops: bytes, written: ir.Module, kinds: Kinds) -> tuple[s
     return name, machine.emit_object(module)
 
 
-def alone(function: Callable[..., Any], signature: Signature) -> tuple[str, bytes]:
-    """Name and object code of a C function of plain numbers, which is compiled by numba."""
-    return linked(*loops(function, signature), ir.Module(), Kinds(1, 1, 1))
+def alone(name: str, loops: bytes) -> tuple[str, bytes]:
+    """Name and object code of loops that call nothing."""
+    return linked(name, loops, ir.Module(), Kinds(1, 1, 1))
 
 
 def _letter_of(result: str) -> str:

@@ -103,10 +103,20 @@ def code_key(*parts: str, sources: Iterable[Path] = ()) -> str:
     return digest.hexdigest()
 
 
+def source_key(*parts: str) -> str:
+    """Digest of ``parts`` and of what text in LLVM's language depends on, which serves every processor."""
+    return sha256(" ".join([_source_digest(), *parts]).encode()).hexdigest()
+
+
 @cache
 def core_digest() -> str:
     """Digest of the sources in this folder, of the compilers' versions and of the processor."""
-    text = sha256(f"{version('numba')} {version('llvmlite')} {processor()}".encode())
+    return sha256(f"{_source_digest()} {processor()}".encode()).hexdigest()
+
+
+@cache
+def _source_digest() -> str:
+    text = sha256(f"{version('numba')} {version('llvmlite')}".encode())
     for path in _SOURCES:
         text.update(path.read_bytes())
     return text.hexdigest()
