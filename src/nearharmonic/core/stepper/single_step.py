@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from nearharmonic.core.advance import motion, row_loader
 from nearharmonic.core.layout import INNER
+from nearharmonic.core.points import motion, row_loader
 from nearharmonic.core.reals import compiled, linked_number, load_parameters, load_point, store, zero_like
 from nearharmonic.core.shape import Form
 

@@ -1,0 +1,263 @@
+"""States that are points: what a step does to them, and their energies, for a form.
+
+What a system and its lanes bring is linked by name: see :mod:`nearharmonic.core.formulas`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from nearharmonic.core import rotation, step
+from nearharmonic.core.layout import DRIFT, KICK, PRODUCT, REST, SQUARE
+from nearharmonic.core.reals import (
+    POINT,
+    REAL,
+    all_zero,
+    compiled,
+    largest_modulus,
+    linked,
+    linked_number,
+    load_point,
+    load_real,
+    store,
+    types,
+    where_zero,
+    zero_like,
+)
+from nearharmonic.core.shape import Form, Measured, Motion
+
+#: Rows: of coordinates, coefficients of a move, and the state that runs.
+_dimension, _columns, _running = (linked_number(name) for name in ("dimension", "columns", "running"))
+#: ``_moved(new, old)``: the coordinates of the first that move, and those of the second that rest.
+_moved = linked("moved", POINT)
+
+
+def _rates(form: Form) -> Any:
+    """The type of forces and velocities."""
+    return types.UniTuple(POINT, 2) if form.extended else POINT
+
+
+@compiled
+def load_state(rows, at):  # type: ignore[no-untyped-def]
+    d = _dimension()
+    return load_point(rows, at), load_point(rows, at + d), load_point(rows, at + 2 * d), load_point(rows, at + 3 * d)
+
+
+@compiled
+def _store_state(rows, at, q, q_low, p, p_low):  # type: ignore[no-untyped-def]
+    d = _dimension()
+    store(rows, at, q)
+    store(rows, at + d, q_low)
+    store(rows, at + 2 * d, p)
+    store(rows, at + 3 * d, p_low)
+
+
+@compiled
+def _pair(moves, at):  # type: ignore[no-untyped-def]
+    return load_real(moves, at), load_real(moves, at + 1)
+
+
+def row_loader(form: Form) -> Any:
+    """Return ``load(moves, row)``, the coefficients of a move as :mod:`nearharmonic.core.step` takes them."""
+    if form.turning:
+        return rotation.row_loader(extended=form.extended)
+    if form.extended and form.modified:
+        return compiled(lambda moves, at: (_pair(moves, at), _pair(moves, at + 2), _pair(moves, at + 2 * SQUARE)))
+    if form.extended:
+        return compiled(lambda moves, at: (_pair(moves, at), _pair(moves, at + 2)))
+    if form.modified:
+        return compiled(
+            lambda moves, at: (load_real(moves, at), load_real(moves, at + DRIFT), load_real(moves, at + SQUARE))
+        )
+    if form.ahead:
+        return compiled(
+            lambda moves, at: (
+                load_real(moves, at + KICK), load_real(moves, at + DRIFT), load_real(moves, at + PRODUCT),
+                load_real(moves, at + REST),
+            )
+        )  # fmt: skip
+    return compiled(lambda moves, at: (load_real(moves, at + KICK), load_real(moves, at + DRIFT)))
+
+
+def _move(form: Form) -> Any:
+    """The move of a form: :mod:`nearharmonic.core.step`, or :mod:`nearharmonic.core.rotation`."""
+    if form.turning:
+        rotated = (
+            rotation.rotated_double_double if form.extended
+            else rotation.rotated_compensated if form.compensated
+            else rotation.rotated_plain
+        )  # fmt: skip
+        return compiled(lambda state, row, f, parameters: rotated(state, row, f))
+    rates = _rates(form)
+    velocity, acceleration = linked("velocity", rates), linked("acceleration", rates)
+    update = step.double_double if form.extended else step.compensated if form.compensated else step.plain
+    if not form.ahead:
+        move = step.momentum_first(velocity, update)
+    elif form.compensated:
+        move = step.ahead_compensated(velocity, acceleration)
+    else:
+        move = step.ahead_plain(velocity, acceleration)
+    if form.modified:
+        move = step.modified_double_double(move) if form.extended else step.modified(move, form.ahead)
+    if not form.resting:
+        return move
+
+    @compiled
+    def move_some(state, row, f, parameters):  # type: ignore[no-untyped-def]
+        q, q_low, p, p_low, late = move(state, row, f, parameters)
+        return _moved(q, state[0]), _moved(q_low, state[1]), p, p_low, late
+
+    return move_some
+
+
+def _sheared(form: Form) -> Any:
+    if form.extended:
+        return rotation.sheared_double_double
+    return rotation.sheared_compensated if form.compensated else rotation.sheared_plain
+
+
+def _closed(form: Form, move: Any) -> Any:
+    """``closed(state, row, f, parameters)``: the state at the end of a step, which is a move away."""
+    sheared, turning = _sheared(form), form.turning
+    late_by = form.compensated and form.ahead
+
+    @compiled
+    def closed(state, row, f, parameters):  # type: ignore[no-untyped-def]
+        state = move(state, row, f, parameters)
+        if turning:
+            state = sheared(state, row)
+        q, q_low, p, p_low, late = state
+        if late_by:
+            q_low = q_low + late
+        return q, q_low, p, p_low
+
+    return closed
+
+
+def _without(form: Form) -> Any:
+    """``without(coefficient, rates)``: 0 in the lanes where the coefficient is 0."""
+    if form.extended:
+        return compiled(lambda c, f: (where_zero(c, 0.0, f[0]), where_zero(c, 0.0, f[1])))
+    return compiled(lambda c, f: where_zero(c, 0.0, f))
+
+
+def _forces(form: Form) -> tuple[Any, Any, Any]:
+    """``first(state, moves, parameters)`` and ``behind(state, moves, row, parameters)``: the forces that moves take.
+
+    The third function is ``behind`` that returns V as well.
+    Where no kick comes first the force does not matter, and need not exist. Behind a force of a modified potential
+    stands the gradient of its square, where a lane needs it.
+    """
+    without = _without(form)
+    force, square = linked("force", _rates(form)), linked("square", _rates(form))
+    force_and_potential = linked("force_and_potential", types.Tuple((POINT, REAL)))
+    m = SQUARE * form.parts
+    if not form.modified:
+
+        @compiled
+        def first(state, moves, parameters):  # type: ignore[no-untyped-def]
+            return without(load_real(moves, KICK), force(state[0], state[1], parameters))
+
+        @compiled
+        def behind(state, moves, row, parameters):  # type: ignore[no-untyped-def]
+            return force(state[0], state[1], parameters)
+
+        @compiled
+        def last(state, moves, row, parameters):  # type: ignore[no-untyped-def]
+            return force_and_potential(state[0], state[1], parameters)
+
+        return first, behind, last
+
+    @compiled
+    def squared(state, f, needed, parameters):  # type: ignore[no-untyped-def]
+        g = zero_like(f)
+        if not all_zero(needed):
+            g = without(needed, square(state[0], state[1], parameters))
+        return g
+
+    @compiled
+    def first_pull(state, moves, parameters):  # type: ignore[no-untyped-def]
+        f = force(state[0], state[1], parameters)
+        g = squared(state, f, load_real(moves, m), parameters)
+        return without(load_real(moves, KICK), f), without(load_real(moves, KICK), g)
+
+    @compiled
+    def pull(state, moves, row, parameters):  # type: ignore[no-untyped-def]
+        f = force(state[0], state[1], parameters)
+        return f, squared(state, f, load_real(moves, row + _columns() - 1), parameters)
+
+    @compiled
+    def last_pull(state, moves, row, parameters):  # type: ignore[no-untyped-def]
+        f, V = force_and_potential(state[0], state[1], parameters)
+        return (f, squared(state, f, load_real(moves, row + _columns() - 1), parameters)), V
+
+    return first_pull, pull, last_pull
+
+
+def _opened(form: Form, row_of: Any, move: Any) -> Any:
+    """``opened(state, moves)``: the state behind a first move of its own, in the lanes that have one.
+
+    Such a move has no kick by the force, and a shear behind it; it is done here, and nothing of it is left.
+    """
+    if not form.turning:
+        return compiled(lambda state, moves, parameters: state)
+    sheared, extended = _sheared(form), form.extended
+
+    @compiled
+    def opened(state, moves, parameters):  # type: ignore[no-untyped-def]
+        row = row_of(moves, 0)
+        shear = largest_modulus(row[-1][0] if extended else row[-1])
+        nothing = zero_like((state[0], state[0]) if extended else state[0])
+        turned = sheared(move(state, row, nothing, parameters), row)
+        for column in range(_columns()):
+            x = load_real(moves, column)
+            store(moves, column, where_zero(shear, x, zero_like(x)))
+        q, q_low, p, p_low, late = state
+        return (
+            where_zero(shear, q, turned[0]), where_zero(shear, q_low, turned[1]), where_zero(shear, p, turned[2]),
+            where_zero(shear, p_low, turned[3]), where_zero(shear, late, turned[4]),
+        )  # fmt: skip
+
+    return opened
+
+
+def motion(form: Form) -> Motion:
+    """Return what :func:`nearharmonic.core.advance.advance` calls, for states that are points."""
+    move = _move(form)
+    opened = _opened(form, row_loader(form), move)
+    first, behind, last = _forces(form)
+
+    @compiled
+    def load(rows, moves, parameters):  # type: ignore[no-untyped-def]
+        running = _running()
+        q, q_low, p, p_low = load_state(rows, running)
+        late = load_point(rows, running + 4 * _dimension())
+        return opened((q, q_low, p, p_low, late), moves, parameters), load_state(rows, 0)
+
+    @compiled
+    def save(rows, state, seen):  # type: ignore[no-untyped-def]
+        q, q_low, p, p_low, late = state
+        _store_state(rows, _running(), q, q_low, p, p_low)
+        store(rows, _running() + 4 * _dimension(), late)
+        q, q_low, p, p_low = seen
+        _store_state(rows, 0, q, q_low, p, p_low)
+
+    return Motion(load, first, move, behind, last, _closed(form, move), save)
+
+
+def measured() -> Measured:
+    """Return the energies of states that are points."""
+    pair = types.UniTuple(REAL, 2)
+    energy, rounding, energies = (
+        linked("energy", pair),
+        linked("rounding", pair),
+        linked("energies", types.UniTuple(REAL, 4)),
+    )
+    potential, kinetic = linked("potential", REAL), linked("kinetic", REAL)
+    return Measured(
+        compiled(lambda seen, parameters: energy(*seen, parameters)),
+        compiled(lambda seen, parameters: energies(*seen, parameters)),
+        compiled(lambda seen, parameters: rounding(*seen, parameters)),
+        compiled(lambda seen, parameters: potential(seen[0], seen[1], parameters)),
+        compiled(lambda seen, parameters: kinetic(seen[2], parameters)),
+    )
