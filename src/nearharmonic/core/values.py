@@ -225,8 +225,3 @@ class LLVMValue:
         """self where self > other, else other: a NaN in self is dropped, so finiteness needs a test of its own."""
         where = self.builder.fcmp_ordered(">", self.value, other.value)
         return LLVMValue(self.builder, self.builder.select(where, self.value, other.value))
-
-    def any_not_within(self, bound: LLVMValue) -> LLVMMask:
-        """Whether in any lane self <= bound fails, as it does for a NaN."""
-        outside = self.builder.fcmp_unordered(">", self.value, bound.value)
-        return LLVMMask(self.builder, outside).anywhere()
