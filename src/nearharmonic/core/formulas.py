@@ -14,7 +14,6 @@ from nearharmonic.core.loops.tables import BLOCK
 from nearharmonic.core.number import Constant
 from nearharmonic.core.operations import (
     DOUBLE,
-    EVERYTHING,
     INDEX,
     PREFIX,
     Kinds,
@@ -28,6 +27,10 @@ from nearharmonic.core.tracing import DoubleDouble, LLVMValue
 
 #: Formulas that a system may lack, with what they are made of.
 _OPTIONAL = {"square": "modified", "acceleration": "acceleration"}
+#: Formulas that tell all others.
+_TELLING = frozenset(
+    {"force", "square", "velocity", "acceleration", "energies", "force_and_potential", "kinetic", "rounding"}
+)
 
 
 @lru_cache(maxsize=64)
@@ -37,7 +40,7 @@ def fingerprint(rules: Rules) -> str:
     if physics.loops is not None:
         digests = " ".join(energy.digest for energy in physics.loops)
         return sha256(f"{digests} {physics.unit_masses}".encode()).hexdigest()
-    return sha256(f"{module_of(rules, 1)} {moving(rules)} {physics.turning}".encode()).hexdigest()
+    return sha256(f"{module_of(rules, 1, _TELLING)} {moving(rules)} {physics.turning}".encode()).hexdigest()
 
 
 def moving(rules: Rules) -> tuple[bool, ...]:
@@ -52,7 +55,7 @@ def moving(rules: Rules) -> tuple[bool, ...]:
     return tuple(not (isinstance(v, Constant) and v == 0) for v in velocity)
 
 
-def module_of(rules: Rules, lanes: int, needed: Container[str] = EVERYTHING) -> ir.Module:
+def module_of(rules: Rules, lanes: int, needed: Container[str]) -> ir.Module:
     """Return a module with what a system and a number of lanes bring to the loops of their form.
 
     Parameters
@@ -92,7 +95,7 @@ def kinds_of(rules: Rules, lanes: int) -> Kinds:
 class _Formulas:
     """Functions of one module."""
 
-    def __init__(self, rules: Rules, kinds: Kinds, needed: Container[str] = EVERYTHING) -> None:
+    def __init__(self, rules: Rules, kinds: Kinds, needed: Container[str]) -> None:
         self.module, self.rules, self.kinds, self.needed = ir.Module("formulas"), rules, kinds, needed
         self.real, self.point = kinds.of("R"), kinds.of("P")
 
@@ -188,7 +191,7 @@ def maps_module(rules: Rules, maps: Any) -> ir.Module:
         ``largest_radius(x, y, *parameters)``, formulas of numbers; ``dimension`` d of physical space.
     """
     physics, d, D = rules.physics, maps.dimension, rules.physics.dimension
-    written = _Formulas(rules, kinds_of(rules, 1))
+    written = _Formulas(rules, kinds_of(rules, 1), ())
     write_number(written.module, "dimension", D)
     write_number(written.module, "running", running_at(D, physics.parameters))
 

@@ -20,16 +20,6 @@ DOUBLE, INDEX, TRUTH = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
 SCALARS: dict[str, ir.Type] = {"int64": INDEX, "float64": DOUBLE, "bool": ir.IntType(8)}
 
 
-class _Everything:
-    """What contains any name."""
-
-    def __contains__(self, name: object) -> bool:
-        return True
-
-
-EVERYTHING = _Everything()
-
-
 def _called(name: str) -> Callable[..., ir.Value]:
     """An intrinsic function of LLVM."""
 
