@@ -196,7 +196,8 @@ def maps_module(rules: Rules, maps: Any) -> ir.Module:
     write_number(written.module, "running", running_at(D, physics.parameters))
 
     def departed(memory: _Memory, start: ir.Value, first: ir.Value, rows: ir.Value, to: ir.Value) -> None:
-        given = physics.constants or tuple(memory.pair(rows, 4 * D + TALLY + 2 * k) for k in range(physics.parameters))
+        pairs = (memory.pair(rows, 4 * D + TALLY + 2 * k) for k in range(physics.parameters))
+        given: tuple[Any, ...] = physics.constants or tuple(pairs)
         start = memory.builder.gep(start, [first])
         x, y = maps.from_physical(memory.pairs(start, 0, d), memory.pairs(start, 2 * d, d), *given)
         inverse, radius = maps.inverse_axis(x, *given), maps.largest_radius(x, y, *given)

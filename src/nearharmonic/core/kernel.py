@@ -237,8 +237,12 @@ def _linked(entry: str, signature: Signature, choice: dict[str, Any], rules: Rul
         from nearharmonic.core import advance
         from nearharmonic.core.stepper import single_step
 
-        made = {"advance": advance.advance, "begin": advance.begin, "step": single_step.step}[entry]
-        return link.loops(made(**choice), signature)
+        made: dict[str, Callable[..., Any]] = {
+            "advance": advance.advance,
+            "begin": advance.begin,
+            "step": single_step.step,
+        }
+        return link.loops(made[entry](**choice), signature)
 
     loops = link.kept(entry, repr(choice), compiled)
     return link.linked(*loops, formulas.module_of(rules, width, link.needed(loops[1])), formulas.kinds_of(rules, width))
