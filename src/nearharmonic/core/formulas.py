@@ -24,7 +24,8 @@ def fingerprint(rules: Rules) -> str:
     if physics.loops is not None:
         digests = " ".join(energy.digest for energy in physics.loops)
         return sha256(f"{digests} {physics.unit_masses}".encode()).hexdigest()
-    return sha256(f"{module_of(rules, 1)} {moving(rules)} {physics.turning}".encode()).hexdigest()
+    given = "" if physics.numba is None else f" {physics.numba.digest}"
+    return sha256(f"{module_of(rules, 1)} {moving(rules)} {physics.turning}{given}".encode()).hexdigest()
 
 
 def moving(rules: Rules) -> tuple[bool, ...]:

@@ -24,6 +24,9 @@ from nearharmonic.core.native import PreparedCall, code_key, native
 from nearharmonic.core.physics import Physics
 from nearharmonic.core.rules import Rules
 
+#: Instructions of a function of numba in a unit of cost, where none is repeated.
+INSTRUCTIONS = 8
+
 __all__ = ["Kernel", "Physics", "build", "build_landing", "cost", "room"]
 
 
@@ -177,6 +180,8 @@ def cost(physics: Physics, *, extended: bool) -> int:
     """Return the time that a force takes, in units of a few nanoseconds at most: without loops, that of all pairs."""
     if physics.loops is None:
         force = physics.dimension * (physics.dimension + 4) // 2
+        if physics.numba is not None:
+            return force + physics.numba.instructions // INSTRUCTIONS
         return force if physics.modified is None else 2 * force
     # A double-double operation takes about 16 of doubles.
     return 1 + sum(energy.work_of_loops for energy in physics.loops) * (16 if extended else 1) // 50
@@ -217,4 +222,6 @@ def _linked(entry: str, signature: Signature, rules: Rules, width: int, energy: 
         return link.loops(getattr(advance, entry)(form), signature)
 
     loops = link.kept(f"loops-{code_key(entry, repr(form))}", compiled)
-    return link.linked(*loops, formulas.module_of(rules, width), formulas.kinds_of(rules, width), entry, signature)
+    given = "" if physics.numba is None else physics.numba.text
+    written, kinds = formulas.module_of(rules, width), formulas.kinds_of(rules, width)
+    return link.linked(*loops, written, kinds, entry, signature, given)

@@ -76,10 +76,11 @@ def _make_one(module: Any, name: str) -> None:
 
 
 def linked(
-    name: str, loops: bytes, written: ir.Module, kinds: Kinds, entry: str, signature: Signature
+    name: str, loops: bytes, written: ir.Module, kinds: Kinds, entry: str, signature: Signature, given: str = ""
 ) -> tuple[str, bytes]:
     """Name and object code of the C function ``entry``: loops with what is ``written`` of a system, for some lanes.
 
+    ``given`` is the text of functions that the formulas call, which become part of them where LLVM finds that good.
     No arithmetic is re-ordered. Loops are not made vectors of: what is computed side by side is written so.
     """
     text = _TYPE.sub(lambda found: "" if found[2] else str(kinds.of(found[1])), loops.decode())
@@ -90,6 +91,8 @@ def linked(
     rest.triple, rest.data_layout = module.triple, module.data_layout
     module.link_in(rest)
     _make_one(module, entry)
+    if given:
+        _add(module, given)
     module.verify()
     machine = target_machine()
     options = binding.create_pipeline_tuning_options(speed_level=3)
@@ -97,6 +100,14 @@ def linked(
     builder = binding.create_pass_builder(machine, options)
     builder.getModulePassManager().run(module, builder)
     return entry, machine.emit_object(module)
+
+
+def _add(module: Any, given: str) -> None:
+    more = binding.parse_assembly(given)
+    names = [function.name for function in more.functions if not function.is_declaration]
+    module.link_in(more)
+    for name in names:
+        module.get_function(name).linkage = "internal"
 
 
 def _letter_of(result: str) -> str:

@@ -67,7 +67,8 @@ class Rules:
 
         In double-double at every step it would cost ten times a step of leapfrog where pairs of bodies attract.
         """
-        return not self.extended and self.physics.dimension > FEW_COORDINATES
+        few = self.physics.dimension <= FEW_COORDINATES
+        return not (self.extended or few or self.physics.numba)  # a V in double has nothing to be measured against
 
     @property
     def looks_ahead(self) -> bool:
@@ -123,7 +124,7 @@ class Rules:
 
     def force(self, state: Entries, parameters: Entries) -> Entries:
         """dV/dq at the position."""
-        if self.physics.dimension > FEW_COORDINATES:  # the same bits whether or not the energy is measured beside it
+        if self.physics.dimension > FEW_COORDINATES and not self.physics.numba:  # the same bits whether or not the energy is measured beside it
             return self.force_and_potential(state, parameters)[: self.parts * self.physics.dimension]
         q = self.numbers(_pairs(state, self.physics.dimension))
         return self.flat(vector(self.physics, "grad_V", q, *self.constants(parameters)), state[0])

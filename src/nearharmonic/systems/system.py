@@ -22,6 +22,7 @@ from nearharmonic.systems.formulas import (
     with_parameters,
 )
 from nearharmonic.systems.kinetic_energy import MassKineticEnergy, of_masses, quadratic_grad_T, quadratic_T
+from nearharmonic.systems.numba_potential import NumbaEnergy, numba_potential, potential_of
 from nearharmonic.systems.oscillator import written_frequencies
 from nearharmonic.systems.quantities import Observable, Parameter, Vector, decimal, sequence
 from nearharmonic.systems.regularisation import Regularisation
@@ -122,6 +123,10 @@ class System:
             )
         check_numbers(self)
         self._set_kinetic_energy()
+        numba = potential_of(self)
+        if numba is not None:
+            object.__setattr__(self, "V", numba.value)
+            object.__setattr__(self, "grad_V", numba.gradient)
         if self.grad_V is None or isinstance(self.grad_V, DerivedGradient):
             object.__setattr__(self, "grad_V", DerivedGradient(self._potential, self.time_dependent))
         self._drop_declarations()
@@ -229,6 +234,9 @@ class System:
 
     @cached_property
     def _potential(self) -> Energy:
+        numba = numba_potential(self)
+        if numba is not None:
+            return NumbaEnergy(numba, self.constants(Constant))
         V = ExtendedPotential(self.V) if self.time_dependent else self.V
         return Energy(self.name, "V", V, self.dimension + self.time_dependent, self.constants(Constant))
 

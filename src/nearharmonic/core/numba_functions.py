@@ -1,0 +1,305 @@
+"""Potentials that are functions of numba: their code in LLVM's language, and its calls in the formulas of a system.
+
+They may branch, loop and read arrays, and nothing of them is traced. Their code is linked to the loops of
+:mod:`nearharmonic.core.advance` as traced formulas are. This module is separate because it needs numba, which a process
+that has such a function has imported.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from math import nan
+from typing import Any
+
+from llvmlite import binding, ir
+
+from nearharmonic.core.native import target_machine
+from nearharmonic.core.operations import DOUBLE, PREFIX
+from nearharmonic.core.values import LLVMValue
+
+#: Coordinates up to which a function is offered them as a tuple first; code for long tuples is slow to compile.
+LONGEST_TUPLE = 8
+#: Formulas and the names of their functions in generated code.
+SYMBOLS = {"V": f"{PREFIX}given.V", "grad_V": f"{PREFIX}given.grad_V"}
+_POINTER, _STATUS, _INDEX = DOUBLE.as_pointer(), ir.IntType(32), ir.IntType(32)
+#: Names in LLVM's language; pickled exceptions of numba, which hold the lines of files; debug information.
+_NAME = re.compile(r'@("[^"]*"|[\w.$-]+)')
+_PICKLED = re.compile(r"^@\.const\.pickle\w+\..*\n", re.MULTILINE)
+_DEBUG = re.compile(r"^!.*\n|,? !\w+ !\d+", re.MULTILINE)
+_ADDRESS = "numba.dynamic.globals"
+
+
+class NumbaFunctionError(ValueError):
+    """A function of numba that cannot be a potential or its gradient; the message continues "V ..."."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class NumbaCode:
+    """Code of a potential and its gradient.
+
+    Attributes
+    ----------
+    text : str
+        A module of LLVM with the functions :data:`SYMBOLS`, each ``void (double *q, double *parameters, double
+        *result)``. The result is NaN where numba's function raises an exception.
+    digest : str
+        Digest of ``text`` without what differs between processes.
+    takes_tuple : bool
+        Whether the functions take the coordinates as a tuple, and not as an array.
+    instructions : int
+        Number of instructions of both functions.
+    """
+
+    text: str
+    digest: str
+    takes_tuple: bool
+    instructions: int
+
+
+def compiled_code(V: Any, grad_V: Any, dimension: int, parameters: int) -> NumbaCode:
+    """Compile a potential and its gradient.
+
+    Parameters
+    ----------
+    V, grad_V : numba functions
+        Functions of the coordinates, a tuple or an array, and of the parameters.
+    dimension, parameters : int
+        Numbers of coordinates and of parameters.
+
+    Raises
+    ------
+    NumbaFunctionError
+        numba cannot compile a function for doubles, it returns something else than it must, or its code holds an
+        address of this process.
+    """
+    takes_tuple = _takes_tuple(V, grad_V, dimension, parameters)
+    module = binding.parse_assembly("")
+    for formula, function, count in (("V", V, 1), ("grad_V", grad_V, dimension)):
+        wrapped = _wrapped(function, dimension, parameters, count, takes_tuple)
+        name, text = _compiled(formula, wrapped)
+        other = binding.parse_assembly(text)
+        if not module.triple:
+            module.triple, module.data_layout = other.triple, other.data_layout
+        module.link_in(other)
+        entry = binding.parse_assembly(str(_entry(SYMBOLS[formula], name, count)))
+        entry.triple, entry.data_layout = module.triple, module.data_layout
+        module.link_in(entry)
+    _keep_entries(module)
+    text = str(module)
+    instructions = sum(1 for f in module.functions for block in f.blocks for _ in block.instructions)
+    return NumbaCode(text=text, digest=_digest(text), takes_tuple=takes_tuple, instructions=instructions)
+
+
+def _takes_tuple(V: Any, grad_V: Any, dimension: int, parameters: int) -> bool:
+    """Whether both functions compile for a tuple of coordinates, which is tried first, or else for an array."""
+    from numba.core import types
+
+    tried = {False: types.Array(types.float64, 1, "C")}
+    if dimension <= LONGEST_TUPLE:
+        tried = {True: types.UniTuple(types.float64, dimension)} | tried
+    refused = ""
+    for takes_tuple, q in tried.items():
+        try:
+            for formula, function, count in (("V", V, 0), ("grad_V", grad_V, dimension)):
+                _check_result(formula, _result(formula, function, (q, *[types.float64] * parameters)), count)
+        except NumbaFunctionError as error:
+            refused = refused or str(error)
+        else:
+            return takes_tuple
+    raise NumbaFunctionError(refused)
+
+
+def _result(formula: str, function: Any, kinds: tuple[Any, ...]) -> Any:
+    """The type that a function returns for arguments of these types."""
+    import numba
+    from numba.core import errors, registry
+
+    try:
+        context = registry.cpu_target.typing_context
+        context.refresh()
+        return context.resolve_function_type(numba.typeof(function), kinds, {}).return_type
+    except errors.NumbaError as error:
+        given = "a tuple" if isinstance(kinds[0], numba.types.BaseTuple) else "an array"
+        raise NumbaFunctionError(f"{formula} is not compiled by numba for {given} q: {_essence(error)}") from error
+
+
+def _essence(error: Exception) -> str:
+    """The sentence of a message of numba that says what is wrong, and the line of the user's file."""
+    lines = [re.sub(r"\x1b\[\d*m", "", line).strip() for line in str(error).splitlines()]
+    told = [line for line in lines if line and not line.startswith(("During", "Failed in", "- Resolution", "- Of which"))]
+    place = next((line for line in lines if line.startswith("File ")), "")
+    return " ".join([*told[:1], f"({place.rstrip(':')})"] if place else told[:1])
+
+
+def _check_result(formula: str, kind: Any, count: int) -> None:
+    from numba.core import types
+
+    real = types.Float, types.Integer, types.Boolean
+    if not count:
+        fine, expected = isinstance(kind, real), "one real number"
+    else:
+        expected = f"a tuple of {count} real numbers or an array of one dimension"
+        if isinstance(kind, types.BaseTuple):
+            fine = len(kind) == count and all(isinstance(x, real) for x in kind)
+        else:
+            fine = isinstance(kind, types.Array) and kind.ndim == 1 and isinstance(kind.dtype, real)
+    if not fine:
+        raise NumbaFunctionError(f"{formula} returns {kind}, expected {expected}")
+
+
+def _wrapped(function: Any, dimension: int, parameters: int, count: int, takes_tuple: bool) -> Any:
+    """A function of the addresses of coordinates, parameters and ``count`` results."""
+    import numba
+    from numba.np.unsafe.ndarray import to_fixed_tuple
+
+    compiled = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)
+    array = compiled(lambda address, length: numba.carray(address, (length,)))
+    if takes_tuple:
+        coordinates = compiled(lambda q: to_fixed_tuple(array(q, dimension), dimension))
+    else:
+        coordinates = compiled(lambda q: array(q, dimension))
+    if parameters:
+        value = compiled(
+            lambda q, given: function(coordinates(q), *to_fixed_tuple(array(given, parameters), parameters))
+        )
+    else:
+        value = compiled(lambda q, given: function(coordinates(q)))
+    write = _writer(count)
+
+    @compiled
+    def wrapped(q, given, result):  # type: ignore[no-untyped-def]
+        write(result, value(q, given))
+
+    return wrapped
+
+
+def _writer(count: int) -> Any:
+    """``write(address, found)``: a number, or ``count`` entries of a tuple or of an array, as doubles."""
+    import numba
+    from numba.core import types
+    from numba.extending import intrinsic, overload
+
+    @intrinsic
+    def write_tuple(typing, address, found):  # type: ignore[no-untyped-def]
+        def codegen(context, builder, signature, values):  # type: ignore[no-untyped-def]
+            for i, kind in enumerate(found):
+                entry = builder.extract_value(values[1], i)
+                place = builder.gep(values[0], [_INDEX(i)])
+                builder.store(context.cast(builder, entry, kind, types.float64), place)
+            return context.get_dummy_value()
+
+        return types.void(address, found), codegen
+
+    def write_number(address, found):  # type: ignore[no-untyped-def]
+        address[0] = found
+
+    def write_array(address, found):  # type: ignore[no-untyped-def]
+        if found.size != count:
+            raise ValueError
+        for i in range(count):
+            address[i] = found[i]
+
+    def write(address, found):  # type: ignore[no-untyped-def]
+        raise NotImplementedError
+
+    @overload(write)
+    def _chosen(address, found):  # type: ignore[no-untyped-def]
+        if isinstance(found, types.BaseTuple):
+            return lambda address, found: write_tuple(address, found)  # noqa: PLW0108 (its names count)
+        return write_array if isinstance(found, types.Array) else write_number
+
+    return numba.njit(lambda address, found: write(address, found))
+
+
+def _compiled(formula: str, wrapped: Any) -> tuple[str, str]:
+    """The name and the text of a function of addresses that numba compiles."""
+    import numba
+    from numba.core import errors
+
+    pointer = numba.types.CPointer(numba.types.float64)
+    try:
+        wrapped.compile((pointer,) * 3)
+    except errors.NumbaError as error:
+        raise NumbaFunctionError(f"{formula} is not compiled by numba: {_essence(error)}") from error
+    (made,) = wrapped.overloads.values()
+    text = made.library.get_llvm_str()
+    if _ADDRESS in text:
+        raise NumbaFunctionError(
+            f"{formula} refers to an address of this process, by an array of more than a megabyte, an array that is "
+            "not contiguous, or a function of ctypes: make the array smaller or contiguous"
+        )
+    return made.fndesc.llvm_func_name, text
+
+
+def _entry(symbol: str, name: str, count: int) -> ir.Module:
+    """A C function that calls numba's ``name``, and makes results NaN if that returns an error."""
+    module = ir.Module()
+    byte = ir.IntType(8).as_pointer()
+    inner = ir.FunctionType(_STATUS, [byte.as_pointer(), byte.as_pointer(), _POINTER, _POINTER, _POINTER])
+    callee = ir.Function(module, inner, name)
+    outer = ir.Function(module, ir.FunctionType(ir.VoidType(), [_POINTER] * 3), symbol)
+    builder = ir.IRBuilder(outer.append_basic_block())
+    status = builder.call(callee, [builder.alloca(byte), builder.alloca(byte), *outer.args])
+    with builder.if_then(builder.icmp_signed("!=", status, _STATUS(0)), likely=False):
+        for i in range(count):
+            builder.store(DOUBLE(nan), builder.gep(outer.args[2], [_INDEX(i)]))
+    builder.ret_void()
+    return module
+
+
+def _keep_entries(module: Any) -> None:
+    """Drop everything that the two entries do not need, and make the rest invisible for other modules."""
+    for thing in (*module.functions, *module.global_variables):
+        if not thing.is_declaration and thing.name not in SYMBOLS.values():
+            thing.linkage = "internal"
+    passes = binding.create_new_module_pass_manager()
+    passes.add_global_dead_code_eliminate_pass()
+    builder = binding.create_pass_builder(target_machine(), binding.create_pipeline_tuning_options())
+    passes.run(module, builder)
+    module.verify()
+
+
+def _digest(text: str) -> str:
+    """Digest of code whose own names, which hold counters of a process, are replaced by their places."""
+    text = _DEBUG.sub("", _PICKLED.sub("", text))
+    outside = set(re.findall(r"^declare .*?" + _NAME.pattern, text, re.MULTILINE))
+    places: dict[str, str] = {}
+
+    def place(found: re.Match[str]) -> str:
+        name = found[1]
+        return found[0] if name in outside else places.setdefault(name, f"@{len(places)}")
+
+    return sha256(_NAME.sub(place, text).encode()).hexdigest()
+
+
+def called(formula: str, count: int, q: Sequence[LLVMValue], parameters: Sequence[LLVMValue]) -> list[LLVMValue]:
+    """Return the results of a call of one of :data:`SYMBOLS` in the function that is being built.
+
+    Parameters
+    ----------
+    formula : {"V", "grad_V"}
+        Name of the formula.
+    count : int
+        Number of results.
+    q, parameters : sequences of doubles
+        Coordinates (d) and parameters.
+    """
+    builder = q[0].builder
+    kind = ir.FunctionType(ir.VoidType(), [_POINTER] * 3)
+    symbol, module = SYMBOLS[formula], builder.module
+    function = module.globals.get(symbol) or ir.Function(module, kind, symbol)
+    arrays = [_array(builder, max(1, n)) for n in (len(q), len(parameters), count)]
+    for array, values in zip(arrays, (q, parameters), strict=False):
+        for i, x in enumerate(values):
+            builder.store(x.value, builder.gep(array, [_INDEX(i)]))
+    builder.call(function, arrays)
+    return [LLVMValue(builder, builder.load(builder.gep(arrays[2], [_INDEX(i)]))) for i in range(count)]
+
+
+def _array(builder: ir.IRBuilder, count: int) -> ir.Value:
+    """Doubles on the stack; they belong to the function, not to one of its loops."""
+    with builder.goto_entry_block():
+        return builder.alloca(DOUBLE, _INDEX(count))

@@ -1,0 +1,152 @@
+"""Checks of functions of numba in double precision: a gradient against differences of V, and the rounding noise of V.
+
+Apart from :mod:`nearharmonic.systems.gradients`, whose formulas are evaluated in 200 digits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nearharmonic.errors import SystemDefinitionError
+
+if TYPE_CHECKING:
+    from nearharmonic.systems.numba_potential import NumbaPotential
+
+Floats = NDArray[np.float64]
+
+#: Relative distances of random points from the start; 1 is the box of the initial values.
+DISPLACEMENTS = (2.0**-10, 2.0**-4, *[1.0] * 6)
+#: Steps of differences, relative to the coordinates. Extrapolated differences have a truncation error of order 4 and a
+#: rounding error like 1/step; the best of these steps is used at each point, so kinks of a gradient only shorten it.
+STEPS = 2.0 ** -np.arange(3, 22)
+#: A gradient contradicts V if it differs by more than so many times the estimated error of the difference: near the
+#: best step the estimate is the difference of two roundings, which may be small by chance.
+DOUBTS = 16.0
+#: Rounding errors of a gradient itself, relative to its components: some thousand roundings.
+ROUNDING = 2.0**-40
+#: Relative distances over which rounding noise is sampled. Up to the largest, V is linear to 2^-57; V that is computed
+#: in single precision, whose roundings change every 2^-24, shows in it.
+NEAR = 2.0 ** -np.array([50.0, 46.0, 40.0, 34.0, 28.0])
+#: Points at which the noise is sampled, and neighbours for each distance.
+POINTS, NEIGHBOURS = 24, 6
+
+
+def check_numba_gradient(potential: NumbaPotential, start: Sequence[float], parameters: Sequence[float]) -> None:
+    """Compare a gradient with differences of V at random points near the start and in the box of the initial values.
+
+    A point at which V or the gradient is no number is left out, but for the start.
+
+    Raises
+    ------
+    SystemDefinitionError
+        A component differs from the derivative of V, or a function raises an exception at the start.
+    """
+    q0 = np.array(start)
+    _check_start(potential, q0, parameters)
+    random, scales = np.random.default_rng(1), _scales(q0)
+    for displacement in DISPLACEMENTS:
+        point = q0 + displacement * random.uniform(-1, 1, q0.size) * scales
+        gradient = np.array(potential.gradient(tuple(point), *parameters))
+        if not np.isfinite(gradient).all():
+            continue
+        weights = scales * random.uniform(0.5, 1, q0.size) * random.choice((-1.0, 1.0), q0.size)
+        i = _contradiction(potential, point, gradient, weights, parameters)
+        if i is not None:
+            found = _slope(potential, point, np.where(np.arange(q0.size) == i, scales, 0.0), parameters)[0] / scales[i]
+            raise SystemDefinitionError(
+                f"{potential.name}: grad_V[{i}] contradicts V: at q = ({', '.join(map(repr, point.tolist()[:12]))}) it "
+                f"is {gradient[i]}, and the derivative of V by differences is {found}"
+            )
+
+
+def _check_start(potential: NumbaPotential, q0: Floats, parameters: Sequence[float]) -> None:
+    """Refuse functions that raise at the start: in a kernel that would only be a NaN."""
+    given = tuple(q0.tolist()) if potential.code.takes_tuple else q0.copy()
+    for formula in ("V", "grad_V"):
+        try:
+            getattr(potential, formula)(given, *parameters)
+        except Exception as error:
+            where = f"raises {type(error).__name__} at the start: {error}"
+            raise SystemDefinitionError(f"{potential.name}: {formula} {where}") from error
+
+
+def _scales(q0: Floats) -> Floats:
+    """Lengths of the coordinates; nothing else says how long one is that starts at 0."""
+    largest = np.abs(q0).max() or 1.0
+    return np.where(q0 == 0, largest, np.abs(q0))
+
+
+def _contradiction(
+    potential: NumbaPotential, point: Floats, gradient: Floats, weights: Floats, parameters: Sequence[float]
+) -> int | None:
+    """A component that contradicts V: each is compared if there are few, else halves of a sum that does."""
+    from nearharmonic.systems.gradients import SMALL, bisected
+
+    def contradicts(indices: range) -> bool:
+        along = np.zeros_like(point)
+        along[indices.start : indices.stop] = weights[indices.start : indices.stop]
+        slope, error = _slope(potential, point, along, parameters)
+        terms = gradient * along
+        return bool(abs(terms.sum() - slope) > DOUBTS * error + ROUNDING * np.abs(terms).sum())
+
+    d = point.size
+    candidates: Any = range(d) if d <= SMALL else bisected(contradicts, range(d))
+    return next((i for i in candidates if contradicts(range(i, i + 1))), None)
+
+
+def _slope(potential: NumbaPotential, point: Floats, along: Floats, parameters: Sequence[float]) -> tuple[float, float]:
+    """The derivative of V along a direction by extrapolated central differences, and its estimated error."""
+    steps = STEPS[:, None]
+    ahead, behind = (_values(potential, point + s * steps * along, parameters) for s in (1, -1))
+    central = (ahead - behind) / (2 * STEPS)
+    extrapolated = (4 * central[1:] - central[:-1]) / 3  # Richardson's, of the steps 2 h and h
+    size = np.maximum(np.abs(ahead), np.abs(behind))[1:]
+    errors = np.abs(np.diff(extrapolated)) + (2 * size / STEPS[1:])[1:] * 2.0**-53
+    if not np.isfinite(errors).any():
+        return 0.0, np.inf
+    best = int(np.nanargmin(np.where(np.isfinite(errors), errors, np.nan)))
+    return float(extrapolated[best + 1]), float(errors[best])
+
+
+def _values(potential: NumbaPotential, points: Floats, parameters: Sequence[float]) -> Floats:
+    """V at points (N, d)."""
+    return np.asarray(potential.value(tuple(points.T), *parameters))
+
+
+def rounding_noise(
+    potential: NumbaPotential, start: Sequence[float], parameters: Sequence[float], highest: float
+) -> float:
+    """Return the largest rounding error of V, in its unit: the energy error that no method can show to be smaller.
+
+    It is the largest change of V between neighbouring points that the gradient does not explain, at the start and at
+    random points of the box of the initial values where V <= ``highest``; and the change of V by the rounding of its
+    arguments to doubles.
+
+    Parameters
+    ----------
+    potential : NumbaPotential
+        V of d coordinates.
+    start : sequence of d floats
+        Initial position.
+    parameters : sequence of float
+        Parameters.
+    highest : float
+        The energy, which V does not exceed on the orbit.
+    """
+    q0, random = np.array(start), np.random.default_rng(2)
+    scales, largest = _scales(q0), 0.0
+    for i in range(POINTS):
+        point = q0 if i == 0 else q0 + random.uniform(-1, 1, q0.size) * scales
+        V, gradient = potential.value(tuple(point), *parameters), np.array(potential.gradient(tuple(point), *parameters))
+        if not (np.isfinite(V) and np.isfinite(gradient).all()) or (i > 0 and highest < V):
+            continue
+        shape = NEAR.size * NEIGHBOURS, q0.size
+        near = point + np.repeat(NEAR, NEIGHBOURS)[:, None] * random.uniform(-1, 1, shape) * scales
+        unexplained = _values(potential, near, parameters) - V - ((near - point) * gradient).sum(axis=1)
+        arguments = float((np.abs(gradient) * np.spacing(np.abs(point))).sum()) / 2
+        largest = max(largest, float(np.nanmax(np.abs(unexplained), initial=0.0)) + arguments)
+    return largest
