@@ -14,11 +14,20 @@ from hashlib import sha256
 from math import nan
 from typing import Any
 
+import numba
 from llvmlite import binding, ir
+from numba.core import errors, registry
+from numba.core import types as numba_types
+from numba.extending import intrinsic
+from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from nearharmonic.core.native import target_machine
 from nearharmonic.core.operations import DOUBLE, PREFIX
 from nearharmonic.core.values import LLVMValue
+
+types: Any = numba_types
+_REAL = (types.Float, types.Integer, types.Boolean)
+_COMPILED = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 #: Coordinates up to which a function is offered them as a tuple first; code for long tuples is slow to compile.
 LONGEST_TUPLE = 8
@@ -29,6 +38,8 @@ _POINTER, _STATUS, _INDEX = DOUBLE.as_pointer(), ir.IntType(32), ir.IntType(32)
 _NAME = re.compile(r'@("[^"]*"|[\w.$-]+)')
 _PICKLED = re.compile(r"^@\.const\.pickle\w+\..*\n", re.MULTILINE)
 _DEBUG = re.compile(r"^!.*\n|,? !\w+ !\d+", re.MULTILINE)
+#: Lines of numba's messages that say where it was, and not what is wrong.
+_FRAMES = ("During", "Failed in", "- Resolution", "- Of which")
 _ADDRESS = "numba.dynamic.globals"
 
 
@@ -75,126 +86,105 @@ def compiled_code(V: Any, grad_V: Any, dimension: int, parameters: int) -> Numba
         numba cannot compile a function for doubles, it returns something else than it must, or its code holds an
         address of this process.
     """
-    takes_tuple = _takes_tuple(V, grad_V, dimension, parameters)
+    takes_tuple, returned = _types(V, grad_V, dimension, parameters)
     module = binding.parse_assembly("")
-    for formula, function, count in (("V", V, 1), ("grad_V", grad_V, dimension)):
-        wrapped = _wrapped(function, dimension, parameters, count, takes_tuple)
+    for formula, function in (("V", V), ("grad_V", grad_V)):
+        count = 1 if formula == "V" else dimension
+        wrapped = _wrapped(function, dimension, parameters, takes_tuple, _writer(returned[formula], count))
         name, text = _compiled(formula, wrapped)
-        other = binding.parse_assembly(text)
-        if not module.triple:
-            module.triple, module.data_layout = other.triple, other.data_layout
-        module.link_in(other)
-        entry = binding.parse_assembly(str(_entry(SYMBOLS[formula], name, count)))
-        entry.triple, entry.data_layout = module.triple, module.data_layout
-        module.link_in(entry)
+        for part in (text, str(_entry(SYMBOLS[formula], name, count))):
+            other = binding.parse_assembly(part)
+            if not module.triple:
+                module.triple, module.data_layout = other.triple, other.data_layout
+            other.triple, other.data_layout = module.triple, module.data_layout
+            module.link_in(other)
     _keep_entries(module)
     text = str(module)
     instructions = sum(1 for f in module.functions for block in f.blocks for _ in block.instructions)
     return NumbaCode(text=text, digest=_digest(text), takes_tuple=takes_tuple, instructions=instructions)
 
 
-def _takes_tuple(V: Any, grad_V: Any, dimension: int, parameters: int) -> bool:
-    """Whether both functions compile for a tuple of coordinates, which is tried first, or else for an array."""
-    from numba.core import types
-
+def _types(V: Any, grad_V: Any, dimension: int, parameters: int) -> tuple[bool, dict[str, Any]]:
+    """Whether both functions compile for a tuple, which is tried first, or else for an array; and what they return."""
     tried = {False: types.Array(types.float64, 1, "C")}
     if dimension <= LONGEST_TUPLE:
         tried = {True: types.UniTuple(types.float64, dimension)} | tried
-    refused = ""
+    refused: list[str] = []
     for takes_tuple, q in tried.items():
+        given = (q, *[types.float64] * parameters)
         try:
-            for formula, function, count in (("V", V, 0), ("grad_V", grad_V, dimension)):
-                _check_result(formula, _result(formula, function, (q, *[types.float64] * parameters)), count)
+            returned = {"V": _result("V", V, given), "grad_V": _result("grad_V", grad_V, given)}
+            _check_number(returned["V"])
+            _check_gradient(returned["grad_V"], dimension)
         except NumbaFunctionError as error:
-            refused = refused or str(error)
+            refused.append(str(error))
         else:
-            return takes_tuple
-    raise NumbaFunctionError(refused)
+            return takes_tuple, returned
+    raise NumbaFunctionError("; ".join(refused))
 
 
-def _result(formula: str, function: Any, kinds: tuple[Any, ...]) -> Any:
+def _result(formula: str, function: Any, given: tuple[Any, ...]) -> Any:
     """The type that a function returns for arguments of these types."""
-    import numba
-    from numba.core import errors, registry
-
     try:
         context = registry.cpu_target.typing_context
         context.refresh()
-        return context.resolve_function_type(numba.typeof(function), kinds, {}).return_type
+        return context.resolve_function_type(numba.typeof(function), given, {}).return_type
     except errors.NumbaError as error:
-        given = "a tuple" if isinstance(kinds[0], numba.types.BaseTuple) else "an array"
-        raise NumbaFunctionError(f"{formula} is not compiled by numba for {given} q: {_essence(error)}") from error
+        kind = "a tuple" if isinstance(given[0], types.BaseTuple) else "an array"
+        raise NumbaFunctionError(f"{formula} is not compiled by numba for {kind} q: {_essence(error)}") from error
 
 
 def _essence(error: Exception) -> str:
     """The sentence of a message of numba that says what is wrong, and the line of the user's file."""
     lines = [re.sub(r"\x1b\[\d*m", "", line).strip() for line in str(error).splitlines()]
-    told = [line for line in lines if line and not line.startswith(("During", "Failed in", "- Resolution", "- Of which"))]
+    told = next((line for line in lines if line and not line.startswith(_FRAMES)), type(error).__name__)
     place = next((line for line in lines if line.startswith("File ")), "")
-    return " ".join([*told[:1], f"({place.rstrip(':')})"] if place else told[:1])
+    return f"{told} ({place.rstrip(':')})" if place else told
 
 
-def _check_result(formula: str, kind: Any, count: int) -> None:
-    from numba.core import types
+def _check_number(kind: Any) -> None:
+    if not isinstance(kind, _REAL):
+        raise NumbaFunctionError(f"V returns {kind}, expected one real number")
 
-    real = types.Float, types.Integer, types.Boolean
-    if not count:
-        fine, expected = isinstance(kind, real), "one real number"
+
+def _check_gradient(kind: Any, dimension: int) -> None:
+    if isinstance(kind, types.BaseTuple):
+        fine = len(kind) == dimension and all(isinstance(x, _REAL) for x in kind)
     else:
-        expected = f"a tuple of {count} real numbers or an array of one dimension"
-        if isinstance(kind, types.BaseTuple):
-            fine = len(kind) == count and all(isinstance(x, real) for x in kind)
-        else:
-            fine = isinstance(kind, types.Array) and kind.ndim == 1 and isinstance(kind.dtype, real)
+        fine = isinstance(kind, types.Array) and kind.ndim == 1 and isinstance(kind.dtype, _REAL)
     if not fine:
-        raise NumbaFunctionError(f"{formula} returns {kind}, expected {expected}")
+        expected = f"a tuple of {dimension} real numbers or an array of one dimension"
+        raise NumbaFunctionError(f"grad_V returns {kind}, expected {expected}")
 
 
-def _wrapped(function: Any, dimension: int, parameters: int, count: int, takes_tuple: bool) -> Any:
-    """A function of the addresses of coordinates, parameters and ``count`` results."""
-    import numba
-    from numba.np.unsafe.ndarray import to_fixed_tuple
-
-    compiled = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)
-    array = compiled(lambda address, length: numba.carray(address, (length,)))
+def _wrapped(function: Any, dimension: int, parameters: int, takes_tuple: bool, write: Any) -> Any:
+    """A function of the addresses of coordinates, parameters and results."""
+    array = _COMPILED(lambda address, length: numba.carray(address, (length,)))
     if takes_tuple:
-        coordinates = compiled(lambda q: to_fixed_tuple(array(q, dimension), dimension))
+        coordinates = _COMPILED(lambda q: to_fixed_tuple(array(q, dimension), dimension))
     else:
-        coordinates = compiled(lambda q: array(q, dimension))
+        coordinates = _COMPILED(lambda q: array(q, dimension))
     if parameters:
-        value = compiled(
-            lambda q, given: function(coordinates(q), *to_fixed_tuple(array(given, parameters), parameters))
+        return _COMPILED(
+            lambda q, given, result: write(
+                result, function(coordinates(q), *to_fixed_tuple(array(given, parameters), parameters))
+            )
         )
-    else:
-        value = compiled(lambda q, given: function(coordinates(q)))
-    write = _writer(count)
-
-    @compiled
-    def wrapped(q, given, result):  # type: ignore[no-untyped-def]
-        write(result, value(q, given))
-
-    return wrapped
+    return _COMPILED(lambda q, given, result: write(result, function(coordinates(q))))
 
 
-def _writer(count: int) -> Any:
+def _writer(kind: Any, count: int) -> Any:
     """``write(address, found)``: a number, or ``count`` entries of a tuple or of an array, as doubles."""
-    import numba
-    from numba.core import types
-    from numba.extending import intrinsic, overload
 
     @intrinsic
     def write_tuple(typing, address, found):  # type: ignore[no-untyped-def]
         def codegen(context, builder, signature, values):  # type: ignore[no-untyped-def]
-            for i, kind in enumerate(found):
-                entry = builder.extract_value(values[1], i)
-                place = builder.gep(values[0], [_INDEX(i)])
-                builder.store(context.cast(builder, entry, kind, types.float64), place)
+            for i, entry in enumerate(found):
+                double = context.cast(builder, builder.extract_value(values[1], i), entry, types.float64)
+                builder.store(double, builder.gep(values[0], [_INDEX(i)]))
             return context.get_dummy_value()
 
         return types.void(address, found), codegen
-
-    def write_number(address, found):  # type: ignore[no-untyped-def]
-        address[0] = found
 
     def write_array(address, found):  # type: ignore[no-untyped-def]
         if found.size != count:
@@ -202,24 +192,17 @@ def _writer(count: int) -> Any:
         for i in range(count):
             address[i] = found[i]
 
-    def write(address, found):  # type: ignore[no-untyped-def]
-        raise NotImplementedError
+    def write_number(address, found):  # type: ignore[no-untyped-def]
+        address[0] = found
 
-    @overload(write)
-    def _chosen(address, found):  # type: ignore[no-untyped-def]
-        if isinstance(found, types.BaseTuple):
-            return lambda address, found: write_tuple(address, found)  # noqa: PLW0108 (its names count)
-        return write_array if isinstance(found, types.Array) else write_number
-
-    return numba.njit(lambda address, found: write(address, found))
+    if isinstance(kind, types.BaseTuple):
+        return write_tuple
+    return _COMPILED(write_array if isinstance(kind, types.Array) else write_number)
 
 
 def _compiled(formula: str, wrapped: Any) -> tuple[str, str]:
     """The name and the text of a function of addresses that numba compiles."""
-    import numba
-    from numba.core import errors
-
-    pointer = numba.types.CPointer(numba.types.float64)
+    pointer = types.CPointer(types.float64)
     try:
         wrapped.compile((pointer,) * 3)
     except errors.NumbaError as error:

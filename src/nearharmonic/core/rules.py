@@ -124,7 +124,9 @@ class Rules:
 
     def force(self, state: Entries, parameters: Entries) -> Entries:
         """dV/dq at the position."""
-        if self.physics.dimension > FEW_COORDINATES and not self.physics.numba:  # the same bits whether or not the energy is measured beside it
+        if (
+            self.physics.dimension > FEW_COORDINATES and not self.physics.numba
+        ):  # the same bits whether or not the energy is measured beside it
             return self.force_and_potential(state, parameters)[: self.parts * self.physics.dimension]
         q = self.numbers(_pairs(state, self.physics.dimension))
         return self.flat(vector(self.physics, "grad_V", q, *self.constants(parameters)), state[0])

@@ -6,6 +6,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from nearharmonic.core.number import Constant
+from nearharmonic.engine.numba_runs import check_precision, check_width
 from nearharmonic.engine.settings import WIDTH, Numerics
 from nearharmonic.systems.gradients import check_gradients
 from nearharmonic.systems.kinetic_energy import quadratic_T
@@ -45,6 +46,8 @@ def kernel_of(system: System, numerics: Numerics = STANDARD, *, modified: bool =
     """
     from nearharmonic.core.kernel import build
 
+    check_precision(system, [numerics.precision])
+    check_width(system, numerics.width)
     return build(
         physics_of(system, numerics, modified=modified),
         extended=numerics.precision == "extended",

@@ -141,7 +141,10 @@ def rounding_noise(
     scales, largest = _scales(q0), 0.0
     for i in range(POINTS):
         point = q0 if i == 0 else q0 + random.uniform(-1, 1, q0.size) * scales
-        V, gradient = potential.value(tuple(point), *parameters), np.array(potential.gradient(tuple(point), *parameters))
+        V, gradient = (
+            potential.value(tuple(point), *parameters),
+            np.array(potential.gradient(tuple(point), *parameters)),
+        )
         if not (np.isfinite(V) and np.isfinite(gradient).all()) or (i > 0 and highest < V):
             continue
         shape = NEAR.size * NEIGHBOURS, q0.size
