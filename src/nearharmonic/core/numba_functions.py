@@ -209,6 +209,8 @@ def _compiled(formula: str, wrapped: Any) -> tuple[str, str]:
         raise NumbaFunctionError(f"{formula} is not compiled by numba: {_essence(error)}") from error
     (made,) = wrapped.overloads.values()
     text = made.library.get_llvm_str()
+    if "@numba_parallel_for" in text:
+        raise NumbaFunctionError(f"{formula} is compiled with parallel=True: runs have threads of their own, drop it")
     if _ADDRESS in text:
         raise NumbaFunctionError(
             f"{formula} refers to an address of this process, by an array of more than a megabyte, an array that is "

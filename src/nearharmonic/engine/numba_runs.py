@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+import numpy as np
+
+from nearharmonic.engine.initial_values import standard_parameters, standard_start
 from nearharmonic.errors import bad_setting
 from nearharmonic.systems.numba_potential import numba_potential
 from nearharmonic.systems.system import System
@@ -14,6 +17,8 @@ if TYPE_CHECKING:
     from nearharmonic.engine.coefficients import Floats
     from nearharmonic.engine.problem import Problem
 
+#: An energy error of at most so many times the floor is near it.
+NEAR_FLOOR = 10.0
 #: Members of an ensemble whose floors are measured, at most.
 MEMBERS = 8
 
@@ -76,7 +81,15 @@ def floor_attributes(problem: Problem, start: Floats, parameters: Floats, H0: Fl
     return {"energy_floor": largest}
 
 
-def floor_in_words(attributes: Any) -> str:
-    """Return the sentence about the floor in the attributes of a result, "" if it has none."""
-    floor = attributes.get("energy_floor")
-    return "" if not floor else f"V is computed in doubles: below {floor:.1e}, energy errors are the rounding of V"
+def standard_floor(problem: Problem) -> dict[str, float]:
+    """Return the attribute for runs from the system's own start with its own parameters."""
+    if numba_potential(problem.system) is None:
+        return {}
+    start, parameters = standard_start(problem.system, problem.plain), standard_parameters(problem.system)
+    H0 = np.array([problem.system.energy(*problem.system.start(float), problem.system.constants(float))])
+    return floor_attributes(problem, start[None, :], parameters[None, :], H0)
+
+
+def floor_in_words(floor: float) -> str:
+    """Return the sentence about energy errors near a floor."""
+    return f"near {floor:.1e}, the rounding of V, which is computed in doubles: no step makes such errors smaller"

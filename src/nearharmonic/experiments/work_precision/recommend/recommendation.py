@@ -7,6 +7,7 @@ from math import isfinite, nan
 from typing import Literal
 
 from nearharmonic.engine.grid import steps_of
+from nearharmonic.engine.numba_runs import NEAR_FLOOR, floor_in_words
 from nearharmonic.experiments.work_precision.recommend.question import Question
 
 #: Significant digits of a printed step, unless another number of steps would come of it.
@@ -75,6 +76,15 @@ class Recommendation:
     question: Question
     choices: tuple[Choice, ...]
     basis: str
+
+    def is_rounding(self, choice: Choice) -> bool:
+        """Return whether the energy error of a choice is near the rounding of V."""
+        return self.question.measure != "position" and choice.error <= NEAR_FLOOR * self.question.floor
+
+    @property
+    def floor_in_words(self) -> str:
+        """The sentence about choices whose error is rounding, "" if there is none."""
+        return floor_in_words(self.question.floor) if any(map(self.is_rounding, self.ranked)) else ""
 
     @property
     def ranked(self) -> tuple[Choice, ...]:
