@@ -6,6 +6,7 @@ Apart from :mod:`nearharmonic.systems.gradients`, whose formulas are evaluated i
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import comb
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,14 +29,17 @@ STEPS = 2.0 ** -np.arange(3, 22)
 DOUBTS = 16.0
 #: Rounding errors of a gradient itself, relative to its components: some thousand roundings.
 ROUNDING = 2.0**-40
-#: Relative distances over which rounding noise is sampled. Up to the largest, V is linear to 2^-57; V that is computed
-#: in single precision, whose roundings change every 2^-24, shows in it.
-NEAR = 2.0 ** -np.array([50.0, 46.0, 40.0, 34.0, 28.0])
+#: Rounding noise is the deviation of V at so many points on a line from a polynomial, by their differences of this
+#: order: Moré & Wild (2011), Estimating computational noise, doi:10.1137/100786125. Over the relative distance of
+#: neighbours, V is a polynomial to 2^-100, and roundings are independent in single precision too.
+LINE, ORDER, APART = 12, 6, 2.0**-18
+#: Largest difference of two roundings, over the standard deviation of one: sqrt(12) if these are uniform.
+EXTREME = 4.0
 #: Points at which the noise is sampled, of which the highest share is dropped: at the start or by chance, a point may
-#: be where a gradient jumps. Neighbours of a point at each distance.
-POINTS, DROPPED, NEIGHBOURS = 30, 0.1, 6
+#: be where a gradient jumps. Lines through each point.
+POINTS, DROPPED, LINES = 30, 0.1, 3
 #: Largest distances of these points from the start, in turns.
-BOXES = (2.0**-6, 2.0**-3, 1.0)
+BOXES = (2.0**-6, 2.0**-3, 0.5)
 
 
 def check_numba_gradient(potential: NumbaPotential, start: Sequence[float], parameters: Sequence[float]) -> None:
@@ -57,9 +61,11 @@ def check_numba_gradient(potential: NumbaPotential, start: Sequence[float], para
         if not np.isfinite(gradient).all():
             continue
         weights = scales * random.uniform(0.5, 1, q0.size) * random.choice((-1.0, 1.0), q0.size)
-        i = _contradiction(potential, point, gradient, weights, parameters)
+        noise = _noise(potential, point, scales, parameters, random)
+        i = _contradiction(potential, point, gradient, weights, noise, parameters)
         if i is not None:
-            found = _slope(potential, point, np.where(np.arange(q0.size) == i, scales, 0.0), parameters)[0] / scales[i]
+            along = np.where(np.arange(q0.size) == i, scales, 0.0)
+            found = _slope(potential, point, along, noise, parameters)[0] / scales[i]
             raise SystemDefinitionError(
                 f"{potential.name}: grad_V[{i}] contradicts V: at q = ({', '.join(map(repr, point.tolist()[:12]))}) it "
                 f"is {gradient[i]}, and the derivative of V by differences is {found}"
@@ -84,7 +90,12 @@ def _scales(q0: Floats) -> Floats:
 
 
 def _contradiction(
-    potential: NumbaPotential, point: Floats, gradient: Floats, weights: Floats, parameters: Sequence[float]
+    potential: NumbaPotential,
+    point: Floats,
+    gradient: Floats,
+    weights: Floats,
+    noise: float,
+    parameters: Sequence[float],
 ) -> int | None:
     """A component that contradicts V: each is compared if there are few, else halves of a sum that does."""
     from nearharmonic.systems.gradients import SMALL, bisected
@@ -92,7 +103,7 @@ def _contradiction(
     def contradicts(indices: range) -> bool:
         along = np.zeros_like(point)
         along[indices.start : indices.stop] = weights[indices.start : indices.stop]
-        slope, error = _slope(potential, point, along, parameters)
+        slope, error = _slope(potential, point, along, noise, parameters)
         terms = gradient * along
         return bool(abs(terms.sum() - slope) > DOUBTS * error + ROUNDING * np.abs(terms).sum())
 
@@ -101,14 +112,16 @@ def _contradiction(
     return next((i for i in candidates if contradicts(range(i, i + 1))), None)
 
 
-def _slope(potential: NumbaPotential, point: Floats, along: Floats, parameters: Sequence[float]) -> tuple[float, float]:
+def _slope(
+    potential: NumbaPotential, point: Floats, along: Floats, noise: float, parameters: Sequence[float]
+) -> tuple[float, float]:
     """The derivative of V along a direction by extrapolated central differences, and its estimated error."""
     steps = STEPS[:, None]
     ahead, behind = (_values(potential, point + s * steps * along, parameters) for s in (1, -1))
     central = (ahead - behind) / (2 * STEPS)
     extrapolated = (4 * central[1:] - central[:-1]) / 3  # Richardson's, of the steps 2 h and h
-    size = np.maximum(np.abs(ahead), np.abs(behind))[1:]
-    errors = np.abs(np.diff(extrapolated)) + (2 * size / STEPS[1:])[1:] * 2.0**-53
+    rounding = noise + np.maximum(np.abs(ahead), np.abs(behind)) * 2.0**-53
+    errors = np.abs(np.diff(extrapolated)) + (2 * rounding / STEPS)[2:]
     if not np.isfinite(errors).any():
         return 0.0, np.inf
     best = int(np.nanargmin(np.where(np.isfinite(errors), errors, np.nan)))
@@ -120,13 +133,25 @@ def _values(potential: NumbaPotential, points: Floats, parameters: Sequence[floa
     return np.asarray(potential.value(tuple(points.T), *parameters))
 
 
+def _noise(
+    potential: NumbaPotential, point: Floats, scales: Floats, parameters: Sequence[float], random: np.random.Generator
+) -> float:
+    """The largest difference of two rounding errors of V near a point."""
+    squares = []
+    for _ in range(LINES):
+        along = APART * random.uniform(-1, 1, point.size) * scales
+        values = _values(potential, point + np.arange(-LINE / 2, LINE / 2)[:, None] * along, parameters)
+        squares.append(np.mean(np.diff(values, ORDER) ** 2) / comb(2 * ORDER, ORDER))
+    return EXTREME * float(np.sqrt(np.mean(squares)))
+
+
 def rounding_noise(
     potential: NumbaPotential, start: Sequence[float], parameters: Sequence[float], highest: float
 ) -> float:
     """Return the largest rounding error of V, in its unit: the energy error that no method can show to be smaller.
 
-    It is the largest change of V between neighbouring points that the gradient does not explain, and the change of V by
-    the rounding of its arguments to doubles; at random points of the box of the initial values where V <= ``highest``,
+    It is the largest difference of two rounding errors, and the change of V by the rounding of its arguments to doubles,
+    at random points of the box of the initial values where V <= ``highest``,
     a tenth of them left out.
 
     Parameters
@@ -150,9 +175,7 @@ def rounding_noise(
         )
         if not (np.isfinite(V) and np.isfinite(gradient).all()) or highest < V:
             continue
-        shape = NEAR.size * NEIGHBOURS, q0.size
-        near = point + np.repeat(NEAR, NEIGHBOURS)[:, None] * random.uniform(-1, 1, shape) * scales
-        unexplained = _values(potential, near, parameters) - V - ((near - point) * gradient).sum(axis=1)
         arguments = float((np.abs(gradient) * np.spacing(np.abs(point))).sum()) / 2
-        found.append(float(np.nanmax(np.abs(unexplained), initial=0.0)) + arguments)
+        noise = _noise(potential, point, scales, parameters, random) + arguments
+        found += [noise] * bool(np.isfinite(noise))
     return float(np.quantile(found, 1 - DROPPED, method="lower")) if found else 0.0
