@@ -107,12 +107,12 @@ def _notes(found: Recommendation) -> Iterator[str]:
     if any(choice.kind == "peer" for choice in found.ranked):
         yield "peer: another library, as its users use it"
     if words := found.floor_in_words:
-        yield f"*: {words}"
+        yield words
     yield f"Time is that of one trajectory on one core, without start-up. Based on: {found.basis}"
 
 
 def _row(rank: int, choice: Choice, best: Choice, found: Recommendation) -> tuple[Any, ...]:
-    from nearharmonic.experiments.work_precision.recommend.recommendation import step_text
+    from nearharmonic.experiments.work_precision.recommend.recommendation import is_rounding, step_text
 
     return (
         rank,
@@ -124,5 +124,5 @@ def _row(rank: int, choice: Choice, best: Choice, found: Recommendation) -> tupl
         round(choice.evaluations) if isfinite(choice.evaluations) else None,
         1e3 * choice.time,
         choice.time / best.time,
-        f"{choice.error:.2e} *" if found.is_rounding(choice) else choice.error,
+        f"{choice.error:.2e} *" if is_rounding(choice, found.question) else choice.error,
     )

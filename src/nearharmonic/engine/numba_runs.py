@@ -92,4 +92,4 @@ def standard_floor(problem: Problem) -> dict[str, float]:
 
 def floor_in_words(floor: float) -> str:
     """Return the sentence about energy errors near a floor."""
-    return f"near {floor:.1e}, the rounding of V, which is computed in doubles: no step makes such errors smaller"
+    return f"near {floor:.1e}, the rounding of V, which is computed in doubles: no method makes such an error smaller"

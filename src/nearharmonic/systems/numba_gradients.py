@@ -38,8 +38,8 @@ EXTREME = 4.0
 #: Points at which the noise is sampled, of which the highest share is dropped: at the start or by chance, a point may
 #: be where a gradient jumps. Lines through each point.
 POINTS, DROPPED, LINES = 30, 0.1, 3
-#: Largest distances of these points from the start, in turns.
-BOXES = (2.0**-6, 2.0**-3, 0.5)
+#: Largest distances of these points from the start, in turns, relative to the coordinates.
+BOXES = (2.0**-6, 2.0**-3, 0.5, 2.0)
 
 
 def check_numba_gradient(potential: NumbaPotential, start: Sequence[float], parameters: Sequence[float]) -> None:
@@ -151,8 +151,7 @@ def rounding_noise(
     """Return the largest rounding error of V, in its unit: the energy error that no method can show to be smaller.
 
     It is the largest difference of two rounding errors, and the change of V by the rounding of its arguments to doubles,
-    at random points of the box of the initial values where V <= ``highest``,
-    a tenth of them left out.
+    at random points around the start where V <= ``highest``, a tenth of them left out.
 
     Parameters
     ----------

@@ -77,14 +77,11 @@ class Recommendation:
     choices: tuple[Choice, ...]
     basis: str
 
-    def is_rounding(self, choice: Choice) -> bool:
-        """Return whether the energy error of a choice is near the rounding of V."""
-        return self.question.measure != "position" and choice.error <= NEAR_FLOOR * self.question.floor
-
     @property
     def floor_in_words(self) -> str:
-        """The sentence about choices whose error is rounding, "" if there is none."""
-        return floor_in_words(self.question.floor) if any(map(self.is_rounding, self.ranked)) else ""
+        """The sentence about choices whose error is marked as rounding, "" if there is none."""
+        marked = any(is_rounding(choice, self.question) for choice in self.choices)
+        return f"*: {floor_in_words(self.question.floor)}" if marked else ""
 
     @property
     def ranked(self) -> tuple[Choice, ...]:
@@ -100,6 +97,11 @@ class Recommendation:
         """Return the methods that were not run, each with the reason."""
         absent = [choice for choice in self.choices if choice.status == "not run"]
         return "; ".join(f"{choice.label} ({choice.reason})" for choice in absent)
+
+
+def is_rounding(choice: Choice, asked: Question) -> bool:
+    """Return whether the energy error of a choice is near the rounding of V."""
+    return asked.measure != "position" and choice.error <= NEAR_FLOOR * asked.floor
 
 
 def printed_step(t_end: str, tau: float, steps: int) -> str:
@@ -120,6 +122,7 @@ def _at_best(choice: Choice, asked: Question) -> str:
         says = "every run fails"
     else:
         step = step_text(choice, asked.t_end)
-        says = f"{choice.error:.1e} at {f'tolerance {choice.tolerance:.1g}' if step is None else f'tau {step}'}"
+        mark = " *" if is_rounding(choice, asked) else ""
+        says = f"{choice.error:.1e}{mark} at {f'tolerance {choice.tolerance:.1g}' if step is None else f'tau {step}'}"
         says += ", but not at all finer ones" if choice.error <= asked.error else " at best"
     return f"{choice.label} ({says}" + (f"; {choice.reason})" if choice.reason else ")")
