@@ -88,6 +88,8 @@ def ranking(found: Recommendation) -> Answer:
 def _document(found: Recommendation) -> dict[str, Any]:
     asked = found.question
     told = {name: getattr(asked, name) for name in ("t_end", "measure", "error", "budget")}
+    if asked.floor:
+        told["energy_floor"] = asked.floor
     choices = [
         {"rank": rank if choice.status == "met" else None, **asdict(choice)}
         for rank, choice in enumerate(found.choices, start=1)

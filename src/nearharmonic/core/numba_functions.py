@@ -137,7 +137,8 @@ def _result(formula: str, function: Any, given: tuple[Any, ...]) -> Any:
 def _essence(error: Exception) -> str:
     """The sentence of a message of numba that says what is wrong, and the line of the user's file."""
     lines = [re.sub(r"\x1b\[\d*m", "", line).strip() for line in str(error).splitlines()]
-    told = next((line for line in lines if line and not line.startswith(_FRAMES)), type(error).__name__)
+    said = [line.removeprefix(">>> ") for line in lines if line and not line.startswith(_FRAMES)]
+    told = " ".join(said[: 2 if said and said[0].endswith(":") else 1]) or type(error).__name__
     place = next((line for line in lines if line.startswith("File ")), "")
     return f"{told} ({place.rstrip(':')})" if place else told
 

@@ -150,7 +150,7 @@ def rounding_noise(
 ) -> float:
     """Return the largest rounding error of V, in its unit: the energy error that no method can show to be smaller.
 
-    It is the largest difference of two rounding errors, and the change of V by the rounding of its arguments to doubles,
+    It is the largest difference of two rounding errors and the change of V by the rounding of its arguments to doubles,
     at random points around the start where V <= ``highest``, a tenth of them left out.
 
     Parameters

@@ -273,7 +273,8 @@ class System:
         values = Graph().variables(formulas.dimension + len(self.parameters))
         try:
             for name in ("grad_V", "grad_T"):
-                if not isinstance(getattr(self, name), DerivedGradient):  # of an energy, which takes them
+                traced = name == "grad_T" or self._potential.traced
+                if traced and not isinstance(getattr(self, name), DerivedGradient):  # of an energy, which takes them
                     vector(formulas, name, values[: formulas.dimension], *values[formulas.dimension :])
         except SystemDefinitionError:
             return False

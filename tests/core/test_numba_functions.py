@@ -1,0 +1,110 @@
+"""Code of functions of numba: its digest, and what is refused."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+
+import nearharmonic as nh
+from nearharmonic.core.numba_functions import NumbaFunctionError, compiled_code
+from nearharmonic.engine.kernels import formulas_digest
+from numba_potentials import walled
+
+#: In another order and with other counters: a function is called before it is compiled for a system.
+ELSEWHERE = """
+import numba_potentials
+V, grad_V = numba_potentials.walled([1.0, 2.0, 3.0])
+V((0.5,))
+V, grad_V = numba_potentials.walled([0.5, 0.1, 0.25])
+grad_V((1.0,))
+import nearharmonic as nh
+from nearharmonic.engine.kernels import formulas_digest
+system = nh.System(name="other name", V=V, grad_V=grad_V, q0=1, p0=0, t_end=20)
+print(formulas_digest(system), nh.integrate(system, "ruth", 0.01).q.values[-1, 0].hex())
+"""
+
+
+@pytest.fixture(scope="module")
+def walls():
+    V, grad_V = walled([0.5, 0.1, 0.25])
+    return nh.System(name="walled", V=V, grad_V=grad_V, q0=1, p0=0, t_end=20)
+
+
+def test_another_process_finds_the_same_digest_and_orbit(walls):
+    here = formulas_digest(walls), nh.integrate(walls, "ruth", 0.01).q.values[-1, 0].hex()
+    places = [str(Path(nh.__file__).parents[1]), str(Path(__file__).parents[1])]
+    program = f"import sys; sys.path[:0] = {places!r}\n{ELSEWHERE}"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.stdout.split() == list(here), done.stderr
+
+
+def test_the_digest_covers_arrays_in_closures_of_functions_that_are_called(walls):
+    V, grad_V = walled([0.5, 0.1, 0.25000001])
+    assert formulas_digest(walls) != formulas_digest(replace(walls, V=V, grad_V=grad_V))
+
+
+@numba.njit
+def whole(q):
+    return np.sum(q * q) / 2
+
+
+@numba.njit
+def both(q):
+    return q
+
+
+@numba.njit
+def three(q):
+    return (1.0, 2.0, 3.0)
+
+
+@numba.njit
+def misspelt(q):
+    return nowhere(q)  # noqa: F821
+
+
+@numba.njit(parallel=True)
+def parallel(q):
+    total = 0.0
+    for i in numba.prange(2):
+        total += q[i] ** 2 / 2
+    return total
+
+
+LARGE = np.ones(200_000)
+
+
+@numba.njit
+def addressed(q):
+    return LARGE[int(q[0])] * q[0]
+
+
+REFUSED = {
+    "gradient of another length": (
+        whole,
+        three,
+        r"grad_V returns UniTuple.*, expected a tuple of 2 real numbers or an array",
+    ),
+    "gradient that is a number": (
+        whole,
+        whole,
+        r"^V is not compiled .* tuple q: .* mul\(UniTuple.*; grad_V returns float64, expected",
+    ),
+    "value that is an array": (both, both, r"^V returns UniTuple.*; V returns array.*, expected one real number"),
+    "unknown name": (misspelt, both, r"^V is not compiled by numba for a tuple q: NameError: name 'nowhere'"),
+    "threads": (parallel, both, r"^V is compiled with parallel=True"),
+    "address": (addressed, both, r"^V refers to an address of this process, by an array of more than a megabyte"),
+}
+
+
+@pytest.mark.parametrize("case", [pytest.param(x, marks=[pytest.mark.slow] * (x == "threads")) for x in REFUSED])
+def test_functions_that_are_no_potential_are_refused_in_a_sentence(case):
+    V, grad_V, message = REFUSED[case]
+    with pytest.raises(NumbaFunctionError, match=message):
+        compiled_code(V, grad_V, 2, 0)
