@@ -5,7 +5,7 @@ import numpy as np
 
 from nearharmonic import System
 
-#: w1, w2, b and c of eight neurons; within a radius of 0.75 they differ from x^2 y - y^3/3 by 1e-4.
+#: w1, w2, b and c of eight neurons: x^2 y - y^3/3 and a constant, to 1e-4 (rms) up to a radius of 0.75.
 NEURONS = np.array([
     (0.7961, 0.5120, -0.4327, -2.0408), (-1.4893, 1.0281, -2.4863, 0.3988), (-0.4825, 0.3282, -0.0008, -5.5028),
     (0.0274, -1.0610, 0.6085, -1.7219), (1.5669, -1.0494, -2.4289, -0.3094), (-0.0256, 1.0074, 0.4022, 2.6034),
