@@ -77,6 +77,28 @@ def parallel(q):
     return total
 
 
+@numba.njit
+def printing(q):
+    if q[0] < 0:
+        print("negative:", q[0])
+    return q[0]
+
+
+@numba.njit
+def factorial(n):
+    return 1.0 if n <= 1 else n * factorial(n - 1)
+
+
+@numba.njit
+def recursive(q):
+    return factorial(3) * q[0]
+
+
+@numba.njit("float64(float64)")
+def one_number(x):
+    return x
+
+
 LARGE = np.ones(200_000)
 
 
@@ -86,24 +108,21 @@ def addressed(q):
 
 
 REFUSED = {
-    "gradient of another length": (
-        whole,
-        three,
-        r"grad_V returns UniTuple.*, expected a tuple of 2 real numbers or an array",
-    ),
-    "gradient that is a number": (
-        whole,
-        whole,
-        r"^V is not compiled .* tuple q: .* mul\(UniTuple.*; grad_V returns float64, expected",
-    ),
-    "value that is an array": (both, both, r"^V returns UniTuple.*; V returns array.*, expected one real number"),
-    "unknown name": (misspelt, both, r"^V is not compiled by numba for a tuple q: NameError: name 'nowhere'"),
-    "threads": (parallel, both, r"^V is compiled with parallel=True"),
-    "address": (addressed, both, r"^V refers to an address of this process, by an array of more than a megabyte"),
-}
+    "gradient of another length": (whole, three, "grad_V returns UniTuple.*, expected a tuple of 2 real numbers"),
+    "gradient that is a number": (whole, whole, r"^V is not compiled .* mul\(UniTuple.*; grad_V returns float64"),
+    "value that is an array": (both, both, "^V returns UniTuple.*; V returns array.*, expected one real number"),
+    "unknown name": (misspelt, both, "^V is not compiled by numba for a tuple q: NameError: name 'nowhere'"),
+    "signature": (one_number, both, "^V is .* for a tuple q: none of its signatures fits; V is .* for an array q"),
+    "recursion": (recursive, both, "^V or grad_V calls a function that calls itself: write it as a loop$"),
+    "threads": (parallel, both, "^V is compiled with parallel=True"),
+    "interpreter": (printing, both, "^V calls the Python interpreter, as print and numba.objmode do: runs cannot$"),
+    "address": (addressed, both, "^V refers to an address of this process, by an array of more than a megabyte"),
+}  # fmt: skip
+#: Cases that take numba half a second.
+LONG = {"threads", "interpreter"}
 
 
-@pytest.mark.parametrize("case", [pytest.param(x, marks=[pytest.mark.slow] * (x == "threads")) for x in REFUSED])
+@pytest.mark.parametrize("case", [pytest.param(x, marks=[pytest.mark.slow] * (x in LONG)) for x in REFUSED])
 def test_functions_that_are_no_potential_are_refused_in_a_sentence(case):
     V, grad_V, message = REFUSED[case]
     with pytest.raises(NumbaFunctionError, match=message):

@@ -113,6 +113,12 @@ def test_a_wrong_component_among_many_is_named():
         nh.integrate(system, "ruth", 0.1)
 
 
+def test_a_gradient_of_another_length_is_refused():
+    longer = numba.njit(lambda q: np.zeros(2))
+    with pytest.raises(SystemDefinitionError, match=r"^walled: grad_V returns 2 components, expected .*: 1$"):
+        nh.integrate(replace(WALLED, grad_V=longer), "ruth", 0.1)
+
+
 def test_a_slightly_wrong_gradient_is_refused():
     wrong = numba.njit(lambda q, k: (k * q[0] * (1 + 1e-9),))
     with pytest.raises(SystemDefinitionError, match=r"^spring: grad_V\[0\] contradicts V: .* by differences is"):

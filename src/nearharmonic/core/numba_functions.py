@@ -40,7 +40,8 @@ _PICKLED = re.compile(r"^@\.const\.pickle\w+\..*\n", re.MULTILINE)
 _DEBUG = re.compile(r"^!.*\n|,? !\w+ !\d+", re.MULTILINE)
 #: Lines of numba's messages that say where it was, and not what is wrong.
 _FRAMES = ("During", "Failed in", "- Resolution", "- Of which")
-_ADDRESS = "numba.dynamic.globals"
+#: Names that numba gives to addresses of this process, and to functions that it finds when they are first called.
+_ADDRESS, _RECURSION = "numba.dynamic.globals", ".numba.unresolved$"
 
 
 class NumbaFunctionError(ValueError):
@@ -51,17 +52,10 @@ class NumbaFunctionError(ValueError):
 class NumbaCode:
     """Code of a potential and its gradient.
 
-    Attributes
-    ----------
-    text : str
-        A module of LLVM with the functions :data:`SYMBOLS`, each ``void (double *q, double *parameters, double
-        *result)``. The result is NaN where numba's function raises an exception.
-    digest : str
-        Digest of ``text`` without what differs between processes.
-    takes_tuple : bool
-        Whether the functions take the coordinates as a tuple, and not as an array.
-    instructions : int
-        Number of instructions of both functions.
+    ``text`` is a module of LLVM with the functions :data:`SYMBOLS`, each ``void (double *q, double *parameters, double
+    *result)``. The result is NaN where numba's function raises an exception. ``digest`` is a digest of ``text`` without
+    what differs between processes, ``instructions`` the number of its instructions. ``takes_tuple`` tells whether the
+    functions take the coordinates as a tuple, and not as an array.
     """
 
     text: str
@@ -99,6 +93,7 @@ def compiled_code(V: Any, grad_V: Any, dimension: int, parameters: int) -> Numba
             other.triple, other.data_layout = module.triple, module.data_layout
             module.link_in(other)
     _keep_entries(module)
+    _check_symbols(module)
     text = str(module)
     instructions = sum(1 for f in module.functions for block in f.blocks for _ in block.instructions)
     return NumbaCode(text=text, digest=_digest(text), takes_tuple=takes_tuple, instructions=instructions)
@@ -114,8 +109,7 @@ def _types(V: Any, grad_V: Any, dimension: int, parameters: int) -> tuple[bool, 
         given = (q, *[types.float64] * parameters)
         try:
             returned = {"V": _result("V", V, given), "grad_V": _result("grad_V", grad_V, given)}
-            _check_number(returned["V"])
-            _check_gradient(returned["grad_V"], dimension)
+            _check_types(returned, dimension)
         except NumbaFunctionError as error:
             refused.append(str(error))
         else:
@@ -128,10 +122,16 @@ def _result(formula: str, function: Any, given: tuple[Any, ...]) -> Any:
     try:
         context = registry.cpu_target.typing_context
         context.refresh()
-        return context.resolve_function_type(numba.typeof(function), given, {}).return_type
+        found = context.resolve_function_type(numba.typeof(function), given, {})
     except errors.NumbaError as error:
-        kind = "a tuple" if isinstance(given[0], types.BaseTuple) else "an array"
-        raise NumbaFunctionError(f"{formula} is not compiled by numba for {kind} q: {_essence(error)}") from error
+        raise NumbaFunctionError(f"{formula} is not compiled by numba for {_kind(given)}: {_essence(error)}") from error
+    if found is None:
+        raise NumbaFunctionError(f"{formula} is not compiled by numba for {_kind(given)}: none of its signatures fits")
+    return found.return_type
+
+
+def _kind(given: tuple[Any, ...]) -> str:
+    return "a tuple q" if isinstance(given[0], types.BaseTuple) else "an array q"
 
 
 def _essence(error: Exception) -> str:
@@ -143,19 +143,17 @@ def _essence(error: Exception) -> str:
     return f"{told} ({place.rstrip(':')})" if place else told
 
 
-def _check_number(kind: Any) -> None:
-    if not isinstance(kind, _REAL):
-        raise NumbaFunctionError(f"V returns {kind}, expected one real number")
-
-
-def _check_gradient(kind: Any, dimension: int) -> None:
-    if isinstance(kind, types.BaseTuple):
-        fine = len(kind) == dimension and all(isinstance(x, _REAL) for x in kind)
+def _check_types(returned: dict[str, Any], dimension: int) -> None:
+    V, gradient = returned["V"], returned["grad_V"]
+    if not isinstance(V, _REAL):
+        raise NumbaFunctionError(f"V returns {V}, expected one real number")
+    if isinstance(gradient, types.BaseTuple):
+        fine = len(gradient) == dimension and all(isinstance(x, _REAL) for x in gradient)
     else:
-        fine = isinstance(kind, types.Array) and kind.ndim == 1 and isinstance(kind.dtype, _REAL)
+        fine = isinstance(gradient, types.Array) and gradient.ndim == 1 and isinstance(gradient.dtype, _REAL)
     if not fine:
         expected = f"a tuple of {dimension} real numbers or an array of one dimension"
-        raise NumbaFunctionError(f"grad_V returns {kind}, expected {expected}")
+        raise NumbaFunctionError(f"grad_V returns {gradient}, expected {expected}")
 
 
 def _wrapped(function: Any, dimension: int, parameters: int, takes_tuple: bool, write: Any) -> Any:
@@ -212,6 +210,8 @@ def _compiled(formula: str, wrapped: Any) -> tuple[str, str]:
     text = made.library.get_llvm_str()
     if "@numba_parallel_for" in text:
         raise NumbaFunctionError(f"{formula} is compiled with parallel=True: runs have threads of their own, drop it")
+    if "@numba_unpickle" in text:
+        raise NumbaFunctionError(f"{formula} calls the Python interpreter, as print and numba.objmode do: runs cannot")
     if _ADDRESS in text:
         raise NumbaFunctionError(
             f"{formula} refers to an address of this process, by an array of more than a megabyte, an array that is "
@@ -246,6 +246,17 @@ def _keep_entries(module: Any) -> None:
     builder = binding.create_pass_builder(target_machine(), binding.create_pipeline_tuning_options())
     passes.run(module, builder)
     module.verify()
+
+
+def _check_symbols(module: Any) -> None:
+    """Refuse what is found at no address when a kernel is loaded: a call of it would crash the process."""
+    for thing in (*module.functions, *module.global_variables):
+        if not thing.is_declaration or thing.name.startswith("llvm."):
+            continue
+        if thing.name.startswith(_RECURSION):
+            raise NumbaFunctionError("V or grad_V calls a function that calls itself: write it as a loop")
+        if binding.address_of_symbol(thing.name) is None:
+            raise NumbaFunctionError(f"V or grad_V calls {thing.name}, which has no address outside of numba")
 
 
 def _digest(text: str) -> str:

@@ -73,14 +73,17 @@ def check_numba_gradient(potential: NumbaPotential, start: Sequence[float], para
 
 
 def _check_start(potential: NumbaPotential, q0: Floats, parameters: Sequence[float]) -> None:
-    """Refuse functions that raise at the start: in a kernel that would only be a NaN."""
-    given = tuple(q0.tolist()) if potential.code.takes_tuple else q0.copy()
+    """Refuse functions that raise at the start, in a kernel only a NaN, and a gradient of another length."""
     for formula in ("V", "grad_V"):
+        given = tuple(q0.tolist()) if potential.code.takes_tuple else q0.copy()
         try:
-            getattr(potential, formula)(given, *parameters)
+            found = getattr(potential, formula)(given, *parameters)
         except Exception as error:
             where = f"raises {type(error).__name__} at the start: {error}"
             raise SystemDefinitionError(f"{potential.name}: {formula} {where}") from error
+    if len(found) != q0.size:
+        expected = f"expected one number a coordinate: {q0.size}"
+        raise SystemDefinitionError(f"{potential.name}: grad_V returns {len(found)} components, {expected}")
 
 
 def _scales(q0: Floats) -> Floats:
@@ -168,10 +171,8 @@ def rounding_noise(
     scales, found = _scales(q0), []
     for i in range(POINTS):
         point = q0 + BOXES[i % len(BOXES)] * random.uniform(-1, 1, q0.size) * scales
-        V, gradient = (
-            potential.value(tuple(point), *parameters),
-            np.array(potential.gradient(tuple(point), *parameters)),
-        )
+        V = potential.value(tuple(point), *parameters)
+        gradient = np.array(potential.gradient(tuple(point), *parameters))
         if not (np.isfinite(V) and np.isfinite(gradient).all()) or highest < V:
             continue
         arguments = float((np.abs(gradient) * np.spacing(np.abs(point))).sum()) / 2

@@ -50,8 +50,8 @@ class System:
     given, they are compared with V and T at first use. With ``time_dependent``, ``V(q, t, *parameters)`` and
     ``grad_V(q, t, *parameters)`` depend on the time; :meth:`formulas` are those of the extended autonomous system.
 
-    V and grad_V may both be functions decorated with ``numba.njit``, of a tuple or an array of floats: these may branch, and
-    are compiled as they are, for double precision. See :mod:`nearharmonic.systems.numba_potential`.
+    V and grad_V may both be functions decorated with ``numba.njit``, of a tuple or an array of floats: these may
+    branch, and are compiled as they are, for double precision. See :mod:`nearharmonic.systems.numba_potential`.
 
     ``masses`` makes T = p.M^-1 p / 2, in place of T and grad_T: a tuple of d decimal strings, fractions or names of
     parameters, or a constant symmetric positive definite matrix (d, d) of strings and fractions. Without ``masses`` and
