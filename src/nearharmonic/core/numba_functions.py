@@ -94,9 +94,8 @@ def compiled_code(V: Any, grad_V: Any, dimension: int, parameters: int) -> Numba
             module.link_in(other)
     _keep_entries(module)
     _check_symbols(module)
-    text = str(module)
-    instructions = sum(1 for f in module.functions for block in f.blocks for _ in block.instructions)
-    return NumbaCode(text=text, digest=_digest(text), takes_tuple=takes_tuple, instructions=instructions)
+    text, count = str(module), sum(1 for f in module.functions for block in f.blocks for _ in block.instructions)
+    return NumbaCode(text=text, digest=_digest(text), takes_tuple=takes_tuple, instructions=count)
 
 
 def _types(V: Any, grad_V: Any, dimension: int, parameters: int) -> tuple[bool, dict[str, Any]]:
@@ -125,9 +124,9 @@ def _result(formula: str, function: Any, given: tuple[Any, ...]) -> Any:
         found = context.resolve_function_type(numba.typeof(function), given, {})
     except errors.NumbaError as error:
         raise NumbaFunctionError(f"{formula} is not compiled by numba for {_kind(given)}: {_essence(error)}") from error
-    if found is None:
-        raise NumbaFunctionError(f"{formula} is not compiled by numba for {_kind(given)}: none of its signatures fits")
-    return found.return_type
+    if found is not None:
+        return found.return_type
+    raise NumbaFunctionError(f"{formula} is not compiled by numba for {_kind(given)}: none of its signatures fits")
 
 
 def _kind(given: tuple[Any, ...]) -> str:
@@ -286,8 +285,7 @@ def called(formula: str, count: int, q: Sequence[LLVMValue], parameters: Sequenc
     """
     builder = q[0].builder
     kind = ir.FunctionType(ir.VoidType(), [_POINTER] * 3)
-    symbol, module = SYMBOLS[formula], builder.module
-    function = module.globals.get(symbol) or ir.Function(module, kind, symbol)
+    function = builder.module.globals.get(SYMBOLS[formula]) or ir.Function(builder.module, kind, SYMBOLS[formula])
     arrays = [_array(builder, max(1, n)) for n in (len(q), len(parameters), count)]
     for array, values in zip(arrays, (q, parameters), strict=False):
         for i, x in enumerate(values):
