@@ -10,20 +10,26 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
+from llvmlite import ir
 
 import nearharmonic as nh
+from nearharmonic.core.formulas import module_of
 from nearharmonic.core.numba_functions import NumbaFunctionError, compiled_code
-from nearharmonic.engine.kernels import formulas_digest
+from nearharmonic.core.rules import Rules
+from nearharmonic.engine.kernels import formulas_digest, physics_of
 from numba_potentials import walled
 
-#: In another order and with other counters: a function is called before it is compiled for a system.
+#: In another order and with other counters, behind a loop that numba did not optimise.
 ELSEWHERE = """
+from nearharmonic.core.layout import BEGIN
+from nearharmonic.core.link import loops
+loops(lambda rows: None, BEGIN)
+import nearharmonic as nh
 import numba_potentials
 V, grad_V = numba_potentials.walled([1.0, 2.0, 3.0])
 V((0.5,))
 V, grad_V = numba_potentials.walled([0.5, 0.1, 0.25])
 grad_V((1.0,))
-import nearharmonic as nh
 from nearharmonic.engine.kernels import formulas_digest
 system = nh.System(name="other name", V=V, grad_V=grad_V, q0=1, p0=0, t_end=20)
 print(formulas_digest(system), nh.integrate(system, "ruth", 0.01).q.values[-1, 0].hex())
@@ -47,6 +53,13 @@ def test_another_process_finds_the_same_digest_and_orbit(walls):
 def test_the_digest_covers_arrays_in_closures_of_functions_that_are_called(walls):
     V, grad_V = walled([0.5, 0.1, 0.25000001])
     assert formulas_digest(walls) != formulas_digest(replace(walls, V=V, grad_V=grad_V))
+
+
+def test_types_that_numba_knows_leave_digests_alone():
+    rules = Rules(physics_of(nh.systems["sho"]), extended=True, compensated=True)
+    before = str(module_of(rules, 1))
+    ir.global_context.get_identified_type("test.type").set_body(ir.DoubleType())
+    assert str(module_of(rules, 1)) == before
 
 
 @numba.njit

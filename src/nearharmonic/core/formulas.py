@@ -73,7 +73,8 @@ class _Formulas:
     """Functions of one module."""
 
     def __init__(self, rules: Rules, kinds: Kinds) -> None:
-        self.module, self.rules, self.kinds = ir.Module("formulas"), rules, kinds
+        # A context of its own: a module shows all types of its context, and that of numba has more in some processes.
+        self.module, self.rules, self.kinds = ir.Module("formulas", ir.Context()), rules, kinds
         self.real, self.point = kinds.of("R"), kinds.of("P")
 
     def write(self) -> None:

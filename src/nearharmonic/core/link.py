@@ -39,7 +39,7 @@ def loops(function: Callable[..., Any], signature: Signature) -> tuple[str, byte
 
     Nothing is optimised: the size of a number is not known yet.
     """
-    from numba.core import config
+    from numba.core import config, registry
 
     from nearharmonic.core.reals import compiled, types
 
@@ -48,6 +48,8 @@ def loops(function: Callable[..., Any], signature: Signature) -> tuple[str, byte
         types.CPointer(scalars[argument.scalar]) if argument.dimensions else scalars[argument.scalar]
         for argument in signature.arguments
     ]
+    # At the first use, numba settles how it optimises all other code of the process.
+    registry.cpu_target.target_context.refresh()
     config.reload_config()  # or the compiler would, and forget the next line, after a change of the environment
     level, config.OPT = config.OPT, config._OptLevel(0)
     try:
