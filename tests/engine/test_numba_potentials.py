@@ -171,6 +171,19 @@ def test_copies_keep_the_functions_that_they_do_not_change():
     np.testing.assert_array_equal(copy.grad_V((np.arange(3.0),), 2.0)[0], [0, 2, 4])
 
 
+def test_hessians_are_differences_of_gradients():
+    x = np.array([-1.2, 0.2, 0.4, 1.0])
+    (ours,), (exact,) = (one.hessian_V_times((x,), (np.ones(4),)) for one in (WALLED, SMOOTH))
+    np.testing.assert_allclose(ours, exact, rtol=1e-9)  # truncation is (2^-17)^2, rounding 2^-53 over 2^-17
+
+
+@pytest.mark.slow
+def test_a_method_is_tailored_to_a_function_of_numba():
+    found = nh.tailor(WALLED, trials=40, stages=6, window=(0.05, 0.1))
+    run = nh.integrate(WALLED, found, 0.06 * 6)
+    assert 0 < float(run.max_energy_error) < 1e-2
+
+
 DEFINITIONS = {
     "no gradient": ({"grad_V": None}, r"V is a .* not derived: give grad_V, which returns one number a coordinate"),
     "plain gradient": ({"grad_V": lambda q, k: q}, "V is a function of numba and grad_V is none"),
