@@ -83,9 +83,10 @@ def example(name):
 
 
 def examples():
-    """Each system of the examples."""
+    """Each system of the examples whose V is an expression, from which a Hessian is derived."""
     paths = sorted((ROOT / "examples").glob("*.py"))
-    return [Orbit(system=load_system(path), family=path.stem) for path in paths if "SYSTEM =" in path.read_text()]
+    found = [Orbit(system=load_system(path), family=path.stem) for path in paths if "SYSTEM =" in path.read_text()]
+    return [orbit for orbit in found if orbit.system.energies[0].traced]
 
 
 def families():

@@ -99,7 +99,7 @@ WIDTHS = [16, *(pytest.param(width, marks=pytest.mark.slow) for width in (1, 2, 
 @pytest.mark.parametrize("precision", ["double", pytest.param("extended", marks=pytest.mark.slow)])
 def test_every_width_and_number_of_threads_has_the_same_bits(width, summation, precision, monkeypatch):
     """More members than two blocks, of sizes that fill no lanes evenly; enough work for threads to take part."""
-    monkeypatch.setattr(ensembles, "most_lanes", lambda dimension, **how: width)
+    monkeypatch.setattr(ensembles, "most_lanes_of", lambda system, numerics: width)
     monkeypatch.setattr(ensembles, "BLOCK", 29)
     given = members(101)
     how = {"energy_scale": 1, "t_end": 100, "summation": summation, "precision": precision}

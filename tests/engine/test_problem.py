@@ -125,7 +125,7 @@ def test_bits_do_not_depend_on_threads_blocks_or_width(monkeypatch):
         assert nh.ensemble("henon_heiles", "ruth", 0.1, threads=threads, **given).identical(expected)
         found = nh.ensemble("henon_heiles", "ruth", 0.1, threads=threads, t=[2.25, 50, 100], **given)
         assert found.identical(at_times)
-    monkeypatch.setattr(module, "most_lanes", lambda *_, **__: 4)
+    monkeypatch.setattr(module, "most_lanes_of", lambda *_: 4)
     assert nh.ensemble("henon_heiles", "ruth", 0.1, **given).identical(expected)
 
 

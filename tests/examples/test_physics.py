@@ -11,6 +11,7 @@ import mpmath
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 from scipy.special import mathieu_a, mathieu_b
 
 import nearharmonic as nh
@@ -226,3 +227,38 @@ def test_angular_momentum_in_the_round_quartic_well_is_kept():
     ]
     assert max(drifts) < 1e-13
     assert all(a != b for a, b in pairwise(drifts)) or max(drifts) == 0
+
+
+def test_the_tabulated_well_is_the_natural_spline_of_another_library():
+    table, spacing = module("tabulated_well").TABLE, module("tabulated_well").H
+    spline = CubicSpline(-2 + spacing * np.arange(17), table, bc_type="natural")
+    q = np.linspace(-2, 2, 401)
+    system = module("tabulated_well").SYSTEM
+    # V up to 2 and slopes up to 6, of some ten roundings.
+    np.testing.assert_allclose(system.V((q,)), spline(q), atol=20 * 2.0**-53, rtol=0)
+    np.testing.assert_allclose(system.grad_V((q,))[0], spline(q, 1), atol=60 * 2.0**-53 / spacing, rtol=0)
+
+
+def test_a_mass_with_clearance_is_back_after_its_flights_and_oscillations():
+    system = module("clearance").SYSTEM
+    period, stiffness, speed = 4 + 2 * pi / 2, 4, 1
+    assert system.period((0,), (1.0,), stiffness) == period
+    for steps in (500, 2000):
+        tau = period / steps
+        end = nh.integrate(system, "ruth", tau, t_end=period, samples=2)
+        # The step over a jump of V'' applies a force that is off by up to k v tau; there are four a period.
+        kicked = 4 * stiffness * speed * tau**2
+        assert abs(end.p[-1, 0]) < kicked
+        assert abs(end.q[-1, 0] - 1.5) < kicked * period
+
+
+def test_the_neural_force_is_nearly_that_of_henon_and_heiles():
+    system, formula = module("neural_force").SYSTEM, nh.systems["henon_heiles"].V
+    x = np.linspace(-0.75, 0.75, 61)
+    x, y = (grid.ravel() for grid in np.meshgrid(x, x))
+    inside = np.hypot(x, y) < 0.75
+    off = system.V((x[inside], y[inside])) - formula((x[inside], y[inside]))
+    assert off.std() < 1.5e-4  # 1e-4 to a digit
+    known, ours = (nh.sweep(system, name, [tau]) for name, tau in (("aba864", 0.35), ("babps9o7h", 0.45)))
+    gain = float(known.max_energy_error[0] / ours.max_energy_error[0])
+    assert 50 < gain < 100  # nearly two decades, as the page says

@@ -76,7 +76,7 @@ def ranking(found: Recommendation) -> Answer:
     interval = f"{asked.system.label}, t = {asked.t_end} {unit if unit != '1' else ''}".rstrip()
     return Answer(
         header=HEADER,
-        rows=[_row(rank, choice, best[0], asked.t_end) for rank, choice in enumerate(best, start=1)],
+        rows=[_row(rank, choice, best[0], found) for rank, choice in enumerate(best, start=1)],
         document=_document(found),
         status=0 if best else 1,
         title=f"{interval}: {asked.quantity} <= {asked.error:g}",
@@ -88,6 +88,8 @@ def ranking(found: Recommendation) -> Answer:
 def _document(found: Recommendation) -> dict[str, Any]:
     asked = found.question
     told = {name: getattr(asked, name) for name in ("t_end", "measure", "error", "budget")}
+    if asked.floor:
+        told["energy_floor"] = asked.floor
     choices = [
         {"rank": rank if choice.status == "met" else None, **asdict(choice)}
         for rank, choice in enumerate(found.choices, start=1)
@@ -106,21 +108,23 @@ def _notes(found: Recommendation) -> Iterator[str]:
         yield f"not run: {words}"
     if any(choice.kind == "peer" for choice in found.ranked):
         yield "peer: another library, as its users use it"
+    if words := found.floor_in_words:
+        yield words
     yield f"Time is that of one trajectory on one core, without start-up. Based on: {found.basis}"
 
 
-def _row(rank: int, choice: Choice, best: Choice, t_end: str) -> tuple[Any, ...]:
-    from nearharmonic.experiments.work_precision.recommend.recommendation import step_text
+def _row(rank: int, choice: Choice, best: Choice, found: Recommendation) -> tuple[Any, ...]:
+    from nearharmonic.experiments.work_precision.recommend.recommendation import is_rounding, step_text
 
     return (
         rank,
         choice.label,
         choice.kind,
-        step_text(choice, t_end),
+        step_text(choice, found.question.t_end),
         f"{choice.tolerance:.1g}" if isfinite(choice.tolerance) else None,
         choice.summation or None,
         round(choice.evaluations) if isfinite(choice.evaluations) else None,
         1e3 * choice.time,
         choice.time / best.time,
-        choice.error,
+        f"{choice.error:.2e} *" if is_rounding(choice, found.question) else choice.error,
     )

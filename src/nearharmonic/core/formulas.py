@@ -40,7 +40,8 @@ def fingerprint(rules: Rules) -> str:
     if physics.loops is not None:
         digests = " ".join(energy.digest for energy in physics.loops)
         return sha256(f"{digests} {physics.unit_masses}".encode()).hexdigest()
-    return sha256(f"{module_of(rules, 1, _TELLING)} {moving(rules)} {physics.turning}".encode()).hexdigest()
+    given = "" if physics.numba is None else f" {physics.numba.digest}"
+    return sha256(f"{module_of(rules, 1, _TELLING)} {moving(rules)} {physics.turning}{given}".encode()).hexdigest()
 
 
 def moving(rules: Rules) -> tuple[bool, ...]:
@@ -96,7 +97,8 @@ class _Formulas:
     """Functions of one module."""
 
     def __init__(self, rules: Rules, kinds: Kinds, needed: Container[str]) -> None:
-        self.module, self.rules, self.kinds, self.needed = ir.Module("formulas"), rules, kinds, needed
+        # A context of its own: a module shows all types of its context, and that of numba has more in some processes.
+        self.module, self.rules, self.kinds, self.needed = ir.Module("formulas", ir.Context()), rules, kinds, needed
         self.real, self.point = kinds.of("R"), kinds.of("P")
 
     def write(self) -> None:

@@ -25,6 +25,9 @@ from nearharmonic.core.physics import Physics
 from nearharmonic.core.rules import Rules
 from nearharmonic.core.shape import Form
 
+#: Instructions of a function of numba in a unit of cost, where none is repeated.
+INSTRUCTIONS = 8
+
 __all__ = ["Kernel", "Physics", "build", "build_landing", "build_step", "cost", "room"]
 
 
@@ -200,6 +203,8 @@ def cost(physics: Physics, *, extended: bool) -> int:
     """Return the time that a force takes, in units of a few nanoseconds at most: without loops, that of all pairs."""
     if physics.loops is None:
         force = physics.dimension * (physics.dimension + 4) // 2
+        if physics.numba is not None:
+            return force + physics.numba.instructions // INSTRUCTIONS
         return force if physics.modified is None else 2 * force
     # A double-double operation takes about 16 of doubles.
     return 1 + sum(energy.work_of_loops for energy in physics.loops) * (16 if extended else 1) // 50
@@ -245,4 +250,6 @@ def _linked(entry: str, signature: Signature, choice: dict[str, Any], rules: Rul
         return link.loops(made[entry](**choice), signature)
 
     loops = link.kept(entry, repr(choice), compiled)
-    return link.linked(*loops, formulas.module_of(rules, width, link.needed(loops[1])), formulas.kinds_of(rules, width))
+    given = "" if rules.physics.numba is None else rules.physics.numba.text
+    written = formulas.module_of(rules, width, link.needed(loops[1]))
+    return link.linked(*loops, written, formulas.kinds_of(rules, width), given)

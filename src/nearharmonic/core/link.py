@@ -41,7 +41,7 @@ def loops(function: Callable[..., Any], signature: Signature) -> tuple[str, byte
     It takes what it names of the signature: numbers, arrays as addresses, and lengths of arrays. Nothing is optimised:
     the size of a number is not known yet.
     """
-    from numba.core import config
+    from numba.core import config, registry
 
     from nearharmonic.core.reals import compiled, types
 
@@ -51,6 +51,8 @@ def loops(function: Callable[..., Any], signature: Signature) -> tuple[str, byte
         argument = by_name.get(name)
         scalar = types.int64 if argument is None else getattr(types, _SCALARS[argument.scalar])
         kinds.append(types.CPointer(scalar) if argument and argument.dimensions else scalar)
+    # At the first use, numba settles how it optimises all other code of the process.
+    registry.cpu_target.target_context.refresh()
     config.reload_config()  # or the compiler would, and forget the next line, after a change of the environment
     level, config.OPT = config.OPT, config._OptLevel(0)
     try:
@@ -86,9 +88,10 @@ def needed(loops: bytes) -> frozenset[str]:
     return frozenset(_FORMULA.findall(loops.decode()))
 
 
-def linked(name: str, loops: bytes, written: ir.Module, kinds: Kinds) -> tuple[str, bytes]:
+def linked(name: str, loops: bytes, written: ir.Module, kinds: Kinds, given: str = "") -> tuple[str, bytes]:
     """Name and object code of loops with what is ``written`` of a system, for some lanes.
 
+    ``given`` is the text of functions that the formulas call, which become part of them where LLVM finds that good.
     No arithmetic is re-ordered. Loops are not made vectors of: what is computed side by side is written so.
     """
     text = _TYPE.sub(lambda found: "" if found[2] else str(kinds.of(found[1])), loops.decode())
@@ -98,6 +101,8 @@ def linked(name: str, loops: bytes, written: ir.Module, kinds: Kinds) -> tuple[s
     rest.triple, rest.data_layout = module.triple, module.data_layout
     module.link_in(rest)
     _make_one(module, name)
+    if given:
+        _add(module, given)
     module.verify()
     machine = target_machine()
     options = binding.create_pipeline_tuning_options(speed_level=3)
@@ -110,6 +115,14 @@ def linked(name: str, loops: bytes, written: ir.Module, kinds: Kinds) -> tuple[s
 def alone(name: str, loops: bytes) -> tuple[str, bytes]:
     """Name and object code of loops that call nothing."""
     return linked(name, loops, ir.Module(), Kinds(1, 1, 1))
+
+
+def _add(module: Any, given: str) -> None:
+    more = binding.parse_assembly(given)
+    names = [function.name for function in more.functions if not function.is_declaration]
+    module.link_in(more)
+    for name in names:
+        module.get_function(name).linkage = "internal"
 
 
 def _letter_of(result: str) -> str:

@@ -35,6 +35,11 @@ __all__ = [
 LARGEST = int(float_info.max)
 #: What Python says of a tuple with too few components.
 NO_SUCH_COMPONENT = "tuple index out of range"
+#: Why a formula has no branches, and what has.
+BRANCHES = (
+    "a formula is called once, for all values, and must not branch; functions decorated with numba.njit may "
+    "(docs/own_systems.md)"
+)
 _ARGUMENTS = re.compile(r"\(\) (takes|missing|got) |is not callable$")
 
 
@@ -145,12 +150,12 @@ class Number(Value):
         return half * half
 
     def _compare(self, other: Any) -> NoReturn:
-        raise FormulaError("compares a value: a formula is called once, for all values, and must not branch")
+        raise FormulaError(f"compares a value: {BRANCHES}")
 
     __eq__ = __ne__ = __lt__ = __le__ = __gt__ = __ge__ = _compare
 
     def __bool__(self) -> NoReturn:
-        raise FormulaError("uses a value as a condition: a formula is called once, for all values, and must not branch")
+        raise FormulaError(f"uses a value as a condition: {BRANCHES}")
 
     def __hash__(self) -> NoReturn:
         raise FormulaError(

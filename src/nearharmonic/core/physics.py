@@ -10,6 +10,7 @@ from nearharmonic.core.number import Constant
 
 if TYPE_CHECKING:
     from nearharmonic.core.loops.energy import LoopedEnergy
+    from nearharmonic.core.numba_functions import NumbaCode
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +46,8 @@ class Physics:
         distinct ones. ``grad_V`` is then that of the rest of V, which the kick takes.
     modified : callable, or None
         ``f(q, *parameters)``, the gradient of the square of grad_V, where kicks are of a modified potential.
+    numba : NumbaCode, or None
+        Code that V and grad_V call, where they are functions of numba: for one lane.
     """
 
     name: str
@@ -63,3 +66,4 @@ class Physics:
     unit_masses: bool = False
     turning: tuple[int, ...] | None = None
     modified: Callable[..., Any] | None = None
+    numba: NumbaCode | None = None

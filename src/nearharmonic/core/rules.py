@@ -38,7 +38,8 @@ class Rules:
 
         In double-double at every step it would cost ten times a step of leapfrog where pairs of bodies attract.
         """
-        return not self.extended and self.physics.dimension > FEW_COORDINATES
+        few = self.physics.dimension <= FEW_COORDINATES
+        return not (self.extended or few or self.physics.numba)  # a V in double has nothing to be measured against
 
     @property
     def looks_ahead(self) -> bool:
@@ -83,7 +84,8 @@ class Rules:
 
     def force(self, position: Entries, parameters: Entries) -> Entries:
         """dV/dq."""
-        if self.physics.dimension > FEW_COORDINATES:  # the same bits whether or not the energy is measured beside it
+        together = self.physics.dimension > FEW_COORDINATES and self.physics.numba is None
+        if together:  # the same bits whether or not the energy is measured beside it
             return self.force_and_potential(position, parameters)[: self.parts * self.physics.dimension]
         q = self._numbers(position, self.physics.dimension)
         return self.flat(vector(self.physics, "grad_V", q, *self.constants(parameters)), position[0])

@@ -296,7 +296,7 @@ def integrate_batch(
     first = standard_start(system, not numerics.compensated) if start is None else start
     rows = np.empty((count.size, first.shape[-1]))
     rows[:] = first
-    numerics = with_lanes(numerics, count, first.shape[-1] // 4)
+    numerics = with_lanes(numerics, count, system)
     taus = [t_end / n for n in distinct]
     batch = prepared_batch(
         system, tableau, numerics, marks=sample_marks(count, samples) if marks is None else marks, scheme=scheme,

@@ -9,6 +9,7 @@ import numpy as np
 
 from nearharmonic.engine import invariants
 from nearharmonic.engine.coefficients import Floats
+from nearharmonic.engine.numba_runs import floor_attributes
 from nearharmonic.engine.results import Trajectories
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.modified_tableau import ModifiedTableau
@@ -175,6 +176,7 @@ def trajectory_dataset(
     variables |= invariant_variables(problem, paths, begin.state, begin.constants)
     variables |= tau_variable(problem, paths) | initial_energy_variables(problem, paths)
     one, notes = first_run(variables), problem_attributes(problem) | begin.attributes()
+    notes |= floor_attributes(problem, begin.state, begin.parameters, paths.energy[:1])
     ends = times is None or np.ravel(times)[-1] == float(problem.end) + begin.t  # the last sample is the end of the run
     if ends and paths.running.size:
         from nearharmonic.engine.continuation import moves_digest
@@ -208,7 +210,7 @@ def tau_variable(problem: Problem, paths: Trajectories) -> Variables:
     return {"tau": (("tau_per_stage",), problem.taus(paths.steps), notes)}
 
 
-def problem_attributes(problem: Problem) -> dict[str, str]:
+def problem_attributes(problem: Problem) -> dict[str, Any]:
     """Return the attributes of a Dataset: what was integrated, and how."""
     notes = {
         "system": problem.system.name,

@@ -25,7 +25,8 @@ from nearharmonic.engine.description import (
 )
 from nearharmonic.engine.initial_values import parameter_array, standard_parameters, start_array
 from nearharmonic.engine.kernels import cost_of
-from nearharmonic.engine.lanes import most_lanes
+from nearharmonic.engine.lanes import most_lanes_of
+from nearharmonic.engine.numba_runs import floor_attributes
 from nearharmonic.engine.output_times import checked_times, run_at
 from nearharmonic.engine.problem import Problem
 from nearharmonic.engine.regularised import check_bound
@@ -115,6 +116,7 @@ def ensemble(
         paths = _at_times(problem, steps, asked, start, given, members, count)
         times = np.array([float(time) for time in asked])
     attributes = problem_attributes(problem) | parameter_attributes(problem.system, parameters or {})
+    attributes |= floor_attributes(problem, start, given, paths.energy)
     return _dataset(problem, paths, start, given, times, attributes)
 
 
@@ -187,9 +189,7 @@ class _Runs:
         self.problem, self.steps, self.samples, self.members = problem, steps, samples, members
         self.start, self.parameters = start, parameters
         self.marks = sample_marks(np.array([steps]), samples)
-        numerics, d = problem.numerics, problem.system.formulas().dimension
-        width = most_lanes(d, compensated=numerics.compensated, extended=numerics.precision == "extended")
-        self.numerics = replace(numerics, width=width)
+        self.numerics = replace(problem.numerics, width=most_lanes_of(problem.system, problem.numerics))
         self._free: list[Batch] = []
 
     def run(self, threads: int) -> Trajectories:

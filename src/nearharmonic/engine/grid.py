@@ -78,7 +78,9 @@ def check_fit(system: System, tableau: Tableau) -> None:
     if tableau.requires == QUADRATIC_KINETIC_ENERGY and not system.quadratic_kinetic_energy:
         key, allowed = "integrator", f"it requires a {tableau.requires}, which {system.name} does not have"
         raise bad_setting(key, tableau.name, allowed)
-    if tableau.modified and (system.regularisation is not None or system.formulas().are_loops):
-        what = "is regularised" if system.regularisation is not None else "has formulas that are compiled as loops"
+    traced = system.energies[0].traced
+    if tableau.modified and (system.regularisation is not None or system.formulas().are_loops or not traced):
+        what = "has a V that is a function of numba" if not traced else "has formulas that are compiled as loops"
+        what = "is regularised" if system.regularisation is not None else what
         allowed = f"its kicks are of a modified potential, which is not there for {system.name}, which {what}"
         raise bad_setting("integrator", tableau.name, allowed)

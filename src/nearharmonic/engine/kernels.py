@@ -6,10 +6,12 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from nearharmonic.core.number import Constant
+from nearharmonic.engine.numba_runs import check_precision, check_width
 from nearharmonic.engine.settings import WIDTH, Numerics
 from nearharmonic.systems.gradients import check_gradients
 from nearharmonic.systems.kinetic_energy import quadratic_T
 from nearharmonic.systems.modified_potential import square_gradient
+from nearharmonic.systems.numba_potential import numba_potential
 from nearharmonic.systems.oscillator import frequencies_of, remainder_formulas
 from nearharmonic.systems.system import System
 
@@ -44,13 +46,20 @@ def kernel_of(system: System, numerics: Numerics = STANDARD, *, modified: bool =
     """
     from nearharmonic.core.kernel import build
 
+    check_precision(system, [numerics.precision])
+    check_width(system, numerics.width)
     return build(
         physics_of(system, numerics, modified=modified),
         extended=numerics.precision == "extended",
         compensated=numerics.compensated,
-        width=1 if system.formulas().are_loops else numerics.width or WIDTH,
+        width=_width(system, numerics),
         energy=numerics.energy,
     )
+
+
+def _width(system: System, numerics: Numerics) -> int:
+    alone = system.formulas().are_loops or numba_potential(system) is not None
+    return 1 if alone else numerics.width or WIDTH
 
 
 @cache
@@ -94,7 +103,7 @@ def physics_of(system: System, numerics: Numerics = STANDARD, *, modified: bool 
     check_gradients(system)
     exact = numerics.exact_oscillator
     formulas, at_run_time = remainder_formulas(system) if exact else system.formulas(), system.parameters_at_run_time
-    loops = None
+    loops, numba = None, numba_potential(system)
     if formulas.are_loops:
         V, T = formulas.energies
         loops = V.looped(at_run_time), T.looped(at_run_time)
@@ -115,4 +124,5 @@ def physics_of(system: System, numerics: Numerics = STANDARD, *, modified: bool 
         unit_masses=system.T is quadratic_T and not system.time_dependent,
         turning=frequencies_of(system)[1] if exact else None,
         modified=square_gradient(system) if modified else None,
+        numba=None if numba is None else numba.code,
     )

@@ -6,6 +6,8 @@ from dataclasses import replace
 
 from nearharmonic.engine.results import Integers
 from nearharmonic.engine.settings import WIDTH, Numerics
+from nearharmonic.systems.numba_potential import numba_potential
+from nearharmonic.systems.system import System
 
 #: Registers of AVX-512, of which a state may fill half; the other half is for the force.
 REGISTERS = 32
@@ -13,6 +15,14 @@ REGISTERS = 32
 #: register are bound by the same chain of operations; from two registers on the processor's throughput begins to count.
 #: Measured on planar systems: ``python benchmarks/kernels.py``.
 TIMES = {1: 1.0, WIDTH: 1.2, 2 * WIDTH: 2.0, 4 * WIDTH: 3.6}
+
+
+def most_lanes_of(system: System, numerics: Numerics) -> int:
+    """Return the SIMD lanes for many runs of ``system``: one where V is a function of numba."""
+    if numba_potential(system) is not None:
+        return 1
+    d = system.formulas().dimension
+    return most_lanes(d, compensated=numerics.compensated, extended=numerics.precision == "extended")
 
 
 def most_lanes(dimension: int, *, compensated: bool, extended: bool) -> int:
@@ -36,9 +46,8 @@ def lanes_for(steps: Integers, most: int) -> int:
     return min((w for w in TIMES if w <= most), key=lambda w: max(longest, total / w) * TIMES[w])
 
 
-def with_lanes(numerics: Numerics, steps: Integers, dimension: int) -> Numerics:
+def with_lanes(numerics: Numerics, steps: Integers, system: System) -> Numerics:
     """Return ``numerics`` with the lanes that runs of so many steps are done first with, unless it has its own."""
     if numerics.width is not None:
         return numerics
-    most = most_lanes(dimension, compensated=numerics.compensated, extended=numerics.precision == "extended")
-    return replace(numerics, width=lanes_for(steps, most))
+    return replace(numerics, width=lanes_for(steps, most_lanes_of(system, numerics)))

@@ -20,6 +20,7 @@ from nearharmonic.engine.initial_values import (
 )
 from nearharmonic.engine.invariants import check_quantities
 from nearharmonic.engine.kernels import kernel_of
+from nearharmonic.engine.numba_runs import check_precision
 from nearharmonic.engine.regularised import check_bound
 from nearharmonic.engine.results import Integers, Trajectories
 from nearharmonic.engine.settings import (
@@ -110,6 +111,7 @@ class Problem:
         if self.tableau.processed and energy == "every":  # the states between samples are not those of the method
             energy = "samples"
         self.numerics = Numerics(precision=precision, summation=summation, energy=energy, split=split)
+        check_precision(self.system, [precision])
         if self.numerics.exact_oscillator:
             check_oscillator(self.system)
             if self.tableau.modified:

@@ -19,6 +19,7 @@ from nearharmonic.engine.description import (
     trajectory_variables,
 )
 from nearharmonic.engine.kernels import STANDARD, kernel_of
+from nearharmonic.engine.numba_runs import floor_attributes
 from nearharmonic.engine.output_times import checked_times, run_at
 from nearharmonic.engine.problem import Problem
 from nearharmonic.engine.results import Trajectories
@@ -197,7 +198,9 @@ def sweep(
     unit = problem.system.units["t"]
     one["tau_requested"] = (("tau",), np.array(requested), described("step size asked for", unit))
     one["tau"] = ("tau",), problem.taus(paths.steps), described("step size", unit)
-    return assembled(one, ["tau"], problem_attributes(problem) | begin.attributes())
+    notes = problem_attributes(problem) | begin.attributes()
+    notes |= floor_attributes(problem, begin.state, begin.parameters, paths.energy[:1])
+    return assembled(one, ["tau"], notes)
 
 
 def _check_start(problem: Problem, paths: Trajectories) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems.kinetic_energy import takes_parameters
+from nearharmonic.systems.numba_potential import given_function
 
 if TYPE_CHECKING:
     from nearharmonic.systems.system import System
@@ -27,7 +28,7 @@ def check_arguments(system: System) -> None:
         It names the formula, what it takes, and how it is called.
     """
     for formula in ("V", "grad_V", "T", "grad_T"):
-        function, parameters = getattr(system, formula), tuple(system.parameters)
+        function, parameters = given_function(getattr(system, formula)), tuple(system.parameters)
         if formula.endswith("V"):
             given = ("q", "t") if system.time_dependent else ("q",)
         else:
@@ -42,7 +43,7 @@ def check_arguments(system: System) -> None:
 
 def _signature(function: Callable[..., Any], *, follow_wrapped: bool) -> Signature | None:
     try:
-        return signature(function, follow_wrapped=follow_wrapped)
+        return signature(getattr(function, "py_func", function), follow_wrapped=follow_wrapped)
     except (TypeError, ValueError):
         return None
 

@@ -49,7 +49,14 @@ class Energy:
         Number of coordinates d.
     parameters : tuple of Constant
         The system's own parameters.
+
+    Attributes
+    ----------
+    traced : bool
+        Whether there is an expression: not of a function of numba.
     """
+
+    traced = True
 
     def __init__(
         self, name: str, formula: str, function: Callable[..., Any], dimension: int, parameters: tuple[Constant, ...]

@@ -55,7 +55,7 @@ class Formulas:
     @property
     def are_loops(self) -> bool:
         """Whether kernels of the system are loops, for one trajectory at a time."""
-        return any(energy.is_long for energy in self.energies)
+        return self.energies[0].traced and any(energy.is_long for energy in self.energies)
 
     def force_chain(self, constants: Sequence[Constant], parameters: int) -> Chain:
         """Return the longest chain of operations from q to grad_V.

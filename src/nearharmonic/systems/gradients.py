@@ -19,6 +19,7 @@ from nearharmonic.core.number import Constant, Number, call, scalar, vector
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems.formulas import DerivedGradient, Formulas
 from nearharmonic.systems.kinetic_energy import MassKineticEnergy, quadratic_grad_T, quadratic_T
+from nearharmonic.systems.numba_potential import numba_potential
 from nearharmonic.systems.system import System
 
 # Sizes below are relative to the coordinates. A point lies at a displacement r from the start, so that lengths on which
@@ -193,11 +194,17 @@ def check_gradients(system: System) -> None:
         except SystemDefinitionError as error:
             if isinstance(gradient, DerivedGradient) or not isinstance(error.__cause__, ArithmeticError):
                 raise
+    numba = numba_potential(system)
+    if numba is not None:
+        from nearharmonic.systems.numba_gradients import check_numba_gradient
+
+        check_numba_gradient(numba, *(tuple(map(float, numbers)) for numbers in (q0, constants)))
+    given = numba is None and not isinstance(system.grad_V, DerivedGradient)
     with localcontext(_VALUES):
         potential = _Pair(system, formulas, "V", constants)
-        if not isinstance(system.grad_V, DerivedGradient) or any(getattr(system, name) for name in POTENTIALS):
+        if given or any(getattr(system, name) for name in POTENTIALS):
             _compare(potential, "q", q0)
-        if not isinstance(system.grad_V, DerivedGradient):
+        if given:
             potential.check_size()
         known = isinstance(system.T, MassKineticEnergy) or (system.T, system.grad_T) == (quadratic_T, quadratic_grad_T)
         if not (known or isinstance(system.grad_T, DerivedGradient)):
@@ -258,7 +265,7 @@ def _contradiction(
         candidates: Iterator[int] = iter(range(d))
     else:
         weights = [w * _random(random) for w in scales]
-        candidates = _bisect(lambda indices: slope(indices, weights).contradiction, range(d))
+        candidates = bisected(lambda indices: slope(indices, weights).contradiction, range(d))
     for i in candidates:
         single = slope(range(i, i + 1), scales)
         if single.contradiction:
@@ -266,7 +273,7 @@ def _contradiction(
     return None
 
 
-def _bisect(contradicts: Callable[[range], bool], indices: range) -> Iterator[int]:
+def bisected(contradicts: Callable[[range], bool], indices: range) -> Iterator[int]:
     """The index among ``indices`` that contradicts, if the sum over all of them does.
 
     If a sum is off by more than the sum of what is allowed, so is one of its halves.

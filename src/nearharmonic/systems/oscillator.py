@@ -109,6 +109,8 @@ def check_oscillator(system: System, key: str = "split") -> None:
         needed = f"{system.name} is regularised, and is no oscillator in its own coordinates"
     elif not system.unit_masses:
         needed = f"it requires T = p.p / 2, which {system.name} does not have"
+    elif not system.energies[0].traced:
+        needed = f"it takes the oscillators out of the expression of V, and V of {system.name} is a function of numba"
     elif system.formulas().are_loops:
         needed = f"it is for systems of few terms, and the formulas of {system.name} are compiled as loops"
     else:

@@ -22,6 +22,7 @@ from nearharmonic.systems.formulas import (
     with_parameters,
 )
 from nearharmonic.systems.kinetic_energy import MassKineticEnergy, of_masses, quadratic_grad_T, quadratic_T
+from nearharmonic.systems.numba_potential import NumbaEnergy, numba_potential, potential_of
 from nearharmonic.systems.oscillator import written_frequencies
 from nearharmonic.systems.quantities import Observable, Parameter, Vector, decimal, sequence
 from nearharmonic.systems.regularisation import Regularisation
@@ -48,6 +49,9 @@ class System:
     ``grad_V(q, *parameters)`` and ``grad_T(p)`` return a tuple as long as ``q``. If left out, they are derived; if
     given, they are compared with V and T at first use. With ``time_dependent``, ``V(q, t, *parameters)`` and
     ``grad_V(q, t, *parameters)`` depend on the time; :meth:`formulas` are those of the extended autonomous system.
+
+    V and grad_V may both be functions decorated with ``numba.njit``, of a tuple or an array of floats: these may
+    branch, and are compiled as they are, for double precision. See :mod:`nearharmonic.systems.numba_potential`.
 
     ``masses`` makes T = p.M^-1 p / 2, in place of T and grad_T: a tuple of d decimal strings, fractions or names of
     parameters, or a constant symmetric positive definite matrix (d, d) of strings and fractions. Without ``masses`` and
@@ -122,6 +126,10 @@ class System:
             )
         check_numbers(self)
         self._set_kinetic_energy()
+        numba = potential_of(self)
+        if numba is not None:
+            object.__setattr__(self, "V", numba.value)
+            object.__setattr__(self, "grad_V", numba.gradient)
         if self.grad_V is None or isinstance(self.grad_V, DerivedGradient):
             object.__setattr__(self, "grad_V", DerivedGradient(self._potential, self.time_dependent))
         self._drop_declarations()
@@ -229,6 +237,9 @@ class System:
 
     @cached_property
     def _potential(self) -> Energy:
+        numba = numba_potential(self)
+        if numba is not None:
+            return NumbaEnergy(numba, self.constants(Constant))
         V = ExtendedPotential(self.V) if self.time_dependent else self.V
         return Energy(self.name, "V", V, self.dimension + self.time_dependent, self.constants(Constant))
 
@@ -265,7 +276,8 @@ class System:
         values = Graph().variables(formulas.dimension + len(self.parameters))
         try:
             for name in ("grad_V", "grad_T"):
-                if not isinstance(getattr(self, name), DerivedGradient):  # of an energy, which takes them
+                traced = name == "grad_T" or self._potential.traced
+                if traced and not isinstance(getattr(self, name), DerivedGradient):  # of an energy, which takes them
                     vector(formulas, name, values[: formulas.dimension], *values[formulas.dimension :])
         except SystemDefinitionError:
             return False

@@ -142,8 +142,9 @@ class Population:
         parameters = ensemble.parameters
         if len(parameters) > 1:
             parameters = np.tile(parameters, (size * taus, 1))
+        lanes = LANES if ensemble.system.energies[0].traced else 1
         return prepared_batch(
-            ensemble.system, shape, Numerics(summation="plain", width=LANES), marks=marks.reshape(runs, 2),
+            ensemble.system, shape, Numerics(summation="plain", width=lanes), marks=marks.reshape(runs, 2),
             scheme=np.repeat(np.arange(size * taus), problems), moves=self._moves,
             start=np.tile(ensemble.start, (size * taus, 1)), parameters=parameters,
             scale=ensemble.scale,

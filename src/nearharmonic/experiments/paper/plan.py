@@ -11,6 +11,7 @@ from math import ceil, floor, log10
 from typing import Any
 
 from nearharmonic.engine.grid import check_fit, evaluations_of, shard, steps_of, tau_grid
+from nearharmonic.engine.numba_runs import check_precision
 from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, Sweep
 from nearharmonic.errors import bad_setting
 from nearharmonic.experiments.paper.settings import StepSizes
@@ -90,6 +91,7 @@ def check_sweep(sweep: Sweep, methods: Sequence[str]) -> None:
         fit the system; a system whose oscillators cannot be solved exactly.
     """
     tableaus = [integrators[name] for name in methods]
+    check_precision(systems[sweep.system], sweep.precision, f"systems.{sweep.system}.precision")
     if sweep.split == EXACT_OSCILLATOR:
         check_oscillator(systems[sweep.system], f"systems.{sweep.system}.split")
     for tableau in tableaus:

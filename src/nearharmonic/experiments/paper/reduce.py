@@ -90,6 +90,8 @@ def cube_of(system: str, methods: Mapping[str, xr.Dataset]) -> xr.Dataset:
     attributes: dict[str, Any] = {"system": system, "system_label": problem.label}
     if problem.period is not None:
         attributes["orbital_period"] = orbital_period(problem)
+    if "energy_floor" in cube.attrs:  # of the run files
+        attributes["energy_floor"] = cube.attrs["energy_floor"]
     cube.attrs = attributes
     return cube
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from nearharmonic.engine.description import kernel_in_words
+from nearharmonic.engine.numba_runs import standard_floor
 from nearharmonic.engine.problem import Problem
 from nearharmonic.engine.sampled import sampled
 from nearharmonic.engine.settings import Sweep
@@ -40,12 +41,13 @@ def integrate(sweep: Sweep, integrator: str, shard: int) -> dict[str, Contents]:
     planned = runs_of(sweep, integrator, shard)
     problems = {run.precision: _problem(run) for run in planned}
     parts = {run.precision: integrate_run(run) for run in planned}
-    attributes = {
+    attributes: dict[str, object] = {
         "system": sweep.system,
         "integrator": integrator,
         "precision": " ".join(parts),
         "kernel": "; ".join(map(kernel_in_words, problems.values())),
     }
+    attributes |= {} if not problems else standard_floor(next(iter(problems.values())))
     made = sum(map(_evaluations, parts.values()))
     root = parts.pop("double", {})
     groups = {name: _padded(part, root) if root else part for name, part in parts.items()}

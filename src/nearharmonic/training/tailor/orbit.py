@@ -103,7 +103,8 @@ def _squares(system: System, q: Floats, p: Floats) -> Floats:
         force = _rows(system.hessian_V_times(tuple(q), tuple(w), *time, *parameters), p)
         h = DISPLACEMENT * _largest(p) / _largest(force)
         after = (_rows(grad_T((*(p + h * force), *time), *parameters)[:d], p) - velocity) / h
-        size = (after * w).sum(axis=0) / (w * w).sum(axis=0)
+        length = (w * w).sum(axis=0)  # 0 where the potential is flat
+        size = np.divide((after * w).sum(axis=0), length, out=np.zeros_like(length), where=length > 0)
         w = after
     return size
 

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from nearharmonic.experiments.paper.figures.floor import draw_floor
 from nearharmonic.experiments.paper.figures.levels import LARGEST_ERROR, energy_error_label
 from nearharmonic.output.declarations import figure
 from nearharmonic.output.style import (
@@ -89,7 +90,7 @@ def draw_profile(cube: xr.Dataset) -> Figure:
     if "precision" in cube.dims and "extended" in cube["precision"].values:
         handles.append(Line2D([], [], color="#404040", linestyle=DASHES, label="extended precision"))
     unit = cube["tau_per_stage"].attrs.get("units", "1")
-    return draw_profiles(list(_profiles(cube)), handles, unit, cube["max_energy_error"].attrs)
+    return draw_profiles(list(_profiles(cube)), handles, unit, cube["max_energy_error"].attrs, [cube])
 
 
 def _profiles(cube: xr.Dataset) -> Iterator[Profile]:
@@ -114,7 +115,11 @@ def dashed() -> dict[str, Any]:
 
 @house_style
 def draw_profiles(
-    profiles: Sequence[Profile], handles: Sequence[Line2D], unit: str, attributes: Mapping[str, str]
+    profiles: Sequence[Profile],
+    handles: Sequence[Line2D],
+    unit: str,
+    attributes: Mapping[str, str],
+    given: Sequence[xr.Dataset],
 ) -> Figure:
     """Draw the largest (top) and the mean (bottom) energy errors of methods against step size per stage.
 
@@ -128,6 +133,8 @@ def draw_profiles(
         Unit of the step sizes; "1" if they have none.
     attributes : mapping
         Of the errors: what they are relative to, and what the maximum is over.
+    given : sequence of xarray.Dataset
+        Origin of the curves, which may have a floor of energy errors.
     """
     over = "over the samples" if "over the samples" in attributes.get("long_name", "") else "over all steps"
     drawn = new_figure(7, 8.2)
@@ -146,6 +153,7 @@ def draw_profiles(
             axes.set_xlim(taus.min() / 2, taus.max() * 2)
         else:
             _slope_guide(axes)
+            draw_floor(axes, given, variable)
     lower.set_xlabel(r"step size per stage, $\tau/s$" + ("" if unit == "1" else f"  ({unit})"))
     drawn.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.545, 0.995), ncols=COLUMNS, columnspacing=1.8)
     return drawn

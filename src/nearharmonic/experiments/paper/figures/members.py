@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 
 from nearharmonic.errors import bad_setting
 from nearharmonic.experiments.paper.figures.energy_error import say_if_empty
+from nearharmonic.experiments.paper.figures.floor import draw_floor
 from nearharmonic.experiments.paper.figures.levels import energy_error_label
 from nearharmonic.output.style import house_style, log_scale, new_figure, panel_letter, style_of
 
@@ -63,6 +64,7 @@ def draw_members(
     axes.set_ylabel(energy_error_label(notes, r"$\max\,|\Delta H|$", r"$\max\,|\Delta H/H_0|$"))
     panel_letter(axes, "A", _says(given))
     say_if_empty(axes, [one["max_energy_error"].values for one in given])
+    draw_floor(axes, given, "max_energy_error")
     drawn.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.545, 0.995), ncols=4, columnspacing=1.8)
     return drawn
 

@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 
 from nearharmonic.errors import bad_setting
 from nearharmonic.experiments.paper.figures.energy_error import PANELS, Profile, dashed, draw_profile, draw_profiles
+from nearharmonic.experiments.paper.figures.floor import draw_floor
 from nearharmonic.experiments.paper.figures.levels import energy_error_label
 from nearharmonic.experiments.paper.figures.members import MEMBER, check_measured, draw_members, varying
 from nearharmonic.integrators import integrators
@@ -184,7 +185,7 @@ def _profiles(given: Sequence[xr.Dataset]) -> Figure:
                 look=look,
             )
         )
-    return draw_profiles(profiles, _handles(given, looks), unit, given[0]["max_energy_error"].attrs)
+    return draw_profiles(profiles, _handles(given, looks), unit, given[0]["max_energy_error"].attrs, given)
 
 
 def _stages(dataset: xr.Dataset) -> int:
@@ -230,6 +231,7 @@ def _finish_errors(axes: Axes, given: Sequence[xr.Dataset], unit: str) -> None:
     notes = given[0]["max_energy_error"].attrs
     axes.set_ylabel(energy_error_label(notes, r"$|\Delta H|$", r"$|\Delta H/H_0|$"))
     panel_letter(axes, "A", "energy error at the samples")
+    draw_floor(axes, given, "energy_error")
 
 
 def _draw_orbit(axes: Axes, one: xr.Dataset, look: Mapping[str, Any]) -> None:

@@ -103,6 +103,8 @@ def peer_curve(
 def _misfit(peer: Peer, system: System) -> str:
     if system.time_dependent:
         return "not written for a potential that depends on time"
+    if not system.energies[0].traced:
+        return "written from the expression of V, and V is a function of numba"
     if peer.regularised and system.regularisation is None:
         return "does not fit: it requires a system with a regularisation"
     if system.regularisation is not None and not peer.regularised:

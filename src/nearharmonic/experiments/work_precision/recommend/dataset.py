@@ -119,4 +119,5 @@ def _attributes(found: Recommendation) -> dict[str, Any]:
         "missed": found.missed("splitting"),
         "not_run": found.not_run(),
         "basis": found.basis,
+        **({"energy_floor": asked.floor} if asked.floor else {}),
     }

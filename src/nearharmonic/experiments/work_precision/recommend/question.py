@@ -50,6 +50,8 @@ class Question:
         Methods to choose from by name, those of users' files by path.
     energy_attributes : mapping
         Attributes of the variables ``max_energy_error`` and ``mean_energy_error``: what they are relative to.
+    floor : float
+        Energy error that is the rounding of a V in doubles; 0 if V is measured more precisely.
     """
 
     system: System
@@ -59,6 +61,7 @@ class Question:
     budget: int
     methods: Mapping[str, Tableau]
     energy_attributes: Mapping[str, Attributes]
+    floor: float = 0.0
 
     @property
     def longest(self) -> int:
@@ -117,6 +120,7 @@ def question(
         budget=most,
         methods=chosen,
         energy_attributes={name: told[name].attrs for name in (MEASURES["max"], MEASURES["mean"])},
+        floor=told.attrs.get("energy_floor", 0.0),
     )
 
 

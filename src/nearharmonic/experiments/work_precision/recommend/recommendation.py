@@ -7,6 +7,7 @@ from math import isfinite, nan
 from typing import Literal
 
 from nearharmonic.engine.grid import steps_of
+from nearharmonic.engine.numba_runs import NEAR_FLOOR, floor_in_words
 from nearharmonic.experiments.work_precision.recommend.question import Question
 
 #: Significant digits of a printed step, unless another number of steps would come of it.
@@ -77,6 +78,12 @@ class Recommendation:
     basis: str
 
     @property
+    def floor_in_words(self) -> str:
+        """The sentence about choices whose error is marked as rounding, "" if there is none."""
+        marked = any(is_rounding(choice, self.question) for choice in self.choices)
+        return f"*: {floor_in_words(self.question.floor)}" if marked else ""
+
+    @property
     def ranked(self) -> tuple[Choice, ...]:
         """The methods that meet the bound, the fastest first."""
         return tuple(choice for choice in self.choices if choice.status == "met")
@@ -90,6 +97,11 @@ class Recommendation:
         """Return the methods that were not run, each with the reason."""
         absent = [choice for choice in self.choices if choice.status == "not run"]
         return "; ".join(f"{choice.label} ({choice.reason})" for choice in absent)
+
+
+def is_rounding(choice: Choice, asked: Question) -> bool:
+    """Return whether the energy error of a choice is near the rounding of V."""
+    return asked.measure != "position" and choice.error <= NEAR_FLOOR * asked.floor
 
 
 def printed_step(t_end: str, tau: float, steps: int) -> str:
@@ -110,6 +122,7 @@ def _at_best(choice: Choice, asked: Question) -> str:
         says = "every run fails"
     else:
         step = step_text(choice, asked.t_end)
-        says = f"{choice.error:.1e} at {f'tolerance {choice.tolerance:.1g}' if step is None else f'tau {step}'}"
+        mark = " *" if is_rounding(choice, asked) else ""
+        says = f"{choice.error:.1e}{mark} at {f'tolerance {choice.tolerance:.1g}' if step is None else f'tau {step}'}"
         says += ", but not at all finer ones" if choice.error <= asked.error else " at best"
     return f"{choice.label} ({says}" + (f"; {choice.reason})" if choice.reason else ")")
