@@ -57,9 +57,9 @@ def test_the_digest_covers_arrays_in_closures_of_functions_that_are_called(walls
 
 def test_types_that_numba_knows_leave_digests_alone():
     rules = Rules(physics_of(nh.systems["sho"]), extended=True, compensated=True)
-    before = str(module_of(rules, 1))
+    before = str(module_of(rules, 1, ()))
     ir.global_context.get_identified_type("test.type").set_body(ir.DoubleType())
-    assert str(module_of(rules, 1)) == before
+    assert str(module_of(rules, 1, ())) == before
 
 
 @numba.njit

@@ -187,3 +187,17 @@ def test_a_result_knows_the_parameters_that_it_was_computed_with():
     assert "|H - H0|/|H0| (absolute, in 1, where H0 = 0)" in some.long_name
     assert "|H - H0| over" in none.long_name
     assert some.values[1] == nh.integrate(spring, "leapfrog", 0.1, q0=[2.0]).max_energy_error
+
+
+def test_parameters_that_are_compiled_in_serve_ensembles_too():
+    """A power that the formula branches on; two blocks of members, and a value that is refused."""
+    system = nh.System(
+        name="power", V=lambda q, n: q[0] ** 4 / 4 if n > 2 else q[0] ** 2 / 2, q0=["1"], p0=["0"], t_end="1",
+        parameters={"n": "4"},
+    )  # fmt: skip
+    q0 = np.linspace(0.5, 1, ensembles.BLOCK + 3)[:, None]
+    members = nh.ensemble(system, "leapfrog", 0.1, q0=q0, threads=1)
+    for i in (0, ensembles.BLOCK, ensembles.BLOCK + 2):
+        assert np.array_equal(members.q[i], nh.integrate(system, "leapfrog", 0.1, q0=q0[i]).q[[0, -1]])
+    with pytest.raises(nh.errors.SettingError, match="they are compiled in"):
+        nh.ensemble(system, "leapfrog", 0.1, q0=q0, parameters={"n": "2"})

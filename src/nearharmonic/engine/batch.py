@@ -154,10 +154,7 @@ def prepared_batch(
     if system.regularisation is not None and isinstance(tableau, Tableau):
         return _prepared_landing(system, tableau, numerics, marks, scheme, moves, start, parameters, scale, reference)
     kernel = kernel_of(system, numerics.compiled, modified=tableau.modified)
-    if numerics.exact_oscillator:
-        _check_frequencies(system, parameters)
-    if kernel.parameters < len(system.parameters):
-        parameters = parameters_compiled_in(system, parameters)
+    parameters = parameters_at_run_time(system, numerics, parameters)
     cost = tableau.stages * cost_of(system, numerics.compiled, modified=tableau.modified)
     runs, d = len(marks), kernel.dimension
     left_at, control = np.zeros(runs, np.int64), execution.control()
@@ -209,6 +206,19 @@ def _prepared_landing(
         results=results, states=states, blocks=blocks, energy=energy, running=ends, left_at=left_at, control=control,
         call=LandingCall(system, numerics, parameters, arguments), cost=cost,
     )  # fmt: skip
+
+
+def parameters_at_run_time(system: System, numerics: Numerics, parameters: Floats) -> Floats:
+    """Return the parameters that runs are given: those asked for, or none if they are compiled in.
+
+    Raises
+    ------
+    SettingError
+        They are others than those that are compiled in, or that the coefficients of the runs are made for.
+    """
+    if numerics.exact_oscillator:
+        _check_frequencies(system, parameters)
+    return parameters if system.parameters_at_run_time else parameters_compiled_in(system, parameters)
 
 
 def parameters_compiled_in(system: System, parameters: Floats) -> Floats:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nearharmonic.engine import execution
-from nearharmonic.engine.batch import Batch, prepared_batch, sample_marks
+from nearharmonic.engine.batch import Batch, parameters_at_run_time, prepared_batch, sample_marks
 from nearharmonic.engine.coefficients import Floats, moves_of
 from nearharmonic.engine.continuation import parameter_attributes
 from nearharmonic.engine.description import (
@@ -187,6 +187,7 @@ class _Runs:
         self, problem: Problem, steps: int, samples: int, start: Floats, parameters: Floats, members: int
     ) -> None:
         self.problem, self.steps, self.samples, self.members = problem, steps, samples, members
+        parameters_at_run_time(problem.system, problem.numerics, parameters)  # of all members, before any work
         self.start, self.parameters = start, parameters
         self.marks = sample_marks(np.array([steps]), samples)
         self.numerics = replace(problem.numerics, width=most_lanes_of(problem.system, problem.numerics))
@@ -220,21 +221,23 @@ class _Runs:
     def _batch(self, block: slice) -> Batch:
         """A batch that holds the members of ``block``: a used one of the same size, or a new one."""
         size = block.stop - block.start
+        start, parameters = _of(block, self.start), _of(block, self.parameters)
         try:
-            batch = self._free.pop() if size == BLOCK else self._new(size)
+            batch = self._free.pop() if size == BLOCK else self._new(size, start, parameters)
         except IndexError:
-            batch = self._new(size)
-        batch.start[:], batch.parameters[:] = _of(block, self.start), _of(block, self.parameters)
+            return self._new(size, start, parameters)
+        batch.start[:] = start
+        if batch.parameters.size:  # none if they are compiled in
+            batch.parameters[:] = parameters
         return batch
 
-    def _new(self, size: int) -> Batch:
+    def _new(self, size: int, start: Floats, parameters: Floats) -> Batch:
         problem = self.problem
         rows = moves_of(problem.system, problem.tableau, [problem.end / self.steps], problem.numerics)
         return prepared_batch(
             problem.system, problem.tableau, self.numerics, marks=np.repeat(self.marks, size, axis=0),
-            scheme=np.zeros(size, np.int64), moves=rows, start=np.empty((size, self.start.shape[1])),
-            parameters=np.empty((size if len(self.parameters) > 1 else 1, self.parameters.shape[1])),
-            scale=problem.scale,
+            scheme=np.zeros(size, np.int64), moves=rows, start=np.resize(start, (size, start.shape[1])),
+            parameters=parameters.copy(), scale=problem.scale,
         )  # fmt: skip
 
 
