@@ -15,11 +15,14 @@ from llvmlite import binding, ir
 from nearharmonic.core import disk
 from nearharmonic.core.layout import Signature
 from nearharmonic.core.native import source_key, target_machine
-from nearharmonic.core.operations import INDEX, PREFIX, SCALARS, Kinds, define
+from nearharmonic.core.operations import INDEX, PLACEHOLDERS, PREFIX, SCALARS, Kinds, define
 
 #: Types of numbers, and operations on them, in the text of loops: declared, and to be defined.
-_TYPE = re.compile(rf"%{re.escape(PREFIX)}([RPC])(?:\.\d+)*( = type .*)?")
-_OPERATION = re.compile(rf"^declare (\S+) @({re.escape(PREFIX)}\w+\.\w+)\(", re.MULTILINE)
+_LETTERS = {f"ptr addrspace({space})": letter for letter, space in PLACEHOLDERS.items()}
+#: Such a type, and a zero behind it or in a choice by where one comes from.
+_TYPE = re.compile(rf"({'|'.join(map(re.escape, _LETTERS))})( null)?")
+_CHOICE = re.compile(rf"= phi ({'|'.join(map(re.escape, _LETTERS))}) .*")
+_OPERATION = re.compile(rf"^declare (.+) @({re.escape(PREFIX)}\w+\.\w+)\(", re.MULTILINE)
 _FORMULA = re.compile(rf"^declare .* @{re.escape(PREFIX)}(\w+)\(", re.MULTILINE)
 _SCALARS = {"int64": "int64", "float64": "float64", "bool": "boolean"}
 
@@ -66,6 +69,7 @@ def loops(function: Callable[..., Any], signature: Signature) -> tuple[str, byte
     entry.triple, entry.data_layout = module.triple, module.data_layout
     module.link_in(entry)
     _make_one(module, function.__name__)
+    _shorten(module)
     return function.__name__, str(module).encode()
 
 
@@ -83,6 +87,17 @@ def _make_one(module: Any, name: str) -> None:
     passes.run(module, builder)
 
 
+def _shorten(module: Any) -> None:
+    """Drop what serves numba's variables, which would be dropped anew each time that loops are linked."""
+    passes = binding.create_new_module_pass_manager()
+    passes.add_sroa_pass()
+    passes.add_simplify_cfg_pass()
+    passes.add_aggressive_dce_pass()
+    passes.add_simplify_cfg_pass()
+    builder = binding.create_pass_builder(target_machine(), binding.create_pipeline_tuning_options())
+    passes.run(module, builder)
+
+
 def needed(loops: bytes) -> frozenset[str]:
     """Names of the functions that loops call and do not have, operations aside."""
     return frozenset(_FORMULA.findall(loops.decode()))
@@ -94,9 +109,11 @@ def linked(name: str, loops: bytes, written: ir.Module, kinds: Kinds, given: str
     ``given`` is the text of functions that the formulas call, which become part of them where LLVM finds that good.
     No arithmetic is re-ordered. Loops are not made vectors of: what is computed side by side is written so.
     """
-    text = _TYPE.sub(lambda found: "" if found[2] else str(kinds.of(found[1])), loops.decode())
+    zero = "zeroinitializer"
+    text = _CHOICE.sub(lambda found: found[0].replace("[ null,", f"[ {zero},"), loops.decode())
+    text = _TYPE.sub(lambda found: f"{kinds.of(_LETTERS[found[1]])} {zero if found[2] else ''}", text)
     for result, symbol in _OPERATION.findall(loops.decode()):
-        define(written, symbol, kinds, _letter_of(result))
+        define(written, symbol, kinds, _LETTERS.get(result) or {"i1": "B", "void": "V"}[result])
     module, rest = binding.parse_assembly(text), binding.parse_assembly(str(written))
     rest.triple, rest.data_layout = module.triple, module.data_layout
     module.link_in(rest)
@@ -123,11 +140,6 @@ def _add(module: Any, given: str) -> None:
     module.link_in(more)
     for name in names:
         module.get_function(name).linkage = "internal"
-
-
-def _letter_of(result: str) -> str:
-    found = re.match(rf"%{re.escape(PREFIX)}([RPC])", result)
-    return found[1] if found else {"i1": "B", "void": "V"}[result]
 
 
 def _entry(name: str, entry: str, signature: Signature, taken: Sequence[str]) -> ir.Module:

@@ -16,6 +16,9 @@ from llvmlite import ir
 
 PREFIX = "nearharmonic."
 DOUBLE, INDEX, TRUTH = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
+#: Address spaces of pointers that stand for a real, a point and the parameters until loops are linked. As there is
+#: nothing behind such pointers, LLVM leaves them as they are.
+PLACEHOLDERS = {"R": 1001, "P": 1002, "C": 1003}
 #: Numbers of a :class:`nearharmonic.core.layout.Signature`.
 SCALARS: dict[str, ir.Type] = {"int64": INDEX, "float64": DOUBLE, "bool": ir.IntType(8)}
 

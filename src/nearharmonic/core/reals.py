@@ -19,7 +19,7 @@ from numba.extending import intrinsic, lower_builtin, models, overload, register
 
 from nearharmonic.core import arithmetic
 from nearharmonic.core.layout import Signature
-from nearharmonic.core.operations import DOUBLE, INDEX, PREFIX, SCALARS, TRUTH
+from nearharmonic.core.operations import INDEX, PLACEHOLDERS, PREFIX, SCALARS, TRUTH
 
 types: Any = numba_types
 
@@ -45,11 +45,7 @@ LETTERS = {REAL: "R", POINT: "P", PARAMETERS: "C", types.float64: "D", types.int
 @register_model(Numbers)
 class _Model(models.PrimitiveModel):  # type: ignore[misc]
     def __init__(self, manager: Any, kind: Numbers) -> None:
-        # What it is made of is replaced when loops are linked; LLVM takes types of the same body for one.
-        named = ir.global_context.get_identified_type(f"{PREFIX}{kind.letter}")
-        if named.is_opaque:
-            named.set_body(*[DOUBLE] * ("RPC".index(kind.letter) + 1))
-        super().__init__(manager, kind, named)
+        super().__init__(manager, kind, ir.IntType(8).as_pointer(PLACEHOLDERS[kind.letter]))
 
 
 def _call(context: Any, builder: Any, name: str, result: Any, values: Any) -> Any:
