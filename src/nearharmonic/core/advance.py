@@ -43,6 +43,8 @@ from nearharmonic.core.shape import Form, Measured
 
 #: Rows: of coefficients of a move; the first of the tally, and of the parameters.
 _columns, _tally, _parameters = (linked_number(name) for name in ("columns", "tally", "parameters"))
+#: Whether the energy is measured, and whether behind every step or behind the last one.
+_measuring, _at_every_step = linked_number("measuring"), linked_number("at_every_step")
 
 
 @compiled
@@ -106,7 +108,7 @@ def advance(form: Form) -> Callable[..., Any]:
     room = in_memory if form.large else points
     load, first, move, behind, last, closed, save = room.motion(form)
     row_of, measure = points.row_loader(form), _measure(form, room.measured())
-    every, sampled, quick = form.energy == "every", form.energy == "samples", form.quick
+    quick = form.quick
 
     def advance(count, stages, kick_first, moves, rows):  # type: ignore[no-untyped-def]
         tally, columns, parameters = _tally(), _columns(), load_parameters(rows, _parameters())
@@ -124,20 +126,16 @@ def advance(form: Form) -> Callable[..., Any]:
                 state = move(state, row_of(moves, row), f, parameters)
                 f, height = last(state, moves, row, parameters)
             done += 1
-            if every:
+            if done >= count or _at_every_step() != 0:
                 seen = closed(state, row_of(moves, (stages + 1) * columns), f, parameters)
-                latest = measure(seen, height, kick_first, H0, rounding, parameters)
-                worst, total, carry = _tallied(worst, total, carry, latest)
-                if not all_within(absolute(latest), limit):
-                    break
+                if _measuring() != 0:
+                    latest = measure(seen, height, kick_first, H0, rounding, parameters)
+                    worst, total, carry = _tallied(worst, total, carry, latest)
+                    if not all_within(absolute(latest), limit):
+                        break
             if done >= count:
                 break
             opening = MERGED * columns
-        if not every:
-            seen = closed(state, row_of(moves, (stages + 1) * columns), f, parameters)
-        if sampled:
-            latest = measure(seen, height, kick_first, H0, rounding, parameters)
-            worst, total, carry = _tallied(worst, total, carry, latest)
         save(rows, state, seen)
         _store_errors(rows, tally, worst, total, carry, latest)
         for column in range(columns):

@@ -20,7 +20,7 @@ from nearharmonic.core.operations import (
     declare,
     packed,
     write_load,
-    write_number,
+    write_numbers,
 )
 from nearharmonic.core.rules import Entries, Rules
 from nearharmonic.core.tracing import DoubleDouble, LLVMValue
@@ -74,11 +74,10 @@ def module_of(rules: Rules, lanes: int, needed: Container[str]) -> ir.Module:
 
         return functions.module_of(rules, kinds_of(rules, lanes), needed)
     written = _Formulas(rules, kinds_of(rules, lanes), needed)
-    for name, number in {
+    write_numbers(written.module, {
         "dimension": d, "columns": rules.columns, "tally": 4 * d, "parameters": 4 * d + TALLY,
         "running": running_at(d, physics.parameters),
-    }.items():  # fmt: skip
-        write_number(written.module, name, number)
+    })  # fmt: skip
     written.write()
     if physics.turning is not None:
         for column in range(6 if rules.extended else TURNS):
@@ -194,8 +193,7 @@ def maps_module(rules: Rules, maps: Any) -> ir.Module:
     """
     physics, d, D = rules.physics, maps.dimension, rules.physics.dimension
     written = _Formulas(rules, kinds_of(rules, 1), ())
-    write_number(written.module, "dimension", D)
-    write_number(written.module, "running", running_at(D, physics.parameters))
+    write_numbers(written.module, {"dimension": D, "running": running_at(D, physics.parameters)})
 
     def departed(memory: _Memory, start: ir.Value, first: ir.Value, rows: ir.Value, to: ir.Value) -> None:
         pairs = (memory.pair(rows, 4 * D + TALLY + 2 * k) for k in range(physics.parameters))

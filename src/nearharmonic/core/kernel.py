@@ -216,7 +216,7 @@ def _key(rules: Rules, width: int, *more: str) -> str:
 
 def _advance(rules: Rules, width: int, energy: str) -> Any:
     def make() -> tuple[str, bytes]:
-        return _linked("advance", ADVANCE, {"form": _form(rules, energy)}, rules, width)
+        return _linked("advance", ADVANCE, {"form": _form(rules, energy)}, rules, width, energy)
 
     return native(f"advance-{_key(rules, width, energy)}", ADVANCE, make)
 
@@ -229,14 +229,16 @@ def _form(rules: Rules, energy: str) -> Form:
         extended=rules.extended, compensated=rules.compensated,
         ahead=rules.looks_ahead and (physics.unit_masses or not large), modified=physics.modified is not None,
         turning=physics.turning is not None, resting=not large and not all(moving(rules)),
-        quick=rules.quick_energy and energy == "every", energy=energy, large=large,
+        quick=rules.quick_energy and energy == "every", large=large,
         unit_masses=large and physics.unit_masses,
     )  # fmt: skip
 
 
-def _linked(entry: str, signature: Signature, choice: dict[str, Any], rules: Rules, width: int) -> tuple[str, bytes]:
+def _linked(
+    entry: str, signature: Signature, choice: dict[str, Any], rules: Rules, width: int, energy: str = "every"
+) -> tuple[str, bytes]:
     """Name and object code of a function that numba compiles for a choice, with the formulas of a system."""
-    from nearharmonic.core import formulas, link
+    from nearharmonic.core import formulas, link, operations
 
     def compiled() -> tuple[str, bytes]:
         from nearharmonic.core import advance
@@ -251,5 +253,7 @@ def _linked(entry: str, signature: Signature, choice: dict[str, Any], rules: Rul
 
     loops = link.kept(entry, repr(choice), compiled)
     given = "" if rules.physics.numba is None else rules.physics.numba.text
-    written = formulas.module_of(rules, width, link.needed(loops[1]))
+    needed = link.needed(loops[1])
+    written = formulas.module_of(rules, width, needed - {"energy"} if energy == "none" else needed)
+    operations.write_numbers(written, {"measuring": energy != "none", "at_every_step": energy == "every"})
     return link.linked(*loops, written, formulas.kinds_of(rules, width), given)

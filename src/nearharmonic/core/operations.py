@@ -8,7 +8,7 @@ coordinate, rounded once, whatever the number of lanes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -185,7 +185,8 @@ def _write_store(
     builder.ret_void()
 
 
-def write_number(module: ir.Module, name: str, number: int) -> None:
-    """Write a function that returns a whole number."""
-    function = declare(module, f"{PREFIX}{name}", [], INDEX)
-    ir.IRBuilder(function.append_basic_block()).ret(INDEX(number))
+def write_numbers(module: ir.Module, numbers: Mapping[str, int]) -> None:
+    """Write functions that return whole numbers."""
+    for name, number in numbers.items():
+        function = declare(module, f"{PREFIX}{name}", [], INDEX)
+        ir.IRBuilder(function.append_basic_block()).ret(INDEX(int(number)))

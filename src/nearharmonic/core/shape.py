@@ -24,8 +24,6 @@ class Form:
         Whether there are coordinates that never move, and are left alone.
     quick : bool
         Whether energies are measured in double where that is certain.
-    energy : {"every", "samples", "none"}
-        As for :func:`nearharmonic.core.kernel.build`.
     large : bool
         Whether states lie in memory.
     unit_masses : bool
@@ -39,7 +37,6 @@ class Form:
     turning: bool = False
     resting: bool = False
     quick: bool = False
-    energy: str = "every"
     large: bool = False
     unit_masses: bool = False
 

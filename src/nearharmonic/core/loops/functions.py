@@ -15,7 +15,7 @@ from nearharmonic.core.loops.emission import Emission
 from nearharmonic.core.loops.energy import LoopedEnergy
 from nearharmonic.core.loops.memory import ConditionedDoubles, DoubleDoubles, Doubles, Index, LoopWriter, Planes
 from nearharmonic.core.loops.tables import BLOCK
-from nearharmonic.core.operations import DOUBLE, INDEX, PREFIX, Kinds, declare, packed, write_number
+from nearharmonic.core.operations import DOUBLE, INDEX, PREFIX, Kinds, declare, packed, write_numbers
 from nearharmonic.core.rules import Rules, rounding_of
 
 
@@ -33,12 +33,11 @@ def module_of(rules: Rules, kinds: Kinds, needed: Container[str]) -> ir.Module:
     """Return a module with what a system of many coordinates brings to the loops of its form."""
     d = rules.physics.dimension
     written = _Functions(rules, kinds, needed)
-    for name, number in {
+    write_numbers(written.module, {
         "dimension": d, "columns": rules.columns, "tally": 4 * d, "parameters": 4 * d + TALLY,
         "running": written.running, "force_at": written.force_at, "force_plane": written.V.room,
         "velocity_at": written.velocity_at, "velocity_plane": written.T.room,
-    }.items():  # fmt: skip
-        write_number(written.module, name, number)
+    })  # fmt: skip
     written.write()
     return written.module
 
