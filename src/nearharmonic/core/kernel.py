@@ -5,9 +5,9 @@
 
 Layout of a lane's row block, ``width`` doubles a row: d positions, their d carries, d momenta, their d carries; then
 the tally: largest and summed |H - H0| of the block, the sum's carry, the latest H - H0, H0 as a pair, the largest
-|H - H0| allowed, and by how much the rounding of doubles changes H (see :meth:`Rules.quick`); then each parameter as a
-pair; then the state that runs, laid out as the first 4 d rows, and the d numbers that its next move is late by (see
-:mod:`nearharmonic.core.rules`). In extended precision the carries are the low halves of double-doubles.
+|H - H0| allowed, and by how much the rounding of doubles changes H (:func:`nearharmonic.core.rules.rounding_of`); then
+each parameter as a pair; then the state that runs, laid out as the first 4 d rows, and the d numbers that its next move
+is late by (:mod:`nearharmonic.core.step`). In extended precision the carries are the low halves of double-doubles.
 
 Formulas of many coordinates are compiled as loops (:mod:`nearharmonic.core.loops`), for one lane.
 """
