@@ -12,8 +12,8 @@ A state is (q, q_low, p, p_low, late): positions and momenta, what lies below th
 sums, low halves of double-doubles), and what the next move is late by. All are points (:mod:`nearharmonic.core.reals`).
 Coefficients of kicks carry the minus sign of dp/dt = -dV/dq.
 
-Each function below makes one of a ``move(state, row, force, parameters)`` for the formulas of a system; ``row`` has the
-coefficients of the move, ``force`` is what :func:`nearharmonic.core.advance.advance` computed at the position.
+The functions at the end return a ``move(state, row, force, parameters)`` for the formulas of a system: ``row`` has the
+coefficients of the move, and ``force`` is that at the position of the state.
 """
 
 from __future__ import annotations
