@@ -6,16 +6,20 @@ import re
 from fractions import Fraction
 from itertools import pairwise
 
+import mpmath
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import nearharmonic as nh
+import nearharmonic.math
 from nearharmonic.core.arithmetic import sqrt
+from nearharmonic.core.number import FUNCTIONS, Constant
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems import Parameter, System
-from nearharmonic.systems.gradients import check_gradients
+from nearharmonic.systems.gradients import Multiprecision, check_gradients
+from random_formulas import mpmaths
 
 UNITS = dict.fromkeys(("q", "p", "t", "energy"), "1")
 
@@ -238,3 +242,27 @@ def test_natural_formulas_integrate_to_double_doubles_precision():
     assert run.p.values[-1, 0] == pytest.approx(0.5 - 0.1, rel=2e-16)
     # One tenth in double-double as well: rounded to a double it would leave an energy error of 1e-17 and more.
     assert run.max_energy_error.item() < 1e-30
+
+
+@pytest.mark.parametrize("name", sorted(FUNCTIONS))
+def test_multiprecision_has_200_digits_and_the_condition_of_its_slopes(name):
+    """Slopes by mpmath's differences; 9 digits of the condition are kept."""
+    operands = [Multiprecision.of(Constant(k + 3, 7)) for k in range(FUNCTIONS[name])]
+    result = getattr(nearharmonic.math, name)(*operands)
+    with mpmath.workdps(230):
+        function = mpmaths(name)
+        exact = [mpmath.mpf(k + 3) / 7 for k in range(len(operands))]
+        value = function(*exact)
+        assert abs(mpmath.mpf(str(result.value)) / value - 1) < mpmath.mpf(10) ** -198
+        size = abs(value)
+        for i, x in enumerate(exact):
+            order = tuple(int(i == j) for j in range(len(exact)))
+            size += abs(mpmath.diff(function, tuple(exact), order) if len(exact) > 1 else mpmath.diff(function, x)) * x
+        assert float(result.size) == pytest.approx(float(size), rel=1e-7)
+
+
+def test_multiprecision_has_no_value_where_a_function_has_none():
+    with pytest.raises(ArithmeticError, match="log has no finite value"):
+        nearharmonic.math.log(Multiprecision.of(Constant(-1)))
+    with pytest.raises(ArithmeticError, match="cbrt has no finite value and slope"):
+        nearharmonic.math.cbrt(Multiprecision.of(Constant(0)))
