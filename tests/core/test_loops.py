@@ -15,6 +15,7 @@ from multiprecision import trajectory
 from nearharmonic.core.expression import size
 from nearharmonic.core.expression.graph import Graph, value_of
 from nearharmonic.core.loops.energy import LoopedEnergy
+from nearharmonic.core.loops.tables import runs
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.math import array, atan2, cos, exp, sin, sqrt, sum
 
@@ -258,6 +259,12 @@ def test_tuples_in_a_formula_are_pointed_to_arrays():
     system = nh.System(name="pairs", V=lambda q: sum(q[1:] - q[:-1]), q0=["1", "2"], p0=["0", "0"], t_end="1")
     with pytest.raises(SystemDefinitionError, match=r"V raises TypeError.*nearharmonic\.math\.array makes arrays"):
         nh.integrate(system, "leapfrog", 0.1)
+
+
+def test_runs_ascend_by_one_or_stand_still():
+    """Neither rows that jump nor those that ascend by two are runs."""
+    columns = [np.array([9, 1, 2, 3, 4, 5, 6, 7, 8, 20, *range(30, 50, 2)]), np.array([5] * 20)]
+    assert [np.arange(20)[part].tolist() for part in runs(columns, 20)] == [list(range(1, 9)), [0, *range(9, 20)]]
 
 
 def test_a_sum_is_added_in_pairs():
