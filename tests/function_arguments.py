@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import gmpy2
 import numpy as np
 
 from nearharmonic.core.functions import double, extended
 from nearharmonic.core.functions.arrays import ELEMENTWISE, elementwise
-from nearharmonic.core.native import loaded
+from nearharmonic.core.native import loaded, processor
 
 #: Where functions change their form or leave the range of doubles.
 SPECIAL = np.array([
@@ -138,17 +140,19 @@ def pairs(name, count, seed=1):
     return result
 
 
+@cache
 def in_double(name):
     return lambda *x: [double.FUNCTIONS[name](*x)]
 
 
+@cache
 def in_extended(name):
     return lambda *x: extended.FUNCTIONS[name](*zip(x[::2], x[1::2], strict=True))
 
 
 def compiled(body, count, width, results=1):
     """The function of ``count`` rows of arguments that compiled code of ``width`` lanes is."""
-    code = loaded(*elementwise(body, count, width), ELEMENTWISE)
+    code = _loaded(body, count, width, processor())
 
     def function(rows):
         given = np.ascontiguousarray(rows)
@@ -157,6 +161,12 @@ def compiled(body, count, width, results=1):
         return found
 
     return function
+
+
+@cache
+def _loaded(body, count, width, _processor):
+    """Compiled once for each processor."""
+    return loaded(*elementwise(body, count, width), ELEMENTWISE)
 
 
 def evaluated(body, rows, width, results=1):

@@ -27,23 +27,16 @@ DOT = Signature((floats("factor"), floats("a", "n"), floats("b", "n")), result="
 A, B = np.array([1.0, 2.0]), np.array([3.0, 4.0])
 
 
-def weighted(weight):
-    """Symbol and object code of a function of ``DOT``: factor a.b, times ``weight``."""
-
-    def dot(factor, a, b):
-        return weight * factor * (a[0] * b[0] + a[1] * b[1])
-
-    return link.alone(*link.loops(dot, DOT))
-
-
 @pytest.fixture(scope="module")
 def right():
-    return weighted(1.0)
+    """Symbol and object code of a function of ``DOT``: factor a.b."""
+    return link.alone(*link.loops(lambda factor, a, b: factor * (a[0] * b[0] + a[1] * b[1]), DOT))
 
 
 @pytest.fixture(scope="module")
 def planted():
-    return weighted(2.0)
+    """Of the same name, but twice as much."""
+    return link.alone(*link.loops(lambda factor, a, b: 2 * factor * (a[0] * b[0] + a[1] * b[1]), DOT))
 
 
 @pytest.fixture
@@ -58,12 +51,20 @@ def value(code, key="dot"):
     return native.native(key, DOT, lambda: code)(0.5, A, B)
 
 
+def kept(key="dot"):
+    """The value of code that is not compiled again."""
+    return native.native(key, DOT, lambda: pytest.fail("compiled again"))(0.5, A, B)
+
+
 def warnings_of(caplog):
     return [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
 
 
-def refused():
-    raise AssertionError("compiled again")
+def in_another_process(folder, text, *given):
+    """A process that executes ``text`` with the path of a file that holds what is given."""
+    (folder / "task").write_bytes(pickle.dumps(given))
+    command = [sys.executable, "-c", text, str(folder / "task")]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
 FUZZ = """
@@ -92,10 +93,7 @@ print(len(damaged), "numba" in sys.modules)
 def test_no_flipped_bit_and_no_truncation_crashes_or_gives_a_wrong_number(folder, right):
     value(right)
     (place,) = folder.iterdir()
-    (folder / "task").write_bytes(pickle.dumps((DOT, right, place)))
-    done = subprocess.run(
-        [sys.executable, "-c", FUZZ, str(folder / "task")], capture_output=True, text=True, check=False
-    )
+    done = in_another_process(folder, FUZZ, DOT, right, place)
     assert done.returncode == 0, done.stderr
     count, compiler = done.stdout.split()
     assert int(count) > 150
@@ -117,9 +115,7 @@ def test_what_cannot_be_loaded_is_made_again_although_its_digest_is_right(folder
     """In a process of its own: a call of address 0, or a bad object file, would end this one."""
     place = folder / "dot.kernel"
     disk.write(place, right[0] if name is None else name, right[1] if content is None else content)
-    (folder / "task").write_bytes(pickle.dumps((DOT, right)))
-    command = [sys.executable, "-c", LOAD, str(folder / "task")]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = in_another_process(folder, LOAD, DOT, right)
     assert (done.returncode, done.stdout) == (0, "5.5\n"), done.stderr
     assert disk.read(place) == right
 
@@ -145,36 +141,16 @@ def test_a_file_under_the_name_of_another_key_is_not_executed(folder, right, pla
     assert value(right) == 5.5
 
 
-def occupied(folder, monkeypatch):
+@pytest.mark.parametrize("place", ["{}/file", "{}/file/deep", "/proc/nearharmonic", "~no_such_user/kernels", None])
+def test_a_cache_that_cannot_be_made_costs_one_warning(folder, monkeypatch, caplog, right, place):
+    """A file in its place, a file above it, what is read-only for root too, an unknown user, and nobody's home."""
     (folder / "file").write_text("")
-    monkeypatch.setenv("NEARHARMONIC_CACHE_DIR", str(folder / "file"))
-
-
-def below_a_file(folder, monkeypatch):
-    (folder / "file").write_text("")
-    monkeypatch.setenv("NEARHARMONIC_CACHE_DIR", str(folder / "file" / "deep"))
-
-
-def read_only(folder, monkeypatch):
-    monkeypatch.setenv("NEARHARMONIC_CACHE_DIR", "/proc/nearharmonic")  # read-only for root too
-
-
-def homeless(folder, monkeypatch):
-    def getpwuid(uid):
-        raise KeyError(uid)
-
-    for name in ("NEARHARMONIC_CACHE_DIR", "XDG_CACHE_HOME", "HOME"):
-        monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(pwd, "getpwuid", getpwuid)
-
-
-def unknown_user(folder, monkeypatch):
-    monkeypatch.setenv("NEARHARMONIC_CACHE_DIR", "~no_such_user/kernels")
-
-
-@pytest.mark.parametrize("obstacle", [occupied, below_a_file, read_only, homeless, unknown_user])
-def test_a_cache_that_cannot_be_made_costs_one_warning(folder, monkeypatch, caplog, right, obstacle):
-    obstacle(folder, monkeypatch)
+    if place is None:
+        for name in ("NEARHARMONIC_CACHE_DIR", "XDG_CACHE_HOME", "HOME"):
+            monkeypatch.delenv(name, raising=False)
+        monkeypatch.setattr(pwd, "getpwuid", {}.__getitem__)
+    else:
+        monkeypatch.setenv("NEARHARMONIC_CACHE_DIR", place.format(folder))
     assert [value(right, key) for key in ("dot", "again")] == [5.5, 5.5]
     (warning,) = warnings_of(caplog)
     assert "NEARHARMONIC_CACHE_DIR" in warning
@@ -192,15 +168,6 @@ def test_a_full_disk_costs_one_warning_and_leaves_nothing_behind(folder, caplog,
     assert not list(folder.iterdir())
 
 
-def test_a_run_goes_on_without_a_cache_even_where_warnings_are_errors(folder, right):
-    (folder / "task").write_bytes(pickle.dumps((DOT, right)))
-    environment = os.environ | {"NEARHARMONIC_CACHE_DIR": str(folder / "task" / "deep")}
-    command = [sys.executable, "-W", "error", "-c", LOAD, str(folder / "task")]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    assert done.stdout == "5.5\n"
-    assert done.stderr.count("NEARHARMONIC_CACHE_DIR") == 1
-
-
 def test_temporary_names_carry_host_and_process(folder, monkeypatch, right):
     names, replace = [], Path.replace
     monkeypatch.setattr(Path, "replace", lambda part, place: names.append(part.name) or replace(part, place))
@@ -210,35 +177,24 @@ def test_temporary_names_carry_host_and_process(folder, monkeypatch, right):
     assert names[0].endswith(".part")
 
 
-def open_to_the_group(folder, monkeypatch):
-    folder.chmod(0o770)
-
-
-def open_to_all(folder, monkeypatch):
-    folder.chmod(0o707)
-
-
-def of_another_user(folder, monkeypatch):
-    monkeypatch.setattr(os, "geteuid", lambda: folder.stat().st_uid + 1)
-
-
-@pytest.mark.parametrize("access", [open_to_the_group, open_to_all, of_another_user])
-def test_a_folder_that_others_can_change_is_not_executed_from(folder, monkeypatch, caplog, right, planted, access):
+@pytest.mark.parametrize("mode", [0o770, 0o707, None])
+def test_code_in_a_shared_folder_is_executed_only_on_request(folder, monkeypatch, caplog, right, planted, mode):
+    """Folders that the group or all can change, and one of another user."""
     value(planted)
-    access(folder, monkeypatch)
+    if mode is None:
+        monkeypatch.setattr(os, "geteuid", lambda: folder.stat().st_uid + 1)
+    else:
+        folder.chmod(mode)
     assert value(right) == 5.5
     (warning,) = warnings_of(caplog)
     assert "NEARHARMONIC_CACHE_DIR" in warning
     assert "NEARHARMONIC_SHARED_CACHE=1" in warning
-
-
-@pytest.mark.parametrize("access", [open_to_the_group, open_to_all, of_another_user])
-def test_a_shared_folder_is_used_where_it_is_asked_for(folder, monkeypatch, caplog, planted, access):
-    access(folder, monkeypatch)
     monkeypatch.setenv("NEARHARMONIC_SHARED_CACHE", "1")
-    value(planted)
-    assert stat.S_IMODE((folder / "dot.kernel").stat().st_mode) == 0o644
-    assert native.native("dot", DOT, refused)(0.5, A, B) == 11.0
+    caplog.clear()
+    assert kept() == 11.0
+    value(planted, "other")
+    assert stat.S_IMODE((folder / "other.kernel").stat().st_mode) == 0o644
+    assert kept("other") == 11.0
     assert not warnings_of(caplog)
 
 
@@ -246,13 +202,13 @@ def test_a_file_that_others_can_change_is_not_executed(folder, right, planted):
     value(planted)
     (folder / "dot.kernel").chmod(0o666)
     assert value(right) == 5.5
-    assert native.native("dot", DOT, refused)(0.5, A, B) == 5.5
+    assert kept() == 5.5
 
 
 def test_a_folder_that_others_can_only_read_is_used(folder, caplog, right):
     folder.chmod(0o755)
     value(right)
-    assert native.native("dot", DOT, refused)(0.5, A, B) == 5.5
+    assert kept() == 5.5
     assert not warnings_of(caplog)
 
 

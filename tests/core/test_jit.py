@@ -1,61 +1,62 @@
-"""Functions of numba on disk: found again by a second process, and compiled again after an edit of what they use."""
+"""Functions of numba on disk: found again when loaded anew, and compiled again after an edit of what they use."""
 
 from __future__ import annotations
 
-import os
-import subprocess
+import importlib
 import sys
 
 import pytest
 
-MODULES = {
-    "constants.py": "NUMBER = 2.0\n",
-    "callee.py": """
+from nearharmonic.core import disk
 from nearharmonic.core.jit import jit
-from constants import NUMBER
+
+CALLEE = """
+from nearharmonic.core.jit import jit
+
+NUMBER = 2.0
 
 @jit
-def callee(x):
+def callee_of_a_test(x):
     return NUMBER * x
-""",
-    "caller.py": """
+"""
+CALLER = """
 from nearharmonic.core.jit import jit
-from callee import callee
+from callee_of_a_test import callee_of_a_test
 
 @jit
-def caller(x):
-    return callee(x) + 1.0
-
-print(caller(1.0), sum(caller.stats.cache_hits.values()))
-""",
-}
+def caller_of_a_test(x):
+    return callee_of_a_test(x) + 1.0
+"""
 
 
 @pytest.fixture
-def folder(tmp_path):
-    for name, text in MODULES.items():
-        (tmp_path / name).write_text(text, encoding="utf-8")
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("NEARHARMONIC_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setattr(disk, "_WARNED", [])
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # of an edit within a second, Python would not notice
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "callee_of_a_test.py").write_text(CALLEE, encoding="utf-8")
+    (tmp_path / "caller_of_a_test.py").write_text(CALLER, encoding="utf-8")
     return tmp_path
 
 
-def told(folder, cache):
-    environment = os.environ | {"NEARHARMONIC_CACHE_DIR": str(cache)}
-    command = [sys.executable, "caller.py"]
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=True)
+def loaded_anew():
+    """The caller's value at 1, and how often it was found on disk."""
+    for name in ("callee_of_a_test", "caller_of_a_test"):
+        sys.modules.pop(name, None)
+    caller = importlib.import_module("caller_of_a_test").caller_of_a_test
+    return caller(1.0), sum(caller.stats.cache_hits.values())
 
 
 def test_an_edit_of_a_callees_constant_compiles_the_caller_again(folder):
-    cache = folder / "cache"
-    assert [told(folder, cache).stdout for _ in range(2)] == ["3.0 0\n", "3.0 1\n"]
-    (folder / "constants.py").write_text("NUMBER = 3.0\n", encoding="utf-8")
-    assert told(folder, cache).stdout == "4.0 0\n"
+    assert [loaded_anew() for _ in range(2)] == [(3.0, 0), (3.0, 1)]
+    (folder / "callee_of_a_test.py").write_text(CALLEE.replace("2.0", "3.0"), encoding="utf-8")
+    assert loaded_anew() == (4.0, 0)
 
 
-@pytest.mark.parametrize("cache", ["constants.py", "/proc/nearharmonic", "open"])
-def test_a_folder_that_cannot_be_used_costs_one_warning(folder, cache):
-    (folder / "open").mkdir()
-    (folder / "open").chmod(0o777)
-    done = told(folder, folder / cache)
-    assert done.stdout == "3.0 0\n"
-    assert done.stderr.count("NEARHARMONIC_CACHE_DIR") == 1
+def test_a_folder_that_others_can_change_costs_one_warning(folder, caplog):
+    (folder / "cache").mkdir()
+    (folder / "cache").chmod(0o777)
+    assert [jit(function)(1.0) for function in (lambda x: x + 1, lambda x: x + 2)] == [2.0, 3.0]
+    assert [record.getMessage().count("NEARHARMONIC_CACHE_DIR") for record in caplog.records] == [1]
     assert not list(folder.rglob("*.nb?"))

@@ -10,7 +10,7 @@ import pytest
 from mpmath import cos, matrix, mp, mpf, pi, sin, sqrt
 
 import nearharmonic as nh
-from nearharmonic.engine.regularised import unperturbed
+from nearharmonic.engine.regularised import landing_of, unperturbed
 from nearharmonic.errors import SettingError, SystemDefinitionError
 from nearharmonic.systems.regularisation import Regularisation, RegularisedFormulas
 
@@ -244,3 +244,25 @@ def test_an_orbit_that_is_not_bound_is_refused(p0):
 def test_a_regularisation_that_does_not_fit_is_refused(changes):
     with pytest.raises(SystemDefinitionError, match=r"regularisation = .* is not allowed"):
         nh.integrate(spatial(("1", "0", "0"), ("0", "1", "0"), **changes), "aba864", 0.1)
+
+
+class HalfSteps(RegularisedFormulas):
+    """Maps whose fictitious time runs as if each orbit were half as large."""
+
+    def inverse_axis(self, x, *parameters):
+        return 2 * super().inverse_axis(x, *parameters)
+
+
+def test_systems_of_different_time_maps_get_their_own_code():
+    """Steps of the fictitious time are those of physical time over the semi-major axis: half of it, half as many."""
+    own = nh.systems["kepler_regularised"]
+    system, other = (replace(own, regularisation=Regularisation(gravity="GM")) for _ in range(2))
+    maps = other.formulas().regularised
+    halved = HalfSteps(maps.regularisation, maps.gravity, maps.dimension)
+    vars(other)["_formulas"] = replace(other.formulas(), regularised=halved)
+    steps = {}
+    for key, one in (("own", system), ("halved", other), ("own again", system)):
+        landing_of.cache_clear()
+        steps[key] = nh.integrate(one, "ruth", 100, t_end=20000, samples=2).steps.item()
+    assert steps["own"] == steps["own again"]
+    assert steps["halved"] == pytest.approx(steps["own"] / 2, abs=1)

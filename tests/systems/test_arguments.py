@@ -1,13 +1,21 @@
-"""Arguments of formulas: their order and number against the parameters, as a signature shows them."""
+"""Formulas that are refused, by their names: for the order or number of their arguments, or for what they do."""
 
 from __future__ import annotations
 
+import math
+import operator
 import re
 from functools import partial, wraps
 
+import numpy as np
 import pytest
 
+from nearharmonic.core.formulas import fingerprint
+from nearharmonic.core.number import Constant
+from nearharmonic.core.physics import Physics
+from nearharmonic.core.rules import Rules
 from nearharmonic.errors import SystemDefinitionError
+from nearharmonic.systems.source import velocity_text
 from own_systems import spring
 
 TWO = {"m": "1", "k": "4"}
@@ -92,3 +100,78 @@ def test_arguments_with_defaults_and_functions_without_a_signature_are_left_alon
     assert made(V=lambda q, m, k, more=2: q[0] ** more).energy((3.0,), (0.0,), (1.0, 4.0)) == 9
     assert made(V=lambda q, *, more=2: q[0] ** more, parameters={}).energy((3.0,), (0.0,)) == 9
     assert made(V=max, parameters={}).energy((3.0,), (0.0,)) == 3
+
+
+# --- formulas that cannot be traced -----------------------------------------------------------------------------------
+
+
+def sine(q):
+    return (math.sin(q[0]),)
+
+
+REFUSED = {
+    **{
+        relation.__name__: (lambda q, relation=relation: (1 if relation(q[0], 0) else 2,), "grad_V compares a value")
+        for relation in (operator.eq, operator.ne, operator.lt, operator.le, operator.gt, operator.ge)
+    },
+    "numpy's": (lambda q: (1 if np.float64(0) < q[0] else 2,), "grad_V compares a value"),
+    "not": (lambda q: (1 if not q[0] else 2,), "grad_V uses a value as a condition"),
+    "set": (lambda q: (len({q[0]}),), "grad_V hashes a value"),
+    "math": (sine, "grad_V converts a value to float, as the functions of the module math do: .*nearharmonic.math$"),
+    "array": (lambda q: (np.array(q, dtype=float)[0],), "grad_V converts a value to float"),
+    "numpy": (lambda q: (np.sin(q[0]),), "grad_V calls a function of numpy: .* come from nearharmonic.math$"),
+    "huge power": (lambda q: (q[0] ** 100000,), "grad_V raises a value to the power 100000, .*nearharmonic.math.pow$"),
+    "text as exponent": (lambda q: (q[0] ** "2",), "grad_V raises a value to the power '2': formulas use"),
+    "remainder": (lambda q: (q[0] % 2,), "grad_V raises TypeError: .*%.*formulas use"),
+    "zero": (lambda q: (q[0] / (0.3 - 0.3),), "grad_V raises ZeroDivisionError"),
+    "index": (lambda q: (q[1],), "grad_V raises IndexError: tuple index out of range: q has 1 component$"),
+    "arguments": (lambda q: (sine(),), r"grad_V raises TypeError: .* missing 1 required .* argument: 'q'$"),
+    "attribute": (lambda q: (q[0].real,), "grad_V raises AttributeError: .*'real'.*formulas use"),
+    "attribute of a module": (lambda q: (math.arcsin(q[0]),), "grad_V raises AttributeError: .*'arcsin'$"),
+    "name": (lambda q: (nothing,), "grad_V raises NameError"),  # noqa: F821
+    "infinite": (lambda q: (math.inf * q[0],), "grad_V contains the number inf, which is not finite"),
+    "NaN": (lambda q: (math.nan,), r"grad_V\[0\] contains the number nan"),
+    "too many": (lambda q: (q[0], 0), "grad_V returns 2 components, expected a tuple of 1, one number a coordinate"),
+    "none": (lambda q: (), "grad_V returns 0 components, expected a tuple of 1"),
+    "no tuple": (lambda q: q[0], "grad_V returns one number, expected a tuple of 1"),
+    "nothing": (lambda q: None, "grad_V returns None, expected a tuple of 1, .*: is a return missing.$"),
+    "text": (lambda q: ("a",), r"grad_V\[0\] is an object of type str, expected a number"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+@pytest.mark.parametrize("tracer", ["kernel", "text"])
+def test_a_formula_that_cannot_be_traced_is_refused_by_its_name(case, tracer):
+    grad_V, words = REFUSED[case]
+    trace = {"kernel": traced, "text": velocity_text}[tracer]
+    with pytest.raises(SystemDefinitionError, match=f"^mine: {words}") as caught:
+        trace(spring("mine", grad_V=grad_V))
+    missing_cause = case in {"too many", "none", "no tuple", "nothing", "text"}  # nothing was raised by the formula
+    assert (caught.value.__cause__ is None) == missing_cause
+
+
+def traced(made):
+    formulas = {name: getattr(made, name) for name in ("V", "grad_V", "T", "grad_T", "name", "dimension")}
+    formulas |= {"grad_V_and_V": None, "balanced_T": None}  # of systems of more coordinates
+    physics = Physics(**formulas, parameters=0, constants=made.constants(Constant))
+    return fingerprint(Rules(physics, extended=True, compensated=True))
+
+
+@pytest.mark.parametrize("formula", ["V", "grad_V", "T", "grad_T"])
+def test_the_error_names_the_formula_that_failed(formula):
+    def broken(*_):
+        raise KeyError("lost")
+
+    made = spring("mine", **{formula: broken})
+    with pytest.raises(SystemDefinitionError, match=f"^mine: {formula} raises KeyError: 'lost'$") as caught:
+        traced(made)
+    assert isinstance(caught.value.__cause__, KeyError)
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [((), "an object of type tuple, expected one number"), (None, r"None, expected one number: is a return missing\?")],
+)
+def test_an_energy_that_is_no_number_is_refused(value, words):
+    with pytest.raises(SystemDefinitionError, match=f"^mine: V returns {words}$"):
+        traced(spring("mine", V=lambda q: value))
