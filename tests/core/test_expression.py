@@ -53,6 +53,7 @@ def beside(q, direction):
 @settings(randomly, max_examples=250)
 @given(trees(LITERALS + EXACT, VARIABLES), points)
 @example(EVERY, START)
+@example(("**", ("+", 0, ("abs", 0)), 2), START)
 def test_values_and_gradients_are_mpmaths(tree, q):
     with mpmath.workdps(DIGITS):
         expected, _ = truth(tree, q)

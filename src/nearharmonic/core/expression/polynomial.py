@@ -177,5 +177,6 @@ def _as_value(graph: Graph, polynomials: dict[int, Polynomial], root: Value) -> 
         if product.node is None:
             constant = exact(constant + root.coefficient * c)
         else:
-            terms[product.node] = exact(root.coefficient * c * product.coefficient)
+            # Two monomials may be one product: |x| sign(x) is x.
+            terms[product.node] = exact(terms.get(product.node, 0) + root.coefficient * c * product.coefficient)
     return graph.combination(constant, terms)
