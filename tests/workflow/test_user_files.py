@@ -26,6 +26,7 @@ MINE = {
             "system": "kepler", "q0": ["108.94", 0], "p0": [0, "0.12528"], "t_end": 5000,
             "tau_per_stage": {"lowest": 20, "highest": 100, "points_per_decade": 4},
         },
+        "gap": {"file": "clearance.py", "t_end": 10, "tau_per_stage": GRID | {"lowest": 0.02, "highest": 0.1}},
     },
     "samples": 20,
     "overview": ["ruth", "fourth_order.py"],
@@ -42,7 +43,7 @@ def made(tmp_path_factory):
     project = Project(tmp_path_factory.mktemp("user_files"))
     own = project.folder / "own"
     own.mkdir()
-    for name in ("quartic_well.py", "fourth_order.py"):
+    for name in ("quartic_well.py", "fourth_order.py", "clearance.py"):
         (own / name).write_text((ROOT / "examples" / name).read_text(encoding="utf-8"))
     (own / "mine.yaml").write_text(yaml.safe_dump(MINE))
     done = project.snakemake("-j2", *OPTION)
@@ -64,7 +65,7 @@ def edited(project, name, before, after):
 
 def test_every_system_has_its_cube_its_figure_and_its_rows(made):
     results = made.folder / RESULTS
-    for key in ("well", "wide", "venus"):
+    for key in ("well", "wide", "venus", "gap"):
         for suffix in ("pdf", "svg", "png"):
             assert (results / f"figures/{key}_energy_error.{suffix}").stat().st_size > 5000
         with h5py.File(results / f"cubes/{key}.h5") as cube:
@@ -74,7 +75,7 @@ def test_every_system_has_its_cube_its_figure_and_its_rows(made):
     rows = [line.split(",")[:2] for line in (results / "tables/skipped.csv").read_text().splitlines()]
     assert {("well", "five_leapfrogs"), ("wide", "ruth"), ("venus", "ruth")} <= {tuple(row) for row in rows}
     page = (results / "report.html").read_text(encoding="utf-8")
-    assert all(f'id="figure-{key}_energy_error' in page for key in ("well", "wide", "venus"))
+    assert all(f'id="figure-{key}_energy_error' in page for key in ("well", "wide", "venus", "gap"))
     assert "five leapfrogs" in page
     assert (results / "figures/fig2_decomposition.pdf").is_file()  # of methods, whatever the systems are
     assert not (results / "figures/fig1_sho.pdf").exists()
@@ -103,6 +104,16 @@ def test_the_drift_of_an_invariant_is_that_of_the_samples(made):
         assert cube["eccentricity_vector_drift"].shape == cube["perihelion_advance"].shape == (1, 2, 3)
 
 
+def test_runs_and_the_cube_of_a_potential_of_numba_name_its_floor(made):
+    floors = set()
+    for name in ("runs/gap/ruth/0.h5", "runs/gap/five_leapfrogs/0.h5", "cubes/gap.h5"):
+        with h5py.File(made.folder / RESULTS / name) as file:
+            floors |= set(np.ravel(file.attrs["energy_floor"]).tolist())
+    # A few units in the last place of an energy of size 1.
+    assert len(floors) == 1
+    assert 1e-17 < floors.pop() < 1e-14
+
+
 def test_a_second_run_has_nothing_to_do(made):
     assert made.jobs("all", *OPTION) == {}
 
@@ -122,9 +133,9 @@ def test_a_comment_in_a_users_file_runs_nothing(made):
 
 def test_an_edit_of_the_integrator_runs_its_runs_and_what_is_made_of_them(made):
     jobs = edited(made, "fourth_order.py", "five leapfrogs", "leapfrogs, five of them")
-    drawn = {f"draw_{name}": 1 for name in ("well", "wide", "venus", "sho_terms")}
+    drawn = {f"draw_{name}": 1 for name in ("well", "wide", "venus", "gap", "sho_terms")}
     assert jobs == {
-        "integrate": 3, "reduce": 3, "decompose": 1, "skipped": 1, "paper_tables": 1, "decide_claims": 1, **drawn,
+        "integrate": 4, "reduce": 4, "decompose": 1, "skipped": 1, "paper_tables": 1, "decide_claims": 1, **drawn,
         "page": 1, "all": 1,
     }  # fmt: skip
 
@@ -151,7 +162,7 @@ def test_verify_finds_no_fault_and_integrates_runs_again_and_an_edit_is_a_fault(
 
 def test_the_record_holds_the_digest_of_the_files(made):
     (run,) = [json.loads(line) for line in (made.folder / RESULTS / "history.jsonl").read_text().splitlines()]
-    assert set(run["user_files"]) == {"own/quartic_well.py", "own/fourth_order.py"}
+    assert set(run["user_files"]) == {"own/quartic_well.py", "own/fourth_order.py", "own/clearance.py"}
     with h5py.File(made.folder / RESULTS / "cubes/wide.h5") as cube:
         told = json.loads(cube.attrs["settings"])["definitions"]
     assert told["systems"]["wide"]["file"] == "own/quartic_well.py"
@@ -180,7 +191,7 @@ def test_an_archive_holds_the_files_and_its_config_runs_from_them(made, tmp_path
     unpacked = made.folder / "unpacked"
     with zipfile.ZipFile(place) as archive:
         archive.extractall(unpacked)
-    for name in ("quartic_well.py", "fourth_order.py"):
+    for name in ("quartic_well.py", "fourth_order.py", "clearance.py"):
         assert (unpacked / "user_files" / name).read_text() == (made.folder / "own" / name).read_text()
     config = json.loads((unpacked / "config.json").read_text())
     assert config["systems"]["well"]["file"] == "user_files/quartic_well.py"
