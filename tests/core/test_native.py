@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -53,6 +54,14 @@ def test_a_second_process_finds_the_kernel_without_the_compiler(own_cache):
     text = "import sys, nearharmonic as nh; print(nh.sweep('sho', 'ruth', [0.2]).steps.item(), 'numba' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["2500", "False"]
+
+
+def test_a_numba_that_must_not_compile_is_one_clear_error(tmp_path):
+    """A new process: numba reads this variable when it is imported, too."""
+    variables = os.environ | {"NUMBA_DISABLE_JIT": "1", "NEARHARMONIC_CACHE_DIR": str(tmp_path)}
+    text = "import nearharmonic as nh; nh.sweep('sho', 'ruth', [0.2])"
+    done = subprocess.run([sys.executable, "-c", text], env=variables, capture_output=True, text=True, check=False)
+    assert "CompiledCodeError: NUMBA_DISABLE_JIT is set, so that kernels cannot be compiled: unset it" in done.stderr
 
 
 def test_a_kernel_is_made_once_and_a_comment_changes_nothing(own_cache):

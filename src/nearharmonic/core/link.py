@@ -16,6 +16,7 @@ from nearharmonic.core import disk
 from nearharmonic.core.layout import Signature
 from nearharmonic.core.native import source_key, target_machine
 from nearharmonic.core.operations import INDEX, PLACEHOLDERS, PREFIX, SCALARS, Kinds, define
+from nearharmonic.errors import CompiledCodeError
 
 #: Types of numbers, and operations on them, in the text of loops: declared, and to be defined.
 _LETTERS = {f"ptr addrspace({space})": letter for letter, space in PLACEHOLDERS.items()}
@@ -43,8 +44,14 @@ def loops(function: Callable[..., Any], signature: Signature) -> tuple[str, byte
 
     It takes what it names of the signature: numbers, arrays as addresses, and lengths of arrays. Nothing is optimised:
     the size of a number is not known yet.
+
+    Raises
+    ------
+    CompiledCodeError
+        numba is told not to compile.
     """
     from numba.core import config, registry
+    from numba.core.compiler_lock import global_compiler_lock
 
     from nearharmonic.core.reals import compiled, types
 
@@ -56,13 +63,16 @@ def loops(function: Callable[..., Any], signature: Signature) -> tuple[str, byte
         kinds.append(types.CPointer(scalar) if argument and argument.dimensions else scalar)
     # At the first use, numba settles how it optimises all other code of the process.
     registry.cpu_target.target_context.refresh()
-    config.reload_config()  # or the compiler would, and forget the next line, after a change of the environment
-    level, config.OPT = config.OPT, config._OptLevel(0)
-    try:
-        jitted = compiled(function)
-        jitted.compile(tuple(kinds))
-    finally:
-        config.OPT = level
+    with global_compiler_lock:
+        config.reload_config()  # or the compiler would, and forget the level, after a change of the environment
+        if config.DISABLE_JIT:
+            raise CompiledCodeError("NUMBA_DISABLE_JIT is set, so that kernels cannot be compiled: unset it")
+        level, config.OPT = config.OPT, config._OptLevel(0)
+        try:
+            jitted = compiled(function)
+            jitted.compile(tuple(kinds))
+        finally:
+            config.OPT = level
     (made,) = jitted.overloads.values()
     module = binding.parse_assembly(made.library.get_llvm_str())
     entry = binding.parse_assembly(str(_entry(made.fndesc.llvm_func_name, function.__name__, signature, taken)))
