@@ -15,7 +15,7 @@ import pytest
 import nearharmonic as nh
 from function_arguments import arguments, evaluated, in_double, in_extended, pairs
 from kept_loops import keep_loops
-from nearharmonic.core import native
+from nearharmonic.core import link, native
 from nearharmonic.core.expression import size
 from nearharmonic.core.formulas import fingerprint
 from nearharmonic.core.number import FUNCTIONS
@@ -62,6 +62,16 @@ def test_a_numba_that_must_not_compile_is_one_clear_error(tmp_path):
     text = "import nearharmonic as nh; nh.sweep('sho', 'ruth', [0.2])"
     done = subprocess.run([sys.executable, "-c", text], env=variables, capture_output=True, text=True, check=False)
     assert "CompiledCodeError: NUMBA_DISABLE_JIT is set, so that kernels cannot be compiled: unset it" in done.stderr
+
+
+def test_loops_are_compiled_once_where_nothing_can_be_kept(monkeypatch):
+    monkeypatch.setenv("NEARHARMONIC_CACHE_DIR", "/proc/nearharmonic")  # read-only for root too
+    monkeypatch.setattr(link, "_MADE", {})
+    made, compiled = [], link.loops
+    monkeypatch.setattr(link, "loops", lambda *given: made.append(given[0].__name__) or compiled(*given))
+    for system in ("sho", "henon_heiles"):
+        run(nh.systems[system])
+    assert sorted(made) == ["advance", "begin", "run"]
 
 
 def test_a_kernel_is_made_once_and_a_comment_changes_nothing(own_cache):

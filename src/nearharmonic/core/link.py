@@ -25,15 +25,20 @@ _TYPE = re.compile(rf"({'|'.join(map(re.escape, _LETTERS))})( null)?")
 _CHOICE = re.compile(rf"= phi ({'|'.join(map(re.escape, _LETTERS))}) .*")
 _OPERATION = re.compile(rf"^declare (.+) @({re.escape(PREFIX)}\w+\.\w+)\(", re.MULTILINE)
 _FORMULA = re.compile(rf"^declare .* @{re.escape(PREFIX)}(\w+)\(", re.MULTILINE)
+_MADE: dict[str, tuple[str, bytes]] = {}
 _SCALARS = {"int64": "int64", "float64": "float64", "bool": "boolean"}
 
 
 def kept(name: str, choice: str, make: Callable[[], tuple[str, bytes]]) -> tuple[str, bytes]:
-    """Return the loops of a name and a choice from the cache, or what ``make`` returns, which is put there."""
-    place = disk.place_of(f"loops-{source_key(name, choice)}")
+    """Return the loops of a name and a choice from the cache, or what ``make`` returns, which is put there.
+
+    Where nothing can be kept on disk, they are made once in a process.
+    """
+    key = f"loops-{source_key(name, choice)}"
+    place = disk.place_of(key)
     found = disk.read(place) if place else None
     if found is None:
-        found = make()
+        found = _MADE[key] = _MADE.get(key) or make()
         if place:
             disk.write(place, *found)
     return found
