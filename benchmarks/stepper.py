@@ -5,19 +5,20 @@ Run: ``python benchmarks/stepper.py`` (half a minute). Times are minima of calls
 
 from __future__ import annotations
 
-import argparse
-import time
 from pathlib import Path
 
 import numba
 import numpy as np
 
 import nearharmonic as nh
+from nearharmonic.engine.clock import Patience, interleaved, pinned
 
 CHAIN = str(Path(__file__).parents[1] / "examples/fput_recurrence.py")
 #: Step size, and steps of a call.
 SETTINGS = {"henon_heiles": (0.1, 200_000), "kepler": (36.0, 100_000), CHAIN: (0.1, 20_000)}
 METHODS = ("leapfrog", "babs7o7h")
+#: Each call is timed twenty times.
+PATIENCE = Patience(least=20, most=20, seconds=np.inf, longest=np.inf)
 
 
 @numba.njit
@@ -75,21 +76,7 @@ def looped(step, system, tau, steps):
     return lambda: loop(q0.copy(), p0.copy(), tau, steps)
 
 
-def fastest(calls, repeats):
-    """The shortest time of each call in seconds; the calls take turns."""
-    best = dict.fromkeys(calls, np.inf)
-    for _ in range(repeats):
-        for name, call in calls.items():
-            begin = time.perf_counter()
-            call()
-            best[name] = min(best[name], time.perf_counter() - begin)
-    return best
-
-
 def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--repeats", type=int, default=20)
-    repeats = parser.parse_args().repeats
     print("| system | method | step | run | leapfrog by hand |\n|---|---|---:|---:|---:|")
     for name, (tau, steps) in SETTINGS.items():
         system = nh.systems[name]
@@ -98,7 +85,11 @@ def main():
             calls[method, "step"] = looped(nh.stepper(system, method), system, tau, steps)
             problem = nh.problem(system, method, t_end=tau * steps, summation="plain", energy="none")
             calls[method, "run"] = lambda problem=problem, tau=tau: problem(tau)
-        times = {key: 1e9 * seconds / steps for key, seconds in fastest(calls, repeats).items()}
+        for call in calls.values():
+            call()
+        with pinned():
+            seconds = map(min, interleaved([*calls.values()], PATIENCE))
+        times = {key: 1e9 * shortest / steps for key, shortest in zip(calls, seconds, strict=True)}
         for method in METHODS:
             hand = f"{times['hand']:.0f}" if method == "leapfrog" else ""
             numbers = f"{times[method, 'step']:.0f} | {times[method, 'run']:.0f} | {hand}"

@@ -14,8 +14,8 @@ from llvmlite import binding, ir
 
 from nearharmonic.core import disk
 from nearharmonic.core.layout import Signature
-from nearharmonic.core.native import source_key, target_machine
-from nearharmonic.core.operations import INDEX, PLACEHOLDERS, PREFIX, SCALARS, Kinds, define
+from nearharmonic.core.native import object_code, run_passes, source_key
+from nearharmonic.core.operations import INDEX, PLACEHOLDERS, PREFIX, Kinds, argument_types, define, result_type
 from nearharmonic.errors import CompiledCodeError
 
 #: Types of numbers, and operations on them, in the text of loops: declared, and to be defined.
@@ -26,7 +26,6 @@ _CHOICE = re.compile(rf"= phi ({'|'.join(map(re.escape, _LETTERS))}) .*")
 _OPERATION = re.compile(rf"^declare (.+) @({re.escape(PREFIX)}\w+\.\w+)\(", re.MULTILINE)
 _FORMULA = re.compile(rf"^declare .* @{re.escape(PREFIX)}(\w+)\(", re.MULTILINE)
 _MADE: dict[str, tuple[str, bytes]] = {}
-_SCALARS = {"int64": "int64", "float64": "float64", "bool": "boolean"}
 
 
 def kept(name: str, choice: str, make: Callable[[], tuple[str, bytes]]) -> tuple[str, bytes]:
@@ -58,13 +57,13 @@ def loops(function: Callable[..., Any], signature: Signature) -> tuple[str, byte
     from numba.core import config, registry
     from numba.core.compiler_lock import global_compiler_lock
 
-    from nearharmonic.core.reals import compiled, types
+    from nearharmonic.core.reals import SCALARS, compiled, types
 
     kinds, taken = [], [*inspect.signature(function).parameters]
     by_name = {argument.name: argument for argument in signature.arguments}
     for name in taken:
         argument = by_name.get(name)
-        scalar = types.int64 if argument is None else getattr(types, _SCALARS[argument.scalar])
+        scalar = SCALARS[argument.scalar] if argument else types.int64
         kinds.append(types.CPointer(scalar) if argument and argument.dimensions else scalar)
     # At the first use, numba settles how it optimises all other code of the process.
     registry.cpu_target.target_context.refresh()
@@ -95,22 +94,12 @@ def _make_one(module: Any, name: str) -> None:
             function.linkage = "internal"
             if not any(b"noinline" in attribute for attribute in function.attributes):
                 function.add_function_attribute("alwaysinline")
-    passes = binding.create_new_module_pass_manager()
-    passes.add_always_inliner_pass()
-    passes.add_global_dead_code_eliminate_pass()
-    builder = binding.create_pass_builder(target_machine(), binding.create_pipeline_tuning_options())
-    passes.run(module, builder)
+    run_passes(module, "always_inliner", "global_dead_code_eliminate")
 
 
 def _shorten(module: Any) -> None:
     """Drop what serves numba's variables, which would be dropped anew each time that loops are linked."""
-    passes = binding.create_new_module_pass_manager()
-    passes.add_sroa_pass()
-    passes.add_simplify_cfg_pass()
-    passes.add_aggressive_dce_pass()
-    passes.add_simplify_cfg_pass()
-    builder = binding.create_pass_builder(target_machine(), binding.create_pipeline_tuning_options())
-    passes.run(module, builder)
+    run_passes(module, "sroa", "simplify_cfg", "aggressive_dce", "simplify_cfg")
 
 
 def needed(loops: bytes) -> frozenset[str]:
@@ -122,7 +111,6 @@ def linked(name: str, loops: bytes, written: ir.Module, kinds: Kinds, given: str
     """Name and object code of loops with what is ``written`` of a system, for some lanes.
 
     ``given`` is the text of functions that the formulas call, which become part of them where LLVM finds that good.
-    No arithmetic is re-ordered. Loops are not made vectors of: what is computed side by side is written so.
     """
     zero = "zeroinitializer"
     text = _CHOICE.sub(lambda found: found[0].replace("[ null,", f"[ {zero},"), loops.decode())
@@ -135,13 +123,7 @@ def linked(name: str, loops: bytes, written: ir.Module, kinds: Kinds, given: str
     _make_one(module, name)
     if given:
         _add(module, given)
-    module.verify()
-    machine = target_machine()
-    options = binding.create_pipeline_tuning_options(speed_level=3)
-    options.slp_vectorization = options.loop_vectorization = False
-    builder = binding.create_pass_builder(machine, options)
-    builder.getModulePassManager().run(module, builder)
-    return name, machine.emit_object(module)
+    return name, object_code(module)
 
 
 def alone(name: str, loops: bytes) -> tuple[str, bytes]:
@@ -160,20 +142,15 @@ def _add(module: Any, given: str) -> None:
 def _entry(name: str, entry: str, signature: Signature, taken: Sequence[str]) -> ir.Module:
     """A module with a C function that calls numba's: this returns a status and, by an address, its result."""
     module = ir.Module()
-    names: list[str] = []
-    kinds: list[ir.Type] = []
-    for argument in signature.arguments:
-        scalar = SCALARS[argument.scalar]
-        names += [argument.name, *argument.lengths]
-        kinds += [scalar.as_pointer(), *[INDEX] * argument.dimensions] if argument.dimensions else [scalar]
-    result = SCALARS[signature.result] if signature.result else ir.VoidType()
+    names = [name for argument in signature.arguments for name in (argument.name, *argument.lengths)]
+    kinds, result = argument_types(signature), result_type(signature)
     outer = ir.Function(module, ir.FunctionType(result, [INDEX.as_pointer()] if signature.packed else kinds), entry)
     builder = ir.IRBuilder(outer.append_basic_block())
     given = dict(zip(names, outer.args, strict=False))
     if signature.packed:
         given = {n: _slot(builder, outer.args[0], i, k) for i, (n, k) in enumerate(zip(names, kinds, strict=True))}
     address = ir.IntType(8).as_pointer()
-    returned = builder.alloca(SCALARS[signature.result] if signature.result else address)
+    returned = builder.alloca(result if signature.result else address)
     arguments = [returned, builder.alloca(address), *(given[name] for name in taken)]
     callee = ir.Function(module, ir.FunctionType(ir.IntType(32), [value.type for value in arguments]), name)
     builder.call(callee, arguments)

@@ -140,6 +140,29 @@ def target_machine() -> Any:
     return binding.Target.from_default_triple().create_target_machine(cpu=name, features=features, opt=3, jit=True)
 
 
+def run_passes(module: Any, *names: str) -> None:
+    """Run passes of LLVM on a module, by their names."""
+    passes = binding.create_new_module_pass_manager()
+    for name in names:
+        getattr(passes, f"add_{name}_pass")()
+    passes.run(module, binding.create_pass_builder(target_machine(), binding.create_pipeline_tuning_options()))
+
+
+def object_code(module: Any) -> bytes:
+    """Optimise a module and return its object code.
+
+    No arithmetic is re-ordered. Loops are not made vectors of: what is computed side by side is written so.
+    """
+    module.verify()
+    machine = target_machine()
+    options = binding.create_pipeline_tuning_options(speed_level=3)
+    options.slp_vectorization = options.loop_vectorization = False
+    builder = binding.create_pass_builder(machine, options)
+    builder.getModulePassManager().run(module, builder)
+    code: bytes = machine.emit_object(module)
+    return code
+
+
 def _address(name: str, code: bytes) -> int:
     try:
         engine = binding.create_mcjit_compiler(binding.parse_assembly(""), target_machine())

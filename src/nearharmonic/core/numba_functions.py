@@ -21,7 +21,7 @@ from numba.core import types as numba_types
 from numba.extending import intrinsic
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
-from nearharmonic.core.native import target_machine
+from nearharmonic.core.native import run_passes
 from nearharmonic.core.operations import DOUBLE, PREFIX
 from nearharmonic.core.values import LLVMValue
 
@@ -240,10 +240,7 @@ def _keep_entries(module: Any) -> None:
     for thing in (*module.functions, *module.global_variables):
         if not thing.is_declaration and thing.name not in SYMBOLS.values():
             thing.linkage = "internal"
-    passes = binding.create_new_module_pass_manager()
-    passes.add_global_dead_code_eliminate_pass()
-    builder = binding.create_pass_builder(target_machine(), binding.create_pipeline_tuning_options())
-    passes.run(module, builder)
+    run_passes(module, "global_dead_code_eliminate")
     module.verify()
 
 

@@ -14,6 +14,8 @@ from typing import Any
 
 from llvmlite import ir
 
+from nearharmonic.core.layout import Signature
+
 PREFIX = "nearharmonic."
 DOUBLE, INDEX, TRUTH = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
 #: Address spaces of pointers that stand for a real, a point and the parameters until loops are linked. As there is
@@ -21,6 +23,20 @@ DOUBLE, INDEX, TRUTH = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
 PLACEHOLDERS = {"R": 1001, "P": 1002, "C": 1003}
 #: Numbers of a :class:`nearharmonic.core.layout.Signature`.
 SCALARS: dict[str, ir.Type] = {"int64": INDEX, "float64": DOUBLE, "bool": ir.IntType(8)}
+
+
+def argument_types(signature: Signature) -> list[ir.Type]:
+    """Types of a C function's arguments: numbers, and arrays as the address of the first number and the lengths."""
+    found: list[ir.Type] = []
+    for argument in signature.arguments:
+        kind = SCALARS[argument.scalar]
+        found += [kind.as_pointer(), *[INDEX] * argument.dimensions] if argument.dimensions else [kind]
+    return found
+
+
+def result_type(signature: Signature) -> ir.Type:
+    """Type of a C function's result."""
+    return SCALARS[signature.result] if signature.result else ir.VoidType()
 
 
 def _called(name: str) -> Callable[..., ir.Value]:

@@ -82,17 +82,12 @@ def row_loader(form: Form) -> Any:
 def _move(form: Form) -> Any:
     """The move of a form: :mod:`nearharmonic.core.step`, or :mod:`nearharmonic.core.rotation`."""
     if form.turning:
-        rotated = (
-            rotation.rotated_double_double if form.extended
-            else rotation.rotated_compensated if form.compensated
-            else rotation.rotated_plain
-        )  # fmt: skip
+        rotated = rotation.rotated(form)
         return compiled(lambda state, row, f, parameters: rotated(state, row, f))
     rates = _rates(form)
     velocity, acceleration = linked("velocity", rates), linked("acceleration", rates)
-    update = step.double_double if form.extended else step.compensated if form.compensated else step.plain
     if not form.ahead:
-        move = step.momentum_first(velocity, update)
+        move = step.momentum_first(velocity, step.update_of(form))
     elif form.compensated:
         move = step.ahead_compensated(velocity, acceleration)
     else:
@@ -110,15 +105,9 @@ def _move(form: Form) -> Any:
     return move_some
 
 
-def _sheared(form: Form) -> Any:
-    if form.extended:
-        return rotation.sheared_double_double
-    return rotation.sheared_compensated if form.compensated else rotation.sheared_plain
-
-
 def _closed(form: Form, move: Any) -> Any:
     """``closed(state, row, f, parameters)``: the state at the end of a step, which is a move away."""
-    sheared, turning = _sheared(form), form.turning
+    sheared, turning = rotation.sheared(form), form.turning
     late_by = form.compensated and form.ahead
 
     @compiled
@@ -201,7 +190,7 @@ def _opened(form: Form, row_of: Any, move: Any) -> Any:
     """
     if not form.turning:
         return compiled(lambda state, moves, parameters: state)
-    sheared, extended = _sheared(form), form.extended
+    sheared, extended = rotation.sheared(form), form.extended
 
     @compiled
     def opened(state, moves, parameters):  # type: ignore[no-untyped-def]
@@ -248,11 +237,8 @@ def motion(form: Form) -> Motion:
 def measured() -> Measured:
     """Return the energies of states that are points."""
     pair = types.UniTuple(REAL, 2)
-    energy, rounding, energies = (
-        linked("energy", pair),
-        linked("rounding", pair),
-        linked("energies", types.UniTuple(REAL, 4)),
-    )
+    energy, rounding = linked("energy", pair), linked("rounding", pair)
+    energies = linked("energies", types.UniTuple(REAL, 4))
     potential, kinetic = linked("potential", REAL), linked("kinetic", REAL)
     return Measured(
         compiled(lambda seen, parameters: energy(*seen, parameters)),

@@ -19,9 +19,11 @@ from numba.extending import intrinsic, lower_builtin, models, overload, register
 
 from nearharmonic.core import arithmetic
 from nearharmonic.core.layout import Signature
-from nearharmonic.core.operations import INDEX, PLACEHOLDERS, PREFIX, SCALARS, TRUTH
+from nearharmonic.core.operations import PLACEHOLDERS, PREFIX, TRUTH, argument_types, result_type
 
 types: Any = numba_types
+#: Numbers of a :class:`nearharmonic.core.layout.Signature`.
+SCALARS = {"int64": types.int64, "float64": types.float64, "bool": types.boolean}
 
 
 def compiled(function: Callable[..., Any]) -> Any:
@@ -236,11 +238,8 @@ def linked_number(name: str) -> Any:
 
 def at_address(signature: Signature) -> Any:
     """Return ``call(address, ...)``, a call of the C function at an address; behind an array stand its lengths."""
-    kinds: list[ir.Type] = []
-    for argument in signature.arguments:
-        kind = SCALARS[argument.scalar]
-        kinds += [kind.as_pointer(), *[INDEX] * argument.dimensions] if argument.dimensions else [kind]
-    pointer = ir.FunctionType(SCALARS[signature.result] if signature.result else ir.VoidType(), kinds).as_pointer()
+    kinds = argument_types(signature)
+    pointer = ir.FunctionType(result_type(signature), kinds).as_pointer()
 
     @intrinsic
     def call(typing, *given):  # type: ignore[no-untyped-def]
@@ -250,7 +249,7 @@ def at_address(signature: Signature) -> Any:
             found = builder.call(builder.inttoptr(address, pointer), passed)
             return found if signature.result else context.get_dummy_value()
 
-        result = getattr(types, signature.result) if signature.result else types.void
+        result = SCALARS[signature.result] if signature.result else types.void
         return result(types.StarArgTuple(_star(given))), codegen
 
     return call

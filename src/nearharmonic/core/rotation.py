@@ -18,7 +18,8 @@ from typing import Any
 from nearharmonic.core.arithmetic import fma
 from nearharmonic.core.layout import TURNS
 from nearharmonic.core.reals import POINT, compiled, linked, load_real
-from nearharmonic.core.step import compensated, double_double, plain
+from nearharmonic.core.shape import Form
+from nearharmonic.core.step import compensated, double_double, update_of
 
 
 @compiled
@@ -54,28 +55,25 @@ def rotated_double_double(state, row, f):  # type: ignore[no-untyped-def]
     return q, q_low, p, p_low, late
 
 
-@compiled
-def sheared_compensated(state, row):  # type: ignore[no-untyped-def]
-    """The state with the shear p += ... q that a row has behind its move."""
-    q, q_low, p, p_low, late = state
-    p, p_low = compensated(p, p_low, row[-1], q)
-    return q, q_low, p, p_low, late
+def rotated(form: Form) -> Any:
+    """Return the rotation of a form: one of the three functions above."""
+    return rotated_double_double if form.extended else rotated_compensated if form.compensated else rotated_plain
 
 
-@compiled
-def sheared_plain(state, row):  # type: ignore[no-untyped-def]
-    """The same with plain sums."""
-    q, q_low, p, p_low, late = state
-    p, p_low = plain(p, p_low, row[-1], q)
-    return q, q_low, p, p_low, late
+def sheared(form: Form) -> Any:
+    """Return ``sheared(state, row)``: the state with the shear p += ... q that a row has behind its move."""
+    update, extended = update_of(form), form.extended
 
+    @compiled
+    def shear(state, row):  # type: ignore[no-untyped-def]
+        q, q_low, p, p_low, late = state
+        if extended:
+            p, p_low = update(p, p_low, row[-1], (q, q_low))
+        else:
+            p, p_low = update(p, p_low, row[-1], q)
+        return q, q_low, p, p_low, late
 
-@compiled
-def sheared_double_double(state, row):  # type: ignore[no-untyped-def]
-    """The same in double-double."""
-    q, q_low, p, p_low, late = state
-    p, p_low = double_double(p, p_low, row[-1], (q, q_low))
-    return q, q_low, p, p_low, late
+    return shear
 
 
 def row_loader(*, extended: bool) -> Any:

@@ -22,6 +22,7 @@ from typing import Any
 
 from nearharmonic.core.arithmetic import dd_add, dd_mul, fma
 from nearharmonic.core.reals import compiled
+from nearharmonic.core.shape import Form
 
 #: A compiled function.
 Move = Any
@@ -45,6 +46,11 @@ def plain(y: Any, carry: Any, c: Any, rate: Any) -> Any:
 def double_double(y: Any, low: Any, c: Any, rate: Any) -> Any:
     """y += c rate, each a pair."""
     return dd_add((y, low), dd_mul(c, rate))
+
+
+def update_of(form: Form) -> Any:
+    """Return how a form adds: one of the three functions above."""
+    return double_double if form.extended else compensated if form.compensated else plain
 
 
 def ahead_compensated(velocity: Any, acceleration: Any) -> Move:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nearharmonic.core.layout import ADVANCE, STEP
-from nearharmonic.engine.batch import parameters_compiled_in
+from nearharmonic.engine.batch import parameters_at_run_time
 from nearharmonic.engine.coefficients import exact_products
 from nearharmonic.engine.continuation import start_of
 from nearharmonic.engine.kernels import kernel_of, physics_of
@@ -74,31 +74,31 @@ def stepper(
 
 def step_of(problem: Problem, parameters: Mapping[str, Any] | None = None) -> Step:
     """Return the machine code and the coefficients of a step of ``problem``."""
-    from nearharmonic.core.kernel import build_step
+    from nearharmonic.core.kernel import build_step, room
     from nearharmonic.core.stepper.call import Step
     from nearharmonic.core.stepper.products import table_of
 
     system, tableau = problem.system, problem.tableau
     numerics = replace(problem.numerics, width=1)
-    given = start_of(problem, parameters=parameters).parameters
-    kernel = kernel_of(system, numerics.compiled, modified=tableau.modified)
-    if kernel.parameters < len(system.parameters):
-        given = parameters_compiled_in(system, given)
+    given = parameters_at_run_time(system, numerics, start_of(problem, parameters=parameters).parameters)
     if isinstance(tableau, ModifiedTableau):
         power, rows = 3, exact_moves(tableau)
         flags = np.ascontiguousarray(modified_moves(tableau, [Fraction(1)], 1)[0, :, -1])
     else:
         power, rows = 2, [(Fraction(*k), Fraction(*e), Fraction(*ke)) for k, e, ke in exact_products(tableau)]
         flags = np.zeros(len(rows))
-    in_memory = system.formulas().are_loops
     physics = physics_of(system, modified=tableau.modified)
-    function = kernel.advance() if in_memory else build_step(physics, compensated=numerics.compensated)
+    in_memory = physics.loops is not None
+    if in_memory:
+        function = kernel_of(system, numerics.compiled, modified=tableau.modified).advance()
+    else:
+        function = build_step(physics, compensated=numerics.compensated)
     return Step(
         name=system.name,
         address=function.address,
         signature=ADVANCE if in_memory else STEP,
-        dimension=kernel.dimension,
-        room=kernel.room,
+        dimension=physics.dimension,
+        room=room(physics, extended=False),
         compensated=numerics.compensated,
         kick_first=tableau.first == "kick",
         table=table_of(rows, (1, 1, power)),

@@ -12,7 +12,7 @@ from llvmlite import binding, ir
 from numpy.typing import NDArray
 
 from nearharmonic.core.layout import Signature, floats
-from nearharmonic.core.native import code_key, native, target_machine
+from nearharmonic.core.native import code_key, native, object_code
 from nearharmonic.core.number import FUNCTIONS
 from nearharmonic.core.values import LLVMValue
 
@@ -37,17 +37,7 @@ def elementwise(body: Body, rows: int, width: int, symbol: str = "elementwise") 
     symbol : str
         Name of the function.
     """
-    return symbol, _object_code(loop(body, rows, width, symbol))
-
-
-def _object_code(module: ir.Module) -> bytes:
-    parsed, machine = binding.parse_assembly(str(module)), target_machine()
-    options = binding.create_pipeline_tuning_options(speed_level=2)
-    options.loop_vectorization = options.slp_vectorization = False
-    builder = binding.create_pass_builder(machine, options)
-    builder.getModulePassManager().run(parsed, builder)
-    code: bytes = machine.emit_object(parsed)
-    return code
+    return symbol, object_code(binding.parse_assembly(str(loop(body, rows, width, symbol))))
 
 
 def loop(body: Body, rows: int, width: int, symbol: str) -> ir.Module:
@@ -117,7 +107,7 @@ def of_numbers(name: str) -> Callable[..., float]:
         builder = ir.IRBuilder(function.append_basic_block())
         result = double.FUNCTIONS[name](*(LLVMValue(builder, x) for x in function.args))
         builder.ret(result.value)
-        return name_in_c(name), _object_code(module)
+        return name_in_c(name), object_code(binding.parse_assembly(str(module)))
 
     address = native(f"number-{name}-{code_key()}", signature, make).address
     # called as it is: a signature's conversion of arguments takes ten times as long as a sine

@@ -11,6 +11,7 @@ from typing import Any
 from nearharmonic.core import step
 from nearharmonic.core.layout import KICK
 from nearharmonic.core.loops.tables import BLOCK
+from nearharmonic.core.points import load_state
 from nearharmonic.core.reals import (
     REAL,
     all_zero,
@@ -58,28 +59,15 @@ def _put(rows, at, first, value):  # type: ignore[no-untyped-def]
 @compiled
 def _load(rows, first):  # type: ignore[no-untyped-def]
     """A block of the state that runs."""
-    d, at = _dimension(), _running() + first
-    return (
-        load_point(rows, at), load_point(rows, at + d), load_point(rows, at + 2 * d), load_point(rows, at + 3 * d),
-        load_point(rows, at + 4 * d),
-    )  # fmt: skip
+    at = _running() + first
+    return (*load_state(rows, at), load_point(rows, at + 4 * _dimension()))
 
 
-def _kept(*, extended: bool) -> tuple[Any, Any]:
-    """What loads a block of forces, and of velocities."""
+def _kept(at: Any, plane: Any, *, extended: bool) -> Any:
+    """What loads a block of rates that are kept from a place on."""
     if extended:
-        return (
-            compiled(lambda rows, i: (
-                load_point(rows, _force_at() + i), load_point(rows, _force_at() + _force_plane() + i)
-            )),
-            compiled(lambda rows, i: (
-                load_point(rows, _velocity_at() + i), load_point(rows, _velocity_at() + _velocity_plane() + i)
-            )),
-        )  # fmt: skip
-    return (
-        compiled(lambda rows, i: load_point(rows, _force_at() + i)),
-        compiled(lambda rows, i: load_point(rows, _velocity_at() + i)),
-    )
+        return compiled(lambda rows, i: (load_point(rows, at() + i), load_point(rows, at() + plane() + i)))
+    return compiled(lambda rows, i: load_point(rows, at() + i))
 
 
 def _move_of_unit_masses(form: Form) -> Any:
@@ -87,10 +75,10 @@ def _move_of_unit_masses(form: Form) -> Any:
     if form.ahead:
         move = (step.ahead_compensated if form.compensated else step.ahead_plain)(_of_coordinates, _of_coordinates)
     elif form.extended:
-        move = step.momentum_first(_of_extended_momenta, step.double_double)
+        move = step.momentum_first(_of_extended_momenta, step.update_of(form))
     else:
-        move = step.momentum_first(_of_momenta, step.compensated if form.compensated else step.plain)
-    force, _ = _kept(extended=form.extended)
+        move = step.momentum_first(_of_momenta, step.update_of(form))
+    force = _kept(_force_at, _force_plane, extended=form.extended)
     late_by = form.compensated and form.ahead
 
     @compiled
@@ -112,8 +100,9 @@ def _move_of_unit_masses(form: Form) -> Any:
 
 def _move_of_masses(form: Form) -> Any:
     """The same where velocities are computed from all momenta."""
-    update = step.double_double if form.extended else step.compensated if form.compensated else step.plain
-    force, velocity = _kept(extended=form.extended)
+    update = step.update_of(form)
+    force = _kept(_force_at, _force_plane, extended=form.extended)
+    velocity = _kept(_velocity_at, _velocity_plane, extended=form.extended)
     velocities = linked("velocities", types.void)
 
     @compiled

@@ -17,13 +17,12 @@ from numba.core import types as numba_types
 from numba.extending import intrinsic, overload
 
 from nearharmonic.core.layout import COLUMNS, TALLY, Floats, Signature, running_at, running_rows
-from nearharmonic.core.operations import SCALARS
+from nearharmonic.core.reals import at_address
 from nearharmonic.core.stepper.recent_moves import empty_slots, recall
 
 types: Any = numba_types
 #: Arrays whose addresses are in machine code.
 _KEPT: list[Floats] = []
-_NUMBA = {"int64": types.int64, "float64": types.float64, "bool": types.boolean}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,8 +113,8 @@ def _with_moves(step: Step) -> Any:
 
     @numba.njit((*[types.CPointer(types.float64)] * 4, types.float64))
     def advance(q, carry_q, p, carry_p, tau):  # type: ignore[no-untyped-def]
-        moves = numba.carray(room(), (count,))
-        recall(slots(), table, flags, power, tau, moves)
+        moves = room()
+        recall(slots(), table, flags, power, tau, numba.carray(moves, (count,)))
         advanced(moves, q, carry_q, p, carry_p)
 
     return advance
@@ -139,19 +138,22 @@ def _check(tau, *arrays):  # type: ignore[no-untyped-def]
 
 def _at_once(step: Step) -> Any:
     """Return ``advanced(moves, q, carry_q, p, carry_p)``, which calls a function of one step."""
-    call, stages, kick_first = _caller(step), len(step.flags) - 2, step.kick_first
+    call, code, d = at_address(step.signature), _fixed(step.address, types.int64), step.dimension
+    stages, count, kick_first = len(step.flags) - 2, COLUMNS * len(step.flags), step.kick_first
     parameters = step.parameters if step.parameters.size else np.zeros(2)
 
     @numba.njit
     def advanced(moves, q, carry_q, p, carry_p):  # type: ignore[no-untyped-def]
-        call(stages, kick_first, moves, parameters, q, carry_q, p, carry_p)
+        given = _data(parameters)
+        call(code(), stages, kick_first, moves, count, given, parameters.size, q, d, carry_q, d, p, d, carry_p, d)
 
     return advanced
 
 
 def _in_memory(step: Step) -> Any:
     """Return ``advanced`` as above, which calls a kernel whose state is in rows."""
-    call, stages, kick_first, d = _caller(step), len(step.flags) - 2, step.kick_first, step.dimension
+    call, code, d = at_address(step.signature), _fixed(step.address, types.int64), step.dimension
+    stages, coefficients, kick_first = len(step.flags) - 2, COLUMNS * len(step.flags), step.kick_first
     parameters, compensated = step.parameters, step.compensated
     count, behind = parameters.size, 4 * d + TALLY
     running = running_at(d, count // 2)
@@ -165,7 +167,7 @@ def _in_memory(step: Step) -> Any:
             rows[running + i], rows[running + 2 * d + i] = q[i], p[i]
             if compensated:
                 rows[running + d + i], rows[running + 3 * d + i] = carry_q[i], carry_p[i]
-        call(1, stages, kick_first, moves, rows)
+        call(code(), 1, stages, kick_first, moves, coefficients, _data(rows), size)
         for i in range(d):
             q[i], p[i] = rows[i], rows[2 * d + i]
             if compensated:
@@ -191,52 +193,19 @@ def _stack(count: int) -> Any:
 def address_of(array: Floats) -> Any:
     """Return a function that returns the address of an array, which then lives as long as the process."""
     _KEPT.append(array)
-    address = array.ctypes.data
+    return _fixed(array.ctypes.data, types.CPointer(types.float64))
+
+
+def _fixed(address: int, kind: Any) -> Any:
+    """Return a function that returns an address of this process, so that numba does not keep its callers on disk."""
 
     @intrinsic
     def place(typing):  # type: ignore[no-untyped-def]
         def codegen(context, builder, signature, values):  # type: ignore[no-untyped-def]
             found = context.add_dynamic_addr(builder, address, info="nearharmonic.stepper")
-            return builder.bitcast(found, ir.DoubleType().as_pointer())
+            wanted = context.get_value_type(kind)
+            return builder.ptrtoint(found, wanted) if kind == types.int64 else builder.bitcast(found, wanted)
 
-        return types.CPointer(types.float64)(), codegen
+        return kind(), codegen
 
     return place
-
-
-def _caller(step: Step) -> Any:
-    """Return a function that calls the machine code of a step.
-
-    numba does not keep the caller on disk, as it is told that the address is of this process.
-    """
-    signature, address, d = step.signature, step.address, step.dimension
-
-    @intrinsic
-    def call(typing, *given):  # type: ignore[no-untyped-def]
-        taken = types.StarArgTuple(
-            [
-                found if argument.dimensions else _NUMBA[argument.scalar]
-                for found, argument in zip(given[0] if len(given) == 1 else given, signature.arguments, strict=True)
-            ]
-        )
-
-        def codegen(context, builder, typed, values):  # type: ignore[no-untyped-def]
-            passed = []
-            for i, argument in enumerate(signature.arguments):
-                value, kind = builder.extract_value(values[0], i), taken[i]
-                if isinstance(kind, types.Array):
-                    array = context.make_array(kind)(context, builder, value)
-                    passed += [array.data, array.nitems]
-                elif argument.dimensions:
-                    passed += [value, context.get_constant(types.int64, d)]
-                else:
-                    passed.append(context.get_value_as_argument(builder, kind, value))
-            result = SCALARS[signature.result] if signature.result else ir.VoidType()
-            function = ir.FunctionType(result, [value.type for value in passed]).as_pointer()
-            place = context.add_dynamic_addr(builder, address, info="nearharmonic.stepper")
-            builder.call(builder.bitcast(place, function), passed)
-            return context.get_dummy_value()
-
-        return types.void(taken), codegen
-
-    return call

@@ -14,16 +14,12 @@ from collections.abc import Sequence
 from fractions import Fraction
 from math import frexp, ldexp
 
-import numba
 import numpy as np
-from numba.core import types
-from numba.extending import intrinsic, overload
 
-from nearharmonic.core import arithmetic
-from nearharmonic.core.arithmetic import two_product, two_sum
+from nearharmonic.core import reals  # noqa: F401 (tells numba what the functions of arithmetic are)
+from nearharmonic.core.arithmetic import fma, two_product, two_sum
 from nearharmonic.core.jit import jit
 from nearharmonic.core.layout import COLUMNS, DRIFT, KICK, PRODUCT, REST, SQUARE, Floats
-from nearharmonic.core.operations import ELEMENTWISE
 
 #: Bits that a double of a sum adds at least.
 BITS = 53
@@ -65,21 +61,6 @@ def table_of(rows: Sequence[Sequence[Fraction]], powers: Sequence[int]) -> Float
     return table
 
 
-@intrinsic
-def _fma(typing, x, y, z):  # type: ignore[no-untyped-def]
-    emit = ELEMENTWISE["fma"]
-    return types.float64(x, y, z), lambda context, builder, signature, values: emit(builder, *values)
-
-
-@overload(arithmetic.fma)
-def _fma_of_doubles(x, y, z):  # type: ignore[no-untyped-def]
-    return (lambda x, y, z: _fma(x, y, z)) if (x, y, z) == (types.float64,) * 3 else None  # noqa: PLW0108
-
-
-for _transform in (two_sum, two_product):
-    numba.extending.register_jitable(_transform)
-
-
 @jit
 def _power(tau: float, n: int) -> tuple[float, float]:
     """Return tau^n as a pair, for n = 1, 2 or 3."""
@@ -89,14 +70,14 @@ def _power(tau: float, n: int) -> tuple[float, float]:
     if n == 2:
         return high, low
     product, error = two_product(high, tau)
-    return product, arithmetic.fma(low, tau, error)
+    return product, fma(low, tau, error)
 
 
 @jit
 def _neighbours(c: float, c_low: float, high: float, low: float) -> tuple[float, float]:
     """Return the double nearest to a product of pairs, twice; or the two doubles of which one is the nearest."""
     product, error = two_product(c, high)
-    rest = arithmetic.fma(c, low, arithmetic.fma(c_low, high, error))
+    rest = fma(c, low, fma(c_low, high, error))
     bound = abs(product) * UNCERTAIN
     return product + (rest - bound), product + (rest + bound)
 
