@@ -15,6 +15,7 @@ from nearharmonic.core.native import NativeFunction
 from nearharmonic.core.stepper.products import fill
 from nearharmonic.engine.stepper import step_of
 from nearharmonic.errors import SettingError, UnknownNameError
+from numba_potentials import springs
 
 RNG = np.random.default_rng(1)
 ALL = list(nh.integrators)
@@ -173,6 +174,14 @@ def test_arrays_of_another_length_are_refused(step):
 def test_arguments_of_other_types_are_refused(step, q, tau, named):
     with pytest.raises(TypingError, match=rf"a step takes .*; this is {named}"):
         step(q, np.zeros(2), tau)
+
+
+def test_a_step_of_a_potential_of_numba_has_the_bits_of_a_run():
+    system, state = springs(), tuple(np.array([x]) for x in (0.7, -0.2, 0.0, 0.0))
+    after = run_of_one_step(system, "babs7o7h", 0.375, state, summation="plain")
+    q, p = (x.copy() for x in state[:2])
+    nh.stepper(system, "babs7o7h")(q, p, 0.375)
+    assert (q[0], p[0]) == (after[0][0], after[1][0])
 
 
 def test_numba_does_not_keep_addresses_on_disk(step, tmp_path):
