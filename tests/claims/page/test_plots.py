@@ -10,6 +10,9 @@ import pytest
 from bokeh.document import Document
 
 import figure_cubes as made
+import nearharmonic as nh
+from nearharmonic.claims.page.plots.energy_error import energy_error
+from numba_potentials import springs
 from page_reader import written
 from page_results import PLOTS
 
@@ -66,6 +69,17 @@ def test_every_error_of_the_cube_that_can_be_drawn_is_in_its_panel_bit_by_bit(
         np.testing.assert_array_equal(data["x"][drawn], made.TAU[there])
         np.testing.assert_array_equal(data["evaluations"][drawn], cost[there])
         assert made.label(one.tags[0]) in one.name
+
+
+def test_errors_near_the_floor_of_a_potential_have_it_beside_them():
+    """The cube of a spring of numba: its errors are those of a sweep down to rounding."""
+    near = nh.sweep(springs(), "babs7o7h", [1e-3, 1e-2, 1e-1])
+    far = nh.sweep(springs(), "leapfrog", [0.1, 0.2])
+    for runs, count in ((near, 1), (far, 0)):
+        cube = runs.rename({runs.status.dims[0]: "tau_per_stage"}).expand_dims(integrator=["any"])
+        for panel in energy_error(cube.assign_coords(label=("integrator", ["any"]))):
+            spans = [one for one in panel.plot["center"] if one.kind == "Span"]
+            assert [one["location"] for one in spans] == [runs.energy_floor] * count
 
 
 def test_a_run_that_left_its_surface_stands_on_the_edge(plots):

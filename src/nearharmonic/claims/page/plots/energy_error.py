@@ -9,6 +9,7 @@ import numpy as np
 from nearharmonic.claims.page.plots import panels
 from nearharmonic.claims.page.plots.models import Field, Model
 from nearharmonic.claims.page.plots.panels import Panel
+from nearharmonic.experiments.paper.figures.floor import floor_name, floor_near
 from nearharmonic.experiments.paper.figures.levels import LARGEST_ERROR, energy_error_label
 
 if TYPE_CHECKING:
@@ -44,9 +45,12 @@ class _Profile:
     def __init__(self, cube: xr.Dataset) -> None:
         unit = cube["tau_per_stage"].attrs.get("units", "1")
         self._unit = "" if unit == "1" else f" {unit}"
+        floors = {name: floor for name in PANELS if (floor := floor_near([cube], name))}
         ranges = (
             panels.span([cube["tau_per_stage"].values], logarithmic=True),
-            panels.span([cube[name].values for name in PANELS], logarithmic=True, highest=LARGEST_ERROR),
+            panels.span(
+                [*(cube[name].values for name in PANELS), [*floors.values()]], logarithmic=True, highest=LARGEST_ERROR
+            ),
         )
         self._edge = ranges[1]["end"] * _EDGE
         x_label = "step size per stage, τ/s" + (f" ({unit})" if self._unit else "")
@@ -55,6 +59,8 @@ class _Profile:
         self._plots = {name: panels.new_plot(ranges, (x_label, self._labels[name])) for name in PANELS}
         for plot in self._plots.values():
             _add_slopes(plot)
+        for name, floor in floors.items():
+            panels.add_level(self._plots[name], floor, floor_name(floor))
         self._hits: dict[str, list[Any]] = {name: [] for name in PANELS}
         self._crosses: dict[str, list[Any]] = {name: [] for name in PANELS}
 

@@ -196,6 +196,14 @@ def add_markers(plot: Model, source: Model, at: tuple[str, str], method: str, na
     return add(plot, source, Model("Scatter", x=Field(at[0]), y=Field(at[1]), **(look | seen | changes)), method, name)
 
 
+def add_level(plot: Model, level: float, text: str) -> None:
+    """Add a horizontal line with its name at the right end."""
+    plot["center"].append(Model("Span", location=level, dimension="width", line_color="#404040", line_dash=[6, 3]))
+    at = {"x": plot["x_range"]["end"], "y": level, "x_offset": -8, "y_offset": 4}
+    look = {"text_align": "right", "text_font_size": "12px", "text_color": "#404040", "text_font": FONT}
+    plot["center"].append(Model("Label", text=text, background_fill_color="#ffffff", **at, **look))
+
+
 def add_hits(plot: Model, source: Model, at: tuple[str, str], method: str, name: str) -> list[Model]:
     """Draw what a hover finds the points ``at``, x and y, by; return the renderers.
 

@@ -34,7 +34,8 @@ def perihelion(cube: xr.Dataset) -> list[Panel]:
         panels.span([advance[np.isfinite(runs["perihelion_advance_interval"].values)]], logarithmic=True),
     )
     plot = panels.new_plot(ranges, ("force evaluations per orbit", _TEXT), height=460)
-    _add_relativity(plot, MERCURY_RELATIVISTIC_ADVANCE / century)
+    relativity = f"general relativity: {MERCURY_RELATIVISTIC_ADVANCE}″ per century"
+    panels.add_level(plot, MERCURY_RELATIVISTIC_ADVANCE / century, relativity)
     methods = cube.sizes["integrator"]
     dots = [dot for turn in range(methods) for dot in _draw(plot, runs.isel(integrator=turn), (turn, methods), century)]
     rows = [
@@ -79,11 +80,3 @@ def _draw(plot: Model, runs: xr.Dataset, turn: tuple[int, int], century: float) 
     cross = {"marker": "x", "angle": 0.0, "size": 5, "line_alpha": 0.5}
     crosses = panels.add_markers(plot, zero, (_X, _Y), method, label, **cross)
     return [*panels.add_hits(plot, source, (_X, _Y), method, label), crosses]
-
-
-def _add_relativity(plot: Model, level: float) -> None:
-    plot["center"].append(Model("Span", location=level, dimension="width", line_color="#404040", line_dash=[6, 3]))
-    text = f"general relativity: {MERCURY_RELATIVISTIC_ADVANCE}″ per century"
-    at = {"x": plot["x_range"]["end"], "y": level, "x_offset": -8, "y_offset": 4}
-    look = {"text_align": "right", "text_font_size": "12px", "text_color": "#404040", "text_font": panels.FONT}
-    plot["center"].append(Model("Label", text=text, background_fill_color="#ffffff", **at, **look))

@@ -6,22 +6,20 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.axes import Axes
 
 #: The line is drawn where an error is at most so many times the floor: elsewhere it would only make the axis longer.
 SHOWN = 100.0
 
 
-def draw_floor(axes: Axes, given: Sequence[xr.Dataset], variable: str) -> None:
-    """Draw the highest floor of results, with its name, if any of their errors is near it.
+def floor_near(given: Sequence[xr.Dataset], variable: str) -> float:
+    """Return the highest floor of results, or 0 if none of their errors is near it.
 
     Parameters
     ----------
-    axes : Axes
-        Logarithmic in energy errors.
     given : sequence of xarray.Dataset
         Results of ``integrate``, ``sweep`` or ``ensemble``, or cubes, whose attribute ``energy_floor`` is the floor.
     variable : str
@@ -29,10 +27,21 @@ def draw_floor(axes: Axes, given: Sequence[xr.Dataset], variable: str) -> None:
     """
     floor = max(float(one.attrs.get("energy_floor", 0)) for one in given)
     errors = np.concatenate([np.abs(np.ravel(one[variable].values)) for one in given])
-    if not np.any((errors > 0) & (errors <= SHOWN * floor)):
+    return floor if np.any((errors > 0) & (errors <= SHOWN * floor)) else 0.0
+
+
+def floor_name(floor: float) -> str:
+    """Return what stands beside the line."""
+    return f"rounding of V, {floor:.0e}"
+
+
+def draw_floor(axes: Axes, given: Sequence[xr.Dataset], variable: str) -> None:
+    """Draw :func:`floor_near`, unless it is 0, on axes that are logarithmic in energy errors."""
+    floor = floor_near(given, variable)
+    if not floor:
         return
     axes.axhline(floor, color="#595959", linewidth=0.7, linestyle=(0, (1, 1.5)), zorder=1.5)
     axes.annotate(
-        f"rounding of V, {floor:.0e}", (0.99, floor), xycoords=axes.get_yaxis_transform(), xytext=(0, 2),
+        floor_name(floor), (0.99, floor), xycoords=axes.get_yaxis_transform(), xytext=(0, 2),
         textcoords="offset points", ha="right", color="#595959", fontsize=8,
     )  # fmt: skip
