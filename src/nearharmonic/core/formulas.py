@@ -228,7 +228,7 @@ class _Memory:
         return LLVMValue(self.builder, self.builder.load(self.builder.gep(array, [INDEX(at)])))
 
     def pair(self, array: ir.Value, at: int) -> DoubleDouble:
-        """Of two neighbours."""
+        """Return the number of two neighbours."""
         return DoubleDouble(self._double(array, at), self._double(array, at + 1))
 
     def pairs(self, array: ir.Value, at: int, count: int) -> tuple[DoubleDouble, ...]:

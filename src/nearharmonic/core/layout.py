@@ -55,7 +55,7 @@ class Argument:
 
     @property
     def dimensions(self) -> int:
-        """Of an array; 0 for a number."""
+        """Dimensions of an array; 0 for a number."""
         return len(self.lengths)
 
 

@@ -1,6 +1,6 @@
-"""Kernels: loops that numba compiled for a shape, and the formulas of a system, linked and optimised as one.
+"""Kernels: loops that numba compiled for a form, and the formulas of a system, linked and optimised as one.
 
-What numba made of a shape is kept, in LLVM's language, so that a new system needs no numba where its shape is known.
+What numba made of a form is kept, in LLVM's language, so that a new system needs no numba where its form is known.
 """
 
 from __future__ import annotations

@@ -99,7 +99,7 @@ def compiled_code(V: Any, grad_V: Any, dimension: int, parameters: int) -> Numba
 
 
 def _types(V: Any, grad_V: Any, dimension: int, parameters: int) -> tuple[bool, dict[str, Any]]:
-    """Whether both functions compile for a tuple, which is tried first, or else for an array; and what they return."""
+    """Tell whether both functions compile for a tuple, tried first, or else for an array; and what they return."""
     tried = {False: types.Array(types.float64, 1, "C")}
     if dimension <= LONGEST_TUPLE:
         tried = {True: types.UniTuple(types.float64, dimension)} | tried

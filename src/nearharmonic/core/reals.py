@@ -152,19 +152,19 @@ def where_zero(typing, x, yes, no):  # type: ignore[no-untyped-def]
 
 @intrinsic
 def all_within(typing, x, bound):  # type: ignore[no-untyped-def]
-    """Whether x <= bound in every lane; a NaN is not."""
+    """True if x <= bound in every lane; a NaN is not."""
     return types.boolean(x, bound), _operation("all_within")
 
 
 @intrinsic
 def all_greater(typing, x, bound):  # type: ignore[no-untyped-def]
-    """Whether x > bound in every lane."""
+    """True if x > bound in every lane."""
     return types.boolean(x, bound), _operation("all_greater")
 
 
 @intrinsic
 def all_zero(typing, x):  # type: ignore[no-untyped-def]
-    """Whether x = 0 in every lane."""
+    """True if x = 0 in every lane."""
     return types.boolean(x), _operation("all_zero")
 
 

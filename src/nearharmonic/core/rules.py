@@ -43,7 +43,7 @@ class Rules:
 
     @property
     def looks_ahead(self) -> bool:
-        """Whether the new position is computed beside the new momentum: see :mod:`nearharmonic.core.step`."""
+        """True if the new position is computed beside the new momentum: see :mod:`nearharmonic.core.step`."""
         known = self.physics.acceleration is not None or self.physics.turning is not None
         return known and not self.extended
 

@@ -121,7 +121,7 @@ def _resume(rows, lanes, lane, shape, resumed, r, merged, columns):  # type: ign
 
 @compiled
 def _steps_to_next_sample(runs, at, mark, width, marks, samples):  # type: ignore[no-untyped-def]
-    """Of the lane that is nearest to one; :data:`FAR` if all lanes are idle."""
+    """Return the fewest steps of a lane to its next sample; :data:`FAR` if all lanes are idle."""
     count = FAR
     for lane in range(width):
         if runs[lane] >= 0:

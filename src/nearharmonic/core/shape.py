@@ -1,4 +1,4 @@
-"""What compiled loops depend on: systems of one form share them, whatever their coordinates and lanes."""
+"""Forms of compiled loops: systems of one form share them, whatever their coordinates and lanes."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Form:
 
 
 class Motion(NamedTuple):
-    """What the loops of a form call; f are forces, whatever the moves take.
+    """Functions that the loops of a form call; f are forces, whatever the moves take.
 
     ``load(rows, moves, parameters)`` returns the state that runs and the one that was seen, ``first(state, moves,
     parameters)`` the forces of the first move, ``move(state, row, f, parameters)`` the next state, ``behind(state,

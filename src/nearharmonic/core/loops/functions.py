@@ -108,7 +108,7 @@ class _Functions:
     def _emission(
         self, writer: LoopWriter, rows: ir.Value, energy: LoopedEnergy, kind: Doubles, state: Any = 0
     ) -> Emission:
-        """What writes an energy of the state in the rows from ``state`` on."""
+        """Return the writer of an energy of the state in the rows from ``state`` on."""
         physics, d = self.rules.physics, self.rules.physics.dimension
         first = writer.place(writer.place(rows, state), 2 * d if energy is self.T else 0)
         at = self.force_at if energy is self.V else self.velocity_at

@@ -116,7 +116,7 @@ class Variable:
 
     @property
     def value(self) -> LLVMValue:
-        """What it is now."""
+        """The present value."""
         return LLVMValue(self._builder, self._builder.load(self._room))
 
     @value.setter

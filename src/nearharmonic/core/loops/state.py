@@ -64,7 +64,7 @@ def _load(rows, first):  # type: ignore[no-untyped-def]
 
 
 def _kept(at: Any, plane: Any, *, extended: bool) -> Any:
-    """What loads a block of rates that are kept from a place on."""
+    """Return ``load(rows, i)``, a block of rates that are kept from a place on."""
     if extended:
         return compiled(lambda rows, i: (load_point(rows, at() + i), load_point(rows, at() + plane() + i)))
     return compiled(lambda rows, i: load_point(rows, at() + i))
