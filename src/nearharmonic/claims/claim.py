@@ -7,23 +7,32 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
+from nearharmonic.claims.margins import EXACT, margin
 from nearharmonic.claims.results import Results, Undecided
 from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.output.store import workflow_command
 
-Verdict = Literal["holds", "holds in part", "fails", "not decided here"]
+Verdict = Literal["holds", "holds but for edges", "holds in part", "fails", "erratum", "not decided here"]
+OPEN: Verdict = "not decided here"
+
+#: What a statement is. A result is measured or found in the paper; mathematics is proved there or follows; a misprint is
+#: a slip of print, which its context or the neighbouring equation puts right; an attribution says whose something is;
+#: background is quoted from others or describes what is compared; a finding is this project's, and not the paper's.
+Kind = Literal["result", "mathematics", "misprint", "attribution", "background", "finding"]
 
 
 class Decision(NamedTuple):
-    """What became of a statement, and what was measured, in words and numbers."""
+    """What became of a statement, what was measured, in words and numbers, and how far its threshold may move."""
 
     verdict: Verdict
     value: str
+    margin: str = ""
 
 
-Decide = Callable[[Results], Decision]
+#: Takes the results, and the threshold if the statement has one that is a number.
+Decide = Callable[..., Decision]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,10 +45,17 @@ class Claim:
         Name in tables, lower case with hyphens.
     paper : str
         Where the paper says it.
+    sentence : str
+        Its words.
+    kind : str
+        One of :data:`Kind`.
     statement : str
-        Its words in short.
+        What of it is decided here, and in which sense.
     threshold : str
         What is asked of the numbers, and where the numbers in it come from.
+    bound : float, optional
+        The threshold, if it is one number: ``decide`` takes it beside the results, and the margin is the interval of
+        bounds with the same verdict.
     needs : tuple of str
         Result files that it is decided on, relative to the folder of results.
     target : str
@@ -53,11 +69,14 @@ class Claim:
 
     id: str
     paper: str
+    sentence: str
+    kind: Kind
     statement: str
     threshold: str
     needs: tuple[str, ...]
     target: str
     decide: Decide
+    bound: float | None = None
     also: tuple[str, ...] = ()
 
     def decision(self, results: Results) -> Decision:
@@ -70,11 +89,11 @@ class Claim:
         """
         missing = [name for name in self.needs if not results.has(name)]
         if missing:
-            return Decision("not decided here", f"{missing[0]} is not there: target {self.target}")
+            return Decision(OPEN, f"{missing[0]} is not there: target {self.target}")
         try:
-            return self.decide(results)
+            return self._decided(results)
         except Undecided as reason:
-            return Decision("not decided here", str(reason))
+            return Decision(OPEN, str(reason))
         except (ArithmeticError, LookupError, TypeError, ValueError) as error:
             if isinstance(error, NearharmonicError) or not self.needs:
                 raise
@@ -82,24 +101,38 @@ class Claim:
             again = f"{workflow_command(results.folder / self.needs[0])} --force {self.target}"
             raise ResultFileError(f"{message}. Make it again: {again}") from error
 
+    def _decided(self, results: Results) -> Decision:
+        bound = self.bound
+        if bound is None:
+            return self._as_told(self.decide(results))._replace(margin=EXACT)
+        found = self._as_told(self.decide(results, bound))
+        return found._replace(margin=margin(lambda other: self.decide(results, other).verdict, bound))
+
+    def _as_told(self, found: Decision) -> Decision:
+        """``found``, but that a print that is wrong is an erratum, and no failure of what it stands for."""
+        wrong = self.kind == "misprint" and found.verdict in ("fails", "holds in part")
+        return found._replace(verdict="erratum") if wrong else found
+
 
 def claim(
-    *, id: str, paper: str, statement: str, threshold: str, needs: Sequence[str] = (), target: str = "all",
+    *,
+    id: str,
+    paper: str,
+    sentence: str,
+    kind: Kind,
+    statement: str,
+    threshold: str,
+    bound: float | None = None,
+    needs: Sequence[str] = (),
+    target: str = "all",
     also: Sequence[str] = (),
-) -> Callable[[Decide], Claim]:  # fmt: skip
+) -> Callable[[Decide], Claim]:
     """Make the decorated function a statement; arguments are the attributes of :class:`Claim`."""
 
     def decorate(decide: Decide) -> Claim:
-        return Claim(
-            id=id,
-            paper=paper,
-            statement=statement,
-            threshold=threshold,
-            needs=tuple(needs),
-            target=target,
-            decide=decide,
-            also=tuple(also),
-        )
+        told: dict[str, Any] = {"id": id, "paper": paper, "sentence": sentence, "kind": kind, "statement": statement}
+        asked: dict[str, Any] = {"threshold": threshold, "bound": bound, "target": target}
+        return Claim(**told, **asked, needs=tuple(needs), also=tuple(also), decide=decide)
 
     return decorate
 
@@ -115,6 +148,12 @@ def counted(good: Sequence[bool], value: str) -> Decision:
 
 
 def combined(verdicts: Iterable[Verdict], value: str) -> Decision:
-    """Say that a statement of several parts holds or fails if all of them do, and holds in part otherwise."""
+    """Say what becomes of a statement of several parts.
+
+    It holds or fails if all of them do, holds but for edges if all of them do at least that, and holds in part
+    otherwise.
+    """
     found = set(verdicts)
-    return Decision(found.pop() if len(found) == 1 else "holds in part", value)
+    if len(found) == 1:
+        return Decision(found.pop(), value)
+    return Decision("holds but for edges" if found == {"holds", "holds but for edges"} else "holds in part", value)

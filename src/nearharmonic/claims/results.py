@@ -6,7 +6,7 @@ import csv
 import io
 import os
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import cache, cached_property
 from math import isfinite
 from pathlib import Path
@@ -42,6 +42,7 @@ class Results:
         self.methods: Mapping[str, Tableau] = integrators if methods is None else methods
         self._cubes: dict[str, xr.Dataset] = {}
         self._rows: dict[str, list[dict[str, str]]] = {}
+        self._kept: dict[Hashable, Any] = {}
 
     def has(self, name: str) -> bool:
         """Whether the file ``name``, relative to the folder, is there."""
@@ -92,6 +93,16 @@ class Results:
             return tomllib.loads(text)
         except ValueError as error:
             raise self._texts.unusable(name, "is no TOML") from error
+
+    def kept(self, key: Hashable, make: Callable[[], Any]) -> Any:
+        """Return what ``make`` returns, called at the first use of ``key``."""
+        if key not in self._kept:
+            self._kept[key] = make()
+        return self._kept[key]
+
+    def methods_table(self) -> list[dict[str, str]]:
+        """Return the rows of ``tables/integrators.csv`` but those of methods that a user's config adds."""
+        return [row for row in self.rows("integrators") if row["integrator"] in self.methods]
 
     def method(self, name: str) -> Tableau:
         """Return a method by its name.

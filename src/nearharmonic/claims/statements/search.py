@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from nearharmonic.claims.claim import Decision, claim, counted, either
+from nearharmonic.claims.definitions import GENERALLY
 from nearharmonic.claims.results import Results, Undecided, short
 
 DOCUMENT = ("derived/coefficients.toml",)
@@ -15,6 +16,9 @@ ASKED = 1e-128
 @claim(
     id="growth-of-lambda-h",
     paper="Section 3, below Eq. 17",
+    sentence="for λ_H > 5 every additional stage yields two increments of λ_max and a single increment of λ_H for which at "
+    "least one real solution exists",
+    kind="result",
     statement="Every additional stage yields two increments of λ_max and one of the λ_H that a real solution has",
     threshold="from five stages on λ_max = 2 s, and a real solution of λ_H = s + 1 is found: numerical experiments "
     "suggest it, as the paper says; proofs that no more is solvable are not asked for",
@@ -39,33 +43,39 @@ def growth_of_lambda_h(results: Results) -> Decision:
 @claim(
     id="kappa-below-1e-128",
     paper="Section 3, last paragraph",
+    sentence="Solutions are provided in the following section with minimization criteria κ_max < 1e-128",
+    kind="result",
     statement="Solutions have κ_max < 10⁻¹²⁸",
     threshold="10⁻¹²⁸, the paper's own, of the derived counterpart of each printed set",
+    bound=ASKED,
     needs=DOCUMENT,
     target="derive",
 )
-def kappa_below(results: Results) -> Decision:
+def kappa_below(results: Results, asked: float) -> Decision:
     found = [float(root["residual"]) for case in results.derived["isolated"] for root in case["roots"]]
     found += [float(one["continued"]["residual"]) for one in results.derived["printed"]]
-    good = [residual < ASKED for residual in found]
+    good = [residual < asked for residual in found]
     return counted(good, f"{sum(good)} of {len(good)} solutions; largest {short(max(found), 2)}")
 
 
 @claim(
     id="simplex-reaches",
     paper="Section 3, last paragraph",
+    sentence="The minimization is performed using an adaptive simplex method minimizing only one objective κ_max",
+    kind="result",
     statement="An adaptive simplex that minimises κ_max in 2048 bits reaches 10⁻¹²⁸",
     threshold="10⁻¹²⁸, the paper's own, from one random start or more",
+    bound=ASKED,
     needs=("tables/derived_routes.csv",),
     target="derive",
 )
-def simplex_reaches(results: Results) -> Decision:
+def simplex_reaches(results: Results, asked: float) -> Decision:
     rows = [row for row in results.rows("derived_routes") if row["route"].startswith("adaptive simplex")]
     rows = [row for row in rows if row["start"].startswith("random")]
     if not rows:
         message = "the config asks for no simplex"
         raise Undecided(message)
-    good = [float(row["largest kappa"]) < ASKED for row in rows]
+    good = [float(row["largest kappa"]) < asked for row in rows]
     worst = max(float(row["largest kappa"]) for row in rows)
     told = f"{sum(good)} of {len(good)} promising random starts"
     return either(any(good), told if all(good) else f"{told}; the others stall at a κ_max of up to {short(worst, 2)}")
@@ -74,6 +84,9 @@ def simplex_reaches(results: Results) -> Decision:
 @claim(
     id="picked-by-sum-and-next-term",
     paper="Section 3, last paragraph",
+    sentence="picked among thousands of solutions based on the sum of the absolute values of the splitting coefficients "
+    "and higher order SHO errors",
+    kind="result",
     statement="Sets that are not unique are picked by the sum of absolute values and higher order errors",
     threshold="no member found of the same family is better by every criterion, so that some weighing of them may "
     "have led to the choice",
@@ -89,14 +102,17 @@ def picked_by_sum(results: Results) -> Decision:
 @claim(
     id="picked-among-thousands",
     paper="Section 3, last paragraph",
+    sentence="The non-unique solutions are picked among thousands of solutions",
+    kind="result",
     statement="The non-unique solutions are picked among thousands of solutions",
     threshold="a family with one free parameter or more, and 2000 of its members or more found, for each of the sets",
+    bound=2000.0,
     needs=("tables/derived_families.csv",),
     target="derive",
 )
-def picked_among_thousands(results: Results) -> Decision:
+def picked_among_thousands(results: Results, thousands: float) -> Decision:
     rows = results.rows("derived_families")
-    good = [int(row["free parameters"]) >= 1 and int(row["members found"]) >= 2000 for row in rows]
+    good = [int(row["free parameters"]) >= 1 and int(row["members found"]) >= thousands for row in rows]
     members = {row["set"]: int(row["members found"]) for row in rows}
     parameters = ", ".join(sorted({row["free parameters"] for row in rows}))
     return counted(
@@ -111,13 +127,17 @@ def _listed(counts: dict[str, int]) -> str:
 @claim(
     id="above-seven-more-negative",
     paper="Section 6, Conclusion",
+    sentence="harmonic order conditions higher than seven often introduce more negative splitting coefficients",
+    kind="result",
     statement="Harmonic order conditions higher than seven often introduce more negative coefficients",
     threshold="more than half of the real solutions of order eight with seven stages have more negative coefficients "
-    "than BABs7o7H, of order seven with as many stages; 'often' is read as more than half",
+    "than BABs7o7H, of order seven with as many stages; "
+    f"{GENERALLY.words}",
+    bound=GENERALLY.number,
     needs=DOCUMENT,
     target="derive",
 )
-def above_seven(results: Results) -> Decision:
+def above_seven(results: Results, share: float) -> Decision:
     cases = [case for case in results.derived["isolated"] if case["equations"]["harmonic_order"] == 8]
     if not cases:
         message = "no solutions of harmonic order eight were looked for"
@@ -127,7 +147,7 @@ def above_seven(results: Results) -> Decision:
     counts = [_negative([*root["outer"], *root["inner"]]) for root in cases[0]["roots"]]
     more = sum(count > before for count in counts)
     value = f"{more} of {len(counts)} solutions: {', '.join(map(str, sorted(counts)))} negative against {before}"
-    return either(2 * more > len(counts), value)
+    return either(more > share * len(counts), value)
 
 
 def _negative(coefficients: Sequence[str]) -> int:

@@ -14,6 +14,8 @@ from nearharmonic.integrators.tableau import Tableau
 @claim(
     id="negative-coefficients",
     paper="Section 1",
+    sentence="Non-gradient splitting methods of orders higher than two always involve negative coefficients",
+    kind="background",
     statement="Splitting methods of orders higher than two always involve negative coefficients",
     threshold="one negative coefficient at least in each registered method whose order is above 2; a theorem "
     "(Sheng 1989, Suzuki 1991), so that none may lack it",
@@ -27,6 +29,9 @@ def negative_coefficients(results: Results) -> Decision:
 @claim(
     id="sums-are-one",
     paper="Section 2, above Eq. 2",
+    sentence="A set of real numbers exist (c₁, c₂, ..., c_k) and (d₁, d₂, ..., d_k), referred to as splitting "
+    "coefficients, that satisfy Σ c_i = Σ d_i = 1",
+    kind="mathematics",
     statement="The coefficients of each operator sum to 1",
     threshold="exactly, within a unit of the last decimal that the source guarantees for each coefficient, for every "
     "registered method",
@@ -44,6 +49,8 @@ def sums_are_one(results: Results) -> Decision:
 @claim(
     id="even-orders",
     paper="Section 3, below Table 3",
+    sentence="Symmetric coefficients omit odd order error terms",
+    kind="mathematics",
     statement="The order of a symmetric method is even",
     threshold="of every registered method that is symmetric the order, the order for quadratic T and the harmonic "
     "order of the energy, proved in exact arithmetic, must be even; what the paper takes from it for Eq. 16 is a "
@@ -51,7 +58,7 @@ def sums_are_one(results: Results) -> Decision:
     needs=("tables/integrators.csv",),
 )
 def even_orders(results: Results) -> Decision:
-    rows = [row for row in results.rows("integrators") if row["symmetric"] == "yes"]
+    rows = [row for row in results.methods_table() if row["symmetric"] == "yes"]
     columns = ("order", "Nystrom order", "harmonic order of energy")
     odd = [row["integrator"] for row in rows if any(int(row[column]) % 2 for column in columns)]
     return counted([not odd, len(odd) < len(rows)], f"{len(rows) - len(odd)} of {len(rows)} methods")
@@ -60,6 +67,8 @@ def even_orders(results: Results) -> Decision:
 @claim(
     id="table-1",
     paper="Table 1",
+    sentence="Table 1 summarizes the symmetric structures of the ABA- and BAB-composition",
+    kind="mathematics",
     statement="ABA: d_i = d_(k-i), c_i = c_(k+1-i), d_k = 0; BAB: d_i = d_(k+1-i), c_i = c_(k-i), c_k = 0",
     threshold="equal in all printed decimals",
     needs=("tables/table1_structure.csv",),
@@ -86,39 +95,48 @@ def _mirrored(rows: list[dict[str, str]], column: str, *, shorter: bool) -> bool
 @claim(
     id="time-reversible",
     paper="Section 2, below Eq. 3",
+    sentence="SIs are time reversible if the symplectic coefficients are symmetric",
+    kind="mathematics",
     statement="Symmetric integrators are time reversible: z(0) → z(τ) can be exactly reverted",
     threshold="n steps forward and n back return to the start within the bound of rounding, n times the rounding of a "
     "step times the growth of errors",
+    bound=1.0,
     needs=("tables/structure.csv",),
     target="stability",
 )
-def time_reversible(results: Results) -> Decision:
-    return _within(results, "return error", "return bound", "return error")
+def time_reversible(results: Results, share: float) -> Decision:
+    return _within(results, ("return error", "return bound"), "return error", share)
 
 
-def _within(results: Results, measured: str, bound: str, word: str) -> Decision:
-    """Compare two columns of the table of structure, a row a run."""
-    pairs = [(float(row[measured]), float(row[bound])) for row in results.rows("structure")]
-    shares = [value / most for value, most in pairs if not isnan(value)]  # no return is measured of asymmetric methods
-    good = [share <= 1 for share in shares]
+def _within(results: Results, columns: tuple[str, str], word: str, most: float) -> Decision:
+    """Compare a column of the table of structure with its bound in another, a row a run."""
+    pairs = [(float(row[columns[0]]), float(row[columns[1]])) for row in results.rows("structure")]
+    shares = [value / bound for value, bound in pairs if not isnan(value)]  # no return is measured of asymmetric methods
+    good = [share <= most for share in shares]
     return counted(good, f"{sum(good)} of {len(good)} runs; largest {word} {short(max(shares), 2)} of the bound")
 
 
 @claim(
     id="symplectic",
     paper="Section 1",
+    sentence="due to their structure-preserving properties",
+    kind="background",
     statement="The integrators preserve the symplectic structure",
     threshold="JᵀΩJ - Ω, J the tangent map of a run in double-double, within what a random walk of its roundings gives",
+    bound=1.0,
     needs=("tables/structure.csv",),
     target="stability",
 )
-def symplectic(results: Results) -> Decision:
-    return _within(results, "symplectic defect", "symplectic walk", "defect")
+def symplectic(results: Results, share: float) -> Decision:
+    return _within(results, ("symplectic defect", "symplectic walk"), "defect", share)
 
 
 @claim(
     id="first-same-as-last",
     paper="Section 2, above Table 1",
+    sentence="The number of stages is defined as s = k - 1 for symmetric coefficients due to the first same as last "
+    "property",
+    kind="mathematics",
     statement="A symmetric method of k pairs of coefficients costs s = k - 1 derivative evaluations a step",
     threshold="gradients of V that three steps of a counting stepper of Eqs. 3 and 4 ask for, which keeps the last one "
     "while no drift has moved the position: s a step, and one more where a kick comes first; k is the length of the "
