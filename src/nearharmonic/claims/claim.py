@@ -17,9 +17,9 @@ from nearharmonic.output.store import workflow_command
 Verdict = Literal["holds", "holds but for edges", "holds in part", "fails", "erratum", "not decided here"]
 OPEN: Verdict = "not decided here"
 
-#: What a statement is. A result is measured or found in the paper; mathematics is proved there or follows; a misprint is
-#: a slip of print, which its context or the neighbouring equation puts right; an attribution says whose something is;
-#: background is quoted from others or describes what is compared; a finding is this project's, and not the paper's.
+#: What a statement is. A result is measured or found in the paper; mathematics is proved there or follows. A misprint
+#: is a slip of print, which its context puts right. An attribution says whose something is; background is quoted from
+#: others or describes what is compared. A finding is this project's, and not the paper's.
 Kind = Literal["result", "mathematics", "misprint", "attribution", "background", "finding"]
 
 

@@ -43,8 +43,8 @@ def range_words(end: str = "the first of them") -> str:
     """Say on which step sizes a statement is decided, the last by the curve ``end``, and when it holds in part."""
     return (
         "at every step size from where all curves compared are 100 times their lowest point, which is rounding, to "
-        f"where the maximum error of {end} passes 1 %; but for edges: at {100 * MOST:.0f} % of them or more, all others "
-        "among the first or last tenth; in part: over half a decade or more in one piece"
+        f"where the maximum error of {end} passes 1 %; but for edges: at {100 * MOST:.0f} % of them or more, all "
+        "others among the first or last tenth; in part: over half a decade or more in one piece"
     )
 
 
@@ -175,7 +175,8 @@ def for_larger_steps(asked: Range, good: Bools) -> Decision:
 
 def curves_of(results: Results, system: str) -> Curves:
     """Return the curves of a system, made once."""
-    return results.kept(("curves", system), lambda: Curves(results.cube(system)))
+    found: Curves = results.kept(("curves", system), lambda: Curves(results.cube(system)))
+    return found
 
 
 def rank_correlation(one: Floats, other: Floats) -> Floats:

@@ -16,6 +16,7 @@ class Meaning(NamedTuple):
 DOT = 1.2589254117941673  # 10^(1/10)
 DOT_WORDS = "a tenth of a decade, 26 %, what a dot of 2 pt covers in a figure of 5 inches over 18 decades"
 
+APPROXIMATELY = Meaning(DOT, f"'approximately' is read as within {DOT_WORDS}")
 GENERALLY = Meaning(0.5, "'generally', 'usually' and 'often' are read as more than half")
 SIGNIFICANTLY = Meaning(DOT, f"'significantly' is read as more than {DOT_WORDS}")
 GREATLY = Meaning(10.0, "'greatly', 'drastically' and 'rapidly' are read as a factor of ten or more")
@@ -27,4 +28,4 @@ LARGE = Meaning(
 SMALL = Meaning(1.0, "a substep is 'small' that is no longer than the whole step")
 STABLE = Meaning(1.0, "a run is 'stable' as long as its relative energy error stays below 1, the energy surface")
 #: All of them, for the page.
-MEANINGS = (GENERALLY, SIGNIFICANTLY, GREATLY, SEVERAL_ORDERS, NOT_SUITABLE, LARGE, SMALL, STABLE)
+MEANINGS = (APPROXIMATELY, GENERALLY, SIGNIFICANTLY, GREATLY, SEVERAL_ORDERS, NOT_SUITABLE, LARGE, SMALL, STABLE)

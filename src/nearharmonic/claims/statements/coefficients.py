@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from decimal import Decimal, localcontext
 from functools import cache
 
 from nearharmonic.claims.claim import Decision, claim, counted, either
-from nearharmonic.claims.definitions import GENERALLY, SMALL
-from nearharmonic.claims.results import Results, label, short
+from nearharmonic.claims.results import Results, short
 from nearharmonic.integrators import nielsen_2015
 from nearharmonic.integrators.tableau import Tableau, palindrome
 from nearharmonic.theory.order import harmonic_orders_of, order_of
@@ -25,7 +24,7 @@ DECIMALS = 76
 DERIVED = ("tables/table4_derived.csv",)
 
 
-def _sets(results: Results) -> Iterator[Tableau]:
+def sets(results: Results) -> Iterator[Tableau]:
     return (results.method(name) for name in SETS)
 
 
@@ -50,7 +49,7 @@ ZERO = "below 10⁻⁷⁰: the printed 76 decimals, times the 7! by which κ₇ 
     bound=PRINTED_ZERO,
 )
 def table_4_solves(results: Results, zero: float) -> Decision:
-    left = {t.label: _vanish(t, t.harmonic_order or 0) for t in _sets(results)}
+    left = {t.label: _vanish(t, t.harmonic_order or 0) for t in sets(results)}
     good = [one < zero for one in left.values()]
     worst = max(left, key=left.__getitem__)
     return counted(good, f"{sum(good)} of {len(good)} sets; largest term {short(left[worst], 2)}, of {worst}")
@@ -66,7 +65,7 @@ def table_4_solves(results: Results, zero: float) -> Decision:
     threshold="order 4 and no more for any separable Hamiltonian, proved in the free Lie algebra",
 )
 def table_4_fourth_order(results: Results) -> Decision:
-    orders = {t.label: order_of(t, highest=5) for t in _sets(results)}
+    orders = {t.label: order_of(t, highest=5) for t in sets(results)}
     good = [order == 4 for order in orders.values()]
     return counted(good, f"{sum(good)} of {len(good)} sets")
 
@@ -80,7 +79,7 @@ def table_4_fourth_order(results: Results) -> Decision:
     threshold="the numbers of stages of the sets, exactly 5 to 9",
 )
 def table_4_stages(results: Results) -> Decision:
-    found = sorted({t.stages for t in _sets(results)})
+    found = sorted({t.stages for t in sets(results)})
     return either(found == [5, 6, 7, 8, 9], ", ".join(map(str, found)))
 
 
@@ -94,7 +93,7 @@ def table_4_stages(results: Results) -> Decision:
 )
 def table_4_names(results: Results) -> Decision:
     good = []
-    for t in _sets(results):
+    for t in sets(results):
         scheme, stages, order = re.findall(r"^(ABA|BAB'?)s(\d)o(\d)H", t.label)[0]
         found = (t.stages, harmonic_orders_of(t).position, t.first)
         good.append(found == (int(stages), int(order), "drift" if scheme == "ABA" else "kick"))
@@ -110,7 +109,7 @@ def table_4_names(results: Results) -> Decision:
     threshold="76 decimals each: the 0 in front of the point is counted as the 77th digit",
 )
 def table_4_77_digits(results: Results) -> Decision:
-    values = [value for t in _sets(results) for _, _, value in independent(t)]
+    values = [value for t in sets(results) for _, _, value in independent(t)]
     good = [len(value.partition(".")[2]) == DECIMALS for value in values]
     return counted(good, f"{sum(good)} of {len(good)} coefficients have {DECIMALS} decimals and the 0 in front")
 
@@ -198,8 +197,8 @@ def four_unique_sets(results: Results) -> Decision:
     paper="Table 4, first and second heading",
     sentence="Unique ABAs5o6H, A, B and C",
     kind="finding",
-    statement="There are four real solutions with five stages; the paper presents three, and does not say that they are "
-    "all",
+    statement="There are four real solutions with five stages; the paper presents three, and does not say that they "
+    "are all",
     threshold="four real solutions, by elimination and Sturm's theorem, which miss none",
     needs=("tables/derived_counts.csv",),
     target="derive",
@@ -245,7 +244,7 @@ def unique_sets_solve_both(results: Results, zero: float) -> Decision:
 def _sides(results: Results, *, prime: bool) -> tuple[list[bool], str]:
     """Whether the momentum (the position if ``prime``) of each BAB or BAB' set is of lower order, and all orders."""
     good, told = [], []
-    for t in _sets(results):
+    for t in sets(results):
         if t.first == "kick" and ("'" in t.label) == prime:
             found = harmonic_orders_of(t)
             good.append(found.position < found.momentum if prime else found.momentum < found.position)
@@ -276,70 +275,3 @@ def bab_leaves_p(results: Results) -> Decision:
 )
 def bab_prime_leaves_q(results: Results) -> Decision:
     return counted(*_sides(results, prime=True))
-
-
-def _largest(row: Sequence[str]) -> float:
-    return max(abs(float(c)) for c in row)
-
-
-def _size(tableau: Tableau) -> float:
-    return max(_largest(tableau.kick), _largest(tableau.drift))
-
-
-@claim(
-    id="near-forward",
-    paper="Section 1, last paragraph",
-    sentence="The presented splitting coefficients generally have small absolute values and are therefore referred to as "
-    "near-forward SIs",
-    kind="result",
-    statement="The presented coefficients generally have small absolute values",
-    threshold="the largest of a set no larger than 1, for more than half of the ten sets; "
-    f"{SMALL.words}; {GENERALLY.words}; whether methods of small coefficients err less is asked of "
-    "minimised-coefficients",
-    bound=SMALL.number,
-)
-def near_forward(results: Results, small: float) -> Decision:
-    return _small(results, small, GENERALLY.number)
-
-
-@claim(
-    id="small-near-forward-steps",
-    paper="Section 5, Discussion",
-    sentence="BABs7o7H and other splitting coefficients obtained in this paper generally perform small near-forward "
-    "steps",
-    kind="result",
-    statement="The substeps of the other sets are small as well, beside those of Ruth and of Yosh s7o6 A",
-    threshold="the longest substep of each of the ten sets shorter than that of Ruth's method and of Yosh s7o6 A",
-    bound=1.0,
-)
-def small_steps(results: Results, ratio: float) -> Decision:
-    bound = min(_size(results.method(name)) for name in ("ruth", "yoshida_s7o6a"))
-    return _small(results, ratio * bound, None)
-
-
-def _small(results: Results, bound: float, share: float | None) -> Decision:
-    """Compare the longest substeps with a bound: for more than a share of the sets, or for all."""
-    others = ", ".join(f"{label(n)} {short(_size(results.method(n)))}" for n in ("ruth", "yoshida_s7o6a", "s5odr4"))
-    sizes = {t.label: _size(t) for t in _sets(results)}
-    good = [size < bound for size in sizes.values()]
-    least, most = (f"{name} {short(sizes[name])}" for name in (f(sizes, key=sizes.__getitem__) for f in (min, max)))
-    value = f"{sum(good)} of {len(good)} sets; longest substep from {least} to {most}; {others}"
-    return counted(good, value) if share is None else either(sum(good) > share * len(good), value)
-
-
-@claim(
-    id="small-coefficients-of-one-row",
-    paper="Section 5, Discussion",
-    sentence="some of the methods presented in Table 4 only have small coefficients for either d or c",
-    kind="result",
-    statement="Some of the methods of Table 4 only have small coefficients for either d or c",
-    threshold="the largest of one row at least twice the largest of the other, for one set or more",
-    bound=2.0,
-)
-def small_of_one_row(results: Results, ratio: float) -> Decision:
-    told = []
-    for t in _sets(results):
-        d, c = _largest(t.outer), _largest(t.inner)
-        if max(c, d) >= ratio * min(c, d):
-            told.append(f"{t.label} {'c' if c > d else 'd'} by {short(max(c, d) / min(c, d), 2)}")
-    return either(bool(told), f"{len(told)} sets, larger in {', '.join(told)}" if told else "no set")

@@ -204,8 +204,8 @@ def significantly_better(results: Results, factor: float) -> Decision:
 @claim(
     id="greatly-and-consistently",
     paper="Section 5, Discussion",
-    sentence="All numerical tests suggest that the obtained integrators in spite of an increased number of stages greatly "
-    "and consistently improve the integration accuracy and stability",
+    sentence="All numerical tests suggest that the obtained integrators in spite of an increased number of stages "
+    "greatly and consistently improve the integration accuracy and stability",
     kind="result",
     statement="All tests suggest that the obtained integrators greatly and consistently improve the accuracy",
     threshold="Ruth's error, which the sentence after it compares with, over that of each of the four new methods at "

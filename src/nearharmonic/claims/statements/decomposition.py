@@ -36,8 +36,8 @@ ROUNDING = "equal to 10⁻¹⁴: the tables hold doubles, rounded to 10⁻¹⁶,
 @claim(
     id="eq-6-rounding",
     paper="Section 3, below Eq. 6",
-    sentence="Eq. 6 yields significantly larger truncation errors than Eq. 5 and is therefore not suitable for practical "
-    "implementation",
+    sentence="Eq. 6 yields significantly larger truncation errors than Eq. 5 and is therefore not suitable for "
+    "practical implementation",
     kind="result",
     statement="Eq. 6 yields significantly larger errors than Eq. 5 and is not suitable for practical implementation",
     threshold="the largest energy error of 1000 steps of BABs7o7H on the oscillator at τ/s = 0.003, where that of the "

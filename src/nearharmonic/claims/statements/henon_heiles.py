@@ -37,10 +37,34 @@ def henon_heiles_energy(_: Results) -> Decision:
 
 
 @claim(
+    id="henon-heiles-near-harmonic",
+    paper="Section 4.B, text to Figure 3",
+    sentence="The Hénon Heiles system can be considered as a perturbed SHO for small values of q_x and q_y",
+    kind="mathematics",
+    statement="V is that of the oscillator and a rest that is of third degree, so that it is less beside it for "
+    "small q",
+    threshold="V(εq) = ε²|q|²/2 + ε³ (V(q) - |q|²/2), exactly, for ε = 1/2, 1/4 and 1/8 at the initial position and at "
+    "(2/7, -3/5)",
+)
+def henon_heiles_near_harmonic(_: Results) -> Decision:
+    system, good = henon_heiles.SYSTEM, []
+    start = system.start(Fraction)[0]
+    for x, y in (start, (Fraction(2, 7), Fraction(-3, 5))):
+        harmonic = (x * x + y * y) / 2
+        rest = system.V((x, y)) - harmonic
+        scales = [Fraction(1, 2**n) for n in (1, 2, 3)]
+        good += [system.V((e * x, e * y)) == e**2 * harmonic + e**3 * rest for e in scales]
+    depth = 2 / 3 * float(start[0])
+    return counted(
+        good, f"{sum(good)} of {len(good)} equal; at most 2/3 |q| of the oscillator's, {depth:.2g} at the start"
+    )
+
+
+@claim(
     id="fig-3-orders",
     paper="Figure 3",
-    sentence="Nth order integrators have their integration error reduced by a factor k^N when the time step is reduced by "
-    "a factor k",
+    sentence="Nth order integrators have their integration error reduced by a factor k^N when the time step is "
+    "reduced by a factor k",
     kind="background",
     statement="Small steps show the general order: six for Yosh s7o6 A, four for the others",
     threshold=SLOPE,
@@ -82,7 +106,8 @@ def fig_3_descent(results: Results, band: float) -> Decision:
     kind="result",
     statement="Especially these two: no other method of fourth order keeps a sixth order descent as long",
     threshold=f"decades of large step sizes over which local slopes, each fitted within {WINDOW} decades, are within "
-    f"{BAND} of 6, the nearest whole number, longer than those of each of the other seven of fourth order; {LARGE.words}",
+    f"{BAND} of 6, the nearest whole number, longer than those of each of the other seven of fourth order; "
+    f"{LARGE.words}",
     bound=BAND,
     needs=CUBE,
 )

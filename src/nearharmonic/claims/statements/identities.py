@@ -10,6 +10,7 @@ import random
 from collections.abc import Sequence
 from fractions import Fraction
 from itertools import pairwise
+from math import sqrt
 from typing import Any, NamedTuple
 
 from mpmath import mp, mpf
@@ -103,6 +104,28 @@ def _off(coefficients: Drawn, ratios: Row) -> Any:
 
 
 @claim(
+    id="eq-6-p-row",
+    paper="Eq. 6",
+    sentence="p_(s+1) = m (q_s - q_(s-1))/(τ c_s) - τ d_(s+1) ∂V/∂q(q_s)",
+    kind="mathematics",
+    statement="The last row of Eq. 6 gives the momentum after the step",
+    threshold=f"the momentum of Eq. 5 on the oscillator with m = 2, k = 3 and τ = 1/3, {DRAWN}",
+)
+def eq_6_p_row(_: Results) -> Decision:
+    return either(all(_momenta_agree(*one) for one in drawn(4)), f"equal for {DRAWS} sets of four stages")
+
+
+def _momenta_agree(kicks: Row, drifts: Row) -> bool:
+    m, k, tau, last = 2, 3, Fraction(1, 3), Fraction(2, 7)
+    before = q = Fraction(5, 11)
+    p = Fraction(-3, 13)
+    for d, c in zip(kicks, drifts, strict=True):
+        p -= tau * d * k * q
+        before, q = q, q + tau * c * p / m
+    return bool(p - tau * last * k * q == m * (q - before) / (tau * drifts[-1]) - tau * last * k * q)
+
+
+@claim(
     id="eq-13",
     paper="Eq. 13",
     sentence="the following identities must be true for symmetric fourth order splitting coefficients",
@@ -130,6 +153,15 @@ def closed_form() -> tuple[Any, Any, Any, Any]:
     return c1, 1 - 2 * c1, c1 / 2, mpf(1) / 2 - c1 / 2
 
 
+def eq_14(c1: Any, c2: Any, d1: Any, d2: Any) -> tuple[Any, Any, Any]:
+    """The right-hand sides of Eq. 14, which are 1 for a solution."""
+    return (
+        2 * (d1 + d2) * (2 * c1 + c2),
+        12 * c1 * d2 * (c1 + c2) / (2 * c1 + c2),
+        24 * c1 * d2 * (2 * c1 * d1 + 2 * c2 * d1 + c2 * d2),
+    )
+
+
 @claim(
     id="eq-15",
     paper="Eq. 15",
@@ -142,12 +174,7 @@ def closed_form() -> tuple[Any, Any, Any, Any]:
 def eq_15(_: Results, rounded: float) -> Decision:
     with mp.workdps(DIGITS):
         c1, c2, d1, d2 = closed_form()
-        sides = (
-            2 * (d1 + d2) * (2 * c1 + c2),
-            12 * c1 * d2 * (c1 + c2) / (2 * c1 + c2),
-            24 * c1 * d2 * (2 * c1 * d1 + 2 * c2 * d1 + c2 * d2),
-        )
-        off = [float(abs(side - 1)) for side in sides]
+        off = [float(abs(side - 1)) for side in eq_14(c1, c2, d1, d2)]
     return counted([one < rounded for one in off], f"off by up to {short(max(off), 1)}")
 
 
@@ -207,6 +234,20 @@ def eq_16(_: Results) -> Decision:
         exact = position_terms(one)[-1]
         good += [_tau2(one, 5) == exact[2], _tau4(one, 5, 5) == exact[4]]
     return counted(good, f"{sum(good)} of {len(good)} sums equal")
+
+
+@claim(
+    id="initial-values-below-eq-17",
+    paper="Section 3, below Eq. 17",
+    sentence="a = -b = 1 and m = k = 1 corresponding to the initial conditions q_a = -p_a = 1",
+    kind="mathematics",
+    statement="q = a cos t + b sin t with a = -b = 1 begins with q = 1, p = -1",
+    threshold="q and p = m dq/dt of Eq. 12 at t = 0, exactly",
+)
+def initial_values(_: Results) -> Decision:
+    a, b, m, k = 1, -1, 1, 1
+    q, p = a, m * b * sqrt(k / m)  # cos 0 = 1, sin 0 = 0
+    return either((q, p) == (1, -1), f"q_a = {q}, p_a = {p:.0f}")
 
 
 def counterexample() -> Tableau:

@@ -62,7 +62,8 @@ SUN, MERCURY = 1.9885e30, 0.3301e24
     bound=1e-4,
 )
 def eq_19(_: Results, off: float) -> Decision:
-    return either(MERCURY / SUN < off, f"m_M/m_S = {short(MERCURY / SUN, 2)}")
+    ratio = MERCURY / SUN
+    return either(ratio < off, f"m_M/m_S = {short(ratio, 2)}")
 
 
 @claim(
@@ -94,8 +95,8 @@ def eq_20(_: Results, off: float) -> Decision:
 @claim(
     id="fig-5-orders",
     paper="Figure 5",
-    sentence="Nth order integrators have their integration error reduced by a factor k^N when the time step is reduced by "
-    "a factor k",
+    sentence="Nth order integrators have their integration error reduced by a factor k^N when the time step is "
+    "reduced by a factor k",
     kind="background",
     statement="Small steps show the general order: six for Yosh s7o6 A, four for the others",
     threshold=SLOPE,
@@ -168,8 +169,8 @@ def _advance(curves: Curves, names: tuple[str, ...]) -> tuple[Floats, Floats]:
 @claim(
     id="fig-4-coincide",
     paper="Figure 4, caption",
-    sentence="The integrators ABAs5o6H, ABA104 and BAB's8o7H achieve approximately the same performance, obfuscating their "
-    "plots",
+    sentence="The integrators ABAs5o6H, ABA104 and BAB's8o7H achieve approximately the same performance, obfuscating "
+    "their plots",
     kind="result",
     statement="ABAs5o6H, ABA104 and BAB's8o7H coincide in perihelion advance",
     threshold=f"their largest and least advance within {DOT_WORDS}; {range_words('the first of the three')}",
@@ -202,7 +203,8 @@ def _at_evaluations(curves: Curves, advance: Floats, number: float = 240.0) -> s
 @claim(
     id="fig-4-intervals",
     paper="Figure 4, caption",
-    sentence="Linear fit 95% confidence intervals of the perihelion advance are significantly smaller than the dot size",
+    sentence="Linear fit 95% confidence intervals of the perihelion advance are significantly smaller than the dot "
+    "size",
     kind="result",
     statement="95 % confidence intervals of the perihelion advance are significantly smaller than the dot size",
     threshold=f"the width of the interval, as a share of the advance, at most 0.21, that of a dot over 1.26: "
@@ -226,8 +228,8 @@ def fig_4_intervals(results: Results, widest: float) -> Decision:
 @claim(
     id="figure-of-the-precession",
     paper="Section 4.B, paragraph on precession",
-    sentence="Figure 5 shows the perihelion precession dθ/dt which has been obtained numerically through linear regression "
-    "of θ(t) over numerous orbital periods",
+    sentence="Figure 5 shows the perihelion precession dθ/dt which has been obtained numerically through linear "
+    "regression of θ(t) over numerous orbital periods",
     kind="misprint",
     statement="Figure 5 shows the perihelion precession",
     threshold="the curves of ABAs5o6H, ABA104 and BAB's8o7H coincide in the precession (caption of Figure 4): their "

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 from mpmath import mp, mpf
 
 from nearharmonic.claims.claim import Decision, claim, counted, either
@@ -124,13 +122,16 @@ def s5odr4_source(results: Results, unit: float) -> Decision:
     bound=1.0,
 )
 def yoshida_a_smallest(results: Results, ratio: float) -> Decision:
-    ours = error_norm(results.method("yoshida_s7o6a"), 7)
-    others = {letter: error_norm(composed(letter), 7) for letter in YOSHIDA}
+    ours, *rest = results.kept("yoshida", lambda: _norms(results.method("yoshida_s7o6a"), *map(composed, YOSHIDA)))
+    others = dict(zip(YOSHIDA, rest, strict=True))
     listed = ", ".join(f"{letter} {short(norm)}" for letter, norm in {"A": ours, **others}.items())
     return either(ours < ratio * min(others.values()), listed)
 
 
-@cache
+def _norms(*methods: Tableau) -> list[float]:
+    return [error_norm(method, 7) for method in methods]
+
+
 def composed(letter: str) -> Tableau:
     """The composition of seven leapfrog steps with the weights of one of Yoshida's solutions."""
     with mp.workdps(30):

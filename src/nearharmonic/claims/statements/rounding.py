@@ -37,7 +37,9 @@ def compensated_summation(results: Results, factor: float) -> Decision:
     gains = (rms.sel(source="plain") / rms.sel(source="compensated")).median("sample").values
     names = [label(str(name)) for name in cube["integrator"].values]
     worst = int(gains.argmin())
-    value = f"{int((gains >= factor).sum())} of {gains.size} methods; gains {short(gains.min(), 2)} ({names[worst]}) to "
+    value = (
+        f"{int((gains >= factor).sum())} of {gains.size} methods; gains {short(gains.min(), 2)} ({names[worst]}) to "
+    )
     return counted(list(gains >= factor), f"{value}{short(gains.max(), 2)}{_runs(cube)}")
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 from nearharmonic.claims.claim import Decision, claim, counted, either
-from nearharmonic.claims.definitions import GENERALLY
+from nearharmonic.claims.definitions import GENERALLY, SMALL
 from nearharmonic.claims.results import Results, Undecided, short
 
 DOCUMENT = ("derived/coefficients.toml",)
@@ -16,8 +17,8 @@ ASKED = 1e-128
 @claim(
     id="growth-of-lambda-h",
     paper="Section 3, below Eq. 17",
-    sentence="for λ_H > 5 every additional stage yields two increments of λ_max and a single increment of λ_H for which at "
-    "least one real solution exists",
+    sentence="for λ_H > 5 every additional stage yields two increments of λ_max and a single increment of λ_H for "
+    "which at least one real solution exists",
     kind="result",
     statement="Every additional stage yields two increments of λ_max and one of the λ_H that a real solution has",
     threshold="from five stages on λ_max = 2 s, and a real solution of λ_H = s + 1 is found: numerical experiments "
@@ -84,8 +85,8 @@ def simplex_reaches(results: Results, asked: float) -> Decision:
 @claim(
     id="picked-by-sum-and-next-term",
     paper="Section 3, last paragraph",
-    sentence="picked among thousands of solutions based on the sum of the absolute values of the splitting coefficients "
-    "and higher order SHO errors",
+    sentence="picked among thousands of solutions based on the sum of the absolute values of the splitting "
+    "coefficients and higher order SHO errors",
     kind="result",
     statement="Sets that are not unique are picked by the sum of absolute values and higher order errors",
     threshold="no member found of the same family is better by every criterion, so that some weighing of them may "
@@ -152,3 +153,33 @@ def above_seven(results: Results, share: float) -> Decision:
 
 def _negative(coefficients: Sequence[str]) -> int:
     return sum(text.startswith("-") for text in coefficients)
+
+
+@claim(
+    id="more-stages-more-inappropriate",
+    paper="Section 6, Conclusion",
+    sentence="A larger number of stages presents more degrees of freedom resulting in more inappropriate solutions",
+    kind="result",
+    statement="Free parameters of the sets of harmonic order seven, and solutions with long substeps, grow with the "
+    "stages",
+    threshold="free parameters from six to nine stages, and isolated real solutions with a substep longer than 1 from "
+    f"five to seven, each number above that of one stage less; {SMALL.words}",
+    bound=SMALL.number,
+    needs=(*DOCUMENT, "tables/derived_families.csv"),
+    target="derive",
+)
+def more_inappropriate(results: Results, small: float) -> Decision:
+    families = [row for row in results.rows("derived_families") if row["harmonic order"] == "7"]
+    free = {6: 0} | {int(row["stages"]): int(row["free parameters"]) for row in families}
+    cases = {case["equations"]["stages"]: case["roots"] for case in results.derived["isolated"]}
+    long = {stages: sum(_longest(root) > small for root in roots) for stages, roots in cases.items()}
+    if min(len(free), len(long)) < 2:
+        message = "solutions of fewer than two numbers of stages were looked for"
+        raise Undecided(message)
+    good = [numbers[b] > numbers[a] for numbers in (free, long) for a, b in pairwise(sorted(numbers))]
+    told = (", ".join(f"{numbers[s]} with {s}" for s in sorted(numbers)) for numbers in (free, long))
+    return counted(good, "free parameters {} stages; isolated solutions with a long substep {}".format(*told))
+
+
+def _longest(root: Mapping[str, Sequence[str]]) -> float:
+    return max(abs(float(c)) for c in (*root["outer"], *root["inner"]))

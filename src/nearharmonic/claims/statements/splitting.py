@@ -7,8 +7,11 @@ from itertools import zip_longest
 from math import isnan
 
 from nearharmonic.claims.claim import Decision, claim, counted, either
+from nearharmonic.claims.definitions import APPROXIMATELY
 from nearharmonic.claims.results import Results, short
+from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.systems import System, henon_heiles, kepler, sho
 
 
 @claim(
@@ -111,7 +114,9 @@ def time_reversible(results: Results, share: float) -> Decision:
 def _within(results: Results, columns: tuple[str, str], word: str, most: float) -> Decision:
     """Compare a column of the table of structure with its bound in another, a row a run."""
     pairs = [(float(row[columns[0]]), float(row[columns[1]])) for row in results.rows("structure")]
-    shares = [value / bound for value, bound in pairs if not isnan(value)]  # no return is measured of asymmetric methods
+    shares = [
+        value / bound for value, bound in pairs if not isnan(value)
+    ]  # no return is measured of asymmetric methods
     good = [share <= most for share in shares]
     return counted(good, f"{sum(good)} of {len(good)} runs; largest {word} {short(max(shares), 2)} of the bound")
 
@@ -170,3 +175,45 @@ def gradients(method: Tableau, steps: int) -> int:
             if method.first == "kick":
                 q += 0.1 * c * p
     return count
+
+
+@claim(
+    id="cost-proportional-to-stages",
+    paper="Section 2, above Table 1",
+    sentence="The computational cost of SIs is approximately proportional to the number of derivative evaluations "
+    "(stages)",
+    kind="background",
+    statement="The operations of a step over its stages are about the same for all ten methods",
+    threshold="additions, multiplications, divisions and roots of a step, gradients, kicks and drifts, over its "
+    f"stages: largest over least of the ten methods within a tenth of a decade on each system; {APPROXIMATELY.words}",
+    bound=APPROXIMATELY.number,
+)
+def cost_proportional(results: Results, most: float) -> Decision:
+    ratios = {}
+    for name, system in (("oscillator", sho), ("Hénon-Heiles", henon_heiles), ("Sun-Mercury", kepler)):
+        costs = [operations(results.method(one), system.SYSTEM) / results.method(one).stages for one in BENCHMARKED]
+        ratios[name] = max(costs) / min(costs)
+    told = ", ".join(f"{name} {short(ratio)}" for name, ratio in ratios.items())
+    return counted([ratio <= most for ratio in ratios.values()], f"largest over least: {told}")
+
+
+class Counted:
+    """A number that counts the operations made with it and others that share its counter."""
+
+    def __init__(self, counter: list[int]) -> None:
+        self.counter = counter
+
+    def _one(self, *_: object) -> Counted:
+        self.counter[0] += 1
+        return self
+
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = __neg__ = sqrt = _one
+
+
+def operations(method: Tableau, system: System) -> int:
+    """Count the operations of a step: its gradients of V, and two for each coordinate of a kick or drift."""
+    counter = [0]
+    q = tuple(Counted(counter) for _ in range(system.dimension))
+    assert system.grad_V is not None
+    system.grad_V(q, *(Counted(counter) for _ in system.parameters))
+    return method.stages * counter[0] + 2 * system.dimension * (len(method.kick) + len(method.drift))

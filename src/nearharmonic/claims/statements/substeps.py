@@ -102,8 +102,8 @@ def fig_6_substeps(results: Results, ratio: float) -> Decision:
 @claim(
     id="substeps-are-no-evolution",
     paper="Section 2, below Eq. 3",
-    sentence="the intermediate steps (q_j, p_j), j = 1, 2, ..., k - 1, referred to as substeps, do not represent the time "
-    "evolution of (q₀, p₀)",
+    sentence="the intermediate steps (q_j, p_j), j = 1, 2, ..., k - 1, referred to as substeps, do not represent the "
+    "time evolution of (q₀, p₀)",
     kind="mathematics",
     statement="Substeps do not represent the time evolution",
     threshold="the largest energy error at the substeps of Figure 6 at least ten times that after its two iterations, "

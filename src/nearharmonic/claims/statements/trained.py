@@ -116,6 +116,15 @@ def lead_of_trained(results: Results, names: Sequence[str], what: str) -> str:
     target="trained_proof",
 )
 def minimised_coefficients(results: Results, related: float) -> Decision:
+    found, said = results.kept("correlations", lambda: _correlations(results))
+    good = found >= related
+    first, *rest = said
+    counts = f"{short(related, 2)} or more at {good.sum()} of {good.size} step sizes"
+    return counted(good.tolist(), "; ".join([first, counts, *rest]))
+
+
+def _correlations(results: Results) -> tuple[Floats, list[str]]:
+    """The correlation at each step size, and what is told of it."""
     errors = errors_on_random_potentials(results).of_order_four_or_more(results)
     x = errors.tau_per_stage
     if len(errors.names) < FEWEST_METHODS or not x.size:
@@ -124,13 +133,11 @@ def minimised_coefficients(results: Results, related: float) -> Decision:
     methods = [results.methods[name] for name in errors.names]
     sums = np.array([sum(abs(float(c)) for c in (*one.kick, *one.drift)) for one in methods])
     found, fourth = _correlation(sums, errors.mean_log), np.array([one.order == 4 for one in methods])
-    good = found >= related
     told = [f"rank correlation {short(found[0], 2)} at τ/s = {short(x[0])} to {short(found[-1], 2)} at {short(x[-1])}"]
-    told.append(f"{RELATED} or more at {good.sum()} of {good.size} step sizes")
     if fourth.sum() >= FEWEST_METHODS:
         among = _correlation(sums[fourth], errors.mean_log[fourth])
         told.append(f"among those of order four alone {short(among.min(), 2)} to {short(among.max(), 2)}")
-    return counted(good.tolist(), "; ".join([*told, *_leaders(errors, sums)]))
+    return found, [*told, *_leaders(errors, sums)]
 
 
 def _correlation(sums: Floats, mean_log: Floats) -> Floats:
