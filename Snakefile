@@ -67,6 +67,8 @@ onsuccess:
     # Only a run that made the table again has something new to say.
     if THIS_RUN.made("tables/skipped.csv"):
         print(summary_line(f"{RESULTS}/tables/skipped.csv"))
+    if THIS_RUN.made(CLAIMS):
+        print(verdicts(f"{RESULTS}/{CLAIMS}"))
 
 
 onerror:

@@ -8,6 +8,7 @@ from nearharmonic.output.job import run
 from nearharmonic.record.adopt import ADOPTING, check_jobs
 from nearharmonic.record.workflow_run import WorkflowRun
 
+CLAIMS = "tables/claims.json"
 THIS_RUN = WorkflowRun(RESULTS, CONFIG, sources=workflow.basedir)
 
 
@@ -41,7 +42,7 @@ def refresh():
     """Make claims and page again if this run made results after them: those of other targets than theirs."""
     from nearharmonic.claims.table import FILES
 
-    if THIS_RUN.outdates("tables/claims.json", shown=FILES):
+    if THIS_RUN.outdates(CLAIMS, shown=FILES):
         again(rules.decide_claims, LOG("tables/claims"))
     if THIS_RUN.outdates("report.html"):
         again(rules.page, LOG("report"))
@@ -50,3 +51,11 @@ def refresh():
 def again(rule, log):
     """Carry out the job of a rule in this process."""
     run(SimpleNamespace(input=rule.input, output=rule.output, params=rule.params, log=[log], threads=1))
+
+
+def verdicts(document):
+    """What this run says of the paper's statements, and the command that decides those it leaves open."""
+    from nearharmonic.claims.summary import verdicts_line
+    from nearharmonic.output.store import workflow_command
+
+    return verdicts_line(document, workflow_command(document))

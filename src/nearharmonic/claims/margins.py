@@ -25,9 +25,11 @@ def margin(verdict_at: Callable[[float], str], bound: float) -> str:
     """
     asked = _guarded(verdict_at)
     low, high = (_last(asked, bound, way) for way in (-1, 1))
-    lower = "from any lower one" if low is None else f"from {short(low)}"
-    upper = "to any higher one" if high is None else f"to {short(high)}"
-    return f"the same {lower} {upper}; {short(bound)} is asked"
+    if low is None and high is None:
+        return f"threshold {short(bound)}; any other gives the same verdict"
+    start = "" if low is None else f" from {short(low)}"
+    end = " up" if high is None else f" up to {short(high)}" if low is None else f" to {short(high)}"
+    return f"threshold {short(bound)}; the same verdict{start}{end}"
 
 
 def _guarded(verdict_at: Callable[[float], str]) -> Callable[[float], str]:

@@ -47,7 +47,7 @@ class Places:
 
         If it names none of the page, those follow that show the files which the claim needs.
         """
-        pieces = self._named(str(claim["paper"]))
+        pieces = self._named(str(claim["paper"]["section"]))
         if any(anchor for _, anchor in pieces):
             return pieces
         shown = dict.fromkeys(piece for file in claim["needs"] for piece in self._shown.get(str(file), []))

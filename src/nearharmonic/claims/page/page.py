@@ -16,6 +16,7 @@ from nearharmonic.claims.page.plots import models
 from nearharmonic.claims.page.plots.durations import durations
 from nearharmonic.claims.page.results import VERDICTS, ShownResults
 from nearharmonic.claims.page.tables import ShownTable
+from nearharmonic.claims.summary import failures, of_the_paper, sums
 from nearharmonic.output.receipts import RUN, measures_time
 
 #: Bytes of the page.
@@ -171,6 +172,9 @@ def page(folder: str | os.PathLike[str], run: str | None = None, **_: Any) -> di
     values = {
         "results": results,
         "claims": [claim | {"pieces": places.pieces(claim)} for claim in results.claims],
+        "counted": of_the_paper(results.claims),
+        "sums": sums(results.claims),
+        "failures": failures(results.claims),
         "looks": VERDICTS,
         "figures": figures,
         "legend": entries(figures),

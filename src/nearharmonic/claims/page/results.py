@@ -10,6 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from nearharmonic.claims.claim import OPEN
 from nearharmonic.claims.page.tables import ShownTable, tables_of
 from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.experiments.paper.omissions import Totals, totals_in
@@ -19,7 +20,14 @@ from nearharmonic.record import history, manifest
 from nearharmonic.record.texts import Texts
 
 #: Verdicts in the order of the page, each with the name of its look.
-VERDICTS = {"holds": "holds", "holds in part": "part", "fails": "fails", "not decided here": "open"}
+VERDICTS = {
+    "holds": "holds",
+    "holds but for edges": "edges",
+    "holds in part": "part",
+    "fails": "fails",
+    "erratum": "erratum",
+    OPEN: "open",
+}
 
 
 class ShownResults:
@@ -48,7 +56,7 @@ class ShownResults:
         text = self._texts.read(name)
         try:
             found = list(json.loads(text))
-            known = all(claim["verdict"] in VERDICTS for claim in found)
+            known = all(claim["verdict"] in VERDICTS and claim["paper"]["sentence"] for claim in found)
         except (ValueError, KeyError, TypeError) as error:
             raise self._texts.unusable(name, "is damaged") from error
         if not known:

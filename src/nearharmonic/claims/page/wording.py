@@ -6,10 +6,11 @@ import re
 from datetime import datetime
 from typing import Any
 
+from nearharmonic.claims.summary import VERDICTS
+
 #: A number as Python writes a float; one of more digits is a decimal that is exact on purpose.
 _FLOAT = re.compile(r"-?\d+(\.\d+)?(e[+-]?\d+)?")
 _MOST_DIGITS_OF_A_FLOAT = 17
-_PLURALS = {"holds": "hold", "holds in part": "hold in part", "fails": "fail"}
 #: Digits that a reader sees of a float.
 _SHOWN = 4
 
@@ -53,7 +54,7 @@ def percent(share: float) -> str:
 
 def verdict(name: str, number: int) -> str:
     """Return a verdict on ``number`` statements: 1 holds, 2 hold."""
-    return name if number == 1 else _PLURALS.get(name, name)
+    return name if number == 1 else VERDICTS[name].removeprefix("are ")
 
 
 def counted(number: int, one: str, more: str = "") -> str:
