@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
+from types import SimpleNamespace
 
 import numpy as np
 from mpmath import mp, mpf
@@ -30,8 +31,18 @@ def both(system, factor, *names):
     return together(*(scaled(system, factor, *names, variable=f"{one}_energy_error") for one in ("max", "mean")))
 
 
-def steeper(system, name):
-    return scaled(system, lambda x: x**0.2, name)
+def steeper(system, name, by=0.7):
+    return scaled(system, lambda x: x**by, name)
+
+
+def spiked(name, at):
+    """A hundredfold error at one step size of each system, by its place."""
+
+    def change(results):
+        for system in ("sho", "henon_heiles", "kepler"):
+            results.cubes[system]["max_energy_error"].loc[{"integrator": name}][..., at] *= 100
+
+    return change
 
 
 def swapped(system, one, other, variable="max_energy_error"):
@@ -178,6 +189,14 @@ def advance_follows_maximum(results):
     cube["perihelion_advance_interval"] = cube["max_energy_error"] * 0.001
 
 
+def one_stage_optimised(results):
+    """Yosh s7o6 A is the only one of its kind, and its terms do not diverge."""
+    for name in ("s9odr6a", "s15odr8"):
+        del results.methods[name]
+    kappa = results.cubes["sho_terms"]["kappa"]
+    kappa.loc[{"integrator": "yoshida_s7o6a"}] = kappa.sel(integrator="yoshida_s7o6a").clip(max=1)
+
+
 def fewer_odd_terms(results):
     kappa = results.cubes["sho_terms"]["kappa"]
     kappa.loc[{"first": "drift", "integrator": "babs7o7h"}] = kappa.sel(first="drift", integrator="babs7o7h").where(
@@ -192,6 +211,21 @@ def another_start(module, momentum):
         monkeypatch.setattr(module, "SYSTEM", replace(module.SYSTEM, p0=("0", momentum)))
 
     return change
+
+
+def another_potential(module):
+    """The system of a module has a term of fourth degree, and none of third."""
+
+    def change(results, monkeypatch):
+        start, V = module.SYSTEM.start, lambda q: (q[0] ** 2 + q[1] ** 2) / 2 + q[0] ** 4
+        monkeypatch.setattr(module, "SYSTEM", SimpleNamespace(start=start, V=V))
+
+    return change
+
+
+def kicks_of(name):
+    """The method of this name with its roles exchanged, so that the first row printed is that of the kicks."""
+    return lambda known: known[name].role("kick")
 
 
 def pure_fourth(results):

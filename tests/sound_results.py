@@ -154,8 +154,9 @@ def _derived_tables():
             {"route": "adaptive simplex, 2048 bits", "start": "near solution 1", "largest kappa": "0.1"},
         ],
         "derived_families": [
-            {"set": name, "members better in all": "0", "free parameters": free, "members found": "9000"}
-            for name, free in (("BABs7o7H", "1"), ("BAB's9o7H", "3"))
+            {"set": name, "members better in all": "0", "free parameters": free, "members found": "9000",
+             "stages": stages, "harmonic order": "7"}
+            for name, free, stages in (("BABs7o7H", "1", "7"), ("BAB's9o7H", "3", "9"))
         ],
         "derived_solutions": [
             {"stages": "5", "solution": "1", "half of the outer row": "0.18685656 0.55205817 -0.23891473"},
@@ -182,12 +183,13 @@ def _derived_tables():
 def _derived():
     """As ``derived/coefficients.toml``, in few entries."""
     sets = ("abas5o6h", "abas5o6h_b", "abas5o6h_c", "babs6o7h")
-    roots = [{"residual": "1e-154", "outer": ["-0.1"] * negative + ["0.1"], "inner": ["0.5"]} for negative in (4, 5, 6)]
+    roots = [{"residual": "1e-154", "outer": ["-0.1"] * negative + ["0.1"], "inner": [inner]}
+             for negative, inner in ((4, "0.5"), (5, "0.5"), (6, "1.5"))]
     return {
         "agreements": [{"name": name, "decimals": 76} for name in sets],
         "isolated": [
-            {"equations": {"harmonic_order": 6}, "roots": [{"residual": "2e-150", "outer": [], "inner": []}]},
-            {"equations": {"harmonic_order": 8}, "roots": roots},
+            {"equations": {"harmonic_order": 6, "stages": 5}, "roots": roots[:1]},
+            {"equations": {"harmonic_order": 8, "stages": 7}, "roots": roots},
         ],
         "printed": [{"continued": {"residual": "3e-151"}}],
     }
@@ -238,6 +240,8 @@ def sound_results():
     return HeldResults(*copy.deepcopy(_parts()))
 
 
-def stand_in(name, kick, drift, *, order=4, digits=20, first="kick"):
+def stand_in(name, kick, drift, *, order=4, digits=20, first="kick", stages=1):
     """What has the coefficients of a tableau but was never checked."""
-    return SimpleNamespace(name=name, kick=kick, drift=drift, order=order, digits=digits, first=first)
+    return SimpleNamespace(
+        name=name, kick=kick, drift=drift, order=order, digits=digits, first=first, stages=stages
+    )

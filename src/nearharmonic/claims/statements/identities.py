@@ -122,7 +122,12 @@ def _momenta_agree(kicks: Row, drifts: Row) -> bool:
     for d, c in zip(kicks, drifts, strict=True):
         p -= tau * d * k * q
         before, q = q, q + tau * c * p / m
-    return bool(p - tau * last * k * q == m * (q - before) / (tau * drifts[-1]) - tau * last * k * q)
+    return bool(p - tau * last * k * q == last_row(m, (before, q), tau * drifts[-1], tau * last * k))
+
+
+def last_row(m: Any, q: tuple[Any, Any], drift: Any, kick: Any) -> Any:
+    """The momentum by Eq. 6 from the last two positions."""
+    return m * (q[1] - q[0]) / drift - kick * q[1]
 
 
 @claim(
@@ -236,6 +241,10 @@ def eq_16(_: Results) -> Decision:
     return counted(good, f"{sum(good)} of {len(good)} sums equal")
 
 
+#: a, b, m and k below Eq. 17.
+CONSTANTS = (1, -1, 1, 1)
+
+
 @claim(
     id="initial-values-below-eq-17",
     paper="Section 3, below Eq. 17",
@@ -245,7 +254,7 @@ def eq_16(_: Results) -> Decision:
     threshold="q and p = m dq/dt of Eq. 12 at t = 0, exactly",
 )
 def initial_values(_: Results) -> Decision:
-    a, b, m, k = 1, -1, 1, 1
+    a, b, m, k = CONSTANTS
     q, p = a, m * b * sqrt(k / m)  # cos 0 = 1, sin 0 = 0
     return either((q, p) == (1, -1), f"q_a = {q}, p_a = {p:.0f}")
 

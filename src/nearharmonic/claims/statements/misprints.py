@@ -10,9 +10,14 @@ from fractions import Fraction
 from mpmath import mp
 
 from nearharmonic.claims.claim import Decision, claim, either
-from nearharmonic.claims.results import Results, label, short
+from nearharmonic.claims.results import Results, short
 from nearharmonic.claims.statements.identities import DIGITS, DRAWN, ROUNDED, closed_form, drawn, eq_14, position_terms
 from nearharmonic.theory.oscillator import kappa
+
+#: The lower limit of the product of Eq. 2.
+FIRST_FACTOR = 0
+#: The mass for which the condition below Eq. 11 is tried.
+MASS = 2
 
 
 @claim(
@@ -25,7 +30,7 @@ from nearharmonic.theory.oscillator import kappa
 )
 def eq_2_product(results: Results) -> Decision:
     k = len(results.method("ruth").outer)
-    factors = len(range(k + 1))
+    factors = len(range(FIRST_FACTOR, k + 1))
     return either(factors == k, f"{factors} factors for {k} pairs of coefficients. The product begins with i = 1")
 
 
@@ -53,7 +58,7 @@ def eq_2_order_symbol(results: Results, vanished: float) -> Decision:
     f"k = 3, {DRAWN}",
 )
 def q_bar(_: Results) -> Decision:
-    m, k = 2, 3
+    m, k = MASS, 3
     exact = [Fraction(-k, m) * one.kicks[0] * one.drifts[0] for one in drawn(3)]
     printed = [-one.kicks[0] * one.drifts[0] * k for one in drawn(3)]
     mended = [entry / m for entry in printed]
@@ -105,11 +110,10 @@ def eq_14_needs_sums(_: Results, rounded: float) -> Decision:
 def bab_prime_from_zero(results: Results) -> Decision:
     method = results.method("babps9o7h")
     *kept, _ = map(Fraction, method.drift)
-    total = sum(kept, Fraction(0))
+    left = sum(kept, Fraction(0))
     unit = len(kept) * Fraction(1, 10**method.digits)
-    value = f"{label(method.name)} has {len(method.drift)} drifts, of which c_(s+1) = 0 leaves a sum of "
-    f"{short(float(total))}"
-    return either(abs(total - 1) <= unit, f"{value}. c₁ = 0 is meant, with s drifts behind it")
+    value = f"of {len(method.drift)} drifts the last is not there, which leaves a sum of {short(float(left))}"
+    return either(abs(left - 1) <= unit, f"{value}. c₁ = 0 is meant, with s drifts behind it")
 
 
 @claim(

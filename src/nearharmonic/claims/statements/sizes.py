@@ -53,9 +53,9 @@ def small_steps(results: Results, ratio: float) -> Decision:
 def _small(results: Results, bound: float, share: float | None) -> Decision:
     """Compare the longest substeps with a bound: for more than a share of the sets, or for all."""
     others = ", ".join(f"{label(n)} {short(_size(results.method(n)))}" for n in ("ruth", "yoshida_s7o6a", "s5odr4"))
-    sizes = {t.label: _size(t) for t in sets(results)}
-    good = [size < bound for size in sizes.values()]
-    least, most = (f"{name} {short(sizes[name])}" for name in (f(sizes, key=sizes.__getitem__) for f in (min, max)))
+    sizes = sorted((_size(t), t.label) for t in sets(results))
+    good = [size < bound for size, _ in sizes]
+    least, most = (f"{name} {short(size)}" for size, name in (sizes[0], sizes[-1]))
     value = f"{sum(good)} of {len(good)} sets; longest substep from {least} to {most}; {others}"
     return counted(good, value) if share is None else either(sum(good) > share * len(good), value)
 
