@@ -88,7 +88,7 @@ TARGETS["everything"] = set().union(*TARGETS.values())
 
 #: What is made on the way to the targets.
 RUNS = {f"runs/{system}/{method}/{shard}.h5" for system in SYSTEMS for method in METHODS for shard in (0, 1)}
-CUBES = cubes(*SYSTEMS, "sho_terms")
+CUBES = cubes(*SYSTEMS, "sho_terms", "henon_heiles_chaos")
 ENSEMBLES = cubes(*(f"stability_{name}" for name in _ENSEMBLES)) | {
     f"runs/stability/{name}/{method}.h5" for name in _ENSEMBLES for method in METHODS
 }
