@@ -70,17 +70,6 @@ rule decompose:
         "../scripts/task.py"
 
 
-rule chaos:
-    output:
-        cube=CUBE("henon_heiles_chaos"),
-    log:
-        LOG("reduce/henon_heiles_chaos"),
-    params:
-        task=task("experiments.paper.chaos:chaos"),
-    script:
-        "../scripts/task.py"
-
-
 rule skipped:
     input:
         **{system: CUBE(system) for system in SWEEPS},

@@ -11,7 +11,7 @@ from nearharmonic.engine.portable import dot
 from nearharmonic.engine.problem import Problem
 from nearharmonic.engine.statistics import mean, student_975
 from nearharmonic.experiments.paper.tangent import Floats, follow, tangent_system
-from nearharmonic.integrators import nielsen_2015
+from nearharmonic.integrators import integrators
 from nearharmonic.output.dataset import Contents, Variables, coordinate, variable
 from nearharmonic.systems import System, henon_heiles
 
@@ -22,12 +22,12 @@ ORBITS: dict[str, Orbit] = {
     "paper": (henon_heiles.SYSTEM.q0, henon_heiles.SYSTEM.p0),
     "regular": (("0.075", "0"), ("0", "0.1")),
 }
-#: Method and step size, at which the energy error of the paper's orbit stays below 1e-7.
-METHOD, TAU = "babps8o7h", 0.5
-#: Time between two scalings: deviations grow by e^50 at most. Number of scalings, up to t = 2e5.
-SCALED_EVERY, SCALINGS = 500, 400
-#: Blocks of equal length for the interval: 2e4 units of time, long beside the times that the orbit stays near regular
-#: ones. Of fifty stretches of a run up to t = 1e7, the intervals of 45 hold the exponent of the whole run.
+#: Step size: the energy error of BAB's8o7H on the paper's orbit stays below 1e-7.
+TAU = 0.5
+#: Time between two scalings: deviations grow by e^50 at most.
+SCALED_EVERY = 500
+#: Blocks of equal length for the interval. Up to t = 2e5 they last 2e4, long beside the times that the orbit stays near
+#: regular ones: of fifty such stretches of a longer run, the intervals of 45 hold the exponent of the whole run.
 BLOCKS = 10
 
 #: Variables over orbit: their further dimensions, their meaning, and the quantity whose unit they have.
@@ -49,17 +49,24 @@ MEANINGS = {
 }
 
 
-def chaos() -> dict[str, Contents]:
-    """Return the contents of the file ``cube``: :func:`lyapunov_exponents` of the Henon-Heiles system."""
-    (tableau,) = (one for one in nielsen_2015.TABLEAUS if one.name == METHOD)
-    system = henon_heiles.SYSTEM
+def chaos(integrator: str, t_end: int) -> dict[str, Contents]:
+    """Return the contents of the file ``cube``: :func:`lyapunov_exponents` of the Henon-Heiles system.
+
+    Parameters
+    ----------
+    integrator : str
+        Name of the method.
+    t_end : int
+        Last time, a multiple of ten times :data:`SCALED_EVERY`.
+    """
+    system, tableau, scalings = henon_heiles.SYSTEM, integrators[integrator], t_end // SCALED_EVERY
     problem = Problem(tangent_system(system), tableau, t_end=SCALED_EVERY, energy="none")
-    variables = lyapunov_exponents(system, problem, SCALINGS)
+    variables = lyapunov_exponents(system, problem, scalings)
     attributes = {
         "system": system.name, "system_label": system.label, "integrator": tableau.name, "label": tableau.label,
         "tau": TAU, "blocks": BLOCKS,
     }  # fmt: skip
-    evaluations = len(ORBITS) * SCALINGS * evaluations_of(tableau, problem.steps_of(TAU))
+    evaluations = len(ORBITS) * scalings * evaluations_of(tableau, problem.steps_of(TAU))
     return {"cube": Contents(variables=variables, attributes=attributes, evaluations=evaluations)}
 
 
