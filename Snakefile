@@ -20,6 +20,7 @@ if not workflow.overwrite_configfiles:
 
 include: "workflow/rules/common.smk"
 include: "workflow/rules/paper.smk"
+include: "workflow/rules/henon_heiles.smk"
 include: "workflow/rules/claims.smk"
 include: "workflow/rules/derivation.smk"
 include: "workflow/rules/sixth_order.smk"

@@ -121,6 +121,19 @@ def toy_panels(tau=0.3):
     }
 
 
+def displaced(methods=METHODS):
+    """Panel D beside its plane: two of three paths leave, at other iterations with either summation."""
+    iteration, over = np.array([1, 3, 10, 32, 100]), ("displacement", "summation")
+    left_at = np.array([[0, 0], [40, 7], [100, 5]])
+    error = powers(3, 2, iteration.size, seed=41, low=-4, high=-1)
+    error[(left_at[..., None] > 0) & (iteration >= left_at[..., None])] = np.nan
+    return xr.Dataset(
+        {"block_max_energy_error": ((*over, "iteration"), error), "left_at": (over, left_at)},
+        coords={"displacement": [0.0, 1e-9, 1e-2], "summation": ["compensated", "plain"], "iteration": iteration},
+        attrs={"label": label(methods[0]), "system_label": "system of the tests", "surface_limit": 1.5},
+    )
+
+
 def traces(methods=METHODS):
     """Traces that leave the panel, and up to three gaps a method: [2.5, 2.6], [3.5, 4.5] and from 6 on, per step."""
     tau = np.linspace(0, 2.4, 49)

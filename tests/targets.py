@@ -39,6 +39,7 @@ FIGURES = {
     "fig4": figures("fig4_perihelion"),
     "fig5": figures("fig5_kepler"),
     "fig6": figures("fig6_substeps"),
+    "fig6_displaced": figures("fig6_displaced"),
     **{f"{system}_energy_error": figures(f"{system}_energy_error") for system in SYSTEMS},
 }
 #: Target -> the files that it stands for.
@@ -88,7 +89,7 @@ TARGETS["everything"] = set().union(*TARGETS.values())
 
 #: What is made on the way to the targets.
 RUNS = {f"runs/{system}/{method}/{shard}.h5" for system in SYSTEMS for method in METHODS for shard in (0, 1)}
-CUBES = cubes(*SYSTEMS, "sho_terms")
+CUBES = cubes(*SYSTEMS, "sho_terms", "henon_heiles_chaos", "substeps_displaced")
 ENSEMBLES = cubes(*(f"stability_{name}" for name in _ENSEMBLES)) | {
     f"runs/stability/{name}/{method}.h5" for name in _ENSEMBLES for method in METHODS
 }

@@ -21,7 +21,10 @@ COLUMNS = [
     "system", "integrator", "precision", "tau", "tau_per_stage", "steps", "evaluations", "max_energy_error",
     "mean_energy_error", "status", "diverged_at", "label",
 ]  # fmt: skip
-KEPLER = ["evaluations_per_orbit", "perihelion_advance", "perihelion_advance_interval"]
+KEPLER = [
+    "evaluations_per_orbit", "perihelion_advance", "perihelion_advance_halves", "perihelion_advance_interval",
+    "perihelion_advance_linearity",
+]  # fmt: skip
 
 
 def told(capsys, *arguments):

@@ -20,6 +20,7 @@ CUBES = {
     "fig3_henon_heiles": (made.errors, ()),
     "fig4_perihelion": (made.advances, ("evaluations_per_orbit",)),
     "fig5_kepler": (lambda methods: made.errors(methods, unit="h"), ()),
+    "fig6_displaced": (made.displaced, ()),
     "linear_stability": (made.traces, ()),
     "kinetic_energy": (made.amplitudes, ()),
     "henon_heiles_stability": (made.ensembles, ()),
@@ -34,6 +35,7 @@ CUBES = {
 #: Cubes that declared figures show, besides those of the systems.
 SHOWN = (
     "sho_terms",
+    "substeps_displaced",
     "linear_stability",
     "kinetic_energy",
     "stability_henon_heiles",

@@ -8,7 +8,14 @@ import xarray as xr
 from scipy.stats import linregress
 from scipy.stats import t as student
 
-from nearharmonic.engine.statistics import jackknife_interval, line_fit, linear_trend, observed_order, student_975
+from nearharmonic.engine.statistics import (
+    jackknife_interval,
+    line_fit,
+    linear_trend,
+    observed_order,
+    student_975,
+    trend_linearity,
+)
 
 #: Twenty step sizes a decade, fine to coarse.
 TAU = 10.0 ** (np.arange(81) / 20 - 4)
@@ -147,6 +154,25 @@ def test_samples_that_are_missing_do_not_enter_a_trend():
     t, angle = np.array([0.0, 1.0, np.nan, 2.0, 3.0, 4.0]), np.array([0.0, 1.0, 0.0, 1.0, 2.0, np.nan])
     assert linear_trend(t, angle) == linear_trend(np.arange(4.0), np.array([0.0, 1.0, 1.0, 2.0]))
     assert np.isnan(linear_trend(t[:3], angle[:3])).all()
+
+
+@pytest.mark.parametrize("points", [3, 4, 7, 50])
+def test_linearity_is_the_squared_correlation_and_halves_compare_slopes(points):
+    """A mean of 1e3 and angles that grow by 0.3 a point on average; both sides round sums of some 50 terms."""
+    random = np.random.default_rng(points)
+    t, angle = 1e3 + np.sort(random.uniform(0, 100, points)), np.cumsum(random.uniform(-0.2, 0.8, points))
+    determination, halves = trend_linearity(t, (angle + np.pi) % (2 * np.pi) - np.pi)
+    assert determination == pytest.approx(np.corrcoef(t, angle)[0, 1] ** 2, rel=1e-10)
+    half = (points + 1) // 2
+    first, second = (np.polyfit(t[part] - 1e3, angle[part], 1)[0] for part in (slice(half), slice(points - half, None)))
+    assert halves == pytest.approx(second / first, rel=1e-10)
+
+
+def test_linearity_of_an_angle_at_rest_or_of_two_points_is_nan():
+    t = np.arange(4.0)
+    assert np.isnan(trend_linearity(t, np.zeros(4))).all()
+    assert np.isnan(trend_linearity(t[:2], t[:2])).all()
+    assert np.isnan(trend_linearity(t, np.array([0.0, 1.0, np.nan, np.inf]))).all()
 
 
 def test_the_jackknife_of_a_mean_is_the_interval_of_the_mean():

@@ -25,7 +25,7 @@ def test_the_paper_fans_out_over_methods_systems_and_shards(paper):
     assert paper["integrate"] == 10 * 3
     assert (paper["compile"], paper["reduce"], paper["decompose"]) == (3, 3, 1)
     assert {name for name in paper if name.startswith("draw_")} == {
-        f"draw_{cube}" for cube in ("sho", "sho_terms", "henon_heiles", "kepler", "substeps")
+        f"draw_{cube}" for cube in ("sho", "sho_terms", "henon_heiles", "kepler", "substeps", "substeps_displaced")
     }
 
 
@@ -43,9 +43,9 @@ def test_a_figure_asks_for_no_more_than_it_shows(project):
     }  # fmt: skip
 
 
-def test_the_target_figures_makes_all_six(project):
+def test_the_target_figures_makes_all_six_and_the_one_beside(project):
     jobs = project.jobs("figures")
-    assert sum(count for name, count in jobs.items() if name.startswith("draw_")) == 5
+    assert sum(count for name, count in jobs.items() if name.startswith("draw_")) == 6
 
 
 def test_the_linter_asks_for_environments_and_for_nothing_else(project):
@@ -73,7 +73,8 @@ def test_a_config_stands_alone(project):
     )
     jobs = project.jobs("--configfile", "alone.yaml")
     assert (jobs["compile"], jobs["integrate"]) == (1, 1)
-    assert {name for name in jobs if name.startswith("draw_")} == {"draw_sho", "draw_sho_terms", "draw_substeps"}
+    drawn = {"draw_sho", "draw_sho_terms", "draw_substeps", "draw_substeps_displaced"}
+    assert {name for name in jobs if name.startswith("draw_")} == drawn
 
 
 #: One that the config refuses, and one that the plan refuses.

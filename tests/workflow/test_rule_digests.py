@@ -49,8 +49,8 @@ def tasks():
 
 
 def _cubes():
-    single = ["sho_terms", "linear_stability", "kinetic_energy", "exact_oscillator", "trained", "trained_ideas"]
-    return [*single, *(f"stability_{name}" for name in ENSEMBLES)]
+    single = ["sho_terms", "substeps_displaced", "linear_stability", "kinetic_energy", "exact_oscillator"]
+    return [*single, "trained", "trained_ideas", *(f"stability_{name}" for name in ENSEMBLES)]
 
 
 @pytest.fixture(scope="module")

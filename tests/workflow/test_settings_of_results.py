@@ -26,6 +26,8 @@ def expected_settings(project):
     for name in ("sho_terms", "linear_stability", "kinetic_energy", "structure"):
         found[f"cubes/{name}.h5"] = dict(methods)
     found["cubes/sho_terms.h5"]["integrators"] = list(DECOMPOSED)
+    found["cubes/henon_heiles_chaos.h5"] = {"integrator": "babps8o7h", "t_end": 200_000}
+    found["cubes/substeps_displaced.h5"] = {"integrator": "babs7o7h", "iterations": 100_000}
     found["cubes/structure.h5"]["t_end"] = STRUCTURE_T_END
     for system, t_end in STRUCTURE_T_END.items():
         found[f"runs/stability/structure/{system}.h5"] = {"system": system, "t_end": t_end} | methods

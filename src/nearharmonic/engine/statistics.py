@@ -113,11 +113,49 @@ def linear_trend(t: Any, angle: Any) -> tuple[float, float]:
     tuple of float
         Slope and half width in rad per unit of ``t``, NaN with fewer than three points.
     """
-    finite = np.isfinite(angle) & np.isfinite(t)
-    if finite.sum() < 3:
+    x, y = _unwrapped(t, angle)
+    if x.size < 3:
         return float("nan"), float("nan")
-    x = t[finite]
-    return line_fit(x - mean(x), np.unwrap(angle[finite]))
+    return line_fit(x - mean(x), y)
+
+
+def trend_linearity(t: Any, angle: Any) -> tuple[float, float]:
+    """Return two measures of how linear the unwrapped ``angle`` is in ``t``.
+
+    Parameters
+    ----------
+    t, angle : array of shape (n,)
+        As for :func:`linear_trend`.
+
+    Returns
+    -------
+    tuple of float
+        Coefficient of determination R^2 of the fit of :func:`linear_trend`, and the slope fitted to the second half of
+        the points over the slope fitted to the first; of an odd number of points, both halves have the middle one. NaN
+        with fewer than three points, or where the denominator is zero.
+    """
+    x, y = _unwrapped(t, angle)
+    if x.size < 3:
+        return float("nan"), float("nan")
+    x, y = x - mean(x), y - mean(y)
+    spread, half = dot(y, y), (x.size + 1) // 2
+    residual = y - _slope(x, y) * x
+    first, second = (_slope(x[part] - mean(x[part]), y[part]) for part in (slice(half), slice(-half, None)))
+    return (
+        1 - dot(residual, residual) / spread if spread else float("nan"),
+        second / first if first else float("nan"),
+    )
+
+
+def _unwrapped(t: Any, angle: Any) -> tuple[Floats, Floats]:
+    """``t`` and the unwrapped ``angle`` at the points at which both are finite."""
+    finite = np.isfinite(angle) & np.isfinite(t)
+    return t[finite], np.unwrap(angle[finite])
+
+
+def _slope(x: Floats, y: Floats) -> float:
+    """Slope of ``y`` against abscissas of mean 0 by ordinary least squares."""
+    return dot(x, y) / dot(x, x)
 
 
 def line_fit(x: Floats, y: Floats) -> tuple[float, float]:

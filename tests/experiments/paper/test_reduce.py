@@ -180,6 +180,18 @@ def test_the_interval_of_the_advance_is_that_of_the_slope_times_the_period():
     assert made.perihelion_advance_interval.item() == pytest.approx(2.024394 * deviation * PERIOD, rel=1e-6)
 
 
+def test_a_cube_says_how_linear_the_perihelion_advance_is():
+    """The rate is a in the first half and 2 a in the second; the oracle fits the known angles."""
+    run, a = turning(0.0, samples=41, t_end=40.0), 0.01
+    angle = a * np.concatenate([np.arange(20), 20 + 2 * np.arange(21)])
+    run["perihelion_angle"] = run.perihelion_angle * 0 + xr.DataArray(angle, dims="sample")
+    made = reduced(run)
+    expected = [np.corrcoef(np.arange(41), angle)[0, 1] ** 2, np.nan]
+    assert made.perihelion_advance_linearity.values == pytest.approx(expected, rel=1e-12, nan_ok=True)
+    assert made.perihelion_advance_halves.values == pytest.approx([2, np.nan], rel=1e-12, nan_ok=True)
+    assert {made[f"perihelion_advance_{end}"].attrs["units"] for end in ("linearity", "halves")} == {"1"}
+
+
 def test_evaluations_per_orbit_are_those_of_the_step_as_used():
     made = reduced(turning(0.0))
     np.testing.assert_allclose(made.evaluations_per_orbit, [3 * PERIOD / 24.5, 3 * PERIOD / 50.0], rtol=1e-13)
@@ -189,7 +201,7 @@ def test_reduced_numbers_have_no_samples_and_say_their_units():
     made = reduced(turning(1e-4))
     assert set(made.sizes) == {"tau_per_stage"}
     numbers = set(made.data_vars) - {"tau", "steps", "evaluations", "status", "diverged_at"}
-    assert len(numbers) == 5
+    assert len(numbers) == 7
     assert all({"units", "long_name"} <= set(made[name].attrs) for name in numbers)
 
 

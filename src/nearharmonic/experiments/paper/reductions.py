@@ -7,13 +7,14 @@ A reduction is a function below ``@reduction(...)``, which names the variables t
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from math import inf
 
 import xarray as xr
 
 from nearharmonic.engine import invariants
 from nearharmonic.engine.description import SINCE
-from nearharmonic.engine.statistics import linear_trend
+from nearharmonic.engine.statistics import linear_trend, trend_linearity
 from nearharmonic.engine.statistics import observed_order as order_of_curve
 from nearharmonic.integrators import integrators
 from nearharmonic.output.dataset import described
@@ -49,17 +50,33 @@ def _over_every_step(runs: xr.Dataset, blocks: xr.DataArray, values: xr.DataArra
 def perihelion_advance(runs: xr.Dataset) -> xr.Dataset:
     """Advance of the perihelion per orbit, signed, and the half width of its 95 % interval, by regression."""
     period = orbital_period(systems[runs.attrs["system"]])
-    over_samples = [["sample"], ["sample"]]
-    trend = xr.apply_ufunc(
-        linear_trend, runs.t, runs.perihelion_angle, input_core_dims=over_samples, output_core_dims=[[], []],
-        vectorize=True,
-    )  # fmt: skip
-    slope, width = ((value * period).where(runs.status == "ok") for value in trend)
+    slope, width = (value * period for value in _over_samples(linear_trend, runs))
     interval = "half width of the 95 % interval of the perihelion advance per orbit"
     return xr.Dataset({
         "perihelion_advance": slope.assign_attrs(described("perihelion advance per orbit", "rad")),
         "perihelion_advance_interval": width.assign_attrs(described(interval, "rad")),
     })  # fmt: skip
+
+
+@reduction("t", "perihelion_angle", "status")
+def perihelion_linearity(runs: xr.Dataset) -> xr.Dataset:
+    """Coefficient of determination of the regression for the perihelion advance, and the ratio of its two halves."""
+    determination, halves = _over_samples(trend_linearity, runs)
+    line = "coefficient of determination R^2 of the perihelion angle as a linear function of time"
+    ratio = "perihelion advance in the second half of the samples over that in the first"
+    return xr.Dataset({
+        "perihelion_advance_linearity": determination.assign_attrs(described(line)),
+        "perihelion_advance_halves": halves.assign_attrs(described(ratio)),
+    })  # fmt: skip
+
+
+def _over_samples(fit: Callable[..., tuple[float, float]], runs: xr.Dataset) -> Iterator[xr.DataArray]:
+    """The two numbers of a ``fit`` to times and perihelion angles of each run, NaN for a run that diverged."""
+    found = xr.apply_ufunc(
+        fit, runs.t, runs.perihelion_angle, input_core_dims=[["sample"], ["sample"]], output_core_dims=[[], []],
+        vectorize=True,
+    )  # fmt: skip
+    return (value.where(runs.status == "ok") for value in found)
 
 
 @reduction("tau", "perihelion_angle")

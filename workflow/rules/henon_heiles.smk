@@ -1,0 +1,23 @@
+"""Long orbits of the Henon-Heiles system: how chaotic the paper's is, and panel D of figure 6 beside its plane."""
+
+
+rule chaos:
+    output:
+        cube=CUBE("henon_heiles_chaos"),
+    log:
+        LOG("reduce/henon_heiles_chaos"),
+    params:
+        task=task("experiments.paper.chaos:chaos", integrator="babps8o7h", t_end=200_000),
+    script:
+        "../scripts/task.py"
+
+
+rule displaced:
+    output:
+        cube=CUBE("substeps_displaced"),
+    log:
+        LOG("reduce/substeps_displaced"),
+    params:
+        task=task("experiments.paper.displaced:displaced", integrator="babs7o7h", iterations=100_000),
+    script:
+        "../scripts/task.py"
