@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 from mpmath import mp, mpf
 
-from nearharmonic.claims.statements import identities, kepler
+from nearharmonic.claims.statements import identities, kepler, perihelion
 from nearharmonic.exact.decimals import fixed_point
 from nearharmonic.integrators.tableau import Tableau, palindrome
 
@@ -167,8 +167,8 @@ def quiet_substeps(results):
 
 def equal_errors(results):
     swap = results.cubes["kepler"]["max_energy_error"]
-    for name in kepler.COINCIDING[1:]:
-        swap.loc[{"integrator": name}] = swap.sel(integrator=kepler.COINCIDING[0])
+    for name in perihelion.COINCIDING[1:]:
+        swap.loc[{"integrator": name}] = swap.sel(integrator=perihelion.COINCIDING[0])
 
 
 def reversed_order(*steps):

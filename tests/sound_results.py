@@ -64,6 +64,8 @@ def curves(system):
             "status": (dims, np.full(largest.shape, "ok")),
             "perihelion_advance": (dims, advance),
             "perihelion_advance_interval": (dims, abs(advance) / 1000),
+            "perihelion_advance_linearity": (dims, np.full(largest.shape, 0.999)),
+            "perihelion_advance_halves": (dims, np.full(largest.shape, 1.001)),
             "evaluations_per_orbit": (dims, 2100 / np.broadcast_to(x, largest.shape)),
         },
         coords={"integrator": list(BENCHMARKED), "tau_per_stage": ("tau_per_stage", x, {"units": unit})},
@@ -100,6 +102,27 @@ def _stability():
         "kinetic_energy": xr.Dataset(
             {"max_energy_error": (("roles", "amplitude", "integrator", "tau_per_stage"), lost)},
             coords=names | {"roles": ["own", "exchanged"], "amplitude": [0.1, 1.0], "tau_per_stage": [0.05]},
+        ),
+    }
+
+
+def _long_orbits():
+    """Of the Hénon-Heiles system: how chaotic two are, and panel (D) of Figure 6 from three starts."""
+    return {
+        "henon_heiles_chaos": xr.Dataset(
+            {
+                "lyapunov_exponent": (("orbit", "time"), [[0.02, 0.04], [0.003, 4e-5]]),
+                "lyapunov_exponent_interval": ("orbit", [0.01, 1e-5]),
+            },
+            coords={"orbit": ["paper", "regular"], "time": [500.0, 2e5]},
+        ),
+        "substeps_displaced": xr.Dataset(
+            {
+                "left_at": (("displacement", "summation"), [[0, 0], [0, 0], [0, 0]]),
+                "max_energy_error": (("displacement", "summation"), [[0.03, 0.03], [0.2, 0.2], [0.3, 0.3]]),
+            },
+            coords={"displacement": [0.0, 1e-6, 1e-2], "summation": ["compensated", "plain"]},
+            attrs={"iterations": 1000},
         ),
     }
 
@@ -183,8 +206,10 @@ def _derived_tables():
 def _derived():
     """As ``derived/coefficients.toml``, in few entries."""
     sets = ("abas5o6h", "abas5o6h_b", "abas5o6h_c", "babs6o7h")
-    roots = [{"residual": "1e-154", "outer": ["-0.1"] * negative + ["0.1"], "inner": [inner]}
-             for negative, inner in ((4, "0.5"), (5, "0.5"), (6, "1.5"))]
+    roots = [
+        {"residual": "1e-154", "outer": ["-0.1"] * negative + ["0.1"], "inner": [inner]}
+        for negative, inner in ((4, "0.5"), (5, "0.5"), (6, "1.5"))
+    ]
     return {
         "agreements": [{"name": name, "decimals": 76} for name in sets],
         "isolated": [
@@ -226,7 +251,7 @@ class HeldResults(Results):
 
 @cache
 def _parts():
-    cubes = {system: curves(system) for system in CURVES} | _stability()
+    cubes = {system: curves(system) for system in CURVES} | _stability() | _long_orbits()
     cubes["trained"] = _trained()
     cubes["sho_terms"] = harmonic_terms(["aba864", "aba1064", "yoshida_s7o6a", *NEW])
     tables = _derived_tables()
@@ -242,6 +267,4 @@ def sound_results():
 
 def stand_in(name, kick, drift, *, order=4, digits=20, first="kick", stages=1):
     """What has the coefficients of a tableau but was never checked."""
-    return SimpleNamespace(
-        name=name, kick=kick, drift=drift, order=order, digits=digits, first=first, stages=stages
-    )
+    return SimpleNamespace(name=name, kick=kick, drift=drift, order=order, digits=digits, first=first, stages=stages)

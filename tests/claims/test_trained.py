@@ -93,7 +93,7 @@ def test_few_methods_are_not_compared(count, decided):
     results = sound_results()
     low = [name for name in integrators.registered if integrators[name].order < 4]
     results.cubes["trained"] = results.cubes["trained"].sel(integrator=[*HIGH[:count], *low])
-    verdict, value = minimised_coefficients.decision(results)
+    verdict, value, _ = minimised_coefficients.decision(results)
     assert (verdict != "not decided here") == decided
     assert decided or value == "the results have fewer than 12 methods of order four or more, or no step size"
 
@@ -102,7 +102,7 @@ def test_few_methods_are_not_compared(count, decided):
 def test_without_an_ensemble_nothing_is_decided(missing):
     results = sound_results()
     results.cubes["trained"] = results.cubes["trained"].drop_sel(ensemble=missing)
-    expected = ("not decided here", f"the results do not have the random potentials {missing}")
+    expected = ("not decided here", f"the results do not have the random potentials {missing}", "")
     assert minimised_coefficients.decision(results) == expected
     assert best_performance.decision(results).verdict == "holds in part"
 

@@ -9,7 +9,7 @@ from nearharmonic.claims.results import Undecided, short
 #: The margin of what is proved, counted or compared digit by digit.
 EXACT = "exact: no threshold"
 #: Factors by which a threshold is moved, one after the other: in steps of 6 % up to ten, then by squares.
-_STEP, _CLOSE, _FARTHEST = 10 ** (1 / 40), 40, 1e128
+_STEP, _CLOSE, _FARTHEST = 10 ** (1 / 40), 40, 1e150
 
 
 def margin(verdict_at: Callable[[float], str], bound: float) -> str:

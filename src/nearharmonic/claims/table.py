@@ -22,6 +22,7 @@ from nearharmonic.claims.statements import (
     methods,
     misprints,
     oscillator,
+    perihelion,
     roles,
     rounding,
     search,
@@ -36,7 +37,7 @@ from nearharmonic.output.table import Table
 #: The groups in the order of the paper; a digest of the job follows these imports, so that an edit of one decides anew.
 GROUPS = (
     background, splitting, decomposition, identities, misprints, search, coefficients, sizes, trained, roles, methods,
-    rounding, oscillator, henon_heiles, kepler, substeps, comparisons, large_steps, conclusions,
+    rounding, oscillator, henon_heiles, kepler, perihelion, substeps, comparisons, large_steps, conclusions,
 )  # fmt: skip
 
 CLAIMS: tuple[Claim, ...] = tuple(one for group in GROUPS for one in vars(group).values() if isinstance(one, Claim))

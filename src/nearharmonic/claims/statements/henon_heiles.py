@@ -8,7 +8,7 @@ import numpy as np
 
 from nearharmonic.claims.claim import Decision, claim, combined, counted, either
 from nearharmonic.claims.curves import curves_of
-from nearharmonic.claims.definitions import LARGE
+from nearharmonic.claims.definitions import GREATLY, LARGE
 from nearharmonic.claims.results import Results, label, short
 from nearharmonic.claims.slopes import BAND, SLOPE, WINDOW, judged, large_steps, local_slopes, orders, stretch
 from nearharmonic.systems import henon_heiles
@@ -34,6 +34,29 @@ def henon_heiles_energy(_: Results) -> Decision:
     q, p = system.start(Fraction)
     energy = system.energy(q, p, ())
     return either(energy == Fraction(1, 8), f"H = {energy}")
+
+
+@claim(
+    id="henon-heiles-chaotic",
+    paper="Section 4.B, below Eq. 18",
+    sentence="in this case H = 1/8, inside the chaotic domain",
+    kind="result",
+    statement="The orbit of the paper is chaotic",
+    threshold="the largest Lyapunov exponent up to the last time, less the half width of its 95 % interval, ten "
+    f"times that of a regular orbit of H = 1/128 or more; {GREATLY.words}",
+    bound=GREATLY.number,
+    needs=("cubes/henon_heiles_chaos.h5",),
+)
+def henon_heiles_chaotic(results: Results, factor: float) -> Decision:
+    cube = results.cube("henon_heiles_chaos")
+    last = cube["lyapunov_exponent"].isel(time=-1)
+    exponent, regular = (float(last.sel(orbit=orbit)) for orbit in ("paper", "regular"))
+    width = float(cube["lyapunov_exponent_interval"].sel(orbit="paper"))
+    value = (
+        f"{short(exponent, 2)} ± {short(width, 2)} up to t = {short(float(cube['time'][-1]))}, a factor e in "
+        f"{1 / exponent:.0f} units of time; regular {short(regular, 2)}"
+    )
+    return either(exponent - width >= factor * regular, value)
 
 
 @claim(
