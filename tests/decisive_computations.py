@@ -12,7 +12,7 @@ import xarray as xr
 from nearharmonic.engine.invariants import observable_values
 from nearharmonic.engine.portable import log10, norms
 from nearharmonic.engine.quasi_random import quasi_random
-from nearharmonic.engine.statistics import line_fit, linear_trend, observed_order, power_law
+from nearharmonic.engine.statistics import line_fit, linear_trend, observed_order, power_law, trend_linearity
 from nearharmonic.experiments.exact_oscillator.reductions import crossings
 from nearharmonic.experiments.exact_oscillator.settings import ExactOscillatorSettings
 from nearharmonic.experiments.exact_oscillator.surfaces import starts_on
@@ -38,6 +38,7 @@ def computations():
     errors = 1e-3 * u[:, 1] * (u[:, 2] + 0.5) ** 2
     tau = np.sort(u[:200, 3]) + 1e-3
     made = {"perihelion angles": angle, "trend": linear_trend(time, 1e-6 * time + 1e-3 * angle)}
+    made["linearity"] = trend_linearity(time, 1e-6 * time + 1e-3 * angle)
     made["fit"] = line_fit(u[:, 0] - 0.5, errors)
     curves = 1e-6 * tau * tau * tau * (1 + 1e-3 * quasi_random(100 * 200, 1, 2).reshape(100, 200))
     orders = (xr.DataArray(x, dims=("curve", "tau_per_stage")) for x in (tau + 0 * curves, curves))

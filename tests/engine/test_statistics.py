@@ -168,7 +168,7 @@ def test_linearity_is_the_squared_correlation_and_halves_compare_slopes(points):
     assert halves == pytest.approx(second / first, rel=1e-10)
 
 
-def test_linearity_of_an_angle_at_rest_or_of_two_points_is_nan():
+def test_linearity_needs_three_points_and_an_angle_that_turns():
     t = np.arange(4.0)
     assert np.isnan(trend_linearity(t, np.zeros(4))).all()
     assert np.isnan(trend_linearity(t[:2], t[:2])).all()

@@ -6,6 +6,8 @@ rule chaos:
         cube=CUBE("henon_heiles_chaos"),
     log:
         LOG("reduce/henon_heiles_chaos"),
+    resources:
+        compiler=1,  # as the jobs that compile, whose code it shares
     params:
         task=task("experiments.paper.chaos:chaos", integrator="babps8o7h", t_end=200_000),
     script:
@@ -17,6 +19,8 @@ rule displaced:
         cube=CUBE("substeps_displaced"),
     log:
         LOG("reduce/substeps_displaced"),
+    resources:
+        compiler=1,
     params:
         task=task("experiments.paper.displaced:displaced", integrator="babs7o7h", iterations=100_000),
     script:

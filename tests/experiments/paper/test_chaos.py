@@ -58,7 +58,7 @@ def test_the_orbits_keep_their_energy(cube):
     assert 0 < regular < paper
 
 
-def test_the_orbit_of_the_paper_is_chaotic_and_the_small_one_regular(cube):
+def test_the_large_orbit_is_chaotic_the_small_one_regular(cube):
     """Deviations of a regular orbit grow at most linearly: ln(t)/t = 6.1e-5 at t = 2e5."""
     assert cube["time"][-1] == 2e5
     paper, regular = cube["lyapunov_exponent"][:, -1]

@@ -53,7 +53,7 @@ def test_nothing_is_drawn_beside_curves_crosses_and_the_limit(figure, summation)
     assert note.get_text() == r"surface left beyond $|\Delta H/H_0|$ = 1.5"
 
 
-def test_the_legend_names_each_start_by_the_colour_of_its_curve(cube, figure):
+def test_the_legend_names_each_start_by_its_colour(cube, figure):
     (legend,) = figure.legends
     found = entries(legend)
     assert list(found) == [*NAMES, "leaves its energy surface"]
@@ -70,7 +70,7 @@ def test_the_path_inside_the_plane_is_the_broad_black_one(cube, figure):
     assert lines[0].get_linewidth() > max(line.get_linewidth() for line in lines[1:])
 
 
-def test_every_colour_stands_out_from_white_paper_and_from_the_others():
+def test_every_colour_stands_out_from_white_paper():
     """WCAG 2.1, 1.4.11: a contrast of 3 to 1."""
     assert len(set(fig6_displaced._COLOURS)) == 5
     assert all(1.05 / (luminance(colour) + 0.05) >= 3 for colour in fig6_displaced._COLOURS)

@@ -15,8 +15,9 @@ from nearharmonic.output.style import log_scale, new_figure, panel_letter
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Black for the plane itself, then from near to far; at least 3:1 contrast with white, after Okabe and Ito.
-_COLOURS = ("#000000", "#0072b2", "#b8569f", "#009e73", "#d55e00")
+#: Black for the plane itself, then from near to far: at least 3:1 contrast with white, and 13 CIELAB units between any
+#: two, with deuteranopia, protanopia and tritanopia as well.
+_COLOURS = ("#000000", "#0072b2", "#a03070", "#009e73", "#d55e00")
 _IN_PLANE: dict[str, Any] = {"linewidth": 2.0}
 _DISPLACED: dict[str, Any] = {"linewidth": 1.2}
 _LEFT: dict[str, Any] = {"marker": "X", "markersize": 7, "markeredgecolor": "white", "markeredgewidth": 0.6}
