@@ -17,7 +17,15 @@ import pytest
 from mpmath import mp, mpf
 
 import nearharmonic as nh
-from nearharmonic.claims.documents import page, verdict_table, write_documents
+from nearharmonic.claims.documents import (
+    CARRYING,
+    SUBSTANCE,
+    failures_in_words,
+    page,
+    verdict_table,
+    write_documents,
+)
+from nearharmonic.claims.summary import KINDS, failures, of_the_paper
 from nearharmonic.claims.table import CLAIMS, KEYS
 from workflow_project import Project
 
@@ -59,10 +67,43 @@ def test_writing_the_pages_again_changes_nothing(tmp_path):
 def test_the_committed_verdicts_are_of_the_statements_in_the_code():
     for entry, one in zip(ENTRIES, CLAIMS, strict=True):
         assert tuple(entry) == KEYS
-        assert (one.id, one.paper, one.statement, one.threshold) == tuple(
-            entry[key] for key in ("id", "paper", "statement", "threshold")
-        )
+        told = (one.id, {"section": one.paper, "sentence": one.sentence}, one.statement, one.kind, one.threshold)
+        assert told == tuple(entry[key] for key in ("id", "paper", "statement", "kind", "threshold"))
         assert list(one.needs) == entry["needs"]
+
+
+def test_no_line_of_the_page_is_long_and_every_statement_is_folded_in():
+    text = (ROOT / "docs/claims.md").read_text(encoding="utf-8")
+    assert max(map(len, text.splitlines())) <= 300
+    folded = re.findall(r"<details>.*?</details>", text, re.DOTALL)
+    assert [
+        entry["id"] for entry in of_the_paper(ENTRIES) if sum(f"`{entry['id']}`" in one for one in folded) != 1
+    ] == []
+    before = text.partition("<details>")[0]
+    assert sum(f"`{name}`" in before for name in CARRYING) == len(CARRYING) == 12
+
+
+def test_the_sums_of_the_page_add_up():
+    text = (ROOT / "docs/claims.md").read_text(encoding="utf-8")
+    lines = re.findall(r"^\| [a-z].*\|$", text, re.MULTILINE)
+    header, *kinds = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    for many, total, *counts in kinds:
+        found = [entry for entry in of_the_paper(ENTRIES) if KINDS[entry["kind"]] == many]
+        assert int(total) == len(found) == sum(int(count or 0) for count in counts), many
+    assert sum(int(row[1]) for row in kinds) == len(of_the_paper(ENTRIES))
+    assert len(header) == len(kinds[0])
+
+
+def test_misprints_are_errata_and_nothing_else_is():
+    assert {entry["id"] for entry in ENTRIES if entry["verdict"] == "erratum"} == {
+        entry["id"] for entry in ENTRIES if entry["kind"] == "misprint"
+    }
+
+
+def test_what_fails_in_substance_is_said_in_a_sentence():
+    assert {entry["id"] for entry in failures(ENTRIES)} == set(SUBSTANCE)
+    readme = re.sub(r"\s+", " ", (ROOT / "README.md").read_text(encoding="utf-8"))
+    assert failures_in_words(ENTRIES) in readme
 
 
 def test_everything_that_can_be_decided_is():
@@ -84,20 +125,25 @@ def test_the_first_sentence_of_readme_promises_what_was_measured():
     assert f"up to {word} decades better than Ruth's method" in readme
 
 
-def test_the_caption_of_readme_has_the_slopes_that_were_measured():
+def test_the_caption_of_readme_has_the_stretches_that_were_measured():
     readme = re.sub(r"\s+", " ", (ROOT / "README.md").read_text(encoding="utf-8"))
-    (stated,) = re.findall(r"For τ/s = (\S+) to (\S+) BAB's8o7H and .*?the fifth power .*? the power ([\d.]+),", readme)
-    low, high = numbers("fig-3-sixth-order-descent", r"both above 5 at τ/s = (\S+) to (\S+)$")
-    (steepest,) = numbers("fig-3-sixth-order-descent", r"slopes of \S+ to (\S+);")
-    assert [float(one) for one in stated] == [float(f"{low:.2g}"), float(f"{high:.2g}"), steepest]
+    (stated,) = re.findall(r"of BAB's8o7H for τ/s = (\S+) to (\S+), and of BAB's9o7H for (\S+) to (\S+), falls", readme)
+    found = [
+        float(f"{one:.2g}")
+        for name in ("BAB's8o7H", "BAB's9o7H")
+        for one in numbers("fig-3-sixth-order-descent", rf"{name} for τ/s = (\S+) to (\S+) \(")
+    ]
+    assert [float(one) for one in stated] == found
 
 
-def test_the_known_errata_fail():
-    failing = {entry["id"] for entry in ENTRIES if entry["verdict"] == "fails"}
-    assert {
-        "c-n-below-eq-6", "table-3-inner-limit", "eq-16-general", "table-4-c3", "table-4-columns", "bab-prime-leaves-q",
-        "listed-stages-babps8o7h", "s5odr4-of-kahan", "eq-20", "figure-of-the-precession",
-    } <= failing  # fmt: skip
+def test_the_known_misprints_and_failures_are_found():
+    verdicts = {entry["id"]: entry["verdict"] for entry in ENTRIES}
+    for name in (
+        "c-n-below-eq-6", "table-3-inner-limit", "table-4-c3", "table-4-columns", "listed-stages-babps8o7h", "eq-20",
+        "figure-of-the-precession",
+    ):  # fmt: skip
+        assert verdicts[name] == "erratum"
+    assert verdicts["s5odr4-of-kahan"] == verdicts["eq-16-general"] == verdicts["bab-prime-leaves-q"] == "fails"
 
 
 def closed_form_error(name, tau_per_stage):
@@ -115,12 +161,17 @@ def closed_form_error(name, tau_per_stage):
 
 @pytest.mark.parametrize("statement", ["fig-1-sixth-order", "fig-1-fourth-order", "fig-1-yoshida"])
 def test_orders_on_the_oscillator_are_those_of_the_closed_form(statement):
-    for label, value, interval in re.findall(r"(?:^|, )([^,;]+) (\d\.\d+) ± (\d\.\d+)", BY_ID[statement]["value"]):
+    told = re.findall(r"(?:^|; )([^;]+?) (\d) over τ/s = (\S+) to (\S+) \(", BY_ID[statement]["value"])
+    assert len(told) == BY_ID[statement]["value"].count("decades")
+    for label, order, low, high in told:
         x = [1e-4, 2e-4]
         exact = np.log2(closed_form_error(NAMES[label], x[1]) / closed_form_error(NAMES[label], x[0]))
-        # Toward zero step size, where the next term of the error is gone: it bends the fitted slopes by up to 0.05.
-        assert exact == pytest.approx(round(exact), abs=1e-4)
-        assert float(value) == pytest.approx(exact, abs=float(interval) + 0.05)
+        assert exact == pytest.approx(int(order), abs=1e-4)
+        # At the ends of the stretch the closed form has a slope of 1/2 off the order as well, but for a step of the
+        # grid, 6 %. Runs of few steps do not meet the largest error.
+        for x in (float(low), 0.94 * min(float(high), 0.1)):
+            ratio = closed_form_error(NAMES[label], 1.05 * x) / closed_form_error(NAMES[label], x / 1.05)
+            assert np.log(ratio) / np.log(1.05**2) == pytest.approx(int(order), abs=0.55)
 
 
 def test_the_gain_over_ruth_on_the_oscillator_is_that_of_the_closed_form():
@@ -234,8 +285,9 @@ def test_a_solution_of_equation_16_of_second_order_is_one_by_runs_on_the_pendulu
         assert np.log2(errors[0] / errors[1]) == pytest.approx(order + 1, abs=0.1)
 
 
-def test_the_energy_error_of_panel_d_stays_for_300_000_iterations():
-    (stated,) = numbers("fig-6-others-stable", r"iterations (\S+)$")
+def test_panel_d_stays_in_its_plane_for_300_000_iterations_and_leaves_beside_it():
+    """Plain steps written out here. Rounding decides which iteration leaves: here it is another one."""
+    (stated,) = numbers("fig-6-others-stable", r"\(D\) (\S+) in 100000 iterations")
     tableau = nh.integrators["babs7o7h"]
     first, *kicks = (2 * float(d) for d in tableau.kick)
     pairs = [(2 * float(c), d) for c, d in zip(tableau.drift, kicks, strict=True)]
@@ -249,6 +301,24 @@ def test_the_energy_error_of_panel_d_stays_for_300_000_iterations():
         energy = p * p / 2 + y * y / 2 - y * y * y / 3
         lowest, highest = min(lowest, energy), max(highest, energy)
     assert max(start - lowest, highest - start) / start == pytest.approx(stated, rel=1e-2)
+    for displacement in (1e-3, 1e-2):
+        x, u, y, p = displacement, 0.0, 0.4, 0.4
+        for _ in range(100_000):
+            x, u, y, p = _stepped((x, u, y, p), first, pairs)
+            energy = (u * u + p * p + x * x + y * y) / 2 + x * x * y - y * y * y / 3
+            if not abs(energy - start) <= start:
+                break
+        assert not abs(energy - start) <= start, displacement
+
+
+def _stepped(state, first, pairs):
+    """A step that begins with a kick."""
+    x, u, y, p = state
+    u, p = u - first * (x + 2 * x * y), p - first * (y + x * x - y * y)
+    for c, d in pairs:
+        x, y = x + c * u, y + c * p
+        u, p = u - d * (x + 2 * x * y), p - d * (y + x * x - y * y)
+    return x, u, y, p
 
 
 def test_no_other_coefficient_of_babs8o7h_than_c3_can_be_the_wrong_one():

@@ -93,6 +93,13 @@ def test_readme_says_what_the_tables_say():
         assert most - 0.05 <= max(found) < most + 0.05
 
 
+def test_readme_and_page_count_the_published_methods_that_are_compared():
+    published = [name for name in contestants() if kind_of(name) == "published"]
+    readme, page = (re.sub(r"\s+", " ", text) for text in ((ROOT / "README.md").read_text(encoding="utf-8"), PAGE))
+    assert f"the best of the {len(published)} published ones that are registered here" in readme
+    assert f"whose source is not this project, {len(published)} of them" in page
+
+
 def test_every_loss_of_the_table_of_gains_stands_among_the_losses():
     taus, told = header("gains")[1:], rows("losses")
     for row in rows("gains")[:-1]:

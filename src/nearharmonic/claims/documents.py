@@ -85,7 +85,8 @@ def verdict_table(entries: Sequence[Entry]) -> str:
 
 def failures_in_words(entries: Sequence[Entry]) -> str:
     """Return what fails in substance, in a sentence."""
-    said = [SUBSTANCE[entry["id"]] for entry in failures(entries)]
+    failing = {entry["id"] for entry in failures(entries)}
+    said = [words for name, words in SUBSTANCE.items() if name in failing]
     number = {1: "One fails", 2: "Two fail", 3: "Three fail"}.get(len(said), f"{len(said)} fail")
     return f"{number} in substance: {'; '.join(said)}." if said else "None fails in substance."
 

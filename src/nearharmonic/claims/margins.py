@@ -8,8 +8,8 @@ from nearharmonic.claims.results import Undecided, short
 
 #: The margin of what is proved, counted or compared digit by digit.
 EXACT = "exact: no threshold"
-#: Factors by which a threshold is moved, one after the other: in steps of 6 % up to ten, then by squares.
-_STEP, _CLOSE, _FARTHEST = 10 ** (1 / 40), 40, 1e150
+#: Factors by which a threshold is moved, one after the other: in steps of 12 % up to ten, then by squares.
+_STEP, _CLOSE, _FARTHEST = 10 ** (1 / 20), 20, 1e150
 
 
 def margin(verdict_at: Callable[[float], str], bound: float) -> str:
@@ -18,7 +18,7 @@ def margin(verdict_at: Callable[[float], str], bound: float) -> str:
     Parameters
     ----------
     verdict_at : callable
-        Takes a threshold to a verdict. It is asked at some sixty thresholds, and at some ten more between two of them
+        Takes a threshold to a verdict. It is asked at some fifty thresholds, and at some ten more between two of them
         where the verdict changes.
     bound : float
         The threshold, above 0.

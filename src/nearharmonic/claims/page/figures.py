@@ -116,6 +116,10 @@ def _figure(one: Declaration, results: ShownResults, title: str, **more: Any) ->
     )
 
 
+#: Titles of figures that are shown as printed.
+_STATIC = {"fig6_displaced": "Panel (D) of Figure 6 beside its plane"}
+
+
 def _drawn(one: Declaration, cubes: Callable[[str], xr.Dataset]) -> tuple[list[Panel], dict[str, str], str, str]:
     """Panels, methods, title and hint of one figure; no panels if nothing here draws it."""
     if one.profile and one.cube:
@@ -126,7 +130,7 @@ def _drawn(one: Declaration, cubes: Callable[[str], xr.Dataset]) -> tuple[list[P
         return energy_error(cube), _methods(cube), title, _HINT
     draw = _OTHERS.get(one.stem)
     if draw is None:
-        return [], {}, one.stem.replace("_", " ").capitalize(), ""
+        return [], {}, _STATIC.get(one.stem, one.stem.replace("_", " ").capitalize()), ""
     return draw(cubes(one.cube) if one.cube else None)
 
 
