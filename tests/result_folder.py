@@ -128,6 +128,8 @@ def write_claims(folder, claims):
     """Write ``claims``, rows as in :data:`CLAIMS`, as the JSON of the target ``claims``."""
     header = ("id", "paper", "statement", "verdict", "value", "threshold")
     told = [dict(zip(header, claim, strict=True)) | {"needs": ["cubes/sho.h5"]} for claim in claims]
+    for one in told:
+        one |= {"paper": {"section": one["paper"], "sentence": one["statement"]}, "kind": "result", "margin": "exact"}
     (folder / "tables/claims.json").write_text(json.dumps(told))
 
 

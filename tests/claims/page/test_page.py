@@ -21,6 +21,7 @@ from page_reader import Reader, written
 from page_results import (
     CLAIMS,
     DRAWN,
+    KINDS_OF_CLAIMS,
     SYSTEMS,
     cube,
     run_of_history,
@@ -69,11 +70,33 @@ def test_every_claim_is_a_row_with_its_value_threshold_and_verdict(text):
     assert len(rows) == len(CLAIMS)
     for row, claim in zip(rows, CLAIMS, strict=True):
         assert all(part in row for part in claim)
+        assert f"as the paper has it: {claim[0]}" in row
+        assert KINDS_OF_CLAIMS.get(claim[0], "result") in row
+        assert (f"Margin: margin of {claim[0]}." in row) == (claim[3] != "not decided here")
 
 
 def test_verdicts_are_counted_on_top(read):
     tiles = [words for told, words in read.all("li") if told.get("class", "").startswith("tile")]
-    assert tiles == ["2 hold", "1 holds in part", "1 fails", "1 not decided here"]
+    assert tiles == [
+        "2 hold", "1 holds but for edges", "1 holds in part", "1 fails", "1 erratum", "1 not decided here",
+    ]  # fmt: skip
+
+
+def test_verdicts_are_summed_by_kind_and_findings_are_not_counted(text):
+    body = re.search(r'<table class="sums">(.*?)</table>', text, re.DOTALL)[1]
+    kinds = [words for told, words in Reader(body).all("th") if told["scope"] == "row"]
+    rows = [[words for _, words in Reader(row).all("td")] for row in re.findall(r"<tr>.*?</tr>", body)[1:]]
+    assert dict(zip(kinds, rows, strict=True)) == {
+        "results": ["5", "1", "1", "1", "1", "", "1"],
+        "background": ["1", "1", "", "", "", "", ""],
+        "misprints": ["1", "", "", "", "", "1", ""],
+    }
+    assert "7 statements of the paper that numbers can decide" in text
+
+
+def test_what_fails_in_substance_is_named_first(text):
+    words = re.search(r'<h2 id="claims">.*?<table', text, re.DOTALL)[0]
+    assert '<a href="#claim-three">The method is stable</a>' in words
 
 
 def test_a_claim_links_to_its_figures_and_tables_and_to_nothing_that_is_not_there(text, read):
@@ -243,10 +266,13 @@ def test_a_page_that_grows_too_large_loses_its_largest_optional_picture(copied, 
     assert left_out == ["figures/kepler_stability.svg"]
 
 
-def test_the_order_of_claims_is_that_of_the_file(copied):
+def test_the_order_of_claims_is_that_of_the_file_but_for_findings(copied):
     write_claims(copied, CLAIMS[::-1])
     found = page(folder=copied)["page"]
-    assert re.findall(r'<tr id="claim-(\w+)"', found) == [claim[0] for claim in CLAIMS[::-1]]
+    names = [claim[0] for claim in CLAIMS[::-1]]
+    findings = [name for name in names if KINDS_OF_CLAIMS.get(name) == "finding"]
+    counted = [name for name in names if name not in findings]
+    assert re.findall(r'<tr id="claim-(\w+)"', found) == [*counted, *findings]
 
 
 def test_the_figures_of_ones_own_systems_come_first_where_none_is_the_papers(tmp_path, monkeypatch):

@@ -77,7 +77,7 @@ def links(paper, needs=()):
     figures = [ShownFigure(anchor=f"figure-{n}", title="", caption="", file="", cube="kepler") for n in (4, 5)]
     figures.append(ShownFigure(anchor="figure-limits", title="Limits", caption="", file="", cube="linear"))
     table = ShownTable(anchor="table-4", caption="", header=(), rows=(), file="tables/table4_coefficients.csv")
-    return Places(figures, [table]).pieces({"paper": paper, "needs": list(needs)})
+    return Places(figures, [table]).pieces({"paper": {"section": paper}, "needs": list(needs)})
 
 
 @pytest.mark.parametrize(
