@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 from mpmath import mp, mpf
 
-from nearharmonic.claims.statements import identities, kepler, perihelion
+from nearharmonic.claims.statements import identities, perihelion
 from nearharmonic.exact.decimals import fixed_point
 from nearharmonic.integrators.tableau import Tableau, palindrome
 
@@ -147,13 +147,6 @@ def terms_of_another_step(results, monkeypatch):
         return right(identities.Drawn([*one.kicks[:-1], Fraction(0)], one.drifts))
 
     monkeypatch.setattr(identities, "position_terms", wrong)
-
-
-def natural_units(results, monkeypatch):
-    """GM = 1, in which Eq. 20 is right."""
-    system = kepler.kepler.SYSTEM
-    one = {"GM": replace(system.parameters["GM"], value="1")}
-    monkeypatch.setattr(kepler.kepler, "SYSTEM", replace(system, parameters=one))
 
 
 def momentum_first(known):

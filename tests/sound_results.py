@@ -234,10 +234,16 @@ class HeldResults(Results):
 
     def cube(self, stem):
         self.read.add(f"cubes/{stem}.h5")
+        return super().cube(stem)
+
+    def _read_cube(self, stem):
         return self.cubes[stem]
 
     def rows(self, stem):
         self.read.add(f"tables/{stem}.csv")
+        return super().rows(stem)
+
+    def _read_rows(self, stem):
         return self.tables[stem]
 
     @property

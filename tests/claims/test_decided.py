@@ -8,6 +8,7 @@ import re
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from nearharmonic.claims.results import Results, short
 from nearharmonic.claims.summary import KINDS
@@ -167,6 +168,22 @@ def test_a_damaged_document_is_named_with_a_command(tmp_path, content):
     (tmp_path / "derived/coefficients.toml").write_bytes(content)
     with pytest.raises(ResultFileError, match=r"derived/coefficients\.toml .*Make it again: snakemake"):
         decided(tmp_path)
+
+
+def test_a_method_of_a_users_config_changes_no_verdict():
+    """In every cube a method of the worst numbers, in every table of methods one of no order."""
+    before, results = decide(sound_results()), sound_results()
+    for name, cube in results.cubes.items():
+        if "integrator" in cube.dims:
+            bad = cube.isel(integrator=[0]).assign_coords(integrator=["mine"])
+            for variable in bad.variables.values():
+                if variable.dtype.kind == "f" and "integrator" in variable.dims:
+                    variable.values = np.full(variable.shape, 0.5)
+            results.cubes[name] = xr.concat([bad, cube], "integrator")
+    for rows in results.tables.values():
+        if "integrator" in rows[0]:
+            rows.insert(0, dict.fromkeys(rows[0], "0") | {"integrator": "mine", "symmetric": "yes", "order": "7"})
+    assert decide(results) == before
 
 
 def test_statements_look_at_the_methods_that_the_job_names(tmp_path):

@@ -117,7 +117,7 @@ TRIED = {
     ),
     "floor-of-double": (above_floor, HOLDS, PART),
     "t-not-quadratic": (
-        every(*(value("kinetic_energy", "max_energy_error", 1, roles="own", integrator=name) for name in NEW)),
+        every(*(value("kinetic_energy", "max_energy_error", DOT, roles="own", integrator=name) for name in NEW)),
         FAILS, HOLDS,
     ),
     "close-encounters": (

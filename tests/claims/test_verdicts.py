@@ -19,7 +19,6 @@ from changed_results import (
     kicks_of,
     method,
     momentum_first,
-    natural_units,
     nudged,
     one_stage_optimised,
     panel,
@@ -161,7 +160,7 @@ TURNED = {
     "fig-3-steepest": (FAILS, scaled("henon_heiles", lambda x: x**0.2, "babps8o7h", "babps9o7h"), HOLDS),
     "kepler-starts-at-aphelion": (HOLDS, another_start(kepler.kepler, "0.130"), FAILS),
     "eq-19-approximation": (HOLDS, patched(kepler, "MERCURY", 1.9e27), FAILS),
-    "eq-20": (ERRATUM, natural_units, HOLDS),
+    "eq-20": (HOLDS, patched(kepler, "sin", kepler.cos), FAILS),
     "fig-5-orders": (HOLDS, steeper("kepler", "ruth"), PART),
     "fig-5-best-maximum": (HOLDS, swapped("kepler", "aba104", "ruth"), FAILS),
     "fig-5-best-mean": (HOLDS, swapped("kepler", "babps9o7h", "ruth", "mean_energy_error"), FAILS),
@@ -198,7 +197,7 @@ TURNED = {
     "greatly-and-consistently": (HOLDS, both("kepler", 1e-2, "ruth"), PART),
     "stable-with-large-steps": (HOLDS, scaled("kepler", 1e5, "babps9o7h"), PART),
     "t-not-quadratic": (
-        HOLDS, put("kinetic_energy", "max_energy_error", 30.0, roles="own", amplitude=0.1, integrator="ruth"), PART,
+        HOLDS, put("kinetic_energy", "max_energy_error", 30.0, roles="own", integrator="ruth"), FAILS,
     ),
     "close-encounters": (
         HOLDS, put("stability_kepler", "energy_error", 0.5, integrator="ruth", eccentricity=0.95), PART,

@@ -96,7 +96,7 @@ def test_readme_says_what_the_tables_say():
 def test_readme_and_page_count_the_published_methods_that_are_compared():
     published = [name for name in contestants() if kind_of(name) == "published"]
     readme, page = (re.sub(r"\s+", " ", text) for text in ((ROOT / "README.md").read_text(encoding="utf-8"), PAGE))
-    assert f"the best of the {len(published)} published ones that are registered here" in readme
+    assert f"the best of the {len(published)} published ones that are registered here (" in readme
     assert f"whose source is not this project, {len(published)} of them" in page
 
 

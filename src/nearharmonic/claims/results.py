@@ -49,7 +49,7 @@ class Results:
         return (self.folder / name).is_file()
 
     def cube(self, stem: str) -> xr.Dataset:
-        """Return the cube of this name.
+        """Return the cube of this name, without methods that are not looked at.
 
         Raises
         ------
@@ -57,11 +57,19 @@ class Results:
             It is missing or damaged.
         """
         if stem not in self._cubes:
-            self._cubes[stem] = read(self.folder / f"cubes/{stem}.h5")
+            cube = self._read_cube(stem)
+            if "integrator" in cube.dims:
+                cube = cube.isel(integrator=[str(name) in self.methods for name in cube["integrator"].values])
+            self._cubes[stem] = cube
         return self._cubes[stem]
+
+    def _read_cube(self, stem: str) -> xr.Dataset:
+        return read(self.folder / f"cubes/{stem}.h5")
 
     def rows(self, stem: str) -> list[dict[str, str]]:
         """Return the rows of the table of this name, each cell a text by the name of its column.
+
+        Rows of methods that are not looked at are left out.
 
         Raises
         ------
@@ -69,14 +77,18 @@ class Results:
             It is missing, has no row, or one with more or fewer cells than the header.
         """
         if stem not in self._rows:
-            name = f"tables/{stem}.csv"
-            text = self._texts.read(name)
-            try:
-                header, first, *rest = csv.reader(io.StringIO(text))
-                self._rows[stem] = [dict(zip(header, row, strict=True)) for row in (first, *rest)]
-            except (csv.Error, TypeError, ValueError) as error:
-                raise self._texts.unusable(name, "holds no table") from error
+            rows = self._read_rows(stem)
+            self._rows[stem] = [row for row in rows if row.get("integrator", "") in {"", *self.methods}]
         return self._rows[stem]
+
+    def _read_rows(self, stem: str) -> list[dict[str, str]]:
+        name = f"tables/{stem}.csv"
+        text = self._texts.read(name)
+        try:
+            header, first, *rest = csv.reader(io.StringIO(text))
+            return [dict(zip(header, row, strict=True)) for row in (first, *rest)]
+        except (csv.Error, TypeError, ValueError) as error:
+            raise self._texts.unusable(name, "holds no table") from error
 
     @cached_property
     def derived(self) -> dict[str, Any]:
@@ -99,10 +111,6 @@ class Results:
         if key not in self._kept:
             self._kept[key] = make()
         return self._kept[key]
-
-    def methods_table(self) -> list[dict[str, str]]:
-        """Return the rows of ``tables/integrators.csv`` but those of methods that a user's config adds."""
-        return [row for row in self.rows("integrators") if row["integrator"] in self.methods]
 
     def method(self, name: str) -> Tableau:
         """Return a method by its name.

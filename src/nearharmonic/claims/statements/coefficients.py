@@ -144,7 +144,7 @@ def table_4_derived(results: Results) -> Decision:
 @claim(
     id="table-4-c3",
     paper="Table 4, BAB's8o7H",
-    sentence="c(3) = -0.01496467364945170619456814505581429188318743600034316726321784800310797 00216",
+    sentence="c(3) =-0.0149646736494517061945681450558142918831874360003431672632178480031079700216",
     kind="misprint",
     statement=f"{C3} ends in 0216",
     threshold="the printed set continued to 128 digits by Newton's method, in which its other coefficients keep their "

@@ -145,7 +145,7 @@ def eq_14(results: Results, rounded: float) -> Decision:
     needs=("tables/integrators.csv",),
 )
 def harmonic_four_is_four(results: Results) -> Decision:
-    rows = [row for row in results.methods_table() if row["symmetric"] == "yes"]
+    rows = [row for row in results.rows("integrators") if row["symmetric"] == "yes"]
     rows = [row for row in rows if int(row["harmonic order of position"]) >= 4]
     bad = [row["integrator"] for row in rows if int(row["order"]) < 4]
     return either(bool(rows) and not bad, f"{len(rows) - len(bad)} of {len(rows)} methods")

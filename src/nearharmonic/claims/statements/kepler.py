@@ -58,10 +58,10 @@ def eq_19(_: Results, off: float) -> Decision:
     id="eq-20",
     paper="Eq. 20",
     sentence="A = p × L - r̂",
-    kind="misprint",
-    statement="The Laplace-Runge-Lenz vector is p × L - r/|r|",
-    threshold="of constant length, to 10⁻¹², along the exact orbit of Mercury, at 64 true anomalies. It is in units "
-    "with mk = 1, which the paper does not say",
+    kind="mathematics",
+    statement="The Laplace-Runge-Lenz vector is p × L - r/|r|, in units with mk = 1",
+    threshold="of constant length, to 10⁻¹², along the exact orbit of Mercury, at 64 true anomalies, in units in "
+    "which the product of mass and pull is 1; the paper does not say that these are meant",
     bound=1e-12,
 )
 def eq_20(_: Results, off: float) -> Decision:
@@ -71,13 +71,13 @@ def eq_20(_: Results, off: float) -> Decision:
     f = np.linspace(0, 2 * np.pi, 64, endpoint=False)
     # p x L along the radius and across it, for the momentum (GM/L) (e sin f, 1 + e cos f).
     along, across = GM * (1 + e * cos(f)), -GM * e * sin(f)
-    printed, mended = hypot(along - 1, across), hypot(along / GM - 1, across / GM)
+    natural, own = hypot(along / GM - 1, across / GM), hypot(along - 1, across)
     value = (
-        f"L = {short(L)} and GM = {short(GM)} in the units of the system: length {short(printed.min(), 2)} to "
-        f"{short(printed.max(), 2)}; with p × L divided by GM, mk in general, it is {short(mended.mean(), 6)} "
-        f"within {short(float(np.ptp(mended)), 1)}"
+        f"it is {short(natural.mean(), 6)} within {short(float(np.ptp(natural)), 1)}; in the units of the system, with "
+        f"L = {short(L)} and GM = {short(GM)}, without the factor 1/(mk): length {short(own.min(), 2)} to "
+        f"{short(own.max(), 2)}"
     )
-    return either(bool(np.ptp(printed) < off), value)
+    return either(bool(np.ptp(natural) < off), value)
 
 
 @claim(

@@ -80,7 +80,7 @@ def listed_orders(results: Results) -> Decision:
     needs=("tables/integrators.csv",),
 )
 def listed_generalised_orders(results: Results) -> Decision:
-    rows = results.methods_table()
+    rows = results.rows("integrators")
     found = {name: only(rows, "integrator", name)["generalised order"] for name in GENERALISED}
     good = [found[name] == expected for name, expected in GENERALISED.items()]
     return counted(good, ", ".join(f"{label(name)} {order}" for name, order in found.items()))

@@ -61,7 +61,7 @@ def sums_are_one(results: Results) -> Decision:
     needs=("tables/integrators.csv",),
 )
 def even_orders(results: Results) -> Decision:
-    rows = [row for row in results.methods_table() if row["symmetric"] == "yes"]
+    rows = [row for row in results.rows("integrators") if row["symmetric"] == "yes"]
     columns = ("order", "Nystrom order", "harmonic order of energy")
     odd = [row["integrator"] for row in rows if any(int(row[column]) % 2 for column in columns)]
     return counted([not odd, len(odd) < len(rows)], f"{len(rows) - len(odd)} of {len(rows)} methods")

@@ -70,7 +70,8 @@ _SURFACE: dict[str, Any] = {"colors": "#1f2d3d", "linewidths": 1.0, "linestyles"
         "the next pair are negative: none (blue), the drift c (red, horizontal bar), the kick d (green, vertical "
         "bar), both (green within red). The thin line follows the drifts (horizontal) and kicks (vertical). Shades "
         "are the Hamiltonian, the dashed contour passes through the start. Each panel states the relative energy "
-        "error after the two iterations, and the largest after any of 1000, or where the path left its surface."
+        "error after the two iterations, and the largest after any of 1000, or where the path left its surface. D "
+        "stays on it in the plane only: see fig6_displaced."
     ),
 )
 def fig6_substeps() -> Figure:
