@@ -123,5 +123,6 @@ def test_the_best_three_are_told_how_far_ahead_trained_methods_are():
     results = with_errors(rows)
     value = best_performance.decision(results).value
     assert value.endswith("are ahead of the three at 3 of 4 step sizes, the best by -0.5 to 2 decades")
+    results = with_errors(rows)
     results.cubes["trained"] = results.cubes["trained"].drop_sel(integrator=[HIGH[i] for i in trained])
     assert "trained" not in best_performance.decision(results).value
