@@ -83,7 +83,7 @@ def test_a_target_made_leaves_its_files_alone_and_its_jobs_integrate_what_the_pl
 
 
 @pytest.mark.slow
-def test_a_run_ends_with_one_line_on_what_was_skipped_and_a_second_run_says_nothing(project):
+def test_a_run_ends_with_a_line_on_what_was_skipped_or_left_open_and_a_second_run_says_nothing(project):
     config = yaml.safe_load((project.folder / "config/tiny.yaml").read_text())
     config |= {"name": "least", "integrators": ["ruth"], "shards": 1, "decomposition": ["ruth"]}
     config["systems"] = {"sho": {"t_end": 5, "tau_per_stage": {"lowest": 0.1, "highest": 1, "points_per_decade": 2}}}
@@ -92,3 +92,8 @@ def test_a_run_ends_with_one_line_on_what_was_skipped_and_a_second_run_says_noth
     assert LINE not in project.snakemake(*least, "-n").stdout
     assert project.snakemake(*least).stdout.count(LINE) == 1
     assert LINE not in project.snakemake(*least).stdout
+    claims = ("results/least/tables/claims.json", *least[1:])
+    said = project.snakemake(*claims).stdout
+    assert re.search(r"^Of the \d+ statements of the paper that are checked .* not decided here; ", said, re.MULTILINE)
+    assert "--configfile least.yaml derive stability trained_proof decides most of those left open." in said
+    assert "statements" not in project.snakemake(*claims).stdout
