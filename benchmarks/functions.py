@@ -19,10 +19,10 @@ from pathlib import Path
 import numpy as np
 
 from nearharmonic.core import arithmetic
+from nearharmonic.core.formulas.number import FUNCTIONS
 from nearharmonic.core.functions import double, extended
 from nearharmonic.core.functions.arrays import ELEMENTWISE, elementwise
-from nearharmonic.core.native import loaded
-from nearharmonic.core.number import FUNCTIONS
+from nearharmonic.core.machine.native import loaded
 from nearharmonic.engine.coefficients import lane_rows, lanes_of, moves, parameter_row, start_row
 from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics

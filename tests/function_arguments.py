@@ -9,7 +9,7 @@ import numpy as np
 
 from nearharmonic.core.functions import double, extended
 from nearharmonic.core.functions.arrays import ELEMENTWISE, elementwise
-from nearharmonic.core.native import loaded, processor
+from nearharmonic.core.machine.native import loaded, processor
 
 #: Where functions change their form or leave the range of doubles.
 SPECIAL = np.array([

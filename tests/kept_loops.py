@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 
-from nearharmonic.core.disk import cache_folder
+from nearharmonic.core.machine.disk import cache_folder
 
 
 def keep_loops(folder):

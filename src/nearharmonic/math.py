@@ -17,7 +17,7 @@ from numbers import Rational
 from typing import Any
 
 from nearharmonic.core.arithmetic import sqrt
-from nearharmonic.core.number import PI, Constant, Number, applied
+from nearharmonic.core.formulas.number import PI, Constant, Number, applied
 
 __all__ = [
     "array", "atan2", "cbrt", "cos", "cosh", "erf", "exp", "hypot", "log", "pi", "pow", "sin", "sinh", "sqrt", "sum",

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.core.chain import Chained, longest_chain
+from nearharmonic.core.formulas.chain import Chained, longest_chain
 from nearharmonic.math import sin, sqrt
 
 ROOT, KEPLER = Path(__file__).parents[2], nh.systems["kepler"]

@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.core import disk, link, native
 from nearharmonic.core.layout import Signature, floats
+from nearharmonic.core.machine import disk, link, native
 from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import CompiledCodeError

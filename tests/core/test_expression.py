@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from mpmath import mpf
 
 from nearharmonic.core.arithmetic import sqrt
-from nearharmonic.core.expression.derivative import gradient, hessian_vector
-from nearharmonic.core.expression.graph import Expression, Graph, Sum, value_of
-from nearharmonic.core.expression.polynomial import is_quadratic, shortest_program
-from nearharmonic.core.expression.writer import program
-from nearharmonic.core.number import Constant, FormulaError
+from nearharmonic.core.formulas.expression.derivative import gradient, hessian_vector
+from nearharmonic.core.formulas.expression.graph import Expression, Graph, Sum, value_of
+from nearharmonic.core.formulas.expression.polynomial import is_quadratic, shortest_program
+from nearharmonic.core.formulas.expression.writer import program
+from nearharmonic.core.formulas.number import Constant, FormulaError
 from random_formulas import EVERY, EXACT, LARGE, LITERALS, mpmaths, randomly, trees, truth, written
 
 #: Digits, the step of differences, and how far values may differ: a central difference is off by STEP^2 = 1e-80 of the

@@ -12,7 +12,7 @@ import pytest
 from gmpy2 import mpfr
 
 from function_arguments import arguments, evaluated, in_double, in_extended, pairs, same_bits
-from nearharmonic.core.number import FUNCTIONS
+from nearharmonic.core.formulas.number import FUNCTIONS
 
 NAMES = sorted(FUNCTIONS)
 #: More digits than the results; MPFR rounds each function correctly. The range of exponents is MPFR's, not a double's.

@@ -7,11 +7,11 @@ import sys
 
 import pytest
 
-from nearharmonic.core import disk
-from nearharmonic.core.jit import jit
+from nearharmonic.core.machine import disk
+from nearharmonic.core.machine.jit import jit
 
 CALLEE = """
-from nearharmonic.core.jit import jit
+from nearharmonic.core.machine.jit import jit
 
 NUMBER = 2.0
 
@@ -20,7 +20,7 @@ def callee_of_a_test(x):
     return NUMBER * x
 """
 CALLER = """
-from nearharmonic.core.jit import jit
+from nearharmonic.core.machine.jit import jit
 from callee_of_a_test import callee_of_a_test
 
 @jit

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from nearharmonic.core.levenberg_marquardt import levenberg_step, marquardt_step
+from nearharmonic.numerics.levenberg_marquardt import levenberg_step, marquardt_step
 
 
 @pytest.mark.parametrize("step_of", [levenberg_step, marquardt_step])

@@ -12,10 +12,10 @@ from mpmath import mp, mpf, workdps
 
 import nearharmonic as nh
 from multiprecision import trajectory
-from nearharmonic.core.expression import size
-from nearharmonic.core.expression.graph import Graph, value_of
-from nearharmonic.core.loops.energy import LoopedEnergy
-from nearharmonic.core.loops.tables import runs
+from nearharmonic.core.formulas.expression import size
+from nearharmonic.core.formulas.expression.graph import Graph, value_of
+from nearharmonic.core.large.energy import LoopedEnergy
+from nearharmonic.core.large.tables import runs
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.math import array, atan2, cos, exp, sin, sqrt, sum
 

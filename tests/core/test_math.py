@@ -12,7 +12,7 @@ import pytest
 
 import nearharmonic.math as functions
 from function_arguments import arguments, compiled, evaluated, in_double, in_extended, same_bits
-from nearharmonic.core.number import FUNCTIONS, PI, Constant, FormulaError
+from nearharmonic.core.formulas.number import FUNCTIONS, PI, Constant, FormulaError
 from nearharmonic.systems.gradients import Multiprecision
 from random_formulas import mpmaths
 

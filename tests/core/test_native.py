@@ -15,11 +15,11 @@ import pytest
 import nearharmonic as nh
 from function_arguments import arguments, evaluated, in_double, in_extended, pairs
 from kept_loops import keep_loops
-from nearharmonic.core import link, native
-from nearharmonic.core.expression import size
-from nearharmonic.core.formulas import fingerprint
-from nearharmonic.core.number import FUNCTIONS
-from nearharmonic.core.rules import Rules
+from nearharmonic.core.formulas.emission import fingerprint
+from nearharmonic.core.formulas.expression import size
+from nearharmonic.core.formulas.number import FUNCTIONS
+from nearharmonic.core.formulas.rules import Rules
+from nearharmonic.core.machine import link, native
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.kernels import kernel_of, physics_of
 from nearharmonic.engine.settings import Numerics

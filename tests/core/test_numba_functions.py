@@ -13,16 +13,16 @@ import pytest
 from llvmlite import ir
 
 import nearharmonic as nh
-from nearharmonic.core.formulas import module_of
-from nearharmonic.core.numba_functions import NumbaFunctionError, compiled_code
-from nearharmonic.core.rules import Rules
+from nearharmonic.core.formulas.emission import module_of
+from nearharmonic.core.formulas.rules import Rules
+from nearharmonic.core.machine.numba_functions import NumbaFunctionError, compiled_code
 from nearharmonic.engine.kernels import formulas_digest, physics_of
 from numba_potentials import walled
 
 #: In another order and with other counters, behind a loop that numba did not optimise.
 ELSEWHERE = """
 from nearharmonic.core.layout import BEGIN
-from nearharmonic.core.link import loops
+from nearharmonic.core.machine.link import loops
 loops(lambda rows: None, BEGIN)
 import nearharmonic as nh
 import numba_potentials

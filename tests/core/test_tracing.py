@@ -9,8 +9,8 @@ from mpmath import mpf
 
 from function_arguments import compiled
 from nearharmonic.core import arithmetic
-from nearharmonic.core.number import Constant
-from nearharmonic.core.tracing import Double, DoubleDouble
+from nearharmonic.core.formulas.number import Constant
+from nearharmonic.core.formulas.tracing import Double, DoubleDouble
 from nearharmonic.systems import System
 from nearharmonic.systems.gradients import Multiprecision
 from nearharmonic.systems.source import velocity

@@ -9,7 +9,7 @@ import pytest
 from mpmath import mpf, workdps
 
 import nearharmonic as nh
-from nearharmonic.core.rules import CERTAINTY
+from nearharmonic.core.formulas.rules import CERTAINTY
 
 SITES = 10
 

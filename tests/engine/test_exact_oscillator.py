@@ -12,8 +12,8 @@ import pytest
 from mpmath import cos, log, mpf, sin, sqrt, workdps
 
 import nearharmonic as nh
-from nearharmonic.core import native
-from nearharmonic.core.number import Constant
+from nearharmonic.core.formulas.number import Constant
+from nearharmonic.core.machine import native
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics

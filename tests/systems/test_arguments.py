@@ -10,10 +10,10 @@ from functools import partial, wraps
 import numpy as np
 import pytest
 
-from nearharmonic.core.formulas import fingerprint
-from nearharmonic.core.number import Constant
-from nearharmonic.core.physics import Physics
-from nearharmonic.core.rules import Rules
+from nearharmonic.core.formulas.emission import fingerprint
+from nearharmonic.core.formulas.number import Constant
+from nearharmonic.core.formulas.physics import Physics
+from nearharmonic.core.formulas.rules import Rules
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems.source import velocity_text
 from own_systems import spring

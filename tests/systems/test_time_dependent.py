@@ -13,7 +13,7 @@ from mpmath import mpf
 import nearharmonic as nh
 from multiprecision import energy_errors
 from nearharmonic import math
-from nearharmonic.core.number import Constant
+from nearharmonic.core.formulas.number import Constant
 from nearharmonic.engine.grid import check_fit
 from nearharmonic.engine.reference import reference
 from nearharmonic.errors import SystemDefinitionError

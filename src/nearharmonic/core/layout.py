@@ -87,7 +87,7 @@ def flags(name: str, *lengths: str) -> Argument:
     return Argument(name, "bool", lengths)
 
 
-#: Arguments of ``advance``: see :class:`nearharmonic.core.kernel.Kernel`.
+#: Arguments of ``advance``: see :class:`nearharmonic.core.loops.kernel.Kernel`.
 ADVANCE = Signature(
     (
         integers("count"),

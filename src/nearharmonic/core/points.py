@@ -1,6 +1,6 @@
 """States that are points: what a step does to them, and their energies, for a form.
 
-What a system and its lanes bring is linked by name: see :mod:`nearharmonic.core.formulas`.
+What a system and its lanes bring is linked by name: see :mod:`nearharmonic.core.formulas.emission`.
 """
 
 from __future__ import annotations
@@ -9,7 +9,8 @@ from typing import Any
 
 from nearharmonic.core import rotation, step
 from nearharmonic.core.layout import DRIFT, KICK, PRODUCT, REST, SQUARE
-from nearharmonic.core.reals import (
+from nearharmonic.core.loops.shape import Form, Measured, Motion
+from nearharmonic.core.machine.reals import (
     POINT,
     REAL,
     all_zero,
@@ -24,7 +25,6 @@ from nearharmonic.core.reals import (
     where_zero,
     zero_like,
 )
-from nearharmonic.core.shape import Form, Measured, Motion
 
 #: Rows: of coordinates, coefficients of a move, and the state that runs.
 _dimension, _columns, _running = (linked_number(name) for name in ("dimension", "columns", "running"))
@@ -211,7 +211,7 @@ def _opened(form: Form, row_of: Any, move: Any) -> Any:
 
 
 def motion(form: Form) -> Motion:
-    """Return what :func:`nearharmonic.core.advance.advance` calls, for states that are points."""
+    """Return what :func:`nearharmonic.core.loops.advance.advance` calls, for states that are points."""
     move = _move(form)
     opened = _opened(form, row_loader(form), move)
     first, behind, last = _forces(form)

@@ -17,8 +17,8 @@ from typing import Any
 
 from nearharmonic.core.arithmetic import fma
 from nearharmonic.core.layout import TURNS
-from nearharmonic.core.reals import POINT, compiled, linked, load_real
-from nearharmonic.core.shape import Form
+from nearharmonic.core.loops.shape import Form
+from nearharmonic.core.machine.reals import POINT, compiled, linked, load_real
 from nearharmonic.core.step import compensated, double_double, update_of
 
 

@@ -9,8 +9,8 @@ energy would drift: what it leaves out, ``rest``, is added one move late. Double
 closely that the chain does not bound them: there, and where T is not quadratic, the momentum comes first.
 
 A state is (q, q_low, p, p_low, late): positions and momenta, what lies below their last digits (carries of compensated
-sums, low halves of double-doubles), and what the next move is late by. All are points (:mod:`nearharmonic.core.reals`).
-Coefficients of kicks carry the minus sign of dp/dt = -dV/dq.
+sums, low halves of double-doubles), and what the next move is late by. All are points
+(:mod:`nearharmonic.core.machine.reals`). Coefficients of kicks carry the minus sign of dp/dt = -dV/dq.
 
 The functions at the end return a ``move(state, row, force, parameters)`` for the formulas of a system: ``row`` has the
 coefficients of the move, and ``force`` is that at the position of the state.
@@ -21,8 +21,8 @@ from __future__ import annotations
 from typing import Any
 
 from nearharmonic.core.arithmetic import dd_add, dd_mul, fma
-from nearharmonic.core.reals import compiled
-from nearharmonic.core.shape import Form
+from nearharmonic.core.loops.shape import Form
+from nearharmonic.core.machine.reals import compiled
 
 #: A compiled function.
 Move = Any

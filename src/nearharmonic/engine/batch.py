@@ -28,7 +28,7 @@ from nearharmonic.systems.oscillator import frequency_parameters
 from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:
-    from nearharmonic.core.native import PreparedCall
+    from nearharmonic.core.machine.native import PreparedCall
 
 
 def sample_marks(steps: Integers, samples: int) -> Integers:

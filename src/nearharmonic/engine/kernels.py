@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
-from nearharmonic.core.number import Constant
+from nearharmonic.core.formulas.number import Constant
 from nearharmonic.engine.numba_runs import check_precision, check_width
 from nearharmonic.engine.settings import WIDTH, Numerics
 from nearharmonic.systems.gradients import check_gradients
@@ -16,7 +16,7 @@ from nearharmonic.systems.oscillator import frequencies_of, remainder_formulas
 from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:
-    from nearharmonic.core.kernel import Kernel, Physics
+    from nearharmonic.core.loops.kernel import Kernel, Physics
 
 #: Numerics of the calls that name none.
 STANDARD = Numerics()
@@ -44,7 +44,7 @@ def kernel_of(system: System, numerics: Numerics = STANDARD, *, modified: bool =
     CompiledCodeError
         The machine code cannot be loaded.
     """
-    from nearharmonic.core.kernel import build
+    from nearharmonic.core.loops.kernel import build
 
     check_precision(system, [numerics.precision])
     check_width(system, numerics.width)
@@ -65,7 +65,7 @@ def _width(system: System, numerics: Numerics) -> int:
 @cache
 def cost_of(system: System, numerics: Numerics, *, modified: bool = False) -> int:
     """Return the time that a force takes, in units of a few nanoseconds at most."""
-    from nearharmonic.core.kernel import cost
+    from nearharmonic.core.loops.kernel import cost
 
     return cost(physics_of(system, numerics, modified=modified), extended=numerics.precision == "extended")
 
@@ -73,8 +73,8 @@ def cost_of(system: System, numerics: Numerics, *, modified: bool = False) -> in
 @cache
 def formulas_digest(system: System) -> str:
     """Return a digest of what is integrated: of the instructions that the formulas emit, with parameters as values."""
-    from nearharmonic.core.formulas import fingerprint
-    from nearharmonic.core.rules import Rules
+    from nearharmonic.core.formulas.emission import fingerprint
+    from nearharmonic.core.formulas.rules import Rules
 
     return fingerprint(Rules(physics_of(system), extended=True, compensated=True))
 
@@ -98,7 +98,7 @@ def physics_of(system: System, numerics: Numerics = STANDARD, *, modified: bool 
     SettingError
         The oscillators of the system are to be solved exactly, and cannot be.
     """
-    from nearharmonic.core.kernel import Physics
+    from nearharmonic.core.loops.kernel import Physics
 
     check_gradients(system)
     exact = numerics.exact_oscillator

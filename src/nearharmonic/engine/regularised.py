@@ -16,13 +16,13 @@ from nearharmonic.errors import bad_setting
 from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:
-    from nearharmonic.core.native import PreparedCall
+    from nearharmonic.core.machine.native import PreparedCall
 
 
 @cache
 def landing_of(system: System, numerics: Numerics) -> Callable[..., PreparedCall]:
     """Return what prepares calls of the compiled runs of ``system``, from the cache on disk if it is there."""
-    from nearharmonic.core.kernel import build_landing
+    from nearharmonic.core.loops.kernel import build_landing
 
     return build_landing(
         physics_of(system),
@@ -50,7 +50,7 @@ class LandingCall:
     parameters : (R or 1, 2 P) array of float
         Parameters of the runs, which may change from call to call.
     arguments : tuple
-        What :func:`nearharmonic.core.kernel.build_landing` takes.
+        What :func:`nearharmonic.core.loops.kernel.build_landing` takes.
     """
 
     def __init__(self, system: System, numerics: Numerics, parameters: Floats, arguments: tuple[Any, ...]) -> None:

@@ -74,7 +74,7 @@ def stepper(
 
 def step_of(problem: Problem, parameters: Mapping[str, Any] | None = None) -> Step:
     """Return the machine code and the coefficients of a step of ``problem``."""
-    from nearharmonic.core.kernel import build_step, room
+    from nearharmonic.core.loops.kernel import build_step, room
     from nearharmonic.core.stepper.call import Step
     from nearharmonic.core.stepper.products import table_of
 

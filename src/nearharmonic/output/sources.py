@@ -12,7 +12,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from nearharmonic.core import disk
+from nearharmonic.core.machine import disk
 from nearharmonic.errors import NearharmonicError
 
 PACKAGE = "nearharmonic"

@@ -14,14 +14,14 @@ from threading import RLock
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from nearharmonic.core import arithmetic
-from nearharmonic.core.expression.graph import Graph, Value, Variable, value_of
-from nearharmonic.core.expression.size import becomes_loops, check_size, operations
-from nearharmonic.core.number import Constant, Number, call, constant, scalar
+from nearharmonic.core.formulas.expression.graph import Graph, Value, Variable, value_of
+from nearharmonic.core.formulas.expression.size import becomes_loops, check_size, operations
+from nearharmonic.core.formulas.number import Constant, Number, call, constant, scalar
 from nearharmonic.errors import SystemDefinitionError
 
 if TYPE_CHECKING:
-    from nearharmonic.core.expression.program import Program
-    from nearharmonic.core.loops.energy import LoopedEnergy
+    from nearharmonic.core.formulas.expression.program import Program
+    from nearharmonic.core.large.energy import LoopedEnergy
 
 Vector = tuple[Any, ...]
 
@@ -122,7 +122,7 @@ class Energy:
 
     def looped(self, parameters_at_run_time: bool) -> LoopedEnergy:
         """Return the energy as loops, with parameters that are values or the system's own."""
-        from nearharmonic.core.loops.energy import LoopedEnergy  # which most systems do without
+        from nearharmonic.core.large.energy import LoopedEnergy  # which most systems do without
 
         parameters = None if parameters_at_run_time else self.parameters
         with self._lock:
@@ -135,7 +135,7 @@ class Energy:
     @property
     def is_quadratic(self) -> bool:
         """Whether the energy is a polynomial of degree at most 2 in its coordinates, however it is written."""
-        from nearharmonic.core.expression.polynomial import is_quadratic
+        from nearharmonic.core.formulas.expression.polynomial import is_quadratic
 
         graph, value, coordinates = self._standard
         return is_quadratic(graph, value, frozenset(x.node for x in coordinates if x.node is not None))
@@ -143,7 +143,7 @@ class Energy:
     @property
     def is_half_square(self) -> bool:
         """Whether the energy is x.x / 2, however it is written."""
-        from nearharmonic.core.expression.polynomial import polynomial_of
+        from nearharmonic.core.formulas.expression.polynomial import polynomial_of
 
         graph, value, coordinates = self._standard
         half = {((x.node, 2),): Fraction(1, 2) for x in coordinates}
@@ -188,8 +188,8 @@ class Energy:
         return evaluate(self._programs[wanted, constants], (*arguments, *vector))
 
     def _program(self, wanted: Any, traced: _Traced) -> Program:
-        from nearharmonic.core.expression.derivative import gradient, hessian_vector
-        from nearharmonic.core.expression.polynomial import shortest_program
+        from nearharmonic.core.formulas.expression.derivative import gradient, hessian_vector
+        from nearharmonic.core.formulas.expression.polynomial import shortest_program
 
         graph, value, coordinates = traced
         if wanted == "hessian":
@@ -206,7 +206,7 @@ class Energy:
 
 
 class _Named:
-    """An energy as :mod:`nearharmonic.core.number` calls it."""
+    """An energy as :mod:`nearharmonic.core.formulas.number` calls it."""
 
     def __init__(self, energy: Energy) -> None:
         self.name, self.dimension = energy.name, energy.dimension

@@ -12,14 +12,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from nearharmonic.core.number import NO_SUCH_COMPONENT, Constant, FormulaError, components, vector
+from nearharmonic.core.formulas.number import NO_SUCH_COMPONENT, Constant, FormulaError, components, vector
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems.energy import Energy
 from nearharmonic.systems.kinetic_energy import MassKineticEnergy, takes_parameters
 from nearharmonic.systems.regularisation import RegularisedFormulas
 
 if TYPE_CHECKING:
-    from nearharmonic.core.chain import Chain
+    from nearharmonic.core.formulas.chain import Chain
     from nearharmonic.systems.system import System
 
 Vector = tuple[Any, ...]
@@ -67,7 +67,7 @@ class Formulas:
         parameters : int
             Number of parameters.
         """
-        from nearharmonic.core.chain import Chained, longest_chain
+        from nearharmonic.core.formulas.chain import Chained, longest_chain
 
         values = [Chained() for _ in range(self.dimension + parameters)]
         q, given = tuple(values[: self.dimension]), values[self.dimension :]

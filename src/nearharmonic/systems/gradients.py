@@ -13,9 +13,9 @@ from random import Random
 from typing import Any, NamedTuple
 
 from nearharmonic.core.arithmetic import sqrt
-from nearharmonic.core.expression.graph import Graph, value_of
-from nearharmonic.core.expression.size import check_size, operations
-from nearharmonic.core.number import Constant, Number, call, scalar, vector
+from nearharmonic.core.formulas.expression.graph import Graph, value_of
+from nearharmonic.core.formulas.expression.size import check_size, operations
+from nearharmonic.core.formulas.number import Constant, Number, call, scalar, vector
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems.formulas import DerivedGradient, Formulas
 from nearharmonic.systems.kinetic_energy import MassKineticEnergy, quadratic_grad_T, quadratic_T

@@ -9,7 +9,7 @@ from inspect import signature
 from sys import float_info
 from typing import Any
 
-from nearharmonic.core.number import Constant
+from nearharmonic.core.formulas.number import Constant
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems.energy import constants_beside
 from nearharmonic.systems.quantities import is_extreme, is_list

@@ -6,11 +6,11 @@ from functools import cache
 from threading import RLock
 from typing import Any
 
-from nearharmonic.core.expression.derivative import gradient
-from nearharmonic.core.expression.graph import Expression, Graph, Value, value_of
-from nearharmonic.core.expression.polynomial import shortest_program
-from nearharmonic.core.expression.program import Program
-from nearharmonic.core.number import Constant, scalar, vector
+from nearharmonic.core.formulas.expression.derivative import gradient
+from nearharmonic.core.formulas.expression.graph import Expression, Graph, Value, value_of
+from nearharmonic.core.formulas.expression.polynomial import shortest_program
+from nearharmonic.core.formulas.expression.program import Program
+from nearharmonic.core.formulas.number import Constant, scalar, vector
 from nearharmonic.systems.energy import Vector, evaluate
 from nearharmonic.systems.formulas import Formulas
 from nearharmonic.systems.system import System

@@ -11,12 +11,12 @@ from functools import cached_property
 from math import nan
 from typing import TYPE_CHECKING, Any
 
-from nearharmonic.core.constant import Constant, Value
+from nearharmonic.core.formulas.constant import Constant, Value
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems.energy import Energy, Vector
 
 if TYPE_CHECKING:
-    from nearharmonic.core.numba_functions import NumbaCode
+    from nearharmonic.core.machine.numba_functions import NumbaCode
     from nearharmonic.systems.system import System
 
 #: Step of a difference of gradients, relative to the coordinates: its truncation is as large as its rounding.
@@ -54,7 +54,7 @@ class NumbaPotential:
         SystemDefinitionError
             numba cannot compile them for doubles, or they return something else than they must.
         """
-        from nearharmonic.core.numba_functions import NumbaFunctionError, compiled_code
+        from nearharmonic.core.machine.numba_functions import NumbaFunctionError, compiled_code
 
         try:
             return compiled_code(self.V, self.grad_V, self.dimension, self.parameters)
@@ -101,8 +101,8 @@ class NumbaPotential:
 
 def _emitted(formula: str, count: int, q: Vector, parameters: Vector) -> Vector | None:
     """Results of a call in the kernel that is built, in double precision; None if the numbers are not of a kernel."""
-    from nearharmonic.core.numba_functions import called
-    from nearharmonic.core.tracing import Double, DoubleDouble
+    from nearharmonic.core.formulas.tracing import Double, DoubleDouble
+    from nearharmonic.core.machine.numba_functions import called
 
     like = next((x for x in q if isinstance(x, Double | DoubleDouble)), None)
     if like is None:

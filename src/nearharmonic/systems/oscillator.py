@@ -10,7 +10,7 @@ from fractions import Fraction
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from nearharmonic.core.number import Constant
+from nearharmonic.core.formulas.number import Constant
 from nearharmonic.errors import SystemDefinitionError, bad_setting
 from nearharmonic.systems.energy import Energy, constants_beside
 from nearharmonic.systems.formulas import Formulas

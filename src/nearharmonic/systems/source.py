@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from nearharmonic.core.number import FUNCTIONS, Constant, Number, vector
+from nearharmonic.core.formulas.number import FUNCTIONS, Constant, Number, vector
 from nearharmonic.systems.system import System
 
 

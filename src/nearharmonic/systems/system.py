@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from nearharmonic.core.expression.graph import Graph
-from nearharmonic.core.number import Constant, vector
+from nearharmonic.core.formulas.expression.graph import Graph
+from nearharmonic.core.formulas.number import Constant, vector
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems.arguments import check_arguments
 from nearharmonic.systems.declaration import UNITS, check_members, check_numbers
@@ -28,7 +28,7 @@ from nearharmonic.systems.quantities import Observable, Parameter, Vector, decim
 from nearharmonic.systems.regularisation import Regularisation
 
 if TYPE_CHECKING:
-    from nearharmonic.core.chain import Chain
+    from nearharmonic.core.formulas.chain import Chain
 
 Scalar = TypeVar("Scalar")
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.core.expression.size import MOST_UNROLLED
+from nearharmonic.core.formulas.expression.size import MOST_UNROLLED
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.experiments.work_precision.own import prepared_calls
 from nearharmonic.experiments.work_precision.recommend import choices

@@ -11,10 +11,10 @@ import numpy as np
 from llvmlite import binding, ir
 from numpy.typing import NDArray
 
+from nearharmonic.core.formulas.number import FUNCTIONS
 from nearharmonic.core.layout import Signature, floats
-from nearharmonic.core.native import code_key, native, object_code
-from nearharmonic.core.number import FUNCTIONS
-from nearharmonic.core.values import LLVMValue
+from nearharmonic.core.machine.native import code_key, native, object_code
+from nearharmonic.core.machine.values import LLVMValue
 
 #: (arguments, results): one row of doubles a part of an argument or result.
 ELEMENTWISE = Signature((floats("arguments", "rows", "count"), floats("results", "results_rows", "count")))

@@ -1,8 +1,8 @@
 """Functions of doubles, at most one unit in the last place from the exact value, without branches that vectors lack.
 
-Each function takes carriers (:class:`nearharmonic.core.values.LLVMValue`) and returns one. Every operation is one
-rounding, so scalars, lanes and all processors agree to the bit. The last operation of each function adds a correction
-to a leading term that is exact, or nearly so. Reductions follow Cody & Waite (1980), Software Manual for the
+Each function takes carriers (:class:`nearharmonic.core.machine.values.LLVMValue`) and returns one. Every operation is
+one rounding, so scalars, lanes and all processors agree to the bit. The last operation of each function adds a
+correction to a leading term that is exact, or nearly so. Reductions follow Cody & Waite (1980), Software Manual for the
 Elementary Functions, with fused multiplications.
 """
 
@@ -30,7 +30,7 @@ from nearharmonic.core.functions.steps import (
     scaled,
     unit_scale,
 )
-from nearharmonic.core.values import LLVMBits, LLVMMask, LLVMValue
+from nearharmonic.core.machine.values import LLVMBits, LLVMMask, LLVMValue
 
 Pair = tuple[LLVMValue, LLVMValue]
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from llvmlite import ir
 
-from nearharmonic.core.values import LLVMMask, LLVMValue
+from nearharmonic.core.machine.values import LLVMMask, LLVMValue
 
 Body = Callable[..., Sequence[LLVMValue]]
 

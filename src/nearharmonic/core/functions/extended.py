@@ -45,7 +45,7 @@ from nearharmonic.core.functions.steps import (
     scaled,
     unit_scale,
 )
-from nearharmonic.core.values import LLVMBits, LLVMMask, LLVMValue
+from nearharmonic.core.machine.values import LLVMBits, LLVMMask, LLVMValue
 
 Triple = tuple[LLVMValue, LLVMValue, LLVMValue]
 

@@ -7,7 +7,7 @@ from math import inf
 
 from nearharmonic.core.arithmetic import dd_add, dd_mul, quick_two_sum, rounded_pair, two_product
 from nearharmonic.core.functions.steps import polynomial, scaled
-from nearharmonic.core.values import LLVMBits, LLVMMask, LLVMValue
+from nearharmonic.core.machine.values import LLVMBits, LLVMMask, LLVMValue
 
 Pair = tuple[LLVMValue, LLVMValue]
 Coefficients = Sequence[tuple[float, float]]

@@ -15,7 +15,7 @@ from nearharmonic.core.arithmetic import dd_mul, distilled, quick_two_sum, two_p
 from nearharmonic.core.functions import coefficients as table
 from nearharmonic.core.functions.emit import called, where_needed
 from nearharmonic.core.functions.steps import ROUNDER
-from nearharmonic.core.values import LLVMBits, LLVMMask, LLVMValue
+from nearharmonic.core.machine.values import LLVMBits, LLVMMask, LLVMValue
 
 #: Largest angle whose multiple of pi/2 is subtracted in floating point.
 MODERATE = 2.0**20

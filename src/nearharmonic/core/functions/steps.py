@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from nearharmonic.core.values import LLVMBits, LLVMValue
+from nearharmonic.core.machine.values import LLVMBits, LLVMValue
 
 #: Adding this number rounds to a whole number, which then stands in the low bits.
 ROUNDER = 1.5 * 2.0**52

@@ -1,1 +1,1 @@
-"""Kernels of many coordinates: expressions that repeat become loops over tables instead of ever longer code."""
+"""Loops around a step: one trajectory, a queue of runs through the lanes, landing at times, and their kernels."""

@@ -17,7 +17,7 @@ from numba.core import types as numba_types
 from numba.extending import intrinsic, overload
 
 from nearharmonic.core.layout import COLUMNS, TALLY, Floats, Signature, running_at, running_rows
-from nearharmonic.core.reals import at_address
+from nearharmonic.core.machine.reals import at_address
 from nearharmonic.core.stepper.recent_moves import empty_slots, recall
 
 types: Any = numba_types

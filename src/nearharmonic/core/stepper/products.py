@@ -16,10 +16,9 @@ from math import frexp, ldexp
 
 import numpy as np
 
-from nearharmonic.core import reals  # noqa: F401 (tells numba what the functions of arithmetic are)
 from nearharmonic.core.arithmetic import fma, two_product, two_sum
-from nearharmonic.core.jit import jit
 from nearharmonic.core.layout import COLUMNS, DRIFT, KICK, PRODUCT, REST, SQUARE, Floats
+from nearharmonic.core.machine.jit import jit
 
 #: Bits that a double of a sum adds at least.
 BITS = 53

@@ -16,8 +16,8 @@ from llvmlite import ir
 from numba.core import types as numba_types
 from numba.extending import intrinsic
 
-from nearharmonic.core.jit import jit
 from nearharmonic.core.layout import Floats, aligned_zeros
+from nearharmonic.core.machine.jit import jit
 from nearharmonic.core.stepper.products import fill
 
 #: Slots, a power of two: threads that use step sizes of their own seldom share one.

@@ -1,6 +1,6 @@
 """A single step, without energy or samples, of arrays that the caller holds.
 
-It makes the moves of :mod:`nearharmonic.core.advance`, and is bitwise identical to a run of one step.
+It makes the moves of :mod:`nearharmonic.core.loops.advance`, and is bitwise identical to a run of one step.
 """
 
 from __future__ import annotations
@@ -9,9 +9,9 @@ from collections.abc import Callable
 from typing import Any
 
 from nearharmonic.core.layout import INNER
+from nearharmonic.core.loops.shape import Form
+from nearharmonic.core.machine.reals import compiled, linked_number, load_parameters, load_point, store, zero_like
 from nearharmonic.core.points import motion, row_loader
-from nearharmonic.core.reals import compiled, linked_number, load_parameters, load_point, store, zero_like
-from nearharmonic.core.shape import Form
 
 _columns = linked_number("columns")
 

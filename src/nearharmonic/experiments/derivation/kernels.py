@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from nearharmonic.core.jit import jit
 from nearharmonic.core.layout import Flags, Floats
-from nearharmonic.core.levenberg_marquardt import FIRST_DAMPING, marquardt_step
+from nearharmonic.core.machine.jit import jit
+from nearharmonic.numerics.levenberg_marquardt import FIRST_DAMPING, marquardt_step
 
 #: Steps after which a start is given up; those that converge do so in 10 to 60.
 ITERATIONS = 200

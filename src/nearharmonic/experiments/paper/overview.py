@@ -10,7 +10,7 @@ import json
 from fractions import Fraction
 from typing import Any
 
-from nearharmonic.core import disk
+from nearharmonic.core.machine import disk
 from nearharmonic.exact.decimals import fixed_point
 from nearharmonic.integrators import integrators as methods_by_name
 from nearharmonic.integrators.tableau import Tableau

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from nearharmonic.core.jit import jit
 from nearharmonic.core.layout import Flags
-from nearharmonic.core.levenberg_marquardt import FIRST_DAMPING, levenberg_step
+from nearharmonic.core.machine.jit import jit
 from nearharmonic.experiments.sixth_order.conditions import NYSTROM_ORDER, Doubles, Integers
 from nearharmonic.experiments.sixth_order.criterion import (
     ANHARMONICITY,
@@ -21,6 +20,7 @@ from nearharmonic.experiments.sixth_order.criterion import (
     Criterion,
     System,
 )
+from nearharmonic.numerics.levenberg_marquardt import FIRST_DAMPING, levenberg_step
 
 #: Norms of the residuals at which an iteration ends, and below which it has solved its equations. They are in units of
 #: kappa, of which rounding leaves about 1e-13.

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.core.number import Constant, vector
+from nearharmonic.core.formulas.number import Constant, vector
 from nearharmonic.experiments.work_precision.peers.peer import Attempt, Peer, States, start_of
 from nearharmonic.integrators import nielsen_2015
 from nearharmonic.integrators.tableau import Tableau

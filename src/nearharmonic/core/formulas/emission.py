@@ -1,0 +1,242 @@
+"""Formulas of a system as functions of LLVM, linked to the loops of :mod:`nearharmonic.core.loops.advance`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Sequence
+from functools import lru_cache
+from hashlib import sha256
+from typing import Any
+
+from llvmlite import ir
+
+from nearharmonic.core.formulas.number import Constant
+from nearharmonic.core.formulas.rules import Entries, Rules
+from nearharmonic.core.formulas.tracing import DoubleDouble, LLVMValue
+from nearharmonic.core.large.tables import BLOCK
+from nearharmonic.core.layout import TALLY, TURN, TURNS, parameter_rows, running_at
+from nearharmonic.core.machine.operations import (
+    DOUBLE,
+    INDEX,
+    PREFIX,
+    Kinds,
+    declare,
+    packed,
+    write_load,
+    write_numbers,
+)
+
+#: Formulas that a system may lack, with what they are made of.
+_OPTIONAL = {"square": "modified", "acceleration": "acceleration"}
+#: Formulas that tell all others.
+_TELLING = frozenset(
+    {"force", "square", "velocity", "acceleration", "energies", "force_and_potential", "kinetic", "rounding"}
+)
+
+
+@lru_cache(maxsize=64)
+def fingerprint(rules: Rules) -> str:
+    """Digest of the instructions that the formulas emit: the one thing about a system that compiled code depends on."""
+    physics = rules.physics
+    if physics.loops is not None:
+        digests = " ".join(energy.digest for energy in physics.loops)
+        return sha256(f"{digests} {physics.unit_masses}".encode()).hexdigest()
+    given = "" if physics.numba is None else f" {physics.numba.digest}"
+    return sha256(f"{module_of(rules, 1, _TELLING)} {moving(rules)} {physics.turning}{given}".encode()).hexdigest()
+
+
+def moving(rules: Rules) -> tuple[bool, ...]:
+    """Return of each coordinate whether it ever moves: its dT/dp is not the constant 0."""
+    d, builder = rules.physics.dimension, ir.IRBuilder()
+    double = ir.DoubleType()
+    kinds = [double] * (2 * d + parameter_rows(rules.physics.parameters))
+    function = ir.Function(ir.Module(), ir.FunctionType(ir.VoidType(), kinds), "moving")
+    builder = ir.IRBuilder(function.append_basic_block())
+    values = [LLVMValue(builder, argument) for argument in function.args]
+    velocity = rules.velocity(values[: 2 * d], values[2 * d :])
+    return tuple(not (isinstance(v, Constant) and v == 0) for v in velocity)
+
+
+def module_of(rules: Rules, lanes: int, needed: Container[str]) -> ir.Module:
+    """Return a module with what a system and a number of lanes bring to the loops of their form.
+
+    Parameters
+    ----------
+    rules : Rules
+        The system, and what its formulas are computed with.
+    lanes : int
+        Lanes of the kernel.
+    needed : container of str
+        Names of the functions that are called.
+    """
+    physics, d = rules.physics, rules.physics.dimension
+    if physics.loops is not None:
+        from nearharmonic.core.large import functions
+
+        return functions.module_of(rules, kinds_of(rules, lanes), needed)
+    written = _Formulas(rules, kinds_of(rules, lanes), needed)
+    write_numbers(written.module, {
+        "dimension": d, "columns": rules.columns, "tally": 4 * d, "parameters": 4 * d + TALLY,
+        "running": running_at(d, physics.parameters),
+    })  # fmt: skip
+    written.write()
+    if physics.turning is not None:
+        for column in range(6 if rules.extended else TURNS):
+            if f"turn{column}" in needed:
+                written.coefficient(column)
+    return written.module
+
+
+def kinds_of(rules: Rules, lanes: int) -> Kinds:
+    """Types of the numbers of a kernel."""
+    block = 0 if rules.physics.loops is None else BLOCK
+    return Kinds(rules.physics.dimension, parameter_rows(rules.physics.parameters), lanes, block)
+
+
+class _Formulas:
+    """Functions of one module."""
+
+    def __init__(self, rules: Rules, kinds: Kinds, needed: Container[str]) -> None:
+        # A context of its own: a module shows all types of its context, and that of numba has more in some processes.
+        self.module, self.rules, self.kinds, self.needed = ir.Module("formulas", ir.Context()), rules, kinds, needed
+        self.real, self.point = kinds.of("R"), kinds.of("P")
+
+    def write(self) -> None:
+        """The formulas of the system."""
+        rules, d, real, point = self.rules, self.rules.physics.dimension, self.real, self.point
+        rates = ir.ArrayType(point, 2) if rules.extended else point
+
+        def halves(entries: Entries) -> Any:
+            return [entries[:d], entries[d:]] if rules.extended else entries
+
+        def velocity(p: Entries, low: Entries, c: Entries) -> Any:
+            return halves(rules.flat(rules.velocity(p + low, c), p[0]))
+
+        self.define("force", rates, "PP", lambda q, low, c: halves(rules.force(q + low, c)))
+        if rules.looks_ahead:
+            self.define("velocity", rates, "P", lambda p, c: velocity(p, p, c))
+            self.define("acceleration", point, "P", rules.acceleration)
+        else:
+            self.define("velocity", rates, "PP", velocity)
+        self.define("square", rates, "PP", lambda q, low, c: halves(rules.square(q + low, c)))
+        self.define("energy", ir.ArrayType(real, 2), "PPPP", lambda *x: _each(rules.energies(_joined(x), x[-1])[:2]))
+        self.define("energies", ir.ArrayType(real, 4), "PPPP", lambda *x: _each(rules.energies(_joined(x), x[-1])))
+        if rules.quick_energy:
+            found = ir.LiteralStructType([point, real])
+            self.define(
+                "force_and_potential", found, "PP", lambda q, low, c: _split(rules.force_and_potential(q + low, c))
+            )
+            self.define("potential", real, "PP", lambda q, low, c: rules.potential(q + low, c))
+            self.define("kinetic", real, "P", lambda p, c: rules.kinetic(p + p, c))
+            self.define("rounding", ir.ArrayType(real, 2), "PPPP", lambda *x: _each(rules.rounding(_joined(x), x[-1])))
+        if not all(moves := moving(rules)):
+            self.define("moved", point, "PP", lambda new, old: [
+                x if moves[i] else y for i, (x, y) in enumerate(zip(new, old, strict=True))
+            ], given=False)  # fmt: skip
+
+    def define(self, name: str, result: ir.Type, letters: str, body: Callable[..., Any], *, given: bool = True) -> None:
+        """A function of points and, if they are ``given``, of the parameters."""
+        if name not in self.needed or getattr(self.rules.physics, _OPTIONAL.get(name, "V")) is None:
+            return
+        kinds = [self.kinds.of(letter) for letter in (f"{letters}C" if given else letters)]
+        function = declare(self.module, f"{PREFIX}{name}", kinds, result)
+        if name == "energy" and self.rules.quick_energy:  # long and seldom: it takes no registers from the loop
+            function.attributes.discard("alwaysinline")
+            function.attributes.add("noinline")
+        builder = ir.IRBuilder(function.append_basic_block())
+        found = body(
+            *(
+                [LLVMValue(builder, builder.extract_value(x, i)) for i in range(len(x.type.elements))]
+                for x in function.args
+            )
+        )
+        builder.ret(packed(builder, _values(found), result))
+
+    def coefficient(self, column: int) -> None:
+        """A function that loads a coefficient of each coordinate where an oscillator is solved exactly."""
+        turning = self.rules.physics.turning
+        assert turning is not None
+        size, first = (6, 2 * TURN) if self.rules.extended else (TURNS, TURN)
+        function = declare(self.module, f"{PREFIX}turn{column}", [DOUBLE.as_pointer(), INDEX], self.point)
+        builder = ir.IRBuilder(function.append_basic_block())
+        rows = [first + size * place + column for place in turning]
+        array, row = function.args
+        write_load(builder, array, row, self.kinds, self.point, rows)
+
+
+def _joined(numbers: Sequence[Entries]) -> Entries:
+    """The rows of a state, without the parameters behind it."""
+    return [entry for point in numbers[:-1] for entry in point]
+
+
+def _each(numbers: Sequence[LLVMValue]) -> list[Entries]:
+    return [[number] for number in numbers]
+
+
+def _split(entries: Entries) -> list[Entries]:
+    return [entries[:-1], entries[-1:]]
+
+
+def _values(numbers: Any) -> Any:
+    return numbers.value if isinstance(numbers, LLVMValue) else [_values(number) for number in numbers]
+
+
+def maps_module(rules: Rules, maps: Any) -> ir.Module:
+    """Return a module with what a regularised system brings to :func:`nearharmonic.core.loops.landing.land`.
+
+    Parameters
+    ----------
+    rules : Rules
+        The regularised system, of D coordinates.
+    maps : object
+        ``from_physical(q, p, *parameters)``, ``to_physical(x, y)``, ``inverse_axis(x, *parameters)`` and
+        ``largest_radius(x, y, *parameters)``, formulas of numbers; ``dimension`` d of physical space.
+    """
+    physics, d, D = rules.physics, maps.dimension, rules.physics.dimension
+    written = _Formulas(rules, kinds_of(rules, 1), ())
+    write_numbers(written.module, {"dimension": D, "running": running_at(D, physics.parameters)})
+
+    def departed(memory: _Memory, start: ir.Value, first: ir.Value, rows: ir.Value, to: ir.Value) -> None:
+        pairs = (memory.pair(rows, 4 * D + TALLY + 2 * k) for k in range(physics.parameters))
+        given: tuple[Any, ...] = physics.constants or tuple(pairs)
+        start = memory.builder.gep(start, [first])
+        x, y = maps.from_physical(memory.pairs(start, 0, d), memory.pairs(start, 2 * d, d), *given)
+        inverse, radius = maps.inverse_axis(x, *given), maps.largest_radius(x, y, *given)
+        halves = [*(n.high for n in x), *(n.low for n in x), *(n.high for n in y), *(n.low for n in y)]
+        memory.write(to, [*halves, *inverse.pair, radius.high * inverse.high])
+
+    def physical(memory: _Memory, state: ir.Value, to: ir.Value, first: ir.Value) -> None:
+        q, p = maps.to_physical(memory.pairs(state, 0, D), memory.pairs(state, 2 * D, D))
+        halves = [*(n.high for n in q), *(n.low for n in q), *(n.high for n in p), *(n.low for n in p)]
+        memory.write(memory.builder.gep(to, [first]), halves)
+
+    pointer = DOUBLE.as_pointer()
+    for body, kinds in ((departed, [pointer, INDEX, pointer, pointer]), (physical, [pointer, pointer, INDEX])):
+        function = declare(written.module, f"{PREFIX}{body.__name__}", kinds, ir.VoidType())
+        builder = ir.IRBuilder(function.append_basic_block())
+        body(_Memory(builder), *function.args)
+        builder.ret_void()
+    return written.module
+
+
+class _Memory:
+    """Double-doubles in memory."""
+
+    def __init__(self, builder: ir.IRBuilder) -> None:
+        self.builder = builder
+
+    def _double(self, array: ir.Value, at: int) -> LLVMValue:
+        return LLVMValue(self.builder, self.builder.load(self.builder.gep(array, [INDEX(at)])))
+
+    def pair(self, array: ir.Value, at: int) -> DoubleDouble:
+        """Return the number of two neighbours."""
+        return DoubleDouble(self._double(array, at), self._double(array, at + 1))
+
+    def pairs(self, array: ir.Value, at: int, count: int) -> tuple[DoubleDouble, ...]:
+        """High halves, and as many low ones behind them."""
+        return tuple(
+            DoubleDouble(self._double(array, at + k), self._double(array, at + count + k)) for k in range(count)
+        )
+
+    def write(self, array: ir.Value, numbers: Sequence[LLVMValue]) -> None:
+        for i, number in enumerate(numbers):
+            self.builder.store(number.value, self.builder.gep(array, [INDEX(i)]))

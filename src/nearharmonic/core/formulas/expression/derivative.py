@@ -1,0 +1,155 @@
+"""Derivatives of expressions: the gradient in reverse mode, and the Hessian times a vector, its derivative along it.
+
+In reverse mode a gradient takes a small multiple of the operations of the formula, whatever its number of variables.
+Source: Griewank & Walther, Evaluating Derivatives (2008), doi:10.1137/1.9780898717761, Sections 3.2 and 5.2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from functools import cache
+
+from nearharmonic.core.formulas.expression.graph import (
+    ONE,
+    ZERO,
+    Application,
+    Exact,
+    Graph,
+    Literal,
+    Product,
+    Sum,
+    Value,
+    exact,
+)
+from nearharmonic.core.formulas.number import ROOT_BITS
+
+
+def gradient(graph: Graph, root: Value, variables: Sequence[Value]) -> tuple[Value, ...]:
+    """Return the derivatives of ``root`` with respect to ``variables``, in reverse mode."""
+    adjoints: dict[int, Value] = {} if root.node is None else {root.node: Value(root.coefficient, None)}
+    for node in reversed(graph.reachable([root])):
+        adjoint = adjoints.get(node, ZERO)
+        if adjoint.coefficient:
+            for child, partial in _partials(graph, node):
+                share = graph.multiply(adjoint, partial)
+                adjoints[child] = graph.add(adjoints[child], share) if child in adjoints else share
+    return tuple(adjoints.get(v.node, ZERO) for v in variables if v.node is not None)
+
+
+def hessian_vector(
+    graph: Graph, root: Value, variables: Sequence[Value], directions: Sequence[Value]
+) -> tuple[Value, ...]:
+    """Return the Hessian of ``root`` times ``directions``: the gradient of the slope along them."""
+    slope = ZERO
+    for derivative, direction in zip(gradient(graph, root, variables), directions, strict=True):
+        slope = graph.add(slope, graph.multiply(derivative, direction))
+    return gradient(graph, slope, variables)
+
+
+def _partials(graph: Graph, node: int) -> list[tuple[int, Value]]:
+    """The derivatives of a node with respect to its children."""
+    found = graph.nodes[node]
+    if isinstance(found, Sum):
+        return [(child, Value(c, None)) for child, c in found.terms]
+    if isinstance(found, Product):
+        return [(child, _lowered(graph, dict(found.factors), child, e)) for child, e in found.factors]
+    if isinstance(found, Application):
+        operands = [_operand(graph, child) for child in found.operands]
+        partials = DERIVATIVES[found.function](graph, Value(1, node), *operands)
+        # A function of the same node twice, as hypot(x, x), has two partials for it.
+        return list(zip(found.operands, partials, strict=True))
+    return []
+
+
+def _lowered(graph: Graph, factors: dict[int, Exact], child: int, e: Exact) -> Value:
+    factors[child] = exact(e - 1)
+    return graph.times(e, graph.product_of(factors))
+
+
+def _operand(graph: Graph, node: int) -> Value:
+    found = graph.nodes[node]
+    return Value(found.value, None) if isinstance(found, Literal) else graph.times(1, Value(1, node))
+
+
+def _sin(graph: Graph, _: Value, x: Value) -> tuple[Value, ...]:
+    return (graph.apply("cos", x),)
+
+
+def _cos(graph: Graph, _: Value, x: Value) -> tuple[Value, ...]:
+    return (graph.times(-1, graph.apply("sin", x)),)
+
+
+def _tan(graph: Graph, value: Value, _: Value) -> tuple[Value, ...]:
+    return (graph.add(ONE, graph.power(value, 2)),)
+
+
+def _exp(_: Graph, value: Value, __: Value) -> tuple[Value, ...]:
+    return (value,)
+
+
+def _log(graph: Graph, _: Value, x: Value) -> tuple[Value, ...]:
+    return (graph.power(x, -1),)
+
+
+def _cbrt(graph: Graph, value: Value, _: Value) -> tuple[Value, ...]:
+    return (graph.times(Fraction(1, 3), graph.power(value, -2)),)
+
+
+def _pow(graph: Graph, value: Value, x: Value, y: Value) -> tuple[Value, ...]:
+    """y x^(y-1), which is finite at 0 where y >= 1, and x^y log x."""
+    slope = graph.multiply(y, graph.apply("pow", x, graph.add(y, Value(-1, None))))
+    # Of a constant nobody asks the derivative, and the logarithm of a negative one does not exist.
+    return slope, (ZERO if y.node is None else graph.multiply(value, graph.apply("log", x)))
+
+
+def _atan2(graph: Graph, _: Value, y: Value, x: Value) -> tuple[Value, ...]:
+    square = graph.power(graph.add(graph.multiply(x, x), graph.multiply(y, y)), -1)
+    return graph.multiply(x, square), graph.times(-1, graph.multiply(y, square))
+
+
+def _hypot(graph: Graph, value: Value, x: Value, y: Value) -> tuple[Value, ...]:
+    inverse = graph.power(value, -1)
+    return graph.multiply(x, inverse), graph.multiply(y, inverse)
+
+
+def _tanh(graph: Graph, value: Value, _: Value) -> tuple[Value, ...]:
+    return (graph.add(ONE, graph.times(-1, graph.power(value, 2))),)
+
+
+def _sinh(graph: Graph, _: Value, x: Value) -> tuple[Value, ...]:
+    return (graph.apply("cosh", x),)
+
+
+def _cosh(graph: Graph, _: Value, x: Value) -> tuple[Value, ...]:
+    return (graph.apply("sinh", x),)
+
+
+def _erf(graph: Graph, _: Value, x: Value) -> tuple[Value, ...]:
+    """2 exp(-x^2) / sqrt(pi)."""
+    return (graph.times(_two_over_root_pi(), graph.apply("exp", graph.times(-1, graph.multiply(x, x)))),)
+
+
+def _abs(graph: Graph, _: Value, x: Value) -> tuple[Value, ...]:
+    return (graph.apply("sign", x),)
+
+
+def _sign(_: Graph, __: Value, ___: Value) -> tuple[Value, ...]:
+    return (ZERO,)
+
+
+#: The derivatives of f(x, ...) with respect to its operands, from its value and them.
+DERIVATIVES: dict[str, Callable[..., tuple[Value, ...]]] = {
+    "sin": _sin, "cos": _cos, "tan": _tan, "exp": _exp, "log": _log, "cbrt": _cbrt, "pow": _pow, "atan2": _atan2,
+    "tanh": _tanh, "sinh": _sinh, "cosh": _cosh, "erf": _erf, "hypot": _hypot, "abs": _abs, "sign": _sign,
+}  # fmt: skip
+
+
+@cache
+def _two_over_root_pi() -> Fraction:
+    """2 / sqrt(pi), rounded to :data:`~nearharmonic.core.formulas.number.ROOT_BITS` bits."""
+    from mpmath import mp, mpf, pi, workprec
+
+    with workprec(ROOT_BITS + 16):
+        value = mpf(2) / mp.sqrt(pi)
+        return Fraction(int(mp.floor(value * mpf(2) ** ROOT_BITS)), 1 << ROOT_BITS)

@@ -1,0 +1,331 @@
+"""Expressions of formulas: a directed acyclic graph in which equal subexpressions are one node.
+
+A formula that is called with the variables of a :class:`Graph` writes itself down. Nodes are tuples in a list and refer
+to earlier ones by their index, so that the order of the list is one in which they can be evaluated, and no depth of a
+formula meets Python's recursion limit. Every value is a coefficient times a node; nodes carry no factor of their own,
+and the first coefficient of a sum is positive, so that a - b and b - a share a node.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+from nearharmonic.core.formulas.number import FUNCTIONS, Constant, FormulaError, Number
+
+#: Most nodes of a formula: those of three hundred bodies, which take half a minute and 650 megabytes to compile.
+MOST_NODES = 500_000
+#: Largest power of a coefficient that is multiplied out.
+MOST_POWER = 64
+
+#: An exact number; whole ones are ``int``, whose arithmetic is the faster one.
+Exact = int | Fraction
+
+
+def exact(value: Fraction | int) -> Exact:
+    """Return ``value`` as an int if it is whole."""
+    return value.numerator if value.denominator == 1 else Fraction(value.numerator, value.denominator)
+
+
+def modulus(value: Exact) -> Exact:
+    """Return |value|."""
+    return value if value >= 0 else -value
+
+
+class Variable(NamedTuple):
+    """An argument of a formula, by its place."""
+
+    place: int
+
+
+class Literal(NamedTuple):
+    """An exact constant as an operand of a function."""
+
+    value: Exact
+
+
+class Sum(NamedTuple):
+    """``constant`` + sum of coefficient * node over ``terms``, ascending in their nodes."""
+
+    constant: Exact
+    terms: tuple[tuple[int, Exact], ...]
+
+
+class Product(NamedTuple):
+    """Product of node ** exponent over ``factors``, ascending in their nodes; exponents are whole or half-integers."""
+
+    factors: tuple[tuple[int, Exact], ...]
+
+
+class Application(NamedTuple):
+    """A function of :data:`~nearharmonic.core.formulas.number.FUNCTIONS`, ``abs`` or ``sign``, of nodes."""
+
+    function: str
+    operands: tuple[int, ...]
+
+
+Node = Variable | Literal | Sum | Product | Application
+
+
+class Value(NamedTuple):
+    """``coefficient`` times a node, or the coefficient alone if ``node`` is None."""
+
+    coefficient: Exact
+    node: int | None
+
+
+ZERO, ONE = Value(0, None), Value(1, None)
+
+
+def children(node: Node) -> Iterable[int]:
+    """Return the nodes that ``node`` refers to."""
+    if isinstance(node, Sum):
+        return (child for child, _ in node.terms)
+    if isinstance(node, Product):
+        return (child for child, _ in node.factors)
+    return node.operands if isinstance(node, Application) else ()
+
+
+class Graph:
+    """The nodes of some formulas, and the arithmetic of values."""
+
+    def __init__(self) -> None:
+        self.nodes: list[Node] = []
+        self._places: dict[tuple[Any, ...], int] = {}
+
+    def variables(self, count: int) -> tuple[Expression, ...]:
+        """Return the first ``count`` arguments of a formula."""
+        return tuple(Expression(self, Value(1, self.place(Variable(i)))) for i in range(count))
+
+    def place(self, node: Node) -> int:
+        """Return the index of ``node``, which is appended if there is none like it.
+
+        Raises
+        ------
+        FormulaError
+            There are :data:`MOST_NODES` already.
+        """
+        key = (type(node), *node)
+        found = self._places.get(key)
+        if found is None:
+            if len(self.nodes) >= MOST_NODES:
+                raise FormulaError(f"takes more than {MOST_NODES} different operations")
+            found = self._places[key] = len(self.nodes)
+            self.nodes.append(node)
+        return found
+
+    def node_of(self, value: Value) -> int:
+        """Return a node for a value with its coefficient, as operands of functions are."""
+        if value.node is None:
+            return self.place(Literal(value.coefficient))
+        return value.node if value.coefficient == 1 else self.place(Sum(0, ((value.node, value.coefficient),)))
+
+    def combination(self, constant: Exact, terms: dict[int, Exact]) -> Value:
+        """Return ``constant`` + sum of coefficient * node."""
+        left = sorted((node, c) for node, c in terms.items() if c)
+        if not left:
+            return Value(constant, None)
+        if len(left) == 1 and not constant:
+            return self.times(left[0][1], Value(1, left[0][0]))
+        if left[0][1] < 0:
+            left = [(node, -c) for node, c in left]
+            return Value(-1, self.place(Sum(-constant, tuple(left))))
+        return Value(1, self.place(Sum(constant, tuple(left))))
+
+    def terms(self, value: Value) -> tuple[Exact, dict[int, Exact]]:
+        """Return the constant and the terms of a value, those of a sum written out."""
+        c, node = value
+        if node is None:
+            return c, {}
+        found = self.nodes[node]
+        if isinstance(found, Sum):
+            return exact(c * found.constant), {n: exact(c * factor) for n, factor in found.terms}
+        return 0, {node: c}
+
+    def add(self, a: Value, b: Value) -> Value:
+        """Return a + b; the sums that a and b are stay nodes of their own unless something cancels or collects."""
+        (constant_a, terms_a), (constant_b, terms_b) = self.terms(a), self.terms(b)
+        if a.node is not None and b.node is not None:
+            if a.node == b.node:
+                c = exact(a.coefficient + b.coefficient)
+                return Value(c, a.node) if c else ZERO
+            merged = _collected(terms_a, terms_b)
+            # Only where it takes fewer operations: sums such as the distance of two coordinates are small
+            # where their terms are large, and (x - y) - (z - x) is more accurate than 2 x - y - z.
+            if sum(map(bool, merged.values())) > max(len(terms_a), len(terms_b)):
+                return self.combination(0, {a.node: a.coefficient, b.node: b.coefficient})
+            return self.combination(exact(constant_a + constant_b), merged)
+        return self.combination(exact(constant_a + constant_b), _collected(terms_a, terms_b))
+
+    def times(self, factor: Exact, value: Value) -> Value:
+        """Return an exact multiple of ``value``; the factor of a lone term becomes part of the coefficient."""
+        c, node = exact(factor * value.coefficient), value.node
+        if not c or node is None:
+            return Value(c, None)
+        found = self.nodes[node]
+        if isinstance(found, Sum) and len(found.terms) == 1 and not found.constant:
+            return Value(exact(c * found.terms[0][1]), found.terms[0][0])
+        return Value(c, node)
+
+    def factors(self, node: int) -> dict[int, Exact]:
+        """Return the powers of nodes whose product ``node`` is."""
+        found = self.nodes[node]
+        return dict(found.factors) if isinstance(found, Product) else {node: 1}
+
+    def product_of(self, factors: dict[int, Exact]) -> Value:
+        """Return the product of node ** exponent."""
+        self._join_moduli(factors)
+        left = sorted((node, e) for node, e in factors.items() if e)
+        if not left:
+            return ONE
+        return Value(1, left[0][0] if len(left) == 1 and left[0][1] == 1 else self.place(Product(tuple(left))))
+
+    def _join_moduli(self, factors: dict[int, Exact]) -> None:
+        """Replace |x| sign(x) by x, which needs neither."""
+        for node in tuple(factors):
+            found = self.nodes[node]
+            if isinstance(found, Application) and found.function == "sign" and factors[node] == 1:
+                modulus = self._places.get((Application, "abs", found.operands))
+                if modulus is not None and factors.get(modulus, 0) >= 1:
+                    (x,) = found.operands
+                    del factors[node]
+                    factors[modulus] = exact(factors[modulus] - 1)
+                    factors[x] = exact(factors.get(x, 0) + 1)
+
+    def multiply(self, a: Value, b: Value) -> Value:
+        """Return a b; the products that a and b are stay nodes of their own unless they share a factor."""
+        c = exact(a.coefficient * b.coefficient)
+        if a.node is None or b.node is None or not c:
+            return self.times(c, Value(1, b.node if a.node is None else a.node)) if c else ZERO
+        merged, more = self.factors(a.node), self.factors(b.node)
+        if merged.keys().isdisjoint(more) and not self._is_sign(a.node) and not self._is_sign(b.node):
+            merged, more = {a.node: 1}, {b.node: 1}
+        for node, e in more.items():
+            merged[node] = exact(merged.get(node, 0) + e)
+        return self.times(c, self.product_of(merged))
+
+    def _is_sign(self, node: int) -> bool:
+        found = self.nodes[node]
+        return isinstance(found, Application) and found.function == "sign"
+
+    def power(self, value: Value, exponent: Exact) -> Value:
+        """Return a value, not a constant, to a whole or half-integer power.
+
+        The root of a square stays what it is: it is a modulus.
+        """
+        c, node = value
+        if node is None:
+            node = self.place(Literal(c))
+            c = 1
+        whole = exponent.denominator == 1
+        root: Exact | None = c if whole else _root(c)
+        if root is None or modulus(exponent) > MOST_POWER:
+            c, node = 1, self.node_of(value)
+            root = 1
+        scale = exact(Fraction(root) ** (int(exponent) if whole else int(2 * exponent)))
+        # (b^e)^k = b^(e k) for whole k; a product stays one factor, which others may share.
+        factors = self.factors(node)
+        if whole and len(factors) == 1:
+            ((base, e),) = factors.items()
+            return self.times(scale, self.product_of({base: exact(e * exponent)}))
+        return self.times(scale, self.product_of({node: exponent}))
+
+    def apply(self, function: str, *operands: Value) -> Value:
+        """Return a function of values."""
+        if function == "pow" and operands[1].node is None and operands[1].coefficient.denominator <= 2:
+            return self.power(operands[0], operands[1].coefficient) if operands[1].coefficient else ONE
+        return Value(1, self.place(Application(function, tuple(map(self.node_of, operands)))))
+
+    def reachable(self, roots: Iterable[Value]) -> list[int]:
+        """Return the nodes that ``roots`` need, ascending: each after those that it refers to."""
+        found, pending = set(), [root.node for root in roots if root.node is not None]
+        while pending:
+            node = pending.pop()
+            if node not in found:
+                found.add(node)
+                pending.extend(children(self.nodes[node]))
+        return sorted(found)
+
+
+def _collected(a: dict[int, Exact], b: dict[int, Exact]) -> dict[int, Exact]:
+    merged = dict(a)
+    for node, c in b.items():
+        merged[node] = exact(merged.get(node, 0) + c)
+    return merged
+
+
+def _root(c: Exact) -> Exact | None:
+    """The square root of the square of a fraction, or None."""
+    if c <= 0:
+        return None
+    root = Constant(c).sqrt() if c != 1 else Constant(1)
+    return exact(root) if root * root == c else None
+
+
+class Expression(Number):
+    """A value of a :class:`Graph` as a number of formulas."""
+
+    __slots__ = ("graph", "value")
+
+    def __init__(self, graph: Graph, value: Value) -> None:
+        self.graph, self.value = graph, value
+
+    def _made(self, value: Value) -> Any:
+        return Constant(value.coefficient) if value.node is None else Expression(self.graph, value)
+
+    def _operand(self, other: Any) -> Any:
+        if isinstance(other, Expression) and other.graph is not self.graph:
+            raise FormulaError("uses a value of an earlier call: a formula must keep none")
+        return super()._operand(other)
+
+    def lifted(self, number: Constant) -> Expression:
+        return Expression(self.graph, value_of(number))
+
+    def _add(self, other: Expression | Constant) -> Any:
+        return self._made(self.graph.add(self.value, value_of(other)))
+
+    def _multiply(self, other: Expression | Constant) -> Any:
+        return self._made(self.graph.multiply(self.value, value_of(other)))
+
+    def _divide(self, other: Expression | Constant) -> Any:
+        if isinstance(other, Constant):
+            return self._multiply(1 / other)
+        return self._made(self.graph.multiply(self.value, self.graph.power(other.value, -1)))
+
+    def _divide_into(self, other: Constant) -> Any:
+        return self._made(self.graph.multiply(value_of(other), self.graph.power(self.value, -1)))
+
+    def __neg__(self) -> Any:
+        return self._made(self.graph.times(-1, self.value))
+
+    def __abs__(self) -> Any:
+        c, node = self.value
+        return self._made(self.graph.times(modulus(c), self.graph.apply("abs", Value(1, node))))
+
+    def whole_power(self, exponent: int) -> Any:
+        return self._made(self.graph.power(self.value, exponent))
+
+    def sqrt(self) -> Any:
+        return self._made(self.graph.power(self.value, Fraction(1, 2)))
+
+    def apply(self, function: str, *others: Any) -> Any:
+        if len(others) + 1 != FUNCTIONS[function]:
+            raise FormulaError(f"calls {function} with {len(others) + 1} arguments, expected {FUNCTIONS[function]}")
+        return self._made(self.graph.apply(function, self.value, *map(value_of, others)))
+
+
+def value_of(number: Expression | Constant) -> Value:
+    """Return the value of what a formula returned."""
+    return number.value if isinstance(number, Expression) else Value(exact(number), None)
+
+
+def displacements(graph: Graph, roots: Sequence[Value]) -> frozenset[int]:
+    """Return the sums of variables and constants in ``roots``: they may be small where their terms are large."""
+    return frozenset(
+        i
+        for i in graph.reachable(roots)
+        if isinstance(found := graph.nodes[i], Sum)
+        and (len(found.terms) > 1 or found.constant)
+        and all(isinstance(graph.nodes[node], Variable) for node, _ in found.terms)
+    )

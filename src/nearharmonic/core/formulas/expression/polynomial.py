@@ -1,0 +1,191 @@
+"""Expressions as polynomials: multiplied out where that takes fewer operations, and their degree in some variables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence, Set
+from fractions import Fraction
+
+from nearharmonic.core.formulas.expression.graph import (
+    Exact,
+    Graph,
+    Product,
+    Sum,
+    Value,
+    children,
+    displacements,
+    exact,
+)
+from nearharmonic.core.formulas.expression.program import Program
+from nearharmonic.core.formulas.expression.writer import program
+
+#: A product of powers of nodes, ascending in the nodes.
+Monomial = tuple[tuple[int, Exact], ...]
+Polynomial = dict[Monomial, Exact]
+
+#: Most terms of a polynomial that replaces an expression: those of larger ones take more operations than they save.
+MOST_TERMS = 64
+#: Most factors of a term.
+MOST_FACTORS = 64
+#: Most terms in the proof that a polynomial's degree is low.
+MOST_TERMS_OF_PROOF = 100_000
+
+
+class _TooLargeError(Exception):
+    pass
+
+
+def shortest_program(graph: Graph, roots: Sequence[Value], formula: Value) -> Program:
+    """Return operations that compute ``roots``, multiplied out if that takes fewer operations and no longer a chain.
+
+    Parameters
+    ----------
+    graph : Graph
+        Where the values are.
+    roots : sequence of Value
+        What to compute: derivatives of ``formula``.
+    formula : Value
+        Sums of variables and constants in it are displacements, which are small where their terms are large: these are
+        never multiplied out.
+    """
+    plain = program(graph, roots)
+    try:
+        polynomials = _polynomials(graph, roots, displacements(graph, [formula]), MOST_TERMS)
+    except _TooLargeError:
+        return plain
+    expanded = program(graph, [_as_value(graph, polynomials, root) for root in roots])
+    return expanded if expanded.work < plain.work and expanded.chain <= plain.chain else plain
+
+
+def is_quadratic(graph: Graph, root: Value, variables: Set[int]) -> bool:
+    """Return whether ``root`` is a polynomial of degree at most 2 in the nodes ``variables``, however it is written."""
+    if root.node is None:
+        return True
+    if _bound(graph, root, variables) <= 2:
+        return True
+    depends = _dependent(graph, root, variables)
+    try:
+        polynomial = _polynomials(graph, [root], frozenset(), MOST_TERMS_OF_PROOF)[root.node]
+    except _TooLargeError:
+        return False
+    for monomial in polynomial:
+        degree: Exact = 0
+        for node, e in monomial:
+            if node in variables and e.denominator == 1 and e > 0:
+                degree += e
+            elif node in depends:
+                return False
+        if degree > 2:
+            return False
+    return True
+
+
+def polynomial_of(graph: Graph, root: Value) -> Polynomial:
+    """Return a polynomial by its coefficients; the empty one if it has too many terms."""
+    if root.node is None:
+        return {(): root.coefficient} if root.coefficient else {}
+    try:
+        found = _polynomials(graph, [root], frozenset(), MOST_TERMS_OF_PROOF)[root.node]
+    except _TooLargeError:
+        return {}
+    return {monomial: exact(root.coefficient * c) for monomial, c in found.items()}
+
+
+def _dependent(graph: Graph, root: Value, variables: Set[int]) -> set[int]:
+    """The nodes that depend on the variables."""
+    found = set(variables)
+    for i in graph.reachable([root]):
+        if any(child in found for child in children(graph.nodes[i])):
+            found.add(i)
+    return found
+
+
+def _bound(graph: Graph, root: Value, variables: Set[int]) -> Exact:
+    """A bound on the degree, that of the polynomial as it is written; infinite (3) for other functions."""
+    degrees: dict[int, Exact] = {}
+    for i in graph.reachable([root]):
+        node = graph.nodes[i]
+        if i in variables:
+            degrees[i] = 1
+        elif isinstance(node, Sum):
+            degrees[i] = max(degrees[n] for n, _ in node.terms)
+        elif isinstance(node, Product):
+            powers = [(degrees[n], e) for n, e in node.factors if degrees[n]]
+            regular = all(e.denominator == 1 and e > 0 for _, e in powers)
+            degrees[i] = min(3, sum(d * e for d, e in powers)) if regular else 3
+        else:
+            degrees[i] = 3 if any(degrees[n] for n in children(node)) else 0
+    assert root.node is not None
+    return degrees[root.node]
+
+
+def _polynomials(graph: Graph, roots: Sequence[Value], kept: Set[int], most_terms: int) -> dict[int, Polynomial]:
+    """Every node below ``roots`` as a polynomial in those that are neither sums nor products, and those ``kept``."""
+    found: dict[int, Polynomial] = {}
+    for i in graph.reachable(roots):
+        node = graph.nodes[i]
+        if isinstance(node, Sum) and i not in kept:
+            total: Polynomial = {(): node.constant} if node.constant else {}
+            for n, c in node.terms:
+                for monomial, factor in found[n].items():
+                    total[monomial] = exact(total.get(monomial, 0) + c * factor)
+            found[i] = _without_zeros(total, most_terms)
+        elif isinstance(node, Product):
+            found[i] = {(): 1}
+            for n, e in node.factors:
+                found[i] = _times(found[i], _power(found[n], n, e, most_terms), most_terms)
+        else:
+            found[i] = {((i, 1),): 1}
+    return found
+
+
+def _power(polynomial: Polynomial, node: int, e: Exact, most_terms: int) -> Polynomial:
+    if len(polynomial) == 1 and e.denominator == 1:
+        ((monomial, c),) = polynomial.items()
+        if c == 1 or e > 0:
+            return {tuple((n, exact(k * e)) for n, k in monomial): exact(Fraction(c) ** int(e))}
+    if e.denominator != 1 or e < 0:
+        return {((node, e),): 1}
+    if e > most_terms:
+        raise _TooLargeError
+    result: Polynomial = {(): 1}
+    for _ in range(int(e)):
+        result = _times(result, polynomial, most_terms)
+    return result
+
+
+def _times(a: Polynomial, b: Polynomial, most_terms: int) -> Polynomial:
+    if len(a) * len(b) > 50 * most_terms:
+        raise _TooLargeError
+    result: Polynomial = {}
+    for left, c in a.items():
+        for right, d in b.items():
+            powers = dict(left)
+            for node, e in right:
+                powers[node] = exact(powers.get(node, 0) + e)
+            if len(powers) > MOST_FACTORS:
+                raise _TooLargeError
+            monomial = tuple(sorted((node, e) for node, e in powers.items() if e))
+            result[monomial] = exact(result.get(monomial, 0) + c * d)
+    return _without_zeros(result, most_terms)
+
+
+def _without_zeros(polynomial: Polynomial, most_terms: int) -> Polynomial:
+    left = {monomial: c for monomial, c in polynomial.items() if c}
+    if len(left) > most_terms:
+        raise _TooLargeError
+    return left
+
+
+def _as_value(graph: Graph, polynomials: dict[int, Polynomial], root: Value) -> Value:
+    if root.node is None:
+        return root
+    terms: dict[int, Exact] = {}
+    constant: Exact = 0
+    for monomial, c in polynomials[root.node].items():
+        product = graph.product_of(dict(monomial))
+        if product.node is None:
+            constant = exact(constant + root.coefficient * c)
+        else:
+            # Two monomials may be one product: |x| sign(x) is x.
+            terms[product.node] = exact(terms.get(product.node, 0) + root.coefficient * c * product.coefficient)
+    return graph.combination(constant, terms)

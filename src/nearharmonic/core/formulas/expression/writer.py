@@ -1,0 +1,288 @@
+"""The operations that compute expressions, in the order that keeps chains of operations short.
+
+One trajectory is bound by the latency of the longest chain from the coordinates to the force. The processor's latencies
+decide the order of sums and products: what is ready late comes last, and a product that is added is fused.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from heapq import heapify, heappop, heappush
+from typing import Any
+
+from nearharmonic.core.formulas.expression.graph import (
+    Application,
+    Exact,
+    Graph,
+    Literal,
+    Node,
+    Product,
+    Sum,
+    Value,
+    Variable,
+    children,
+    displacements,
+    exact,
+    modulus,
+)
+from nearharmonic.core.formulas.expression.program import Operation, Program
+from nearharmonic.core.formulas.number import Constant
+
+#: Cycles from an operand to a result on current processors; a function's are those of a polynomial of degree ten.
+LATENCY = {
+    "add": 3,
+    "subtract": 3,
+    "multiply": 4,
+    "fused": 4,
+    "divide": 13,
+    "root": 18,
+    "negate": 1,
+    "abs": 1,
+    "sign": 2,
+}
+FUNCTION = 50
+#: Terms from which on a sum is added in groups, and the terms of a group.
+LONG_SUM, GROUP = 12, 4
+
+
+def program(graph: Graph, roots: Sequence[Value]) -> Program:
+    """Return the operations that compute ``roots``."""
+    writer = _Writer(graph, roots)
+    for node in graph.reachable(roots):
+        if node not in writer.joined:
+            writer.value(1, node)
+    results = [writer.result(root) for root in roots]
+    return Program(writer.operations, results, max((writer.ready[place] for place in results), default=0))
+
+
+class _Writer:
+    """Writes the operations of a graph; equal operations are written once."""
+
+    def __init__(self, graph: Graph, roots: Sequence[Value]) -> None:
+        self.graph = graph
+        self.operations: list[Operation] = []
+        self.ready: list[int] = []
+        self._places: dict[Operation, int] = {}
+        self._values: dict[tuple[Exact, int], int] = {}
+        reachable = graph.reachable(roots)
+        self.uses = Counter(child for i in reachable for child in children(graph.nodes[i]))
+        self.uses.update(root.node for root in roots if root.node is not None)
+        #: Sums and products of one use, in a sum or product: their terms or factors are the user's own.
+        self.joined = self._joined(reachable, displacements(graph, roots))
+        self._inverses = self._negative_powers(reachable)
+
+    def _joined(self, reachable: Sequence[int], kept: frozenset[int]) -> frozenset[int]:
+        joined: set[int] = set()
+        for i in reachable:
+            node = self.graph.nodes[i]
+            if isinstance(node, Sum):
+                candidates = [n for n, _ in node.terms if isinstance(self.graph.nodes[n], Sum) and n not in kept]
+            elif isinstance(node, Product):
+                candidates = [n for n, e in node.factors if isinstance(self.graph.nodes[n], Product) and e == 1]
+            else:
+                continue
+            joined.update(n for n in candidates if self.uses[n] == 1)
+        return frozenset(joined)
+
+    def _negative_powers(self, reachable: Sequence[int]) -> dict[int, set[Exact]]:
+        """Nodes that several products divide by, with the exponents."""
+        found: dict[int, list[Exact]] = {}
+        for i in reachable:
+            if isinstance(self.graph.nodes[i], Product) and i not in self.joined:
+                for base, e in self._factors(i).items():
+                    if e < 0:
+                        found.setdefault(base, []).append(e)
+        return {base: set(exponents) for base, exponents in found.items() if len(exponents) > 1}
+
+    def write(self, name: str, *operands: Any) -> int:
+        """Return the place of an operation."""
+        operation = (name, *operands)
+        place = self._places.get(operation)
+        if place is None:
+            place = self._places[operation] = len(self.operations)
+            self.operations.append(operation)
+            if name in ("constant", "variable"):
+                self.ready.append(0)
+            elif name in ("add", "subtract") and any(self.operations[x][0] == "multiply" for x in operands):
+                self.ready.append(max(map(self._fusible, operands)) + LATENCY["fused"])
+            else:
+                self.ready.append(max(self.ready[x] for x in operands) + LATENCY.get(name, FUNCTION))
+        return place
+
+    def constant(self, value: Exact) -> int:
+        return self.write("constant", Constant(value))
+
+    def _fusible(self, place: int) -> int:
+        """When the operands of an addend are ready: before the product itself, which is fused."""
+        operation = self.operations[place]
+        return max(self.ready[x] for x in operation[1:]) if operation[0] == "multiply" else self.ready[place]
+
+    def result(self, root: Value) -> int:
+        return self.constant(root.coefficient) if root.node is None else self.value(root.coefficient, root.node)
+
+    def value(self, c: Exact, node: int) -> int:
+        """Return the place of ``c`` times a node."""
+        place = self._values.get((c, node))
+        if place is None:
+            found = self.graph.nodes[node]
+            place = self._values[c, node] = self._written(c, node, found)
+        return place
+
+    def _written(self, c: Exact, node: int, found: Node) -> int:
+        if c != -1 or self.uses[node] == 1:  # a force and its reaction differ in a sign
+            if isinstance(found, Product):
+                return self._product(c, self._factors(node))
+            if isinstance(found, Sum) and modulus(c) == 1:
+                return self._sum(*self._terms(c, node))
+        if c != 1:
+            x = self.value(1, node)
+            return self.write("negate", x) if c == -1 else self.write("multiply", x, self.constant(c))
+        if isinstance(found, Application):
+            return self.write(found.function, *(self.value(1, x) for x in found.operands))
+        assert isinstance(found, Variable | Literal)
+        return self.write("variable", found.place) if isinstance(found, Variable) else self.constant(found.value)
+
+    def _terms(self, c: Exact, node: int) -> tuple[Exact, list[tuple[int, Exact]]]:
+        """The constant and the terms of a sum times ``c``, with those of the sums that are joined to it."""
+        constant: Exact = 0
+        terms, pending = [], [(node, c)]
+        while pending:
+            inner, factor = pending.pop()
+            found = self.graph.nodes[inner]
+            if isinstance(found, Sum) and (inner == node or inner in self.joined):
+                constant = exact(constant + factor * found.constant)
+                pending.extend((n, exact(factor * share)) for n, share in reversed(found.terms))
+            else:
+                terms.append((inner, factor))
+        return constant, terms
+
+    def _sum(self, constant: Exact, terms: list[tuple[int, Exact]]) -> int:
+        parts = [self._term(c, node) for node, c in terms] if len(terms) <= LONG_SUM else self._collected(terms)
+        if constant:
+            parts.append((1 if constant > 0 else -1, self.constant(modulus(constant))))
+        return self._added(parts)
+
+    def _collected(self, terms: list[tuple[int, Exact]]) -> list[tuple[int, int]]:
+        """The parts of a long sum, with each factor that several terms share taken out of them."""
+        groups: dict[Exact, list[tuple[int, Exact]]] = {}
+        for node, c in terms:
+            groups.setdefault(modulus(c), []).append((node, c))
+        parts = []
+        for factor, group in groups.items():
+            if factor == 1 or len(group) <= GROUP:
+                parts += [self._term(c, node) for node, c in group]
+            else:
+                total = self._added([self._term(1 if c > 0 else -1, node) for node, c in group])
+                parts.append((1, self._scaled(factor, [total])))
+        return parts
+
+    def _added(self, parts: list[tuple[int, int]]) -> int:
+        """The sum of places with their signs: one after the other, a long one in groups, for a shorter chain."""
+        while len(parts) > LONG_SUM:
+            parts = [(1, self._added(parts[i : i + GROUP])) for i in range(0, len(parts), GROUP)]
+        parts.sort(key=lambda part: (self._fusible(part[1]), self.operations[part[1]][0] == "multiply"))
+        first = next((part for part in parts if part[0] > 0), parts[0])
+        parts.remove(first)
+        total = first[1] if first[0] > 0 else self.write("negate", first[1])
+        for sign, part in parts:
+            # The first operand is the one that is fused if both are products.
+            if sign > 0:
+                total = self.write("add", part, total)
+            elif self.operations[total][0] == "multiply" and self.operations[part][0] == "multiply":
+                total = self.write("add", self.write("negate", part), total)
+            else:
+                total = self.write("subtract", total, part)
+        return total
+
+    def _term(self, c: Exact, node: int) -> tuple[int, int]:
+        """A term's sign and the place of its modulus."""
+        return (1 if c > 0 else -1), self.value(modulus(c), node)
+
+    def _factors(self, node: int) -> dict[int, Exact]:
+        """The factors of a product, with those of the products that are joined to it."""
+        factors: dict[int, Exact] = {}
+        pending: list[tuple[int, Exact]] = [(node, 1)]
+        while pending:
+            inner, e = pending.pop()
+            found = self.graph.nodes[inner]
+            if isinstance(found, Product) and (inner == node or (inner in self.joined and e == 1)):
+                pending.extend(reversed(found.factors))
+            else:
+                factors[inner] = exact(factors.get(inner, 0) + e)
+        return {base: e for base, e in factors.items() if e}
+
+    def _product(self, c: Exact, factors: dict[int, Exact]) -> int:
+        top: list[int] = []
+        bottom: list[int] = []
+        for base, e in factors.items():
+            if e < 0 and base not in self._inverses:
+                # The division runs beside the root: s^(-3/2) = sqrt(s) / s^2.
+                whole = -int(e // 1)
+                bottom.append(self._whole_power(self.value(1, base), whole))
+                if e.denominator == 2:
+                    top.append(self.write("root", self.value(1, base)))
+            else:
+                top.extend(self._power(base, e))
+        if bottom:
+            below = self._multiplied(bottom)
+            late = [x for x in top if self.operations[x][0] == "root"]
+            early = [x for x in top if x not in late]
+            above = self._scaled(c, early)
+            return self._multiplied([self.write("divide", above, below), *late])
+        shared = next((n for n, e in factors.items() if e == 1 and self._is_quotient(n)), None) if c != 1 else None
+        if shared is not None:
+            top.remove(self.value(1, shared))
+            return self._multiplied([*top, self.value(c, shared)])
+        return self._scaled(c, top)
+
+    def _is_quotient(self, node: int) -> bool:
+        """Whether a node divides a constant, into which another may be multiplied."""
+        found = self.graph.nodes[node]
+        return isinstance(found, Product) and all(e < 0 and n not in self._inverses for n, e in found.factors)
+
+    def _power(self, base: int, e: Exact) -> list[int]:
+        """Factors that make a power of a node, by its inverse if several divide by it."""
+        x = self.value(1, base)
+        if e < 0:
+            exponents = self._inverses[base]
+            if len(exponents) == 1:
+                rest = [self.write("root", x)] if e.denominator == 2 else []
+                quotient = self.write("divide", self.constant(1), self._whole_power(x, -int(e // 1)))
+                return [self._multiplied([quotient, *rest])]
+            if any(other.denominator == 2 for other in exponents):
+                inverse = self.write("divide", self.constant(1), self.write("root", x))
+                return [self._whole_power(inverse, int(-2 * e))]
+            return [self._whole_power(self.write("divide", self.constant(1), x), int(-e))]
+        whole = int(e)
+        parts = [self._whole_power(x, whole)] if whole else []
+        return [*parts, self.write("root", x)] if e.denominator == 2 else parts
+
+    def _whole_power(self, x: int, exponent: int) -> int:
+        if exponent == 1:
+            return x
+        if exponent % 2:
+            return self.write("multiply", self._whole_power(x, exponent - 1), x)
+        half = self._whole_power(x, exponent // 2)
+        return self.write("multiply", half, half)
+
+    def _scaled(self, c: Exact, factors: list[int]) -> int:
+        """Return ``c`` times a product; the constant joins the factor that is ready first."""
+        if not factors:
+            return self.constant(c)
+        if c == 1:
+            return self._multiplied(factors)
+        if abs(c) != 1:
+            return self._multiplied([*factors, self.constant(c)])
+        first, *rest = sorted(factors, key=self.ready.__getitem__)
+        return self._multiplied([self.write("negate", first), *rest])
+
+    def _multiplied(self, factors: list[int]) -> int:
+        """Return a product, each time of the two factors that are ready first."""
+        left = [(self.ready[x], i, x) for i, x in enumerate(factors)]
+        heapify(left)
+        while len(left) > 1:
+            (_, i, a), (_, _, b) = heappop(left), heappop(left)
+            product = self.write("multiply", a, b)
+            heappush(left, (self.ready[product], i, product))
+        return left[0][2]

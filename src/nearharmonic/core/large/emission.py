@@ -1,0 +1,265 @@
+"""Machine code of an energy and its gradient as loops, for numbers of one kind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+
+from nearharmonic.core import arithmetic
+from nearharmonic.core.formulas.expression.program import Program
+from nearharmonic.core.formulas.number import Constant, applied
+from nearharmonic.core.formulas.tracing import LLVMValue
+from nearharmonic.core.large.energy import LoopedEnergy, Totals, Work
+from nearharmonic.core.large.memory import Doubles, Index, LoopWriter, Planes, Variable, is_consecutive, is_constant
+from nearharmonic.core.large.tables import BLOCK, Places
+from nearharmonic.core.large.terms import COORDINATES
+
+#: What computes a block of numbers, of so many lanes, from the number of its first; and what loads it from an address.
+Computed = Callable[[Index, int], Any]
+Loader = Callable[[ir.Value, Index, int], LLVMValue]
+
+#: Terms of a sum up to which they are written one after the other.
+FEW_TERMS = 8
+#: Terms of a sum from which on they are added in as many partial sums as a block has lanes.
+MANY_TERMS = 32
+
+
+class Emission:
+    """Writes the loops of an energy at the end of a function.
+
+    Parameters
+    ----------
+    writer : LoopWriter
+        Where to.
+    energy : LoopedEnergy
+        What.
+    kind : Doubles
+        Numbers to compute with.
+    state : Planes
+        The coordinates, planes of values and of carries.
+    kept : Planes
+        Room for what the loops keep.
+    parameters : sequence of LLVMValue
+        High and low halves of the parameters in turns, scalars.
+    """
+
+    def __init__(
+        self, writer: LoopWriter, energy: LoopedEnergy, kind: Doubles, state: Planes, kept: Planes,
+        parameters: Sequence[LLVMValue],
+    ) -> None:  # fmt: skip
+        self.writer, self.energy, self.kind = writer, energy, kind
+        self.state, self.kept = state, kept
+        self.parameters = list(zip(parameters[::2], parameters[1::2], strict=False))[: energy.parameters]
+
+    def value(self) -> Any:
+        """Compute the energy, a number."""
+        for level in range(1, len(self.energy.levels)):
+            self._sums(level)
+        return self._total([self._loop(len(self.energy.levels), i, False) for i in range(len(self.energy.work[-1]))])
+
+    def gradient(self) -> Any:
+        """Keep the gradient, at the offset 0, and compute the energy."""
+        last = len(self.energy.levels)
+        for level in range(1, last):
+            self._sums(level)
+        value = self._total([self._loop(last, i, True) for i in range(len(self.energy.work[-1]))])
+        for level in range(last - 1, 0, -1):
+            self._gradient_of(level)
+            for i in range(len(self.energy.work[level - 1])):
+                self._loop(level, i, True)
+        self._gradient_of(COORDINATES)
+        return value
+
+    def _sums(self, level: int) -> None:
+        for i in range(len(self.energy.work[level - 1])):
+            self._loop(level, i, False)
+        for totals in self.energy.values_of(level):
+            self._totals(totals, self.energy.offsets["value", level, 0])
+
+    def _gradient_of(self, array: int) -> None:
+        for totals in self.energy.gradient_of(array):
+            self._totals(totals, self.energy.offsets["gradient", array, 0])
+
+    def _total(self, numbers: Sequence[Any]) -> Any:
+        if not numbers:  # V of free particles
+            return self._number(Constant(0), 1)
+        total, *rest = numbers
+        for number in rest:
+            total = total + number
+        return total
+
+    def _loop(self, level: int, number: int, with_derivatives: bool) -> Any:
+        """Write one loop: what it keeps is kept, the sum of its values in the last level is returned."""
+        work, offsets = self.energy.work[level - 1][number], self.energy.offsets
+        last, count = level == len(self.energy.levels), work.loop.count
+        program = work.both if with_derivatives else work.value
+        read = self._operands(work, level)
+        totals = [self.writer.variable(self.writer.zero(_width(count))) for _ in range(self.kind.planes)]
+        for first, width, again in self.writer.blocks(count):
+            arguments = read(first, width, with_derivatives)
+            results = [self._number(x, width) for x in _run(program, arguments)]
+            if with_derivatives:
+                for k, derivative in enumerate(results[:-1]):
+                    self._keep(derivative, offsets[f"derivative {k}", level, number], first)
+            if last:
+                self._accumulate(totals, results[-1], again)
+            elif not with_derivatives:
+                self._keep(results[-1], offsets["term", level, number], first)
+        return self._joined(totals) if last else None
+
+    def _number(self, value: Any, width: int) -> Any:
+        return self.kind.constant(value, self.writer.zero(width)) if isinstance(value, Constant) else value
+
+    def _operands(self, work: Work, level: int) -> Callable[[Index, int, bool], list[Any]]:
+        """What reads the arguments of a block: tables are written once, before the loop."""
+        loop = work.loop
+        operands = [self._reader(operand.array, operand.places) for operand in loop.operands]
+        data = [self._data(column) for column in loop.data]
+        adjoint = None if work.scaled is None else self._reader(level, loop.sums, gradient=True)
+
+        def read(first: Index, width: int, with_derivatives: bool) -> list[Any]:
+            found = [one(first, width) for one in (*operands, *data)]
+            given = ([self.writer.broadcast(x, width) for x in pair] for pair in self.parameters)
+            found += [self.kind.of_state(*pair) for pair in given]
+            return [*found, adjoint(first, width)] if adjoint is not None and with_derivatives else found
+
+        return read
+
+    def _reader(self, array: int, places: Places, gradient: bool = False) -> Computed:
+        """What reads numbers of an array, by the number of the repetition."""
+        load = self._loader(places)
+        if array == COORDINATES:
+            addresses = [self.state.address, self.writer.place(self.state.address, self.state.stride)]
+            return lambda first, width: self.kind.of_state(*(load(address, first, width) for address in addresses))
+        kept = self._planes(self.energy.offsets["gradient" if gradient else "value", array, 0])
+        return lambda first, width: self.kind.read([load(address, first, width) for address in kept])
+
+    def _planes(self, offset: int) -> list[ir.Value]:
+        return [self.writer.place(self.kept.address, offset + k * self.kept.stride) for k in range(self.kind.planes)]
+
+    def _loader(self, places: Places) -> Loader:
+        """What loads the doubles of ``places`` behind an address."""
+        writer = self.writer
+        if is_constant(places):
+            return lambda address, _, width: writer.broadcast(
+                writer.load(writer.place(address, int(places[0])), 1), width
+            )
+        if is_consecutive(places):
+            return lambda address, first, width: writer.load(
+                writer.place(writer.place(address, int(places[0])), first), width
+            )
+        table = writer.table(places)
+        return lambda address, first, width: writer.gather(address, writer.looked_up(table, first, width))
+
+    def _data(self, column: Sequence[Any]) -> Computed:
+        """What reads constants."""
+        pairs = np.array([arithmetic.rounded_pair(c.numerator, c.denominator) for c in column])
+        addresses = [self.writer.table(np.ascontiguousarray(plane)) for plane in pairs.T]
+        writer = self.writer
+        return lambda first, width: self.kind.of_state(
+            *(writer.load(writer.place(address, first), width) for address in addresses)
+        )
+
+    def _keep(self, number: Any, offset: int, first: Index) -> None:
+        for value, address in zip(self.kind.written(number), self._planes(offset), strict=True):
+            self.writer.store(value, self.writer.place(address, first))
+
+    def _accumulate(self, totals: Sequence[Variable], number: Any, again: int) -> None:
+        """Add a block to running sums, without its first results if a block before it has them."""
+        if again:
+            new = self.writer.last_lanes(again)
+            number = self.kind.read([new.choose(plane, 0.0) for plane in self.kind.written(number)])
+        before = [room.value for room in totals]
+        total = self.kind.read(before) + number
+        for value, room in zip(self.kind.written(total), totals, strict=True):
+            room.value = value
+
+    def _joined(self, totals: Sequence[Variable]) -> Any:
+        """The sum of the lanes of a running sum."""
+        planes = [room.value.lanes() for room in totals]
+        return _pairwise([self.kind.read(lane) for lane in zip(*planes, strict=True)])
+
+    def _totals(self, totals: Totals, offset: int) -> None:
+        """Write the sums of what was kept."""
+        count, terms = totals.sources.shape
+        if terms == 0:
+            self._put(totals.targets, offset, lambda _, width: self._number(Constant(0), width))
+        elif count < BLOCK and terms >= MANY_TERMS:
+            for target, sources in zip(totals.targets, totals.sources, strict=True):
+                total = self._along(sources)
+                self._keep(total, offset + int(target), self.writer.index(0))
+        elif terms <= FEW_TERMS:
+            self._put(totals.targets, offset, self._in_turn([self._loader(column) for column in totals.sources.T]))
+        else:
+            self._put(totals.targets, offset, self._across(totals.sources))
+
+    def _put(self, targets: Places, offset: int, computed: Computed) -> None:
+        """Write numbers to the targets, computed by the number of the first of a block and the width."""
+        table = None if is_consecutive(targets) or len(targets) == 1 else self.writer.table(targets)
+        addresses = self._planes(offset if table is not None else offset + int(targets[0]))
+        for first, width, _ in self.writer.blocks(len(targets)):
+            planes = self.kind.written(computed(first, width))
+            places = self.writer.looked_up(table, first, width) if table is not None else []
+            for value, address in zip(planes, addresses, strict=True):
+                if table is None:
+                    self.writer.store(value, self.writer.place(address, first))
+                for lane, place in zip(value.lanes(), places, strict=False):
+                    self.writer.store(lane, self.writer.place(address, place))
+
+    def _read(self, load: Loader, first: Index, width: int) -> Any:
+        return self.kind.read([load(address, first, width) for address in self._planes(0)])
+
+    def _in_turn(self, loaders: Sequence[Loader]) -> Computed:
+        """Sums of few terms."""
+        return lambda first, width: self._total([self._read(load, first, width) for load in loaders])
+
+    def _across(self, sources: Places) -> Computed:
+        """Sums of many terms, as many sums side by side as a block has lanes."""
+        count, terms = sources.shape
+        table = self.writer.table(np.ascontiguousarray(sources.T))
+
+        def computed(first: Index, width: int) -> Any:
+            def term(i: Index) -> Any:
+                at = i * count + first
+                places = self.writer.looked_up(table, at, width)
+                return self.kind.read([self.writer.gather(address, places) for address in self._planes(0)])
+
+            totals = [self.writer.variable(x) for x in self.kind.written(term(self.writer.index(0)))]
+            with self.writer.repeated(terms - 1) as i:
+                self._accumulate(totals, term(i + 1), 0)
+            return self.kind.read([room.value for room in totals])
+
+        return computed
+
+    def _along(self, sources: Places) -> Any:
+        """One sum of many terms, in as many partial sums as a block has lanes."""
+        load, terms = self._loader(sources), len(sources)
+        totals = [self.writer.variable(self.writer.zero(BLOCK)) for _ in range(self.kind.planes)]
+        for first, width, again in self.writer.blocks(terms):
+            self._accumulate(totals, self._read(load, first, width), again)
+        return self._joined(totals)
+
+
+def _width(count: int) -> int:
+    return BLOCK if count >= BLOCK else 1
+
+
+def _pairwise(numbers: Sequence[Any]) -> Any:
+    """The sum of a number of numbers that is a power of two, in pairs."""
+    while len(numbers) > 1:
+        half = len(numbers) // 2
+        numbers = [a + b for a, b in zip(numbers[:half], numbers[half:], strict=True)]
+    return numbers[0]
+
+
+def _run(program: Program, arguments: Sequence[Any]) -> tuple[Any, ...]:
+    return program.run(arguments, lambda c: c, _function)
+
+
+def _function(name: str, x: Any, *others: Any) -> Any:
+    if name == "root":
+        return x.sqrt()
+    return x.sign() if name == "sign" else applied(name, x, *others)

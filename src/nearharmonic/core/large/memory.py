@@ -1,0 +1,240 @@
+"""Numbers in memory as compiled loops see them: arrays of doubles or double-doubles, tables, and loops themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numpy.typing import NDArray
+
+from nearharmonic.core.formulas.condition import Conditioned
+from nearharmonic.core.formulas.number import Constant
+from nearharmonic.core.formulas.tracing import Double, DoubleDouble, LLVMValue
+from nearharmonic.core.large.tables import BLOCK
+from nearharmonic.core.machine.operations import DOUBLE, INDEX
+from nearharmonic.core.machine.values import LLVMMask
+
+PLACE = ir.IntType(32)
+
+
+class Doubles:
+    """Doubles, in memory one plane of them."""
+
+    planes = 1
+
+    def read(self, planes: Sequence[LLVMValue]) -> Any:
+        """The number of its planes in memory."""
+        return Double(planes[0])
+
+    def of_state(self, high: LLVMValue, low: LLVMValue) -> Any:
+        """The number that a coordinate and its carry are."""
+        return Double(high)
+
+    def written(self, number: Any) -> list[LLVMValue]:
+        """The planes of a number."""
+        return [number.carrier]
+
+    def constant(self, number: Constant, like: LLVMValue) -> Any:
+        """An exact number."""
+        return Double.of(number, like)
+
+
+class DoubleDoubles(Doubles):
+    """Double-doubles: a plane of the high halves and one of the low ones."""
+
+    planes = 2
+
+    def read(self, planes: Sequence[LLVMValue]) -> Any:
+        return DoubleDouble(*planes)
+
+    def of_state(self, high: LLVMValue, low: LLVMValue) -> Any:
+        return DoubleDouble(high, low)
+
+    def written(self, number: Any) -> list[LLVMValue]:
+        return [number.high, number.low]
+
+    def constant(self, number: Constant, like: LLVMValue) -> Any:
+        return DoubleDouble.of(number, like)
+
+
+class ConditionedDoubles(Doubles):
+    """Doubles with the condition of the formula that led to them: a plane of values and one of sizes."""
+
+    planes = 2
+
+    def read(self, planes: Sequence[LLVMValue]) -> Any:
+        number = Conditioned(Double(planes[0]))
+        number.size = Double(planes[1])
+        return number
+
+    def of_state(self, high: LLVMValue, low: LLVMValue) -> Any:
+        return Conditioned(Double(high))
+
+    def written(self, number: Any) -> list[LLVMValue]:
+        return [number.value.carrier, number.size.carrier]
+
+    def constant(self, number: Constant, like: LLVMValue) -> Any:
+        return Conditioned(Double.of(number, like))
+
+
+@dataclass(frozen=True)
+class Planes:
+    """Numbers in memory: the address of the first double, and the doubles from one plane to the next."""
+
+    address: ir.Value
+    stride: int
+
+
+class Index:
+    """A 64-bit whole number."""
+
+    def __init__(self, builder: ir.IRBuilder, value: ir.Value) -> None:
+        self.builder, self.value = builder, value
+
+    def _operand(self, other: Index | int) -> ir.Value:
+        return other.value if isinstance(other, Index) else INDEX(other)
+
+    def __add__(self, other: Index | int) -> Index:
+        return Index(self.builder, self.builder.add(self.value, self._operand(other)))
+
+    def __mul__(self, other: Index | int) -> Index:
+        return Index(self.builder, self.builder.mul(self.value, self._operand(other)))
+
+
+class Variable:
+    """A value of a function that changes."""
+
+    def __init__(self, builder: ir.IRBuilder, initial: LLVMValue) -> None:
+        self._builder = builder
+        with builder.goto_entry_block():
+            self._room = builder.alloca(initial.value.type)
+        self.value = initial
+
+    @property
+    def value(self) -> LLVMValue:
+        """The present value."""
+        return LLVMValue(self._builder, self._builder.load(self._room))
+
+    @value.setter
+    def value(self, new: LLVMValue) -> None:
+        self._builder.store(new.value, self._room)
+
+
+class LoopWriter:
+    """Writes loops over blocks, tables and accesses to memory at the end of a function."""
+
+    def __init__(self, builder: ir.IRBuilder) -> None:
+        self.builder = builder
+
+    def index(self, number: int) -> Index:
+        """A constant."""
+        return Index(self.builder, INDEX(number))
+
+    def variable(self, initial: LLVMValue) -> Variable:
+        """A variable with its first value."""
+        return Variable(self.builder, initial)
+
+    @contextmanager
+    def repeated(self, count: int) -> Iterator[Index]:
+        """Write the body of a loop over 0, ..., ``count`` - 1."""
+        builder = self.builder
+        before, head = builder.block, builder.append_basic_block("repeated")
+        body, behind = builder.append_basic_block("body"), builder.append_basic_block("behind")
+        builder.branch(head)
+        builder.position_at_end(head)
+        i = builder.phi(INDEX)
+        i.add_incoming(INDEX(0), before)
+        builder.cbranch(builder.icmp_signed("<", i, INDEX(count)), body, behind)
+        builder.position_at_end(body)
+        yield Index(builder, i)
+        i.add_incoming(builder.add(i, INDEX(1)), builder.block)
+        builder.branch(head)
+        builder.position_at_end(behind)
+
+    def zero(self, width: int) -> LLVMValue:
+        """0 in each of ``width`` lanes."""
+        kind = DOUBLE if width == 1 else ir.VectorType(DOUBLE, width)
+        return LLVMValue(self.builder, ir.Constant(kind, 0.0 if width == 1 else [0.0] * width))
+
+    def place(self, address: ir.Value, offset: Index | int) -> ir.Value:
+        """The address of the double ``offset`` behind another."""
+        return self.builder.gep(address, [self.index(offset).value if isinstance(offset, int) else offset.value])
+
+    def load(self, address: ir.Value, width: int) -> LLVMValue:
+        """``width`` neighbouring doubles."""
+        kind = DOUBLE if width == 1 else ir.VectorType(DOUBLE, width)
+        value = self.builder.load(self.builder.bitcast(address, kind.as_pointer()))
+        value.align = 8
+        return LLVMValue(self.builder, value)
+
+    def store(self, value: LLVMValue, address: ir.Value) -> None:
+        """Neighbouring doubles."""
+        place = self.builder.bitcast(address, value.value.type.as_pointer())
+        self.builder.store(value.value, place).align = 8
+
+    def broadcast(self, value: LLVMValue, width: int) -> LLVMValue:
+        """A double in every lane."""
+        if width == value.width:
+            return value
+        return self.zero(width).from_lanes([value] * width)
+
+    def gather(self, address: ir.Value, places: Sequence[Index]) -> LLVMValue:
+        """The doubles at some places, one a lane."""
+        scalars = [self.load(self.place(address, place), 1) for place in places]
+        return self.zero(len(scalars)).from_lanes(scalars)
+
+    def blocks(self, count: int) -> Iterator[tuple[Index, int, int]]:
+        """Blocks of ``count`` results, whose code the caller writes at each turn of a loop over this.
+
+        Yields the first of a block, its length, and how many of it a block before it has: the last block ends with the
+        last result.
+        """
+        if count < BLOCK:
+            with self.repeated(count) as i:
+                yield i, 1, 0
+            return
+        with self.repeated(count // BLOCK) as i:
+            yield i * BLOCK, BLOCK, 0
+        if count % BLOCK:
+            yield self.index(count - BLOCK), BLOCK, BLOCK - count % BLOCK
+
+    def last_lanes(self, skipped: int) -> LLVMMask:
+        """The lanes of a block but the first ones."""
+        lanes = [int(i >= skipped) for i in range(BLOCK)]
+        return LLVMMask(self.builder, ir.Constant(ir.VectorType(ir.IntType(1), BLOCK), lanes))
+
+    def table(self, numbers: NDArray[Any]) -> ir.Value:
+        """The address of constant numbers: 32-bit integers or doubles."""
+        element = DOUBLE if numbers.dtype.kind == "f" else PLACE
+        contents = bytearray(numbers.astype("<f8" if element is DOUBLE else "<i4").tobytes())
+        module = self.builder.module
+        kind = ir.ArrayType(ir.IntType(8), len(contents))
+        table = ir.GlobalVariable(module, kind, f"table.{len(module.globals)}")
+        table.linkage, table.global_constant, table.align = "internal", True, 64
+        table.initializer = ir.Constant(kind, contents)
+        return self.builder.bitcast(table, element.as_pointer())
+
+    def looked_up(self, table: ir.Value, first: Index, width: int) -> list[Index]:
+        """``width`` neighbouring entries of a table of places."""
+        address = self.builder.gep(table, [first.value])
+        if width == 1:
+            return [Index(self.builder, self.builder.sext(self.builder.load(address), INDEX))]
+        kind = ir.VectorType(PLACE, width)
+        entries = self.builder.load(self.builder.bitcast(address, kind.as_pointer()))
+        entries.align = 4
+        lanes = (self.builder.extract_element(entries, ir.Constant(PLACE, i)) for i in range(width))
+        return [Index(self.builder, self.builder.sext(lane, INDEX)) for lane in lanes]
+
+
+def is_consecutive(places: NDArray[np.int64]) -> bool:
+    """Whether places ascend by 1."""
+    return len(places) > 1 and bool((np.diff(places) == 1).all())
+
+
+def is_constant(places: NDArray[np.int64]) -> bool:
+    """Whether all places are the same one."""
+    return bool((places == places[0]).all())

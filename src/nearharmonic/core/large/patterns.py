@@ -1,0 +1,181 @@
+"""Loops over terms of one pattern: a chain of a thousand sites has a thousand terms, each of two neighbours.
+
+A hundred bodies have 4950 pairs of one pattern, each of six coordinates and a product of masses. A :class:`Loop` is a
+pattern with the tables of what its repetitions use; sums that terms of other sums depend on come first, in levels of
+their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from nearharmonic.core.formulas.expression.graph import (
+    Application,
+    Exact,
+    Graph,
+    Literal,
+    Product,
+    Value,
+    Variable,
+    exact,
+)
+from nearharmonic.core.formulas.expression.size import check_size
+from nearharmonic.core.large.tables import Places, runs
+from nearharmonic.core.large.terms import Entry, LongSums, Term
+
+
+@dataclass(frozen=True, eq=False)
+class Operand:
+    """What a variable of a pattern is in each repetition: the ``places`` (count,) of an array."""
+
+    array: int
+    places: Places
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """A pattern with its repetitions.
+
+    Attributes
+    ----------
+    graph, value
+        The pattern. Its variables are, in this order, the operands, the data and the parameters.
+    operands : tuple of Operand
+        Coordinates and sums.
+    data : tuple of tuples of exact numbers
+        Positive constants that differ between repetitions, each (count,).
+    parameters : int
+        Number of parameters.
+    sums : array of int, (count,)
+        Places of the sums that the repetitions are terms of, among those of one level.
+    """
+
+    graph: Graph
+    value: Value
+    operands: tuple[Operand, ...]
+    data: tuple[tuple[Exact, ...], ...]
+    parameters: int
+    sums: Places
+
+    @property
+    def count(self) -> int:
+        """Number of repetitions."""
+        return len(self.sums)
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """Sums that depend on coordinates and on sums of lower levels alone: their number, and the loops that make them."""
+
+    size: int
+    loops: tuple[Loop, ...]
+
+
+def levels(graph: Graph, root: Value, dimension: int, parameters: int) -> tuple[Level, ...]:
+    """Return the loops that compute ``root``, which is the one sum of the last level.
+
+    Parameters
+    ----------
+    graph : Graph
+        Its variables are the coordinates and the parameters, in this order.
+    root : Value
+        The energy.
+    dimension, parameters : int
+        Numbers of coordinates and parameters.
+
+    Raises
+    ------
+    FormulaError
+        Terms are of so many patterns that they take too long to compile.
+    """
+    sums = LongSums(graph, root, dimension)
+    return tuple(_level(sums, sums.terms(level), parameters) for level in range(1, sums.levels + 2))
+
+
+def _level(sums: LongSums, terms: Sequence[Sequence[Term]], parameters: int) -> Level:
+    groups: dict[tuple[object, ...], list[tuple[int, Term]]] = {}
+    operations = 0
+    for place, of_sum in enumerate(terms):
+        for term in of_sum:
+            if term.key not in groups:
+                operations += len(term.nodes)
+                check_size(operations)
+            groups.setdefault(term.key, []).append((place, term))
+    return Level(len(terms), tuple(loop for group in groups.values() for loop in _loops(sums, group, parameters)))
+
+
+def _loops(sums: LongSums, group: Sequence[tuple[int, Term]], parameters: int) -> Iterator[Loop]:
+    """The loops of one pattern: one for each run of neighbouring places, and one for the others.
+
+    The terms of a sum are in the order of their places, however the sum was written.
+    """
+    group = sorted(group, key=lambda pair: (pair[0], [sums.operand(node)[1] for node in pair[1].operands]))
+    terms, targets = [term for _, term in group], np.array([place for place, _ in group], np.int64)
+    places = np.array([[sums.operand(node)[1] for node in term.operands] for term in terms], np.int64)
+    places = places.reshape(len(terms), -1)
+    columns = list(zip(*(term.data for term in terms), strict=True))
+    differing = [column for column in columns if len(set(column)) > 1]
+    graph, value = _pattern(sums, terms[0], columns, parameters)
+    arrays = [sums.operand(node)[0] for node in terms[0].operands]
+    for rows in runs([*places.T, targets], len(terms)):
+        chosen = np.arange(len(terms))[rows]
+        operands = tuple(Operand(array, column[rows]) for array, column in zip(arrays, places.T, strict=True))
+        data = tuple(tuple(column[i] for i in chosen) for column in differing)
+        yield Loop(graph, value, operands, data, parameters, targets[rows])
+
+
+def _pattern(sums: LongSums, term: Term, columns: Sequence[Sequence[Exact]], parameters: int) -> tuple[Graph, Value]:
+    """A graph with the first term of a group, and variables for what differs between the terms."""
+    graph = Graph()
+    differs = [len(set(column)) > 1 for column in columns]
+    count = len(term.operands)
+    variables = [x.value for x in graph.variables(count + sum(differs) + parameters)]
+    behind = iter(variables[count:])
+    constants = [next(behind) if one else Value(c, None) for c, one in zip(term.data, differs, strict=True)]
+    given = list(behind)
+    values = dict(zip(term.operands, variables, strict=False))
+
+    def made(found: object, entries: Sequence[Entry]) -> Value:
+        operands = [values[child] for _, _, child in entries if child is not None]
+        if isinstance(found, Product):
+            value = Value(1, None)
+            for (e, _, _), operand in zip(entries, operands, strict=True):
+                value = graph.multiply(value, graph.power(operand, e))
+            return value
+        if isinstance(found, Application):
+            return graph.apply(found.function, *operands)
+        parts = []
+        for c, place, child in entries:
+            part = Value(c, None) if place is None else graph.times(1 if c > 0 else -1, constants[place])
+            parts.append(part if child is None else graph.multiply(part, values[child]))
+        return parts[0] if isinstance(found, Literal) else _sum(graph, parts)
+
+    # An index is larger than those of the nodes that it is made of.
+    for node in sorted(_nodes(sums.graph, term)):
+        found = sums.graph.nodes[node]
+        if isinstance(found, Variable):
+            values[node] = given[found.place - sums.dimension]
+        else:
+            values[node] = made(found, term.nodes[node])
+    return graph, made(None, term.nodes[None])
+
+
+def _nodes(graph: Graph, term: Term) -> set[int]:
+    """The nodes that a term is made of, parameters among them, but for its operands."""
+    found = {child for entries in term.nodes.values() for _, _, child in entries if child is not None}
+    return found - set(term.operands)
+
+
+def _sum(graph: Graph, parts: Iterable[Value]) -> Value:
+    """The sum of values as one node."""
+    constant: Exact = 0
+    terms: dict[int, Exact] = {}
+    for c, node in parts:
+        if node is None:
+            constant = exact(constant + c)
+        else:
+            terms[node] = exact(terms.get(node, 0) + c)
+    return graph.combination(constant, terms)

@@ -1,0 +1,183 @@
+"""States of many coordinates, which lie in memory and advance eight coordinates at a time.
+
+The state is the address of the rows. Where masses are not 1, a move is the kick, the velocity and the drift one after
+the other: such states are bound by what there is to compute, not by the time of a chain of operations.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from nearharmonic.core import step
+from nearharmonic.core.large.tables import BLOCK
+from nearharmonic.core.layout import KICK
+from nearharmonic.core.loops.shape import Form, Measured, Motion
+from nearharmonic.core.machine.reals import (
+    REAL,
+    all_zero,
+    compiled,
+    linked,
+    linked_number,
+    load_point,
+    load_real,
+    store,
+    store_rest,
+    types,
+    zero_like,
+)
+from nearharmonic.core.points import load_state
+
+_dimension, _running, _force_at, _force_plane, _velocity_at, _velocity_plane = (
+    linked_number(name) for name in ("dimension", "running", "force_at", "force_plane", "velocity_at", "velocity_plane")
+)
+
+
+@compiled
+def _of_coordinates(x, parameters):  # type: ignore[no-untyped-def]
+    return x
+
+
+@compiled
+def _of_momenta(p, low, parameters):  # type: ignore[no-untyped-def]
+    return p
+
+
+@compiled
+def _of_extended_momenta(p, low, parameters):  # type: ignore[no-untyped-def]
+    return p, low
+
+
+@compiled
+def _put(rows, at, first, value):  # type: ignore[no-untyped-def]
+    """Replace a block of coordinates, or those that are left over behind the whole blocks."""
+    if first + BLOCK <= _dimension():
+        store(rows, at + first, value)
+    else:
+        store_rest(rows, at + first, value)
+
+
+@compiled
+def _load(rows, first):  # type: ignore[no-untyped-def]
+    """A block of the state that runs."""
+    at = _running() + first
+    return (*load_state(rows, at), load_point(rows, at + 4 * _dimension()))
+
+
+def _kept(at: Any, plane: Any, *, extended: bool) -> Any:
+    """Return ``load(rows, i)``, a block of rates that are kept from a place on."""
+    if extended:
+        return compiled(lambda rows, i: (load_point(rows, at() + i), load_point(rows, at() + plane() + i)))
+    return compiled(lambda rows, i: load_point(rows, at() + i))
+
+
+def _move_of_unit_masses(form: Form) -> Any:
+    """``moved(rows, row, to)``: a move from the state that runs to the rows from ``to`` on."""
+    if form.ahead:
+        move = (step.ahead_compensated if form.compensated else step.ahead_plain)(_of_coordinates, _of_coordinates)
+    elif form.extended:
+        move = step.momentum_first(_of_extended_momenta, step.update_of(form))
+    else:
+        move = step.momentum_first(_of_momenta, step.update_of(form))
+    force = _kept(_force_at, _force_plane, extended=form.extended)
+    late_by = form.compensated and form.ahead
+
+    @compiled
+    def moved(rows, row, to):  # type: ignore[no-untyped-def]
+        d, running = _dimension(), _running()
+        for first in range(0, d, BLOCK):
+            q, q_low, p, p_low, late = move(_load(rows, first), row, force(rows, first), 0)
+            if to == running:
+                _put(rows, to + 4 * d, first, late)
+            elif late_by:
+                q_low = q_low + late
+            _put(rows, to, first, q)
+            _put(rows, to + d, first, q_low)
+            _put(rows, to + 2 * d, first, p)
+            _put(rows, to + 3 * d, first, p_low)
+
+    return moved
+
+
+def _move_of_masses(form: Form) -> Any:
+    """The same where velocities are computed from all momenta."""
+    update = step.update_of(form)
+    force = _kept(_force_at, _force_plane, extended=form.extended)
+    velocity = _kept(_velocity_at, _velocity_plane, extended=form.extended)
+    velocities = linked("velocities", types.void)
+
+    @compiled
+    def moved(rows, row, to):  # type: ignore[no-untyped-def]
+        d, (kick, drift) = _dimension(), row
+        for first in range(0, d, BLOCK):
+            _, _, p, p_low, _ = _load(rows, first)
+            p, p_low = update(p, p_low, kick, force(rows, first))
+            _put(rows, to + 2 * d, first, p)
+            _put(rows, to + 3 * d, first, p_low)
+        velocities(rows, to)
+        for first in range(0, d, BLOCK):
+            q, q_low, _, _, _ = _load(rows, first)
+            q, q_low = update(q, q_low, drift, velocity(rows, first))
+            _put(rows, to, first, q)
+            _put(rows, to + d, first, q_low)
+
+    return moved
+
+
+def motion(form: Form) -> Motion:
+    """Return what :func:`nearharmonic.core.loops.advance.advance` calls, for states in memory."""
+    moved = _move_of_unit_masses(form) if form.unit_masses else _move_of_masses(form)
+    force, force_and_potential = linked("force", types.void), linked("force_and_potential", REAL)
+    parts = form.parts
+
+    @compiled
+    def load(rows, moves, parameters):  # type: ignore[no-untyped-def]
+        return rows, rows
+
+    @compiled
+    def first(rows, moves, parameters):  # type: ignore[no-untyped-def]
+        force(rows)
+        nothing = load_real(moves, KICK)
+        if all_zero(nothing):
+            for part in range(parts):
+                for i in range(_dimension()):
+                    store(rows, _force_at() + part * _force_plane() + i, zero_like(nothing))
+        return 0
+
+    @compiled
+    def move(rows, row, f, parameters):  # type: ignore[no-untyped-def]
+        moved(rows, row, _running())
+        return rows
+
+    @compiled
+    def behind(rows, moves, row, parameters):  # type: ignore[no-untyped-def]
+        force(rows)
+        return 0
+
+    @compiled
+    def last(rows, moves, row, parameters):  # type: ignore[no-untyped-def]
+        return 0, force_and_potential(rows)
+
+    @compiled
+    def closed(rows, row, f, parameters):  # type: ignore[no-untyped-def]
+        moved(rows, row, 0)
+        return rows
+
+    @compiled
+    def save(rows, state, seen):  # type: ignore[no-untyped-def]
+        pass
+
+    return Motion(load, first, move, behind, last, closed, save)
+
+
+def measured() -> Measured:
+    """Return the energies that are measured of states in memory."""
+    pair = types.UniTuple(REAL, 2)
+    found = {
+        "energy": pair, "energies": types.UniTuple(REAL, 4), "rounding": pair, "potential": REAL, "kinetic": REAL,
+    }  # fmt: skip
+
+    def of_rows(name: str, kind: Any) -> Any:
+        function = linked(name, kind)
+        return compiled(lambda rows, parameters: function(rows))
+
+    return Measured(**{name: of_rows(name, kind) for name, kind in found.items()})

@@ -1,0 +1,242 @@
+"""The long sums of an expression and their terms, written down so that terms of one pattern are told by one key.
+
+A few terms of a sum that use the same coordinates are taken together: d^2/2 + d^4/40 of one distance is one term.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from nearharmonic.core.formulas.expression.graph import (
+    Application,
+    Exact,
+    Graph,
+    Literal,
+    Product,
+    Sum,
+    Value,
+    Variable,
+    children,
+    exact,
+    modulus,
+)
+
+#: Terms from which on a sum is computed in loops, and not as a part of what it occurs in.
+LONG_SUM = 16
+#: Terms of the same coordinates up to which they are taken together: of more, as of a Fourier series, there are loops.
+MOST_TOGETHER = 8
+#: The array of the coordinates; those of the sums have the numbers of their levels, from 1 on.
+COORDINATES = 0
+
+
+class Entry(NamedTuple):
+    """A constant, its place among the data of a term if it may differ between terms, and the node beside it."""
+
+    constant: Exact
+    place: int | None
+    child: int | None
+
+
+@dataclass(frozen=True)
+class Term:
+    """A term of a long sum.
+
+    Attributes
+    ----------
+    key : tuple
+        Equal for terms that differ in the places of their operands and in their data alone.
+    nodes : dict
+        What the nodes of the term are made of, by their indices in the graph; ``None`` stands for the term itself.
+    operands : tuple of int
+        The coordinates and long sums that it uses, by their nodes.
+    data : tuple of exact numbers
+        Its constants other than 0, 1 and -1, without their signs.
+    """
+
+    key: tuple[object, ...]
+    nodes: dict[int | None, tuple[Entry, ...]]
+    operands: tuple[int, ...]
+    data: tuple[Exact, ...]
+
+
+class LongSums:
+    """The long sums below a value of a graph.
+
+    Parameters
+    ----------
+    graph : Graph
+        Its variables are ``dimension`` coordinates, and parameters behind them.
+    root : Value
+        The value; it is a sum itself, of one term at least.
+    dimension : int
+        Number of coordinates.
+    """
+
+    def __init__(self, graph: Graph, root: Value, dimension: int) -> None:
+        self.graph, self.root, self.dimension = graph, root, dimension
+        reachable = graph.reachable([root])
+        self._uses = Counter(child for i in reachable for child in children(graph.nodes[i]))
+        #: The level of each long sum but the root's, and its place among the sums of that level.
+        self.place: dict[int, tuple[int, int]] = {}
+        self._terms: dict[int, tuple[Exact, dict[int, Exact]]] = {}
+        self._orders: dict[int, list[int]] = {}
+        self._find(reachable)
+        #: Levels below that of the root.
+        self.levels = max((level for level, _ in self.place.values()), default=0)
+
+    def _find(self, reachable: Sequence[int]) -> None:
+        nodes = self.graph.nodes
+        parts = {
+            child
+            for i in reachable
+            if isinstance(nodes[i], Sum)
+            for child in children(nodes[i])
+            if isinstance(nodes[child], Sum) and self._uses[child] == 1
+        }
+        of_node: dict[int, int] = {}
+        sizes: Counter[int] = Counter()
+        for i in reachable:
+            level = max((of_node[child] for child in children(nodes[i])), default=0)
+            if isinstance(nodes[i], Sum) and i not in parts and i != self.root.node:
+                constant, terms = self._flat(Value(1, i))
+                if len(terms) >= LONG_SUM:
+                    level += 1
+                    self._terms[i], self.place[i] = (constant, terms), (level, sizes[level])
+                    sizes[level] += 1
+            of_node[i] = level
+
+    def _flat(self, value: Value) -> tuple[Exact, dict[int, Exact]]:
+        """The constant and the terms of a sum, with those of the sums that are a part of no other."""
+        constant: Exact = 0
+        terms: dict[int, Exact] = {}
+        pending = [value]
+        while pending:
+            c, i = pending.pop()
+            node = None if i is None else self.graph.nodes[i]
+            if i is None:
+                constant = exact(constant + c)
+            elif isinstance(node, Sum) and (i == value.node or self._uses[i] == 1):
+                constant = exact(constant + c * node.constant)
+                pending.extend(Value(exact(c * factor), child) for child, factor in reversed(node.terms))
+            else:
+                terms[i] = exact(terms.get(i, 0) + c)
+        return constant, {node: c for node, c in terms.items() if c}
+
+    def terms(self, level: int) -> list[list[Term]]:
+        """Return the terms of each sum of a level, from 1 on; the one of the last level is the root."""
+        if level > self.levels:
+            return [self._together(*self._flat(self.root))]
+        return [self._together(*self._terms[node]) for node, (of, _) in self.place.items() if of == level]
+
+    def _together(self, constant: Exact, terms: dict[int, Exact]) -> list[Term]:
+        groups: dict[frozenset[int], list[Value]] = {}
+        for node, c in terms.items():
+            used = frozenset(i for i in self._below([node]) if self._is_operand(i))
+            groups.setdefault(used, []).append(Value(c, node))
+        if constant:
+            groups.setdefault(frozenset(), []).append(Value(constant, None))
+        found: list[Term] = []
+        for values in groups.values():
+            together = [values] if len(values) <= MOST_TOGETHER else [[value] for value in values]
+            found += [self._term(values) for values in together]
+        return found
+
+    def operand(self, node: int) -> tuple[int, int]:
+        """Return the array and the place of a coordinate or a long sum."""
+        if node in self.place:
+            return self.place[node]
+        found = self.graph.nodes[node]
+        assert isinstance(found, Variable)
+        return COORDINATES, found.place
+
+    def _is_operand(self, node: int) -> bool:
+        found = self.graph.nodes[node]
+        return node in self.place or (isinstance(found, Variable) and found.place < self.dimension)
+
+    def _below(self, roots: Iterable[int]) -> list[int]:
+        """The nodes down to operands and parameters, in an order that depends on nothing but the pattern."""
+        found = dict.fromkeys(roots)
+        order = list(found)
+        for node in order:
+            for child in () if node in self.place else self._children(node):
+                if child not in found:
+                    found[child] = None
+                    order.append(child)
+        return order
+
+    def _children(self, node: int) -> Sequence[int]:
+        """Children, those of sums and products in the order of their shapes and constants."""
+        order = self._orders.get(node)
+        if order is None:
+            found = self.graph.nodes[node]
+            order = list(children(found))
+            if isinstance(found, Sum):
+                factors = dict(found.terms)
+                order.sort(key=lambda child: (self._shape(child), -factors[child]))
+            elif isinstance(found, Product):
+                exponents = dict(found.factors)
+                order.sort(key=lambda child: (self._shape(child), exponents[child]))
+            self._orders[node] = order
+        return order
+
+    def _shape(self, node: int) -> tuple[int, int]:
+        """What sorts nodes of different kinds, and not those of one kind in different places."""
+        found = self.graph.nodes[node]
+        if node in self.place:
+            return 0, self.place[node][0]
+        if isinstance(found, Variable):
+            return (0, 0) if found.place < self.dimension else (1, found.place)
+        return 2 + (Literal, Sum, Product, Application).index(type(found)), len(tuple(children(found)))
+
+    def _term(self, values: Sequence[Value]) -> Term:
+        values = sorted(values, key=lambda x: ((-1, 0) if x.node is None else self._shape(x.node), -x.coefficient))
+        order = self._below(value.node for value in values if value.node is not None)
+        number = {node: i for i, node in enumerate(order)}
+        data: list[Exact] = []
+        nodes: dict[int | None, tuple[Entry, ...]] = {None: _entries(values, data)}
+        key: list[object] = [_described(nodes[None], number)]
+        for node in order:
+            found = self.graph.nodes[node]
+            if self._is_operand(node):
+                key.append(self.operand(node)[0])
+            elif isinstance(found, Variable):
+                key.append(found)
+            else:
+                nodes[node] = self._made_of(node, data)
+                name = found.function if isinstance(found, Application) else type(found).__name__
+                key.append((name, _described(nodes[node], number)))
+        return Term(tuple(key), nodes, tuple(filter(self._is_operand, order)), tuple(data))
+
+    def _made_of(self, node: int, data: list[Exact]) -> tuple[Entry, ...]:
+        found = self.graph.nodes[node]
+        if isinstance(found, Literal):
+            return _entries([Value(found.value, None)], data)
+        if isinstance(found, Sum):
+            factors = dict(found.terms)
+            values = [Value(factors[child], child) for child in self._children(node)]
+            return _entries([Value(found.constant, None), *values], data)
+        exponents = dict(found.factors) if isinstance(found, Product) else {}
+        return tuple(Entry(exponents.get(child, 1), None, child) for child in self._children(node))
+
+
+def _entries(values: Iterable[Value], data: list[Exact]) -> tuple[Entry, ...]:
+    """Values as entries, whose constants become data unless they are 0, 1 or -1."""
+    entries = []
+    for c, node in values:
+        place = None
+        if modulus(c) not in (0, 1):
+            place = len(data)
+            data.append(modulus(c))
+        entries.append(Entry(c, place, node))
+    return tuple(entries)
+
+
+def _described(entries: Iterable[Entry], number: dict[int, int]) -> tuple[object, ...]:
+    """Entries without their data, with nodes by their numbers in the term."""
+    return tuple(
+        (c if place is None else "+" if c > 0 else "-", None if child is None else number[child])
+        for c, place, child in entries
+    )

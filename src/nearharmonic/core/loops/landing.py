@@ -1,0 +1,239 @@
+"""Runs in a fictitious time, one after the other, whose samples land on given physical times.
+
+A regularised system (:mod:`nearharmonic.systems.regularisation`) is integrated in equal steps of a fictitious time s. A
+sample at the time t is one shorter step from the last step before t, whose length Newton's method finds from dt/ds = r.
+The run itself does not take that step, but for the last one.
+
+States come and go as physical positions and momenta, mapped in double-double. The step sizes are those of physical time
+over the semi-major axis of each start, so that an orbit takes as many steps as in physical time. There is one lane, so
+that a row is a number; the last row of ``moves`` is the step size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf
+from typing import Any
+
+from nearharmonic.core.arithmetic import dd_add_double, dd_mul, fma
+from nearharmonic.core.layout import (
+    ADVANCE,
+    BEGIN,
+    COLUMNS,
+    ENERGY,
+    ENERGY_LOW,
+    LATEST,
+    LIMIT,
+    NEVER,
+    PROGRESS,
+    SAMPLES,
+    STOP,
+    TALLY,
+    TOTAL,
+    WORST,
+)
+from nearharmonic.core.loops.scheduler import begin_tally, latest_error, measure_alone, record_errors
+from nearharmonic.core.machine.reals import at_address, compiled, linked, linked_number, types
+
+#: Repeats of Newton's method, which ends before where no repeat comes nearer: four in double, six in double-double.
+MOST_REPEATS = 12
+#: Part of the way to a sample that is gone at once: the apoapsis of a perturbed orbit may be farther than the start's.
+SAFETY = 0.98
+#: Over so many steps time grows, unless a method with negative coefficients is far beyond its stability.
+ADVANCING = 8
+#: Doubles in a row of coefficients: pairs of the kick, the drift and their product, for a step of scale 1.
+PIECES = 6
+#: More steps than are made at once.
+MANY = 2.0**52
+
+_advance_at, _begin_at = at_address(ADVANCE), at_address(BEGIN)
+#: Coordinates of the regularised system, and the first row of its state that runs.
+_dimension, _running = linked_number("dimension"), linked_number("running")
+#: ``_departed(start, first, rows, to)``: the state x, y of a physical start, the scale of its steps as a pair, and the
+#: largest |dt/ds| times a step of scale 1. ``_physical(state, to, first)``: the physical state.
+_departed, _physical = linked("departed", types.void), linked("physical", types.void)
+
+
+@compiled
+def _copy(source, to, count):  # type: ignore[no-untyped-def]
+    for k in range(count):
+        to[k] = source[k]
+
+
+@compiled
+def _gap(rows, target):  # type: ignore[no-untyped-def]
+    """The time from a state to a target, over 4: its conjugate momentum is -t/4."""
+    D = _dimension()
+    return (rows[3 * D - 1] + target[0]) + (rows[4 * D - 1] + target[1])
+
+
+@compiled
+def _radius(rows):  # type: ignore[no-untyped-def]
+    """|u|^2."""
+    total = rows[0] * rows[0]
+    for k in range(1, _dimension() - 1):
+        total = fma(rows[k], rows[k], total)
+    return total
+
+
+def _coefficients(*, extended: bool) -> Any:
+    """``coefficients(lanes, moves, first, rows, scale)``: those of a step ``scale`` times that of ``moves``."""
+
+    @compiled
+    def coefficients(lanes, moves, first, rows, scale):  # type: ignore[no-untyped-def]
+        square = dd_mul(scale, scale)
+        for i in range(rows):
+            at, to = first + PIECES * i, COLUMNS * i
+            kick, drift = dd_mul((moves[at], moves[at + 1]), scale), dd_mul((moves[at + 2], moves[at + 3]), scale)
+            product = dd_mul((moves[at + 4], moves[at + 5]), square)[0]
+            lanes[to], lanes[to + 1] = kick[0], kick[1] if extended else drift[0]
+            lanes[to + 2] = drift[0] if extended else product
+            lanes[to + 3] = drift[1] if extended else fma(kick[0], drift[0], -product)
+
+    return coefficients
+
+
+@compiled
+def _set_out(start, first, parameters, row, count, rows, numbers, trial, keep):  # type: ignore[no-untyped-def]
+    """Fill the rows at the start of a run; the scale of its steps, and the largest |dt/ds| times the step."""
+    D, running = _dimension(), _running()
+    for k in range(numbers):
+        rows[k] = 0.0
+    rows[4 * D + LIMIT] = inf
+    for k in range(count):
+        rows[4 * D + TALLY + k] = parameters[row + k]
+    _departed(start, first, rows, trial)
+    for k in range(4 * D):
+        rows[k] = rows[running + k] = trial[k] * (keep if k // D % 2 else 1.0)
+    return (trial[4 * D], trial[4 * D + 1]), trial[4 * D + 2]
+
+
+@compiled
+def _steps(advance, count, form, lanes, rows):  # type: ignore[no-untyped-def]
+    stages, kick_first, coefficients, numbers = form
+    return _advance_at(advance, count, stages, kick_first, lanes, coefficients, rows, numbers)
+
+
+@compiled
+def _approach(advance, form, target, tau, reach, look, control, rows, lanes, trial, trial_lanes):  # type: ignore[no-untyped-def]
+    """All steps before a target, and none behind it: how many, how many with those tried, and whether the run left."""
+    stretch, measured = look
+    limited = measured < SAMPLES or measured == NEVER
+    at, made, size = 0, 0, 4 * _dimension()
+    direction = -1.0 if tau < 0 else 1.0
+    while control[STOP] == 0:
+        gap = direction * _gap(rows, target)
+        if not gap > 0:
+            break
+        ahead = gap / (abs(tau) * 0.25 * reach) * SAFETY
+        steps = int(ahead if ahead < MANY else MANY)
+        if steps > 0:
+            moved = _steps(advance, min(steps, stretch), form, lanes, rows)
+            made += moved
+        else:  # one step, unless it passes the target; what is no number does not: the run has left
+            _copy(rows, trial, form[3])
+            _copy(lanes, trial_lanes, form[2])
+            made += _steps(advance, 1, form, trial_lanes, trial)
+            if direction * _gap(trial, target) < 0:
+                break
+            _copy(trial, rows, form[3])
+            _copy(trial_lanes, lanes, form[2])
+            moved = 1
+        at += moved
+        control[PROGRESS] += moved
+        left = limited and not latest_error(rows, 0, 1, size, measured) <= rows[size + LIMIT]
+        # A run that does not come nearer would never arrive.
+        if left or (moved >= ADVANCING and not direction * _gap(rows, target) < gap):
+            return at, made, True
+    return at, made, False
+
+
+def _landing(coefficients: Any) -> Any:
+    """``land(...)``: the state ``trial`` at the target, one step of the right length from ``rows``; the steps tried."""
+
+    @compiled
+    def land(look, form, moves, first, count, scale, target, rows, trial, lanes):  # type: ignore[no-untyped-def]
+        D, running = _dimension(), _running()
+        unit = moves[first + PIECES * count] * 0.25 * scale[0]
+        part = (_gap(rows, target) / (unit * _radius(rows)), 0.0)
+        before, repeats = inf, 0
+        while True:
+            _copy(rows, trial, form[3])
+            for k in range(5 * D):
+                trial[running + k] = trial[k] if k < 4 * D else 0.0
+            coefficients(lanes, moves, first, count, dd_mul(scale, part))
+            _steps(look, 1, form, lanes, trial)
+            gap = _gap(trial, target)
+            repeats += 1
+            if repeats >= MOST_REPEATS or not abs(gap) < before or gap == 0:
+                return repeats
+            before = abs(gap)
+            part = dd_add_double(part, gap / (unit * _radius(trial)))
+
+    return land
+
+
+def land(*, extended: bool, compensated: bool) -> Callable[..., None]:
+    """Return the function of :data:`nearharmonic.core.layout.LAND`, to be compiled.
+
+    What a regularised system brings to it is :func:`nearharmonic.core.formulas.emission.maps_module`.
+    """
+    coefficients, keep = _coefficients(extended=extended), 1.0 if compensated else 0.0
+    land_on = _landing(coefficients)
+
+    def land(  # type: ignore[no-untyped-def]
+        advance, look, begin, measured, order, queued, marks, samples, scheme, start, size, parameters, parameter_sets,
+        parameter_columns, limit, scale, reference, stretch, stages, kick_first, moves, move_rows, columns, control,
+        states, energy_error, worst, total, energy, ends, running_rows, left_at, rows, numbers, lanes,
+        coefficient_count, trial, trial_lanes,
+    ):  # fmt: skip
+        d, count, tally = size // 4, move_rows - 1, 4 * _dimension()
+        form = stages, kick_first, coefficient_count, numbers
+        for i in range(queued):
+            if control[STOP] != 0:
+                break
+            r, at, made = order[i], 0, 0
+            first = scheme[r] * move_rows * columns
+            tau, tau_low = moves[first + count * columns], moves[first + count * columns + 1]
+            row = min(r, parameter_sets - 1) * parameter_columns
+            step, reach = _set_out(start, r * size, parameters, row, parameter_columns, rows, numbers, trial, keep)
+            coefficients(lanes, moves, first, count, step)
+            if measured != NEVER:
+                _begin_at(begin, rows, numbers)
+                begin_tally(rows, rows, 0, 1, tally, limit, scale, reference)
+            energy[2 * r], energy[2 * r + 1] = rows[tally + ENERGY], rows[tally + ENERGY_LOW]
+            for sample in range(r * samples, (r + 1) * samples):
+                if marks[sample] < 0:
+                    break
+                target = dd_mul((tau * 0.25, tau_low * 0.25), (float(marks[sample]), 0.0))
+                more, tried, left = _approach(
+                    advance, form, target, tau, reach, (stretch, measured), control, rows, lanes, trial, trial_lanes
+                )
+                at, made = at + more, made + tried
+                if left:
+                    left_at[r] = at
+                    break
+                last = sample + 1 == (r + 1) * samples or marks[sample + 1] < 0
+                _copy(rows, trial, numbers)
+                lands = _gap(rows, target) < 0 if tau < 0 else _gap(rows, target) > 0
+                if lands:
+                    made += land_on(look, form, moves, first, count, step, target, rows, trial, trial_lanes)
+                latest = abs(trial[tally + LATEST])
+                if lands and last:
+                    at += 1
+                    if measured != NEVER:
+                        rows[tally + WORST] = latest if latest > rows[tally + WORST] else rows[tally + WORST]
+                        rows[tally + TOTAL] += latest
+                if measured == SAMPLES:
+                    measure_alone(rows, 0, 1, tally, latest)
+                if measured != NEVER and not latest <= trial[tally + LIMIT]:
+                    left_at[r] = at if last else at + 1
+                    break
+                _physical(trial, states, sample * size)
+                for k in range(d):
+                    states[sample * size + d + k] *= keep
+                    states[sample * size + 3 * d + k] *= keep
+                record_errors(rows, 0, 1, tally, sample, trial[tally + LATEST], energy_error, worst, total)
+            ends[r * running_rows], ends[r * running_rows + 1] = at, made
+
+    return land

@@ -1,0 +1,255 @@
+"""Machine code that is kept on disk and called without the compiler.
+
+Loading numba takes longer than the integrations of a figure. A file's key covers the sources of this folder, the
+versions of the compilers, the processor, and what the caller names, so a file is never stale.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from llvmlite import binding
+from numpy.typing import NDArray
+
+from nearharmonic.core.layout import Argument, Scalar, Signature
+from nearharmonic.core.machine import disk
+from nearharmonic.errors import CompiledCodeError
+
+_SOURCES = sorted(Path(__file__).parents[1].rglob("*.py"))
+_KINDS: dict[Scalar, tuple[Any, np.dtype[Any]]] = {
+    "int64": (ctypes.c_int64, np.dtype(np.int64)),
+    "float64": (ctypes.c_double, np.dtype(np.float64)),
+    "bool": (ctypes.c_bool, np.dtype(np.bool_)),
+}
+_ENGINES: list[Any] = []
+
+
+def native(key: str, signature: Signature, make: Callable[[], tuple[str, bytes]]) -> NativeFunction:
+    """Load the C function kept under a key; make and keep it if it is absent or cannot be loaded.
+
+    Parameters
+    ----------
+    key : str
+        Name of its file, without suffix. It covers everything that the machine code depends on.
+    signature : Signature
+        Arguments and result of the function.
+    make : callable
+        Compiles the function; returns the name of its symbol and an object file.
+
+    Raises
+    ------
+    CompiledCodeError
+        Code that was just made cannot be loaded.
+    """
+    place = disk.place_of(key)
+    kept = disk.read(place) if place else None
+    if place and kept:
+        try:
+            return NativeFunction(_address(*kept), signature)
+        except CompiledCodeError:
+            disk.discard(place)
+    with _announced():
+        name, code = make()
+    function = NativeFunction(_address(name, code), signature)
+    if place:
+        disk.write(place, name, code)
+    return function
+
+
+@contextmanager
+def _announced() -> Iterator[None]:
+    """Say on a terminal what takes so long, if the block takes more than two seconds."""
+
+    def say() -> None:
+        print("nearharmonic: compiling a kernel, which is kept for later runs", file=sys.stderr, flush=True)
+
+    timer = threading.Timer(2.0, say)
+    timer.daemon = True
+    if sys.stderr.isatty():
+        timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
+def loaded(name: str, code: bytes, signature: Signature) -> NativeFunction:
+    """Load the function of this symbol from an object file, which is not kept.
+
+    Raises
+    ------
+    CompiledCodeError
+        The code cannot be loaded.
+    """
+    return NativeFunction(_address(name, code), signature)
+
+
+def code_key(*parts: str, sources: Iterable[Path] = ()) -> str:
+    """Digest of :func:`core_digest`, of ``parts``, and of the contents of the files ``sources``."""
+    digest = sha256(" ".join([core_digest(), *parts]).encode())
+    for path in sources:
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def source_key(*parts: str) -> str:
+    """Digest of ``parts`` and of what text in LLVM's language depends on, which serves every processor."""
+    return sha256(" ".join([_source_digest(), *parts]).encode()).hexdigest()
+
+
+@cache
+def core_digest() -> str:
+    """Digest of the sources in this folder, of the compilers' versions and of the processor."""
+    return sha256(f"{_source_digest()} {processor()}".encode()).hexdigest()
+
+
+@cache
+def _source_digest() -> str:
+    text = sha256(f"{version('numba')} {version('llvmlite')}".encode())
+    for path in _SOURCES:
+        text.update(path.read_bytes())
+    return text.hexdigest()
+
+
+@cache
+def processor() -> tuple[str, str]:
+    """Name and features of the processor that code is made for; numba's own environment variables override them."""
+    name = os.environ.get("NUMBA_CPU_NAME") or binding.get_host_cpu_name()
+    features = os.environ.get("NUMBA_CPU_FEATURES")
+    if features is None:
+        features = "" if name == "generic" else binding.get_host_cpu_features().flatten()
+    return name, features
+
+
+def target_machine() -> Any:
+    """A fresh LLVM code generator for :func:`processor`; an engine takes it over."""
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
+    name, features = processor()
+    return binding.Target.from_default_triple().create_target_machine(cpu=name, features=features, opt=3, jit=True)
+
+
+def run_passes(module: Any, *names: str) -> None:
+    """Run passes of LLVM on a module, by their names."""
+    passes = binding.create_new_module_pass_manager()
+    for name in names:
+        getattr(passes, f"add_{name}_pass")()
+    passes.run(module, binding.create_pass_builder(target_machine(), binding.create_pipeline_tuning_options()))
+
+
+def object_code(module: Any) -> bytes:
+    """Optimise a module and return its object code.
+
+    No arithmetic is re-ordered. Loops are not made vectors of: what is computed side by side is written so.
+    """
+    module.verify()
+    machine = target_machine()
+    options = binding.create_pipeline_tuning_options(speed_level=3)
+    options.slp_vectorization = options.loop_vectorization = False
+    builder = binding.create_pass_builder(machine, options)
+    builder.getModulePassManager().run(module, builder)
+    code: bytes = machine.emit_object(module)
+    return code
+
+
+def _address(name: str, code: bytes) -> int:
+    try:
+        engine = binding.create_mcjit_compiler(binding.parse_assembly(""), target_machine())
+        file = binding.ObjectFileRef.from_data(code)
+        if not file:  # LLVM crashes if it is given this
+            raise CompiledCodeError(f"no object file of {len(code)} bytes")
+        engine.add_object_file(file)
+        engine.finalize_object()
+        address = int(engine.get_function_address(name))
+    except RuntimeError as error:
+        raise CompiledCodeError(f"LLVM cannot load {name!r}: {error}") from error
+    if not address:
+        raise CompiledCodeError(f"no symbol {name!r} in the object file")
+    _ENGINES.append(engine)  # code lives as long as its engine
+    return address
+
+
+class NativeFunction:
+    """A C function at an address. It takes what its signature describes."""
+
+    def __init__(self, address: int, signature: Signature) -> None:
+        self.address, self._packed = address, signature.packed
+        self._arguments = [(argument, _KINDS[argument.scalar][1]) for argument in signature.arguments]
+        kinds: list[Any] = []
+        for argument in signature.arguments:
+            number = _KINDS[argument.scalar][0]
+            kinds += [ctypes.c_void_p, *[ctypes.c_int64] * argument.dimensions] if argument.dimensions else [number]
+        result = _KINDS[signature.result][0] if signature.result else None
+        kinds = [ctypes.c_void_p] if signature.packed else kinds
+        self._function = ctypes.CFUNCTYPE(result, *kinds)(address)
+
+    def __call__(self, *given: Any) -> Any:
+        """Call the function.
+
+        Raises
+        ------
+        TypeError
+            An array of another type or number of dimensions, or one that is not contiguous.
+        """
+        if self._packed:
+            return self.prepared(*given)()
+        return self._function(*_converted(zip(self._arguments, given, strict=True)))
+
+    def prepared(self, *given: Any) -> PreparedCall:
+        """Return a call of a packed function with these arguments, to be made as often as wanted.
+
+        Raises
+        ------
+        TypeError
+            As for a call.
+        """
+        return PreparedCall(self._function, _converted(zip(self._arguments, given, strict=True)), given)
+
+
+class PreparedCall:
+    """A call of a packed function, whose arguments were converted once: converting them takes 10 microseconds."""
+
+    def __init__(self, function: Any, slots: list[Any], given: tuple[Any, ...]) -> None:
+        numbers = {i: slot for i, slot in enumerate(slots) if type(slot) is float}
+        block = np.array([0 if i in numbers else slot for i, slot in enumerate(slots)], np.int64)
+        doubles = block.view(np.float64)
+        for i, number in numbers.items():
+            doubles[i] = number
+        self._function, self._place = function, block.ctypes.data
+        self._alive = block, given  # the block holds addresses of these
+
+    def __call__(self) -> Any:
+        """Call the function."""
+        return self._function(self._place)
+
+
+def _converted(pairs: Iterable[tuple[tuple[Argument, Any], Any]]) -> list[Any]:
+    """Arguments with their kinds and values, as C takes them: a number, or an address and the lengths of an array."""
+    flat: list[Any] = []
+    for (argument, kind), value in pairs:
+        if not argument.dimensions:
+            flat.append(float(value) if argument.scalar == "float64" else value)
+            continue
+        if value.dtype != kind or value.ndim != argument.dimensions or not value.flags.c_contiguous:
+            message = f"expected a contiguous {kind} array of {argument.dimensions} dimensions"
+            raise TypeError(f"{argument.name}: {message}")
+        flat += [_place(value), *value.shape]
+    return flat
+
+
+def _place(array: NDArray[Any]) -> int:
+    """Address of the first number: ``array.ctypes`` takes four times as long, and a short run passes twenty arrays."""
+    if array.flags.writeable and array.size:
+        return ctypes.addressof(ctypes.c_char.from_buffer(array))  # type: ignore[arg-type]
+    return int(array.ctypes.data)

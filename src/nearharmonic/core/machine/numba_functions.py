@@ -1,0 +1,297 @@
+"""Potentials that are functions of numba: their code in LLVM's language, and its calls in the formulas of a system.
+
+They may branch, loop and read arrays, and nothing of them is traced. Their code is linked to the loops of
+:mod:`nearharmonic.core.loops.advance` as traced formulas are. This module is separate because it needs numba, which a
+process that has such a function has imported.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from math import nan
+from typing import Any
+
+import numba
+from llvmlite import binding, ir
+from numba.core import errors, registry
+from numba.core import types as numba_types
+from numba.extending import intrinsic
+from numba.np.unsafe.ndarray import to_fixed_tuple
+
+from nearharmonic.core.machine.native import run_passes
+from nearharmonic.core.machine.operations import DOUBLE, PREFIX
+from nearharmonic.core.machine.values import LLVMValue
+
+types: Any = numba_types
+_REAL = (types.Float, types.Integer, types.Boolean)
+_COMPILED = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
+#: Coordinates up to which a function is offered them as a tuple first; code for long tuples is slow to compile.
+LONGEST_TUPLE = 8
+#: Formulas and the names of their functions in generated code.
+SYMBOLS = {"V": f"{PREFIX}given.V", "grad_V": f"{PREFIX}given.grad_V"}
+_POINTER, _STATUS, _INDEX = DOUBLE.as_pointer(), ir.IntType(32), ir.IntType(32)
+#: Names in LLVM's language; pickled exceptions of numba, which hold the lines of files; debug information.
+_NAME = re.compile(r'@("[^"]*"|[\w.$-]+)')
+_PICKLED = re.compile(r"^@\.const\.pickle\w+\..*\n", re.MULTILINE)
+_DEBUG = re.compile(r"^!.*\n|,? !\w+ !\d+", re.MULTILINE)
+#: Lines of numba's messages that say where it was, and not what is wrong.
+_FRAMES = ("During", "Failed in", "- Resolution", "- Of which")
+#: Names that numba gives to addresses of this process, and to functions that it finds when they are first called.
+_ADDRESS, _RECURSION = "numba.dynamic.globals", ".numba.unresolved$"
+
+
+class NumbaFunctionError(ValueError):
+    """A function of numba that cannot be a potential or its gradient; the message continues "V ..."."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class NumbaCode:
+    """Code of a potential and its gradient.
+
+    ``text`` is a module of LLVM with the functions :data:`SYMBOLS`, each ``void (double *q, double *parameters, double
+    *result)``. The result is NaN where numba's function raises an exception. ``digest`` is a digest of ``text`` without
+    what differs between processes, ``instructions`` the number of its instructions. ``takes_tuple`` tells whether the
+    functions take the coordinates as a tuple, and not as an array.
+    """
+
+    text: str
+    digest: str
+    takes_tuple: bool
+    instructions: int
+
+
+def compiled_code(V: Any, grad_V: Any, dimension: int, parameters: int) -> NumbaCode:
+    """Compile a potential and its gradient.
+
+    Parameters
+    ----------
+    V, grad_V : numba functions
+        Functions of the coordinates, a tuple or an array, and of the parameters.
+    dimension, parameters : int
+        Numbers of coordinates and of parameters.
+
+    Raises
+    ------
+    NumbaFunctionError
+        numba cannot compile a function for doubles, it returns something else than it must, or its code holds an
+        address of this process.
+    """
+    takes_tuple, returned = _types(V, grad_V, dimension, parameters)
+    module = binding.parse_assembly("")
+    for formula, function in (("V", V), ("grad_V", grad_V)):
+        count = 1 if formula == "V" else dimension
+        wrapped = _wrapped(function, dimension, parameters, takes_tuple, _writer(returned[formula], count))
+        name, text = _compiled(formula, wrapped)
+        for part in (text, str(_entry(SYMBOLS[formula], name, count))):
+            other = binding.parse_assembly(part)
+            if not module.triple:
+                module.triple, module.data_layout = other.triple, other.data_layout
+            other.triple, other.data_layout = module.triple, module.data_layout
+            module.link_in(other)
+    _keep_entries(module)
+    _check_symbols(module)
+    text, count = str(module), sum(1 for f in module.functions for block in f.blocks for _ in block.instructions)
+    return NumbaCode(text=text, digest=_digest(text), takes_tuple=takes_tuple, instructions=count)
+
+
+def _types(V: Any, grad_V: Any, dimension: int, parameters: int) -> tuple[bool, dict[str, Any]]:
+    """Tell whether both functions compile for a tuple, tried first, or else for an array; and what they return."""
+    tried = {False: types.Array(types.float64, 1, "C")}
+    if dimension <= LONGEST_TUPLE:
+        tried = {True: types.UniTuple(types.float64, dimension)} | tried
+    refused: list[str] = []
+    for takes_tuple, q in tried.items():
+        given = (q, *[types.float64] * parameters)
+        try:
+            returned = {"V": _result("V", V, given), "grad_V": _result("grad_V", grad_V, given)}
+            _check_types(returned, dimension)
+        except NumbaFunctionError as error:
+            refused.append(str(error))
+        else:
+            return takes_tuple, returned
+    raise NumbaFunctionError("; ".join(refused))
+
+
+def _result(formula: str, function: Any, given: tuple[Any, ...]) -> Any:
+    """The type that a function returns for arguments of these types."""
+    try:
+        context = registry.cpu_target.typing_context
+        context.refresh()
+        found = context.resolve_function_type(numba.typeof(function), given, {})
+    except errors.NumbaError as error:
+        raise NumbaFunctionError(f"{formula} is not compiled by numba for {_kind(given)}: {_essence(error)}") from error
+    if found is not None:
+        return found.return_type
+    raise NumbaFunctionError(f"{formula} is not compiled by numba for {_kind(given)}: none of its signatures fits")
+
+
+def _kind(given: tuple[Any, ...]) -> str:
+    return "a tuple q" if isinstance(given[0], types.BaseTuple) else "an array q"
+
+
+def _essence(error: Exception) -> str:
+    """The sentence of a message of numba that says what is wrong, and the line of the user's file."""
+    lines = [re.sub(r"\x1b\[\d*m", "", line).strip() for line in str(error).splitlines()]
+    said = [line.removeprefix(">>> ") for line in lines if line and not line.startswith(_FRAMES)]
+    told = " ".join(said[: 2 if said and said[0].endswith(":") else 1]) or type(error).__name__
+    place = next((line for line in lines if line.startswith("File ")), "")
+    return f"{told} ({place.rstrip(':')})" if place else told
+
+
+def _check_types(returned: dict[str, Any], dimension: int) -> None:
+    V, gradient = returned["V"], returned["grad_V"]
+    if not isinstance(V, _REAL):
+        raise NumbaFunctionError(f"V returns {V}, expected one real number")
+    if isinstance(gradient, types.BaseTuple):
+        fine = len(gradient) == dimension and all(isinstance(x, _REAL) for x in gradient)
+    else:
+        fine = isinstance(gradient, types.Array) and gradient.ndim == 1 and isinstance(gradient.dtype, _REAL)
+    if not fine:
+        expected = f"a tuple of {dimension} real numbers or an array of one dimension"
+        raise NumbaFunctionError(f"grad_V returns {gradient}, expected {expected}")
+
+
+def _wrapped(function: Any, dimension: int, parameters: int, takes_tuple: bool, write: Any) -> Any:
+    """A function of the addresses of coordinates, parameters and results."""
+    array = _COMPILED(lambda address, length: numba.carray(address, (length,)))
+    if takes_tuple:
+        coordinates = _COMPILED(lambda q: to_fixed_tuple(array(q, dimension), dimension))
+    else:
+        coordinates = _COMPILED(lambda q: array(q, dimension))
+    if parameters:
+        return _COMPILED(
+            lambda q, given, result: write(
+                result, function(coordinates(q), *to_fixed_tuple(array(given, parameters), parameters))
+            )
+        )
+    return _COMPILED(lambda q, given, result: write(result, function(coordinates(q))))
+
+
+def _writer(kind: Any, count: int) -> Any:
+    """``write(address, found)``: a number, or ``count`` entries of a tuple or of an array, as doubles."""
+
+    @intrinsic
+    def write_tuple(typing, address, found):  # type: ignore[no-untyped-def]
+        def codegen(context, builder, signature, values):  # type: ignore[no-untyped-def]
+            for i, entry in enumerate(found):
+                double = context.cast(builder, builder.extract_value(values[1], i), entry, types.float64)
+                builder.store(double, builder.gep(values[0], [_INDEX(i)]))
+            return context.get_dummy_value()
+
+        return types.void(address, found), codegen
+
+    def write_array(address, found):  # type: ignore[no-untyped-def]
+        if found.size != count:
+            raise ValueError
+        for i in range(count):
+            address[i] = found[i]
+
+    def write_number(address, found):  # type: ignore[no-untyped-def]
+        address[0] = found
+
+    if isinstance(kind, types.BaseTuple):
+        return write_tuple
+    return _COMPILED(write_array if isinstance(kind, types.Array) else write_number)
+
+
+def _compiled(formula: str, wrapped: Any) -> tuple[str, str]:
+    """The name and the text of a function of addresses that numba compiles."""
+    pointer = types.CPointer(types.float64)
+    try:
+        wrapped.compile((pointer,) * 3)
+    except errors.NumbaError as error:
+        raise NumbaFunctionError(f"{formula} is not compiled by numba: {_essence(error)}") from error
+    (made,) = wrapped.overloads.values()
+    text = made.library.get_llvm_str()
+    if "@numba_parallel_for" in text:
+        raise NumbaFunctionError(f"{formula} is compiled with parallel=True: runs have threads of their own, drop it")
+    if "@numba_unpickle" in text:
+        raise NumbaFunctionError(f"{formula} calls the Python interpreter, as print and numba.objmode do: runs cannot")
+    if _ADDRESS in text:
+        raise NumbaFunctionError(
+            f"{formula} refers to an address of this process, by an array of more than a megabyte, an array that is "
+            "not contiguous, or a function of ctypes: make the array smaller or contiguous"
+        )
+    return made.fndesc.llvm_func_name, text
+
+
+def _entry(symbol: str, name: str, count: int) -> ir.Module:
+    """A C function that calls numba's ``name``, and makes results NaN if that returns an error."""
+    module = ir.Module()
+    byte = ir.IntType(8).as_pointer()
+    inner = ir.FunctionType(_STATUS, [byte.as_pointer(), byte.as_pointer(), _POINTER, _POINTER, _POINTER])
+    callee = ir.Function(module, inner, name)
+    outer = ir.Function(module, ir.FunctionType(ir.VoidType(), [_POINTER] * 3), symbol)
+    builder = ir.IRBuilder(outer.append_basic_block())
+    status = builder.call(callee, [builder.alloca(byte), builder.alloca(byte), *outer.args])
+    with builder.if_then(builder.icmp_signed("!=", status, _STATUS(0)), likely=False):
+        for i in range(count):
+            builder.store(DOUBLE(nan), builder.gep(outer.args[2], [_INDEX(i)]))
+    builder.ret_void()
+    return module
+
+
+def _keep_entries(module: Any) -> None:
+    """Drop everything that the two entries do not need, and make the rest invisible for other modules."""
+    for thing in (*module.functions, *module.global_variables):
+        if not thing.is_declaration and thing.name not in SYMBOLS.values():
+            thing.linkage = "internal"
+    run_passes(module, "global_dead_code_eliminate")
+    module.verify()
+
+
+def _check_symbols(module: Any) -> None:
+    """Refuse what is found at no address when a kernel is loaded: a call of it would crash the process."""
+    for thing in (*module.functions, *module.global_variables):
+        if not thing.is_declaration or thing.name.startswith("llvm."):
+            continue
+        if thing.name.startswith(_RECURSION):
+            raise NumbaFunctionError("V or grad_V calls a function that calls itself: write it as a loop")
+        if binding.address_of_symbol(thing.name) is None:
+            raise NumbaFunctionError(f"V or grad_V calls {thing.name}, which has no address outside of numba")
+
+
+def _digest(text: str) -> str:
+    """Digest of code whose own names, which hold counters of a process, are replaced by their places."""
+    text = _DEBUG.sub("", _PICKLED.sub("", text))
+    outside = set(re.findall(r"^declare .*?" + _NAME.pattern, text, re.MULTILINE))
+    places: dict[str, str] = {}
+
+    def place(found: re.Match[str]) -> str:
+        name = found[1]
+        return found[0] if name in outside else places.setdefault(name, f"@{len(places)}")
+
+    return sha256(_NAME.sub(place, text).encode()).hexdigest()
+
+
+def called(formula: str, count: int, q: Sequence[LLVMValue], parameters: Sequence[LLVMValue]) -> list[LLVMValue]:
+    """Return the results of a call of one of :data:`SYMBOLS` in the function that is being built.
+
+    Parameters
+    ----------
+    formula : {"V", "grad_V"}
+        Name of the formula.
+    count : int
+        Number of results.
+    q, parameters : sequences of doubles
+        Coordinates (d) and parameters.
+    """
+    builder = q[0].builder
+    kind = ir.FunctionType(ir.VoidType(), [_POINTER] * 3)
+    function = builder.module.globals.get(SYMBOLS[formula]) or ir.Function(builder.module, kind, SYMBOLS[formula])
+    arrays = [_array(builder, max(1, n)) for n in (len(q), len(parameters), count)]
+    for array, values in zip(arrays, (q, parameters), strict=False):
+        for i, x in enumerate(values):
+            builder.store(x.value, builder.gep(array, [_INDEX(i)]))
+    builder.call(function, arrays)
+    return [LLVMValue(builder, builder.load(builder.gep(arrays[2], [_INDEX(i)]))) for i in range(count)]
+
+
+def _array(builder: ir.IRBuilder, count: int) -> ir.Value:
+    """Doubles on the stack; they belong to the function, not to one of its loops."""
+    with builder.goto_entry_block():
+        return builder.alloca(DOUBLE, _INDEX(count))

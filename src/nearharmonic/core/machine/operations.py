@@ -1,0 +1,208 @@
+"""Operations on reals and points in LLVM's language, for a number of coordinates and of lanes.
+
+Compiled loops (:mod:`nearharmonic.core.machine.reals`) call them by names that tell their operands, as in
+``nearharmonic.fma.RPP``: R is a real, P a point, D a double that is the same in every lane, C the parameters, I a whole
+number, A an array of doubles; of results, B is a truth value and V is none. An operation is one instruction a
+coordinate, rounded once, whatever the number of lanes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from llvmlite import ir
+
+from nearharmonic.core.layout import Signature
+
+PREFIX = "nearharmonic."
+DOUBLE, INDEX, TRUTH = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
+#: Address spaces of pointers that stand for a real, a point and the parameters until loops are linked. As there is
+#: nothing behind such pointers, LLVM leaves them as they are.
+PLACEHOLDERS = {"R": 1001, "P": 1002, "C": 1003}
+#: Numbers of a :class:`nearharmonic.core.layout.Signature`.
+SCALARS: dict[str, ir.Type] = {"int64": INDEX, "float64": DOUBLE, "bool": ir.IntType(8)}
+
+
+def argument_types(signature: Signature) -> list[ir.Type]:
+    """Types of a C function's arguments: numbers, and arrays as the address of the first number and the lengths."""
+    found: list[ir.Type] = []
+    for argument in signature.arguments:
+        kind = SCALARS[argument.scalar]
+        found += [kind.as_pointer(), *[INDEX] * argument.dimensions] if argument.dimensions else [kind]
+    return found
+
+
+def result_type(signature: Signature) -> ir.Type:
+    """Type of a C function's result."""
+    return SCALARS[signature.result] if signature.result else ir.VoidType()
+
+
+def _called(name: str) -> Callable[..., ir.Value]:
+    """An intrinsic function of LLVM."""
+
+    def emit(builder: ir.IRBuilder, *values: ir.Value) -> ir.Value:
+        kind, module = values[0].type, builder.module
+        symbol = f"llvm.{name}.v{kind.count}f64" if isinstance(kind, ir.VectorType) else f"llvm.{name}.f64"
+        known = module.globals.get(symbol) or ir.Function(module, ir.FunctionType(kind, [kind] * len(values)), symbol)
+        return builder.call(known, values)
+
+    return emit
+
+
+def _zero(kind: ir.Type) -> ir.Constant:
+    return ir.Constant(kind, [0.0] * kind.count if isinstance(kind, ir.VectorType) else 0.0)
+
+
+def _where(relation: str) -> Callable[..., ir.Value]:
+    return lambda b, x, y, yes, no: b.select(b.fcmp_ordered(relation, x, y), yes, no)
+
+
+#: Operations on one coordinate.
+ELEMENTWISE: dict[str, Callable[..., ir.Value]] = {
+    "add": lambda b, x, y: b.fadd(x, y),
+    "sub": lambda b, x, y: b.fsub(x, y),
+    "mul": lambda b, x, y: b.fmul(x, y),
+    "neg": lambda b, x: b.fneg(x),
+    "fma": _called("fma"),
+    "absolute": _called("fabs"),
+    "larger": lambda b, x, y: _where(">")(b, x, y, x, y),
+    "where_greater": _where(">"),
+    "where_zero": lambda b, x, yes, no: _where("==")(b, x, _zero(x.type), yes, no),
+}
+#: Truth values of a real and another, for one lane; of all lanes together.
+ALL: dict[str, Callable[..., ir.Value]] = {
+    "all_within": lambda b, x, y: b.not_(b.fcmp_unordered(">", x, y)),
+    "all_greater": lambda b, x, y: b.fcmp_ordered(">", x, y),
+    "all_zero": lambda b, x: b.fcmp_ordered("==", x, _zero(x.type)),
+}
+
+
+@dataclass(frozen=True)
+class Kinds:
+    """Types of LLVM by their letters."""
+
+    dimension: int
+    parameters: int
+    lanes: int
+    block: int = 0  # coordinates that are side by side in memory, of which a point is so many; 0 for all, one by one
+
+    @property
+    def real(self) -> ir.Type:
+        return DOUBLE if self.lanes == 1 else ir.VectorType(DOUBLE, self.lanes)
+
+    def of(self, letter: str) -> ir.Type:
+        """The type of a letter."""
+        if letter == "P" and self.block:
+            return ir.LiteralStructType([ir.VectorType(DOUBLE, self.block)])
+        points = {"P": self.dimension, "C": self.parameters, "R": 1}
+        if letter in points:
+            return ir.LiteralStructType([self.real] * points[letter])
+        return {"D": DOUBLE, "I": INDEX, "A": DOUBLE.as_pointer(), "B": TRUTH, "V": ir.VoidType()}[letter]
+
+
+def define(module: ir.Module, symbol: str, kinds: Kinds, result: str) -> None:
+    """Write the operation of this name into a module."""
+    _, name, letters = symbol.split(".")
+    function = declare(module, symbol, [kinds.of(letter) for letter in letters], kinds.of(result))
+    builder = ir.IRBuilder(function.append_basic_block())
+    values = dict(enumerate(function.args))
+    if name in ELEMENTWISE:
+        kind = kinds.of(result)
+        columns = [_coordinates(builder, x, kind) for x in function.args]
+        builder.ret(packed(builder, [ELEMENTWISE[name](builder, *c) for c in zip(*columns, strict=True)], kind))
+    elif name in ALL:
+        found = ALL[name](builder, *(builder.extract_value(x, 0) for x in function.args))
+        if kinds.lanes > 1:
+            bits = builder.bitcast(found, ir.IntType(kinds.lanes))
+            found = builder.icmp_unsigned("==", bits, ir.Constant(bits.type, (1 << kinds.lanes) - 1))
+        builder.ret(found)
+    elif name == "largest_modulus":
+        found = _zero(kinds.real)
+        for x in _coordinates(builder, function.args[0], kinds.of("P")):
+            found = ELEMENTWISE["larger"](builder, ELEMENTWISE["absolute"](builder, x), found)
+        builder.ret(packed(builder, [found], kinds.of("R")))
+    elif name.startswith("load"):
+        write_load(builder, values[0], values[1], kinds, kinds.of(result))
+    elif name.startswith("store"):
+        _write_store(builder, values[0], values[1], values[2], kinds, rest=name == "store_rest")
+
+
+def declare(module: ir.Module, symbol: str, kinds: Sequence[ir.Type], result: ir.Type) -> ir.Function:
+    """Return a new function that is always made part of its caller."""
+    function = ir.Function(module, ir.FunctionType(result, kinds), symbol)
+    function.attributes.add("alwaysinline")
+    function.attributes.add("nounwind")
+    return function
+
+
+def _coordinates(builder: ir.IRBuilder, value: ir.Value, kind: ir.Type) -> list[ir.Value]:
+    """The coordinates of a value, or one number as often as a value of ``kind`` has them."""
+    numbers = (
+        [value] if value.type == DOUBLE else [builder.extract_value(value, i) for i in range(len(value.type.elements))]
+    )
+    element = kind.elements[0]
+    found = [x if x.type == element else _in_every_lane(builder, x, element) for x in numbers]
+    return found * len(kind.elements) if len(found) == 1 else found
+
+
+def _in_every_lane(builder: ir.IRBuilder, double: ir.Value, vector: ir.Type) -> ir.Value:
+    index = ir.IntType(32)
+    first = builder.insert_element(ir.Constant(vector, ir.Undefined), double, index(0))
+    return builder.shuffle_vector(
+        first, ir.Constant(vector, ir.Undefined), ir.Constant(ir.VectorType(index, vector.count), [0] * vector.count)
+    )
+
+
+def packed(builder: ir.IRBuilder, numbers: Any, kind: ir.Type) -> ir.Value:
+    """A number, or nested sequences of numbers, as a value of this type."""
+    if isinstance(numbers, ir.Value):
+        return numbers
+    value = ir.Constant(kind, ir.Undefined)
+    members = [kind.element] * kind.count if isinstance(kind, ir.ArrayType) else kind.elements
+    for i, (number, member) in enumerate(zip(numbers, members, strict=True)):
+        value = builder.insert_value(value, packed(builder, number, member), i)
+    return value
+
+
+def _place(
+    builder: ir.IRBuilder, array: ir.Value, row: ir.Value, behind: int, kinds: Kinds, element: ir.Type
+) -> ir.Value:
+    first = builder.mul(builder.add(row, INDEX(behind)), INDEX(kinds.lanes))
+    return builder.bitcast(builder.gep(array, [first]), element.as_pointer())
+
+
+def write_load(
+    builder: ir.IRBuilder,
+    array: ir.Value,
+    row: ir.Value,
+    kinds: Kinds,
+    kind: ir.Type,
+    rows: Sequence[int] | None = None,
+) -> None:
+    """Return the numbers in the rows from ``row`` on, or in ``rows`` counted from there."""
+    found = []
+    for behind, element in zip(range(len(kind.elements)) if rows is None else rows, kind.elements, strict=True):
+        found.append(builder.load(_place(builder, array, row, behind, kinds, element)))
+        found[-1].align = 8
+    builder.ret(packed(builder, found, kind))
+
+
+def _write_store(
+    builder: ir.IRBuilder, array: ir.Value, row: ir.Value, value: ir.Value, kinds: Kinds, *, rest: bool
+) -> None:
+    """Replace rows by a value, or by the coordinates that whole blocks leave over."""
+    numbers = [builder.extract_value(value, i) for i in range(len(value.type.elements))]
+    if rest:
+        numbers = [builder.extract_element(numbers[0], ir.IntType(32)(i)) for i in range(kinds.dimension % kinds.block)]
+    for i, x in enumerate(numbers):
+        builder.store(x, _place(builder, array, row, i, kinds, x.type)).align = 8
+    builder.ret_void()
+
+
+def write_numbers(module: ir.Module, numbers: Mapping[str, int]) -> None:
+    """Write functions that return whole numbers."""
+    for name, number in numbers.items():
+        function = declare(module, f"{PREFIX}{name}", [], INDEX)
+        ir.IRBuilder(function.append_basic_block()).ret(INDEX(int(number)))

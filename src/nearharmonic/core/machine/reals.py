@@ -1,0 +1,255 @@
+"""Types of numba for the core: reals, one or one a lane, and points, as many of them as there are coordinates.
+
+What numba compiles knows neither how many coordinates nor how many lanes there are, nor the system: an operation on
+reals and points calls a function (:mod:`nearharmonic.core.machine.operations`), and so does a formula of a system. The
+functions are linked to the compiled loops, and made part of them, for a system and a number of lanes.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable
+from typing import Any
+
+import numba
+from llvmlite import binding, ir
+from numba.core import cgutils
+from numba.core import types as numba_types
+from numba.extending import intrinsic, lower_builtin, models, overload, register_jitable, register_model, type_callable
+
+from nearharmonic.core import arithmetic
+from nearharmonic.core.layout import Signature
+from nearharmonic.core.machine.operations import PLACEHOLDERS, PREFIX, TRUTH, argument_types, result_type
+
+types: Any = numba_types
+#: Numbers of a :class:`nearharmonic.core.layout.Signature`.
+SCALARS = {"int64": types.int64, "float64": types.float64, "bool": types.boolean}
+
+
+def compiled(function: Callable[..., Any]) -> Any:
+    """A function of the core, to be called by others; it allocates nothing and raises nothing."""
+    flags = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return numba.njit(error_model="numpy", nogil=True, boundscheck=False, **flags)(function)
+
+
+class Numbers(numba_types.Type):
+    """A real, a point, or the parameters of a system."""
+
+    def __init__(self, letter: str) -> None:
+        self.letter = letter
+        super().__init__(name=f"Numbers({letter})")
+
+
+REAL, POINT, PARAMETERS = (Numbers(letter) for letter in "RPC")
+LETTERS = {REAL: "R", POINT: "P", PARAMETERS: "C", types.float64: "D", types.int64: "I"}
+
+
+@register_model(Numbers)
+class _Model(models.PrimitiveModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, kind: Numbers) -> None:
+        super().__init__(manager, kind, ir.IntType(8).as_pointer(PLACEHOLDERS[kind.letter]))
+
+
+def _call(context: Any, builder: Any, name: str, result: Any, values: Any) -> Any:
+    symbol, nothing = PREFIX + name, result == types.void
+    binding.add_symbol(symbol, 1)  # numba makes machine code of it at once, which nobody calls
+    returned = ir.VoidType() if nothing else context.get_value_type(result)
+    kind = ir.FunctionType(returned, [value.type for value in values])
+    found = builder.call(cgutils.get_or_insert_function(builder.module, kind, symbol), values)
+    return context.get_dummy_value() if nothing else found
+
+
+def _letter(kind: Any) -> str:
+    return LETTERS.get(kind, "A")
+
+
+def _operation(name: str) -> Any:
+    """Code that calls an operation."""
+
+    def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        letters = "".join(map(_letter, signature.args))
+        return _call(context, builder, f"{name}.{letters}", signature.return_type, values)
+
+    return codegen
+
+
+def _common(*kinds: Any) -> Any:
+    """The type of an operation's result, a point if there is one among its operands; None if there is no real."""
+    if not all(kind in (REAL, POINT, types.float64) for kind in kinds):
+        return None
+    return POINT if POINT in kinds else REAL if REAL in kinds else None
+
+
+def _common_of_two(a: Any, b: Any) -> Any:
+    return _common(a, b)
+
+
+def _common_of_one(x: Any) -> Any:
+    return _common(x)
+
+
+for _name, _operator in (("add", operator.add), ("sub", operator.sub), ("mul", operator.mul)):
+
+    @type_callable(_operator)
+    def _typed(context):  # type: ignore[no-untyped-def]
+        return _common_of_two
+
+    for _left, _right in ((Numbers, Numbers), (Numbers, types.Float), (types.Float, Numbers)):
+        lower_builtin(_operator, _left, _right)(_operation(_name))
+
+
+@type_callable(operator.neg)
+def _typed_negative(context):  # type: ignore[no-untyped-def]
+    return _common_of_one
+
+
+lower_builtin(operator.neg, Numbers)(_operation("neg"))
+
+
+@intrinsic
+def _fma(typing, x, y, z):  # type: ignore[no-untyped-def]
+    kind = _common(x, y, z)
+    if kind is None:
+        return types.float64(x, y, z), lambda context, builder, signature, values: builder.fma(*values)
+    return kind(x, y, z), _operation("fma")
+
+
+@overload(arithmetic.fma)
+def _fma_of_reals(x, y, z):  # type: ignore[no-untyped-def]
+    return lambda x, y, z: _fma(x, y, z)  # noqa: PLW0108 (its names count)
+
+
+for _transform in (
+    arithmetic.quick_two_sum, arithmetic.two_sum, arithmetic.two_product, arithmetic.dd_add, arithmetic.dd_mul,
+    arithmetic.dd_add_double,
+):  # fmt: skip
+    register_jitable(_transform)
+
+
+@intrinsic
+def absolute(typing, x):  # type: ignore[no-untyped-def]
+    """|x|."""
+    return x(x), _operation("absolute")
+
+
+@intrinsic
+def larger(typing, x, y):  # type: ignore[no-untyped-def]
+    """x where x > y, else y: a NaN in x is dropped."""
+    return _common(x, y)(x, y), _operation("larger")
+
+
+@intrinsic
+def where_greater(typing, x, y, yes, no):  # type: ignore[no-untyped-def]
+    """``yes`` in the lanes where x > y, else ``no``."""
+    return _common(yes, no)(x, y, yes, no), _operation("where_greater")
+
+
+@intrinsic
+def where_zero(typing, x, yes, no):  # type: ignore[no-untyped-def]
+    """``yes`` in the lanes where x = 0, else ``no``."""
+    return _common(yes, no)(x, yes, no), _operation("where_zero")
+
+
+@intrinsic
+def all_within(typing, x, bound):  # type: ignore[no-untyped-def]
+    """True if x <= bound in every lane; a NaN is not."""
+    return types.boolean(x, bound), _operation("all_within")
+
+
+@intrinsic
+def all_greater(typing, x, bound):  # type: ignore[no-untyped-def]
+    """True if x > bound in every lane."""
+    return types.boolean(x, bound), _operation("all_greater")
+
+
+@intrinsic
+def all_zero(typing, x):  # type: ignore[no-untyped-def]
+    """True if x = 0 in every lane."""
+    return types.boolean(x), _operation("all_zero")
+
+
+@intrinsic
+def largest_modulus(typing, point):  # type: ignore[no-untyped-def]
+    """The largest |x| of the coordinates, in each lane."""
+    return REAL(point), _operation("largest_modulus")
+
+
+@intrinsic
+def zero_like(typing, value):  # type: ignore[no-untyped-def]
+    """0, or a tuple of zeros, of the type of ``value``."""
+    codegen = lambda context, builder, signature, values: context.get_constant_null(signature.return_type)  # noqa: E731
+    return value(value), codegen
+
+
+def _loader(kind: Numbers) -> Any:
+    @intrinsic
+    def load(typing, array, row):  # type: ignore[no-untyped-def]
+        return kind(array, types.int64), _operation(f"load{kind.letter}")
+
+    return load
+
+
+#: ``load_...(array, row)``: the numbers in the rows from this one on.
+load_real, load_point, load_parameters = map(_loader, (REAL, POINT, PARAMETERS))
+
+
+@intrinsic
+def store(typing, array, row, value):  # type: ignore[no-untyped-def]
+    """Replace the rows from ``row`` on by a value."""
+    return types.void(array, types.int64, value), _operation("store")
+
+
+@intrinsic
+def store_rest(typing, array, row, value):  # type: ignore[no-untyped-def]
+    """The same by the coordinates that whole blocks of them leave over."""
+    return types.void(array, types.int64, value), _operation("store_rest")
+
+
+def _star(given: Any) -> Any:
+    """Types of the arguments of an intrinsic function that takes any number of them."""
+    return given[0] if len(given) == 1 and isinstance(given[0], tuple) else given
+
+
+def linked(name: str, result: Any) -> Any:
+    """Return a function that is linked later, with this result: a formula of a system, or what depends on its shape."""
+
+    @intrinsic
+    def call(typing, *given):  # type: ignore[no-untyped-def]
+        arguments = _star(given)
+
+        def codegen(context, builder, signature, values):  # type: ignore[no-untyped-def]
+            passed = [builder.extract_value(values[0], i) for i in range(len(signature.args[0]))]
+            return _call(context, builder, name, result, passed)
+
+        return result(types.StarArgTuple(arguments)), codegen
+
+    return call
+
+
+def linked_number(name: str) -> Any:
+    """Return a function without arguments that is linked later: a whole number."""
+
+    @intrinsic
+    def call(typing):  # type: ignore[no-untyped-def]
+        return types.int64(), lambda context, builder, signature, values: _call(context, builder, name, types.int64, [])
+
+    return call
+
+
+def at_address(signature: Signature) -> Any:
+    """Return ``call(address, ...)``, a call of the C function at an address; behind an array stand its lengths."""
+    kinds = argument_types(signature)
+    pointer = ir.FunctionType(result_type(signature), kinds).as_pointer()
+
+    @intrinsic
+    def call(typing, *given):  # type: ignore[no-untyped-def]
+        def codegen(context, builder, signed, values):  # type: ignore[no-untyped-def]
+            address, *passed = (builder.extract_value(values[0], i) for i in range(1 + len(kinds)))
+            passed = [builder.zext(x, kind) if x.type == TRUTH else x for x, kind in zip(passed, kinds, strict=True)]
+            found = builder.call(builder.inttoptr(address, pointer), passed)
+            return found if signature.result else context.get_dummy_value()
+
+        result = SCALARS[signature.result] if signature.result else types.void
+        return result(types.StarArgTuple(_star(given))), codegen
+
+    return call
