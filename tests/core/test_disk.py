@@ -71,7 +71,7 @@ FUZZ = """
 import pickle, sys
 from pathlib import Path
 import numpy as np
-from nearharmonic.core import native
+from nearharmonic.core.machine import native
 signature, code, place = pickle.loads(Path(sys.argv[1]).read_bytes())
 good = place.read_bytes()
 header = good.index(code[1])
@@ -104,7 +104,7 @@ LOAD = """
 import pickle, sys
 from pathlib import Path
 import numpy as np
-from nearharmonic.core import native
+from nearharmonic.core.machine import native
 signature, code = pickle.loads(Path(sys.argv[1]).read_bytes())
 print(native.native("dot", signature, lambda: code)(0.5, np.array([1.0, 2.0]), np.array([3.0, 4.0])))
 """
