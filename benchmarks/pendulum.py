@@ -16,8 +16,8 @@ from fractions import Fraction
 import numpy as np
 
 import nearharmonic as nh
-from nearharmonic.engine.coefficients import lane_rows, lanes_of, moves, parameter_row, start_row
-from nearharmonic.engine.kernels import kernel_of
+from nearharmonic.engine.batch.kernels import kernel_of
+from nearharmonic.engine.numbers.coefficients import lane_rows, lanes_of, moves, parameter_row, start_row
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.experiments.work_precision.peers.heyoka import TOLERANCES, heyoka_taylor
 from nearharmonic.math import cos, sin

@@ -11,7 +11,7 @@ import numba
 import numpy as np
 
 import nearharmonic as nh
-from nearharmonic.engine.clock import Patience, interleaved, pinned
+from nearharmonic.numerics.clock import Patience, interleaved, pinned
 
 CHAIN = str(Path(__file__).parents[1] / "examples/fput_recurrence.py")
 #: Step size, and steps of a call.

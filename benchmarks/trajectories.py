@@ -14,9 +14,9 @@ from itertools import pairwise
 import numpy as np
 
 import nearharmonic as nh
-from nearharmonic.engine.coefficients import lane_rows, lanes_of, moves, parameter_row, start_row
-from nearharmonic.engine.kernels import kernel_of
-from nearharmonic.engine.lanes import most_lanes
+from nearharmonic.engine.batch.kernels import kernel_of
+from nearharmonic.engine.batch.lanes import most_lanes
+from nearharmonic.engine.numbers.coefficients import lane_rows, lanes_of, moves, parameter_row, start_row
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.math import sqrt
 

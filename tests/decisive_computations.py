@@ -9,10 +9,7 @@ import math
 import numpy as np
 import xarray as xr
 
-from nearharmonic.engine.invariants import observable_values
-from nearharmonic.engine.portable import log10, norms
-from nearharmonic.engine.quasi_random import quasi_random
-from nearharmonic.engine.statistics import line_fit, linear_trend, observed_order, power_law, trend_linearity
+from nearharmonic.engine.runs.invariants import observable_values
 from nearharmonic.experiments.exact_oscillator.reductions import crossings
 from nearharmonic.experiments.exact_oscillator.settings import ExactOscillatorSettings
 from nearharmonic.experiments.exact_oscillator.surfaces import starts_on
@@ -23,6 +20,9 @@ from nearharmonic.experiments.trained.problems.named_systems import NAMED, named
 from nearharmonic.experiments.trained.problems.orbits import orbit_ensemble
 from nearharmonic.experiments.trained.problems.random_potentials import random_ensemble
 from nearharmonic.experiments.trained.proof.reductions import gains
+from nearharmonic.numerics.portable import log10, norms
+from nearharmonic.numerics.quasi_random import quasi_random
+from nearharmonic.numerics.statistics import line_fit, linear_trend, observed_order, power_law, trend_linearity
 from nearharmonic.systems import systems
 
 COUNT = 2000

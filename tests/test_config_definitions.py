@@ -184,7 +184,7 @@ def test_the_digest_of_a_task_covers_the_file_and_those_beside_it_and_no_comment
 
 def test_a_job_refuses_a_file_that_has_changed_since_it_was_planned(folder):
     load(CONFIG)
-    planned = task("engine.trajectory:warm_up", system="mine")
+    planned = task("engine.runs.trajectory:warm_up", system="mine")
     with nh.systems.defining({}), covered(planned):
         assert nh.systems["mine"].label == "quartic well"
         with refused("system 'sho' is looked up, but no digest of the task covers it"):
@@ -197,7 +197,7 @@ def test_a_job_refuses_a_file_that_has_changed_since_it_was_planned(folder):
 
 def test_settings_tell_what_a_config_defines_and_make_it_again():
     load(changed(q0=["3", "0"]))
-    told = json.loads(settings_text(task("engine.trajectory:warm_up", system="mine", integrator="five_leapfrogs")))
+    told = json.loads(settings_text(task("engine.runs.trajectory:warm_up", system="mine", integrator="five_leapfrogs")))
     with nh.systems.defining({}), nh.integrators.defining({}), defined(read_definitions(told["definitions"])):
         assert nh.systems["mine"].q0 == ("3", "0")
         assert nh.integrators["five_leapfrogs"].stages == 5

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 from nearharmonic.errors import NearharmonicError
 
 if TYPE_CHECKING:
-    from nearharmonic.engine.ensemble import ensemble as ensemble
-    from nearharmonic.engine.problem import problem as problem
+    from nearharmonic.engine.runs.ensemble import ensemble as ensemble
+    from nearharmonic.engine.runs.problem import problem as problem
+    from nearharmonic.engine.runs.trajectory import integrate as integrate
+    from nearharmonic.engine.runs.trajectory import sweep as sweep
     from nearharmonic.engine.stepper import stepper as stepper
-    from nearharmonic.engine.trajectory import integrate as integrate
-    from nearharmonic.engine.trajectory import sweep as sweep
     from nearharmonic.experiments.paper.figures.plot import plot as plot
     from nearharmonic.experiments.work_precision.recommend.dataset import recommend as recommend
     from nearharmonic.integrators import integrators as integrators
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from nearharmonic.integrators.tableau import palindrome as palindrome
     from nearharmonic.modified_integrators import modified_integrators as modified_integrators
     from nearharmonic.systems import systems as systems
-    from nearharmonic.systems.quantities import Observable as Observable
-    from nearharmonic.systems.quantities import Parameter as Parameter
-    from nearharmonic.systems.system import System as System
+    from nearharmonic.systems.definition.quantities import Observable as Observable
+    from nearharmonic.systems.definition.quantities import Parameter as Parameter
+    from nearharmonic.systems.definition.system import System as System
     from nearharmonic.theory.linear_stability import stability_limit as stability_limit
     from nearharmonic.theory.order import order_of as order_of
     from nearharmonic.theory.oscillator import kappa as kappa
@@ -38,23 +38,23 @@ __version__ = "0.1.0"
 #: Where the names are that are loaded when they are first asked for: numpy takes longer than a command that needs none.
 _MODULES = {
     "ModifiedTableau": "integrators.modified_tableau",
-    "Observable": "systems.quantities",
-    "Parameter": "systems.quantities",
-    "System": "systems.system",
+    "Observable": "systems.definition.quantities",
+    "Parameter": "systems.definition.quantities",
+    "System": "systems.definition.system",
     "Tableau": "integrators.tableau",
-    "ensemble": "engine.ensemble",
-    "integrate": "engine.trajectory",
+    "ensemble": "engine.runs.ensemble",
+    "integrate": "engine.runs.trajectory",
     "integrators": "integrators",
     "kappa": "theory.oscillator",
     "modified_integrators": "modified_integrators",
     "order_of": "theory.order",
     "palindrome": "integrators.tableau",
-    "problem": "engine.problem",
+    "problem": "engine.runs.problem",
     "plot": "experiments.paper.figures.plot",
     "recommend": "experiments.work_precision.recommend.dataset",
     "stability_limit": "theory.linear_stability",
     "stepper": "engine.stepper",
-    "sweep": "engine.trajectory",
+    "sweep": "engine.runs.trajectory",
     "systems": "systems",
     "tailor": "training.tailor.tailoring",
 }

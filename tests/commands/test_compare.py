@@ -15,7 +15,7 @@ import yaml
 import result_folder
 from nearharmonic.cli import main
 from nearharmonic.config import load
-from nearharmonic.engine.description import STATUSES
+from nearharmonic.engine.runs.description import STATUSES
 from nearharmonic.output import store
 from result_folder import CLAIMS, VERSIONS, config, edited, history_line, write_claims, write_history, write_manifest
 

@@ -15,7 +15,7 @@ import nearharmonic as nh
 from multiprecision import Multiprecision, value_of
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.systems import Parameter, System
-from nearharmonic.systems.gradients import check_gradients
+from nearharmonic.systems.formulas.gradients import check_gradients
 from oracles import kepler_state
 
 #: A point off every axis, away from the start, so that no term of a gradient vanishes by symmetry.

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.coefficients import start_row
+from nearharmonic.engine.batch.batch import integrate_batch
+from nearharmonic.engine.numbers.coefficients import start_row
 from nearharmonic.engine.settings import Numerics
 
 #: Precision and summation -> widths: lanes of one register, and of several.

@@ -13,7 +13,7 @@ import pytest
 import nearharmonic.math as functions
 from function_arguments import arguments, compiled, evaluated, in_double, in_extended, same_bits
 from nearharmonic.core.formulas.number import FUNCTIONS, PI, Constant, FormulaError
-from nearharmonic.systems.gradients import Multiprecision
+from nearharmonic.systems.formulas.gradients import Multiprecision
 from random_formulas import mpmaths
 
 NAMES = sorted(FUNCTIONS)

@@ -20,8 +20,8 @@ from nearharmonic.core.formulas.expression import size
 from nearharmonic.core.formulas.number import FUNCTIONS
 from nearharmonic.core.formulas.rules import Rules
 from nearharmonic.core.machine import link, native
-from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.kernels import kernel_of, physics_of
+from nearharmonic.engine.batch.batch import integrate_batch
+from nearharmonic.engine.batch.kernels import kernel_of, physics_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.math import sqrt
 

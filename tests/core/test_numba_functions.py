@@ -16,7 +16,7 @@ import nearharmonic as nh
 from nearharmonic.core.formulas.emission import module_of
 from nearharmonic.core.formulas.rules import Rules
 from nearharmonic.core.machine.numba_functions import NumbaFunctionError, compiled_code
-from nearharmonic.engine.kernels import formulas_digest, physics_of
+from nearharmonic.engine.batch.kernels import formulas_digest, physics_of
 from numba_potentials import walled
 
 #: In another order and with other counters, behind a loop that numba did not optimise.
@@ -30,7 +30,7 @@ V, grad_V = numba_potentials.walled([1.0, 2.0, 3.0])
 V((0.5,))
 V, grad_V = numba_potentials.walled([0.5, 0.1, 0.25])
 grad_V((1.0,))
-from nearharmonic.engine.kernels import formulas_digest
+from nearharmonic.engine.batch.kernels import formulas_digest
 system = nh.System(name="other name", V=V, grad_V=grad_V, q0=1, p0=0, t_end=20)
 print(formulas_digest(system), nh.integrate(system, "ruth", 0.01).q.values[-1, 0].hex())
 """

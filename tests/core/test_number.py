@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from nearharmonic.core import arithmetic
 from nearharmonic.core.formulas.number import Constant, Number, constant
-from nearharmonic.systems.gradients import Multiprecision
+from nearharmonic.systems.formulas.gradients import Multiprecision
 
 
 @pytest.mark.parametrize(

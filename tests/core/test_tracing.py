@@ -12,8 +12,8 @@ from nearharmonic.core import arithmetic
 from nearharmonic.core.formulas.number import Constant
 from nearharmonic.core.formulas.tracing import Double, DoubleDouble
 from nearharmonic.systems import System
-from nearharmonic.systems.gradients import Multiprecision
-from nearharmonic.systems.source import velocity
+from nearharmonic.systems.formulas.gradients import Multiprecision
+from nearharmonic.systems.formulas.source import velocity
 from random_formulas import EVERY, EXACT, LITERALS, NONE, OPERATIONS, TENTH, THREE, randomly, trees, truth, written
 
 U = mpf(2) ** -53

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.engine.batch import integrate_batch, sample_marks
-from nearharmonic.engine.coefficients import moves
-from nearharmonic.engine.kernels import kernel_of
+from nearharmonic.engine.batch.batch import integrate_batch, sample_marks
+from nearharmonic.engine.batch.kernels import kernel_of
+from nearharmonic.engine.numbers.coefficients import moves
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import SettingError
 

@@ -7,7 +7,7 @@ from math import inf, isnan
 
 import pytest
 
-from nearharmonic.engine.clock import Patience, interleaved, pinned, processor, summary
+from nearharmonic.numerics.clock import Patience, interleaved, pinned, processor, summary
 
 
 def test_repeats_take_turns():

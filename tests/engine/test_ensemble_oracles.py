@@ -11,7 +11,7 @@ import pytest
 from mpmath import mp, mpf
 
 import nearharmonic as nh
-from nearharmonic.engine import ensemble as ensembles
+from nearharmonic.engine.runs import ensemble as ensembles
 from nearharmonic.math import cos
 
 

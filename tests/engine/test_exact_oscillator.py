@@ -14,11 +14,11 @@ from mpmath import cos, log, mpf, sin, sqrt, workdps
 import nearharmonic as nh
 from nearharmonic.core.formulas.number import Constant
 from nearharmonic.core.machine import native
-from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.kernels import kernel_of
+from nearharmonic.engine.batch.batch import integrate_batch
+from nearharmonic.engine.batch.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import NearharmonicError, SettingError, SystemDefinitionError
-from nearharmonic.systems.oscillator import remainder_formulas
+from nearharmonic.systems.formulas.oscillator import remainder_formulas
 from oscillator_steps import CHAIN, QUARTIC, Oscillators, henon_heiles
 
 EXACT = {"split": "exact_oscillator"}

@@ -12,11 +12,11 @@ from mpmath import mp, mpf
 import nearharmonic as nh
 from multiprecision import energy_errors, trajectory
 from nearharmonic.core.formulas.number import FUNCTIONS, Constant
-from nearharmonic.engine.batch import integrate_batch
+from nearharmonic.engine.batch.batch import integrate_batch
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.math import atan2, cbrt, cos, cosh, erf, exp, hypot, log, pi, pow, sin, sinh, sqrt, tan, tanh
 from nearharmonic.systems import System
-from nearharmonic.systems.source import velocity, velocity_text
+from nearharmonic.systems.formulas.source import velocity, velocity_text
 
 #: A fraction, because mpmath's numbers take a float for its binary value.
 A = Fraction(7, 10)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.engine.invariants import invariant_values, invariant_variables, observable_values
+from nearharmonic.engine.runs.invariants import invariant_values, invariant_variables, observable_values
 from nearharmonic.errors import SystemDefinitionError
 from own_systems import spring
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.engine.kernels import kernel_of
+from nearharmonic.engine.batch.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import NearharmonicError, SettingError, SystemDefinitionError
 from numba_potentials import polynomial, spring, spring_force, springs, walled

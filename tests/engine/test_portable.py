@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nearharmonic.engine.geometric import decades, geometric
-from nearharmonic.engine.portable import dot, eigen, log10, nearest_power_of_two, norms, product, total
+from nearharmonic.numerics.geometric import decades, geometric
+from nearharmonic.numerics.portable import dot, eigen, log10, nearest_power_of_two, norms, product, total
 
 #: A double of 1 is off by half of this at most.
 EPS = 2.0**-52

@@ -17,8 +17,8 @@ import pytest
 from psutil import Process
 
 import nearharmonic as nh
-from nearharmonic.engine import ensemble as module
-from nearharmonic.engine.lanes import lanes_for, most_lanes
+from nearharmonic.engine.batch.lanes import lanes_for, most_lanes
+from nearharmonic.engine.runs import ensemble as module
 from nearharmonic.errors import NearharmonicError
 
 STARTS = np.random.default_rng(5).uniform(-0.3, 0.3, (21, 4))
@@ -120,7 +120,7 @@ def test_bits_do_not_depend_on_threads_blocks_or_width(monkeypatch):
     expected = nh.ensemble("henon_heiles", "ruth", 0.1, **given)
     at_times = nh.ensemble("henon_heiles", "ruth", 0.1, t=[2.25, 50, 100], **given)
     monkeypatch.setattr(module, "BLOCK", 32)
-    monkeypatch.setattr("nearharmonic.engine.execution.SHORT", 0)
+    monkeypatch.setattr("nearharmonic.engine.batch.execution.SHORT", 0)
     for threads in (1, 2, 5):
         assert nh.ensemble("henon_heiles", "ruth", 0.1, threads=threads, **given).identical(expected)
         found = nh.ensemble("henon_heiles", "ruth", 0.1, threads=threads, t=[2.25, 50, 100], **given)

@@ -16,7 +16,7 @@ import nearharmonic as nh
 
 LONG = """
 import nearharmonic as nh
-from nearharmonic.engine import execution
+from nearharmonic.engine.batch import execution
 nh.sweep("sho", "ruth", [1.0])
 execution.LONG = 0.1
 nh.integrate("sho", "ruth", 1e-5, t_end=200)

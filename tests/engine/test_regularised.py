@@ -10,9 +10,9 @@ import pytest
 from mpmath import cos, matrix, mp, mpf, pi, sin, sqrt
 
 import nearharmonic as nh
-from nearharmonic.engine.regularised import landing_of, unperturbed
+from nearharmonic.engine.batch.regularised import landing_of, unperturbed
 from nearharmonic.errors import SettingError, SystemDefinitionError
-from nearharmonic.systems.regularisation import Regularisation, RegularisedFormulas
+from nearharmonic.systems.formulas.regularisation import Regularisation, RegularisedFormulas
 
 SYSTEM = nh.systems["kepler_regularised"]
 with mp.workdps(60):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.engine.kernels import kernel_of
+from nearharmonic.engine.batch.kernels import kernel_of
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.systems import Parameter
 from own_systems import spring

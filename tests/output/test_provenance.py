@@ -141,7 +141,7 @@ class Asked:
     taus: tuple[float, ...]
 
 
-WARM_UP = "engine.trajectory:warm_up"
+WARM_UP = "engine.runs.trajectory:warm_up"
 
 
 def test_a_task_covers_the_systems_and_methods_that_its_settings_name_at_any_depth():

@@ -15,7 +15,7 @@ from nearharmonic.core.formulas.number import Constant
 from nearharmonic.core.formulas.physics import Physics
 from nearharmonic.core.formulas.rules import Rules
 from nearharmonic.errors import SystemDefinitionError
-from nearharmonic.systems.source import velocity_text
+from nearharmonic.systems.formulas.source import velocity_text
 from own_systems import spring
 
 TWO = {"m": "1", "k": "4"}

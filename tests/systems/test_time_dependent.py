@@ -18,8 +18,8 @@ from nearharmonic.engine.grid import check_fit
 from nearharmonic.engine.reference import reference
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems import Parameter
-from nearharmonic.systems.gradients import check_gradients
-from nearharmonic.systems.source import velocity
+from nearharmonic.systems.formulas.gradients import check_gradients
+from nearharmonic.systems.formulas.source import velocity
 from own_systems import spring
 
 DRIVE = {"F": "0.5", "w": "0.7"}

@@ -10,7 +10,7 @@ from workflow_project import Project
 
 QUARTIC = '''"""Quartic oscillator, H = (p^2 + q^2)/2 + q^4/4."""
 
-from nearharmonic.systems.system import System
+from nearharmonic.systems.definition.system import System
 
 
 def V(q):

@@ -20,7 +20,7 @@ rule compile:
         compiler=1,  # of which the profile has one: the first system's kernel is half of the others'
     params:
         task=lambda wildcards: task(
-            "engine.trajectory:warm_up", system=wildcards.system, precisions=SWEEPS[wildcards.system].precision
+            "engine.runs.trajectory:warm_up", system=wildcards.system, precisions=SWEEPS[wildcards.system].precision
         ),
     script:
         "../scripts/task.py"

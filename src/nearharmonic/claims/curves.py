@@ -13,18 +13,16 @@ from math import sqrt
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from nearharmonic.claims.claim import Decision, Verdict
 from nearharmonic.claims.results import Results, Undecided, label, short
-from nearharmonic.engine.statistics import PLATEAU
+from nearharmonic.numerics.statistics import PLATEAU
+from nearharmonic.numerics.types import Bools, Floats
 from nearharmonic.output.dataset import double_runs
 
 if TYPE_CHECKING:
     import xarray as xr
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 #: A run whose energy is off by more than 1 % is no integration that anyone would keep.
 LOST = 0.01

@@ -13,10 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from nearharmonic.claims.claim import Decision, Verdict, combined
-from nearharmonic.claims.curves import FEWEST, LOST, Bools, Curves, Floats, Range
+from nearharmonic.claims.curves import FEWEST, LOST, Curves, Range
 from nearharmonic.claims.results import Undecided, label, short
-from nearharmonic.engine import portable
-from nearharmonic.engine.statistics import power_law
+from nearharmonic.numerics import portable
+from nearharmonic.numerics.statistics import power_law
+from nearharmonic.numerics.types import Bools, Floats
 
 #: Decades on either side of a step size over which its local slope is fitted: five step sizes, forty a decade.
 WINDOW = 0.05

@@ -9,11 +9,11 @@ from functools import cache
 from math import floor, log10
 from typing import TypeVar
 
-from nearharmonic.engine.geometric import decades
 from nearharmonic.engine.settings import MOST_STEPS, exact_decimal
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau
-from nearharmonic.systems.system import System
+from nearharmonic.numerics.geometric import decades
+from nearharmonic.systems.definition.system import System
 
 Item = TypeVar("Item")
 

@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nearharmonic.core.layout import ADVANCE, STEP
-from nearharmonic.engine.batch import parameters_at_run_time
-from nearharmonic.engine.coefficients import exact_products
-from nearharmonic.engine.continuation import start_of
-from nearharmonic.engine.kernels import kernel_of, physics_of
-from nearharmonic.engine.modified_moves import exact_moves, modified_moves
-from nearharmonic.engine.problem import Problem
+from nearharmonic.engine.batch.batch import parameters_at_run_time
+from nearharmonic.engine.batch.kernels import kernel_of, physics_of
+from nearharmonic.engine.numbers.coefficients import exact_products
+from nearharmonic.engine.numbers.modified_moves import exact_moves, modified_moves
+from nearharmonic.engine.runs.continuation import start_of
+from nearharmonic.engine.runs.problem import Problem
 from nearharmonic.engine.settings import KINETIC_POTENTIAL
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.modified_tableau import ModifiedTableau
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.systems.system import System
+from nearharmonic.systems.definition.system import System
 
 if TYPE_CHECKING:
     from nearharmonic.core.stepper.call import Step

@@ -1,11 +1,11 @@
-"""The Hamiltonian systems, one file each; ``systems["kepler"]`` is a :class:`~nearharmonic.systems.system.System`.
+"""The Hamiltonian systems, one file each; ``systems["kepler"]`` is a :class:`~nearharmonic.System`.
 
 This package is itself the mapping ``systems``: see :mod:`nearharmonic.registry`.
 """
 
 from nearharmonic.registry import Registry, make_registry
-from nearharmonic.systems.quantities import Observable, Parameter
-from nearharmonic.systems.system import System
+from nearharmonic.systems.definition.quantities import Observable, Parameter
+from nearharmonic.systems.definition.system import System
 
 __all__ = ["Observable", "Parameter", "System", "systems"]
 

@@ -17,15 +17,14 @@ from typing import Any
 
 import numpy as np
 from mpmath import mp, mpf
-from numpy.typing import NDArray
 
 from nearharmonic.exact.decimals import BigFloat, as_mpf
 from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.exact.newton import Limit, newton
 from nearharmonic.integrators.tableau import First
+from nearharmonic.numerics.types import Floats
 from nearharmonic.theory.word_sums import Factor, word_sums
 
-Floats = NDArray[np.float64]
 #: An equation: weights of words, and what the weighted sum has to be.
 Equation = tuple[list[tuple[Fraction, str]], Fraction]
 

@@ -24,9 +24,9 @@ from nearharmonic.exact.decimals import as_mpf
 from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.integrators.modified_tableau import ModifiedTableau
 from nearharmonic.integrators.tableau import First, Tableau
+from nearharmonic.numerics.types import Floats
 from nearharmonic.theory.word_sums import Factor, word_slopes, word_sums
 
-Floats = NDArray[np.float64]
 #: An equation: weights of words, and what the weighted sum has to be.
 Equation = tuple[list[tuple[Fraction, str]], Fraction]
 

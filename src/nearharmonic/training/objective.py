@@ -9,13 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.types import Floats
 from nearharmonic.training.family import Family
 from nearharmonic.training.population import Ensemble, Population, mean_log
-
-Floats = NDArray[np.float64]
 
 #: Part of the mean that is added to the worst: it tells methods apart that are equal where they are worst.
 WEIGHT_OF_MEAN = 0.5

@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearharmonic.core.layout import COLUMNS, DRIFT, KICK, PRODUCT, SQUARE, modified_columns
-from nearharmonic.engine.batch import Batch, prepared_batch
-from nearharmonic.engine.modified_moves import moves_behind
-from nearharmonic.engine.results import energy_unit
+from nearharmonic.engine.batch.batch import Batch, prepared_batch
+from nearharmonic.engine.batch.results import energy_unit
+from nearharmonic.engine.numbers.modified_moves import moves_behind
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.systems.system import System
-
-Floats = NDArray[np.float64]
+from nearharmonic.numerics.types import Floats
+from nearharmonic.systems.definition.system import System
 
 #: Lanes: two registers, as the parameters of a problem take the others.
 LANES = 16
@@ -35,9 +34,9 @@ class Ensemble:
     system : System
         Of d coordinates and P parameters.
     start : (M, 4 d) array of float
-        Initial states, as :func:`nearharmonic.engine.coefficients.start_row` lays them out.
+        Initial states, as :func:`nearharmonic.engine.numbers.coefficients.start_row` lays them out.
     parameters : (M, 2 P) or (1, 2 P) array of float
-        As :func:`nearharmonic.engine.coefficients.parameter_row` lays them out.
+        As :func:`nearharmonic.engine.numbers.coefficients.parameter_row` lays them out.
     t_end : float
         Interval of every run, in the unit of time of the system.
     unit : float

@@ -14,14 +14,12 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from nearharmonic.errors import SettingError
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.types import Floats
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import OUTSIDE, Objective
-
-Floats = NDArray[np.float64]
 
 #: First standard deviations of the search: around a known method, around what a search has found, at random.
 AROUND_KNOWN, AROUND_FOUND, AT_RANDOM = (0.01, 0.003), (0.003, 0.01, 0.03), (0.03,)

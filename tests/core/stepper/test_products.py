@@ -11,8 +11,8 @@ import pytest
 import nearharmonic as nh
 from nearharmonic.core.layout import COLUMNS, DRIFT, KICK, PRODUCT, REST
 from nearharmonic.core.stepper.products import fill, table_of
-from nearharmonic.engine.coefficients import exact_products, moves
-from nearharmonic.engine.modified_moves import exact_moves, modified_moves
+from nearharmonic.engine.numbers.coefficients import exact_products, moves
+from nearharmonic.engine.numbers.modified_moves import exact_moves, modified_moves
 
 RNG = random.Random(1)
 #: Kinds of step sizes: any; short decimals; few bits; multiples of 3 and 5, for which n/24 or n/5 may be half-way

@@ -10,7 +10,7 @@ import pytest
 import tomli_w
 from mpmath import mpf
 
-from nearharmonic.engine.trajectory import sweep
+from nearharmonic.engine.runs.trajectory import sweep
 from nearharmonic.errors import SettingError, UnknownNameError
 from nearharmonic.exact.newton import rank_and_pivots
 from nearharmonic.experiments.derivation import run

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from nearharmonic.engine.problem import Problem
+from nearharmonic.engine.runs.problem import Problem
 from nearharmonic.experiments.paper import chaos
 from nearharmonic.experiments.paper.tangent import follow, tangent_system
 from nearharmonic.systems import systems

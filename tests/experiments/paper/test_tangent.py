@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.engine.problem import Problem
+from nearharmonic.engine.runs.problem import Problem
 from nearharmonic.experiments.paper.tangent import follow, tangent_system
 from nearharmonic.systems import System, systems
 

@@ -11,7 +11,7 @@ import xarray as xr
 
 import nearharmonic as nh
 from nearharmonic.core.arithmetic import sqrt
-from nearharmonic.engine import kernels
+from nearharmonic.engine.batch import kernels
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.experiments.stability.conservation import run as conservation
 from nearharmonic.experiments.stability.conservation.reductions import defect, tangent_map

@@ -9,9 +9,9 @@ import pytest
 import xarray as xr
 
 import nearharmonic as nh
-from nearharmonic.engine import batch
-from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.kernels import kernel_of
+from nearharmonic.engine.batch import batch
+from nearharmonic.engine.batch.batch import integrate_batch
+from nearharmonic.engine.batch.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.experiments.stability.henon_heiles import run as hh
 from nearharmonic.experiments.stability.henon_heiles.reductions import trusted_up_to

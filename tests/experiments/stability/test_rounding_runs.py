@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 import nearharmonic as nh
-from nearharmonic.engine.batch import integrate_batch
+from nearharmonic.engine.batch.batch import integrate_batch
 from nearharmonic.experiments.stability.initial_conditions import kepler_apoapsis
 from nearharmonic.experiments.stability.kepler import run as maps
 from nearharmonic.experiments.stability.rounding import run as rounding

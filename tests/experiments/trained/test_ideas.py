@@ -24,7 +24,7 @@ from nearharmonic.experiments.trained.ideas.run import STRENGTHS, errors_of_meth
 from nearharmonic.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.output import job
 from nearharmonic.output.dataset import assembled
-from nearharmonic.systems.oscillator import frequencies_of
+from nearharmonic.systems.formulas.oscillator import frequencies_of
 
 METHODS = ("ruth", "blanes_moan_s6o4", "babps8o7h", "babs7o7h", "srkn_b11", "chin_4a")
 EXACT = ("aba864",)

@@ -26,7 +26,7 @@ from nearharmonic.experiments.work_precision.peers.peer import Attempt, Peer
 from nearharmonic.experiments.work_precision.settings import WorkPrecisionSettings
 from nearharmonic.integrators import integrators
 from nearharmonic.systems import System, systems
-from nearharmonic.systems.source import velocity, velocity_text
+from nearharmonic.systems.formulas.source import velocity, velocity_text
 from oracles import oscillator_state
 
 RELATIVISTIC = System(

@@ -11,11 +11,12 @@ from math import inf, log
 import numpy as np
 
 from nearharmonic.claims.claim import Decision, claim, counted
-from nearharmonic.claims.curves import LOST, Curves, Floats, curves_of
+from nearharmonic.claims.curves import LOST, Curves, curves_of
 from nearharmonic.claims.definitions import GREATLY
 from nearharmonic.claims.results import Results, label, short
 from nearharmonic.claims.statements.comparisons import CUBES, NEW, SYSTEMS
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.types import Floats
 from nearharmonic.theory.linear_stability import growth_rate, stability_gaps, stability_limit
 
 SENTENCE = (

@@ -5,21 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from nearharmonic.claims.claim import Decision, Verdict, claim, combined
-from nearharmonic.claims.curves import (
-    FEWEST,
-    MEASURES,
-    Curves,
-    Floats,
-    Range,
-    curves_of,
-    over,
-    range_words,
-    rank_correlation,
-)
+from nearharmonic.claims.curves import FEWEST, MEASURES, Curves, Range, curves_of, over, range_words, rank_correlation
 from nearharmonic.claims.definitions import APPROXIMATELY, DOT, DOT_WORDS, SIGNIFICANTLY
 from nearharmonic.claims.results import Results, Undecided, label, short
 from nearharmonic.claims.statements.kepler import CUBE, SIXTH_ORDER, TEN
 from nearharmonic.math import exp, log
+from nearharmonic.numerics.types import Floats
 
 COINCIDING = ("abas5o6h", "aba104", "babps8o7h")
 

@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from nearharmonic.claims.claim import Decision, claim, counted
-from nearharmonic.claims.curves import Floats, rank_correlation
+from nearharmonic.claims.curves import rank_correlation
 from nearharmonic.claims.results import Results, Undecided, label, short
 from nearharmonic.math import pow
+from nearharmonic.numerics.types import Floats
 
 CUBE = "cubes/trained.h5"
 #: The ensembles of random potentials whose strengths span the widest band, as the cube names them.

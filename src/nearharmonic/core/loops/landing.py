@@ -1,8 +1,8 @@
 """Runs in a fictitious time, one after the other, whose samples land on given physical times.
 
-A regularised system (:mod:`nearharmonic.systems.regularisation`) is integrated in equal steps of a fictitious time s. A
-sample at the time t is one shorter step from the last step before t, whose length Newton's method finds from dt/ds = r.
-The run itself does not take that step, but for the last one.
+A regularised system (:mod:`nearharmonic.systems.formulas.regularisation`) is integrated in equal steps of a fictitious
+time s. A sample at the time t is one shorter step from the last step before t, whose length Newton's method finds from
+dt/ds = r. The run itself does not take that step, but for the last one.
 
 States come and go as physical positions and momenta, mapped in double-double. The step sizes are those of physical time
 over the semi-major axis of each start, so that an orbit takes as many steps as in physical time. There is one lane, so

@@ -8,7 +8,7 @@ from typing import Any
 
 from mpmath import nstr
 
-from nearharmonic.engine.trajectory import sweep
+from nearharmonic.engine.runs.trajectory import sweep
 from nearharmonic.experiments.derivation.families import PrintedPoint, Ranking
 from nearharmonic.experiments.derivation.isolated import IsolatedSolutions, Reach
 from nearharmonic.experiments.derivation.simplex import SimplexRun

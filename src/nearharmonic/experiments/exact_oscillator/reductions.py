@@ -13,8 +13,8 @@ from typing import TypeVar
 import numpy as np
 import xarray as xr
 
-from nearharmonic.engine.coefficients import Floats
 from nearharmonic.math import exp, log
+from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import bounds_coordinate, coordinate, described
 from nearharmonic.output.reduction import Reductions
 

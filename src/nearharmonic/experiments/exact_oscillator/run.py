@@ -7,13 +7,13 @@ from fractions import Fraction
 
 import numpy as np
 
-from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.coefficients import Floats
+from nearharmonic.engine.batch.batch import integrate_batch
 from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, Numerics
 from nearharmonic.experiments.exact_oscillator.settings import CHARGES, ExactOscillatorSettings
 from nearharmonic.experiments.exact_oscillator.surfaces import starts_on
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Contents, coordinate, variable
 from nearharmonic.systems.henon_heiles import SYSTEM
 

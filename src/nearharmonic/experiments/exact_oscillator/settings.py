@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from nearharmonic.engine.config_entries import STRICT, PositiveDecimal, setting, whole_from
-from nearharmonic.engine.geometric import geometric
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.integrators.user_file import expanded
+from nearharmonic.numerics.geometric import geometric
 
 #: Energies of the smallest and the largest amplitude: the latter is that of escape.
 LOWEST, HIGHEST = Fraction(1, 80_000), Fraction(1, 6)

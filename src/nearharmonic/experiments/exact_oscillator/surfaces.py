@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from nearharmonic.engine.coefficients import Floats
-from nearharmonic.engine.quasi_random import quasi_random
 from nearharmonic.math import cos, sin
+from nearharmonic.numerics.quasi_random import quasi_random
+from nearharmonic.numerics.types import Floats
 from nearharmonic.systems.henon_heiles import SYSTEM
 
 

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.engine.clock import Patience, interleaved, pinned, processor, summary
-from nearharmonic.engine.ensemble import ensemble
-from nearharmonic.engine.problem import Problem
+from nearharmonic.engine.runs.ensemble import ensemble
+from nearharmonic.engine.runs.problem import Problem
 from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL
 from nearharmonic.experiments.exact_oscillator.settings import ExactOscillatorSettings
 from nearharmonic.experiments.exact_oscillator.surfaces import starts_on
+from nearharmonic.numerics.clock import Patience, interleaved, pinned, processor, summary
 from nearharmonic.output.receipts import measures_time
 from nearharmonic.output.store import read
 from nearharmonic.output.table import Table

@@ -7,11 +7,12 @@ from math import sqrt
 import numpy as np
 
 from nearharmonic.engine.grid import evaluations_of
-from nearharmonic.engine.portable import dot
-from nearharmonic.engine.problem import Problem
-from nearharmonic.engine.statistics import mean, student_975
-from nearharmonic.experiments.paper.tangent import Floats, follow, tangent_system
+from nearharmonic.engine.runs.problem import Problem
+from nearharmonic.experiments.paper.tangent import follow, tangent_system
 from nearharmonic.integrators import integrators
+from nearharmonic.numerics.portable import dot
+from nearharmonic.numerics.statistics import mean, student_975
+from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Contents, Variables, coordinate, variable
 from nearharmonic.systems import System, henon_heiles
 

@@ -16,7 +16,7 @@ from nearharmonic.integrators.user_file import TableauDefinition, load_tableaus
 from nearharmonic.output.cubes import cubes_of
 from nearharmonic.registry import is_path, split_path
 from nearharmonic.systems import System, systems
-from nearharmonic.systems.gradients import check_gradients
+from nearharmonic.systems.formulas.gradients import check_gradients
 from nearharmonic.systems.user_file import SystemDefinition
 from nearharmonic.user_module import is_file
 
@@ -71,7 +71,7 @@ def _check_formulas(system: System) -> None:
     SystemDefinitionError
         A formula fails or uses what formulas cannot, or a gradient contradicts its potential.
     """
-    from nearharmonic.engine.invariants import invariant_values
+    from nearharmonic.engine.runs.invariants import invariant_values
 
     check_gradients(system)
     q, p = system.start(float)

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.engine.batch import integrate_batch
+from nearharmonic.engine.batch.batch import integrate_batch
+from nearharmonic.engine.batch.results import Trajectories
 from nearharmonic.engine.grid import evaluations_of, tau_grid
-from nearharmonic.engine.initial_values import start_array
-from nearharmonic.engine.results import Trajectories
+from nearharmonic.engine.numbers.initial_values import start_array
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.experiments.paper.substeps import PAPER_PANELS
 from nearharmonic.integrators import integrators

@@ -10,15 +10,15 @@ from itertools import groupby
 from math import ceil, floor, log10
 from typing import Any
 
+from nearharmonic.engine.batch.numba_runs import check_precision
 from nearharmonic.engine.grid import check_fit, evaluations_of, shard, steps_of, tau_grid
-from nearharmonic.engine.numba_runs import check_precision
 from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, Sweep
 from nearharmonic.errors import bad_setting
 from nearharmonic.experiments.paper.settings import StepSizes
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.systems import System, systems
-from nearharmonic.systems.oscillator import check_oscillator
+from nearharmonic.systems.formulas.oscillator import check_oscillator
 
 #: Force evaluations of all the runs of one system: some twenty minutes.
 MOST_EVALUATIONS = 10**12

@@ -12,15 +12,15 @@ from math import inf
 
 import xarray as xr
 
-from nearharmonic.engine import invariants
-from nearharmonic.engine.description import SINCE
-from nearharmonic.engine.statistics import linear_trend, trend_linearity
-from nearharmonic.engine.statistics import observed_order as order_of_curve
+from nearharmonic.engine.runs import invariants
+from nearharmonic.engine.runs.description import SINCE
 from nearharmonic.integrators import integrators
+from nearharmonic.numerics.statistics import linear_trend, trend_linearity
+from nearharmonic.numerics.statistics import observed_order as order_of_curve
 from nearharmonic.output.dataset import described
 from nearharmonic.output.reduction import Reductions, exact_sum
 from nearharmonic.systems import systems
-from nearharmonic.systems.system import System
+from nearharmonic.systems.definition.system import System
 
 reduction = Reductions()
 

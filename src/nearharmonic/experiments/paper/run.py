@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from nearharmonic.engine.description import kernel_in_words
-from nearharmonic.engine.numba_runs import standard_floor
-from nearharmonic.engine.problem import Problem
-from nearharmonic.engine.sampled import sampled
+from nearharmonic.engine.batch.numba_runs import standard_floor
+from nearharmonic.engine.runs.description import kernel_in_words
+from nearharmonic.engine.runs.problem import Problem
+from nearharmonic.engine.runs.sampled import sampled
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.experiments.paper.plan import Run, runs_of
 from nearharmonic.output.dataset import Contents, Variable, Variables, coordinate, counted

@@ -10,7 +10,7 @@ from numbers import Real
 from typing import Annotated, Literal
 
 from nearharmonic.engine.config_entries import STRICT, PositiveDecimal, PositiveNumber, Reading, setting, whole_from
-from nearharmonic.systems.quantities import is_extreme
+from nearharmonic.systems.definition.quantities import is_extreme
 
 Precision = Literal["double", "extended"]
 Summation = Literal["compensated", "plain"]

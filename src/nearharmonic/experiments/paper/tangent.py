@@ -11,15 +11,13 @@ from math import sqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from nearharmonic.engine.portable import dot
-from nearharmonic.engine.problem import Problem
+from nearharmonic.engine.runs.problem import Problem
 from nearharmonic.math import log
-from nearharmonic.systems.quantities import Vector
-from nearharmonic.systems.system import System
-
-Floats = NDArray[np.float64]
+from nearharmonic.numerics.portable import dot
+from nearharmonic.numerics.types import Floats
+from nearharmonic.systems.definition.quantities import Vector
+from nearharmonic.systems.definition.system import System
 
 
 def tangent_system(system: System) -> System:

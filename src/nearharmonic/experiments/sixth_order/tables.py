@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from nearharmonic.engine.trajectory import sweep
+from nearharmonic.engine.runs.trajectory import sweep
 from nearharmonic.experiments.sixth_order.cascade import Candidate, Findings
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.table import Table

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from nearharmonic.engine.coefficients import Floats
 from nearharmonic.math import cos, sin
+from nearharmonic.numerics.types import Floats
 
 
 def kepler_apoapsis(eccentricity: Floats, orientation: Floats | float = 0.0) -> Floats:

@@ -7,8 +7,8 @@ from math import frexp, ldexp
 import numpy as np
 import xarray as xr
 
+from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import bounds_coordinate
-from nearharmonic.training.population import Floats
 
 #: Resamples of the problems, and the part of them that an interval holds.
 RESAMPLES, CONFIDENCE = 1000, 0.95

@@ -11,7 +11,7 @@ from nearharmonic.experiments.work_precision.run import read_parts
 from nearharmonic.output.receipts import measures_time
 from nearharmonic.output.table import Table
 from nearharmonic.systems import systems
-from nearharmonic.systems.system import System
+from nearharmonic.systems.definition.system import System
 
 #: The library that ratios are relative to, as a user gets it.
 STANDARD = "heyoka"
@@ -103,7 +103,7 @@ def pairs(
     names : sequence of str
         Systems; those on which ``measure`` was not of interest are left out.
     quartile : str
-        Which time of each point: one of :data:`nearharmonic.engine.clock.QUARTILES`.
+        Which time of each point: one of :data:`nearharmonic.numerics.clock.QUARTILES`.
     measure : str
         The error: a key of :data:`nearharmonic.experiments.work_precision.curve.MEASURES`.
     """

@@ -56,7 +56,7 @@ def comparison_figure(found: Sequence[Pair], mode: str, facts: Mapping[str, obje
     mode : str
         "trajectory" or "lanes".
     facts : mapping
-        The machine, as :func:`nearharmonic.engine.clock.machine` describes it, and ``libraries``.
+        The machine, as :func:`nearharmonic.numerics.clock.machine` describes it, and ``libraries``.
     """
     across = min(len(found), _ACROSS)
     down = ceil(len(found) / across)

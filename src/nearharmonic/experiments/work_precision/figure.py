@@ -71,7 +71,7 @@ def work_precision_figure(label: str, parts: Sequence[Part], facts: Mapping[str,
     parts : sequence of Part
         What was measured on each interval.
     facts : mapping
-        The machine, as :func:`nearharmonic.engine.clock.machine` describes it.
+        The machine, as :func:`nearharmonic.numerics.clock.machine` describes it.
     """
     rows = [(t_end, measure, curves) for t_end, measures, curves in parts for measure in measures]
     legend = 0.5 + 0.145 * max(ceil(len(_column(rows[0][2], i)) / per_row) for i, (_, per_row) in enumerate(_COLUMNS))

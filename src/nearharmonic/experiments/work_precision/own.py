@@ -10,17 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.ensemble import ensemble
+from nearharmonic.engine.batch.batch import integrate_batch
+from nearharmonic.engine.batch.results import Trajectories
 from nearharmonic.engine.grid import check_fit, evaluations_of, steps_of, tau_grid
-from nearharmonic.engine.problem import Problem
 from nearharmonic.engine.reference import Reference
-from nearharmonic.engine.results import Trajectories
+from nearharmonic.engine.runs.ensemble import ensemble
+from nearharmonic.engine.runs.problem import Problem
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import SettingError
 from nearharmonic.experiments.work_precision.curve import MEASURES, Curve, Point
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.systems.system import System
+from nearharmonic.systems.definition.system import System
 
 #: Below this all errors are rounding: finer steps cost more and show nothing.
 ROUNDING = 1e-15

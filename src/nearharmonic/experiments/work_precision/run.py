@@ -12,15 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.engine.clock import (
-    QUARTILES,
-    STANDARD,
-    Patience,
-    interleaved,
-    machine,
-    pinned,
-    summary,
-)
 from nearharmonic.engine.reference import Reference, position_t_end, reference
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.experiments.work_precision.curve import MEASURES, MODES, TARGETS, Curve, Part, Point, ranking
@@ -30,10 +21,19 @@ from nearharmonic.experiments.work_precision.peers.measure import peer_curve, qu
 from nearharmonic.experiments.work_precision.settings import WorkPrecisionSettings
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.clock import (
+    QUARTILES,
+    STANDARD,
+    Patience,
+    interleaved,
+    machine,
+    pinned,
+    summary,
+)
 from nearharmonic.output.dataset import Contents, Variables, coordinate, variable
 from nearharmonic.output.receipts import measures_time
 from nearharmonic.systems import systems
-from nearharmonic.systems.system import System
+from nearharmonic.systems.definition.system import System
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -286,7 +286,7 @@ def curves_of(group: xr.Dataset, quartile: str = "min") -> list[Curve]:
     group : xarray.Dataset
         A group of the cube.
     quartile : str
-        Which time: one of :data:`nearharmonic.engine.clock.QUARTILES`.
+        Which time: one of :data:`nearharmonic.numerics.clock.QUARTILES`.
     """
     return [_curve_of(group.isel(solver=i), quartile) for i in range(group.sizes["solver"])]
 

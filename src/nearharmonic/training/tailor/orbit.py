@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.engine.batch import integrate_batch
+from nearharmonic.engine.batch.batch import integrate_batch
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
-from nearharmonic.systems.system import System
-from nearharmonic.training.population import Floats
+from nearharmonic.numerics.types import Floats
+from nearharmonic.systems.definition.system import System
 
 #: The method of the orbit, for every separable H, and its step per stage in radians of the fastest oscillation.
 METHOD, STEP = "blanes_moan_s6o4", 0.03

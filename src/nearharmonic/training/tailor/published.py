@@ -11,9 +11,10 @@ from nearharmonic.engine.grid import check_fit
 from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.systems.system import System
+from nearharmonic.numerics.types import Floats
+from nearharmonic.systems.definition.system import System
 from nearharmonic.training.objective import mean_errors
-from nearharmonic.training.population import LEAST, LOST, Ensemble, Floats
+from nearharmonic.training.population import LEAST, LOST, Ensemble
 from nearharmonic.training.published import OURS, TRAINED, module_of
 
 #: Step sizes per stage, in radians of the fastest oscillation, among which a window is looked for.

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.engine.initial_values import exact
-from nearharmonic.engine.problem import Problem
+from nearharmonic.engine.numbers.initial_values import exact
+from nearharmonic.engine.runs.problem import Problem
 from nearharmonic.engine.settings import checked_count, checked_tau
 from nearharmonic.errors import SettingError, bad_setting
-from nearharmonic.systems.system import System
-from nearharmonic.training.population import Floats
+from nearharmonic.numerics.types import Floats
+from nearharmonic.systems.definition.system import System
 from nearharmonic.training.tailor.start_file import least_starts, read_starts
 
 #: Stages of a method of order four that leave coefficients free, and the most that are searched.

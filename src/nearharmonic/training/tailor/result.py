@@ -9,8 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.types import Floats
 from nearharmonic.training.objective import errors_of
-from nearharmonic.training.population import LEAST, Ensemble, Floats
+from nearharmonic.training.population import LEAST, Ensemble
 from nearharmonic.training.tailor.question import Question
 from nearharmonic.training.tailor.search import SearchResult
 

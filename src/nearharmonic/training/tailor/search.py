@@ -15,9 +15,10 @@ import numpy as np
 
 from nearharmonic.errors import SettingError
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.types import Floats
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import OUTSIDE, Objective
-from nearharmonic.training.population import Ensemble, Floats
+from nearharmonic.training.population import Ensemble
 from nearharmonic.training.search import (
     AROUND_FOUND,
     SAME_UNKNOWNS,

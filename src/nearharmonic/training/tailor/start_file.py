@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from nearharmonic.errors import SettingError, bad_setting
-from nearharmonic.training.population import Floats
+from nearharmonic.numerics.types import Floats
 
 #: Starts that are needed: four to choose coefficients by, and four to test them.
 FEWEST = 8

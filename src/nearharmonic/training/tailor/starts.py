@@ -6,14 +6,14 @@ from fractions import Fraction
 
 import numpy as np
 
-from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.initial_values import start_array
-from nearharmonic.engine.kernels import cost_of
+from nearharmonic.engine.batch.batch import integrate_batch
+from nearharmonic.engine.batch.kernels import cost_of
+from nearharmonic.engine.numbers.initial_values import start_array
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.integrators import integrators
-from nearharmonic.systems.system import System
-from nearharmonic.training.population import Floats
+from nearharmonic.numerics.types import Floats
+from nearharmonic.systems.definition.system import System
 from nearharmonic.training.tailor.orbit import METHOD, Orbit
 from nearharmonic.training.tailor.question import Question
 from nearharmonic.training.tailor.start_file import FEWEST

@@ -9,13 +9,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from nearharmonic.engine.initial_values import standard_parameters
+from nearharmonic.engine.numbers.initial_values import standard_parameters
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.systems.system import System
+from nearharmonic.numerics.types import Floats
+from nearharmonic.systems.definition.system import System
 from nearharmonic.theory.order import harmonic_order_of
 from nearharmonic.training.objective import mean_errors
 from nearharmonic.training.polish import tableau_of
-from nearharmonic.training.population import Ensemble, Floats
+from nearharmonic.training.population import Ensemble
 from nearharmonic.training.tailor.budget import Budget
 from nearharmonic.training.tailor.orbit import RADIANS, STEP, Orbit, orbit_of
 from nearharmonic.training.tailor.provenance import note_of, source_of

@@ -16,9 +16,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from nearharmonic.engine.portable import norms
-from nearharmonic.engine.statistics import line_fit
 from nearharmonic.integrators import integrators
+from nearharmonic.numerics.portable import norms
+from nearharmonic.numerics.statistics import line_fit
 from nearharmonic.output.dataset import described
 from nearharmonic.output.reduction import Reductions
 

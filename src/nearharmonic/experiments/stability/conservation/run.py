@@ -11,19 +11,17 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.coefficients import start_row
-from nearharmonic.engine.portable import nearest_power_of_two
-from nearharmonic.engine.results import Trajectories
+from nearharmonic.engine.batch.batch import integrate_batch
+from nearharmonic.engine.batch.results import Trajectories
+from nearharmonic.engine.numbers.coefficients import start_row
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators import integrators as registry
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.portable import nearest_power_of_two
+from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Contents, Variables, coordinate, method_coordinates, variable
 from nearharmonic.systems import System, systems
-
-Floats = NDArray[np.float64]
 
 #: Force evaluations over [0, t_end]: tau/s = 0.05 for the oscillator over 500, 241 an orbit for Mercury over ten years.
 EVALUATIONS = 10**4

@@ -8,16 +8,16 @@ from math import ceil, sqrt
 
 import numpy as np
 
-from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.coefficients import Floats
-from nearharmonic.engine.kernels import kernel_of
-from nearharmonic.engine.quasi_random import quasi_random
+from nearharmonic.engine.batch.batch import integrate_batch
+from nearharmonic.engine.batch.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import bad_setting
 from nearharmonic.experiments.stability.settings import ESCAPE_ENERGY, EnsembleSettings
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import cos, sin
+from nearharmonic.numerics.quasi_random import quasi_random
+from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Contents, coordinate, variable
 from nearharmonic.systems.henon_heiles import SYSTEM
 

@@ -13,10 +13,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from nearharmonic.engine.portable import dot
-from nearharmonic.engine.statistics import Floats
 from nearharmonic.integrators import integrators
 from nearharmonic.math import exp, log
+from nearharmonic.numerics.portable import dot
+from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import described
 from nearharmonic.output.reduction import Reductions
 from nearharmonic.systems.kepler import perihelion_angle

@@ -9,21 +9,21 @@ from math import pi
 
 import numpy as np
 
-from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.coefficients import Floats
-from nearharmonic.engine.geometric import decades, geometric
-from nearharmonic.engine.kernels import kernel_of
-from nearharmonic.engine.portable import log10
-from nearharmonic.engine.results import Integers, Trajectories
+from nearharmonic.engine.batch.batch import integrate_batch
+from nearharmonic.engine.batch.kernels import kernel_of
+from nearharmonic.engine.batch.results import Integers, Trajectories
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.experiments.stability.initial_conditions import kepler_apoapsis
 from nearharmonic.experiments.stability.settings import MapSettings
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.geometric import decades, geometric
+from nearharmonic.numerics.portable import log10
+from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Contents, coordinate, variable
+from nearharmonic.systems.definition.quantities import Parameter
+from nearharmonic.systems.definition.system import System
 from nearharmonic.systems.kepler import SYSTEM as MERCURY
-from nearharmonic.systems.quantities import Parameter
-from nearharmonic.systems.system import System
 
 #: The Kepler problem in units of the orbit: GM = 1 and semi-major axis 1, so H = -1/2 and the period is 2 pi.
 SYSTEM: System = replace(

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.coefficients import start_row
+from nearharmonic.engine.batch.batch import integrate_batch
 from nearharmonic.engine.grid import steps_of, tau_grid
+from nearharmonic.engine.numbers.coefficients import start_row
 from nearharmonic.integrators import integrators as registry
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.dataset import Contents, Variables, coordinate, method_coordinates, variable

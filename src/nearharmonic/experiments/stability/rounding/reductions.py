@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from nearharmonic.engine.portable import dot
-from nearharmonic.engine.statistics import Floats, jackknife_interval, mean
 from nearharmonic.math import log
+from nearharmonic.numerics.portable import dot
+from nearharmonic.numerics.statistics import jackknife_interval, mean
+from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import described
 from nearharmonic.output.reduction import Reductions
 

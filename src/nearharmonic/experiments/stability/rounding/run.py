@@ -21,18 +21,18 @@ from math import ceil, pi, sqrt
 import numpy as np
 
 from nearharmonic.core.arithmetic import rounded_pair
-from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.coefficients import Floats
-from nearharmonic.engine.geometric import geometric
-from nearharmonic.engine.kernels import kernel_of
-from nearharmonic.engine.quasi_random import quasi_random
-from nearharmonic.engine.results import Integers, Trajectories
+from nearharmonic.engine.batch.batch import integrate_batch
+from nearharmonic.engine.batch.kernels import kernel_of
+from nearharmonic.engine.batch.results import Integers, Trajectories
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.experiments.stability.initial_conditions import kepler_apoapsis
 from nearharmonic.experiments.stability.kepler.run import PERIOD, SYSTEM
 from nearharmonic.experiments.stability.settings import RoundingSettings
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.geometric import geometric
+from nearharmonic.numerics.quasi_random import quasi_random
+from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Contents, coordinate, variable
 
 #: Lanes of the kernels: two AVX-512 registers, which hide each other's latency.

@@ -14,14 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.geometric import geometric
+from nearharmonic.engine.batch.batch import integrate_batch
 from nearharmonic.engine.settings import EXACT_OSCILLATOR, Numerics
 from nearharmonic.experiments.trained.problems.random_potentials import random_ensemble
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.systems.quantities import Parameter
-from nearharmonic.systems.system import System
-from nearharmonic.training.population import LANES, LEAST, LOST, Ensemble, Floats
+from nearharmonic.numerics.geometric import geometric
+from nearharmonic.numerics.types import Floats
+from nearharmonic.systems.definition.quantities import Parameter
+from nearharmonic.systems.definition.system import System
+from nearharmonic.training.population import LANES, LEAST, LOST, Ensemble
 
 #: Coordinates, and frequencies among the parameters, which stand first.
 DIMENSION = 2

@@ -6,15 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from nearharmonic.engine.portable import log10
 from nearharmonic.experiments.trained.contestants import idea_of
 from nearharmonic.experiments.trained.ideas.oscillators import DIMENSION, Scaled, exact_errors, scaled_potentials
 from nearharmonic.experiments.trained.problems.anharmonicity import anharmonicities
 from nearharmonic.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.modified_integrators import method_of
+from nearharmonic.numerics.portable import log10
+from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Contents, Variables, coordinate, method_coordinates, variable
 from nearharmonic.training.objective import errors_of
-from nearharmonic.training.population import LEAST, Floats
+from nearharmonic.training.population import LEAST
 
 #: Part of the problems of an ensemble that are potentials here, as each is taken at so many strengths.
 PART, STRENGTHS = 3, 13

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from nearharmonic.engine.statistics import student_975
+from nearharmonic.numerics.statistics import student_975
 from nearharmonic.output.dataset import described
 from nearharmonic.output.reduction import Reductions
 

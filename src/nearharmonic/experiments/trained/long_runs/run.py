@@ -9,15 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.results import Trajectories
+from nearharmonic.engine.batch.batch import integrate_batch
+from nearharmonic.engine.batch.results import Trajectories
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.experiments.trained.problems.named_systems import NAMED, named_ensemble
 from nearharmonic.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.modified_integrators import method_of
+from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Contents, Variables, coordinate, method_coordinates, variable
-from nearharmonic.training.population import LANES, Ensemble, Floats
+from nearharmonic.training.population import LANES, Ensemble
 
 #: Systems of the runs, and starts on each of them.
 SYSTEMS, STARTS = ("henon_heiles", "morse"), 16

@@ -11,11 +11,12 @@ from fractions import Fraction
 
 import numpy as np
 
-from nearharmonic.engine.batch import integrate_batch
+from nearharmonic.engine.batch.batch import integrate_batch
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators.yoshida_1990 import TABLEAUS
-from nearharmonic.systems.system import System
-from nearharmonic.training.population import Ensemble, Floats
+from nearharmonic.numerics.types import Floats
+from nearharmonic.systems.definition.system import System
+from nearharmonic.training.population import Ensemble
 
 #: Time between the states at which the Hessian is taken, in units of the ensemble, and the fewest of them. It is no
 #: simple part of a period, at which an oscillation would seem to rest.

@@ -15,14 +15,15 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.engine.initial_values import standard_parameters
-from nearharmonic.engine.portable import eigen, product
+from nearharmonic.engine.numbers.initial_values import standard_parameters
 from nearharmonic.experiments.trained.problems.anharmonicity import hessians, with_anharmonicity
 from nearharmonic.math import cos, exp, log
+from nearharmonic.numerics.portable import eigen, product
+from nearharmonic.numerics.types import Floats
 from nearharmonic.systems import henon_heiles
-from nearharmonic.systems.quantities import Vector
-from nearharmonic.systems.system import System
-from nearharmonic.training.population import Ensemble, Floats
+from nearharmonic.systems.definition.quantities import Vector
+from nearharmonic.systems.definition.system import System
+from nearharmonic.training.population import Ensemble
 
 #: Sites of the chains of Fermi, Pasta, Ulam and Tsingou, of Toda's ring, and atoms of the chain of Lennard-Jones.
 SITES, RING, ATOMS = 8, 6, 5

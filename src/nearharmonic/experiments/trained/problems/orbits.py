@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nearharmonic.engine.initial_values import parameter_array
+from nearharmonic.engine.numbers.initial_values import parameter_array
 from nearharmonic.math import cos, sin
 from nearharmonic.systems import kepler
 from nearharmonic.training.population import Ensemble

@@ -19,9 +19,10 @@ from typing import Any
 import numpy as np
 
 from nearharmonic.math import cos, exp, log, sin
-from nearharmonic.systems.quantities import Parameter
-from nearharmonic.systems.system import System
-from nearharmonic.training.population import Ensemble, Floats
+from nearharmonic.numerics.types import Floats
+from nearharmonic.systems.definition.quantities import Parameter
+from nearharmonic.systems.definition.system import System
+from nearharmonic.training.population import Ensemble
 
 #: Bounds of the slower frequencies, and of amplitudes.
 FREQUENCIES, AMPLITUDES = (0.2, 1.0), (0.4, 1.0)

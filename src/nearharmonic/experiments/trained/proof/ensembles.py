@@ -13,7 +13,8 @@ from nearharmonic.experiments.trained.problems.orbits import orbit_ensemble
 from nearharmonic.experiments.trained.problems.random_potentials import random_ensemble
 from nearharmonic.experiments.trained.proof.settings import ORBITS, ProofSettings
 from nearharmonic.experiments.trained.purposes import CHARGE, CHARGE_OF_ORBITS, ECCENTRICITIES
-from nearharmonic.training.population import Ensemble, Floats
+from nearharmonic.numerics.types import Floats
+from nearharmonic.training.population import Ensemble
 
 #: Coordinates of the random potentials, and bands of their strength, the widest last.
 DIMENSIONS = (2, 3)

@@ -6,14 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from nearharmonic.engine.portable import log10
 from nearharmonic.experiments.trained.contestants import kind_of
 from nearharmonic.experiments.trained.proof.ensembles import proof_ensembles
 from nearharmonic.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.modified_integrators import method_of
+from nearharmonic.numerics.portable import log10
+from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Contents, coordinate, method_coordinates, variable
 from nearharmonic.training.objective import errors_of
-from nearharmonic.training.population import LEAST, Ensemble, Floats
+from nearharmonic.training.population import LEAST, Ensemble
 
 #: Auxiliary coordinates.
 COORDINATES = ("label", "kind", "panel", "problems", "tau_per_stage")

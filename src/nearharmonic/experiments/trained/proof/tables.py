@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from nearharmonic.numerics.types import Floats
 from nearharmonic.output.table import Table
-from nearharmonic.training.population import Floats
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.engine.batch import prepared_batch
-from nearharmonic.engine.clock import Patience, interleaved, pinned, processor
-from nearharmonic.engine.coefficients import moves_of
+from nearharmonic.engine.batch.batch import prepared_batch
+from nearharmonic.engine.numbers.coefficients import moves_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.experiments.trained.contestants import kind_of
 from nearharmonic.experiments.trained.proof.ensembles import Trial, proof_ensembles
@@ -22,10 +21,12 @@ from nearharmonic.experiments.trained.proof.run import log_errors
 from nearharmonic.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.modified_integrators import method_of
+from nearharmonic.numerics.clock import Patience, interleaved, pinned, processor
+from nearharmonic.numerics.types import Floats
 from nearharmonic.output.receipts import measures_time
 from nearharmonic.output.store import read
 from nearharmonic.output.table import Table
-from nearharmonic.training.population import LANES, Ensemble, Floats
+from nearharmonic.training.population import LANES, Ensemble
 
 #: A method with kicks of V alone, and one of as many stages in each of which a gradient is taken: both are timed.
 PLAIN, MODIFIED = "mclachlan_ss5", "abag5o6"

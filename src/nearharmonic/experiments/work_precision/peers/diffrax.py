@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from nearharmonic.experiments.work_precision.peers.peer import Attempt, Peer, States, start_of
-from nearharmonic.systems.source import velocity
-from nearharmonic.systems.system import System
+from nearharmonic.systems.definition.system import System
+from nearharmonic.systems.formulas.source import velocity
 
 #: Steps for which a path has room.
 LONGEST_PATH = 2**15

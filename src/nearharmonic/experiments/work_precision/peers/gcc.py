@@ -20,8 +20,8 @@ from nearharmonic.core.formulas.number import Constant, vector
 from nearharmonic.experiments.work_precision.peers.peer import Attempt, Peer, States, start_of
 from nearharmonic.integrators import nielsen_2015
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.systems.source import SourceTracer
-from nearharmonic.systems.system import System
+from nearharmonic.systems.definition.system import System
+from nearharmonic.systems.formulas.source import SourceTracer
 
 FLAGS = ("-O3", "-march=native", "-ffp-contract=fast", "-shared", "-fPIC")
 (METHOD,) = (tableau for tableau in nielsen_2015.TABLEAUS if tableau.name == "babps9o7h")

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from nearharmonic.experiments.work_precision.peers.peer import MOST_STEPS, Attempt, Peer, States, start_of
-from nearharmonic.systems.source import velocity
-from nearharmonic.systems.system import System
+from nearharmonic.systems.definition.system import System
+from nearharmonic.systems.formulas.source import velocity
 
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15)
 #: Doubles of a batch: a register of AVX-512.

@@ -1,8 +1,9 @@
 """heyoka on the regularised equations of a system, the best that its users can do where a regularisation is known.
 
 With the fictitious time s as the variable: u' = v, v' = -dV/du with V of
-:class:`nearharmonic.systems.regularisation.RegularisedFormulas`, and t' = |u|^2. heyoka's tolerance is relative to the
-largest component of the state, so that t is scaled by ``t_end``; w = -H is a constant, and no component.
+:class:`nearharmonic.systems.formulas.regularisation.RegularisedFormulas`, and t' = |u|^2. heyoka's tolerance is
+relative to the largest component of the state, so that t is scaled by ``t_end``; w = -H is a constant, and no
+component.
 
 What favours heyoka: the fictitious time at which t = ``t_end`` is found beforehand, by dense output and Newton's
 method, and the final state that is timed is (u, v, t), not mapped back to q and p. Errors are those of q and p.
@@ -16,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.engine.regularised import unperturbed
+from nearharmonic.engine.batch.regularised import unperturbed
 from nearharmonic.experiments.work_precision.peers.heyoka import TOLERANCES, functions_of, taylor_attempt
 from nearharmonic.experiments.work_precision.peers.peer import MOST_STEPS, Attempt, Peer, States
-from nearharmonic.systems.regularisation import RegularisedFormulas
-from nearharmonic.systems.source import velocity
-from nearharmonic.systems.system import System
+from nearharmonic.systems.definition.system import System
+from nearharmonic.systems.formulas.regularisation import RegularisedFormulas
+from nearharmonic.systems.formulas.source import velocity
 
 #: Repeats of Newton's method for the fictitious time of the end, which converges in four.
 REPEATS = 8

@@ -23,7 +23,7 @@ from nearharmonic.engine.grid import tau_grid
 from nearharmonic.engine.reference import Reference
 from nearharmonic.experiments.work_precision.curve import Curve, Point
 from nearharmonic.experiments.work_precision.peers.peer import Peer, States
-from nearharmonic.systems.system import System
+from nearharmonic.systems.definition.system import System
 
 #: Above this an error that does not fall with the step is an accident, below it the end of the fall.
 NEAR_ROUNDING = 1e-9

@@ -9,7 +9,7 @@ import numpy as np
 from nearharmonic.experiments.work_precision.peers.peer import Attempt, Peer, States, gradients_of, start_of
 from nearharmonic.integrators import blanes_2013, nielsen_2015
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.systems.system import System
+from nearharmonic.systems.definition.system import System
 
 
 def numpy_splitting(tableau: Tableau) -> Callable[[System, float, float], Attempt]:

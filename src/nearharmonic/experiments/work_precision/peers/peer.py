@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from nearharmonic.systems.system import System
+from nearharmonic.systems.definition.system import System
 
 States = NDArray[np.float64]
 

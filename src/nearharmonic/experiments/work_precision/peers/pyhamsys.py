@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from nearharmonic.experiments.work_precision.peers.peer import Attempt, Peer, States, gradients_of, start_of
-from nearharmonic.systems.system import System
+from nearharmonic.systems.definition.system import System
 
 
 def pyhamsys_bm6(system: System, t_end: float, step: float) -> Attempt:

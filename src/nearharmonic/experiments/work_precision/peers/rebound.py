@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from nearharmonic.experiments.work_precision.peers.peer import Attempt, Peer, States, start_of
-from nearharmonic.systems.source import velocity
-from nearharmonic.systems.system import System
+from nearharmonic.systems.definition.system import System
+from nearharmonic.systems.formulas.source import velocity
 
 #: A bound on the seconds of a path: IAS15's steps can shrink to nothing where a force passes through 0.
 PATH_SECONDS = 2.0

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from nearharmonic.experiments.work_precision.peers.peer import MOST_STEPS, Attempt, Peer, States, start_of
-from nearharmonic.systems.source import velocity
-from nearharmonic.systems.system import System
+from nearharmonic.systems.definition.system import System
+from nearharmonic.systems.formulas.source import velocity
 
 #: Outputs at which LSODA's path is seen; it does not give its steps.
 ODEINT_OUTPUTS = 1001

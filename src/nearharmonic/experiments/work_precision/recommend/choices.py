@@ -10,11 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.clock import Patience, interleaved, machine, pinned
+from nearharmonic.engine.batch.batch import integrate_batch
+from nearharmonic.engine.batch.results import Trajectories
 from nearharmonic.engine.grid import check_fit, evaluations_of
 from nearharmonic.engine.reference import Reference, reference
-from nearharmonic.engine.results import Trajectories
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import SettingError
 from nearharmonic.experiments.work_precision.curve import MEASURES
@@ -24,6 +23,7 @@ from nearharmonic.experiments.work_precision.recommend.question import Question
 from nearharmonic.experiments.work_precision.recommend.recommendation import Choice, Recommendation
 from nearharmonic.experiments.work_precision.recommend.step_search import fewest_steps, ladder, measured_errors
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.clock import Patience, interleaved, machine, pinned
 
 #: The ranking rests on least times, most of which are below 1 ms: more repeats than for whole curves.
 REPEATS = Patience(least=15, most=25, seconds=0.01)

@@ -9,11 +9,11 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
-from nearharmonic.engine.continuation import start_of
-from nearharmonic.engine.problem import Problem, checked_scale
 from nearharmonic.engine.reference import position_t_end
+from nearharmonic.engine.runs.continuation import start_of
+from nearharmonic.engine.runs.problem import Problem, checked_scale
+from nearharmonic.engine.runs.trajectory import sweep
 from nearharmonic.engine.settings import MOST_STEPS, checked_count, checked_tau, one_of, positive
-from nearharmonic.engine.trajectory import sweep
 from nearharmonic.errors import bad_setting
 from nearharmonic.experiments.work_precision.curve import MEASURES
 from nearharmonic.experiments.work_precision.tables import NAMES

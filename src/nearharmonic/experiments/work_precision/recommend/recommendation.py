@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from math import isfinite, nan
 from typing import Literal
 
+from nearharmonic.engine.batch.numba_runs import NEAR_FLOOR, floor_in_words
 from nearharmonic.engine.grid import steps_of
-from nearharmonic.engine.numba_runs import NEAR_FLOOR, floor_in_words
 from nearharmonic.experiments.work_precision.recommend.question import Question
 
 #: Significant digits of a printed step, unless another number of steps would come of it.

@@ -1,0 +1,128 @@
+"""Kernels of systems: what a kernel has to know of a system, and the compiled code for one choice of arithmetic."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING
+
+from nearharmonic.core.formulas.number import Constant
+from nearharmonic.engine.batch.numba_runs import check_precision, check_width
+from nearharmonic.engine.settings import WIDTH, Numerics
+from nearharmonic.systems.definition.system import System
+from nearharmonic.systems.formulas.gradients import check_gradients
+from nearharmonic.systems.formulas.kinetic_energy import quadratic_T
+from nearharmonic.systems.formulas.modified_potential import square_gradient
+from nearharmonic.systems.formulas.oscillator import frequencies_of, remainder_formulas
+from nearharmonic.systems.numba.potential import numba_potential
+
+if TYPE_CHECKING:
+    from nearharmonic.core.loops.kernel import Kernel, Physics
+
+#: Numerics of the calls that name none.
+STANDARD = Numerics()
+
+
+@cache
+def kernel_of(system: System, numerics: Numerics = STANDARD, *, modified: bool = False) -> Kernel:
+    """Return the compiled kernel for ``system``, from the cache on disk if it is there.
+
+    Parameters
+    ----------
+    system : System
+        Its gradients are compared with its energies when it is first used in this process.
+    numerics : Numerics
+        Of these, the code depends on those that :attr:`Numerics.compiled` keeps. Lanes that are left open are those of
+        one register.
+    modified : bool
+        Whether kicks are of a modified potential.
+
+    Raises
+    ------
+    SystemDefinitionError
+        A formula fails or uses what formulas cannot (a branch, a function of math), or a gradient contradicts its
+        potential.
+    CompiledCodeError
+        The machine code cannot be loaded.
+    """
+    from nearharmonic.core.loops.kernel import build
+
+    check_precision(system, [numerics.precision])
+    check_width(system, numerics.width)
+    return build(
+        physics_of(system, numerics, modified=modified),
+        extended=numerics.precision == "extended",
+        compensated=numerics.compensated,
+        width=_width(system, numerics),
+        energy=numerics.energy,
+    )
+
+
+def _width(system: System, numerics: Numerics) -> int:
+    alone = system.formulas().are_loops or numba_potential(system) is not None
+    return 1 if alone else numerics.width or WIDTH
+
+
+@cache
+def cost_of(system: System, numerics: Numerics, *, modified: bool = False) -> int:
+    """Return the time that a force takes, in units of a few nanoseconds at most."""
+    from nearharmonic.core.loops.kernel import cost
+
+    return cost(physics_of(system, numerics, modified=modified), extended=numerics.precision == "extended")
+
+
+@cache
+def formulas_digest(system: System) -> str:
+    """Return a digest of what is integrated: of the instructions that the formulas emit, with parameters as values."""
+    from nearharmonic.core.formulas.emission import fingerprint
+    from nearharmonic.core.formulas.rules import Rules
+
+    return fingerprint(Rules(physics_of(system), extended=True, compensated=True))
+
+
+def physics_of(system: System, numerics: Numerics = STANDARD, *, modified: bool = False) -> Physics:
+    """Return what a kernel has to know of ``system``, whose gradients are compared with its energies first.
+
+    Parameters
+    ----------
+    system : System
+        What is integrated.
+    numerics : Numerics
+        Of these, what the two operators of a method solve.
+    modified : bool
+        Whether kicks are of a modified potential.
+
+    Raises
+    ------
+    SystemDefinitionError
+        A gradient contradicts its potential.
+    SettingError
+        The oscillators of the system are to be solved exactly, and cannot be.
+    """
+    from nearharmonic.core.loops.kernel import Physics
+
+    check_gradients(system)
+    exact = numerics.exact_oscillator
+    formulas, at_run_time = remainder_formulas(system) if exact else system.formulas(), system.parameters_at_run_time
+    loops, numba = None, numba_potential(system)
+    if formulas.are_loops:
+        V, T = formulas.energies
+        loops = V.looped(at_run_time), T.looped(at_run_time)
+    return Physics(
+        name=system.name,
+        V=formulas.V,
+        grad_V=formulas.grad_V,
+        grad_V_and_V=formulas.grad_V_and_V,
+        T=formulas.T,
+        balanced_T=formulas.balanced_T,
+        grad_T=formulas.grad_T,
+        acceleration=formulas.acceleration if system.quadratic_kinetic_energy and not exact else None,
+        parameters=len(system.parameters) if at_run_time else 0,
+        constants=() if at_run_time else system.constants(Constant),
+        dimension=formulas.dimension,
+        measured=None if formulas.regularised is None else formulas.regularised.energies,
+        loops=loops,
+        unit_masses=system.T is quadratic_T and not system.time_dependent,
+        turning=frequencies_of(system)[1] if exact else None,
+        modified=square_gradient(system) if modified else None,
+        numba=None if numba is None else numba.code,
+    )

@@ -1,0 +1,95 @@
+"""Runs of systems whose V is a function of numba: settings that they refuse, and the floor of their energy errors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from nearharmonic.engine.numbers.initial_values import standard_parameters, standard_start
+from nearharmonic.errors import bad_setting
+from nearharmonic.systems.definition.system import System
+from nearharmonic.systems.numba.potential import numba_potential
+
+if TYPE_CHECKING:
+    from nearharmonic.engine.runs.problem import Problem
+    from nearharmonic.numerics.types import Floats
+
+#: An energy error of at most so many times the floor is near it.
+NEAR_FLOOR = 10.0
+#: Members of an ensemble whose floors are measured, at most.
+MEMBERS = 8
+
+
+def check_precision(system: System, precisions: Sequence[str], key: str = "precision") -> None:
+    """Refuse extended precision for a V that is computed in doubles.
+
+    Raises
+    ------
+    SettingError
+        It names the setting ``key``.
+    """
+    if "extended" in precisions and numba_potential(system) is not None:
+        needed = f"V of {system.name} is a function of numba, which computes in double precision"
+        raise bad_setting(key, "extended", needed)
+
+
+def check_width(system: System, width: int | None) -> None:
+    """Refuse several SIMD lanes for a V that takes one position at a time.
+
+    Raises
+    ------
+    SettingError
+        ``width`` is more than 1.
+    """
+    if width is not None and width > 1 and numba_potential(system) is not None:
+        needed = f"V of {system.name} is a function of numba, which takes one position at a time: 1, or None"
+        raise bad_setting("width", width, needed)
+
+
+def floor_attributes(problem: Problem, start: Floats, parameters: Floats, H0: Floats) -> dict[str, float]:
+    """Return the attribute ``energy_floor`` of results; none where V is measured as precisely as wanted.
+
+    It is the rounding noise of V relative to what energy errors are relative to; of several runs the largest of the
+    first :data:`MEMBERS`.
+
+    Parameters
+    ----------
+    problem : Problem
+        A system of d coordinates.
+    start : (R or 1, 4 d) array of float
+        Initial states.
+    parameters : (R or 1, 2 P) array of float
+        Parameters, in pairs.
+    H0 : (R,) array of float
+        Initial energies.
+    """
+    potential = numba_potential(problem.system)
+    if potential is None or problem.numerics.energy == "none":
+        return {}
+    from nearharmonic.systems.numba.gradients import rounding_noise
+
+    d, largest = problem.system.dimension, 0.0
+    for i, energy in enumerate(H0[:MEMBERS].tolist()):
+        if not isfinite(energy):
+            continue
+        row, given = (rows[i if len(rows) > 1 else 0] for rows in (start, parameters))
+        noise = rounding_noise(potential, row[:d].tolist(), given[::2].tolist(), energy)
+        largest = max(largest, noise / (problem.scale or abs(energy) or 1.0))
+    return {"energy_floor": largest}
+
+
+def standard_floor(problem: Problem) -> dict[str, float]:
+    """Return the attribute for runs from the system's own start with its own parameters."""
+    if numba_potential(problem.system) is None:
+        return {}
+    start, parameters = standard_start(problem.system, problem.plain), standard_parameters(problem.system)
+    H0 = np.array([problem.system.energy(*problem.system.start(float), problem.system.constants(float))])
+    return floor_attributes(problem, start[None, :], parameters[None, :], H0)
+
+
+def floor_in_words(floor: float) -> str:
+    """Return the sentence about energy errors near a floor."""
+    return f"near {floor:.1e}, the rounding of V, which is computed in doubles: no method makes such an error smaller"

@@ -1,0 +1,97 @@
+"""Runs of regularised systems: equal steps of a fictitious time, samples that land on physical times."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nearharmonic.engine.batch.kernels import physics_of
+from nearharmonic.engine.settings import Numerics
+from nearharmonic.errors import bad_setting
+from nearharmonic.numerics.types import Floats
+from nearharmonic.systems.definition.system import System
+
+if TYPE_CHECKING:
+    from nearharmonic.core.machine.native import PreparedCall
+
+
+@cache
+def landing_of(system: System, numerics: Numerics) -> Callable[..., PreparedCall]:
+    """Return what prepares calls of the compiled runs of ``system``, from the cache on disk if it is there."""
+    from nearharmonic.core.loops.kernel import build_landing
+
+    return build_landing(
+        physics_of(system),
+        system.formulas().regularised,
+        extended=numerics.precision == "extended",
+        compensated=numerics.compensated,
+        energy=numerics.energy,
+    )
+
+
+@cache
+def unperturbed(system: System) -> System:
+    """Return ``system`` without its perturbation: its forces are those of an oscillator, and cheap."""
+    assert system.regularisation is not None
+    return replace(system, regularisation=replace(system.regularisation, perturbation=None))
+
+
+class LandingCall:
+    """A call of the runs of a regularised system: with the perturbation, or without it where its strength is 0.
+
+    Parameters
+    ----------
+    system, numerics
+        What is integrated, and how.
+    parameters : (R or 1, 2 P) array of float
+        Parameters of the runs, which may change from call to call.
+    arguments : tuple
+        What :func:`nearharmonic.core.loops.kernel.build_landing` takes.
+    """
+
+    def __init__(self, system: System, numerics: Numerics, parameters: Floats, arguments: tuple[Any, ...]) -> None:
+        self._system, self._numerics, self._arguments = system, numerics, arguments
+        self._parameters, self._calls = parameters, dict[bool, Any]()
+        strength = system.regularisation.strength if system.regularisation is not None else None
+        self._place = None if strength is None else 2 * list(system.parameters).index(strength)
+
+    def __call__(self) -> None:
+        """Make the call."""
+        perturbed = self._place is None or bool(self._parameters[:, self._place].any())
+        if perturbed not in self._calls:
+            system = self._system if perturbed else unperturbed(self._system)
+            self._calls[perturbed] = landing_of(system, self._numerics.compiled)(*self._arguments)
+        self._calls[perturbed]()
+
+
+def check_bound(system: System, start: Floats, parameters: Floats) -> None:
+    """Refuse starts of a regularised system from which the orbit is not bound.
+
+    Parameters
+    ----------
+    system : System
+        Of d coordinates; nothing is refused if it is not regularised.
+    start : (R, 4 d) array of float
+        Initial states.
+    parameters : (R or 1, 2 P) array of float
+        Parameters, as pairs.
+
+    Raises
+    ------
+    SettingError
+        An energy that is not below 0.
+    """
+    if system.regularisation is None:
+        return
+    rows = start.reshape(len(start), 4, -1)
+    with np.errstate(all="ignore"):
+        H = np.broadcast_to(system.energy(tuple(rows[:, 0].T), tuple(rows[:, 2].T), list(parameters.T[::2])), len(rows))
+    (wrong,) = np.nonzero(~(H < 0))
+    if wrong.size:
+        q0, p0 = (rows[wrong[0], k].tolist() for k in (0, 2))
+        what = f"a state of {system.name} with an energy below 0, on a bound orbit; its energy is {H[wrong[0]]:g}"
+        raise bad_setting("(q0, p0)", f"({q0}, {p0})", what)

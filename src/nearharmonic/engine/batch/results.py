@@ -1,0 +1,135 @@
+"""What a batch of runs comes to: states, energy errors, and which runs were lost, as arrays with names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nearharmonic.engine.settings import Numerics
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.types import Floats
+
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trajectories:
+    """R runs of up to S samples each, of a system with d coordinates.
+
+    ``marks`` (R, S): the step of each sample, -1 where a run has fewer. ``q``, ``p``, ``q_low``, ``p_low`` (R, S, d):
+    the states and what compensation or double-double keeps below them; NaN where there is no sample, or where the run
+    had left before. ``energy_error`` (R, S): (H - H0)/|H0|, or over the scale asked for. ``block_max``, ``block_mean``
+    (R, S): of its modulus over the steps since the previous sample. ``max_energy_error``, ``mean_energy_error`` (R,):
+    over every step, or over the samples, as :class:`Numerics` says, infinite if the run left; maxima over looks have no
+    means. ``steps`` (R,) asked for; ``done`` (R,) taken; ``left_at`` (R,) step at which the run left its energy
+    surface, 0 if it did not; ``evaluations`` (R,) of the force; ``energy``, ``energy_low``
+    (R,): H0. ``running`` (R, 5 d): the states of the last forces, from which the runs may go on, or (R, 0).
+    """
+
+    marks: Integers
+    q: Floats
+    p: Floats
+    q_low: Floats
+    p_low: Floats
+    energy_error: Floats
+    block_max: Floats
+    block_mean: Floats
+    max_energy_error: Floats
+    mean_energy_error: Floats
+    steps: Integers
+    done: Integers
+    left_at: Integers
+    evaluations: Integers
+    energy: Floats
+    energy_low: Floats
+    running: Floats
+
+    def take(self, runs: Integers) -> Trajectories:
+        """The runs at these indices, in this order."""
+        return Trajectories(**{field.name: getattr(self, field.name)[runs] for field in fields(self)})
+
+
+def joined(parts: Sequence[Trajectories]) -> Trajectories:
+    """Return the runs of several batches, one behind the other."""
+    columns = {field.name: [getattr(part, field.name) for part in parts] for field in fields(Trajectories)}
+    return Trajectories(**{name: np.concatenate(arrays) for name, arrays in columns.items()})
+
+
+def energy_unit(energy: Floats, scale: float) -> Floats:
+    """Return what energy errors are divided by: |H0| (R,), 1 where that is 0, or ``scale`` if that is not 0."""
+    unit = np.abs(energy) if scale == 0 else np.full(energy.size, scale)
+    unit[unit == 0] = 1.0
+    return unit
+
+
+def trajectories_of(
+    tableau: Tableau,
+    steps: Integers,
+    marks: Integers,
+    states: Floats,
+    blocks: Floats,
+    energy: Floats,
+    running: Floats,
+    left_at: Integers,
+    numerics: Numerics,
+    scale: float,
+    *,
+    landed: bool = False,
+) -> Trajectories:
+    """The results of a kernel by name, energies relative to |H0|, to ``scale``, or to 1.
+
+    Where runs have ``landed`` on physical times, ``running`` tells the steps of each, and those made to land.
+    """
+    error, worst, total = blocks / energy_unit(energy[:, 0], scale)[:, None]
+    length = marks.copy()
+    length[:, 1:] -= marks[:, :-1]
+    np.maximum(length, 1, out=length)
+    if numerics.energy == "none":
+        error[:] = worst[:] = total[:] = energy[:] = np.nan
+    d = states.shape[-1] // 4
+    left = left_at > 0
+    done = np.where(left, left_at, steps)
+    evaluations = done * tableau.stages + int(tableau.first_same_as_last)
+    if landed:
+        done, made = np.maximum(running[:, :2], 1).T.astype(np.int64)
+        evaluations, running = made * tableau.stages + int(tableau.first_same_as_last), running[:, :0]
+    largest = np.fmax.reduce(worst, axis=1)  # which passes NaN over
+    mean = _means(total, done if landed else steps, marks, numerics)
+    if left.any():
+        mean[left] = largest[left] = np.inf
+    return Trajectories(
+        marks=marks,
+        q=states[:, :, :d],
+        q_low=states[:, :, d : 2 * d],
+        p=states[:, :, 2 * d : 3 * d],
+        p_low=states[:, :, 3 * d :],
+        energy_error=error,
+        block_max=worst,
+        block_mean=np.full_like(total, np.nan) if landed else total / length,
+        max_energy_error=largest,
+        mean_energy_error=mean,
+        steps=steps,
+        done=done,
+        left_at=left_at,
+        evaluations=evaluations,
+        energy=energy[:, 0],
+        energy_low=energy[:, 1],
+        running=running,
+    )
+
+
+def _means(total: Floats, steps: Integers, marks: Integers, numerics: Numerics) -> Floats:
+    """Mean of |H - H0| over the steps, or over the samples; NaN if it was measured at other times."""
+    if numerics.look is not None and numerics.energy == "samples":  # sums over looks are no means over steps
+        total[:] = np.nan
+        return np.full(steps.size, np.nan)
+    weight = steps if numerics.energy == "every" else np.maximum(np.count_nonzero(marks > 0, axis=1), 1)
+    mean: Floats = np.add.reduce(total, axis=1) / weight
+    if np.isnan(mean).any():  # blocks without a step, or behind the end of a run, count for nothing
+        unknown = np.isnan(total)
+        mean = np.add.reduce(np.where(unknown, 0, total), axis=1) / weight
+        mean[unknown.all(axis=1)] = np.nan
+    return mean

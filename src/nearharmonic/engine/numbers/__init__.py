@@ -1,0 +1,1 @@
+"""Exact numbers of a run: coefficients, initial values, moves."""

@@ -1,0 +1,71 @@
+"""Arrays and lists of numbers as callers give them: the one place in which they are read."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nearharmonic.errors import bad_setting
+from nearharmonic.systems.definition.quantities import is_list
+
+
+def array_of(key: str, values: Any) -> NDArray[Any] | None:
+    """Return ``values`` as a plain array if it is an array of integers or floats, else None.
+
+    Parameters
+    ----------
+    key : str
+        Name of the setting, for the error.
+    values : object
+        A masked array is read only if no entry of it is masked.
+
+    Raises
+    ------
+    SettingError
+        A masked entry.
+    """
+    if not hasattr(values, "__array__"):
+        return None
+    check_mask(key, values)
+    array = np.asarray(values)
+    return array if array.dtype.kind in "fiu" else None
+
+
+def list_of(key: str, values: Any, allowed: str) -> list[Any]:
+    """Return the entries of a list, of another iterable of numbers, or of an array, whose axes are joined.
+
+    Parameters
+    ----------
+    key : str
+        Name of the setting, for the error.
+    values : object
+        Entries are not checked.
+    allowed : str
+        The end of the error.
+
+    Raises
+    ------
+    SettingError
+        No list: a single value, text, bytes, a mapping or a set; or a masked entry.
+    """
+    if hasattr(values, "__array__"):
+        check_mask(key, values)
+        return np.asarray(values).ravel().tolist()
+    if not is_list(values):
+        raise bad_setting(key, values, allowed)
+    return list(values)
+
+
+def check_mask(key: str, values: Any) -> None:
+    """Refuse an array with a masked entry, below which any number may be.
+
+    Raises
+    ------
+    SettingError
+        It names the first such entry.
+    """
+    if np.ma.is_masked(values):
+        place = np.argwhere(np.ma.getmaskarray(values))[0].tolist()
+        raise bad_setting(f"{key}{place or ''}", "masked", "numbers, none of them masked")

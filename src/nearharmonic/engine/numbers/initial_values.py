@@ -1,0 +1,199 @@
+"""Initial values and parameters that a caller gives in place of a system's own, as the rows that a kernel takes.
+
+Decimal strings and fractions are exact: a double and the digits below it. Floats mean their binary value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from decimal import Decimal, InvalidOperation
+from fractions import Fraction
+from functools import lru_cache
+from numbers import Rational, Real
+from typing import Any
+
+import numpy as np
+
+from nearharmonic.core.arithmetic import rounded_pair
+from nearharmonic.engine.numbers.arrays import array_of
+from nearharmonic.engine.numbers.coefficients import parameter_row, start_row
+from nearharmonic.errors import bad_setting, unknown_name
+from nearharmonic.numerics.types import Floats
+from nearharmonic.systems.definition.quantities import is_extreme, is_list
+from nearharmonic.systems.definition.system import System
+
+#: What a number may be, as errors tell.
+NUMBER = "a finite number: a float, or an exact decimal string or fraction"
+
+
+def exact(key: str, value: object) -> Fraction:
+    """Return the exact value of a number, or of a string such as "0.1", "1e-3" or "1/3".
+
+    Parameters
+    ----------
+    key : str
+        Name of the setting, for the error.
+    value : object
+        Whole number, float, Fraction, Decimal or string.
+
+    Raises
+    ------
+    SettingError
+        No number, NaN, or one whose modulus no double holds.
+    """
+    if isinstance(value, bool) or not isinstance(value, str | Decimal | Real):
+        raise bad_setting(key, value, NUMBER)
+    try:
+        number = _fraction(str(value)) if isinstance(value, str | Decimal) else _binary(value)
+        float(number)
+    except (ValueError, ArithmeticError):
+        raise bad_setting(key, value, NUMBER) from None
+    return number
+
+
+def _binary(value: Real) -> Fraction:
+    return Fraction(value) if isinstance(value, Rational | float) else Fraction(float(value))
+
+
+def _fraction(text: str) -> Fraction:
+    """The exact value of a decimal or of a quotient of decimals."""
+    top, slash, bottom = text.partition("/")
+    parts = [Decimal(part.strip()) for part in ([top, bottom] if slash else [top])]
+    if any(not part.is_finite() or is_extreme(part) for part in parts):
+        raise InvalidOperation
+    return Fraction(parts[0]) / Fraction(parts[1]) if slash else Fraction(parts[0])
+
+
+@lru_cache(maxsize=128)
+def standard_start(system: System, plain: bool) -> Floats:
+    """Return the initial values (4 d,) of ``system`` as :func:`start_array` does; not to be changed."""
+    row = start_row(*system.extended_start(Fraction), plain=plain)
+    row.flags.writeable = False
+    return row
+
+
+@lru_cache(maxsize=128)
+def standard_parameters(system: System) -> Floats:
+    """Return the parameters (2 P,) of ``system`` as :func:`parameter_array` does; not to be changed."""
+    row = parameter_row(system.constants(Fraction))
+    row.flags.writeable = False
+    return row
+
+
+def start_array(system: System, q0: object, p0: object, *, plain: bool) -> Floats:
+    """Return initial states (R, 4 d) as :func:`nearharmonic.engine.numbers.coefficients.start_row` lays them out.
+
+    Parameters
+    ----------
+    system : System
+        Gives what is None: its own initial values.
+    q0, p0 : sequence of d numbers or strings, (d,) or (R, d) array of float, or None
+        Positions and momenta; a single number for one coordinate. R is 1 unless one of them has R rows.
+    plain : bool
+        Whether the digits below a double are dropped.
+
+    Raises
+    ------
+    SettingError
+        Another number of components or rows, or a component that is masked or no finite number.
+    """
+    d, own = system.dimension, standard_start(system, plain)
+    given = [(k, _rows(key, values, d)) for k, key, values in ((0, "q0", q0), (2, "p0", p0)) if values is not None]
+    members = max([1, *(len(pairs) for _, pairs in given)])
+    rows = np.empty((members, 4, own.size // 4))
+    rows[:] = own.reshape(4, -1)
+    for k, pairs in given:
+        if len(pairs) not in (1, members):
+            raise bad_setting("p0", f"{len(given[1][1])} rows", f"as many as q0, {len(given[0][1])}, or one for all")
+        rows[:, k, :d] = pairs[:, :, 0]
+        rows[:, k + 1, :d] = 0.0 if plain else pairs[:, :, 1]
+    return rows.reshape(members, -1)
+
+
+def parameter_array(system: System, parameters: Mapping[str, Any]) -> Floats:
+    """Return parameters (R, 2 P) as :func:`nearharmonic.engine.numbers.coefficients.parameter_row` lays them out.
+
+    Parameters
+    ----------
+    system : System
+        Gives those that are not named.
+    parameters : mapping
+        Values by name: numbers, strings, or (R,) arrays of float. R is 1 if there is no array.
+
+    Raises
+    ------
+    UnknownNameError
+        The system has no such parameter.
+    SettingError
+        A value that is masked or no finite number, or arrays of different lengths.
+    """
+    if not isinstance(parameters, Mapping):
+        raise bad_setting("parameters", parameters, "a mapping of names to values")
+    for name in parameters:
+        if name not in system.parameters:
+            raise unknown_name(f"parameter of {system.name}", name, system.parameters)
+    columns = {name: _column(f"parameters[{name!r}]", value) for name, value in parameters.items()}
+    members = max([1, *map(len, columns.values())])
+    rows = np.empty((members, len(system.parameters), 2))
+    rows[:] = standard_parameters(system).reshape(-1, 2)
+    for k, name in enumerate(system.parameters):
+        column = columns.get(name)
+        if column is None:
+            continue
+        if len(column) not in (1, members):
+            raise bad_setting("parameters", f"{len(column)} values of {name!r}", f"as many as of the others, {members}")
+        rows[:, k] = column
+    return rows.reshape(members, -1)
+
+
+def _pair(key: str, value: object) -> tuple[float, float]:
+    """A double and the digits below it."""
+    if type(value) is float and value - value == 0:
+        return value, 0.0
+    return rounded_pair(*exact(key, value).as_integer_ratio())
+
+
+def _rows(key: str, values: Any, d: int) -> Floats:
+    """Pairs (R, d, 2) of the components of one or more rows."""
+    allowed = f"{d} number{'s' if d > 1 else ''}, one a coordinate, or rows of {d}"
+    if hasattr(values, "data_vars"):
+        raise bad_setting(key, "a Dataset", f"{allowed}; a run is continued by start=")
+    array = array_of(key, values)
+    if array is not None:
+        if array.ndim == 0:
+            array = array[None]
+        if array.ndim > 2 or array.shape[-1] != d or not len(array):
+            raise bad_setting(key, f"array of shape {array.shape}", allowed)
+        return _pairs_of(key, array.reshape(-1, d))
+    if isinstance(values, str | Real | Decimal):
+        values = [values]
+    if not isinstance(values, Sequence) or not is_list(values) or not values:
+        raise bad_setting(key, values, allowed)
+    if isinstance(values[0], Sequence | np.ndarray) and not isinstance(values[0], str):
+        return np.concatenate([_rows(f"{key}[{i}]", row, d) for i, row in enumerate(values)])
+    if len(values) != d:
+        raise bad_setting(key, values, allowed)
+    if all(type(value) is float for value in values):
+        return _pairs_of(key, np.array([values]))
+    return np.array([[_pair(f"{key}[{i}]", value) for i, value in enumerate(values)]])
+
+
+def _column(key: str, value: Any) -> Floats:
+    """Pairs (R, 2) of one value, or of an array of them."""
+    array = array_of(key, value)
+    if array is not None:
+        if array.ndim > 1 or not array.size:
+            raise bad_setting(key, f"array of shape {array.shape}", "a number, or one a member")
+        return _pairs_of(key, array.reshape(-1, 1))[:, 0]
+    if isinstance(value, Sequence) and is_list(value):
+        return np.array([_pair(f"{key}[{i}]", x) for i, x in enumerate(value)]).reshape(-1, 2)
+    return np.array([_pair(key, value)])
+
+
+def _pairs_of(key: str, array: Any) -> Floats:
+    pairs = np.zeros((*array.shape, 2))
+    pairs[..., 0] = array
+    if not np.isfinite(pairs).all():
+        where = tuple(int(i) for i in np.argwhere(~np.isfinite(pairs))[0][:-1])
+        raise bad_setting(f"{key}{list(where)}", float(array[where]), NUMBER)
+    return pairs

@@ -1,0 +1,91 @@
+"""Coefficients of the moves of a kernel that solves an oscillator exactly, from exact numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+from functools import lru_cache
+
+import numpy as np
+
+from nearharmonic.core.arithmetic import rounded_pair, two_products
+from nearharmonic.core.layout import KICK, TURN, TURNS, columns
+from nearharmonic.engine.numbers.coefficients import kicks_and_drifts
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.types import Floats
+
+#: Bits of sines and cosines: those of a double-double, and as many again.
+BITS = 212
+
+
+@lru_cache(maxsize=1024)
+def rotations(
+    tableau: Tableau, tau: Fraction, frequencies: tuple[Fraction, ...], parts: int, *, rounded: bool
+) -> Floats:
+    """Return the moves (s + 2, columns) of one step size, each a kick and a rotation behind it.
+
+    Rows are those of :func:`nearharmonic.engine.numbers.coefficients.moves`, and columns those of
+    :mod:`nearharmonic.core.rotation`. Drifts that meet between steps turn by the sum of their angles.
+
+    Parameters
+    ----------
+    tableau : Tableau
+        Method of s stages.
+    tau : Fraction
+        Step size.
+    frequencies : tuple of Fraction
+        Distinct frequencies.
+    parts : {1, 2}
+        Doubles that make a number: 2 for double-doubles.
+    rounded : bool
+        Whether kicks and drifts times tau are rounded to doubles before anything follows from them.
+    """
+    found = kicks_and_drifts(tableau, tau, rounded=rounded)
+    kicks, drifts = [kick for kick, _ in found], [drift for _, drift in found]
+    array = np.zeros((len(found), columns(len(frequencies))))
+    array[:, KICK : KICK + parts] = [_pair(kick)[:parts] for kick in kicks]
+    for place, frequency in enumerate(frequencies):
+        shears, size = list(_shears(drifts, frequency)), 6 if parts == 2 else TURNS
+        at = TURN * parts + size * place
+        if parts == 2:
+            array[:, at : at + size] = [[half for x in row for half in _pair(x)] for row in shears]
+        else:
+            array[:, at : at + size] = _in_doubles(kicks, shears)
+    return array
+
+
+def _in_doubles(kicks: list[Fraction], shears: list[tuple[Fraction, Fraction, Fraction]]) -> Floats:
+    """The coefficients (s + 2, TURNS) of a frequency, each rounded once, from b, S and the last shear of each move."""
+    rows = [(b, S, k * S, b * S, last, k) for k, (b, S, last) in zip(kicks, shears, strict=True)]
+    linear, drift, product, linear_product, shear, kick = np.array([[float(x) for x in row] for row in rows]).T
+    with np.errstate(over="ignore", invalid="ignore"):
+        rests = [(high - x) + low for x, (high, low) in (
+            (product, two_products(kick, drift)), (linear_product, two_products(linear, drift)),
+        )]  # fmt: skip
+    return np.stack([linear, drift, product, linear_product, *rests, shear], axis=1)
+
+
+def _shears(drifts: Sequence[Fraction], frequency: Fraction) -> Iterator[tuple[Fraction, Fraction, Fraction]]:
+    """Of each move b, S and the shear behind it, which are 0 but for the first move of a run and the last of a step."""
+    turns = [_shear_and_drift(drift, frequency) for drift in drifts]
+    shears, nothing = [T for T, _ in turns], Fraction(0)
+    before = [nothing, shears[-2], *shears[1:-2], shears[-2]]
+    behind = [shears[1] - shears[0], *[nothing] * (len(turns) - 2), -shears[-1]]
+    for (T, S), earlier, last in zip(turns, before, behind, strict=True):
+        yield -(earlier + T), S, last
+
+
+def _shear_and_drift(drift: Fraction, frequency: Fraction) -> tuple[Fraction, Fraction]:
+    """T = w tan(x/2) and S = sin(x)/w for a frequency w and the angle x that it turns by in a drift."""
+    if not frequency * drift:
+        return Fraction(0), drift
+    from mpmath.libmp import from_rational, mpf_cos_sin, to_rational
+
+    half = frequency * drift / 2
+    angle = from_rational(half.numerator, half.denominator, 2 * BITS)
+    c, s = (Fraction(*map(int, to_rational(x))) for x in mpf_cos_sin(angle, BITS))
+    return frequency * s / c, 2 * s * c / frequency
+
+
+def _pair(x: Fraction) -> tuple[float, float]:
+    return rounded_pair(*x.as_integer_ratio())

@@ -1,0 +1,1 @@
+"""What users call: trajectories, sweeps, ensembles, prepared problems, and their datasets."""

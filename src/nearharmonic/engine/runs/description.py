@@ -1,0 +1,250 @@
+"""Trajectories as described variables and Datasets: names, units, and what a system records or conserves besides."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nearharmonic.engine.batch.numba_runs import floor_attributes
+from nearharmonic.engine.batch.results import Trajectories
+from nearharmonic.engine.runs import invariants
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.modified_tableau import ModifiedTableau
+from nearharmonic.numerics.types import Floats
+from nearharmonic.output.dataset import Variables, assembled, described, flags
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from nearharmonic.engine.runs.continuation import Start
+    from nearharmonic.engine.runs.problem import Problem
+
+#: Extent of a block of steps.
+SINCE = "since the previous sample"
+#: Words for the end of a run. A plan skips runs; no integration returns that word.
+STATUSES = ("ok", "diverged", "skipped")
+STATUS = "ok; diverged: the run left its energy surface; skipped: the plan left the run out (tables/skipped.csv)"
+
+
+def error_variables(paths: Trajectories, problem: Problem) -> Variables:
+    """Return errors, steps, evaluations and status of runs over tau_per_stage."""
+    status = np.array(STATUSES[:2])[(paths.left_at > 0).astype(int)]
+    scale, unit = energy_scale(paths, problem)
+    over = {"every": "over every step, inf if diverged", "samples": "over the samples, inf if diverged"}
+    what = f"|H - H0|{scale} {over.get(problem.numerics.energy, 'was not asked for')}"
+    made = paths.steps if problem.system.regularisation is None else paths.done
+    return over_runs({
+        "max_energy_error": (paths.max_energy_error, f"maximum of {what}", unit),
+        "mean_energy_error": (paths.mean_energy_error, f"mean of {what}", unit),
+        "steps": (made, "steps that cover [0, t_end]", "1"),
+        "evaluations": (paths.evaluations, "force evaluations made", "1"),
+    }) | {
+        "status": flags("tau_per_stage", status, STATUSES, STATUS),
+    } | over_runs({
+        "diverged_at": (paths.left_at, "step at which the run left its energy surface, 0 if it did not", "1"),
+    })  # fmt: skip
+
+
+def energy_scale(paths: Trajectories, problem: Problem) -> tuple[str, str]:
+    """Return what energy errors are relative to, as in "|H - H0|/|H0|", and their unit."""
+    if problem.scale != 0:
+        return f"/({problem.scale:g} {problem.system.units['energy']})", "1"
+    unit, none = problem.system.units["energy"], paths.energy == 0
+    if none.all():
+        return "", unit
+    return f"/|H0| (absolute, in {unit}, where H0 = 0)" if none.any() else "/|H0|", "1"
+
+
+def first_run(variables: Variables) -> Variables:
+    """Return the variables of the first run alone, up to the last sample that it reached."""
+    kept = int(np.isfinite(variables["q"][1][0, :, 0]).sum())
+    return {
+        name: (dimensions[1:], values[0, :kept] if "sample" in dimensions else values[0], attributes)
+        for name, (dimensions, values, attributes) in variables.items()
+    }
+
+
+def block_variables(problem: Problem, paths: Trajectories) -> Variables:
+    """Return length, maximum and mean of the blocks of steps before each sample."""
+    length = np.where(paths.marks >= 0, np.diff(paths.marks, axis=1, prepend=0), 0)
+    scale, unit = energy_scale(paths, problem)
+    return over_runs({
+        "block_steps": (length, f"steps {SINCE}", "1"),
+        "block_max_energy_error": (paths.block_max, f"maximum of |H - H0|{scale} {SINCE}", unit),
+        "block_mean_energy_error": (paths.block_mean, f"mean of |H - H0|{scale} {SINCE}", unit),
+    })  # fmt: skip
+
+
+def trajectory_variables(
+    problem: Problem, paths: Trajectories, constants: Sequence[Any], times: Floats | None = None
+) -> Variables:
+    """Return states at the samples, their energy errors, and the system's observables.
+
+    Parameters
+    ----------
+    problem : Problem
+        System of d coordinates, method and settings.
+    paths : Trajectories
+        R runs of S samples.
+    constants : sequence of float or (R, 1) array of float
+        Parameters of the system.
+    times : (S,) or (R, S) array of float, optional
+        Times of the samples, where they are not those of whole steps.
+    """
+    system, d = problem.system, problem.system.dimension
+    units = system.units
+    if times is None:
+        # The sum makes 0 of the -0 with which a run backwards begins.
+        times = np.where(paths.marks >= 0, paths.marks * float(problem.end) / paths.steps[:, None] + 0.0, np.nan)
+    scale, unit = energy_scale(paths, problem)
+    table = {
+        "t": (np.broadcast_to(times, paths.marks.shape), "time", units["t"]),
+        "q": (paths.q[..., :d], "position", units["q"]),
+        "p": (paths.p[..., :d], "momentum", units["p"]),
+        "energy_error": (paths.energy_error, f"(H - H0){scale}", unit),
+    }
+    if problem.numerics.precision == "extended":
+        table |= low_digits(problem, paths)
+    for name, values in invariants.observable_values(system, paths.q[..., :d], paths.p[..., :d], constants).items():
+        table[name] = values, system.observables[name].meaning, system.observables[name].unit
+    return over_runs(table)
+
+
+def low_digits(problem: Problem, paths: Trajectories) -> dict[str, tuple[Any, str, str]]:
+    """Return the digits below q and p: the low halves of double-doubles, or the carries of compensated sums."""
+    units, d = problem.system.units, problem.system.dimension
+    return {
+        "q_low": (paths.q_low[..., :d], "position, digits below q", units["q"]),
+        "p_low": (paths.p_low[..., :d], "momentum, digits below p", units["p"]),
+    }
+
+
+def clock_variables(problem: Problem, paths: Trajectories) -> Variables:
+    """Return the time as it is integrated and its conjugate momentum, if V depends on time, else nothing."""
+    if not problem.system.time_dependent:
+        return {}
+    units, d = problem.system.units, problem.system.dimension
+    table = {}
+    for name, pair, meaning, unit in (
+        ("clock", (paths.q, paths.q_low), "time as it is integrated", units["t"]),
+        (
+            "clock_momentum",
+            (paths.p, paths.p_low),
+            "momentum conjugate to time: minus the energy received",
+            units["energy"],
+        ),
+    ):
+        table[name] = pair[0][..., d], meaning, unit
+        table[f"{name}_low"] = pair[1][..., d], f"{meaning}, digits below", unit
+    return over_runs(table)
+
+
+def invariant_variables(problem: Problem, paths: Trajectories, start: Floats, constants: Sequence[Any]) -> Variables:
+    """Return what a system conserves besides the energy, at the samples, and the largest change of each.
+
+    Parameters
+    ----------
+    problem, paths
+        What was integrated, and R runs.
+    start : (R or 1, 4 d) array of float
+        Initial states.
+    constants : sequence of float or (R, 1) array of float
+        Parameters of the system.
+    """
+    d = problem.system.dimension
+    state = np.broadcast_to(start, (len(paths.q), start.shape[1])).reshape(len(paths.q), 4, -1)[..., :d]
+    return invariants.invariant_variables(
+        problem.system, paths.q[..., :d], paths.p[..., :d], paths.left_at > 0, constants,
+        start=(state[:, 0], state[:, 2]),
+    )  # fmt: skip
+
+
+def trajectory_dataset(
+    problem: Problem,
+    paths: Trajectories,
+    *,
+    begin: Start,
+    times: Floats | None = None,
+) -> xr.Dataset:
+    """Return the first of ``paths``, which began at ``begin``, as :func:`nearharmonic.integrate` does."""
+    variables = trajectory_variables(problem, paths, begin.constants, times) | error_variables(paths, problem)
+    if problem.numerics.compensated:
+        variables |= over_runs(low_digits(problem, paths))
+    variables |= clock_variables(problem, paths)
+    variables |= invariant_variables(problem, paths, begin.state, begin.constants)
+    variables |= tau_variable(problem, paths) | initial_energy_variables(problem, paths)
+    one, notes = first_run(variables), problem_attributes(problem) | begin.attributes()
+    notes |= floor_attributes(problem, begin.state, begin.parameters, paths.energy[:1])
+    ends = times is None or np.ravel(times)[-1] == float(problem.end) + begin.t  # the last sample is the end of the run
+    if ends and paths.running.size:
+        from nearharmonic.engine.numbers.earlier_result import end_digest
+        from nearharmonic.engine.runs.continuation import moves_digest
+
+        one |= running_variable(problem, paths)
+        notes["moves"] = moves_digest(problem, int(paths.steps[0]))
+        notes["end"] = end_digest(one, notes.get("parameters", ""))
+    return assembled(one, ["t"], notes)
+
+
+def running_variable(problem: Problem, paths: Trajectories) -> Variables:
+    """Return the state of the last force of the first run, from which a run goes on with the same bits."""
+    units = problem.system.units
+    meaning = "state of the last force: position, momentum, the digits below each, and what the next position adds"
+    return {"running": (("running_component",), paths.running[0], described(meaning, f"{units['q']}, {units['p']}"))}
+
+
+def initial_energy_variables(problem: Problem, paths: Trajectories) -> Variables:
+    """Return H0, and the digits below it."""
+    unit = problem.system.units["energy"]
+    return over_runs({
+        "initial_energy": (paths.energy, "energy H0 at the start", unit),
+        "initial_energy_low": (paths.energy_low, "energy H0 at the start, digits below initial_energy", unit),
+    })  # fmt: skip
+
+
+def tau_variable(problem: Problem, paths: Trajectories) -> Variables:
+    """Return the step sizes of runs over tau_per_stage."""
+    notes = described("step size as used, t_end / steps", problem.system.units["t"])
+    return {"tau": (("tau_per_stage",), problem.taus(paths.steps), notes)}
+
+
+def problem_attributes(problem: Problem) -> dict[str, Any]:
+    """Return the attributes of a Dataset: what was integrated, and how."""
+    notes = {
+        "system": problem.system.name,
+        "integrator": problem.tableau.name,
+        **({} if problem.tableau.name in integrators else {"label": problem.tableau.label}),
+        "first": problem.tableau.first,
+        "t_end": problem.t_end,
+        "precision": problem.numerics.precision,
+        "summation": problem.numerics.summation,
+    }
+    if isinstance(problem.tableau, ModifiedTableau):
+        notes["gradients_per_step"] = str(problem.tableau.gradients)
+    if problem.tableau.processed:
+        notes["processed"] = "states and energies are processed at the samples; evaluations are those of the kernel"
+    if problem.numerics.energy != "every":
+        notes["energy"] = problem.numerics.energy
+    if problem.numerics.exact_oscillator:
+        notes["split"] = problem.numerics.split
+    return notes
+
+
+def kernel_in_words(problem: Problem) -> str:
+    """Return the arithmetic of a run in words, as an attribute of its file."""
+    numerics = problem.numerics
+    return ", ".join((
+        "double-double" if numerics.precision == "extended" else "double",
+        f"{'compensated' if numerics.compensated else 'plain'} sums",
+        f"{problem.tableau.first} first",
+        *(["oscillator solved exactly"] if numerics.exact_oscillator else []),
+        {"every": "energy at every step", "samples": "energy at the samples", "none": "no energy"}[numerics.energy],
+    ))  # fmt: skip
+
+
+def over_runs(table: dict[str, tuple[Any, str, str]]) -> Variables:
+    """Return described variables from (values, meaning, unit), whose first dimension is that of the runs."""
+    dimensions = ("tau_per_stage", "sample", "component")
+    return {name: (dimensions[: v.ndim], v, described(text, unit)) for name, (v, text, unit) in table.items()}

@@ -1,0 +1,186 @@
+"""Invariants that a system declares beside its energy: their values at the samples, and how far they drift."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache, reduce
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from nearharmonic.errors import SystemDefinitionError
+from nearharmonic.math import hypot
+from nearharmonic.numerics.types import Floats
+from nearharmonic.output.dataset import Variables, described
+from nearharmonic.systems.definition.system import System
+
+
+def invariant_values(
+    system: System, q: ArrayLike, p: ArrayLike, constants: Sequence[Any] | None = None
+) -> dict[str, Floats]:
+    """Return each invariant of ``system`` at some states, evaluated in double precision.
+
+    Parameters
+    ----------
+    system : System
+        A system of d coordinates.
+    q, p : (..., d) array of float
+        States.
+    constants : sequence of floats or arrays, optional
+        Parameters of the system; its own by default.
+
+    Returns
+    -------
+    dict
+        Arrays (..., k) by the name of the invariant, k its number of components.
+
+    Raises
+    ------
+    SystemDefinitionError
+        An invariant cannot be evaluated.
+    """
+    given = system.constants(float) if constants is None else constants
+    states = np.asarray(q, float), np.asarray(p, float)
+    return {
+        name: _evaluated(f"{system.name}: the invariant {name}", function, *states, given)
+        for name, function in system.invariants.items()
+    }
+
+
+def _evaluated(what: str, function: Callable[..., Any], q: Floats, p: Floats, constants: Sequence[Any]) -> Floats:
+    """The components (..., k) of a function at states (..., d); NaN where it fails, unless it fails everywhere."""
+    shape = q.shape[:-1]
+    try:
+        return _components(function, tuple(np.moveaxis(q, -1, 0)), tuple(np.moveaxis(p, -1, 0)), constants, shape)
+    except Exception as error:
+        places = list(np.ndindex(shape)) if np.prod(shape) > 1 else []
+        rows = {place: row for place in places if (row := _at_state(function, q, p, constants, place)) is not None}
+        if not rows:
+            message = f"{what} cannot be evaluated: {type(error).__name__}: {error}"
+            raise SystemDefinitionError(message) from error
+    found = np.full((*shape, len(next(iter(rows.values())))), np.nan)
+    for place, row in rows.items():
+        found[place] = row
+    return found
+
+
+def _components(
+    function: Callable[..., Any], q: Sequence[Any], p: Sequence[Any], constants: Sequence[Any], shape: tuple[int, ...]
+) -> Floats:
+    """The components (..., k) of a function of d coordinates and d momenta, each an array of this shape."""
+    with np.errstate(all="ignore"):  # a state may be too large for it
+        value = function(tuple(q), tuple(p), *constants)
+    parts = value if isinstance(value, tuple | list) else (value,)
+    found = np.empty((*shape, len(parts)))
+    for i, part in enumerate(parts):
+        found[..., i] = _real(part)
+    return found
+
+
+def _at_state(
+    function: Callable[..., Any], q: Floats, p: Floats, constants: Sequence[Any], place: tuple[int, ...]
+) -> Floats | None:
+    """The components at one state of many, None where the function fails, as it may far from the start."""
+    given = [np.broadcast_to(x, q.shape[:-1])[place] for x in constants]
+    try:
+        return _components(function, q[place], p[place], given, ())
+    except Exception:
+        return None
+
+
+@lru_cache(maxsize=128)
+def check_quantities(system: System) -> None:
+    """Evaluate what a system conserves and records at its start, so that what fails does so before any work.
+
+    Raises
+    ------
+    SystemDefinitionError
+        An invariant or an observable cannot be evaluated.
+    """
+    q, p = (np.array([row]) for row in system.start(float))
+    invariant_values(system, q, p)
+    observable_values(system, q, p, system.constants(float))
+
+
+def observable_values(system: System, q: Floats, p: Floats, constants: Sequence[Any]) -> dict[str, Floats]:
+    """Return the observables of ``system`` at states ``q``, ``p`` (..., d) as arrays (...), by name.
+
+    Raises
+    ------
+    SystemDefinitionError
+        An observable cannot be evaluated.
+    """
+    return {
+        name: _evaluated(f"{system.name}: the observable {name}", observable.function, q, p, constants)[..., 0]
+        for name, observable in system.observables.items()
+    }
+
+
+def invariant_variables(
+    system: System,
+    q: Floats,
+    p: Floats,
+    diverged: Any,
+    constants: Sequence[Any] | None = None,
+    *,
+    start: tuple[Floats, Floats] | None = None,
+) -> Variables:
+    """Return the invariants of ``system`` at the samples of R runs, and the drift of each, ``<name>_drift``.
+
+    Parameters
+    ----------
+    system : System
+        A system of d coordinates.
+    q, p : (R, S, d) array of float
+        States at the samples; NaN where a run has no sample.
+    diverged : (R,) array of bool
+        Whether each run left its energy surface.
+    constants : sequence of floats or arrays, optional
+        Parameters of the system; its own by default.
+    start : pair of (R, d) arrays of float, optional
+        Positions and momenta at the start; by default the first sample.
+
+    Returns
+    -------
+    Variables
+        Values over (tau_per_stage, sample), with a dimension more, ``<name>_component``, for a vector; and drifts over
+        tau_per_stage: the maximum over the samples of |I - I0| / |I0|, Euclidean for a vector, or of |I - I0| where
+        I0 = 0; infinite where the run left its energy surface. The ``long_name`` says which.
+
+    Raises
+    ------
+    SystemDefinitionError
+        An invariant cannot be evaluated.
+    """
+    found: Variables = {}
+    q0, p0 = (q[:, 0], p[:, 0]) if start is None else start
+    at_start = invariant_values(system, q0[:, None], p0[:, None], constants)
+    for name, values in invariant_values(system, q, p, constants).items():
+        function = system.invariants[name]
+        unit, meaning = getattr(function, "unit", "unknown"), getattr(function, "meaning", "conserved quantity")
+        several = [f"{name}_component"] if values.shape[-1] > 1 else []
+        found[name] = (
+            ("tau_per_stage", "sample", *several), values if several else values[..., 0], described(meaning, unit)
+        )  # fmt: skip
+        first = _length(at_start[name])
+        relative = bool((first > 0).all())
+        with np.errstate(all="ignore"):  # a state may be too large for an invariant
+            change = _length(values - at_start[name]) / (first if relative else 1.0)
+        # fmax passes over NaN, the samples that a run does not have.
+        drift = np.where(diverged, np.inf, np.fmax.reduce(change, axis=1, initial=np.nan))
+        measure = "|I - I0|/|I0|" if relative else "|I - I0|"
+        what = f"maximum over the samples of {measure}, I = {name} in double precision, inf if diverged"
+        found[f"{name}_drift"] = ("tau_per_stage",), drift, described(what, "1" if relative else unit)
+    return found
+
+
+def _length(vectors: Floats) -> Floats:
+    """The Euclidean norms (...) of vectors (..., n), from the first component on."""
+    return reduce(hypot, np.moveaxis(vectors, -1, 0), np.zeros(vectors.shape[:-1]))
+
+
+def _real(value: Any) -> Any:
+    if value is None or np.iscomplexobj(value):
+        raise TypeError(f"it returns an object of type {type(value).__name__}, expected real numbers")
+    return value

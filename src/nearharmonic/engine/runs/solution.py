@@ -1,0 +1,147 @@
+"""The result of one run of a prepared problem: small to make, its numbers worked out when they are asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from nearharmonic.core.layout import split_results
+from nearharmonic.engine.batch.batch import Batch
+from nearharmonic.engine.batch.results import Integers, Trajectories, trajectories_of
+from nearharmonic.numerics.types import Floats
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from nearharmonic.engine.runs.continuation import Start
+    from nearharmonic.engine.runs.problem import Problem
+
+
+@dataclass(frozen=True, slots=True)
+class StepSize:
+    """A step size, as used, with what a kernel needs of it."""
+
+    tau: float
+    steps: int
+    marks: Integers
+    moves: Floats
+
+
+class Solution:
+    """One trajectory: ``t`` (S,), ``q`` and ``p`` (S, d), errors, steps and status, as :func:`integrate` has them.
+
+    A run that left its energy surface keeps the samples until then; both errors are infinite.
+    """
+
+    __slots__ = ("__dict__", "_begin", "_diverged_at", "_results", "_step", "_width", "problem")
+
+    def __init__(self, problem: Problem, step: StepSize, batch: Batch, begin: Start | None) -> None:
+        self.problem, self._step, self._begin = problem, step, begin
+        self._results, self._diverged_at = batch.results.copy(), int(batch.left_at[0])
+        self._width = batch.states.shape[-1]
+
+    def _split(self) -> tuple[Floats, Floats, Floats, Floats]:
+        dimension = self.problem.states_dimension
+        return split_results(self._results, 1, self._step.marks.size, dimension)
+
+    @property
+    def tau(self) -> float:
+        """The step size as used."""
+        return self._step.tau
+
+    @property
+    def steps(self) -> int:
+        """Steps that cover the interval."""
+        return self._step.steps
+
+    @property
+    def status(self) -> str:
+        """ "ok" or "diverged"."""
+        return "diverged" if self._diverged_at else "ok"
+
+    @property
+    def diverged_at(self) -> int:
+        """The step at which the run left its energy surface, 0 if it did not."""
+        return self._diverged_at
+
+    @cached_property
+    def trajectories(self) -> Trajectories:
+        """The run as a batch of one."""
+        problem, left = self.problem, np.array([self._diverged_at])
+        cut = int(problem.samples == 1)
+        states, blocks, energy, running = self._split()
+        results = self._step.marks[:, cut:], states[:, cut:], blocks[..., cut:], energy.copy(), running, left
+        return trajectories_of(
+            problem.tableau,
+            np.array([self.steps]),
+            *results,
+            problem.numerics,
+            problem.scale,
+            landed=problem.system.regularisation is not None,
+        )
+
+    def _kept(self, name: str) -> Floats:
+        rows: Floats = getattr(self.trajectories, name)[0]
+        return rows[np.isfinite(self.trajectories.q[0, :, 0])]
+
+    @property
+    def t(self) -> Floats:
+        """Times of the samples (S,)."""
+        end = float(self.problem.end)
+        return self._kept("marks") * end / self.steps
+
+    def _states(self, part: int) -> Floats:
+        """Columns of the states as the kernel left them: part 0 the positions, part 2 the momenta.
+
+        They are read without the energies and evaluations, which cost more than a short run does.
+        """
+        samples, width = self._step.marks.size, self._width
+        states = self._results[: samples * width].reshape(samples, width)[int(self.problem.samples == 1) :]
+        kept = states[np.isfinite(states[:, 0])] if self._diverged_at else states
+        first = part * width // 4
+        return kept[:, first : first + self.problem.system.dimension].copy()
+
+    @property
+    def q(self) -> Floats:
+        """Positions (S, d)."""
+        return self._states(0)
+
+    @property
+    def p(self) -> Floats:
+        """Momenta (S, d)."""
+        return self._states(2)
+
+    @property
+    def energy_error(self) -> Floats:
+        """(H - H0)/|H0| at the samples (S,)."""
+        return self._kept("energy_error")
+
+    @property
+    def max_energy_error(self) -> float:
+        """Maximum of its modulus over every step."""
+        return float(self.trajectories.max_energy_error[0])
+
+    @property
+    def mean_energy_error(self) -> float:
+        """Mean of its modulus over every step."""
+        return float(self.trajectories.mean_energy_error[0])
+
+    @property
+    def evaluations(self) -> int:
+        """Evaluations of the force."""
+        return int(self.trajectories.evaluations[0])
+
+    def __repr__(self) -> str:
+        return (
+            f"Solution({self.problem!r}, tau={self.tau:g}, {self.status}, max_energy_error={self.max_energy_error:.2g})"
+        )
+
+    def to_dataset(self) -> xr.Dataset:
+        """Return the run as :func:`nearharmonic.integrate` does."""
+        from nearharmonic.engine.runs.continuation import start_of
+        from nearharmonic.engine.runs.description import trajectory_dataset
+
+        return trajectory_dataset(self.problem, self.trajectories, begin=self._begin or start_of(self.problem))

@@ -1,0 +1,92 @@
+"""Numerical functions whose results have the same bits on every processor, for all that reaches a result file.
+
+numpy, BLAS, LAPACK and the C library choose their code by the processor, and their logarithms, sines, powers and matrix
+products round differently. Here, elementary functions are those of :mod:`nearharmonic.math`, sums are exact and rounded
+once, and all else is ``+ - * /`` and ``sqrt`` in a stated order.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from math import frexp, fsum, isfinite, ldexp, sqrt
+from typing import Any
+
+import numpy as np
+
+from nearharmonic.math import log
+from nearharmonic.numerics.types import Floats
+
+#: Sweeps of rotations, which square what is left off the diagonal, and the relative size at which none is left.
+SWEEPS, LEFT = 30, 2.0**-60
+
+
+def total(terms: Any) -> float:
+    """Return the exact sum of the elements of an array, rounded once; infinite or NaN if one of them is."""
+    values = np.asarray(terms, dtype=float)
+    with np.errstate(invalid="ignore"):
+        return fsum(values.ravel().tolist()) if np.isfinite(values).all() else float(values.sum())
+
+
+def dot(one: Any, other: Any) -> float:
+    """Return the exact sum of the rounded products of elements, rounded once."""
+    return total(np.asarray(one) * np.asarray(other))
+
+
+def log10(x: Any) -> Any:
+    """Return the logarithm to base 10 of a float or of an array, to about 1 ulp."""
+    return log(x) / log(10.0)
+
+
+def nearest_power_of_two(x: float) -> float:
+    """Return the power of two whose logarithm is nearest to that of a number above 0; what is not finite as it is."""
+    if not isfinite(x):
+        return x
+    mantissa, exponent = frexp(x)
+    return ldexp(1.0, exponent if mantissa >= sqrt(0.5) else exponent - 1)
+
+
+def product(rows: Floats, matrix: Floats) -> Floats:
+    """Return the matrix product of ``rows`` (..., n) with a matrix (n, m), added row of the matrix by row."""
+    found = np.zeros((*rows.shape[:-1], matrix.shape[1]))
+    for k, row in enumerate(matrix):
+        found += rows[..., k, None] * row
+    return found
+
+
+def eigen(matrices: Any) -> tuple[Floats, Floats]:
+    """Return the eigenvalues (..., n), ascending, and eigenvectors in columns of symmetric matrices (..., n, n).
+
+    Jacobi's rotations, row by row: Golub & Van Loan (2013), Matrix Computations, Sec. 8.5.
+    """
+    A = np.array(matrices, dtype=float)
+    n = A.shape[-1]
+    vectors = np.broadcast_to(np.eye(n), A.shape).copy()
+    for _ in range(SWEEPS):
+        if (np.abs(A * (1 - np.eye(n))).max(axis=(-2, -1)) <= LEFT * np.abs(A).max(axis=(-2, -1))).all():
+            break
+        for i, j in combinations(range(n), 2):
+            _rotate(A, vectors, i, j)
+    values = np.diagonal(A, axis1=-2, axis2=-1)
+    order = np.argsort(values, axis=-1, kind="stable")
+    return np.take_along_axis(values, order, -1), np.take_along_axis(vectors, order[..., None, :], -1)
+
+
+def _rotate(A: Floats, vectors: Floats, i: int, j: int) -> None:
+    """Make A[..., i, j] zero by rotations in the plane of i and j, in place."""
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        ratio = (A[..., j, j] - A[..., i, i]) / (2 * A[..., i, j])
+        t = np.where(ratio >= 0, 1.0, -1.0) / (np.abs(ratio) + np.sqrt(1 + ratio * ratio))
+    t = np.where(A[..., i, j] == 0, 0.0, t)[..., None]
+    c = 1 / np.sqrt(1 + t * t)
+    s = t * c
+    for rows in (A, A.swapaxes(-1, -2), vectors.swapaxes(-1, -2)):
+        first, second = rows[..., i, :].copy(), rows[..., j, :].copy()
+        rows[..., i, :], rows[..., j, :] = c * first - s * second, s * first + c * second
+    A[..., i, j] = A[..., j, i] = 0.0
+
+
+def norms(matrices: Floats) -> Floats:
+    """Return the 2-norms (...) of matrices (..., m, n): their largest singular values."""
+    squares = (matrices[..., :, :, None] * matrices[..., :, None, :]).sum(axis=-3)
+    found: Floats = np.sqrt(eigen(squares)[0][..., -1])
+    return found

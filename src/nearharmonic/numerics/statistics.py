@@ -1,0 +1,218 @@
+"""Fits to runs: slopes above the floor of rounding, trends and their intervals, Student's t, the jackknife.
+
+All results reach result files, so they are computed by :mod:`nearharmonic.numerics.portable`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import sqrt
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nearharmonic.math import log
+from nearharmonic.numerics.portable import dot, total
+from nearharmonic.numerics.types import Floats
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+#: A curve below this many times its lowest point may be round-off rather than truncation.
+PLATEAU = 100.0
+#: Above this relative error the leading term no longer decides the slope.
+ASYMPTOTIC = 1e-4
+#: Largest number of points, taken from the smallest errors above the plateau, that a slope is fitted to: half a decade.
+SLOPE_POINTS = 20
+#: Terms of the Cornish-Fisher series over z: coefficients of even powers of z, and a divisor.
+_CORNISH_FISHER = (
+    ((1, 1), 4),
+    ((3, 16, 5), 96),
+    ((-15, 17, 19, 3), 384),
+    ((-945, -1920, 1482, 776, 79), 92160),
+)
+
+
+def observed_order(tau: xr.DataArray, error: xr.DataArray, dimension: str = "tau_per_stage") -> xr.DataArray:
+    """Return the slope of log(error) against log(tau) over the smallest errors that are truncation, not round-off.
+
+    The plateau is left out: all points up to the largest step size whose error is within a factor of 100 of the
+    curve's lowest. So are errors above 1e-4.
+
+    Parameters
+    ----------
+    tau, error : xarray.DataArray
+        Step sizes and errors, in any order of the points.
+    dimension : str
+        Dimension of the points.
+
+    Returns
+    -------
+    xarray.DataArray
+        Without ``dimension``; NaN with fewer than three points left.
+    """
+    import xarray as xr
+
+    def slope(x: Any, y: Any) -> float:
+        usable = truncation(x, y)
+        if usable.size < 3:
+            return float("nan")
+        return power_law(x[usable], y[usable])[0]
+
+    fitted: xr.DataArray = xr.apply_ufunc(slope, tau, error, input_core_dims=[[dimension], [dimension]], vectorize=True)
+    return fitted.assign_attrs(units="1", long_name="observed order: slope of the maximum energy error above round-off")
+
+
+def truncation(tau: Floats, error: Floats) -> NDArray[np.intp]:
+    """Return the indices of the smallest errors that are truncation, by increasing step size, at most half a decade.
+
+    Left out are all points up to the largest step size whose error is within a factor of 100 of the curve's lowest, and
+    errors above 1e-4.
+
+    Parameters
+    ----------
+    tau, error : array of shape (n,)
+        Step sizes and errors, in any order.
+    """
+    finite = np.isfinite(error) & (error > 0) & np.isfinite(tau)
+    if not finite.any():
+        return np.zeros(0, dtype=np.intp)
+    near_floor = finite & (error < PLATEAU * max(error[finite].min(), np.finfo(float).eps / 2))
+    usable = np.flatnonzero(finite & (tau > tau[near_floor].max(initial=0.0)) & (error < ASYMPTOTIC))
+    return usable[np.argsort(tau[usable], kind="stable")][:SLOPE_POINTS]
+
+
+def power_law(x: Floats, y: Floats) -> tuple[float, float]:
+    """Return the slope of log(y) against log(x) by ordinary least squares, and the half width of its 95 % interval.
+
+    Parameters
+    ----------
+    x, y : array of shape (n,)
+        Numbers above 0, n > 2.
+    """
+    abscissas = log(x)
+    return line_fit(abscissas - mean(abscissas), log(y))
+
+
+def linear_trend(t: Any, angle: Any) -> tuple[float, float]:
+    """Return the slope of the unwrapped ``angle`` against ``t``, and the half width of its 95 % interval.
+
+    The residuals are periodic rather than independent, so over whole orbits the interval is cautious.
+
+    Parameters
+    ----------
+    t : array of shape (n,)
+        Times; points at which either number is not finite are left out.
+    angle : array of shape (n,)
+        Angles in rad, modulo a turn.
+
+    Returns
+    -------
+    tuple of float
+        Slope and half width in rad per unit of ``t``, NaN with fewer than three points.
+    """
+    x, y = _unwrapped(t, angle)
+    if x.size < 3:
+        return float("nan"), float("nan")
+    return line_fit(x - mean(x), y)
+
+
+def trend_linearity(t: Any, angle: Any) -> tuple[float, float]:
+    """Return two measures of how linear the unwrapped ``angle`` is in ``t``.
+
+    Parameters
+    ----------
+    t, angle : array of shape (n,)
+        As for :func:`linear_trend`.
+
+    Returns
+    -------
+    tuple of float
+        Coefficient of determination R^2 of the fit of :func:`linear_trend`, and the slope fitted to the second half of
+        the points over the slope fitted to the first; of an odd number of points, both halves have the middle one. NaN
+        with fewer than three points, or where the denominator is zero.
+    """
+    x, y = _unwrapped(t, angle)
+    if x.size < 3:
+        return float("nan"), float("nan")
+    x, y = x - mean(x), y - mean(y)
+    spread, half = dot(y, y), (x.size + 1) // 2
+    residual = y - _slope(x, y) * x
+    first, second = (_slope(x[part] - mean(x[part]), y[part]) for part in (slice(half), slice(-half, None)))
+    return (
+        1 - dot(residual, residual) / spread if spread else float("nan"),
+        second / first if first else float("nan"),
+    )
+
+
+def _unwrapped(t: Any, angle: Any) -> tuple[Floats, Floats]:
+    """``t`` and the unwrapped ``angle`` at the points at which both are finite."""
+    finite = np.isfinite(angle) & np.isfinite(t)
+    return t[finite], np.unwrap(angle[finite])
+
+
+def _slope(x: Floats, y: Floats) -> float:
+    """Slope of ``y`` against abscissas of mean 0 by ordinary least squares."""
+    return dot(x, y) / dot(x, x)
+
+
+def line_fit(x: Floats, y: Floats) -> tuple[float, float]:
+    """Return the slope of ``y`` against ``x`` by ordinary least squares, and the half width of its 95 % interval.
+
+    Parameters
+    ----------
+    x : array of shape (n,)
+        Abscissas of mean 0; the caller centres them.
+    y : array of shape (n,)
+        Ordinates, n > 2. The interval takes their residuals as independent.
+    """
+    spread = dot(x, x)
+    slope = dot(x, y) / spread
+    residual = y - mean(y) - slope * x
+    deviation = sqrt(dot(residual, residual) / (x.size - 2) / spread)
+    return slope, student_975(x.size - 2) * deviation
+
+
+def mean(x: Floats) -> float:
+    """Return the exact sum of an array over its size, rounded twice."""
+    return total(x) / x.size
+
+
+def jackknife_interval(without: Floats) -> float:
+    """Return the half width of the 95 % interval of an estimate from n samples, by the jackknife.
+
+    Parameters
+    ----------
+    without : array of shape (n,)
+        The estimate without each of the samples in turn.
+    """
+    n = len(without)
+    distance = without - mean(without)
+    deviation = sqrt((n - 1) / n * dot(distance, distance))
+    return student_975(n - 1) * deviation
+
+
+def student_975(freedom: int) -> float:
+    """Return the 97.5 % point of Student's t with ``freedom`` degrees of freedom.
+
+    By the Cornish-Fisher series (Abramowitz & Stegun 26.7.5), exact for 1 and 2. The relative error is below 2e-3 from
+    3 degrees of freedom on, and falls as their fifth power.
+    """
+    if freedom == 1:
+        return 12.706204736174694  # tan(0.475 pi)
+    if freedom == 2:
+        return 0.95 * sqrt(2 / (1 - 0.95 * 0.95))
+    z, n = 1.959963984540054, float(freedom)
+    square = z * z
+    terms = [z * _polynomial(coefficients, square) / divisor for coefficients, divisor in _CORNISH_FISHER]
+    return z + _polynomial([0.0, *terms], 1 / n)
+
+
+def _polynomial(coefficients: Sequence[float], x: float) -> float:
+    """The polynomial with these coefficients, that of x^0 first, by Horner's rule."""
+    value = 0.0
+    for coefficient in reversed(coefficients):
+        value = value * x + coefficient
+    return value

@@ -1,0 +1,114 @@
+"""Checks of what a system declares, member by member, before any of it is used."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from decimal import Decimal, InvalidOperation
+from math import isinf
+from numbers import Real
+from typing import TYPE_CHECKING, Any
+
+from nearharmonic.errors import SystemDefinitionError, shown
+from nearharmonic.systems.definition.quantities import is_extreme
+
+if TYPE_CHECKING:
+    from nearharmonic.systems.definition.system import System
+
+#: What a system has units of.
+UNITS = ("q", "p", "t", "energy")
+#: Variables that every result has, with their dimensions: names that no invariant or observable may have.
+VARIABLES = frozenset((
+    "t", "q", "p", "q_low", "p_low", "tau", "tau_requested", "energy_error", "max_energy_error", "mean_energy_error",
+    "initial_energy", "initial_energy_low", "clock", "clock_low", "clock_momentum", "clock_momentum_low", "steps",
+    "evaluations", "status", "diverged_at", "block_steps", "block_max_energy_error", "block_mean_energy_error",
+    "sample", "component", "member", "running", "running_component",
+))  # fmt: skip
+
+
+def check_members(system: System) -> None:
+    """Refuse members of a system that are of another type than they must be.
+
+    Raises
+    ------
+    SystemDefinitionError
+        It names the member, its value, and what is allowed.
+    """
+    name = system.name
+    if not isinstance(name, str) or not name:
+        raise SystemDefinitionError(f"name = {name!r} is not allowed: a system has a name")
+    for key in ("units", "parameters", "invariants", "observables"):
+        _check_mapping(system, key)
+    _check_names(system)
+    _check_functions(system)
+    if not isinstance(system.time_dependent, bool):
+        raise SystemDefinitionError(f"{name}: time_dependent = {system.time_dependent!r} is not allowed: True or False")
+    limit = system.surface_limit
+    if isinstance(limit, bool) or not isinstance(limit, Real) or not limit > 0:
+        raise SystemDefinitionError(f"{name}: surface_limit = {limit!r} is not allowed: a number above 0")
+
+
+def _check_mapping(system: System, key: str) -> None:
+    value = getattr(system, key)
+    if not isinstance(value, Mapping) or not all(isinstance(entry, str) for entry in value):
+        raise SystemDefinitionError(f"{system.name}: {key} = {value!r} is not allowed: a mapping of names")
+
+
+def _check_names(system: System) -> None:
+    name = system.name
+    for key in UNITS:
+        if key not in system.units:
+            raise SystemDefinitionError(f"{name}: units lack {key!r}")
+    for key, unit in system.units.items():
+        if key not in UNITS:
+            raise SystemDefinitionError(f"{name}: units has {key!r}, and names the units of {', '.join(UNITS)} alone")
+        if not isinstance(unit, str) or not unit:
+            raise SystemDefinitionError(f"{name}: units[{key!r}] = {unit!r} is not allowed: a string, '1' for no unit")
+    for key in ("label", "source"):
+        if not isinstance(text := getattr(system, key), str):
+            raise SystemDefinitionError(f"{name}: {key} = {text!r} is not allowed: a string")
+    for key in system.parameters:
+        if not key.isidentifier():
+            allowed = "a name that an argument of V may have, of letters, digits and _"
+            raise SystemDefinitionError(f"{name}: parameters has {key!r}, which is not allowed: {allowed}")
+
+
+def _check_functions(system: System) -> None:
+    name = system.name
+    for key in ("V", "grad_V", "T", "grad_T"):
+        function = getattr(system, key)
+        if not callable(function) and (function is not None or key in ("V", "T")):
+            raise SystemDefinitionError(f"{name}: {key} = {function!r} is not allowed: a function")
+    for key, functions in (("invariants", system.invariants), ("observables", system.observables)):
+        for entry, function in functions.items():
+            if entry in VARIABLES or (key == "observables" and entry in system.invariants):
+                raise SystemDefinitionError(f"{name}: {key} has {entry!r}, and a result has a variable of that name")
+            if not callable(function):
+                allowed = "a function f(q, p, *parameters), or a nearharmonic.Observable, which has a unit too"
+                raise SystemDefinitionError(f"{name}: {key}[{entry!r}] = {function!r} is not allowed: {allowed}")
+
+
+def check_numbers(system: System) -> None:
+    """Refuse initial values, parameters and times that no double holds.
+
+    Raises
+    ------
+    SystemDefinitionError
+        It names the number, its value, and what is wrong.
+    """
+    named: dict[str, Any] = {f"parameter {k}": v.value for k, v in system.parameters.items()}
+    named |= {"t_end": system.t_end}
+    named |= {f"q0[{i}]": v for i, v in enumerate(system.q0)} | {f"p0[{i}]": v for i, v in enumerate(system.p0)}
+    named |= {k: v for k in ("position_t_end", "energy_scale") if (v := getattr(system, k)) is not None}
+    for key, text in named.items():
+        try:
+            finite = not isinstance(text, bool) and Decimal(text).is_finite()
+        except (InvalidOperation, TypeError, ValueError):
+            finite = False
+        if not finite:
+            raise SystemDefinitionError(f"{system.name}: {key} = {shown(text)} is not a finite decimal number")
+        if isinf(float(text)):
+            raise SystemDefinitionError(f"{system.name}: {key} = {text!r} is larger than any double")
+        if is_extreme(text):
+            raise SystemDefinitionError(f"{system.name}: {key} = {text!r} is smaller than any double above 0")
+    if system.energy_scale is not None and Decimal(system.energy_scale) <= 0:
+        raise SystemDefinitionError(f"{system.name}: energy_scale = {system.energy_scale!r} is not positive")

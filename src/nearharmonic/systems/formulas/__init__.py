@@ -1,0 +1,1 @@
+"""Formulas of systems: energies, gradients, kinetic energies, the oscillator, regularisations."""

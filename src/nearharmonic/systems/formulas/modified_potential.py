@@ -1,0 +1,62 @@
+"""The gradient of the square of a force: what kicks of a modified potential take beside the force."""
+
+from __future__ import annotations
+
+from functools import cache
+from threading import RLock
+from typing import Any
+
+from nearharmonic.core.formulas.expression.derivative import gradient
+from nearharmonic.core.formulas.expression.graph import Expression, Graph, Value, value_of
+from nearharmonic.core.formulas.expression.polynomial import shortest_program
+from nearharmonic.core.formulas.expression.program import Program
+from nearharmonic.core.formulas.number import Constant, scalar, vector
+from nearharmonic.systems.definition.system import System
+from nearharmonic.systems.formulas.energy import Vector, evaluate
+from nearharmonic.systems.formulas.formulas import Formulas
+
+
+class SquareGradient:
+    """grad |grad V|^2 as a function of the coordinates and the parameters.
+
+    |grad V|^2 is the square by inverse masses, a(f).f for the accelerations a by forces f = grad V. Its gradient is
+    derived in reverse mode.
+
+    Parameters
+    ----------
+    formulas : Formulas
+        Of d coordinates and quadratic T.
+    parameters : int
+        Number of parameters.
+    """
+
+    def __init__(self, formulas: Formulas, parameters: int) -> None:
+        self.formulas, self.parameters = formulas, parameters
+        self._programs: dict[tuple[Constant, ...] | None, Program] = {}
+        self._lock = RLock()
+
+    def __call__(self, q: Vector, *parameters: Any) -> Vector:
+        """Return the gradient (d) at ``q`` (d), numbers of any one type."""
+        compiled_in = bool(parameters) and all(isinstance(k, Constant) for k in parameters)
+        constants = parameters if compiled_in else None
+        with self._lock:
+            if constants not in self._programs:
+                self._programs[constants] = self._program(constants)
+        return evaluate(self._programs[constants], (*q, *(() if compiled_in else parameters)))
+
+    def _program(self, constants: tuple[Constant, ...] | None) -> Program:
+        graph, d = Graph(), self.formulas.dimension
+        variables = graph.variables(d if constants is not None else d + self.parameters)
+        q, given = variables[:d], variables[d:] if constants is None else constants
+        force = vector(self.formulas, "grad_V", q, *given)
+        pairs = zip(force, self.formulas.acceleration(force, *given), strict=True)
+        square: Expression | Constant = sum((f * a for f, a in pairs), start=Constant(0))
+        coordinates: tuple[Value, ...] = tuple(x.value for x in q)
+        roots = gradient(graph, value_of(square), coordinates)
+        return shortest_program(graph, roots, value_of(scalar(self.formulas, "V", q, *given)))
+
+
+@cache
+def square_gradient(system: System) -> SquareGradient:
+    """Return the function for ``system``, which has a quadratic kinetic energy."""
+    return SquareGradient(system.formulas(), len(system.parameters))

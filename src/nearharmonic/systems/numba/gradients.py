@@ -1,0 +1,180 @@
+"""Checks of functions of numba in double precision: a gradient against differences of V, and the rounding noise of V.
+
+Apart from :mod:`nearharmonic.systems.formulas.gradients`, whose formulas are evaluated in 200 digits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import comb
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nearharmonic.errors import SystemDefinitionError
+from nearharmonic.numerics.types import Floats
+
+if TYPE_CHECKING:
+    from nearharmonic.systems.numba.potential import NumbaPotential
+
+
+#: Relative distances of random points from the start; 1 is the box of the initial values.
+DISPLACEMENTS = (2.0**-10, 2.0**-4, *[1.0] * 6)
+#: Steps of differences, relative to the coordinates. Extrapolated differences have a truncation error of order 4 and a
+#: rounding error like 1/step; the best of these steps is used at each point, so kinks of a gradient only shorten it.
+STEPS = 2.0 ** -np.arange(3, 22)
+#: A gradient contradicts V if it differs by more than so many times the estimated error of the difference: near the
+#: best step the estimate is the difference of two roundings, which may be small by chance.
+DOUBTS = 16.0
+#: Rounding errors of a gradient itself, relative to its components: some thousand roundings.
+ROUNDING = 2.0**-40
+#: Rounding noise is the deviation of V at so many points on a line from a polynomial, by their differences of this
+#: order: Moré & Wild (2011), Estimating computational noise, doi:10.1137/100786125. Over the relative distance of
+#: neighbours, V is a polynomial to 2^-100, and roundings are independent in single precision too.
+LINE, ORDER, APART = 12, 6, 2.0**-18
+#: Largest difference of two roundings, over the standard deviation of one: sqrt(12) if these are uniform.
+EXTREME = 4.0
+#: Points at which the noise is sampled, of which the highest share is dropped: at the start or by chance, a point may
+#: be where a gradient jumps. Lines through each point.
+POINTS, DROPPED, LINES = 30, 0.1, 3
+#: Largest distances of these points from the start, in turns, relative to the coordinates.
+BOXES = (2.0**-6, 2.0**-3, 0.5, 2.0)
+
+
+def check_numba_gradient(potential: NumbaPotential, start: Sequence[float], parameters: Sequence[float]) -> None:
+    """Compare a gradient with differences of V at random points near the start and in the box of the initial values.
+
+    A point at which V or the gradient is no number is left out, but for the start.
+
+    Raises
+    ------
+    SystemDefinitionError
+        A component differs from the derivative of V, or a function raises an exception at the start.
+    """
+    q0 = np.array(start)
+    _check_start(potential, q0, parameters)
+    random, scales = np.random.default_rng(1), _scales(q0)
+    for displacement in DISPLACEMENTS:
+        point = q0 + displacement * random.uniform(-1, 1, q0.size) * scales
+        gradient = np.array(potential.gradient(tuple(point), *parameters))
+        if not np.isfinite(gradient).all():
+            continue
+        weights = scales * random.uniform(0.5, 1, q0.size) * random.choice((-1.0, 1.0), q0.size)
+        noise = _noise(potential, point, scales, parameters, random)
+        i = _contradiction(potential, point, gradient, weights, noise, parameters)
+        if i is not None:
+            along = np.where(np.arange(q0.size) == i, scales, 0.0)
+            found = _slope(potential, point, along, noise, parameters)[0] / scales[i]
+            raise SystemDefinitionError(
+                f"{potential.name}: grad_V[{i}] contradicts V: at q = ({', '.join(map(repr, point.tolist()[:12]))}) it "
+                f"is {gradient[i]}, and the derivative of V by differences is {found}"
+            )
+
+
+def _check_start(potential: NumbaPotential, q0: Floats, parameters: Sequence[float]) -> None:
+    """Refuse functions that raise at the start, in a kernel only a NaN, and a gradient of another length."""
+    for formula in ("V", "grad_V"):
+        given = tuple(q0.tolist()) if potential.code.takes_tuple else q0.copy()
+        try:
+            found = getattr(potential, formula)(given, *parameters)
+        except Exception as error:
+            where = f"raises {type(error).__name__} at the start: {error}"
+            raise SystemDefinitionError(f"{potential.name}: {formula} {where}") from error
+    if len(found) != q0.size:
+        expected = f"expected one number a coordinate: {q0.size}"
+        raise SystemDefinitionError(f"{potential.name}: grad_V returns {len(found)} components, {expected}")
+
+
+def _scales(q0: Floats) -> Floats:
+    """Lengths of the coordinates; nothing else says how long one is that starts at 0."""
+    largest = np.abs(q0).max() or 1.0
+    return np.where(q0 == 0, largest, np.abs(q0))
+
+
+def _contradiction(
+    potential: NumbaPotential,
+    point: Floats,
+    gradient: Floats,
+    weights: Floats,
+    noise: float,
+    parameters: Sequence[float],
+) -> int | None:
+    """A component that contradicts V: each is compared if there are few, else halves of a sum that does."""
+    from nearharmonic.systems.formulas.gradients import SMALL, bisected
+
+    def contradicts(indices: range) -> bool:
+        along = np.zeros_like(point)
+        along[indices.start : indices.stop] = weights[indices.start : indices.stop]
+        slope, error = _slope(potential, point, along, noise, parameters)
+        terms = gradient * along
+        return bool(abs(terms.sum() - slope) > DOUBTS * error + ROUNDING * np.abs(terms).sum())
+
+    d = point.size
+    candidates: Any = range(d) if d <= SMALL else bisected(contradicts, range(d))
+    return next((i for i in candidates if contradicts(range(i, i + 1))), None)
+
+
+def _slope(
+    potential: NumbaPotential, point: Floats, along: Floats, noise: float, parameters: Sequence[float]
+) -> tuple[float, float]:
+    """The derivative of V along a direction by extrapolated central differences, and its estimated error."""
+    steps = STEPS[:, None]
+    ahead, behind = (_values(potential, point + s * steps * along, parameters) for s in (1, -1))
+    central = (ahead - behind) / (2 * STEPS)
+    extrapolated = (4 * central[1:] - central[:-1]) / 3  # Richardson's, of the steps 2 h and h
+    rounding = noise + np.maximum(np.abs(ahead), np.abs(behind)) * 2.0**-53
+    errors = np.abs(np.diff(extrapolated)) + (2 * rounding / STEPS)[2:]
+    if not np.isfinite(errors).any():
+        return 0.0, np.inf
+    best = int(np.nanargmin(np.where(np.isfinite(errors), errors, np.nan)))
+    return float(extrapolated[best + 1]), float(errors[best])
+
+
+def _values(potential: NumbaPotential, points: Floats, parameters: Sequence[float]) -> Floats:
+    """V at points (N, d)."""
+    return np.asarray(potential.value(tuple(points.T), *parameters))
+
+
+def _noise(
+    potential: NumbaPotential, point: Floats, scales: Floats, parameters: Sequence[float], random: np.random.Generator
+) -> float:
+    """The largest difference of two rounding errors of V near a point."""
+    squares = []
+    for _ in range(LINES):
+        along = APART * random.uniform(-1, 1, point.size) * scales
+        values = _values(potential, point + np.arange(-LINE / 2, LINE / 2)[:, None] * along, parameters)
+        squares.append(np.mean(np.diff(values, ORDER) ** 2) / comb(2 * ORDER, ORDER))
+    return EXTREME * float(np.sqrt(np.mean(squares)))
+
+
+def rounding_noise(
+    potential: NumbaPotential, start: Sequence[float], parameters: Sequence[float], highest: float
+) -> float:
+    """Return the largest rounding error of V, in its unit: the energy error that no method can show to be smaller.
+
+    It is the largest difference of two rounding errors and the change of V by the rounding of its arguments to doubles,
+    at random points around the start where V <= ``highest``, a tenth of them left out.
+
+    Parameters
+    ----------
+    potential : NumbaPotential
+        V of d coordinates.
+    start : sequence of d floats
+        Initial position.
+    parameters : sequence of float
+        Parameters.
+    highest : float
+        The energy, which V does not exceed on the orbit.
+    """
+    q0, random = np.array(start), np.random.default_rng(2)
+    scales, found = _scales(q0), []
+    for i in range(POINTS):
+        point = q0 + BOXES[i % len(BOXES)] * random.uniform(-1, 1, q0.size) * scales
+        V = potential.value(tuple(point), *parameters)
+        gradient = np.array(potential.gradient(tuple(point), *parameters))
+        if not (np.isfinite(V) and np.isfinite(gradient).all()) or highest < V:
+            continue
+        arguments = float((np.abs(gradient) * np.spacing(np.abs(point))).sum()) / 2
+        noise = _noise(potential, point, scales, parameters, random) + arguments
+        found += [noise] * bool(np.isfinite(noise))
+    return float(np.quantile(found, 1 - DROPPED, method="lower")) if found else 0.0
