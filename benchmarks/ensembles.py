@@ -16,7 +16,11 @@ from fractions import Fraction
 import numpy as np
 
 import nearharmonic as nh
-from nearharmonic.experiments.stability.henon_heiles.run import henon_heiles_surface, integrate_ensemble, warm_up
+from nearharmonic.reproduction.experiments.stability.henon_heiles.run import (
+    henon_heiles_surface,
+    integrate_ensemble,
+    warm_up,
+)
 
 SIZES = (1024, 4096, 16384)
 METHODS = ("ruth", "aba864", "babps9o7h")

@@ -226,7 +226,7 @@ def draw(results, place):
     """Gain against delta at the middle cost, a marker for each family, the other examples as dots."""
     import matplotlib as mpl
 
-    from nearharmonic.output.style import SETTINGS, new_figure, panel_letter, save
+    from nearharmonic.plotting.style import SETTINGS, new_figure, panel_letter, save
 
     mpl.rcParams.update(SETTINGS)
     figure = new_figure(7, 6.4)

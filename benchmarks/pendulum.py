@@ -19,8 +19,8 @@ import nearharmonic as nh
 from nearharmonic.engine.batch.kernels import kernel_of
 from nearharmonic.engine.numbers.coefficients import lane_rows, lanes_of, moves, parameter_row, start_row
 from nearharmonic.engine.settings import Numerics
-from nearharmonic.experiments.work_precision.peers.heyoka import TOLERANCES, heyoka_taylor
 from nearharmonic.math import cos, sin
+from nearharmonic.reproduction.experiments.work_precision.peers.heyoka import TOLERANCES, heyoka_taylor
 from nearharmonic.systems import System
 
 T_END = 1000

@@ -21,9 +21,9 @@ import numpy as np
 import nearharmonic as nh
 from nearharmonic.engine.grid import check_fit, steps_of
 from nearharmonic.errors import SettingError
-from nearharmonic.experiments.work_precision.own import LOSSLESS, prepared_calls
 from nearharmonic.math import cos
 from nearharmonic.numerics.clock import Patience, interleaved, pinned, processor
+from nearharmonic.recommendation.own import LOSSLESS, prepared_calls
 from nearharmonic.training.published import published_names
 
 PAGE = Path(__file__).parents[1] / "docs/ranking.md"

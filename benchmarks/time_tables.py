@@ -12,9 +12,9 @@ import argparse
 from collections.abc import Iterator, Sequence
 from math import isfinite
 
-from nearharmonic.experiments.work_precision.comparison import ERRORS, Pair, pairs
-from nearharmonic.experiments.work_precision.curve import TARGETS, Curve, crossing
 from nearharmonic.integrators import BENCHMARKED
+from nearharmonic.recommendation.curve import TARGETS, Curve, crossing
+from nearharmonic.reproduction.experiments.work_precision.comparison import ERRORS, Pair, pairs
 
 HEADS = {"trajectory": "one trajectory", "lanes": "each of an ensemble"}
 SYSTEMS = ("sho", "henon_heiles", "kepler")

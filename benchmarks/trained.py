@@ -16,7 +16,7 @@ from pathlib import Path
 from PIL import Image
 
 import nearharmonic as nh
-from nearharmonic.modified_integrators import method_of
+from nearharmonic.integrators.modified import method_of
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs/trained.md"

@@ -21,7 +21,7 @@ SYSTEM = System(
 
 def main():
     import nearharmonic as nh
-    from nearharmonic.output.style import save
+    from nearharmonic.plotting.style import save
 
     times = [i / 50 for i in range(50, 5001)]
     methods = [nh.integrators[name] for name in ("ruth", "aba864", "babps9o7h")]

@@ -31,7 +31,7 @@ def main():
     import matplotlib as mpl
 
     import nearharmonic as nh
-    from nearharmonic.output.style import SETTINGS, new_figure, save
+    from nearharmonic.plotting.style import SETTINGS, new_figure, save
 
     mpl.rcParams.update(SETTINGS)
     periods, period = 400, 2 * np.pi / 1.5

@@ -31,7 +31,7 @@ TABLEAU = Tableau(
 
 def main():
     import nearharmonic as nh
-    from nearharmonic.output.style import save
+    from nearharmonic.plotting.style import save
 
     methods = [TABLEAU, nh.integrators["ruth"], nh.integrators["babps9o7h"]]
     sizes = [0.01 * 10 ** (i / 12) for i in range(19)]  # per stage

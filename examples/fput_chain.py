@@ -31,7 +31,7 @@ def main():
     import numpy as np
 
     import nearharmonic as nh
-    from nearharmonic.output.style import SETTINGS, new_figure, save
+    from nearharmonic.plotting.style import SETTINGS, new_figure, save
 
     mpl.rcParams.update(SETTINGS)
     place = np.arange(1, SITES + 1) - 150

@@ -38,7 +38,7 @@ def main():
     import matplotlib as mpl
 
     import nearharmonic as nh
-    from nearharmonic.output.style import SETTINGS, new_figure, save
+    from nearharmonic.plotting.style import SETTINGS, new_figure, save
 
     mpl.rcParams.update(SETTINGS)
     period = pi / sin(pi / 2 / (SITES + 1))  # of the lowest mode

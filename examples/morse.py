@@ -36,7 +36,7 @@ def main():
     import numpy as np
 
     import nearharmonic as nh
-    from nearharmonic.output.style import SETTINGS, log_scale, new_figure, save, style_of
+    from nearharmonic.plotting.style import SETTINGS, log_scale, new_figure, save, style_of
 
     mpl.rcParams.update(SETTINGS)
     times = [i / 10 for i in range(20, 1001)]

@@ -35,7 +35,7 @@ def main():
     import matplotlib as mpl
 
     import nearharmonic as nh
-    from nearharmonic.output.style import SETTINGS, log_scale, new_figure, save, style_of
+    from nearharmonic.plotting.style import SETTINGS, log_scale, new_figure, save, style_of
 
     mpl.rcParams.update(SETTINGS)
     figure = new_figure(7, 7.5)

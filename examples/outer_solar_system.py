@@ -43,7 +43,7 @@ def main():
     import matplotlib as mpl
 
     import nearharmonic as nh
-    from nearharmonic.output.style import SETTINGS, new_figure, save
+    from nearharmonic.plotting.style import SETTINGS, new_figure, save
 
     mpl.rcParams.update(SETTINGS)
     run = nh.integrate(SYSTEM, "aba104", 700, t=range(0, 200001, 50))  # 100 days a force

@@ -41,7 +41,7 @@ def half_trace(a, s, integrator="babps9o7h", steps=10):
 def main():
     import matplotlib as mpl
 
-    from nearharmonic.output.style import SETTINGS, new_figure, save
+    from nearharmonic.plotting.style import SETTINGS, new_figure, save
 
     mpl.rcParams.update(SETTINGS)
     a, s = np.meshgrid(np.linspace(-1.5, 8, 200), np.linspace(0, 5, 200), indexing="ij")

@@ -34,7 +34,7 @@ def main():
     import numpy as np
 
     import nearharmonic as nh
-    from nearharmonic.output.style import SETTINGS, log_scale, new_figure, save, style_of
+    from nearharmonic.plotting.style import SETTINGS, log_scale, new_figure, save, style_of
 
     mpl.rcParams.update(SETTINGS)
     amplitudes = np.linspace(0.05, 3.1, 62)

@@ -42,7 +42,7 @@ def main():
     import numpy as np
 
     import nearharmonic as nh
-    from nearharmonic.output.style import SETTINGS, new_figure, save
+    from nearharmonic.plotting.style import SETTINGS, new_figure, save
 
     mpl.rcParams.update(SETTINGS)
     run = nh.integrate(SYSTEM, "srkn_a14", 0.05, t_end=20, samples=401)

@@ -30,7 +30,7 @@ SYSTEM = System(
 
 def main():
     import nearharmonic as nh
-    from nearharmonic.output.style import save
+    from nearharmonic.plotting.style import save
 
     times = [i / 20 for i in range(20, 2001)]
     methods = [nh.integrators[name] for name in ("ruth", "aba864", "babps9o7h")]

@@ -39,7 +39,7 @@ def main():
     import matplotlib as mpl
 
     import nearharmonic as nh
-    from nearharmonic.output.style import SETTINGS, new_figure, save, style_of
+    from nearharmonic.plotting.style import SETTINGS, new_figure, save, style_of
 
     mpl.rcParams.update(SETTINGS)
     above, below = new_figure(7, 7).subplots(2, 1, height_ratios=(2, 3), gridspec_kw={"hspace": 0.4, "top": 0.97})

@@ -37,7 +37,7 @@ def main():
     import matplotlib as mpl
 
     import nearharmonic as nh
-    from nearharmonic.output.style import SETTINGS, log_scale, new_figure, save, style_of
+    from nearharmonic.plotting.style import SETTINGS, log_scale, new_figure, save, style_of
 
     mpl.rcParams.update(SETTINGS)
     times, figure = [i / 10 for i in range(1001)], new_figure(7, 6.6)

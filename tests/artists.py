@@ -8,7 +8,7 @@ from matplotlib.lines import Line2D
 from matplotlib.offsetbox import DrawingArea, HPacker, TextArea
 from matplotlib.patches import Patch
 
-from nearharmonic.output.style import style_of
+from nearharmonic.plotting.style import style_of
 
 SOLID, NO_LINE = "solid", "no line"
 

@@ -9,9 +9,9 @@ from types import SimpleNamespace
 import numpy as np
 from mpmath import mp, mpf
 
-from nearharmonic.claims.statements import identities, perihelion
 from nearharmonic.exact.decimals import fixed_point
 from nearharmonic.integrators.tableau import Tableau, palindrome
+from nearharmonic.reproduction.claims.statements import identities, perihelion
 
 
 def scaled(system, factor, *names, variable="max_energy_error"):

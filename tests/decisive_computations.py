@@ -10,19 +10,19 @@ import numpy as np
 import xarray as xr
 
 from nearharmonic.engine.runs.invariants import observable_values
-from nearharmonic.experiments.exact_oscillator.reductions import crossings
-from nearharmonic.experiments.exact_oscillator.settings import ExactOscillatorSettings
-from nearharmonic.experiments.exact_oscillator.surfaces import starts_on
-from nearharmonic.experiments.stability.initial_conditions import kepler_apoapsis
-from nearharmonic.experiments.stability.kepler.reductions import evaluations_below, rotation_per_sample
-from nearharmonic.experiments.stability.rounding.reductions import growth
-from nearharmonic.experiments.trained.problems.named_systems import NAMED, named_ensemble
-from nearharmonic.experiments.trained.problems.orbits import orbit_ensemble
-from nearharmonic.experiments.trained.problems.random_potentials import random_ensemble
-from nearharmonic.experiments.trained.proof.reductions import gains
 from nearharmonic.numerics.portable import log10, norms
 from nearharmonic.numerics.quasi_random import quasi_random
 from nearharmonic.numerics.statistics import line_fit, linear_trend, observed_order, power_law, trend_linearity
+from nearharmonic.reproduction.experiments.exact_oscillator.reductions import crossings
+from nearharmonic.reproduction.experiments.exact_oscillator.settings import ExactOscillatorSettings
+from nearharmonic.reproduction.experiments.exact_oscillator.surfaces import starts_on
+from nearharmonic.reproduction.experiments.stability.initial_conditions import kepler_apoapsis
+from nearharmonic.reproduction.experiments.stability.kepler.reductions import evaluations_below, rotation_per_sample
+from nearharmonic.reproduction.experiments.stability.rounding.reductions import growth
+from nearharmonic.reproduction.experiments.trained.problems.named_systems import NAMED, named_ensemble
+from nearharmonic.reproduction.experiments.trained.problems.orbits import orbit_ensemble
+from nearharmonic.reproduction.experiments.trained.problems.random_potentials import random_ensemble
+from nearharmonic.reproduction.experiments.trained.proof.reductions import gains
 from nearharmonic.systems import systems
 
 COUNT = 2000

@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from nearharmonic.experiments.paper.substeps import substeps
-from nearharmonic.experiments.trained.contestants import IDEAS
-from nearharmonic.experiments.work_precision.curve import Curve, Point
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.recommendation.curve import Curve, Point
+from nearharmonic.reproduction.experiments.paper.substeps import substeps
+from nearharmonic.reproduction.experiments.trained.contestants import IDEAS
 from nearharmonic.systems import systems
 
 #: Two hollow markers and a filled one.

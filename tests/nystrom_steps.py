@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mpmath import eye, matrix, mpf
 
-from nearharmonic.experiments.sixth_order.conditions import NystromEquations
+from nearharmonic.reproduction.experiments.sixth_order.conditions import NystromEquations
 
 
 def equations_of(tableau):

@@ -9,9 +9,9 @@ import numpy as np
 
 import figure_cubes as made
 from nearharmonic.output import store
-from nearharmonic.output.declarations import figures_of
-from nearharmonic.output.provenance import function_of
-from nearharmonic.output.style import save
+from nearharmonic.plotting.style import save
+from nearharmonic.reproduction.tasks.declarations import figures_of
+from nearharmonic.reproduction.tasks.provenance import function_of
 
 SYSTEMS = {"sho": "oscillator of the tests", "henon_heiles": "<b>galaxy</b> & tests", "kepler": "planet of the tests"}
 #: Status of a run by the index of its step size, where it is not "ok".
@@ -101,7 +101,7 @@ def write_results(folder, systems=tuple(SYSTEMS), methods=made.METHODS):
     cubes = {system: cube(system, methods) for system in systems} | {"sho_terms": made.terms(methods)}
     for name, dataset in cubes.items():
         write_cube(folder / "cubes" / f"{name}.h5", dataset)
-    for one in figures_of("experiments.paper", systems, ["sho_terms"]):
+    for one in figures_of("reproduction.experiments.paper", systems, ["sho_terms"]):
         place = folder / "figures" / f"{one.stem}.svg"
         if one.stem == DRAWN:
             save(function_of({"function": one.function})(cubes[one.cube]), [place])

@@ -11,10 +11,10 @@ import zipfile
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from nearharmonic.claims.statements.conclusions import CLOSE, ROUND
-from nearharmonic.claims.statements.trained import ENSEMBLES
-from nearharmonic.claims.table import FILES
 from nearharmonic.output.store import read, write_dataset
+from nearharmonic.reproduction.claims.statements.conclusions import CLOSE, ROUND
+from nearharmonic.reproduction.claims.statements.trained import ENSEMBLES
+from nearharmonic.reproduction.claims.table import FILES
 
 ARCHIVE = Path(__file__).parent / "claims/recorded.zip"
 ERRORS = ("max_energy_error", "mean_energy_error", "tau")

@@ -12,13 +12,14 @@ from hashlib import sha256
 import h5py
 
 from nearharmonic.engine.settings import Sweep
-from nearharmonic.experiments.paper.decompose import decompose
-from nearharmonic.experiments.paper.plan import shards_of
-from nearharmonic.experiments.paper.reduce import reduce
-from nearharmonic.experiments.paper.run import integrate
-from nearharmonic.output import job, table
-from nearharmonic.output.provenance import provenance, task
+from nearharmonic.output import table
 from nearharmonic.output.table import Table
+from nearharmonic.reproduction.experiments.paper.decompose import decompose
+from nearharmonic.reproduction.experiments.paper.plan import shards_of
+from nearharmonic.reproduction.experiments.paper.reduce import reduce
+from nearharmonic.reproduction.experiments.paper.run import integrate
+from nearharmonic.reproduction.tasks import job
+from nearharmonic.reproduction.tasks.provenance import provenance, task
 
 METHODS = ("ruth", "babps9o7h")
 VERSIONS = {"python": "3.11.7", "nearharmonic": "0.1.0", "numpy": "2.4.6", "numba": "0.68.1", "snakemake": "9.27.0"}
@@ -153,7 +154,7 @@ def write_manifest(folder, run=None, volatile=(("tables/methods.csv", ["seconds"
         files[name] = {
             "size": len(content),
             "sha256": sha256(content).hexdigest(),
-            "function": "experiments.paper.reduce:reduce",
+            "function": "reproduction.experiments.paper.reduce:reduce",
             "code": "e" * 64,
             "coefficients": "f" * 64,
             "run": run or run_id(8),

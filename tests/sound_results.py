@@ -13,11 +13,11 @@ from types import SimpleNamespace
 import numpy as np
 import xarray as xr
 
-from nearharmonic.claims.results import Results
-from nearharmonic.experiments.paper.decompose import harmonic_terms
-from nearharmonic.experiments.paper.substeps import paper_panels
-from nearharmonic.experiments.paper.tables import paper_tables
 from nearharmonic.integrators import BENCHMARKED, integrators
+from nearharmonic.reproduction.claims.results import Results
+from nearharmonic.reproduction.experiments.paper.decompose import harmonic_terms
+from nearharmonic.reproduction.experiments.paper.substeps import paper_panels
+from nearharmonic.reproduction.experiments.paper.tables import paper_tables
 
 NEW = BENCHMARKED[-4:]
 FLOOR = 1e-16

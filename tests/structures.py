@@ -5,9 +5,9 @@ from __future__ import annotations
 from fractions import Fraction
 from types import SimpleNamespace
 
-from nearharmonic.experiments.stability.conservation.reduce import structure_cube
-from nearharmonic.experiments.stability.conservation.run import structure_runs
 from nearharmonic.output.dataset import assembled
+from nearharmonic.reproduction.experiments.stability.conservation.reduce import structure_cube
+from nearharmonic.reproduction.experiments.stability.conservation.run import structure_runs
 
 
 def runs_of(system, tableaus, t_end):

@@ -14,10 +14,11 @@ from pathlib import Path
 import pytest
 
 import nearharmonic as nh
-from nearharmonic import answers, commands
-from nearharmonic.answers import Answer
+from nearharmonic import commands
 from nearharmonic.cli import command_names, main
 from nearharmonic.errors import NearharmonicError
+from nearharmonic.output import answers
+from nearharmonic.output.answers import Answer
 
 ROOT = Path(__file__).parents[1]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
@@ -143,7 +144,7 @@ def folder_of_commands(tmp_path, monkeypatch):
 
 
 COMMAND = """
-from nearharmonic.answers import Answer
+from nearharmonic.output.answers import Answer
 HELP = "say no"
 def arguments(parser): parser.add_argument("--sort")
 def answer(chosen): {body}

@@ -10,9 +10,9 @@ import pytest
 import yaml
 from jsonschema import Draft202012Validator
 
-from nearharmonic.config import load
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.schema import key_table, schema
+from nearharmonic.reproduction.config.config import load
+from nearharmonic.reproduction.config.schema import key_table, schema
 
 ROOT = Path(__file__).parents[1]
 SCHEMA = schema()

@@ -11,12 +11,12 @@ import pytest
 
 import nearharmonic as nh
 from configs_by_file import CONFIG, EXAMPLES, GRID, METHOD, WELL, changed, enter, refused, under
-from nearharmonic.config import load
-from nearharmonic.experiments.paper.plan import runs_of
-from nearharmonic.experiments.paper.run import integrate_run
-from nearharmonic.output.definitions import defined, read_definitions
-from nearharmonic.output.job import covered
-from nearharmonic.output.provenance import digests, settings_text, task
+from nearharmonic.reproduction.config.config import load
+from nearharmonic.reproduction.experiments.paper.plan import runs_of
+from nearharmonic.reproduction.experiments.paper.run import integrate_run
+from nearharmonic.reproduction.tasks.definitions import defined, read_definitions
+from nearharmonic.reproduction.tasks.job import covered
+from nearharmonic.reproduction.tasks.provenance import digests, settings_text, task
 from nearharmonic.systems.user_file import load_system
 
 
@@ -160,7 +160,7 @@ def test_a_file_may_import_from_the_files_beside_it_which_are_its_own(folder):
 
 def code_of(config, system="mine"):
     load(config)
-    return digests("experiments.paper.run:integrate", [system], ["ruth"])["code"]
+    return digests("reproduction.experiments.paper.run:integrate", [system], ["ruth"])["code"]
 
 
 def test_the_digest_of_a_task_covers_the_file_and_those_beside_it_and_no_comment(folder):
@@ -176,10 +176,10 @@ def test_the_digest_of_a_task_covers_the_file_and_those_beside_it_and_no_comment
     second = code_of(CONFIG)
     (folder / "quartic_well.py").write_text(text.replace("b * square**2 / 4", "b * square**2 / 8 * 2"))
     assert len({first, second, code_of(CONFIG)}) == 3
-    registered = digests("experiments.paper.run:integrate", ["sho"], ["ruth"])["code"]
+    registered = digests("reproduction.experiments.paper.run:integrate", ["sho"], ["ruth"])["code"]
     (folder / "common.py").write_text("SQUARE = 4\n")
     load(CONFIG)
-    assert digests("experiments.paper.run:integrate", ["sho"], ["ruth"])["code"] == registered
+    assert digests("reproduction.experiments.paper.run:integrate", ["sho"], ["ruth"])["code"] == registered
 
 
 def test_a_job_refuses_a_file_that_has_changed_since_it_was_planned(folder):

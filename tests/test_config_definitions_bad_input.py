@@ -9,8 +9,8 @@ import pytest
 
 import nearharmonic as nh
 from configs_by_file import CONFIG, METHOD, WELL, changed, enter, refused, under
-from nearharmonic.config import load
-from nearharmonic.output.cubes import cubes_of
+from nearharmonic.reproduction.config.config import load
+from nearharmonic.reproduction.tasks.cubes import cubes_of
 
 
 @pytest.fixture(autouse=True)
@@ -103,7 +103,7 @@ def test_the_cubes_of_the_rules_are_those_that_experiments_declare():
     by_name = re.findall(r"\bcube=CUBE\((.+)\),", RULES)
     assert {name.strip('"') for name in by_name} == {*CUBES, "{system}", "stability_{ensemble}"}
     ensembles = {f"stability_{name}" for name in ("henon_heiles", "kepler", "rounding")}
-    assert sorted(cubes_of("experiments")) == sorted({*CUBES, *ensembles})
+    assert sorted(cubes_of("reproduction.experiments")) == sorted({*CUBES, *ensembles})
 
 
 @pytest.mark.parametrize("key", [*CUBES, "substeps", "stability_kepler", "stability", "sweeps", "items", "sort"])

@@ -10,6 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from nearharmonic.errors import NearharmonicError
+from nearharmonic.registry.moved import install
 
 if TYPE_CHECKING:
     from nearharmonic.engine.runs.ensemble import ensemble as ensemble
@@ -17,13 +18,13 @@ if TYPE_CHECKING:
     from nearharmonic.engine.runs.trajectory import integrate as integrate
     from nearharmonic.engine.runs.trajectory import sweep as sweep
     from nearharmonic.engine.stepper import stepper as stepper
-    from nearharmonic.experiments.paper.figures.plot import plot as plot
-    from nearharmonic.experiments.work_precision.recommend.dataset import recommend as recommend
     from nearharmonic.integrators import integrators as integrators
+    from nearharmonic.integrators.modified import modified_integrators as modified_integrators
     from nearharmonic.integrators.modified_tableau import ModifiedTableau as ModifiedTableau
     from nearharmonic.integrators.tableau import Tableau as Tableau
     from nearharmonic.integrators.tableau import palindrome as palindrome
-    from nearharmonic.modified_integrators import modified_integrators as modified_integrators
+    from nearharmonic.plotting.plot import plot as plot
+    from nearharmonic.recommendation.dataset import recommend as recommend
     from nearharmonic.systems import systems as systems
     from nearharmonic.systems.definition.quantities import Observable as Observable
     from nearharmonic.systems.definition.quantities import Parameter as Parameter
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
     from nearharmonic.training.tailor.tailoring import tailor as tailor
 
 __version__ = "0.1.0"
+
+install()
 
 #: Where the names are that are loaded when they are first asked for: numpy takes longer than a command that needs none.
 _MODULES = {
@@ -50,8 +53,8 @@ _MODULES = {
     "order_of": "theory.order",
     "palindrome": "integrators.tableau",
     "problem": "engine.runs.problem",
-    "plot": "experiments.paper.figures.plot",
-    "recommend": "experiments.work_precision.recommend.dataset",
+    "plot": "plotting.plot",
+    "recommend": "recommendation.dataset",
     "stability_limit": "theory.linear_stability",
     "stepper": "engine.stepper",
     "sweep": "engine.runs.trajectory",

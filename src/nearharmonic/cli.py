@@ -9,11 +9,13 @@ import re
 import sys
 from collections.abc import Sequence
 from difflib import get_close_matches
+from functools import cache
 from importlib import import_module
 from typing import Any, NoReturn
 
 from nearharmonic import __version__, commands
 from nearharmonic.errors import NearharmonicError, SettingError, unknown_name
+from nearharmonic.reproduction import commands as of_the_record
 
 PROGRAM = "nearharmonic"
 #: Exit status of a process that the user has interrupted: 128 and the number of the signal.
@@ -34,12 +36,22 @@ class _Parser(argparse.ArgumentParser):
 
 
 def command_names() -> tuple[str, ...]:
-    """Return the names of the subcommands: those of the modules of :mod:`nearharmonic.commands`, sorted."""
-    return tuple(sorted(info.name.replace("_", "-") for info in pkgutil.iter_modules(commands.__path__)))
+    """Return the names of the subcommands: those of the modules of the two packages of commands, sorted."""
+    return tuple(sorted(_packages()))
+
+
+@cache
+def _packages() -> dict[str, str]:
+    """The package of each subcommand, by its name."""
+    return {
+        info.name.replace("_", "-"): package.__name__
+        for package in (commands, of_the_record)
+        for info in pkgutil.iter_modules(package.__path__)
+    }
 
 
 def _module_of(command: str) -> Any:
-    return import_module(f"{commands.__name__}.{command.replace('-', '_')}")
+    return import_module(f"{_packages()[command]}.{command.replace('-', '_')}")
 
 
 def _overview() -> str:
@@ -65,7 +77,7 @@ def _top_parser(words: Sequence[str]) -> argparse.ArgumentParser:
 
 def _parser_of(command: str) -> argparse.ArgumentParser:
     """The parser of one subcommand."""
-    from nearharmonic.answers import FORMATS
+    from nearharmonic.output.answers import FORMATS
 
     module = _module_of(command)
     help_text = f"{module.HELP[0].upper()}{module.HELP[1:]}."
@@ -104,6 +116,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except NearharmonicError as error:
         sys.stderr.write(f"{PROGRAM}: {error}\n")
         return 2
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] in {*sys.stdlib_module_names, PROGRAM}:
+            raise
+        sys.stderr.write(f"{PROGRAM}: {error.name} is not installed: pip install '{PROGRAM}[workflow]'\n")
+        return 2
     except OSError as error:
         sys.stderr.write(f"{PROGRAM}: {error}\n")
         return 2
@@ -122,8 +139,8 @@ def _run(words: Sequence[str]) -> int:
     except SystemExit as end:  # argparse has printed the help or the version
         _write("")
         return int(end.code or 0)
-    from nearharmonic.answers import FORMATS, printed
     from nearharmonic.engine.settings import one_of
+    from nearharmonic.output.answers import FORMATS, printed
 
     form = one_of("format", chosen.format, FORMATS)
     answer = _module_of(top.command).answer(chosen)

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from nearharmonic.claims.results import Results, short
-from nearharmonic.claims.summary import KINDS
-from nearharmonic.claims.table import CLAIMS, FILES, KEYS, decide, decided
 from nearharmonic.errors import ResultFileError
-from nearharmonic.output.job import write
 from nearharmonic.output.store import write_dataset
+from nearharmonic.reproduction.claims.results import Results, short
+from nearharmonic.reproduction.claims.summary import KINDS
+from nearharmonic.reproduction.claims.table import CLAIMS, FILES, KEYS, decide, decided
+from nearharmonic.reproduction.tasks.job import write
 from sound_results import curves, sound_results
 from targets import TARGETS
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from nearharmonic.claims.margins import margin
-from nearharmonic.claims.results import Undecided
+from nearharmonic.reproduction.claims.margins import margin
+from nearharmonic.reproduction.claims.results import Undecided
 
 
 def between(low, high):

@@ -6,8 +6,8 @@ import json
 
 import pytest
 
-from nearharmonic.claims.summary import failures, sums, tally, verdicts_line
-from nearharmonic.claims.table import CLAIMS
+from nearharmonic.reproduction.claims.summary import failures, sums, tally, verdicts_line
+from nearharmonic.reproduction.claims.table import CLAIMS
 
 TARGETS = {one.id: one.target for one in CLAIMS}
 

@@ -7,8 +7,8 @@ import re
 import numpy as np
 import pytest
 
-from nearharmonic.claims.table import CLAIMS
 from nearharmonic.integrators import BENCHMARKED
+from nearharmonic.reproduction.claims.table import CLAIMS
 from sound_results import sound_results
 from threshold_results import (
     NEW,

@@ -8,11 +8,16 @@ import numpy as np
 import pytest
 from scipy.stats import spearmanr
 
-from nearharmonic.claims.statements.comparisons import best_performance
-from nearharmonic.claims.statements.trained import ENSEMBLES, FEWEST_METHODS, RELATED, minimised_coefficients
-from nearharmonic.experiments.trained.problems.random_potentials import random_ensemble
-from nearharmonic.experiments.trained.proof.ensembles import BANDS, DIMENSIONS
 from nearharmonic.integrators import integrators
+from nearharmonic.reproduction.claims.statements.comparisons import best_performance
+from nearharmonic.reproduction.claims.statements.trained import (
+    ENSEMBLES,
+    FEWEST_METHODS,
+    RELATED,
+    minimised_coefficients,
+)
+from nearharmonic.reproduction.experiments.trained.problems.random_potentials import random_ensemble
+from nearharmonic.reproduction.experiments.trained.proof.ensembles import BANDS, DIMENSIONS
 from sound_results import PROOF_STEPS, sound_results
 
 THREE = ("babps9o7h", "babps8o7h", "abas5o6h")

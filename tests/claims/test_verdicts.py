@@ -36,10 +36,10 @@ from changed_results import (
     thirds,
     together,
 )  # fmt: skip
-from nearharmonic.claims.statements import background, henon_heiles, identities, kepler, methods, misprints
-from nearharmonic.claims.statements.coefficients import FIVE_STAGES, UNIQUE
-from nearharmonic.claims.table import CLAIMS
 from nearharmonic.integrators import integrators
+from nearharmonic.reproduction.claims.statements import background, henon_heiles, identities, kepler, methods, misprints
+from nearharmonic.reproduction.claims.statements.coefficients import FIVE_STAGES, UNIQUE
+from nearharmonic.reproduction.claims.table import CLAIMS
 from sound_results import sound_results, stand_in
 
 HOLDS, EDGES, PART, FAILS, ERRATUM = "holds", "holds but for edges", "holds in part", "fails", "erratum"

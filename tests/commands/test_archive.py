@@ -8,8 +8,8 @@ import pytest
 
 import finished_results
 from nearharmonic.cli import main
-from nearharmonic.record import verify
-from nearharmonic.record.archive.check import faults_of_archive
+from nearharmonic.reproduction.record import verify
+from nearharmonic.reproduction.record.archive.check import faults_of_archive
 
 
 @pytest.fixture(autouse=True)

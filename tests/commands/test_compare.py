@@ -14,9 +14,9 @@ import yaml
 
 import result_folder
 from nearharmonic.cli import main
-from nearharmonic.config import load
 from nearharmonic.engine.runs.description import STATUSES
 from nearharmonic.output import store
+from nearharmonic.reproduction.config.config import load
 from result_folder import CLAIMS, VERSIONS, config, edited, history_line, write_claims, write_history, write_manifest
 
 ROOT = Path(__file__).parents[2]

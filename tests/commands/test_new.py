@@ -12,9 +12,9 @@ import pytest
 import nearharmonic as nh
 from nearharmonic.cli import main
 from nearharmonic.commands import new
-from nearharmonic.config import read
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.integrators import integrators
+from nearharmonic.reproduction.config.config import read
 from nearharmonic.systems import systems
 
 #: A line of a template that is an argument of the entry in a comment.

@@ -10,7 +10,7 @@ import pytest
 from artists import NO_LINE, SOLID, dashes, lines_of
 from nearharmonic.cli import main
 from nearharmonic.output import store
-from nearharmonic.record.compare.overlay import overlay
+from nearharmonic.reproduction.record.compare.overlay import overlay
 
 
 def test_the_figure_shows_the_first_solid_and_the_second_dashed(other, project):

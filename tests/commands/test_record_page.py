@@ -11,7 +11,7 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.cli import main
-from nearharmonic.record.query.run_table import COLUMNS, run_table
+from nearharmonic.reproduction.record.query.run_table import COLUMNS, run_table
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/record.md").read_text(encoding="utf-8")

@@ -8,12 +8,12 @@ import pytest
 
 from nearharmonic.cli import main
 from nearharmonic.errors import RefusedError
-from nearharmonic.output.provenance import settings_digest, task
-from nearharmonic.output.receipts import Receipt
-from nearharmonic.record import manifest, verify
-from nearharmonic.record.adopt import check_jobs
+from nearharmonic.reproduction.record import manifest, verify
+from nearharmonic.reproduction.record.adopt import check_jobs
+from nearharmonic.reproduction.tasks.provenance import settings_digest, task
+from nearharmonic.reproduction.tasks.receipts import Receipt
 
-TASK = task("experiments.paper.decompose:decompose", integrators=["ruth"])
+TASK = task("reproduction.experiments.paper.decompose:decompose", integrators=["ruth"])
 CUBE = "results/paper/cubes/sho_terms.h5"
 
 
@@ -148,5 +148,5 @@ def test_a_job_for_a_file_that_is_not_there_is_not(results):
 
 def test_settings_that_are_written_otherwise_are_the_same():
     assert settings_digest(TASK) == settings_digest(
-        task("experiments.paper.decompose:decompose", integrators=("ruth",))
+        task("reproduction.experiments.paper.decompose:decompose", integrators=("ruth",))
     )

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.experiments.paper.reductions import orbital_period
+from nearharmonic.reproduction.experiments.paper.reductions import orbital_period
 
 #: NASA Space Science Data Center, Sun and Mercury fact sheets, as Nielsen (2015) has them: km and s.
 GM_KM3_S2 = Fraction("1.32712e11")

@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 PINNED = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
 #: Libraries that are timed beside ours, and may be missing.
-PEERS = ROOT / "src/nearharmonic/experiments/work_precision/peers"
+PEERS = ROOT / "src/nearharmonic/reproduction/experiments/work_precision/peers"
 PYTHON = [*(ROOT / "src").rglob("*.py"), *(ROOT / "workflow").rglob("*.py")]
 #: Rules are not Python: they are read line by line.
 RULES = [ROOT / "Snakefile", *(ROOT / "workflow").rglob("*.smk")]

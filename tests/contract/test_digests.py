@@ -8,7 +8,7 @@ from decimal import Decimal, localcontext
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.output.provenance import coefficients_digest
+from nearharmonic.reproduction.tasks.provenance import coefficients_digest
 
 
 def nudged(tableau, row, i):

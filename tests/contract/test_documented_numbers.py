@@ -73,7 +73,7 @@ def test_the_methods_of_order_six_lose_on_the_oscillator_by_what_the_page_says()
 
 
 def test_the_budget_of_a_recommendation_is_what_the_pages_say():
-    from nearharmonic.experiments.work_precision.recommend.question import question
+    from nearharmonic.recommendation.question import question
 
     asked = question("sho", 1e-3)
     (thousands,) = stated("README.md", r"reaches the error within (\d+) 000 evaluations")

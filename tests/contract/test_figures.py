@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import figure_cubes as made
-from nearharmonic.experiments.paper.figures.fig6_substeps import draw_panels
-from nearharmonic.experiments.work_precision.curve import Curve
-from nearharmonic.experiments.work_precision.figure import work_precision_figure
-from nearharmonic.output.declarations import figures_of
-from nearharmonic.output.provenance import function_of
+from nearharmonic.recommendation.curve import Curve
+from nearharmonic.reproduction.experiments.paper.figures.fig6_substeps import draw_panels
+from nearharmonic.reproduction.experiments.work_precision.figure import work_precision_figure
+from nearharmonic.reproduction.tasks.declarations import figures_of
+from nearharmonic.reproduction.tasks.provenance import function_of
 
 #: Figure -> what it draws for some methods, and the variables that a cube has even without a number.
 CUBES = {
@@ -45,10 +45,10 @@ SHOWN = (
     "trained",
     "trained_ideas",
 )
-DECLARED = {one.stem: one for one in figures_of("experiments", ("henon_heiles", "kepler", "sho"), SHOWN)}
+DECLARED = {one.stem: one for one in figures_of("reproduction.experiments", ("henon_heiles", "kepler", "sho"), SHOWN)}
 # Those of the systems that the paper has a figure of are drawn by that figure; every other system is shown like this.
 OWN = {stem: DECLARED.pop(stem) for stem in ("sho_energy_error", "henon_heiles_energy_error", "kepler_energy_error")}
-(DECLARED["sho_energy_error"],) = figures_of("experiments.paper.figures.energy_error", ("sho",))
+(DECLARED["sho_energy_error"],) = figures_of("reproduction.experiments.paper.figures.energy_error", ("sho",))
 
 
 def drawing(name):

@@ -14,7 +14,7 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.errors import NearharmonicError, UnknownNameError
-from nearharmonic.registry import make_registry
+from nearharmonic.registry.registry import make_registry
 
 SOURCES = Path(nh.__file__).parents[1]
 

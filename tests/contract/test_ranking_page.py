@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.user_module import load
+from nearharmonic.registry.user_module import load
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/ranking.md").read_text(encoding="utf-8")

@@ -8,11 +8,11 @@ from importlib import import_module
 
 import pytest
 
-from nearharmonic.output import sources
-from nearharmonic.output.reduction import Reductions
-from nearharmonic.output.sources import closure
+from nearharmonic.reproduction.tasks import sources
+from nearharmonic.reproduction.tasks.reduction import Reductions
+from nearharmonic.reproduction.tasks.sources import closure
 
-EXPERIMENTS = sources.ROOT / "experiments"
+EXPERIMENTS = sources.ROOT / "reproduction/experiments"
 #: Dotted names of all slices that declare reductions.
 SLICES = sorted(
     ".".join(("nearharmonic", *path.parent.relative_to(sources.ROOT).parts))
@@ -22,7 +22,7 @@ SLICES = sorted(
 
 def test_the_paper_and_the_experiments_beside_it_declare_reductions():
     assert len(SLICES) >= 9
-    assert "nearharmonic.experiments.paper" in SLICES
+    assert "nearharmonic.reproduction.experiments.paper" in SLICES
 
 
 @pytest.mark.parametrize("slice_", SLICES)

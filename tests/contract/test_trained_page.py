@@ -10,13 +10,13 @@ import pytest
 import xarray as xr
 
 import nearharmonic as nh
-from nearharmonic.experiments.trained.contestants import contestants, kind_of
-from nearharmonic.experiments.trained.problems.named_systems import NAMED, named_ensembles
-from nearharmonic.experiments.trained.proof.reductions import gains
-from nearharmonic.experiments.trained.proof.run import log_errors
-from nearharmonic.experiments.trained.proof.settings import ProofSettings
-from nearharmonic.experiments.trained.purposes import CHARGE
-from nearharmonic.user_module import load
+from nearharmonic.registry.user_module import load
+from nearharmonic.reproduction.experiments.trained.contestants import contestants, kind_of
+from nearharmonic.reproduction.experiments.trained.problems.named_systems import NAMED, named_ensembles
+from nearharmonic.reproduction.experiments.trained.proof.reductions import gains
+from nearharmonic.reproduction.experiments.trained.proof.run import log_errors
+from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings
+from nearharmonic.reproduction.experiments.trained.purposes import CHARGE
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/trained.md").read_text(encoding="utf-8")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from nearharmonic.user_module import load
+from nearharmonic.registry.user_module import load
 
 ROOT = Path(__file__).parents[2]
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.user_module import load
+from nearharmonic.registry.user_module import load
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/examples.md").read_text(encoding="utf-8")

@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 from scipy.special import mathieu_a, mathieu_b
 
 import nearharmonic as nh
-from nearharmonic.user_module import load
+from nearharmonic.registry.user_module import load
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

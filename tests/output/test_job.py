@@ -8,8 +8,8 @@ import pytest
 import xarray as xr
 
 from nearharmonic.errors import ResultFileError
-from nearharmonic.output.job import logged, write
 from nearharmonic.output.store import read
+from nearharmonic.reproduction.tasks.job import logged, write
 
 
 def test_what_a_job_prints_goes_to_its_log(tmp_path, capsys):

@@ -10,11 +10,11 @@ import pytest
 
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators
-from nearharmonic.modified_integrators import modified_integrators
-from nearharmonic.output import provenance, sources
-from nearharmonic.output.job import covered
-from nearharmonic.output.provenance import code_digest, coefficients_digest, library_version, task
-from nearharmonic.output.sources import closure, module_digest
+from nearharmonic.integrators.modified import modified_integrators
+from nearharmonic.reproduction.tasks import provenance, sources
+from nearharmonic.reproduction.tasks.job import covered
+from nearharmonic.reproduction.tasks.provenance import code_digest, coefficients_digest, library_version, task
+from nearharmonic.reproduction.tasks.sources import closure, module_digest
 from nearharmonic.systems import systems
 
 
@@ -35,9 +35,10 @@ def edited(package, module, line="_EDITED = 1"):
 
 def digests(root):
     of_runs = {
-        name: code_digest("nearharmonic.experiments.paper.run", systems.module_of(name), root=root) for name in systems
+        name: code_digest("nearharmonic.reproduction.experiments.paper.run", systems.module_of(name), root=root)
+        for name in systems
     }
-    folder = "nearharmonic.experiments.paper"
+    folder = "nearharmonic.reproduction.experiments.paper"
     return {
         **of_runs,
         "cubes": code_digest(f"{folder}.reduce", root=root),
@@ -54,7 +55,7 @@ def digests(root):
         ("integrators/nielsen_2015.py", set()),  # coefficients have a digest of their own
         ("experiments/paper/reduce.py", {"cubes"}),
         ("experiments/paper/reductions.py", {"cubes"}),
-        ("output/style.py", {"fig1"}),
+        ("plot/style.py", {"fig1"}),
         ("experiments/paper/figures/fig2_decomposition.py", set()),
         ("output/store/reader.py", {"cubes"}),
         ("config.py", set()),
@@ -167,13 +168,13 @@ def test_a_task_may_look_up_what_it_names_or_imports_and_nothing_else():
                 registry[name]
     assert systems["kepler"].name == "kepler"
     # Figure 6 imports the modules of what it shows.
-    with covered(task("experiments.paper.figures.fig6_substeps:fig6_substeps")):
+    with covered(task("reproduction.experiments.paper.figures.fig6_substeps:fig6_substeps")):
         assert systems["henon_heiles"].name == "henon_heiles"
         assert integrators["babs7o7h"].stages == 7
 
 
 def test_a_task_covers_methods_with_kicks_of_a_modified_potential_that_it_names():
-    one = task("experiments.paper.reduce:reduce_decomposition", integrators=["chin_4a", "ruth"])
+    one = task("reproduction.experiments.paper.reduce:reduce_decomposition", integrators=["chin_4a", "ruth"])
     assert one["integrators"] == ["ruth", "chin_4a"]
     assert one["coefficients"] == coefficients_digest([integrators["ruth"], modified_integrators["chin_4a"]])
     with covered(one):

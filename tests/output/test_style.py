@@ -13,7 +13,7 @@ from matplotlib.colors import to_hex
 
 from artists import NO_LINE, SOLID, drawn, look, luminance
 from nearharmonic.integrators import integrators
-from nearharmonic.output.style import (
+from nearharmonic.plotting.style import (
     Style,
     house_style,
     log_scale,
@@ -217,12 +217,12 @@ def test_importing_the_figures_loads_neither_pyplot_nor_xarray_and_changes_no_se
     program = """
 import sys, matplotlib
 before = matplotlib.rcParams.copy()
-from nearharmonic.experiments.paper.figures import fig1_sho
-from nearharmonic.experiments.paper.figures import fig2_decomposition
-from nearharmonic.experiments.paper.figures import fig3_henon_heiles
-from nearharmonic.experiments.paper.figures import fig4_perihelion
-from nearharmonic.experiments.paper.figures import fig5_kepler
-from nearharmonic.experiments.paper.figures import fig6_substeps
+from nearharmonic.reproduction.experiments.paper.figures import fig1_sho
+from nearharmonic.reproduction.experiments.paper.figures import fig2_decomposition
+from nearharmonic.reproduction.experiments.paper.figures import fig3_henon_heiles
+from nearharmonic.reproduction.experiments.paper.figures import fig4_perihelion
+from nearharmonic.reproduction.experiments.paper.figures import fig5_kepler
+from nearharmonic.reproduction.experiments.paper.figures import fig6_substeps
 print([m for m in ("matplotlib.pyplot", "xarray", "pandas") if m in sys.modules], matplotlib.rcParams.copy() == before)
 """
     answer = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

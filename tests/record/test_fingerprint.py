@@ -12,9 +12,9 @@ import pytest
 import yaml
 
 import nearharmonic
-from nearharmonic.config import load
-from nearharmonic.record import fingerprint
-from nearharmonic.record.fingerprint import package_digest, revision
+from nearharmonic.reproduction.config.config import load
+from nearharmonic.reproduction.record import fingerprint
+from nearharmonic.reproduction.record.fingerprint import package_digest, revision
 
 SMOKE = Path(__file__).parents[2] / "config/smoke.yaml"
 

@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 import psutil
 import pytest
 
-from nearharmonic.record import history
+from nearharmonic.reproduction.record import history
 
 #: What every run has.
 RUN = {"start": "2026-01-01T00:00:00.000Z", "config": {}}

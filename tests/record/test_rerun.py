@@ -9,11 +9,11 @@ import pytest
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.errors import ResultFileError
 from nearharmonic.output import store
-from nearharmonic.output.job import write
-from nearharmonic.output.provenance import function_of, provenance, task
-from nearharmonic.output.receipts import Receipt
-from nearharmonic.record import manifest
-from nearharmonic.record.rerun import rerun
+from nearharmonic.reproduction.record import manifest
+from nearharmonic.reproduction.record.rerun import rerun
+from nearharmonic.reproduction.tasks.job import write
+from nearharmonic.reproduction.tasks.provenance import function_of, provenance, task
+from nearharmonic.reproduction.tasks.receipts import Receipt
 
 SWEEP = Sweep(
     system="sho", t_end="10", lowest=0.003, highest=1.5, points_per_decade=5, precision=("double", "extended"),
@@ -28,7 +28,9 @@ def results(tmp_path, monkeypatch):
     folder = tmp_path / "results/paper"
     (folder / "logs").mkdir(parents=True)
     for shard in (0, 1):
-        described = task("experiments.paper.run:integrate", sweep=SWEEP, integrator="babs7o7h", shard=shard)
+        described = task(
+            "reproduction.experiments.paper.run:integrate", sweep=SWEEP, integrator="babs7o7h", shard=shard
+        )
         place = f"results/paper/runs/sho/babs7o7h/{shard}.h5"
         write(function_of(described)(**described["settings"])["run"], [place], provenance(described))
         receipt = Receipt(f"results/paper/logs/{shard}.log")

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from nearharmonic.output.provenance import task
-from nearharmonic.output.receipts import Receipt
-from nearharmonic.record import history, manifest, verify
-from nearharmonic.record.verify import _target_of, faults
+from nearharmonic.reproduction.record import history, manifest, verify
+from nearharmonic.reproduction.record.verify import _target_of, faults
+from nearharmonic.reproduction.tasks.provenance import task
+from nearharmonic.reproduction.tasks.receipts import Receipt
 from targets import TARGETS
 
-TASK = task("experiments.paper.run:integrate", system="sho", integrator="ruth")
+TASK = task("reproduction.experiments.paper.run:integrate", system="sho", integrator="ruth")
 RULES = Path(__file__).parents[2] / "workflow/rules"
 EXPERIMENTS = Path(verify.__file__).parents[1] / "experiments"
 FILES = {
@@ -125,12 +125,12 @@ def test_other_code_and_other_coefficients_are_told_once_for_each_function(resul
 @pytest.mark.parametrize(
     ("function", "target"),
     [
-        ("experiments.derivation.run:derive", " -- derive"),
-        ("experiments.stability.rounding.run:measure", " -- stability"),
-        ("experiments.exact_oscillator.times:measure", " -- exact_oscillator"),
-        ("experiments.trained.proof.run:measure", " -- trained"),
-        ("experiments.paper.reduce:reduce", ""),
-        ("claims.table:decided", ""),
+        ("reproduction.experiments.derivation.run:derive", " -- derive"),
+        ("reproduction.experiments.stability.rounding.run:measure", " -- stability"),
+        ("reproduction.experiments.exact_oscillator.times:measure", " -- exact_oscillator"),
+        ("reproduction.experiments.trained.proof.run:measure", " -- trained"),
+        ("reproduction.experiments.paper.reduce:reduce", ""),
+        ("reproduction.claims.table:decided", ""),
     ],
 )
 def test_the_command_names_the_target_that_the_function_belongs_to(results, function, target):
@@ -142,7 +142,7 @@ def test_the_command_names_the_target_that_the_function_belongs_to(results, func
 @pytest.mark.parametrize("experiment", sorted(path.parent.name for path in EXPERIMENTS.glob("*/__init__.py")))
 def test_every_experiment_has_a_target_that_makes_its_files(experiment):
     """The default target makes those of the paper alone."""
-    target = _target_of(f"experiments.{experiment}.run:measure").removeprefix(" -- ") or "all"
+    target = _target_of(f"reproduction.experiments.{experiment}.run:measure").removeprefix(" -- ") or "all"
     rules = "\n".join(path.read_text(encoding="utf-8") for path in RULES.glob("*.smk"))
     assert (target == "all") == (experiment == "paper")
     assert target == "all" or re.search(rf"^rule {target}:$", rules, re.MULTILINE)

@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 import yaml
 
-from nearharmonic.config import load
-from nearharmonic.output.provenance import task
-from nearharmonic.output.receipts import Receipt
-from nearharmonic.record import fingerprint, history, manifest
-from nearharmonic.record.workflow_run import WorkflowRun
+from nearharmonic.reproduction.config.config import load
+from nearharmonic.reproduction.record import fingerprint, history, manifest
+from nearharmonic.reproduction.record.workflow_run import WorkflowRun
+from nearharmonic.reproduction.tasks.provenance import task
+from nearharmonic.reproduction.tasks.receipts import Receipt
 
 SMOKE = Path(__file__).parents[2] / "config/smoke.yaml"
-TASK = task("experiments.paper.decompose:decompose", integrators=["ruth"])
+TASK = task("reproduction.experiments.paper.decompose:decompose", integrators=["ruth"])
 
 
 @pytest.fixture
@@ -117,7 +117,7 @@ def test_a_machine_that_cannot_be_named_is_one_warning_and_the_rest_is_kept(tmp_
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("NEARHARMONIC_RUN", "another")
-    monkeypatch.setattr("nearharmonic.record.workflow_run.fingerprint", fail)
+    monkeypatch.setattr("nearharmonic.reproduction.record.workflow_run.fingerprint", fail)
     begun = WorkflowRun("results/smoke", load(yaml.safe_load(SMOKE.read_text(encoding="utf-8"))), sources=tmp_path)
     begun.begin(["snakemake"], ["all"], cores=None)
     begun.end(0, 0, 0, refresh=lambda: None)

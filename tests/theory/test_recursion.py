@@ -10,8 +10,13 @@ import pytest
 from hypothesis import assume, given
 
 from nearharmonic.errors import SettingError, TableauError
-from nearharmonic.experiments.paper.tables import even_orders, recursion_symbols, recursion_values, structure
 from nearharmonic.integrators import integrators
+from nearharmonic.reproduction.experiments.paper.tables import (
+    even_orders,
+    recursion_symbols,
+    recursion_values,
+    structure,
+)
 from nearharmonic.theory.oscillator import kappa, lambda_max, zeta
 from nearharmonic.theory.recursion import closed_sums, momentum_row, position_rows
 from random_tableaus import tableaus

@@ -7,8 +7,8 @@ import pytest
 
 import nearharmonic as nh
 from family_members import members
-from nearharmonic.experiments.trained.problems.orbits import orbit_ensemble
-from nearharmonic.experiments.trained.problems.random_potentials import random_ensemble
+from nearharmonic.reproduction.experiments.trained.problems.orbits import orbit_ensemble
+from nearharmonic.reproduction.experiments.trained.problems.random_potentials import random_ensemble
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import (
     LARGEST_SUM,

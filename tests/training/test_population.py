@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.experiments.trained.problems.random_potentials import random_ensemble
+from nearharmonic.reproduction.experiments.trained.problems.random_potentials import random_ensemble
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import errors_of
 from nearharmonic.training.population import LEAST, LOST, Ensemble, Population, mean_log

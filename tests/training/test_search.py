@@ -164,7 +164,7 @@ SCRIPT = """
 import hashlib
 import numpy as np
 import nearharmonic as nh
-from nearharmonic.experiments.trained.problems.random_potentials import random_ensemble
+from nearharmonic.reproduction.experiments.trained.problems.random_potentials import random_ensemble
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import Objective
 from nearharmonic.training.search import Effort, search, starts_of

@@ -8,7 +8,7 @@ from zipfile import ZipFile
 
 import pytest
 
-from nearharmonic.output.receipts import receipts_in
+from nearharmonic.reproduction.tasks.receipts import receipts_in
 from targets import MADE, MADE_BY, SYSTEMS
 from workflow_project import TINY, Project
 
@@ -67,7 +67,7 @@ def test_results_that_were_copied_are_adopted_and_nothing_runs_again(finished, t
     assert adopted.returncode == 0, adopted.stderr
     assert copy.jobs(*TINY) == {}
     assert copy.nearharmonic("verify", "tiny").returncode == 0
-    edited = copy.folder / "src/nearharmonic/experiments/paper/reduce.py"
+    edited = copy.folder / "src/nearharmonic/reproduction/experiments/paper/reduce.py"
     edited.write_text(edited.read_text() + "_EDITED = 1\n")
     assert copy.jobs("results/tiny/cubes/sho.h5", *TINY) == {"reduce": 1}
 

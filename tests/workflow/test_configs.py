@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from nearharmonic.config import load
-from nearharmonic.experiments.paper.plan import plan
 from nearharmonic.integrators import BENCHMARKED
+from nearharmonic.reproduction.config.config import load
+from nearharmonic.reproduction.experiments.paper.plan import plan
 
 ROOT = Path(__file__).parents[2]
 

@@ -14,10 +14,10 @@ import pytest
 import yaml
 from matplotlib.image import imread
 
-from nearharmonic.claims.table import decided
-from nearharmonic.experiments.trained.contestants import contestants
 from nearharmonic.output.store import groups_of, read
-from nearharmonic.output.style import style_of
+from nearharmonic.plotting.style import style_of
+from nearharmonic.reproduction.claims.table import decided
+from nearharmonic.reproduction.experiments.trained.contestants import contestants
 from targets import DECOMPOSED, MADE, MADE_BY, METHODS, RECORD, SYSTEMS, TARGETS
 
 TINY = ("--configfile", "config/tiny.yaml")

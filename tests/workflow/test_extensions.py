@@ -41,8 +41,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from nearharmonic.output.declarations import figure
-from nearharmonic.output.style import new_figure
+from nearharmonic.reproduction.tasks.declarations import figure
+from nearharmonic.plotting.style import new_figure
 
 
 @figure(cube="quartic", caption="The largest position. Against the step size.")
@@ -58,7 +58,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from nearharmonic.engine.config_entries import STRICT, setting, whole_from
+from nearharmonic.reproduction.experiments.entries import STRICT, setting, whole_from
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +73,7 @@ RUN = '''"""Numbers of the test."""
 
 from __future__ import annotations
 
-from nearharmonic.experiments.added.settings import AddedSettings
+from nearharmonic.reproduction.experiments.added.settings import AddedSettings
 from nearharmonic.output.table import Table
 
 
@@ -136,8 +136,8 @@ def extended(tmp_path_factory):
     )
     insert(
         package / "config.py",
-        "from nearharmonic.experiments.derivation.settings",
-        "from nearharmonic.experiments.added.settings import AddedSettings",
+        "from nearharmonic.reproduction.experiments.derivation.settings",
+        "from nearharmonic.reproduction.experiments.added.settings import AddedSettings",
     )
     insert(project.folder / "Snakefile", 'include: "workflow/rules/figures.smk"', 'include: "workflow/rules/added.smk"')
     (project.folder / "added.yaml").write_text(yaml.safe_dump(CONFIG))

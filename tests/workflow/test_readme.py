@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 
 from nearharmonic.engine.grid import steps_of
-from nearharmonic.experiments.paper.plan import Run
-from nearharmonic.experiments.paper.reduce import cube_of
-from nearharmonic.experiments.paper.reduce import numbers as reduced_numbers
-from nearharmonic.experiments.paper.run import integrate_run
-from nearharmonic.experiments.work_precision.peers import PEERS
 from nearharmonic.output import store
 from nearharmonic.output.dataset import assembled
+from nearharmonic.reproduction.experiments.paper.plan import Run
+from nearharmonic.reproduction.experiments.paper.reduce import cube_of
+from nearharmonic.reproduction.experiments.paper.reduce import numbers as reduced_numbers
+from nearharmonic.reproduction.experiments.paper.run import integrate_run
+from nearharmonic.reproduction.experiments.work_precision.peers import PEERS
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

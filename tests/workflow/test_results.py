@@ -139,7 +139,7 @@ def jobs_after_edit(finished, module, more, *arguments):
             },
         ),
         ("experiments/paper/figures/fig3_henon_heiles.py", {"draw_henon_heiles": 1}),
-        ("output/style.py", {f"draw_{name}": 1 for name in (*SYSTEMS, "sho_terms", "substeps", "substeps_displaced")}),
+        ("plot/style.py", {f"draw_{name}": 1 for name in (*SYSTEMS, "sho_terms", "substeps", "substeps_displaced")}),
     ],
 )
 def test_an_edit_runs_what_depends_on_it_and_nothing_else(finished, module, reruns):

@@ -14,10 +14,10 @@ from pathlib import Path
 
 import pytest
 
-from nearharmonic.output import sources
-from nearharmonic.output.declarations import figures_of
-from nearharmonic.output.provenance import code_digest
-from nearharmonic.output.sources import closure
+from nearharmonic.reproduction.tasks import sources
+from nearharmonic.reproduction.tasks.declarations import figures_of
+from nearharmonic.reproduction.tasks.provenance import code_digest
+from nearharmonic.reproduction.tasks.sources import closure
 from nearharmonic.systems import systems
 
 RULES = Path(__file__).parents[2] / "workflow/rules"
@@ -44,7 +44,8 @@ def tasks():
     every = {name.replace("{wildcards.ensemble}", ensemble) for name in named for ensemble in ENSEMBLES}
     return sorted(
         f"nearharmonic.{module}"
-        for module in every | {one.function.partition(":")[0] for one in figures_of("experiments", systems, _cubes())}
+        for module in every
+        | {one.function.partition(":")[0] for one in figures_of("reproduction.experiments", systems, _cubes())}
     )
 
 
@@ -139,7 +140,7 @@ def test_a_comment_or_a_reworded_docstring_in_any_module_changes_no_digest(packa
 
 @pytest.mark.parametrize("system", [*systems])
 def test_an_edit_of_one_system_changes_what_names_it_and_leaves_the_others_alone(package, system):
-    module = "nearharmonic.experiments.paper.run"
+    module = "nearharmonic.reproduction.experiments.paper.run"
     before = {name: code_digest(module, systems.module_of(name), root=package) for name in systems}
     path = sources.path_of(systems.module_of(system), package)
     text = path.read_text(encoding="utf-8")

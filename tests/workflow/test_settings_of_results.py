@@ -9,9 +9,9 @@ from fractions import Fraction
 import pytest
 import yaml
 
-from nearharmonic.config import load
-from nearharmonic.experiments.trained.contestants import contestants, kind_of
 from nearharmonic.output.store import read
+from nearharmonic.reproduction.config.config import load
+from nearharmonic.reproduction.experiments.trained.contestants import contestants, kind_of
 from targets import DECOMPOSED, MADE, METHODS, STRUCTURE_T_END
 
 RESULTS = "results/tiny/"

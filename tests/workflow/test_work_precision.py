@@ -10,8 +10,8 @@ import h5py
 import pytest
 import yaml
 
-from nearharmonic.config import load
 from nearharmonic.errors import NearharmonicError
+from nearharmonic.reproduction.config.config import load
 from workflow_project import ROOT
 
 SMOKE = ("--configfile", "config/smoke.yaml")

@@ -14,7 +14,7 @@ rule decide_claims:
     log:
         LOG("tables/claims"),
     params:
-        task=task("claims.table:decided", folder=RESULTS, integrators=integrators.registered),
+        task=task("reproduction.claims.table:decided", folder=RESULTS, integrators=integrators.registered),
     script:
         "../scripts/task.py"
 

@@ -6,11 +6,11 @@ installed in, whose versions ``constraints.txt`` pins and every result file reco
 
 from snakemake.exceptions import WorkflowError
 
-from nearharmonic.config import load
+from nearharmonic.reproduction.config.config import load
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.experiments.paper.plan import shards_of
-from nearharmonic.output.declarations import figures_of
-from nearharmonic.output.provenance import task
+from nearharmonic.reproduction.experiments.paper.plan import shards_of
+from nearharmonic.reproduction.tasks.declarations import figures_of
+from nearharmonic.reproduction.tasks.provenance import task
 
 try:
     CONFIG = load(config, files=workflow.configfiles)
@@ -64,7 +64,7 @@ def run_files(system):
 
 def installed():
     """Which of the libraries are there: one that is installed later on is to be timed as well."""
-    from nearharmonic.experiments.work_precision.peers import LIBRARIES
-    from nearharmonic.experiments.work_precision.peers.measure import is_installed
+    from nearharmonic.reproduction.experiments.work_precision.peers import LIBRARIES
+    from nearharmonic.reproduction.experiments.work_precision.peers.measure import is_installed
 
     return {library: is_installed(library) for library in LIBRARIES}

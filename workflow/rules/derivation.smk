@@ -15,7 +15,7 @@ rule derive_coefficients:
         LOG("derive"),
     priority: 1  # the longest job on one core: begun first, it leaves none idle at the end
     params:
-        task=task("experiments.derivation.run:derive", settings=CONFIG.derive),
+        task=task("reproduction.experiments.derivation.run:derive", settings=CONFIG.derive),
     script:
         "../scripts/task.py"
 

@@ -1,8 +1,8 @@
 """The oscillator of Henon-Heiles solved exactly beside T + V: errors and crossings, and what that costs here."""
 
-from nearharmonic.experiments.exact_oscillator import CUBES as EXACT_OSCILLATOR_CUBES
+from nearharmonic.reproduction.experiments.exact_oscillator import CUBES as EXACT_OSCILLATOR_CUBES
 
-EXACT_OSCILLATOR_FIGURES = figures_of("experiments.exact_oscillator", CONFIG.systems, EXACT_OSCILLATOR_CUBES)
+EXACT_OSCILLATOR_FIGURES = figures_of("reproduction.experiments.exact_oscillator", CONFIG.systems, EXACT_OSCILLATOR_CUBES)
 FIGURES += EXACT_OSCILLATOR_FIGURES
 RUNS.append(RUN("exact_oscillator/trajectories"))
 EXACT_OSCILLATOR = {
@@ -18,7 +18,7 @@ rule exact_oscillator_run:
     log:
         LOG("exact_oscillator/run"),
     params:
-        task=task("experiments.exact_oscillator.run:measure", **EXACT_OSCILLATOR),
+        task=task("reproduction.experiments.exact_oscillator.run:measure", **EXACT_OSCILLATOR),
     script:
         "../scripts/task.py"
 
@@ -32,7 +32,7 @@ rule exact_oscillator_cube:
     log:
         LOG("exact_oscillator/errors"),
     params:
-        task=task("experiments.exact_oscillator.reduce:reduce", **EXACT_OSCILLATOR),
+        task=task("reproduction.experiments.exact_oscillator.reduce:reduce", **EXACT_OSCILLATOR),
     script:
         "../scripts/task.py"
 
@@ -47,7 +47,7 @@ rule exact_oscillator_times:
     threads: ALL_CORES  # nothing runs beside what is timed
     params:
         task=task(
-            "experiments.exact_oscillator.times:measure",
+            "reproduction.experiments.exact_oscillator.times:measure",
             exact=CONFIG.exact_oscillator.methods,
             settings=CONFIG.exact_oscillator,
         ),

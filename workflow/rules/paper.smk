@@ -1,9 +1,9 @@
 """The paper: runs, cubes, figures, and tables of coefficients and of what was left out."""
 
-from nearharmonic.experiments.paper import CUBES as PAPER_CUBES
-from nearharmonic.experiments.paper.tables import STEMS
+from nearharmonic.reproduction.experiments.paper import CUBES as PAPER_CUBES
+from nearharmonic.reproduction.experiments.paper.tables import STEMS
 
-PAPER_FIGURES = figures_of("experiments.paper", CONFIG.systems, PAPER_CUBES)
+PAPER_FIGURES = figures_of("reproduction.experiments.paper", CONFIG.systems, PAPER_CUBES)
 FIGURES += PAPER_FIGURES
 PAPER_TABLES = {stem: TABLE(stem) for stem in STEMS}
 TABLE_FILES = [f"{RESULTS}/tables/skipped.csv", *PAPER_TABLES.values()]
@@ -35,7 +35,7 @@ rule integrate:
         LOG("integrate/{system}/{integrator}/{shard}"),
     params:
         task=lambda wildcards: task(
-            "experiments.paper.run:integrate",
+            "reproduction.experiments.paper.run:integrate",
             sweep=SWEEPS[wildcards.system],
             integrator=wildcards.integrator,
             shard=int(wildcards.shard),
@@ -53,7 +53,7 @@ rule reduce:
         LOG("reduce/{system}"),
     params:
         task=lambda wildcards: task(
-            "experiments.paper.reduce:reduce", sweep=SWEEPS[wildcards.system], integrators=CONFIG.methods
+            "reproduction.experiments.paper.reduce:reduce", sweep=SWEEPS[wildcards.system], integrators=CONFIG.methods
         ),
     script:
         "../scripts/task.py"
@@ -65,7 +65,7 @@ rule decompose:
     log:
         LOG("reduce/sho_terms"),
     params:
-        task=task("experiments.paper.decompose:decompose", integrators=CONFIG.decomposed),
+        task=task("reproduction.experiments.paper.decompose:decompose", integrators=CONFIG.decomposed),
     script:
         "../scripts/task.py"
 
@@ -78,7 +78,7 @@ rule skipped:
     log:
         LOG("tables/skipped"),
     params:
-        task=task("experiments.paper.omissions:table", sweeps=CONFIG.sweeps, integrators=CONFIG.methods),
+        task=task("reproduction.experiments.paper.omissions:table", sweeps=CONFIG.sweeps, integrators=CONFIG.methods),
     script:
         "../scripts/task.py"
 
@@ -89,7 +89,7 @@ rule paper_tables:
     log:
         LOG("tables/paper_tables"),
     params:
-        task=task("experiments.paper.tables:paper_tables", integrators=CONFIG.compared),
+        task=task("reproduction.experiments.paper.tables:paper_tables", integrators=CONFIG.compared),
     script:
         "../scripts/task.py"
 

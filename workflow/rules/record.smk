@@ -4,9 +4,9 @@ import os
 import sys
 from types import SimpleNamespace
 
-from nearharmonic.output.job import run
-from nearharmonic.record.adopt import ADOPTING, check_jobs
-from nearharmonic.record.workflow_run import WorkflowRun
+from nearharmonic.reproduction.tasks.job import run
+from nearharmonic.reproduction.record.adopt import ADOPTING, check_jobs
+from nearharmonic.reproduction.record.workflow_run import WorkflowRun
 
 CLAIMS = "tables/claims.json"
 THIS_RUN = WorkflowRun(RESULTS, CONFIG, sources=workflow.basedir)
@@ -40,7 +40,7 @@ def makeable():
 
 def refresh():
     """Make claims and page again if this run made results after them: those of other targets than theirs."""
-    from nearharmonic.claims.table import FILES
+    from nearharmonic.reproduction.claims.table import FILES
 
     if THIS_RUN.outdates(CLAIMS, shown=FILES):
         again(rules.decide_claims, LOG("tables/claims"))
@@ -55,7 +55,7 @@ def again(rule, log):
 
 def verdicts(document):
     """What this run says of the paper's statements, and the command that decides those it leaves open."""
-    from nearharmonic.claims.summary import verdicts_line
+    from nearharmonic.reproduction.claims.summary import verdicts_line
     from nearharmonic.output.store import workflow_command
 
     return verdicts_line(document, workflow_command(document))

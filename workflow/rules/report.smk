@@ -1,6 +1,6 @@
 """The page of results: one file with claims, figures, tables and history, to look at without a network."""
 
-from nearharmonic.claims.page.assets import digest
+from nearharmonic.reproduction.report.assets import digest
 
 
 rule page:
@@ -15,7 +15,7 @@ rule page:
         LOG("report"),
     params:
         assets=digest(),  # template, style and script are no code
-        task=task("claims.page.page:page", folder=RESULTS),
+        task=task("reproduction.report.page:page", folder=RESULTS),
     script:
         "../scripts/task.py"
 

@@ -12,7 +12,7 @@ rule search_sixth_order:
     priority: 2  # two cores are free together at the start, and then no more until the end
     threads: 2
     params:
-        task=task("experiments.sixth_order.run:search", settings=CONFIG.beyond, integrators=CONFIG.methods),
+        task=task("reproduction.experiments.sixth_order.run:search", settings=CONFIG.beyond, integrators=CONFIG.methods),
     script:
         "../scripts/task.py"
 

@@ -1,10 +1,10 @@
 """Where the methods may be trusted: three ensembles, one job a method and then a cube; and three cubes beside them."""
 
-from nearharmonic.experiments.stability import CUBES as STABILITY_CUBES
+from nearharmonic.reproduction.experiments.stability import CUBES as STABILITY_CUBES
 from nearharmonic.systems import systems
 
 ENSEMBLES = ("henon_heiles", "kepler", "rounding")
-STABILITY_FIGURES = figures_of("experiments.stability", CONFIG.systems, STABILITY_CUBES)
+STABILITY_FIGURES = figures_of("reproduction.experiments.stability", CONFIG.systems, STABILITY_CUBES)
 FIGURES += STABILITY_FIGURES
 RUNS += expand(RUN("stability/{ensemble}/{name}"), ensemble=ENSEMBLES, name=CONFIG.methods)
 RUNS.append(RUN("stability/kinetic_energy"))
@@ -35,7 +35,7 @@ rule stability_compile:
     resources:
         compiler=1,  # as in the rule compile
     params:
-        task=lambda wildcards: task(f"experiments.stability.{wildcards.ensemble}.run:warm_up"),
+        task=lambda wildcards: task(f"reproduction.experiments.stability.{wildcards.ensemble}.run:warm_up"),
     script:
         "../scripts/task.py"
 
@@ -49,7 +49,7 @@ rule stability_run:
         LOG("stability/{ensemble}/{integrator}"),
     params:
         task=lambda wildcards: task(
-            f"experiments.stability.{wildcards.ensemble}.run:measure",
+            f"reproduction.experiments.stability.{wildcards.ensemble}.run:measure",
             integrator=wildcards.integrator,
             settings=getattr(CONFIG.stability, wildcards.ensemble),
         ),
@@ -67,7 +67,7 @@ rule stability_cube:
         LOG("stability/{ensemble}"),
     params:
         task=lambda wildcards: task(
-            f"experiments.stability.{wildcards.ensemble}.reduce:reduce",
+            f"reproduction.experiments.stability.{wildcards.ensemble}.reduce:reduce",
             integrators=CONFIG.methods,
             settings=getattr(CONFIG.stability, wildcards.ensemble),
         ),
@@ -82,7 +82,7 @@ rule linear_stability_cube:
     log:
         LOG("stability/linear"),
     params:
-        task=task("experiments.stability.linear.run:measure", integrators=CONFIG.methods),
+        task=task("reproduction.experiments.stability.linear.run:measure", integrators=CONFIG.methods),
     script:
         "../scripts/task.py"
 
@@ -94,7 +94,7 @@ rule structure_run:
         LOG("stability/structure/{autonomous}"),
     params:
         task=lambda wildcards: task(
-            "experiments.stability.conservation.run:measure",
+            "reproduction.experiments.stability.conservation.run:measure",
             system=wildcards.autonomous,
             integrators=CONFIG.methods,
             t_end=STRUCTURE_T_END[wildcards.autonomous],
@@ -112,7 +112,7 @@ rule structure_cube:
     log:
         LOG("stability/conservation"),
     params:
-        task=task("experiments.stability.conservation.reduce:reduce", integrators=CONFIG.methods, t_end=STRUCTURE_T_END),
+        task=task("reproduction.experiments.stability.conservation.reduce:reduce", integrators=CONFIG.methods, t_end=STRUCTURE_T_END),
     script:
         "../scripts/task.py"
 
@@ -123,7 +123,7 @@ rule kinetic_energy_run:
     log:
         LOG("stability/kinetic_energy_run"),
     params:
-        task=task("experiments.stability.kinetic_energy.run:measure", integrators=CONFIG.methods),
+        task=task("reproduction.experiments.stability.kinetic_energy.run:measure", integrators=CONFIG.methods),
     script:
         "../scripts/task.py"
 
@@ -137,7 +137,7 @@ rule kinetic_energy_cube:
     log:
         LOG("stability/kinetic_energy"),
     params:
-        task=task("experiments.stability.kinetic_energy.reduce:reduce", integrators=CONFIG.methods),
+        task=task("reproduction.experiments.stability.kinetic_energy.reduce:reduce", integrators=CONFIG.methods),
     script:
         "../scripts/task.py"
 

@@ -1,10 +1,10 @@
 """Methods trained on near-harmonic systems: all methods on problems that none was trained on, and what they show."""
 
-from nearharmonic.experiments.trained import CUBES as TRAINED_CUBES
-from nearharmonic.experiments.trained.contestants import contestants, kind_of
+from nearharmonic.reproduction.experiments.trained import CUBES as TRAINED_CUBES
+from nearharmonic.reproduction.experiments.trained.contestants import contestants, kind_of
 
 CONTESTANTS = contestants()
-TRAINED_FIGURES = figures_of("experiments.trained", CONFIG.systems, TRAINED_CUBES)
+TRAINED_FIGURES = figures_of("reproduction.experiments.trained", CONFIG.systems, TRAINED_CUBES)
 FIGURES += TRAINED_FIGURES
 RUNS += [RUN("trained/proof"), RUN("trained/ideas"), RUN("trained/long")]
 PROOF = {"methods": CONTESTANTS, "settings": CONFIG.trained.proof}
@@ -17,7 +17,7 @@ rule trained_proof_run:
     log:
         LOG("trained/proof_run"),
     params:
-        task=task("experiments.trained.proof.run:measure", **PROOF),
+        task=task("reproduction.experiments.trained.proof.run:measure", **PROOF),
     script:
         "../scripts/task.py"
 
@@ -32,7 +32,7 @@ rule trained_proof_cube:
     log:
         LOG("trained/proof"),
     params:
-        task=task("experiments.trained.proof.reduce:reduce", **PROOF),
+        task=task("reproduction.experiments.trained.proof.reduce:reduce", **PROOF),
     script:
         "../scripts/task.py"
 
@@ -43,7 +43,7 @@ rule trained_ideas_run:
     log:
         LOG("trained/ideas_run"),
     params:
-        task=task("experiments.trained.ideas.run:measure", exact=CONFIG.exact_oscillator.methods, **PROOF),
+        task=task("reproduction.experiments.trained.ideas.run:measure", exact=CONFIG.exact_oscillator.methods, **PROOF),
     script:
         "../scripts/task.py"
 
@@ -57,7 +57,7 @@ rule trained_ideas_cube:
     log:
         LOG("trained/ideas"),
     params:
-        task=task("experiments.trained.ideas.reduce:reduce", exact=CONFIG.exact_oscillator.methods, **PROOF),
+        task=task("reproduction.experiments.trained.ideas.reduce:reduce", exact=CONFIG.exact_oscillator.methods, **PROOF),
     script:
         "../scripts/task.py"
 
@@ -68,7 +68,7 @@ rule trained_long_run:
     log:
         LOG("trained/long_run"),
     params:
-        task=task("experiments.trained.long_runs.run:measure", **LONG),
+        task=task("reproduction.experiments.trained.long_runs.run:measure", **LONG),
     script:
         "../scripts/task.py"
 
@@ -81,7 +81,7 @@ rule trained_long_table:
     log:
         LOG("trained/long"),
     params:
-        task=task("experiments.trained.long_runs.reduce:reduce", **LONG),
+        task=task("reproduction.experiments.trained.long_runs.reduce:reduce", **LONG),
     script:
         "../scripts/task.py"
 
@@ -95,7 +95,7 @@ rule trained_times_table:
         LOG("trained/times"),
     threads: ALL_CORES  # nothing runs beside what is timed
     params:
-        task=task("experiments.trained.proof.times:measure", **PROOF),
+        task=task("reproduction.experiments.trained.proof.times:measure", **PROOF),
     script:
         "../scripts/task.py"
 

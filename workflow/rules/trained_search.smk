@@ -1,6 +1,6 @@
 """Methods trained on near-harmonic systems: the search for each purpose, and the modules that register what it finds."""
 
-from nearharmonic.experiments.trained.purposes import PURPOSES, trained_before
+from nearharmonic.reproduction.experiments.trained.purposes import PURPOSES, trained_before
 
 TRAINED_METHODS = expand(f"{RESULTS}/derived/trained_{{purpose}}.toml", purpose=CONFIG.trained.purposes)
 
@@ -21,7 +21,7 @@ rule train:
         purpose="|".join(CONFIG.trained.purposes),
     params:
         task=lambda wildcards: task(
-            "experiments.trained.search:train",
+            "reproduction.experiments.trained.search:train",
             purpose=wildcards.purpose,
             settings=CONFIG.trained.search,
             known=PURPOSES[wildcards.purpose].known,
@@ -39,6 +39,6 @@ rule register_trained:
     log:
         LOG("trained/registration"),
     params:
-        task=task("experiments.trained.registration:register"),
+        task=task("reproduction.experiments.trained.registration:register"),
     script:
         "../scripts/task.py"

@@ -2,7 +2,7 @@
 
 import os
 
-from nearharmonic.experiments.work_precision import CUBES as WORK_PRECISION_CUBES
+from nearharmonic.reproduction.experiments.work_precision import CUBES as WORK_PRECISION_CUBES
 from nearharmonic.systems import systems
 
 try:
@@ -33,7 +33,7 @@ rule work_precision_times:
     params:
         # Looked for where the job is wanted only: other targets start sooner.
         task=lambda wildcards: task(
-            "experiments.work_precision.run:measure",
+            "reproduction.experiments.work_precision.run:measure",
             sweeps=CONFIG.sweeps,
             methods=CONFIG.work_precision.methods(CONFIG.methods),
             settings=CONFIG.work_precision,
@@ -70,7 +70,7 @@ rule work_precision_figure:
                 "they depend on the machine, which is named below."
             )
         },
-        task=lambda wildcards: task("experiments.work_precision.figure:work_precision", system=wildcards.system),
+        task=lambda wildcards: task("reproduction.experiments.work_precision.figure:work_precision", system=wildcards.system),
     script:
         "../scripts/task.py"
 
@@ -84,7 +84,7 @@ rule work_precision_table:
     log:
         LOG("work_precision/table_{system}"),
     params:
-        task=lambda wildcards: task("experiments.work_precision.tables:time_to_error", system=wildcards.system),
+        task=lambda wildcards: task("reproduction.experiments.work_precision.tables:time_to_error", system=wildcards.system),
     script:
         "../scripts/task.py"
 
@@ -99,7 +99,7 @@ rule library_times_figures:
         LOG("work_precision/library_times_figures"),
     params:
         task=lambda wildcards: task(
-            "experiments.work_precision.comparison_figure:comparison_figures", names=list(CONFIG.systems)
+            "reproduction.experiments.work_precision.comparison_figure:comparison_figures", names=list(CONFIG.systems)
         ),
     script:
         "../scripts/task.py"
@@ -114,7 +114,7 @@ rule regularised_times_figure:
         LOG("work_precision/regularised_times_figure"),
     params:
         task=lambda wildcards: task(
-            "experiments.work_precision.regularised_figure:regularised_figures", names=list(CONFIG.systems)
+            "reproduction.experiments.work_precision.regularised_figure:regularised_figures", names=list(CONFIG.systems)
         ),
     script:
         "../scripts/task.py"
@@ -128,7 +128,7 @@ rule library_times_table:
     log:
         LOG("work_precision/library_times_table"),
     params:
-        task=lambda wildcards: task("experiments.work_precision.comparison:comparison", names=list(CONFIG.systems)),
+        task=lambda wildcards: task("reproduction.experiments.work_precision.comparison:comparison", names=list(CONFIG.systems)),
     script:
         "../scripts/task.py"
 

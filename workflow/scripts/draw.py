@@ -1,3 +1,3 @@
-from nearharmonic.output.job import draw
+from nearharmonic.reproduction.tasks.job import draw
 
 draw(snakemake)

@@ -1,3 +1,3 @@
-from nearharmonic.output.job import run
+from nearharmonic.reproduction.tasks.job import run
 
 run(snakemake)

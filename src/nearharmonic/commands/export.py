@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from nearharmonic.answers import Answer
 from nearharmonic.exchange import TARGETS
+from nearharmonic.output.answers import Answer
 
 HELP = "write an integrator for another program: as data, or as code with a loop that runs"
 

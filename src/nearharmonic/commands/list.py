@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from nearharmonic.answers import Answer
+from nearharmonic.output.answers import Answer
 
 if TYPE_CHECKING:
     from nearharmonic.integrators.tableau import Tableau
@@ -37,7 +37,7 @@ def _integrators() -> list[dict[str, Any]]:
 
 
 def _modified_integrators() -> list[dict[str, Any]]:
-    from nearharmonic.modified_integrators import modified_integrators
+    from nearharmonic.integrators.modified import modified_integrators
 
     return [{**_method(t, "modified integrator"), "gradients": t.gradients} for t in modified_integrators.values()]
 

@@ -7,7 +7,7 @@ import importlib.util
 import sys
 from pathlib import Path
 
-from nearharmonic.answers import Answer
+from nearharmonic.output.answers import Answer
 
 HELP = "write a commented file to fill in, of a system or an integrator"
 KINDS = ("system", "integrator")
@@ -70,8 +70,8 @@ def _check_name(kind: str, name: str, place: Path) -> None:
         It is no name, a registered system or integrator has it, or the file would hide a module of Python.
     """
     from nearharmonic.errors import bad_setting
-    from nearharmonic.experiments.paper.definitions import check_name
     from nearharmonic.integrators import integrators
+    from nearharmonic.reproduction.experiments.paper.definitions import check_name
     from nearharmonic.systems import systems
 
     check_name(PLACEHOLDER, name)

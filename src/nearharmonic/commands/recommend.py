@@ -9,11 +9,13 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from nearharmonic.answers import Answer
-from nearharmonic.record.folders import RESULTS
+from nearharmonic.output.answers import Answer
 
 if TYPE_CHECKING:
-    from nearharmonic.experiments.work_precision.recommend.recommendation import Choice, Recommendation
+    from nearharmonic.recommendation.recommendation import Choice, Recommendation
+
+#: Where results are, as the workflow has it.
+RESULTS = Path("results")
 
 HELP = "rank methods by the time to reach an error"
 HEADER = ("rank", "method", "kind", "tau", "tolerance", "sums", "evaluations", "ms", "ratio", "error")
@@ -36,8 +38,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def answer(chosen: argparse.Namespace) -> Answer:
     """Return the ranking; its status is 1 if no method meets the error bound."""
     from nearharmonic.engine.settings import whole_number
-    from nearharmonic.experiments.work_precision.recommend.choices import recommendation
-    from nearharmonic.experiments.work_precision.recommend.question import question
+    from nearharmonic.recommendation.choices import recommendation
+    from nearharmonic.recommendation.question import question
 
     t_end: str | None = None
     results: str | None = str(RESULTS / "paper")
@@ -62,7 +64,7 @@ def _configured(system: str, place: Path) -> tuple[str | None, str]:
 
     From then on the registries hold what the config defines.
     """
-    from nearharmonic.config import read
+    from nearharmonic.reproduction.config.config import read
 
     config = read(place)
     ends = {sweep.system: sweep.t_end for sweep in config.sweeps}
@@ -114,7 +116,7 @@ def _notes(found: Recommendation) -> Iterator[str]:
 
 
 def _row(rank: int, choice: Choice, best: Choice, found: Recommendation) -> tuple[Any, ...]:
-    from nearharmonic.experiments.work_precision.recommend.recommendation import is_rounding, step_text
+    from nearharmonic.recommendation.recommendation import is_rounding, step_text
 
     return (
         rank,

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from nearharmonic.answers import Answer
+from nearharmonic.output.answers import Answer
 
 if TYPE_CHECKING:
     from nearharmonic.training.tailor.result import Comparison, Tailored

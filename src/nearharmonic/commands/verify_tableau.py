@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from nearharmonic.answers import Answer
+from nearharmonic.output.answers import Answer
 
 if TYPE_CHECKING:
     from nearharmonic.exchange.nearest import Likeness

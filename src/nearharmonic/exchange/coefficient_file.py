@@ -19,7 +19,7 @@ from typing import Any, NoReturn, cast
 
 from nearharmonic.errors import TableauError
 from nearharmonic.integrators.tableau import DECIMAL, QUADRATIC_KINETIC_ENERGY, First, Row
-from nearharmonic.registry import split_path
+from nearharmonic.registry.registry import split_path
 
 #: Orders up to which conditions are examined; the number of words doubles with each more.
 HIGHEST_ORDER = 10

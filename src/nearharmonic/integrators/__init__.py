@@ -1,10 +1,10 @@
 """The integrators, one file per source; ``integrators["aba864"]`` is a :class:`Tableau`.
 
-This package is itself the mapping ``integrators``: see :mod:`nearharmonic.registry`.
+This package is itself the mapping ``integrators``: see :mod:`nearharmonic.registry.registry`.
 """
 
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.registry import Registry, make_registry
+from nearharmonic.registry.registry import Registry, make_registry
 
 __all__ = ["BENCHMARKED", "Tableau", "integrators"]
 

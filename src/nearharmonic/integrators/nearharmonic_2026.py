@@ -1,6 +1,6 @@
 """Methods of order six for quadratic kinetic energy and of harmonic order seven or eight: Nielsen's idea, a step on.
 
-What the search ``experiments.sixth_order`` finds and its criterion ranks first among 7 to 11 stages,
+What the search ``reproduction.experiments.sixth_order`` finds and its criterion ranks first among 7 to 11 stages,
 one of each number of stages and composition; free parameters are those of the criterion's minimum, rounded to four
 decimals. No problem was integrated to choose them. For a separable H whose kinetic energy is not quadratic their order
 is four. A label reads like the paper's, with the order before the harmonic order. The published 6A8, of eight stages

@@ -133,7 +133,7 @@ class Tableau(Composition):
 
     @property
     def modified(self) -> bool:
-        """Whether kicks are of a modified potential: see :mod:`nearharmonic.modified_integrators`."""
+        """Whether kicks are of a modified potential: see :mod:`nearharmonic.integrators.modified`."""
         return False
 
     @property
@@ -156,12 +156,12 @@ class Tableau(Composition):
         }
 
     def __repr__(self) -> str:
-        from nearharmonic.display import line
+        from nearharmonic.registry.display import line
 
         return line("Tableau", self.facts)
 
     def _repr_html_(self) -> str:
-        from nearharmonic.display import facts_table
+        from nearharmonic.registry.display import facts_table
 
         rows = {
             f"{name} coefficients": ", ".join(f"{float(c)!r}" for c in getattr(self, name))

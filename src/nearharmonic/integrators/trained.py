@@ -1,9 +1,9 @@
 """Methods trained on near-harmonic systems.
 
 Coefficients of symmetric compositions that make the energy error of an ensemble of problems small over a window of step
-sizes, and meet their order conditions exactly: nearharmonic.experiments.trained has the search, docs/trained.md what
-they are worth. Each note has the window in tau/s, in radians of the fastest oscillation, the ensemble, the limit of
-linear stability, the seed, and the digest of the run that found the method.
+sizes, and meet their order conditions exactly: the experiment ``trained`` has the search, docs/trained.md what they are
+worth. Each note has the window in tau/s, in radians of the fastest oscillation, the ensemble, the limit of linear
+stability, the seed, and the digest of the run that found the method.
 """
 
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau, palindrome

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from nearharmonic.errors import TableauError, unknown_name
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.registry import is_path, split_path
-from nearharmonic.user_module import load, near_miss
+from nearharmonic.registry.registry import is_path, split_path
+from nearharmonic.registry.user_module import load, near_miss
 
 DECLARES = "An integrator of your own is a Python file that defines TABLEAU, or several in TABLEAUS"
 

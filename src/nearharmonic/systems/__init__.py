@@ -1,9 +1,9 @@
 """The Hamiltonian systems, one file each; ``systems["kepler"]`` is a :class:`~nearharmonic.System`.
 
-This package is itself the mapping ``systems``: see :mod:`nearharmonic.registry`.
+This package is itself the mapping ``systems``: see :mod:`nearharmonic.registry.registry`.
 """
 
-from nearharmonic.registry import Registry, make_registry
+from nearharmonic.registry.registry import Registry, make_registry
 from nearharmonic.systems.definition.quantities import Observable, Parameter
 from nearharmonic.systems.definition.system import System
 

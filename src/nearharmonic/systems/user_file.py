@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from nearharmonic.errors import SystemDefinitionError, unknown_name
-from nearharmonic.registry import split_path
+from nearharmonic.registry.registry import split_path
+from nearharmonic.registry.user_module import load, near_miss
 from nearharmonic.systems import Parameter, System, systems
-from nearharmonic.user_module import load, near_miss
 
 DECLARES = "A system of your own is a Python file that defines SYSTEM"
 

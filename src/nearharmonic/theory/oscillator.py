@@ -19,9 +19,9 @@ from mpmath import inf, isfinite, mp, mpf
 from nearharmonic.errors import bad_setting
 from nearharmonic.exact.decimals import BigFloat, as_mpf
 from nearharmonic.exact.words import Operator
+from nearharmonic.integrators.modified import method_of
 from nearharmonic.integrators.order_conditions import operators_of
 from nearharmonic.integrators.tableau import First, Tableau
-from nearharmonic.modified_integrators import method_of
 
 #: Coefficients of tau^0, tau^1, ...
 Coefficients = tuple[Fraction, ...]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from nearharmonic.integrators import integrators
+from nearharmonic.integrators.modified import method_of, modified_integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.modified_integrators import method_of, modified_integrators
 
 #: What the names of trained methods begin with.
 TRAINED = "trained_"

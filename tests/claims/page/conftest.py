@@ -6,7 +6,7 @@ import shutil
 
 import pytest
 
-from nearharmonic.claims.page.page import page
+from nearharmonic.reproduction.report.page import page
 from page_results import write_results
 
 

@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 
 import nearharmonic
-from nearharmonic.claims.page import page as room
-from nearharmonic.claims.page.page import OPTIONAL, page
 from nearharmonic.errors import ResultFileError
+from nearharmonic.reproduction.report import page as room
+from nearharmonic.reproduction.report.page import OPTIONAL, page
 from page_reader import Reader, written
 from page_results import (
     CLAIMS,
@@ -34,7 +34,7 @@ from targets import TARGETS
 
 SOURCES = Path(nearharmonic.__file__).parent
 #: Experiments that are no part of the default target, and the targets that have other names.
-EXPERIMENTS = sorted({path.parent.name for path in SOURCES.glob("experiments/*/__init__.py")} - {"paper"})
+EXPERIMENTS = sorted({path.parent.name for path in SOURCES.glob("reproduction/experiments/*/__init__.py")} - {"paper"})
 TARGET_OF = {"derivation": "derive"}
 #: A figure of systems that the config of the targets does not have.
 NOT_THERE = {"regularised_times"}
@@ -47,7 +47,8 @@ def read(text):
 
 def test_same_results_give_the_same_bytes_in_another_process(results, text):
     code = (
-        f"import sys; from nearharmonic.claims.page.page import page; sys.stdout.write(page({str(results)!r})['page'])"
+        "import sys; from nearharmonic.reproduction.report.page import page; "
+        f"sys.stdout.write(page({str(results)!r})['page'])"
     )
     environment = {"PYTHONPATH": str(Path(nearharmonic.__file__).parents[1]), "PYTHONIOENCODING": "utf-8"}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, check=True)
@@ -57,7 +58,7 @@ def test_same_results_give_the_same_bytes_in_another_process(results, text):
 def test_the_page_loads_neither_matplotlib_nor_the_classes_of_bokeh(results):
     """Either costs as much time as the page itself."""
     code = (
-        f"import sys; from nearharmonic.claims.page.page import page; page({str(results)!r}); "
+        f"import sys; from nearharmonic.reproduction.report.page import page; page({str(results)!r}); "
         "assert not {'matplotlib', 'bokeh'} & set(sys.modules)"
     )
     environment = {"PYTHONPATH": str(Path(nearharmonic.__file__).parents[1])}

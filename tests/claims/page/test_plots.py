@@ -11,7 +11,7 @@ from bokeh.document import Document
 
 import figure_cubes as made
 import nearharmonic as nh
-from nearharmonic.claims.page.plots.energy_error import energy_error
+from nearharmonic.reproduction.report.plots.energy_error import energy_error
 from numba_potentials import springs
 from page_reader import written
 from page_results import PLOTS

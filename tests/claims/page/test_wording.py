@@ -6,15 +6,15 @@ import shutil
 
 import pytest
 
-from nearharmonic.claims.page import assets, wording
-from nearharmonic.claims.page.figures import ShownFigure
-from nearharmonic.claims.page.links import Places
-from nearharmonic.claims.page.plots.markers import MARKERS
-from nearharmonic.claims.page.plots.panels import span
-from nearharmonic.claims.page.tables import ShownTable
-from nearharmonic.claims.results import power_of_ten, short
 from nearharmonic.integrators import integrators
-from nearharmonic.output.palette import style_of
+from nearharmonic.plotting.palette import style_of
+from nearharmonic.reproduction.claims.results import power_of_ten, short
+from nearharmonic.reproduction.report import assets, wording
+from nearharmonic.reproduction.report.figures import ShownFigure
+from nearharmonic.reproduction.report.links import Places
+from nearharmonic.reproduction.report.plots.markers import MARKERS
+from nearharmonic.reproduction.report.plots.panels import span
+from nearharmonic.reproduction.report.tables import ShownTable
 
 
 @pytest.mark.parametrize(

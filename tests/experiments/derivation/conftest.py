@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from nearharmonic.experiments.derivation.conditions import Equations
-from nearharmonic.experiments.derivation.isolated import solve
+from nearharmonic.reproduction.experiments.derivation.conditions import Equations
+from nearharmonic.reproduction.experiments.derivation.isolated import solve
 
 SEED = 20150106
 

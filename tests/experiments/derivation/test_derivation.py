@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 from mpmath import cbrt, mp, mpf
 
 from nearharmonic.exact.krawczyk import prove
-from nearharmonic.experiments.derivation.conditions import Equations, agreeing_decimals, polish
-from nearharmonic.experiments.derivation.elimination import eliminate, reduced_system
-from nearharmonic.experiments.derivation.families import PRINTED, UNIQUE, agreement
-from nearharmonic.experiments.derivation.isolated import _root, solve
-from nearharmonic.experiments.derivation.starts import sample, search
 from nearharmonic.integrators import integrators
+from nearharmonic.reproduction.experiments.derivation.conditions import Equations, agreeing_decimals, polish
+from nearharmonic.reproduction.experiments.derivation.elimination import eliminate, reduced_system
+from nearharmonic.reproduction.experiments.derivation.families import PRINTED, UNIQUE, agreement
+from nearharmonic.reproduction.experiments.derivation.isolated import _root, solve
+from nearharmonic.reproduction.experiments.derivation.starts import sample, search
 
 SEED = 20150106
 
@@ -216,7 +216,7 @@ def test_solutions_come_most_often_hit_first():
 def test_a_solution_that_is_counted_but_not_found_leaves_the_set_incomplete(monkeypatch):
     exact = eliminate(Equations(5, 6))
     more = replace(exact, real_solutions=exact.real_solutions + 1)
-    monkeypatch.setattr("nearharmonic.experiments.derivation.isolated.eliminate", lambda _: more)
+    monkeypatch.setattr("nearharmonic.reproduction.experiments.derivation.isolated.eliminate", lambda _: more)
     assert not solve(Equations(5, 6), starts=500, seed=SEED).complete
     assert not solve(Equations(5, 6), starts=500, seed=SEED, exact=False).complete
 

@@ -13,19 +13,19 @@ from mpmath import mpf
 from nearharmonic.engine.runs.trajectory import sweep
 from nearharmonic.errors import SettingError, UnknownNameError
 from nearharmonic.exact.newton import rank_and_pivots
-from nearharmonic.experiments.derivation import run
-from nearharmonic.experiments.derivation.conditions import Equations, polish
-from nearharmonic.experiments.derivation.elimination import eliminate
-from nearharmonic.experiments.derivation.families import PRINTED, UNIQUE, printed_point, rank_printed
-from nearharmonic.experiments.derivation.isolated import reach
-from nearharmonic.experiments.derivation.run import derivation, plain
-from nearharmonic.experiments.derivation.settings import DerivationSettings
-from nearharmonic.experiments.derivation.simplex import _Objective, minimise, promising_starts
-from nearharmonic.experiments.derivation.starts import sample, search
-from nearharmonic.experiments.derivation.tables import compare
 from nearharmonic.integrators import integrators
-from nearharmonic.output.job import covered
-from nearharmonic.output.provenance import task
+from nearharmonic.reproduction.experiments.derivation import run
+from nearharmonic.reproduction.experiments.derivation.conditions import Equations, polish
+from nearharmonic.reproduction.experiments.derivation.elimination import eliminate
+from nearharmonic.reproduction.experiments.derivation.families import PRINTED, UNIQUE, printed_point, rank_printed
+from nearharmonic.reproduction.experiments.derivation.isolated import reach
+from nearharmonic.reproduction.experiments.derivation.run import derivation, plain
+from nearharmonic.reproduction.experiments.derivation.settings import DerivationSettings
+from nearharmonic.reproduction.experiments.derivation.simplex import _Objective, minimise, promising_starts
+from nearharmonic.reproduction.experiments.derivation.starts import sample, search
+from nearharmonic.reproduction.experiments.derivation.tables import compare
+from nearharmonic.reproduction.tasks.job import covered
+from nearharmonic.reproduction.tasks.provenance import task
 from nearharmonic.theory.oscillator import harmonic_energy_error
 
 SEED = 20150106
@@ -150,7 +150,7 @@ def test_what_is_derived_is_tabulated_and_documented(twice, monkeypatch):
     (found, _), _ = twice
     asked = {}
     monkeypatch.setattr(run, "derivation", lambda settings, **more: asked.update(more, settings=settings) or found)
-    with covered(task("experiments.derivation.run:derive", settings=FEW)):
+    with covered(task("reproduction.experiments.derivation.run:derive", settings=FEW)):
         made = run.derive(FEW, print)
     assert asked == {"settings": FEW, "report": print}
     printed = made["table4_derived"].rows

@@ -12,17 +12,17 @@ import xarray as xr
 import yaml
 
 import nearharmonic as nh
-from nearharmonic.config import load
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.experiments.exact_oscillator import times
-from nearharmonic.experiments.exact_oscillator.reduce import reduce
-from nearharmonic.experiments.exact_oscillator.reductions import crossing, reduction
-from nearharmonic.experiments.exact_oscillator.run import largest_error, measure
-from nearharmonic.experiments.exact_oscillator.settings import CHARGES, ExactOscillatorSettings
-from nearharmonic.experiments.exact_oscillator.surfaces import radius, starts_on
-from nearharmonic.experiments.exact_oscillator.tables import BEST
-from nearharmonic.output import job
 from nearharmonic.output.store import read
+from nearharmonic.reproduction.config.config import load
+from nearharmonic.reproduction.experiments.exact_oscillator import times
+from nearharmonic.reproduction.experiments.exact_oscillator.reduce import reduce
+from nearharmonic.reproduction.experiments.exact_oscillator.reductions import crossing, reduction
+from nearharmonic.reproduction.experiments.exact_oscillator.run import largest_error, measure
+from nearharmonic.reproduction.experiments.exact_oscillator.settings import CHARGES, ExactOscillatorSettings
+from nearharmonic.reproduction.experiments.exact_oscillator.surfaces import radius, starts_on
+from nearharmonic.reproduction.experiments.exact_oscillator.tables import BEST
+from nearharmonic.reproduction.tasks import job
 
 ROOT = Path(__file__).parents[3]
 SMALL = ExactOscillatorSettings(integrators=("aba864",), energies=5, trajectories=6, t_end="20")

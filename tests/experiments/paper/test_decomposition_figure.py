@@ -7,7 +7,7 @@ import pytest
 
 from artists import NO_LINE, SOLID, drawn, entries, line_of, lines_of, look, look_of, looks, ticks
 from figure_cubes import METHODS, label, terms
-from nearharmonic.experiments.paper.figures import fig2_decomposition
+from nearharmonic.reproduction.experiments.paper.figures import fig2_decomposition
 
 #: Orders that vanish in the cube, by the row that is outermost.
 VANISH = {"drift": [1, 2, 4], "kick": [1, 2, 3, 6]}

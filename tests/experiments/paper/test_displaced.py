@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.experiments.paper import displaced
-from nearharmonic.experiments.paper.substeps import PAPER_PANELS, paper_panels
 from nearharmonic.integrators import integrators
+from nearharmonic.reproduction.experiments.paper import displaced
+from nearharmonic.reproduction.experiments.paper.substeps import PAPER_PANELS, paper_panels
 
 ITERATIONS = 100_000
 

@@ -8,7 +8,7 @@ from matplotlib.colors import to_hex
 
 from artists import NO_LINE, entries, line_of, lines_of, look, luminance
 from figure_cubes import displaced
-from nearharmonic.experiments.paper.figures import fig6_displaced
+from nearharmonic.reproduction.experiments.paper.figures import fig6_displaced
 
 NAMES = ("$q_x$ = 0 at the start", "$q_x$ = $10^{-9}$ at the start", "$q_x$ = $10^{-2}$ at the start")
 

@@ -10,8 +10,8 @@ from matplotlib.colors import to_hex
 
 from artists import SOLID, drawn, entries, line_of, look, look_of, looks, slope
 from figure_cubes import GAPS, METHODS, TAU, errors, label
-from nearharmonic.experiments.paper.figures import fig1_sho, fig3_henon_heiles, fig5_kepler
-from nearharmonic.output.style import mark_every
+from nearharmonic.plotting.style import mark_every
+from nearharmonic.reproduction.experiments.paper.figures import fig1_sho, fig3_henon_heiles, fig5_kepler
 
 MODULES = (fig1_sho, fig3_henon_heiles, fig5_kepler)
 DASHED = (4, 2)

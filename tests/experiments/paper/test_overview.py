@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from nearharmonic.experiments.paper import overview
 from nearharmonic.integrators import integrators
+from nearharmonic.reproduction.experiments.paper import overview
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from matplotlib.colors import to_hex
 
 from artists import NO_LINE, SOLID, drawn, entries, line_of, lines_of, look, look_of, looks
 from figure_cubes import METHODS, advances, label
-from nearharmonic.experiments.paper.figures import fig4_perihelion
+from nearharmonic.reproduction.experiments.paper.figures import fig4_perihelion
 
 #: Indices of the step sizes whose advance the cube tells from zero, and of those it does not.
 TOLD = [0, 1, 2, *range(6, 12)]

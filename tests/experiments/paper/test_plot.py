@@ -63,7 +63,7 @@ def test_the_stages_of_a_method_are_known_even_if_every_run_diverged():
 
 
 def test_a_cube_is_drawn_as_its_figure():
-    from nearharmonic.experiments.paper.figures.energy_error import draw_profile
+    from nearharmonic.plotting.energy_error import draw_profile
 
     cube = made.errors(["ruth", "babps9o7h"], precision=True)
     assert nh.plot(cube)._repr_png_() == draw_profile(cube)._repr_png_()

@@ -12,14 +12,14 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from nearharmonic.engine.settings import Sweep
-from nearharmonic.experiments.paper import reduce
-from nearharmonic.experiments.paper.decompose import harmonic_terms
-from nearharmonic.experiments.paper.plan import runs_of, shards_of
-from nearharmonic.experiments.paper.reduce import numbers
-from nearharmonic.experiments.paper.run import integrate, integrate_run
 from nearharmonic.integrators import integrators
 from nearharmonic.output.dataset import assembled, described
 from nearharmonic.output.store import write
+from nearharmonic.reproduction.experiments.paper import reduce
+from nearharmonic.reproduction.experiments.paper.decompose import harmonic_terms
+from nearharmonic.reproduction.experiments.paper.plan import runs_of, shards_of
+from nearharmonic.reproduction.experiments.paper.reduce import numbers
+from nearharmonic.reproduction.experiments.paper.run import integrate, integrate_run
 from nearharmonic.systems import systems
 from nearharmonic.systems.user_file import SystemDefinition
 

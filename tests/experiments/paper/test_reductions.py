@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from nearharmonic.experiments.paper import reductions
 from nearharmonic.output.dataset import described
-from nearharmonic.output.reduction import Reductions, exact_sum
+from nearharmonic.reproduction.experiments.paper import reductions
+from nearharmonic.reproduction.tasks.reduction import Reductions, exact_sum
 
 
 def mean_energy_error(blocks):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from nearharmonic.errors import SettingError
-from nearharmonic.experiments.paper.substeps import FOLLOWED, PAPER_PANELS, paper_panels, substeps
 from nearharmonic.integrators import integrators
+from nearharmonic.reproduction.experiments.paper.substeps import FOLLOWED, PAPER_PANELS, paper_panels, substeps
 from nearharmonic.systems import systems
 
 EPSILON = 2.0**-52

@@ -12,9 +12,9 @@ from matplotlib.lines import Line2D
 
 from artists import NO_LINE, entries, look
 from figure_cubes import TOY_DRIFT, TOY_KICK, toy_panels
-from nearharmonic.experiments.paper.figures import fig6_substeps
-from nearharmonic.experiments.paper.substeps import paper_panels
 from nearharmonic.integrators import integrators
+from nearharmonic.reproduction.experiments.paper.figures import fig6_substeps
+from nearharmonic.reproduction.experiments.paper.substeps import paper_panels
 
 #: Text of the legend, by whether the drift and the kick of the pair that follows are negative.
 SAYS = {

@@ -7,9 +7,9 @@ from math import inf, sqrt
 import pytest
 from mpmath import mp, mpf
 
-from nearharmonic.experiments.paper.overview import overview
-from nearharmonic.experiments.paper.tables import even_orders, recursion_values, structure
 from nearharmonic.integrators import integrators
+from nearharmonic.reproduction.experiments.paper.overview import overview
+from nearharmonic.reproduction.experiments.paper.tables import even_orders, recursion_values, structure
 
 
 def row_of(name):

@@ -9,17 +9,17 @@ import pytest
 from mpmath import log, matrix, mp, mpf, sqrt
 
 from nearharmonic.exact.lie import conditions, lyndon_words
-from nearharmonic.experiments.sixth_order.cascade import candidates_of
-from nearharmonic.experiments.sixth_order.conditions import NystromEquations, alternating
-from nearharmonic.experiments.sixth_order.criterion import TAU_PER_STAGE
-from nearharmonic.experiments.sixth_order.registration import (
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.nearharmonic_2026 import TABLEAUS
+from nearharmonic.reproduction.experiments.sixth_order.cascade import candidates_of
+from nearharmonic.reproduction.experiments.sixth_order.conditions import NystromEquations, alternating
+from nearharmonic.reproduction.experiments.sixth_order.criterion import TAU_PER_STAGE
+from nearharmonic.reproduction.experiments.sixth_order.registration import (
     NotConvergedError,
     polished,
     short_decimals,
     tableau_of_solution,
 )
-from nearharmonic.integrators import integrators
-from nearharmonic.integrators.nearharmonic_2026 import TABLEAUS
 from nearharmonic.theory.linear_stability import stability_limit
 from nearharmonic.theory.order import error_norm, harmonic_order_of
 from nystrom_steps import equations_of, operators_of, unknowns_of, word_sum

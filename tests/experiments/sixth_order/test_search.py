@@ -10,22 +10,22 @@ import pytest
 from mpmath import mp, mpf
 
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.experiments.sixth_order import run, tables
-from nearharmonic.experiments.sixth_order.cascade import candidates_of, find_solutions, winners
-from nearharmonic.experiments.sixth_order.conditions import NystromEquations, WordTable
-from nearharmonic.experiments.sixth_order.criterion import criterion_of, system_of
-from nearharmonic.experiments.sixth_order.kernels import descend, solve, word_sums
-from nearharmonic.experiments.sixth_order.kernels import jacobian as derivatives
-from nearharmonic.experiments.sixth_order.registration import (
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.nearharmonic_2026 import TABLEAUS
+from nearharmonic.reproduction.experiments.sixth_order import run, tables
+from nearharmonic.reproduction.experiments.sixth_order.cascade import candidates_of, find_solutions, winners
+from nearharmonic.reproduction.experiments.sixth_order.conditions import NystromEquations, WordTable
+from nearharmonic.reproduction.experiments.sixth_order.criterion import criterion_of, system_of
+from nearharmonic.reproduction.experiments.sixth_order.kernels import descend, solve, word_sums
+from nearharmonic.reproduction.experiments.sixth_order.kernels import jacobian as derivatives
+from nearharmonic.reproduction.experiments.sixth_order.registration import (
     jacobian,
     registered,
     residuals,
 )
-from nearharmonic.experiments.sixth_order.settings import SixthOrderSettings
-from nearharmonic.integrators import integrators
-from nearharmonic.integrators.nearharmonic_2026 import TABLEAUS
-from nearharmonic.output.job import covered
-from nearharmonic.output.provenance import task
+from nearharmonic.reproduction.experiments.sixth_order.settings import SixthOrderSettings
+from nearharmonic.reproduction.tasks.job import covered
+from nearharmonic.reproduction.tasks.provenance import task
 from nearharmonic.systems import sho
 from nystrom_steps import equations_of, unknowns_of, word_sum
 
@@ -160,7 +160,7 @@ def test_winners_are_polished_and_measured_beside_the_methods_asked_for(seven_an
         run, "find_solutions", lambda settings, **more: asked.update(more, settings=settings) or findings
     )
     monkeypatch.setattr(tables, "MEASURED", [(sho.SYSTEM, (0.3,))])
-    with covered(task("experiments.sixth_order.run:search", settings=FEW, integrators=("ruth",))):
+    with covered(task("reproduction.experiments.sixth_order.run:search", settings=FEW, integrators=("ruth",))):
         made = run.search(FEW, ("ruth",), 3, print)
     assert asked == {"settings": FEW, "threads": 3, "report": print}
     assert [row[2] for row in made["sixth_order_measured"].rows] == ["Ruth", "6A8", "BABs8o6,7H"]

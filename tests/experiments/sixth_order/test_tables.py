@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from nearharmonic.experiments.sixth_order import tables
-from nearharmonic.experiments.sixth_order.cascade import Candidate, Count, Findings
-from nearharmonic.experiments.sixth_order.criterion import Merit
 from nearharmonic.integrators import integrators
+from nearharmonic.reproduction.experiments.sixth_order import tables
+from nearharmonic.reproduction.experiments.sixth_order.cascade import Candidate, Count, Findings
+from nearharmonic.reproduction.experiments.sixth_order.criterion import Merit
 from nearharmonic.systems import kepler, sho
 
 METHODS = [integrators[name] for name in ("ruth", "leapfrog", "babs7o7h")]

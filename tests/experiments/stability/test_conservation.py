@@ -13,15 +13,15 @@ import nearharmonic as nh
 from nearharmonic.core.arithmetic import sqrt
 from nearharmonic.engine.batch import kernels
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.experiments.stability.conservation import run as conservation
-from nearharmonic.experiments.stability.conservation.reductions import defect, tangent_map
-from nearharmonic.experiments.stability.kinetic_energy.figure import kinetic_energy
-from nearharmonic.experiments.stability.kinetic_energy.reduce import kinetic_energy_cube
-from nearharmonic.experiments.stability.kinetic_energy.run import AMPLITUDES, energy_errors
-from nearharmonic.experiments.stability.kinetic_energy.tables import kinetic_energy_table
-from nearharmonic.experiments.stability.linear.figure import linear_stability
 from nearharmonic.integrators import BENCHMARKED, integrators
 from nearharmonic.output.dataset import assembled
+from nearharmonic.reproduction.experiments.stability.conservation import run as conservation
+from nearharmonic.reproduction.experiments.stability.conservation.reductions import defect, tangent_map
+from nearharmonic.reproduction.experiments.stability.kinetic_energy.figure import kinetic_energy
+from nearharmonic.reproduction.experiments.stability.kinetic_energy.reduce import kinetic_energy_cube
+from nearharmonic.reproduction.experiments.stability.kinetic_energy.run import AMPLITUDES, energy_errors
+from nearharmonic.reproduction.experiments.stability.kinetic_energy.tables import kinetic_energy_table
+from nearharmonic.reproduction.experiments.stability.linear.figure import linear_stability
 from nearharmonic.systems import systems
 from structures import runs_of, structure
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from nearharmonic.experiments.stability.henon_heiles.reduce import henon_heiles_cube
-from nearharmonic.experiments.stability.henon_heiles.tables import henon_heiles_table
-from nearharmonic.experiments.stability.kepler.reduce import kepler_cube
-from nearharmonic.experiments.stability.kepler.tables import kepler_table
-from nearharmonic.experiments.stability.rounding.reduce import rounding_cube
-from nearharmonic.experiments.stability.rounding.tables import rounding_table
 from nearharmonic.integrators import integrators
+from nearharmonic.reproduction.experiments.stability.henon_heiles.reduce import henon_heiles_cube
+from nearharmonic.reproduction.experiments.stability.henon_heiles.tables import henon_heiles_table
+from nearharmonic.reproduction.experiments.stability.kepler.reduce import kepler_cube
+from nearharmonic.reproduction.experiments.stability.kepler.tables import kepler_table
+from nearharmonic.reproduction.experiments.stability.rounding.reduce import rounding_cube
+from nearharmonic.reproduction.experiments.stability.rounding.tables import rounding_table
 
 ONE = {"units": "1", "long_name": "made by hand"}
 QUANTILES = (0.05, 0.5, 0.95, 1.0)

@@ -13,12 +13,12 @@ from nearharmonic.engine.batch import batch
 from nearharmonic.engine.batch.batch import integrate_batch
 from nearharmonic.engine.batch.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
-from nearharmonic.experiments.stability.henon_heiles import run as hh
-from nearharmonic.experiments.stability.henon_heiles.reductions import trusted_up_to
-from nearharmonic.experiments.stability.henon_heiles.run import henon_heiles_surface
-from nearharmonic.experiments.stability.kepler import run as maps
-from nearharmonic.experiments.stability.rounding import run as rounding
-from nearharmonic.experiments.stability.settings import (
+from nearharmonic.reproduction.experiments.stability.henon_heiles import run as hh
+from nearharmonic.reproduction.experiments.stability.henon_heiles.reductions import trusted_up_to
+from nearharmonic.reproduction.experiments.stability.henon_heiles.run import henon_heiles_surface
+from nearharmonic.reproduction.experiments.stability.kepler import run as maps
+from nearharmonic.reproduction.experiments.stability.rounding import run as rounding
+from nearharmonic.reproduction.experiments.stability.settings import (
     EnsembleSettings,
     EvenStepSizes,
 )

@@ -8,9 +8,9 @@ from matplotlib.colors import to_hex
 
 from artists import NO_LINE, SOLID, drawn, line_of, look, look_of, looks, slope, span, ticks
 from figure_cubes import METHODS, TAU, amplitudes, label, rounding, traces
-from nearharmonic.experiments.stability.kinetic_energy.figure import kinetic_energy
-from nearharmonic.experiments.stability.linear.figure import linear_stability
-from nearharmonic.experiments.stability.rounding.figure import rounding_growth
+from nearharmonic.reproduction.experiments.stability.kinetic_energy.figure import kinetic_energy
+from nearharmonic.reproduction.experiments.stability.linear.figure import linear_stability
+from nearharmonic.reproduction.experiments.stability.rounding.figure import rounding_growth
 
 RED = 0
 

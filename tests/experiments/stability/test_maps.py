@@ -9,8 +9,8 @@ from matplotlib.colors import to_hex
 
 from artists import SOLID, drawn, entries, line_of, lines_of, look, look_of, looks, luminance, pixels, ticks
 from figure_cubes import LOST, METHODS, TURNED, ensembles, label, orbits
-from nearharmonic.experiments.stability.henon_heiles.figure import henon_heiles_stability
-from nearharmonic.experiments.stability.kepler.figure import kepler_stability
+from nearharmonic.reproduction.experiments.stability.henon_heiles.figure import henon_heiles_stability
+from nearharmonic.reproduction.experiments.stability.kepler.figure import kepler_stability
 
 #: A colour of the picture has 8 bits a channel, a colour map 256 entries.
 CHANNEL = 1.01 / 255

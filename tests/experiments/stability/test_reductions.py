@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from nearharmonic.experiments.stability.henon_heiles.reductions import reduction as of_ensembles
-from nearharmonic.experiments.stability.initial_conditions import kepler_apoapsis
-from nearharmonic.experiments.stability.kepler.reductions import reduction as of_maps
+from nearharmonic.reproduction.experiments.stability.henon_heiles.reductions import reduction as of_ensembles
+from nearharmonic.reproduction.experiments.stability.initial_conditions import kepler_apoapsis
+from nearharmonic.reproduction.experiments.stability.kepler.reductions import reduction as of_maps
 
 METHODS = ["leapfrog", "babs7o7h"]
 ECCENTRICITIES = [0.0, 0.3, 0.6]

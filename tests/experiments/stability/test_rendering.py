@@ -7,25 +7,25 @@ import pytest
 import xarray as xr
 
 from figure_cubes import amplitudes, ensembles, orbits, rounding, traces
-from nearharmonic.experiments.stability.henon_heiles.figure import henon_heiles_stability
-from nearharmonic.experiments.stability.henon_heiles.reduce import henon_heiles_cube
-from nearharmonic.experiments.stability.kepler.figure import kepler_stability
-from nearharmonic.experiments.stability.kepler.reduce import kepler_cube
-from nearharmonic.experiments.stability.rounding.figure import rounding_growth
-from nearharmonic.experiments.stability.rounding.reduce import rounding_cube
-from nearharmonic.experiments.stability.rounding.run import SOURCES
-from nearharmonic.experiments.stability.settings import (
+from nearharmonic.integrators import integrators
+from nearharmonic.output.dataset import assembled
+from nearharmonic.plotting.style import save
+from nearharmonic.reproduction.experiments.stability.henon_heiles.figure import henon_heiles_stability
+from nearharmonic.reproduction.experiments.stability.henon_heiles.reduce import henon_heiles_cube
+from nearharmonic.reproduction.experiments.stability.kepler.figure import kepler_stability
+from nearharmonic.reproduction.experiments.stability.kepler.reduce import kepler_cube
+from nearharmonic.reproduction.experiments.stability.rounding.figure import rounding_growth
+from nearharmonic.reproduction.experiments.stability.rounding.reduce import rounding_cube
+from nearharmonic.reproduction.experiments.stability.rounding.run import SOURCES
+from nearharmonic.reproduction.experiments.stability.settings import (
     EnsembleSettings,
     EvaluationsGrid,
     EvenStepSizes,
     MapSettings,
     RoundingSettings,
 )
-from nearharmonic.integrators import integrators
-from nearharmonic.output.dataset import assembled
-from nearharmonic.output.job import covered, write
-from nearharmonic.output.provenance import function_of, provenance, task
-from nearharmonic.output.style import save
+from nearharmonic.reproduction.tasks.job import covered, write
+from nearharmonic.reproduction.tasks.provenance import function_of, provenance, task
 
 METHODS = ("ruth", "babps9o7h")
 SMALL = {
@@ -67,7 +67,7 @@ def runs(tmp_path_factory):
     folder, made = tmp_path_factory.mktemp("runs"), {}
     for name, settings in SMALL.items():
         for method in reversed(METHODS):
-            asked = task(f"experiments.stability.{name}.run:measure", integrator=method, settings=settings)
+            asked = task(f"reproduction.experiments.stability.{name}.run:measure", integrator=method, settings=settings)
             path = str(folder / f"{name}-{method}.h5")
             write(results(asked)["run"], [path], provenance(asked))
             made.setdefault(name, {})[method] = path
@@ -79,16 +79,18 @@ def made(runs, tmp_path_factory):
     """Cube and table of each item."""
     found = {}
     for name, settings in SMALL.items():
-        asked = task(f"experiments.stability.{name}.reduce:reduce", integrators=METHODS, settings=settings)
+        asked = task(f"reproduction.experiments.stability.{name}.reduce:reduce", integrators=METHODS, settings=settings)
         found[name] = results(asked, **runs[name])
     for name, (files, settings) in TOGETHER.items():
         paths = [str(tmp_path_factory.mktemp(name) / "run.h5") for _ in files]
         for path, one in zip(paths, files, strict=True):
-            asked = task(f"experiments.stability.{name}.run:measure", integrators=METHODS, **one)
+            asked = task(f"reproduction.experiments.stability.{name}.run:measure", integrators=METHODS, **one)
             write(results(asked)["run"], [path], provenance(asked))
-        asked = task(f"experiments.stability.{name}.reduce:reduce", integrators=METHODS, **settings)
+        asked = task(f"reproduction.experiments.stability.{name}.reduce:reduce", integrators=METHODS, **settings)
         found[name] = results(asked, **({"run": paths[0]} if len(paths) == 1 else {"runs": paths}))
-    return found | {"linear": results(task("experiments.stability.linear.run:measure", integrators=METHODS))}
+    return found | {
+        "linear": results(task("reproduction.experiments.stability.linear.run:measure", integrators=METHODS))
+    }
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +100,7 @@ def cubes(made):
 
 @pytest.mark.parametrize("name", SMALL)
 def test_a_cube_of_run_files_is_that_of_the_runs_in_the_order_of_the_methods(cubes, name):
-    module = f"experiments.stability.{name}.run:measure"
+    module = f"reproduction.experiments.stability.{name}.run:measure"
     made = {method: results(task(module, integrator=method, settings=SMALL[name]))["run"] for method in METHODS}
     parts = {method: assembled(run.variables, run.coordinates, {}) for method, run in made.items()}
     expected = REDUCTIONS[name]([integrators[method] for method in METHODS], parts)

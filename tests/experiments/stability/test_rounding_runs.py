@@ -11,14 +11,14 @@ import xarray as xr
 
 import nearharmonic as nh
 from nearharmonic.engine.batch.batch import integrate_batch
-from nearharmonic.experiments.stability.initial_conditions import kepler_apoapsis
-from nearharmonic.experiments.stability.kepler import run as maps
-from nearharmonic.experiments.stability.rounding import run as rounding
-from nearharmonic.experiments.stability.rounding.reductions import growth, reduction
-from nearharmonic.experiments.stability.settings import (
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.reproduction.experiments.stability.initial_conditions import kepler_apoapsis
+from nearharmonic.reproduction.experiments.stability.kepler import run as maps
+from nearharmonic.reproduction.experiments.stability.rounding import run as rounding
+from nearharmonic.reproduction.experiments.stability.rounding.reductions import growth, reduction
+from nearharmonic.reproduction.experiments.stability.settings import (
     RoundingSettings,
 )
-from nearharmonic.integrators.tableau import Tableau
 
 
 def dataset(contents):

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from nearharmonic.config import load
 from nearharmonic.errors import NearharmonicError
+from nearharmonic.reproduction.config.config import load
 
 ROOT = Path(__file__).parents[3]
 SMALL = {

@@ -9,9 +9,9 @@ from scipy.stats import linregress
 from scipy.stats import t as student
 
 import nearharmonic as nh
-from nearharmonic.experiments.stability.conservation.reduce import structure_cube
-from nearharmonic.experiments.stability.conservation.tables import structure_table
 from nearharmonic.integrators import integrators
+from nearharmonic.reproduction.experiments.stability.conservation.reduce import structure_cube
+from nearharmonic.reproduction.experiments.stability.conservation.tables import structure_table
 from nearharmonic.systems import systems
 from structures import runs_of, structure
 

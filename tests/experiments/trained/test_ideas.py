@@ -9,8 +9,9 @@ import pytest
 import xarray as xr
 
 import nearharmonic as nh
-from nearharmonic.experiments.trained.contestants import IDEAS
-from nearharmonic.experiments.trained.ideas.oscillators import (
+from nearharmonic.output.dataset import assembled
+from nearharmonic.reproduction.experiments.trained.contestants import IDEAS
+from nearharmonic.reproduction.experiments.trained.ideas.oscillators import (
     CHARGE,
     STRONGEST,
     WEAKEST,
@@ -18,12 +19,11 @@ from nearharmonic.experiments.trained.ideas.oscillators import (
     exact_errors,
     scaled_potentials,
 )  # fmt: skip
-from nearharmonic.experiments.trained.ideas.reduce import reduce
-from nearharmonic.experiments.trained.ideas.reductions import best_of_ideas, reduction
-from nearharmonic.experiments.trained.ideas.run import STRENGTHS, errors_of_methods, measure
-from nearharmonic.experiments.trained.proof.settings import ProofSettings
-from nearharmonic.output import job
-from nearharmonic.output.dataset import assembled
+from nearharmonic.reproduction.experiments.trained.ideas.reduce import reduce
+from nearharmonic.reproduction.experiments.trained.ideas.reductions import best_of_ideas, reduction
+from nearharmonic.reproduction.experiments.trained.ideas.run import STRENGTHS, errors_of_methods, measure
+from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings
+from nearharmonic.reproduction.tasks import job
 from nearharmonic.systems.formulas.oscillator import frequencies_of
 
 METHODS = ("ruth", "blanes_moan_s6o4", "babps8o7h", "babs7o7h", "srkn_b11", "chin_4a")

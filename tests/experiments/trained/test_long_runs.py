@@ -9,16 +9,16 @@ import pytest
 import xarray as xr
 
 import nearharmonic as nh
-from nearharmonic.experiments.trained.long_runs.reduce import long_table
-from nearharmonic.experiments.trained.long_runs.reductions import reduction, trends
-from nearharmonic.experiments.trained.long_runs.run import STARTS, Run, long_runs, measure
-from nearharmonic.experiments.trained.problems.named_systems import NAMED, named_ensemble
-from nearharmonic.experiments.trained.proof import run as proof
-from nearharmonic.experiments.trained.proof import times
-from nearharmonic.experiments.trained.proof.reduce import reduce
-from nearharmonic.experiments.trained.proof.settings import ProofSettings
-from nearharmonic.output import job
 from nearharmonic.output.dataset import assembled
+from nearharmonic.reproduction.experiments.trained.long_runs.reduce import long_table
+from nearharmonic.reproduction.experiments.trained.long_runs.reductions import reduction, trends
+from nearharmonic.reproduction.experiments.trained.long_runs.run import STARTS, Run, long_runs, measure
+from nearharmonic.reproduction.experiments.trained.problems.named_systems import NAMED, named_ensemble
+from nearharmonic.reproduction.experiments.trained.proof import run as proof
+from nearharmonic.reproduction.experiments.trained.proof import times
+from nearharmonic.reproduction.experiments.trained.proof.reduce import reduce
+from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings
+from nearharmonic.reproduction.tasks import job
 
 SMALL = ProofSettings(
     systems=4, t_end="10", tau_per_stage=("0.1",), evaluations_per_orbit=(60,), steps=2000

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.experiments.trained.problems.anharmonicity import anharmonicities, hessians
-from nearharmonic.experiments.trained.problems.named_systems import (
+from nearharmonic.reproduction.experiments.trained.problems.anharmonicity import anharmonicities, hessians
+from nearharmonic.reproduction.experiments.trained.problems.named_systems import (
     ALPHA,
     ATOMS,
     BETA,

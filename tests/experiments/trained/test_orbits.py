@@ -7,7 +7,7 @@ import pytest
 from mpmath import atan2, cos, mp, mpf, sin, sqrt
 from scipy.stats import kstest
 
-from nearharmonic.experiments.trained.problems.orbits import orbit_ensemble
+from nearharmonic.reproduction.experiments.trained.problems.orbits import orbit_ensemble
 
 BOUNDS = (0.02, 0.35)
 

@@ -11,19 +11,19 @@ import xarray as xr
 import yaml
 
 import nearharmonic as nh
-from nearharmonic.config import load
 from nearharmonic.errors import SettingError
-from nearharmonic.experiments.trained.contestants import contestants, idea_of, kind_of
-from nearharmonic.experiments.trained.problems.named_systems import NAMED, named_ensemble
-from nearharmonic.experiments.trained.proof.ensembles import proof_ensembles
-from nearharmonic.experiments.trained.proof.reduce import reduce
-from nearharmonic.experiments.trained.proof.reductions import gains, reduction
-from nearharmonic.experiments.trained.proof.run import log_errors, measure
-from nearharmonic.experiments.trained.proof.settings import ProofSettings
-from nearharmonic.experiments.trained.proof.tables import gain_table, method_table, stretch, verdict
-from nearharmonic.experiments.trained.resampling import _means, resampled_means
-from nearharmonic.modified_integrators import method_of
-from nearharmonic.output import job
+from nearharmonic.integrators.modified import method_of
+from nearharmonic.reproduction.config.config import load
+from nearharmonic.reproduction.experiments.trained.contestants import contestants, idea_of, kind_of
+from nearharmonic.reproduction.experiments.trained.problems.named_systems import NAMED, named_ensemble
+from nearharmonic.reproduction.experiments.trained.proof.ensembles import proof_ensembles
+from nearharmonic.reproduction.experiments.trained.proof.reduce import reduce
+from nearharmonic.reproduction.experiments.trained.proof.reductions import gains, reduction
+from nearharmonic.reproduction.experiments.trained.proof.run import log_errors, measure
+from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings
+from nearharmonic.reproduction.experiments.trained.proof.tables import gain_table, method_table, stretch, verdict
+from nearharmonic.reproduction.experiments.trained.resampling import _means, resampled_means
+from nearharmonic.reproduction.tasks import job
 from plain_runs import (
     henon_heiles_energy,
     henon_heiles_gradient,

@@ -10,11 +10,11 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.errors import SettingError
-from nearharmonic.experiments.trained import purposes, search
-from nearharmonic.experiments.trained.purposes import PURPOSES, Chain, Purpose
-from nearharmonic.experiments.trained.registration import register
-from nearharmonic.experiments.trained.settings import SearchSettings
 from nearharmonic.output.table import save_document
+from nearharmonic.reproduction.experiments.trained import purposes, search
+from nearharmonic.reproduction.experiments.trained.purposes import PURPOSES, Chain, Purpose
+from nearharmonic.reproduction.experiments.trained.registration import register
+from nearharmonic.reproduction.experiments.trained.settings import SearchSettings
 from nearharmonic.training.published import modified_names, published_methods, published_names
 
 SETTINGS = SearchSettings(seed=5, systems=4, held_out=6, trials=40, random=0, refinements=1)

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import minimize
 from scipy.stats import kstest
 
-from nearharmonic.experiments.trained.problems.random_potentials import random_ensemble, random_potential
+from nearharmonic.reproduction.experiments.trained.problems.random_potentials import random_ensemble, random_potential
 
 BAND = (0.01, 0.5)
 

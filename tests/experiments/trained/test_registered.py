@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.experiments.trained import search
-from nearharmonic.experiments.trained.purposes import PURPOSES
-from nearharmonic.experiments.trained.settings import SearchSettings
-from nearharmonic.modified_integrators import method_of
+from nearharmonic.integrators.modified import method_of
+from nearharmonic.reproduction.experiments.trained import search
+from nearharmonic.reproduction.experiments.trained.purposes import PURPOSES
+from nearharmonic.reproduction.experiments.trained.settings import SearchSettings
 from nearharmonic.training.objective import mean_errors
 from nearharmonic.training.published import published_methods
 

@@ -7,9 +7,9 @@ import pytest
 from matplotlib.colors import to_rgb
 
 import figure_cubes as made
-from nearharmonic.experiments.trained.contestants import IDEAS
-from nearharmonic.experiments.trained.ideas.figure import LOOKS, trained_ideas
-from nearharmonic.experiments.trained.proof.figure import AHEAD, BEST, trained_error, trained_gain
+from nearharmonic.reproduction.experiments.trained.contestants import IDEAS
+from nearharmonic.reproduction.experiments.trained.ideas.figure import LOOKS, trained_ideas
+from nearharmonic.reproduction.experiments.trained.proof.figure import AHEAD, BEST, trained_error, trained_gain
 
 
 def test_gains_stand_in_the_panel_of_their_ensemble_with_their_intervals():

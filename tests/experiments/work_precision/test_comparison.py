@@ -10,13 +10,14 @@ import pytest
 
 from artists import line_of, look, looks
 from figure_cubes import FACTS, label, timed
-from nearharmonic.experiments.work_precision import comparison as comparisons
-from nearharmonic.experiments.work_precision.comparison import HEADER, comparison, pairs
-from nearharmonic.experiments.work_precision.comparison_figure import comparison_figures
-from nearharmonic.experiments.work_precision.curve import Curve
-from nearharmonic.experiments.work_precision.regularised_figure import regularised_figures
-from nearharmonic.experiments.work_precision.run import front_runners, variables
 from nearharmonic.output import store
+from nearharmonic.recommendation.curve import Curve
+from nearharmonic.recommendation.timings import variables
+from nearharmonic.reproduction.experiments.work_precision import comparison as comparisons
+from nearharmonic.reproduction.experiments.work_precision.comparison import HEADER, comparison, pairs
+from nearharmonic.reproduction.experiments.work_precision.comparison_figure import comparison_figures
+from nearharmonic.reproduction.experiments.work_precision.regularised_figure import regularised_figures
+from nearharmonic.reproduction.experiments.work_precision.run import front_runners
 from nearharmonic.systems import systems
 
 #: Errors at which points lie, so that nothing is interpolated.
@@ -157,7 +158,7 @@ def test_without_the_standard_there_are_times_but_no_ratios(cube, monkeypatch):
 
 
 def test_ensembles_are_timed_of_methods_that_are_among_the_fastest_at_some_error(monkeypatch):
-    monkeypatch.setattr("nearharmonic.experiments.work_precision.run.FRONT", 1)
+    monkeypatch.setattr("nearharmonic.reproduction.experiments.work_precision.run.FRONT", 1)
     assert front_runners(curves(), ("max",)) == ["leapfrog", "ruth", "babs7o7h"]
     assert front_runners(curves()[:2], ("max",)) == ["ruth", "babs7o7h"]
     assert front_runners([timed("ruth", [nan], [1.0])], ("max",)) == []

@@ -10,9 +10,9 @@ import pytest
 
 from artists import NO_LINE, SOLID, drawn, entries, line_of, look, look_of, looks
 from figure_cubes import FACTS, label, timed
-from nearharmonic.experiments.work_precision.curve import Curve
-from nearharmonic.experiments.work_precision.figure import work_precision_figure
-from nearharmonic.experiments.work_precision.peers import PEERS
+from nearharmonic.recommendation.curve import Curve
+from nearharmonic.reproduction.experiments.work_precision.figure import work_precision_figure
+from nearharmonic.reproduction.experiments.work_precision.peers import PEERS
 
 #: Best times in s and errors: the first of the paper's methods leads at first, the second in the end.
 RUTH = ([1e-5, 1e-4, 1e-3], [1e-3, 1e-4, 1e-5])

@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 
 from nearharmonic.engine.reference import reference
-from nearharmonic.experiments.work_precision.peers import PEERS
-from nearharmonic.experiments.work_precision.peers.measure import (
+from nearharmonic.integrators import integrators
+from nearharmonic.reproduction.experiments.work_precision.peers import PEERS
+from nearharmonic.reproduction.experiments.work_precision.peers.measure import (
     energy_errors,
     is_installed,
     peer_curve,
     quiet,
     version_of,
 )
-from nearharmonic.experiments.work_precision.peers.numpy import numpy_splitting
-from nearharmonic.experiments.work_precision.peers.rebound import _Setup, compiled_force
-from nearharmonic.integrators import integrators
+from nearharmonic.reproduction.experiments.work_precision.peers.numpy import numpy_splitting
+from nearharmonic.reproduction.experiments.work_precision.peers.rebound import _Setup, compiled_force
 from nearharmonic.systems import Parameter, System, systems
 
 

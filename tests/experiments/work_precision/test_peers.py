@@ -13,18 +13,18 @@ from mpmath import mpf
 
 from nearharmonic.engine.reference import reference
 from nearharmonic.errors import SystemDefinitionError
-from nearharmonic.experiments.work_precision.curve import Curve
-from nearharmonic.experiments.work_precision.peers import LIBRARIES, PEERS
-from nearharmonic.experiments.work_precision.peers.measure import (
+from nearharmonic.integrators import integrators
+from nearharmonic.recommendation.curve import Curve
+from nearharmonic.reproduction.experiments.work_precision.peers import LIBRARIES, PEERS
+from nearharmonic.reproduction.experiments.work_precision.peers.measure import (
     energy_errors,
     is_installed,
     missing,
     peer_curve,
 )
-from nearharmonic.experiments.work_precision.peers.numpy import numpy_splitting
-from nearharmonic.experiments.work_precision.peers.peer import Attempt, Peer
-from nearharmonic.experiments.work_precision.settings import WorkPrecisionSettings
-from nearharmonic.integrators import integrators
+from nearharmonic.reproduction.experiments.work_precision.peers.numpy import numpy_splitting
+from nearharmonic.reproduction.experiments.work_precision.peers.peer import Attempt, Peer
+from nearharmonic.reproduction.experiments.work_precision.settings import WorkPrecisionSettings
 from nearharmonic.systems import System, systems
 from nearharmonic.systems.formulas.source import velocity, velocity_text
 from oracles import oscillator_state
@@ -121,7 +121,7 @@ def test_a_formula_that_branches_is_refused():
 
 
 def test_no_two_peers_look_alike():
-    from nearharmonic.experiments.work_precision.figure import line_of
+    from nearharmonic.reproduction.experiments.work_precision.figure import line_of
 
     looks = [line_of(Curve(method=name, label=name, kind="peer")) for name in PEERS]
     for key in ("color", "marker"):
@@ -173,7 +173,9 @@ def test_refining_ends_where_a_run_takes_too_long_and_says_so():
 
 def test_a_coarse_run_that_goes_astray_for_long_does_not_end_the_refining(monkeypatch):
     clock = iter(range(0, 100, 10))  # each path seems to take ten seconds
-    monkeypatch.setattr("nearharmonic.experiments.work_precision.peers.measure.time.perf_counter", lambda: next(clock))
+    monkeypatch.setattr(
+        "nearharmonic.reproduction.experiments.work_precision.peers.measure.time.perf_counter", lambda: next(clock)
+    )
 
     def path(setting):
         return oscillator_path(setting if setting < 1e-1 else inf)
@@ -216,7 +218,9 @@ def test_lanes_are_timed_where_a_library_has_them_and_nowhere_else():
 
 def test_a_run_gone_astray_for_long_is_not_timed(monkeypatch):
     clock = iter(range(0, 100, 10))  # each path seems to take ten seconds
-    monkeypatch.setattr("nearharmonic.experiments.work_precision.peers.measure.time.perf_counter", lambda: next(clock))
+    monkeypatch.setattr(
+        "nearharmonic.reproduction.experiments.work_precision.peers.measure.time.perf_counter", lambda: next(clock)
+    )
     curve = peer_curve(fake(oscillator_path, settings=(4.0, 1e-2)), systems["sho"], "5", (0.1, 1.0), None, 0.5)
     assert [(p.max_energy_error, p.calls) for p in curve.points] == [(4.0, {})]
     assert curve.status.startswith("stopped")

@@ -7,15 +7,15 @@ import re
 
 import pytest
 
-from nearharmonic.answers import printed
 from nearharmonic.commands.recommend import ranking
 from nearharmonic.errors import NearharmonicError, ResultFileError, SystemDefinitionError
-from nearharmonic.experiments.work_precision.curve import Curve, Point
-from nearharmonic.experiments.work_precision.recommend.choices import recommendation
-from nearharmonic.experiments.work_precision.recommend.question import question
-from nearharmonic.experiments.work_precision.run import variables
 from nearharmonic.integrators import integrators
 from nearharmonic.output import store
+from nearharmonic.output.answers import printed
+from nearharmonic.recommendation.choices import recommendation
+from nearharmonic.recommendation.curve import Curve, Point
+from nearharmonic.recommendation.question import question
+from nearharmonic.recommendation.timings import variables
 from nearharmonic.systems.user_file import load_system
 
 QUARTIC = """
@@ -39,7 +39,7 @@ SYSTEM = System(
 def few(monkeypatch):
     """Three methods instead of all: what is asked here does not depend on their number."""
     chosen = {name: integrators[name] for name in ("ruth", "aba864", "srkn_a14")}
-    monkeypatch.setattr("nearharmonic.experiments.work_precision.recommend.question.integrators", chosen)
+    monkeypatch.setattr("nearharmonic.recommendation.question.integrators", chosen)
     return chosen
 
 

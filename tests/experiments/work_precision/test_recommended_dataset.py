@@ -12,9 +12,9 @@ import pytest
 import nearharmonic as nh
 from nearharmonic.core.formulas.expression.size import MOST_UNROLLED
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.experiments.work_precision.own import prepared_calls
-from nearharmonic.experiments.work_precision.recommend import choices
 from nearharmonic.integrators import integrators
+from nearharmonic.recommendation import choices
+from nearharmonic.recommendation.own import prepared_calls
 from own_systems import spring
 
 FEW = ("ruth", "aba864", "babps9o7h")

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 import nearharmonic as nh
 from nearharmonic.cli import main
-from nearharmonic.experiments.work_precision.recommend.recommendation import printed_step
 from nearharmonic.integrators import integrators
+from nearharmonic.recommendation.recommendation import printed_step
 from nearharmonic.systems import systems
 from nearharmonic.theory.oscillator import harmonic_energy_error
 
@@ -65,7 +65,7 @@ def check(capsys, system, error, measure="max"):
 @pytest.fixture
 def slippery(monkeypatch):
     monkeypatch.setattr(
-        "nearharmonic.experiments.work_precision.recommend.question.integrators",
+        "nearharmonic.recommendation.question.integrators",
         {name: integrators[name] for name in SLIPPERY},
     )
 
@@ -128,9 +128,9 @@ def test_the_run_that_is_timed_is_the_run_that_is_printed(capsys, monkeypatch):
         timed[tableau.label] = (system.name, t_end, steps, summation)
         return {"trajectory": lambda: None}
 
-    monkeypatch.setattr("nearharmonic.experiments.work_precision.recommend.choices.prepared_calls", calls)
+    monkeypatch.setattr("nearharmonic.recommendation.choices.prepared_calls", calls)
     monkeypatch.setattr(
-        "nearharmonic.experiments.work_precision.recommend.choices.interleaved",
+        "nearharmonic.recommendation.choices.interleaved",
         lambda calls, _: [[9.0, 6e-3 - 1e-3 * i] for i, _ in enumerate(calls)],
     )
     rows, text, _ = asked(capsys, "sho", "--error", "1e-3")

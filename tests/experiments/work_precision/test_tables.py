@@ -8,11 +8,11 @@ from math import isnan, nan
 
 import pytest
 
-from nearharmonic.experiments.work_precision.curve import Curve, Point
-from nearharmonic.experiments.work_precision.run import variables
-from nearharmonic.experiments.work_precision.tables import markdown, rows, table, time_to_error
 from nearharmonic.output import store
 from nearharmonic.output.table import save
+from nearharmonic.recommendation.curve import Curve, Point
+from nearharmonic.recommendation.timings import variables
+from nearharmonic.reproduction.experiments.work_precision.tables import markdown, rows, table, time_to_error
 
 #: From coarse to fine: errors, and seconds alone, in lanes and with energies. Mean errors are a tenth.
 ERRORS = (1e-3, 1e-6, 1e-9)

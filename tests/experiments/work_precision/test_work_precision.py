@@ -11,7 +11,11 @@ from mpmath import cos, mpf
 
 from nearharmonic.engine.reference import position_t_end, reference
 from nearharmonic.engine.settings import Sweep
-from nearharmonic.experiments.work_precision.curve import (
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY
+from nearharmonic.output import store
+from nearharmonic.output.table import save
+from nearharmonic.recommendation.curve import (
     Curve,
     Point,
     cross,
@@ -20,14 +24,16 @@ from nearharmonic.experiments.work_precision.curve import (
     ns_per_evaluation,
     ranking,
 )
-from nearharmonic.experiments.work_precision.own import ensemble_call, grid, prepared_calls, splitting_curve
-from nearharmonic.experiments.work_precision.run import clock, curves_of, curves_on, problems, variables
-from nearharmonic.experiments.work_precision.settings import WorkPrecisionSettings
-from nearharmonic.experiments.work_precision.tables import markdown, rows, table
-from nearharmonic.integrators import integrators
-from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY
-from nearharmonic.output import store
-from nearharmonic.output.table import save
+from nearharmonic.recommendation.own import (
+    ensemble_call,
+    grid,
+    prepared_calls,
+    splitting_curve,
+)
+from nearharmonic.recommendation.timings import curves_of, variables
+from nearharmonic.reproduction.experiments.work_precision.run import clock, curves_on, problems
+from nearharmonic.reproduction.experiments.work_precision.settings import WorkPrecisionSettings
+from nearharmonic.reproduction.experiments.work_precision.tables import markdown, rows, table
 from nearharmonic.systems import systems
 from oracles import oscillator_state
 from own_systems import spring
@@ -202,7 +208,8 @@ def test_a_nystrom_method_is_refused_where_the_kinetic_energy_is_not_quadratic()
 
 def test_times_are_per_trajectory(monkeypatch):
     monkeypatch.setattr(
-        "nearharmonic.experiments.work_precision.run.interleaved", lambda calls, _: [[8.0, 16.0] for _ in calls]
+        "nearharmonic.reproduction.experiments.work_precision.run.interleaved",
+        lambda calls, _: [[8.0, 16.0] for _ in calls],
     )
     point = Point(calls={"trajectory": lambda: None, "lanes": lambda: None, "energy": lambda: None}, members=8)
     clock([Curve(method="m", label="m", kind="splitting", points=[point])], ("lanes", "trajectory"))

@@ -11,8 +11,8 @@ import pytest
 
 import finished_results
 from nearharmonic.errors import ResultFileError
-from nearharmonic.record.archive import pack, seal
-from nearharmonic.record.archive.check import faults_of_archive
+from nearharmonic.reproduction.record.archive import pack, seal
+from nearharmonic.reproduction.record.archive.check import faults_of_archive
 
 #: Enough to hit a stretch of 1/200 of the file that nothing protects with probability 1 - (199/200)**4000 = 1 - 2e-9.
 FLIPS = 2000

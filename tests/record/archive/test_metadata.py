@@ -18,7 +18,7 @@ import pytest
 from rocrate.rocrate import ROCrate
 
 import finished_results
-from nearharmonic.record.archive import pack
+from nearharmonic.reproduction.record.archive import pack
 
 #: Properties and types of the archive that the JSON-LD context of RO-Crate 1.1 defines.
 CONTEXT_1_1 = {

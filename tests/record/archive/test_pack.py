@@ -16,8 +16,8 @@ import pytest
 import finished_results
 from finished_results import FILES, HISTORY, KILLED, NEWER, OLDER
 from nearharmonic.errors import ResultFileError, SettingError
-from nearharmonic.record import verify
-from nearharmonic.record.archive import pack, software
+from nearharmonic.reproduction.record import verify
+from nearharmonic.reproduction.record.archive import pack, software
 
 ROOT = Path(__file__).parents[3]
 ADDED = {
@@ -135,7 +135,7 @@ def test_a_run_that_failed_tells_its_exit_status(result, tmp_path):
 
 SAVE = (
     "import sys\n"
-    "from nearharmonic.record.archive import pack\n"
+    "from nearharmonic.reproduction.record.archive import pack\n"
     "pack.save(sys.argv[1], sys.argv[2], with_runs=True)\n"
 )  # fmt: skip
 

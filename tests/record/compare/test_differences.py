@@ -13,9 +13,13 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from nearharmonic.errors import ResultFileError
-from nearharmonic.record.compare.differences import array_difference, dataset_differences, relative_differences
-from nearharmonic.record.compare.tables import table_differences
-from nearharmonic.record.texts import Texts
+from nearharmonic.reproduction.record.compare.differences import (
+    array_difference,
+    dataset_differences,
+    relative_differences,
+)
+from nearharmonic.reproduction.record.compare.tables import table_differences
+from nearharmonic.reproduction.record.texts import Texts
 
 NUMBERS = st.floats(allow_nan=True, allow_infinity=True, allow_subnormal=True)
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from call_counts import calls_of
 from nearharmonic.errors import NearharmonicError, UnknownNameError
-from nearharmonic.record.query.expression import rows_where
+from nearharmonic.reproduction.record.query.expression import rows_where
 
 COLUMNS = {
     "steps": np.array([1, 20, 300, 4000, 5, 60], dtype=np.int64),

@@ -34,8 +34,8 @@ from nearharmonic.engine.settings import (
     exact_decimal,
 )
 from nearharmonic.errors import bad_setting
+from nearharmonic.integrators.modified import method_of
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.modified_integrators import method_of
 from nearharmonic.numerics.types import Floats
 from nearharmonic.systems import systems
 from nearharmonic.systems.definition.system import System

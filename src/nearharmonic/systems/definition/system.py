@@ -155,12 +155,12 @@ class System:
         }
 
     def __repr__(self) -> str:
-        from nearharmonic.display import line
+        from nearharmonic.registry.display import line
 
         return line("System", self.facts)
 
     def _repr_html_(self) -> str:
-        from nearharmonic.display import facts_table
+        from nearharmonic.registry.display import facts_table
 
         return facts_table("System", self.facts)
 
@@ -216,8 +216,8 @@ class System:
 
         if self.name in systems.registered and systems.get(self.name) is self:
             return systems.__getitem__, (self.name,)
+        from nearharmonic.registry.user_module import place_of
         from nearharmonic.systems.user_file import load_system
-        from nearharmonic.user_module import place_of
 
         place = place_of("SYSTEM", self)
         if place is not None:

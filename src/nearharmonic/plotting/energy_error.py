@@ -1,0 +1,190 @@
+"""The benchmark profile of Figures 1, 3, 5 and of every other system: relative energy errors against tau/s."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from nearharmonic.plotting.floor import draw_floor
+from nearharmonic.plotting.levels import LARGEST_ERROR, energy_error_label
+from nearharmonic.plotting.style import (
+    house_style,
+    log_scale,
+    mark_every,
+    method_handles,
+    new_figure,
+    panel_letter,
+    style_of,
+)
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+PANELS = (
+    ("A", "max_energy_error", "maximum", r"\max"),
+    ("B", "mean_energy_error", "mean", r"\mathrm{mean}"),
+)
+#: Dashes of a curve in extended precision.
+DASHES = (0, (4, 2))
+#: Columns of the legend. Rows of it have their place above the panels, for as many as ten methods.
+COLUMNS, ROWS = 4, 3
+#: Height of a row of the legend, as a share of that of the figure.
+ROW = 0.0195
+
+
+@dataclass(frozen=True, kw_only=True)
+class Profile:
+    """The energy errors of one method over step sizes per stage.
+
+    Attributes
+    ----------
+    integrator : str
+        Name of the method, which has a style.
+    tau_per_stage : array (n,)
+        Step sizes per stage.
+    errors : mapping
+        Arrays (n,) under the names of :data:`PANELS`. Infinite errors (diverged runs), NaN (not computed) and zeros
+        leave gaps.
+    turn : tuple of int
+        Number of the method, and number of methods: they take turns with their markers.
+    look : mapping
+        Changes of the line's style.
+    """
+
+    integrator: str
+    tau_per_stage: Any
+    errors: Mapping[str, Any]
+    turn: tuple[int, int]
+    look: Mapping[str, Any]
+
+
+@house_style
+def draw_profile(cube: xr.Dataset) -> Figure:
+    """Draw ``max_energy_error`` (top) and ``mean_energy_error`` (bottom) of every method of ``cube``.
+
+    ``cube`` has dimensions (integrator, tau_per_stage), optionally led by ``precision`` with "double" (solid, marked)
+    and "extended" (dashed). Infinite errors (diverged runs), NaN (not computed) and zeros leave gaps.
+    """
+    handles = method_handles(map(str, cube["integrator"].values), map(str, cube["label"].values))
+    if "precision" in cube.dims and "extended" in cube["precision"].values:
+        handles.append(Line2D([], [], color="#404040", linestyle=DASHES, label="extended precision"))
+    unit = cube["tau_per_stage"].attrs.get("units", "1")
+    return draw_profiles(list(_profiles(cube)), handles, unit, cube["max_energy_error"].attrs, [cube])
+
+
+def _profiles(cube: xr.Dataset) -> Iterator[Profile]:
+    names = [str(name) for name in cube["integrator"].values]
+    for precision in [str(p) for p in cube["precision"].values] if "precision" in cube.dims else [""]:
+        layer = cube.sel(precision=precision) if precision else cube
+        for position, name in enumerate(names):
+            runs = layer.sel(integrator=name)
+            yield Profile(
+                integrator=name,
+                tau_per_stage=cube["tau_per_stage"].values,
+                errors={variable: runs[variable].values for _, variable, _, _ in PANELS},
+                turn=(position, len(names)),
+                look=dashed() if precision == "extended" else {},
+            )
+
+
+def dashed() -> dict[str, Any]:
+    """Return the look of a curve in extended precision."""
+    return {"linestyle": DASHES, "marker": "none", "linewidth": 0.9, "zorder": 2}
+
+
+@house_style
+def draw_profiles(
+    profiles: Sequence[Profile],
+    handles: Sequence[Line2D],
+    unit: str,
+    attributes: Mapping[str, str],
+    given: Sequence[xr.Dataset],
+) -> Figure:
+    """Draw the largest (top) and the mean (bottom) energy errors of methods against step size per stage.
+
+    Parameters
+    ----------
+    profiles : sequence of Profile
+        The curves, in the order in which they are drawn.
+    handles : sequence of Line2D
+        Entries of the legend.
+    unit : str
+        Unit of the step sizes; "1" if they have none.
+    attributes : mapping
+        Of the errors: what they are relative to, and what the maximum is over.
+    given : sequence of xarray.Dataset
+        Origin of the curves, which may have a floor of energy errors.
+    """
+    over = "over the samples" if "over the samples" in attributes.get("long_name", "") else "over all steps"
+    drawn = new_figure(7, 8.2)
+    spare = ROW * max(0, ROWS - -(-len(handles) // COLUMNS))
+    drawn.subplots_adjust(left=0.105, right=0.985, top=0.885 + spare, bottom=0.062, hspace=0.115)
+    upper, lower = drawn.subplots(2, 1, sharex=True, sharey=True)
+    for axes, (letter, variable, says, symbol) in zip((upper, lower), PANELS, strict=True):
+        _draw(axes, variable, profiles)
+        label = energy_error_label(attributes, rf"${symbol}\,|\Delta H|$", rf"${symbol}\,|\Delta H/H_0|$")
+        axes.set_ylabel(label)
+        panel_letter(axes, letter, f"{says} {over}")
+    _scale(upper)
+    for (_, variable, _, _), axes in zip(PANELS, (upper, lower), strict=True):
+        if say_if_empty(axes, [one.errors[variable] for one in profiles]):
+            taus = np.concatenate([one.tau_per_stage for one in profiles])
+            axes.set_xlim(taus.min() / 2, taus.max() * 2)
+        else:
+            _slope_guide(axes)
+            draw_floor(axes, given, variable)
+    lower.set_xlabel(r"step size per stage, $\tau/s$" + ("" if unit == "1" else f"  ({unit})"))
+    drawn.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.545, 0.995), ncols=COLUMNS, columnspacing=1.8)
+    return drawn
+
+
+def say_if_empty(axes: Axes, errors: Iterable[Any]) -> bool:
+    """Say in the middle of ``axes`` why it is empty, if none of ``errors`` can be drawn; return whether none can."""
+    values = np.concatenate([np.ravel(one) for one in errors])
+    if np.any(np.isfinite(values) & (values > 0)):
+        return False
+    if np.isinf(values).any():
+        text = "every run diverged: it left its energy surface"
+    else:
+        text = "every energy error is 0" if np.any(values == 0) else "no energy errors"
+    axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color="#595959")
+    return True
+
+
+def _draw(axes: Axes, variable: str, profiles: Iterable[Profile]) -> None:
+    for one in profiles:
+        marks = mark_every(*one.turn, len(one.tau_per_stage))
+        look = style_of(one.integrator).line(**{"zorder": 3, **one.look})
+        axes.plot(one.tau_per_stage, one.errors[variable], markevery=marks, **look)
+
+
+def _scale(axes: Axes) -> None:
+    """Make the axes, shared by both panels, logarithmic and wide enough for all that was drawn in either."""
+    axes.margins(x=0.02, y=0.03)
+    log_scale(axes, "xy")
+    if axes.get_ylim()[1] > LARGEST_ERROR:
+        axes.set_ylim(top=LARGEST_ERROR)
+
+
+def _slope_guide(axes: Axes) -> None:
+    """Two short lines of slope 4 and 6 in the empty lower right corner: the order that a curve's slope reads."""
+    start_x = axes.get_xlim()[1] / 12
+    start_y = axes.get_ylim()[0] * 30
+    for order in (4, 6):
+        x, y = start_x * 4, start_y * 4.0**order
+        axes.plot([start_x, x], [start_y, y], color="#8a8a8a", linewidth=1.0, scalex=False, scaley=False, zorder=1.5)
+        axes.annotate(
+            f"order {order}",
+            (x, y),
+            xytext=(3, 0),
+            textcoords="offset points",
+            color="#595959",
+            fontsize=8,
+            va="center",
+        )

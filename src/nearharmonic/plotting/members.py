@@ -1,0 +1,88 @@
+"""The energy errors of the members of ensembles: against the parameter that varies, or against the member."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from nearharmonic.errors import bad_setting
+from nearharmonic.plotting.energy_error import say_if_empty
+from nearharmonic.plotting.floor import draw_floor
+from nearharmonic.plotting.levels import energy_error_label
+from nearharmonic.plotting.style import house_style, log_scale, new_figure, panel_letter, style_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MEMBER = "member"
+
+
+def varying(given: Sequence[xr.Dataset]) -> str:
+    """Return the parameter, as ``parameter_<name>``, that alone varies in each ensemble, else :data:`MEMBER`."""
+    found = {
+        tuple(name for name in one.variables if str(name).startswith("parameter_") and np.ptp(one[name].values) > 0)
+        for one in given
+    }
+    names = found.pop()
+    return str(names[0]) if len(names) == 1 and not found else MEMBER
+
+
+@house_style
+def draw_members(
+    given: Sequence[xr.Dataset], handles: Sequence[Line2D], looks: Sequence[Mapping[str, Any]], unit: str
+) -> Figure:
+    """Draw the largest energy error of each member, a point each, and say how many members diverged.
+
+    Parameters
+    ----------
+    given : sequence of xarray.Dataset
+        Of ``ensemble``.
+    handles : sequence of Line2D
+        Entries of the legend.
+    looks : sequence of mapping
+        Changes of the style of each ensemble.
+    unit : str
+        Unit of the parameter that varies; "1" if it has none.
+    """
+    against = varying(given)
+    drawn = new_figure(7, 4.6)
+    drawn.subplots_adjust(left=0.115, right=0.985, top=0.86, bottom=0.105)
+    axes = drawn.subplots()
+    for one, look in zip(given, looks, strict=True):
+        errors = one["max_energy_error"].values
+        x = np.arange(errors.size) if against == MEMBER else one[against].values
+        style = style_of(str(one.attrs["integrator"])).line(**{**look, "linestyle": "none"})
+        axes.plot(x, errors, **{**style, "markersize": 2.5 if errors.size > 100 else 5})
+    log_scale(axes, "y")
+    name = MEMBER if against == MEMBER else against.removeprefix("parameter_")
+    axes.set_xlabel(name + ("" if unit == "1" else f"  ({unit})"))
+    notes = given[0]["max_energy_error"].attrs
+    axes.set_ylabel(energy_error_label(notes, r"$\max\,|\Delta H|$", r"$\max\,|\Delta H/H_0|$"))
+    panel_letter(axes, "A", _says(given))
+    say_if_empty(axes, [one["max_energy_error"].values for one in given])
+    draw_floor(axes, given, "max_energy_error")
+    drawn.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.545, 0.995), ncols=4, columnspacing=1.8)
+    return drawn
+
+
+def _says(given: Sequence[xr.Dataset]) -> str:
+    """What the points are, and how many members have none."""
+    over = (
+        "over the samples"
+        if "over the samples" in given[0]["max_energy_error"].attrs["long_name"]
+        else "over all steps"
+    )
+    lost = sum(int((one["status"] == "diverged").sum()) for one in given)
+    members = sum(one.sizes[MEMBER] for one in given)
+    return f"maximum {over}, a point for each member" + (f"; {lost} of {members} diverged" if lost else "")
+
+
+def check_measured(given: Sequence[xr.Dataset]) -> None:
+    """Raise SettingError if the energy errors of a Dataset were not measured."""
+    if any(one.attrs.get("energy") == "none" for one in given):
+        allowed = "there are no energy errors to draw; run with energy='every' or 'samples'"
+        raise bad_setting("datasets", "energy='none'", allowed)

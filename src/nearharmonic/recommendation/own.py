@@ -1,0 +1,215 @@
+"""The curves of this package's own methods: errors of whole sweeps, and calls of prepared problems to be timed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection, Sequence
+from fractions import Fraction
+from math import inf, isfinite
+from typing import Any
+
+import numpy as np
+
+from nearharmonic.engine.batch.batch import integrate_batch
+from nearharmonic.engine.batch.results import Trajectories
+from nearharmonic.engine.grid import check_fit, evaluations_of, steps_of, tau_grid
+from nearharmonic.engine.reference import Reference
+from nearharmonic.engine.runs.ensemble import ensemble
+from nearharmonic.engine.runs.problem import Problem
+from nearharmonic.engine.settings import Numerics
+from nearharmonic.errors import SettingError
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.recommendation.curve import MEASURES, Curve, Point
+from nearharmonic.systems.definition.system import System
+
+#: Below this all errors are rounding: finer steps cost more and show nothing.
+ROUNDING = 1e-15
+#: Relative to the distance; positions lose the digits that the phase does.
+POSITION_ROUNDING = 1e-14
+#: Plain sums lose nothing where no error is more than this many times that of compensated sums.
+LOSSLESS = 1.05
+#: Modes of one trajectory, and when they look at the energy.
+ENERGIES = {"trajectory": "none", "energy": "every"}
+#: Repeats of the call that measures what surrounds the kernel.
+SETUP_REPEATS = 5
+#: An ensemble has as many members as take about this many evaluations of the force, some milliseconds,
+ENSEMBLE_EVALUATIONS = 2**25
+#: or this of a regularised system, whose members run one by one instead of in lanes,
+ONE_BY_ONE_EVALUATIONS = 2**21
+#: but no fewer and no more than this: what a call costs beside the kernel is shared by so many.
+FEWEST_MEMBERS, MOST_MEMBERS = 64, 2048
+
+
+def grid(
+    tableau: Tableau, t_end: str, lowest: float, highest: float, points_per_decade: int, evaluations: int
+) -> list[tuple[float, int]]:
+    """(tau per stage, steps) from coarse to fine, each number of steps once; runs of more than ``evaluations`` of the
+    force are left out, and the grid begins where a run has one step at least."""
+    taus = tau_grid(lowest, highest, points_per_decade)
+    steps = {steps_of(t_end, tau * tableau.stages): tau for tau in taus}
+    return [(tau, n) for n, tau in sorted(steps.items()) if evaluations_of(tableau, n) <= evaluations]
+
+
+def splitting_curve(
+    system: System,
+    tableau: Tableau,
+    t_end: str,
+    points: Sequence[tuple[float, int]],
+    exact: Reference | None,
+    summation: str = "compensated",
+) -> Curve:
+    """The errors of ``tableau`` at ``points`` (tau per stage, steps), with calls for one trajectory to be timed.
+
+    Sums are plain, which takes less time, at the points where that loses nothing (:data:`LOSSLESS`), and compensated at
+    all others; ``summation="plain"`` makes all plain. Stops at the first point where every error is down to rounding.
+    A system that the method is not made for gives a curve without points whose status says so.
+    """
+    curve = Curve(method=tableau.name, label=tableau.label, kind="splitting")
+    try:
+        check_fit(system, tableau)
+    except SettingError:
+        curve.status = f"does not fit: it requires a {tableau.requires}"
+        return curve
+    if not points:
+        curve.status = "no step size: every run would take more evaluations than allowed"
+        return curve
+    steps = [n for _, n in points]
+    found = {}
+    for way in dict.fromkeys((summation, "plain")):
+        begin = time.perf_counter()
+        numerics = Numerics(summation=way)
+        paths = integrate_batch(system, tableau, t_end=Fraction(t_end), steps=steps, samples=2, numerics=numerics)
+        curve.sweep = time.perf_counter() - begin if way == summation else curve.sweep
+        found[way] = _points(t_end, points, paths, exact, compensated=numerics.compensated)
+    curve.points = _until_rounding([_cheaper(*both) for both in zip(found[summation], found["plain"], strict=True)])
+    for point in curve.points:
+        if isfinite(point.max_energy_error):
+            point.calls = prepared_calls(system, tableau, t_end, int(point.steps), way_of(point))
+    curve.setup = _setup(system, tableau, t_end)
+    return curve
+
+
+def _points(
+    t_end: str,
+    points: Sequence[tuple[float, int]],
+    paths: Trajectories,
+    exact: Reference | None,
+    *,
+    compensated: bool,
+) -> list[Point]:
+    found = []
+    for i, (tau_per_stage, steps) in enumerate(points):
+        worst, mean = float(paths.max_energy_error[i]), float(paths.mean_energy_error[i])
+        off = np.nan
+        if exact is not None:
+            off = float(exact.error(paths.q[i, -1], paths.q_low[i, -1])) if isfinite(worst) else inf
+        found.append(
+            Point(
+                tau=float(Fraction(t_end) / steps),
+                tau_per_stage=tau_per_stage,
+                steps=steps,
+                evaluations=int(paths.evaluations[i]),
+                compensated=float(compensated),
+                max_energy_error=worst,
+                mean_energy_error=mean,
+                position_error=off,
+            )
+        )
+    return found
+
+
+def _cheaper(careful: Point, plain: Point) -> Point:
+    """``plain`` if it loses nothing, otherwise ``careful``."""
+    # A NaN is a position that was compared with nothing.
+    lost = any(getattr(plain, name) > LOSSLESS * getattr(careful, name) for name in MEASURES.values())
+    return careful if lost else plain
+
+
+def _until_rounding(points: Sequence[Point]) -> list[Point]:
+    """The points up to the first where every error is down to rounding."""
+    settled = (
+        i for i, p in enumerate(points) if p.max_energy_error <= ROUNDING and not p.position_error > POSITION_ROUNDING
+    )
+    return list(points[: next(settled, len(points)) + 1])
+
+
+def way_of(point: Point) -> str:
+    """The summation of a point: "compensated" or "plain"."""
+    return "compensated" if point.compensated else "plain"
+
+
+def prepared_calls(
+    system: System,
+    tableau: Tableau,
+    t_end: str,
+    steps: int,
+    summation: str = "compensated",
+    modes: Collection[str] = tuple(ENERGIES),
+) -> dict[str, Callable[[], Any]]:
+    """Return whole calls of a prepared problem, to be timed, each of which returns the final q (d,) and p (d,).
+
+    Parameters
+    ----------
+    system, tableau
+        Problem and method.
+    t_end, steps
+        The interval [0, ``t_end``] is covered in ``steps`` equal steps.
+    summation
+        "compensated" or "plain".
+    modes
+        Of ``trajectory``, without a look at the energy, and ``energy``, with one at every step.
+
+    Returns
+    -------
+    dict
+        Call by mode, each of which has run once.
+    """
+    return {
+        mode: _call(
+            Problem(system, tableau, t_end=t_end, summation=summation, energy=ENERGIES[mode]), float(t_end) / steps
+        )
+        for mode in modes
+    }
+
+
+def _call(problem: Problem, tau: float) -> Callable[[], Any]:
+    def call() -> Any:
+        solution = problem(tau)
+        return solution.q[-1], solution.p[-1]
+
+    call()
+    return call
+
+
+def ensemble_call(
+    system: System, tableau: Tableau, t_end: str, steps: int, summation: str = "compensated"
+) -> tuple[Callable[[], Any], int]:
+    """Return a call of :func:`nearharmonic.ensemble` on one thread, to be timed, and the number of its members.
+
+    All members begin at the start of the system, so that the error of one is that of all, and so that no member of
+    another library's adaptive batch waits for another.
+    """
+    evaluations = evaluations_of(tableau, steps)
+    most = ENSEMBLE_EVALUATIONS if system.regularisation is None else ONE_BY_ONE_EVALUATIONS
+    members = min(max(most // evaluations, FEWEST_MEMBERS), MOST_MEMBERS)
+    q0, p0 = (np.repeat(np.array([row]), members, axis=0) for row in system.start(float))
+
+    def call() -> Any:
+        found = ensemble(
+            system, tableau, float(t_end) / steps, q0=q0, p0=p0, t_end=t_end, energy="none", summation=summation,
+            samples=1,
+        )  # fmt: skip
+        return found.q.values, found.p.values
+
+    call()
+    return call, members
+
+
+def _setup(system: System, tableau: Tableau, t_end: str) -> float:
+    """Least seconds of a whole call of a prepared problem for one step: what Python takes."""
+    call, least = prepared_calls(system, tableau, t_end, 1, "plain", ("trajectory",))["trajectory"], inf
+    for _ in range(SETUP_REPEATS):
+        begin = time.perf_counter()
+        call()
+        least = min(least, time.perf_counter() - begin)
+    return least

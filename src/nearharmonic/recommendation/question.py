@@ -1,0 +1,169 @@
+"""What is asked of a recommendation, checked before any method is run."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import cached_property
+from typing import Any
+
+from nearharmonic.engine.reference import position_t_end
+from nearharmonic.engine.runs.continuation import start_of
+from nearharmonic.engine.runs.problem import Problem, checked_scale
+from nearharmonic.engine.runs.trajectory import sweep
+from nearharmonic.engine.settings import MOST_STEPS, checked_count, checked_tau, one_of, positive
+from nearharmonic.errors import bad_setting
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.integrators.user_file import load_tableaus
+from nearharmonic.output.dataset import Attributes
+from nearharmonic.recommendation.curve import MEASURES, NAMES
+from nearharmonic.registry.registry import is_path, split_path
+from nearharmonic.systems import System
+
+#: Evaluations of the force in a run that may be recommended, unless another budget is given.
+EVALUATIONS = 200_000
+#: A method that fits every system: it looks at the initial values.
+ANY = "ruth"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Question:
+    """A system, and the error that its runs may have.
+
+    Attributes
+    ----------
+    system : System
+        The system, with the initial values that were asked for.
+    t_end : str
+        End of the interval [0, t_end], a decimal string above 0, in the system's unit of time.
+    measure : str
+        Key of :data:`nearharmonic.recommendation.curve.MEASURES`.
+    error : float
+        Error bound.
+    budget : int
+        Most evaluations of the force in a run that is recommended.
+    methods : mapping
+        Methods to choose from by name, those of users' files by path.
+    energy_attributes : mapping
+        Attributes of the variables ``max_energy_error`` and ``mean_energy_error``: what they are relative to.
+    floor : float
+        Energy error that is the rounding of a V in doubles; 0 if V is measured more precisely.
+    """
+
+    system: System
+    t_end: str
+    measure: str
+    error: float
+    budget: int
+    methods: Mapping[str, Tableau]
+    energy_attributes: Mapping[str, Attributes]
+    floor: float = 0.0
+
+    @property
+    def longest(self) -> int:
+        """Evaluations of the longest run made: steps near the budget, too, have finer ones beside them."""
+        return self.budget * 5 // 4
+
+    @property
+    def quantity(self) -> str:
+        """What is bounded: relative to |H0|, or to an energy that the system chooses, or in a unit."""
+        if self.measure == "position":
+            return NAMES[self.measure]
+        notes = self.energy_attributes[MEASURES[self.measure]]
+        words, unit = notes["long_name"].partition(" over every step")[0], notes["units"]
+        return words if unit == "1" else f"{words} in {unit}"
+
+    @cached_property
+    def scale(self) -> float:
+        """Energy that errors are relative to; 0 for |H0|, or for the unit of energy where H0 = 0."""
+        return checked_scale(self.system.energy_scale)
+
+
+def question(
+    system: str | System,
+    error: object,
+    *,
+    measure: object = "max",
+    t_end: object = None,
+    q0: object = None,
+    p0: object = None,
+    methods: object = None,
+    budget: object = None,
+) -> Question:
+    """Check what is asked; arguments as for :func:`nearharmonic.recommendation`.
+
+    Raises
+    ------
+    NearharmonicError
+        An unknown name, or a setting outside what is allowed.
+    """
+    bound = checked_tau(error, "error")
+    kind = one_of("measure", measure, tuple(MEASURES))
+    most = EVALUATIONS if budget is None else checked_count("budget", budget, MOST_STEPS)
+    if t_end is not None:
+        positive("t_end", t_end)
+    problem = Problem(system, ANY, t_end=t_end)  # type: ignore[arg-type]
+    positive("t_end", problem.t_end)  # the system's own may run backwards
+    chosen = _methods(methods)
+    subject = problem.system if q0 is None and p0 is None else _started(problem, q0, p0)
+    # A run of one step refuses a start where the energy is no number, and says what errors are relative to.
+    told = sweep(subject, ANY, [float(problem.end)], t_end=problem.t_end)
+    return Question(
+        system=subject,
+        t_end=position_t_end(subject, problem.t_end) if kind == "position" else problem.t_end,
+        measure=kind,
+        error=bound,
+        budget=most,
+        methods=chosen,
+        energy_attributes={name: told[name].attrs for name in (MEASURES["max"], MEASURES["mean"])},
+        floor=told.attrs.get("energy_floor", 0.0),
+    )
+
+
+def _started(problem: Problem, q0: object, p0: object) -> System:
+    """The system of ``problem`` with other initial values: exactly the pairs of doubles that its runs begin at."""
+    state = start_of(problem, q0, p0).state.reshape(4, -1)[:, : problem.system.dimension]
+    q, q_low, p, p_low = state.tolist()
+    return replace(problem.system, q0=_decimals(q, q_low), p0=_decimals(p, p_low))
+
+
+def _decimals(values: Sequence[float], low: Sequence[float]) -> tuple[str, ...]:
+    """Sums of two doubles in all their digits: the denominators are powers of two."""
+    texts = []
+    for pair in zip(values, low, strict=True):
+        number = sum(map(Fraction, pair))
+        places = number.denominator.bit_length() - 1
+        texts.append(f"{number.numerator * 5**places}e-{places}")
+    return tuple(texts)
+
+
+def _methods(asked: object) -> dict[str, Tableau]:
+    """Methods by name; those of users' files by the path that stands for each."""
+    if asked is None:
+        return dict(integrators)
+    key, allowed = "methods", "a list of names, paths of files or Tableaus, one at least"
+    if isinstance(asked, str | Tableau) or not isinstance(asked, Iterable):
+        raise bad_setting(key, asked, allowed)
+    found: dict[str, Tableau] = {}
+    for one in asked:
+        for name, tableau in _entries(one).items():
+            if found.setdefault(name, tableau) is not tableau:
+                raise bad_setting(key, name, "two methods have this name")
+    if not found:
+        raise bad_setting(key, asked, allowed)
+    return found
+
+
+def _entries(one: Any) -> dict[str, Tableau]:
+    """What one entry of a list of methods stands for; a path for all methods of its file."""
+    if isinstance(one, Tableau):
+        return {one.name: one}
+    name = os.fspath(one) if isinstance(one, os.PathLike) else one
+    if is_path(name) and not split_path(name)[1]:
+        several = load_tableaus(name)
+        if len(several) > 1:
+            return {f"{name}:{key}": tableau for key, tableau in several.items()}
+    return {name: integrators[name]}

@@ -1,0 +1,128 @@
+"""Methods for an error bound as they are found: each at one setting, and in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite, nan
+from typing import Literal
+
+from nearharmonic.engine.batch.numba_runs import NEAR_FLOOR, floor_in_words
+from nearharmonic.engine.grid import steps_of
+from nearharmonic.recommendation.question import Question
+
+#: Significant digits of a printed step, unless another number of steps would come of it.
+DIGITS = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choice:
+    """One method at the setting that is recommended, or at its best where none can be.
+
+    Attributes
+    ----------
+    method, label
+        Name in the registry, or path of the file that defines it; name in legends.
+    kind
+        "splitting": a method of this package; "peer": another library's.
+    status
+        "met": the run meets the error bound, as do all finer ones made. "missed": no run within the budget does; the
+        setting is that of the least error. "not run": ``reason`` says why.
+    tau, tolerance
+        Step size in the system's unit of time, NaN for adaptive methods; tolerance, NaN for fixed-step methods.
+    summation
+        Of the run: "plain" where that is faster and loses nothing, else "compensated"; empty for other libraries.
+    steps, evaluations
+        Steps of the run, and evaluations of the force; NaN if unknown.
+    error
+        Error of this run, in the measure asked for.
+    max_energy_error, mean_energy_error
+        Energy errors of this run; NaN if unknown.
+    time
+        Least wall time of this run in s; NaN unless the status is "met".
+    reason
+        Why the method was not run, or its runs ended early; empty otherwise.
+    """
+
+    method: str
+    label: str
+    kind: Literal["splitting", "peer"]
+    status: Literal["met", "missed", "not run"]
+    tau: float = nan
+    tolerance: float = nan
+    summation: str = ""
+    steps: float = nan
+    evaluations: float = nan
+    error: float = nan
+    max_energy_error: float = nan
+    mean_energy_error: float = nan
+    time: float = nan
+    reason: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recommendation:
+    """Methods for an error bound, ranked by the wall time of the run that is recommended.
+
+    Attributes
+    ----------
+    question
+        What was asked.
+    choices
+        Methods that meet the bound, the fastest first; then the others.
+    basis
+        Origin of runs and times, as text.
+    """
+
+    question: Question
+    choices: tuple[Choice, ...]
+    basis: str
+
+    @property
+    def floor_in_words(self) -> str:
+        """The sentence about choices whose error is marked as rounding, "" if there is none."""
+        marked = any(is_rounding(choice, self.question) for choice in self.choices)
+        return f"*: {floor_in_words(self.question.floor)}" if marked else ""
+
+    @property
+    def ranked(self) -> tuple[Choice, ...]:
+        """The methods that meet the bound, the fastest first."""
+        return tuple(choice for choice in self.choices if choice.status == "met")
+
+    def missed(self, kind: str) -> str:
+        """Return the methods of one kind that miss the bound, each with the best that it does."""
+        missed = [choice for choice in self.choices if (choice.status, choice.kind) == ("missed", kind)]
+        return "; ".join(_at_best(choice, self.question) for choice in missed)
+
+    def not_run(self) -> str:
+        """Return the methods that were not run, each with the reason."""
+        absent = [choice for choice in self.choices if choice.status == "not run"]
+        return "; ".join(f"{choice.label} ({choice.reason})" for choice in absent)
+
+
+def is_rounding(choice: Choice, asked: Question) -> bool:
+    """Return whether the energy error of a choice is near the rounding of V."""
+    return asked.measure != "position" and choice.error <= NEAR_FLOOR * asked.floor
+
+
+def printed_step(t_end: str, tau: float, steps: int) -> str:
+    """Return ``tau`` in the fewest digits, four at least, that give ``steps`` steps over [0, ``t_end``] again."""
+    texts = (f"{tau:.{digits}g}" for digits in range(DIGITS, 18))
+    return next(text for text in texts if steps_of(t_end, float(text)) == steps)
+
+
+def step_text(choice: Choice, t_end: str) -> str | None:
+    """Return the step of a choice as :func:`printed_step` prints it, or None if it has a tolerance in its place."""
+    if not isfinite(choice.tau):
+        return None
+    return printed_step(t_end, choice.tau, int(choice.steps)) if isfinite(choice.steps) else f"{choice.tau:.{DIGITS}g}"
+
+
+def _at_best(choice: Choice, asked: Question) -> str:
+    if not isfinite(choice.error):
+        says = "every run fails"
+    else:
+        step = step_text(choice, asked.t_end)
+        mark = " *" if is_rounding(choice, asked) else ""
+        says = f"{choice.error:.1e}{mark} at {f'tolerance {choice.tolerance:.1g}' if step is None else f'tau {step}'}"
+        says += ", but not at all finer ones" if choice.error <= asked.error else " at best"
+    return f"{choice.label} ({says}" + (f"; {choice.reason})" if choice.reason else ")")

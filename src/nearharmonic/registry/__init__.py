@@ -1,0 +1,1 @@
+"""Registries of what there is, users' files, and objects in notebooks."""

@@ -1,0 +1,262 @@
+"""Registries: packages of data files that are read-only mappings of what their files declare.
+
+``nearharmonic.systems`` is a package and at the same time the mapping of its systems by name. A module that is more
+than a module is an exception in this project, with one reason: a registry shares its name with its folder. If
+``nearharmonic.systems`` were an object that hides the package, ``import nearharmonic.systems.kepler`` would fail or
+work depending on what was imported before.
+"""
+
+from __future__ import annotations
+
+import os
+import pkgutil
+import re
+import sys
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Generic, Protocol, TypeVar, cast
+
+from nearharmonic.errors import NearharmonicError, unknown_name
+
+Entry = TypeVar("Entry")
+Made_co = TypeVar("Made_co", covariant=True)
+
+
+class Definition(Protocol[Made_co]):
+    """How a user defines an entry under a name of its own, in a config say: all that another process needs to make it.
+
+    ``file`` is the Python file that it comes from, ``base`` the name of the registered entry that it changes; the other
+    one is None.
+    """
+
+    @property
+    def file(self) -> str | None: ...
+
+    @property
+    def base(self) -> str | None: ...
+
+    def make(self, name: str) -> Made_co:
+        """Return the entry, which has this ``name``."""
+
+
+class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
+    """A package that maps names to the entries declared by its modules; :func:`make_registry` makes one.
+
+    The modules are imported at the first look-up of a key, in alphabetical order: importing the package stays cheap,
+    and a new entry takes a new file in the folder and nothing else. A module is imported also when it is looked up as
+    an attribute of the package.
+
+    A process can add entries by :meth:`define`, and the path of a Python file is a key as well: its value is what the
+    file declares. Paths are not among the keys that the mapping lists.
+
+    Raises
+    ------
+    UnknownNameError
+        On a look-up of a key that no module declares, that is not defined, and that is no path.
+    """
+
+    _kind: str
+    _declares: str
+    _entries_of: Callable[[ModuleType], Mapping[str, Entry]]
+    _entries: dict[str, Entry] | None
+    _modules: dict[str, str]
+    _covered: tuple[frozenset[str], frozenset[str]] | None
+    _read: Callable[[str], Entry] | None
+    _definitions: dict[str, Definition[Entry]]
+    _made: dict[str, Entry]
+
+    def _load(self) -> dict[str, Entry]:
+        if self._entries is None:
+            entries: dict[str, Entry] = {}
+            for name in self._files():
+                if hasattr(type(self), name):
+                    raise NearharmonicError(f"{self.__name__}: a file must not have the name {name!r} of a method")
+                if not self._may_declare(name):
+                    continue
+                module = import_module(f"{self.__name__}.{name}")
+                for key, entry in self._entries_of(module).items():
+                    if key in entries:
+                        first = self._modules[key]
+                        raise NearharmonicError(f"{self._kind} {key!r} is declared in {first} and in {module.__name__}")
+                    entries[key] = entry
+                    self._modules[key] = module.__name__
+            self._entries = entries
+        return self._entries
+
+    def _may_declare(self, name: str) -> bool:
+        """Whether a module assigns or imports what entries are called: every process would import the others too."""
+        try:
+            source = Path(self.__path__[0], f"{name}.py").read_bytes()
+        except OSError:  # a folder, or no file at all
+            return True
+        return re.search(rb"^\s*(from\b.*\b)?%b\b" % self._declares.encode(), source, re.MULTILINE) is not None
+
+    def _files(self) -> list[str]:
+        return sorted(info.name for info in pkgutil.iter_modules(self.__path__))
+
+    def __getitem__(self, name: str | os.PathLike[str]) -> Entry:
+        key = os.fspath(name) if isinstance(name, os.PathLike) else name
+        is_named = isinstance(key, str) and key in self
+        if not is_named and (self._read is None or not is_path(key)):
+            raise unknown_name(self._kind, key, self)
+        if self._covered is not None and not (is_named and self._is_covered(key)):
+            message = f"{self._kind} {key!r} is looked up, but no digest of the task covers it: name it in the settings"
+            raise NearharmonicError(message)
+        if not is_named and self._read is not None:
+            return self._read(key)
+        if key in self._definitions and key not in self._made:
+            self._made[key] = self._definitions[key].make(key)
+        return self._made[key] if key in self._definitions else self._load()[key]
+
+    def _is_covered(self, name: str) -> bool:
+        return self._covered is not None and (
+            name in self._covered[0] or (name in self._modules and self._modules[name] in self._covered[1])
+        )
+
+    @property
+    def registered(self) -> tuple[str, ...]:
+        """Names of the entries that the modules of the package declare."""
+        return tuple(self._load())
+
+    @property
+    def definitions(self) -> Mapping[str, Definition[Entry]]:
+        """The entries that this process has defined beside the registered ones, by name."""
+        return dict(self._definitions)
+
+    def define(self, definitions: Mapping[str, Definition[Entry]]) -> None:
+        """Add entries to the registered ones, in place of all that were defined before.
+
+        Each is made when it is first looked up.
+
+        Raises
+        ------
+        NearharmonicError
+            A name is that of a registered entry.
+        """
+        for name in definitions:
+            if name in self._load():
+                message = f"{self._kind} {name!r} is declared in {self._modules[name]} already: choose another name"
+                raise NearharmonicError(message)
+        self._definitions, self._made = dict(definitions), {}
+
+    @contextmanager
+    def defining(self, definitions: Mapping[str, Definition[Entry]]) -> Iterator[None]:
+        """Add entries as :meth:`define` does, inside the block alone."""
+        before, made = self._definitions, self._made
+        try:
+            self.define(definitions)
+            yield
+        finally:
+            self._definitions, self._made = before, made
+
+    @contextmanager
+    def restricted(self, names: Collection[str], modules: Collection[str]) -> Iterator[None]:
+        """Let only some entries be looked up inside the block.
+
+        Parameters
+        ----------
+        names
+            Names of entries.
+        modules
+            Dotted names of modules; the entries that they declare are allowed as well.
+
+        Raises
+        ------
+        NearharmonicError
+            Inside, on the look-up of any other entry.
+        """
+        self._covered = frozenset(names), frozenset(modules)
+        try:
+            yield
+        finally:
+            self._covered = None
+
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and (name in self._load() or name in self._definitions)
+
+    def __iter__(self) -> Iterator[str]:
+        yield from self._load()
+        yield from self._definitions
+
+    def __len__(self) -> int:
+        return len(self._load()) + len(self._definitions)
+
+    def module_of(self, name: str) -> str | None:
+        """Dotted name of the module that declares ``name``, or the entry that it changes; None if a file defines it."""
+        if name not in self:
+            raise unknown_name(self._kind, name, self)
+        base = self._definitions[name].base if name in self._definitions else name
+        return None if base is None else self._modules[base]
+
+    def __getattr__(self, name: str) -> Any:
+        # Python asks modules for private names that they do not have, __path__ of a plain module among them.
+        if not name.startswith("_") and name in self._files():
+            return import_module(f"{self.__name__}.{name}")
+        raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *self._files(), *(name for name in dir(type(self)) if name[0] != "_")})
+
+    def __repr__(self) -> str:
+        return f"<module {self.__name__!r}, a mapping of {len(self)} {self._kind}s: {', '.join(self)}>"
+
+    def _repr_html_(self) -> str:
+        from nearharmonic.registry.display import entries_table
+
+        return entries_table([cast("Any", entry).facts for entry in self.values()])
+
+    # The mapping of a package is equal to itself alone, and a module can be hashed: Mapping would compare contents.
+    __eq__ = object.__eq__
+    __hash__ = object.__hash__
+
+    def __reduce__(self) -> tuple[Callable[[str], ModuleType], tuple[str]]:
+        return import_module, (self.__name__,)  # a copy, or what a pickle is read into, is the package itself
+
+
+def is_path(name: object) -> bool:
+    """Whether a name is the path of a Python file, with or without ``:`` and the name of an entry in it."""
+    return isinstance(name, str) and (name.endswith(".py") or ".py:" in name or "/" in name or os.sep in name)
+
+
+def split_path(place: str) -> tuple[str, str]:
+    """Return the path of a Python file, and the name of the entry in it that follows a colon, "" if none does."""
+    path, colon, entry = place.rpartition(":")
+    return (path, entry) if colon and path.endswith(".py") else (place, "")
+
+
+def make_registry(
+    package: str,
+    kind: str,
+    declares: str,
+    entries_of: Callable[[ModuleType], Mapping[str, Entry]],
+    read: Callable[[str], Entry] | None = None,
+) -> Registry[Entry]:
+    """Make an imported package the registry of what its modules declare.
+
+    Parameters
+    ----------
+    package
+        Dotted name of the package; its ``__init__`` calls this function.
+    kind
+        What an entry is called in error messages, singular.
+    declares
+        What a module that declares entries calls them.
+    entries_of
+        Function of a module that returns its entries by name, an empty mapping if it declares none.
+    read
+        Function of the path of a user's file that returns the entry which it declares; without it, no path is a key.
+
+    Returns
+    -------
+    Registry
+        The module itself, as it stands in ``sys.modules``.
+    """
+    module = sys.modules[package]
+    module.__class__ = Registry
+    made = cast("Registry[Entry]", module)
+    made._kind, made._declares, made._entries_of, made._entries, made._modules = kind, declares, entries_of, None, {}
+    made._covered, made._read, made._definitions, made._made = None, read, {}, {}
+    return made

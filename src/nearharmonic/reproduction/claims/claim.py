@@ -1,0 +1,159 @@
+"""A statement of the paper that numbers decide, and what they say of it.
+
+A statement is a function below :func:`claim` in a file of its group; nothing else lists it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+from nearharmonic.errors import NearharmonicError, ResultFileError
+from nearharmonic.output.store import workflow_command
+from nearharmonic.reproduction.claims.margins import EXACT, margin
+from nearharmonic.reproduction.claims.results import Results, Undecided
+
+Verdict = Literal["holds", "holds but for edges", "holds in part", "fails", "erratum", "not decided here"]
+OPEN: Verdict = "not decided here"
+
+#: What a statement is. A result is measured or found in the paper; mathematics is proved there or follows. A misprint
+#: is a slip of print, which its context puts right. An attribution says whose something is; background is quoted from
+#: others or describes what is compared. A finding is this project's, and not the paper's.
+Kind = Literal["result", "mathematics", "misprint", "attribution", "background", "finding"]
+
+
+class Decision(NamedTuple):
+    """What became of a statement, what was measured, in words and numbers, and how far its threshold may move."""
+
+    verdict: Verdict
+    value: str
+    margin: str = ""
+
+
+#: Takes the results, and the threshold if the statement has one that is a number.
+Decide = Callable[..., Decision]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Claim:
+    """A statement.
+
+    Attributes
+    ----------
+    id : str
+        Name in tables, lower case with hyphens.
+    paper : str
+        Where the paper says it.
+    sentence : str
+        Its words.
+    kind : str
+        One of :data:`Kind`.
+    statement : str
+        What of it is decided here, and in which sense.
+    threshold : str
+        What is asked of the numbers, and where the numbers in it come from.
+    bound : float, optional
+        The threshold, if it is one number: ``decide`` takes it beside the results, and the margin is the interval of
+        bounds with the same verdict.
+    needs : tuple of str
+        Result files that it is decided on, relative to the folder of results.
+    target : str
+        Target of the workflow that makes these files.
+    also : tuple of str
+        Result files of other targets. Where they are there, the value tells something from them; the verdict does not
+        depend on them.
+    decide : callable
+        Takes :class:`~nearharmonic.reproduction.claims.results.Results` to a :class:`Decision`.
+    """
+
+    id: str
+    paper: str
+    sentence: str
+    kind: Kind
+    statement: str
+    threshold: str
+    needs: tuple[str, ...]
+    target: str
+    decide: Decide
+    bound: float | None = None
+    also: tuple[str, ...] = ()
+
+    def decision(self, results: Results) -> Decision:
+        """Decide the statement on ``results``; what is not there leaves it undecided.
+
+        Raises
+        ------
+        ResultFileError
+            A file is damaged, or lacks what the statement needs.
+        """
+        missing = [name for name in self.needs if not results.has(name)]
+        if missing:
+            return Decision(OPEN, f"{missing[0]} is not there: target {self.target}")
+        try:
+            return self._decided(results)
+        except Undecided as reason:
+            return Decision(OPEN, str(reason))
+        except (ArithmeticError, LookupError, TypeError, ValueError) as error:
+            if isinstance(error, NearharmonicError) or not self.needs:
+                raise
+            message = f"{' or '.join(self.needs)} lacks what {self.id!r} is decided on, or holds no numbers"
+            again = f"{workflow_command(results.folder / self.needs[0])} --force {self.target}"
+            raise ResultFileError(f"{message}. Make it again: {again}") from error
+
+    def _decided(self, results: Results) -> Decision:
+        bound = self.bound
+        if bound is None:
+            return self._as_told(self.decide(results))._replace(margin=EXACT)
+        found = self._as_told(self.decide(results, bound))
+        return found._replace(margin=margin(lambda other: self.decide(results, other).verdict, bound))
+
+    def _as_told(self, found: Decision) -> Decision:
+        """``found``, but that a print that is wrong is an erratum, and no failure of what it stands for."""
+        wrong = self.kind == "misprint" and found.verdict in ("fails", "holds in part")
+        return found._replace(verdict="erratum") if wrong else found
+
+
+def claim(
+    *,
+    id: str,
+    paper: str,
+    sentence: str,
+    kind: Kind,
+    statement: str,
+    threshold: str,
+    bound: float | None = None,
+    needs: Sequence[str] = (),
+    target: str = "all",
+    also: Sequence[str] = (),
+) -> Callable[[Decide], Claim]:
+    """Make the decorated function a statement; arguments are the attributes of :class:`Claim`."""
+
+    def decorate(decide: Decide) -> Claim:
+        told: dict[str, Any] = {"id": id, "paper": paper, "sentence": sentence, "kind": kind, "statement": statement}
+        asked: dict[str, Any] = {"threshold": threshold, "bound": bound, "target": target}
+        return Claim(**told, **asked, needs=tuple(needs), also=tuple(also), decide=decide)
+
+    return decorate
+
+
+def either(good: bool, value: str) -> Decision:
+    """Say that a statement holds or fails."""
+    return Decision("holds" if good else "fails", value)
+
+
+def counted(good: Sequence[bool], value: str) -> Decision:
+    """Say that a statement of several things holds, holds in part or fails: all, some or none of them are good."""
+    return Decision("holds" if all(good) else "holds in part" if any(good) else "fails", value)
+
+
+def combined(verdicts: Iterable[Verdict], value: str) -> Decision:
+    """Say what becomes of a statement of several parts.
+
+    It holds or fails if all of them do, holds but for edges if all of them do at least that, and holds in part
+    otherwise.
+    """
+    found = set(verdicts)
+    if len(found) == 1:
+        return Decision(found.pop(), value)
+    return Decision("holds but for edges" if found == {"holds", "holds but for edges"} else "holds in part", value)

@@ -1,0 +1,114 @@
+"""Section 5: close encounters, kinetic energies that are not quadratic, coefficients of methods of higher order."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from math import inf
+
+from nearharmonic.reproduction.claims.claim import Decision, claim, counted, either
+from nearharmonic.reproduction.claims.curves import LOST
+from nearharmonic.reproduction.claims.definitions import GENERALLY, SIGNIFICANTLY
+from nearharmonic.reproduction.claims.results import Results, Undecided, label, short
+from nearharmonic.reproduction.claims.statements.comparisons import NEW
+
+
+def _require(found: Collection[str], names: Iterable[str]) -> None:
+    for name in names:
+        if name not in found:
+            message = f"the results do not have the method {label(name)}"
+            raise Undecided(message)
+
+
+@claim(
+    id="t-not-quadratic",
+    paper="Section 5, Discussion",
+    sentence="The performance of the obtained integrators generally declines for systems where T(p) deviates "
+    "significantly from a squared kinetic energy",
+    kind="result",
+    statement="The performance generally declines where T deviates significantly from a squared kinetic energy",
+    threshold="on a relativistic oscillator, whose T is off a square by 0.25 % at amplitude 0.1 and by a sixth at "
+    "amplitude 1: the maximum error at τ/s = 0.05 over that with the roles of T and V exchanged, so that V deviates as "
+    "much instead on the same orbit, above the same ratio of Ruth's method and above 1.26, for more than half of the "
+    f"new methods at both amplitudes; {SIGNIFICANTLY.words}; {GENERALLY.words}",
+    bound=SIGNIFICANTLY.number,
+    needs=("cubes/kinetic_energy.h5",),
+    target="stability",
+)
+def t_not_quadratic(results: Results, least: float) -> Decision:
+    good, told = [], []
+    for amplitude, (ruth, *new) in results.kept("roles", lambda: _by_roles(results)).items():
+        good += [one > max(least, ruth) for one in new]
+        listed = ", ".join(f"{label(name)} {short(one, 2)}" for name, one in zip(NEW, new, strict=True))
+        told.append(f"at amplitude {short(amplitude)} {listed}, Ruth {short(ruth, 2)}")
+    value = f"error over that with the roles exchanged: {'; '.join(told)}"
+    return either(sum(good) > GENERALLY.number * len(good), value)
+
+
+def _by_roles(results: Results) -> dict[float, list[float]]:
+    """Errors over those with the roles exchanged by amplitude, of Ruth's method and of the new ones."""
+    cube = results.cube("kinetic_energy")
+    _require(cube["integrator"].values, ("ruth", *NEW))
+    errors = cube["max_energy_error"].sel(tau_per_stage=0.05, method="nearest").sel(integrator=["ruth", *NEW])
+    ratios = errors.sel(roles="own") / errors.sel(roles="exchanged")
+    return {one: ratios.sel(amplitude=one, method="nearest").values.tolist() for one in (0.1, 1.0)}
+
+
+#: Evaluations of the force an orbit, as in the figures of Kepler maps, and a round orbit beside those that come close.
+EVALUATIONS, ROUND, CLOSE = 400, 0.2, 0.95
+
+
+@claim(
+    id="close-encounters",
+    paper="Section 5, Discussion",
+    sentence="Close encounters in the gravitational N-body system inevitably cause high errors ultimately waiving "
+    "symplectic properties of SIs",
+    kind="background",
+    statement="Close encounters inevitably cause high errors ultimately waiving symplectic properties",
+    threshold=f"at {EVALUATIONS} evaluations an orbit a Kepler orbit of eccentricity {CLOSE} leaves its energy surface "
+    f"within ten periods with each method, and one of eccentricity {ROUND} is off by less than 1 % with it",
+    bound=LOST,
+    needs=("cubes/stability_kepler.h5",),
+    target="stability",
+)
+def close_encounters(results: Results, kept_below: float) -> Decision:
+    cube = results.cube("stability_kepler")
+    of_orbits = cube["energy_error"].sel(eccentricity=[ROUND, CLOSE], method="nearest")
+    spent = cube["evaluations_per_orbit"].values
+    row = [int(abs(one - EVALUATIONS).argmin()) for one in spent]
+    errors = [of_orbits.values[i, j] for i, j in enumerate(row)]
+    good = [kept < kept_below and lost == inf for kept, lost in errors]
+    kept = [float(one) for one, _ in errors]
+    value = f"{sum(good)} of {len(good)} methods lose it; eccentricity {ROUND} is off by "
+    return counted(good, f"{value}{short(min(kept), 2)} to {short(max(kept), 2)}")
+
+
+@claim(
+    id="high-order-negative",
+    paper="Section 5, Discussion",
+    sentence="Higher order integrators are generally more constrained and usually involve several negative splitting "
+    "coefficients with large absolute values",
+    kind="background",
+    statement="Higher order integrators usually involve several negative coefficients with large absolute values",
+    threshold="each registered method of order 6 or more for any Hamiltonian has two negative coefficients at least, "
+    "and the sum of its absolute values above that of each new method, for more than half of them; "
+    f"{GENERALLY.words}",
+    bound=GENERALLY.number,
+    needs=("tables/integrators.csv",),
+)
+def high_order_negative(results: Results, share: float) -> Decision:
+    rows = results.rows("integrators")
+    new = {row["integrator"]: float(row["sum of absolute values"]) for row in rows if row["integrator"] in NEW}
+    _require(new, NEW)
+    high = [row for row in rows if int(row["order"]) >= 6]
+    good = [
+        int(row["negative coefficients"]) >= 2 and float(row["sum of absolute values"]) > max(new.values())
+        for row in high
+    ]
+    if not good:
+        message = "the table of methods has none of order 6"
+        raise Undecided(message)
+    value = f"{sum(good)} of {len(good)} methods: " + ", ".join(
+        f"{label(row['integrator'])} {row['negative coefficients']}, sum {short(float(row['sum of absolute values']))}"
+        for row in high
+    )
+    return either(sum(good) > share * len(good), f"{value}; the new ones up to {short(max(new.values()))}")

@@ -1,0 +1,151 @@
+"""Section 4.B: the list of the ten methods."""
+
+from __future__ import annotations
+
+from mpmath import mp, mpf
+
+from nearharmonic.integrators import BENCHMARKED, blanes_2013, forest_ruth_1990, kahan_li_1997, yoshida_1990
+from nearharmonic.integrators.tableau import Tableau, palindrome
+from nearharmonic.reproduction.claims.claim import Decision, claim, counted, either
+from nearharmonic.reproduction.claims.results import Results, label, only, short
+from nearharmonic.theory.order import error_norm, order_of
+
+#: The modules of the ten methods but Nielsen's own: what they declare is covered by the digest of the job.
+SOURCES = (blanes_2013, forest_ruth_1990, kahan_li_1997, yoshida_1990)
+
+#: Stages as the list prints them.
+LISTED = {
+    "ruth": 3, "s5odr4": 5, "aba104": 7, "aba864": 7, "aba1064": 8, "yoshida_s7o6a": 7, "abas5o6h": 5, "babs7o7h": 7,
+    "babps8o7h": 7, "babps9o7h": 9,
+}  # fmt: skip
+GENERALISED = {"aba104": "(10, 4)", "aba864": "(8, 6, 4)", "aba1064": "(10, 6, 4)"}
+
+#: Yoshida's solutions B and C for seven stages, his Table 1, outer weights w_3, w_2, w_1.
+YOSHIDA = {
+    "B": ("1.43984816797678", "0.00426068187079180", "-2.13228522200144"),
+    "C": ("1.44778256239930", "-2.14403531630539", "0.00152886228424922"),
+}
+
+
+@claim(
+    id="listed-stages",
+    paper="Section 4.B, list of the ten",
+    sentence="The following 10 symmetric SIs are benchmarked",
+    kind="background",
+    statement="The numbers of stages of the ten methods but BAB's8o7H",
+    threshold="the length of the inner row of coefficients",
+)
+def listed_stages(results: Results) -> Decision:
+    found = {name: results.method(name).stages for name in LISTED if name != "babps8o7h"}
+    bad = [
+        f"{label(name)} has {stages}, not {LISTED[name]}" for name, stages in found.items() if stages != LISTED[name]
+    ]
+    good = [stages == LISTED[name] for name, stages in found.items()]
+    return counted(good, f"{sum(good)} of {len(good)}" + (f"; {', '.join(bad)}" if bad else ""))
+
+
+@claim(
+    id="listed-stages-babps8o7h",
+    paper="Section 4.B, list of the ten",
+    sentence="BAB's8o7H [BAB] 7-stage, 4th order",
+    kind="misprint",
+    statement="BAB's8o7H has seven stages",
+    threshold="the length of the inner row of coefficients, which its name states as well",
+)
+def listed_stages_of_one(results: Results) -> Decision:
+    stages = results.method("babps8o7h").stages
+    return either(stages == LISTED["babps8o7h"], f"{stages} stages")
+
+
+@claim(
+    id="listed-orders",
+    paper="Section 4.B, list of the ten",
+    sentence="Yosh s7o6 A [ABA] 7-stage, 6th order",
+    kind="background",
+    statement="Yosh s7o6 A is of sixth order, the others of fourth",
+    threshold="the order for any separable Hamiltonian, proved in the free Lie algebra up to degree 7",
+)
+def listed_orders(results: Results) -> Decision:
+    good = [order_of(results.method(name), highest=7) == (6 if name == "yoshida_s7o6a" else 4) for name in BENCHMARKED]
+    return counted(good, f"{sum(good)} of 10")
+
+
+@claim(
+    id="listed-generalised-orders",
+    paper="Section 4.B, list of the ten",
+    sentence="ABA864 [ABA] 7-stage, 8-6-4 generalized order",
+    kind="background",
+    statement="ABA104, ABA864 and ABA1064 are of generalized order 10-4, 8-6-4 and 10-6-4",
+    threshold="the generalised order proved in the free Lie algebra",
+    needs=("tables/integrators.csv",),
+)
+def listed_generalised_orders(results: Results) -> Decision:
+    rows = results.rows("integrators")
+    found = {name: only(rows, "integrator", name)["generalised order"] for name in GENERALISED}
+    good = [found[name] == expected for name, expected in GENERALISED.items()]
+    return counted(good, ", ".join(f"{label(name)} {order}" for name, order in found.items()))
+
+
+#: Weights of s5odr4 as programs that use it print them, in 20 decimals: the outer four, and the middle one.
+S5ODR4 = ("0.41449077179437573714", "-0.65796308717750294857")
+
+
+@claim(
+    id="s5odr4-of-kahan",
+    paper="Abstract and Section 4.B, list of the ten",
+    sentence="s5odr4 [ABA] 5-stage, 4th order [Kahan and Li]",
+    kind="attribution",
+    statement="s5odr4 was composed by Kahan",
+    threshold="the weights that go by this name, in 20 decimals and in the runs, other than those that Suzuki "
+    "composed in 1990, 1/(4 - 4^(1/3)) four times: within a unit of the last decimal they are the same. Kahan and Li "
+    "(1997), whom the list cites, gave the name",
+    bound=1e-20,
+)
+def s5odr4_source(results: Results, unit: float) -> Decision:
+    with mp.workdps(30):
+        weight = 1 / (4 - mp.cbrt(4))
+        suzuki = [weight, weight, 1 - 4 * weight, weight, weight]
+        printed, middle = map(mpf, S5ODR4)
+        rows = [[printed, printed, middle, printed, printed], list(map(mpf, results.method("s5odr4").inner))]
+        off = [float(max(abs(c - w) for c, w in zip(row, suzuki, strict=True))) for row in rows]
+    return either(max(off) > unit, f"Suzuki's within {short(off[0], 1)} as printed and {short(off[1], 1)} in the runs")
+
+
+@claim(
+    id="yoshida-a-smallest",
+    paper="Section 4.B, below the list",
+    sentence="Yosh s7o6 A yields the smallest errors of the three stage-optimized sixth order integrators presented by "
+    "[Yoshida]",
+    kind="background",
+    statement="Yosh s7o6 A yields the smallest errors of Yoshida's three with seven stages",
+    threshold="the norm of the leading error, degree 7 in the Lyndon basis, below those of B and C",
+    bound=1.0,
+)
+def yoshida_a_smallest(results: Results, ratio: float) -> Decision:
+    ours, *rest = results.kept("yoshida", lambda: _norms(results.method("yoshida_s7o6a"), *map(composed, YOSHIDA)))
+    others = dict(zip(YOSHIDA, rest, strict=True))
+    listed = ", ".join(f"{letter} {short(norm)}" for letter, norm in {"A": ours, **others}.items())
+    return either(ours < ratio * min(others.values()), listed)
+
+
+def _norms(*methods: Tableau) -> list[float]:
+    return [error_norm(method, 7) for method in methods]
+
+
+def composed(letter: str) -> Tableau:
+    """The composition of seven leapfrog steps with the weights of one of Yoshida's solutions."""
+    with mp.workdps(30):
+        outer = [mpf(w) for w in YOSHIDA[letter]]
+        weights = [*outer, 1 - 2 * sum(outer), *reversed(outer)]
+        halves = [(a + b) / 2 for a, b in zip([mpf(0), *weights], [*weights, mpf(0)], strict=True)]
+        kicks, drifts = ([mp.nstr(c, 25) for c in row] for row in (weights, halves))
+    return Tableau(
+        name=f"yoshida_s7o6{letter.lower()}",
+        label=f"Yosh s7o6 {letter}",
+        order=6,
+        first="drift",
+        drift=palindrome(*drifts[:4]),
+        kick=palindrome(*kicks[:3], centre=kicks[3]),
+        source="Yoshida (1990), doi:10.1016/0375-9601(90)90092-3, Table 1",
+        digits=14,
+    )

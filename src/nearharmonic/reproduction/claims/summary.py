@@ -1,0 +1,86 @@
+"""How many statements of each kind have which verdict, in a table and in a sentence."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from nearharmonic.reproduction.claims.claim import OPEN
+
+Entry = Mapping[str, Any]
+
+#: Kinds in the order of their weight, and what many of them are called; findings are this project's, and not counted.
+KINDS = {
+    "result": "results", "mathematics": "mathematics", "background": "background", "attribution": "attributions",
+    "misprint": "misprints",
+}  # fmt: skip
+FINDING = "finding"
+#: Verdicts, and what many statements do.
+VERDICTS = {
+    "holds": "hold",
+    "holds but for edges": "hold but for edges",
+    "holds in part": "hold in part",
+    "fails": "fail",
+    "erratum": "are errata",
+    OPEN: "are not decided here",
+}
+#: Kinds of which a statement that fails is a failure of substance.
+SUBSTANCE = ("result", "mathematics")
+
+
+def of_the_paper(entries: Iterable[Entry]) -> list[Entry]:
+    """Return the statements of the paper: all but findings."""
+    return [entry for entry in entries if entry["kind"] != FINDING]
+
+
+def sums(entries: Sequence[Entry]) -> list[tuple[str, int, dict[str, int]]]:
+    """Return each kind, the number of its statements, and the number of them with each verdict."""
+    found = []
+    for kind, many in KINDS.items():
+        verdicts = Counter(entry["verdict"] for entry in entries if entry["kind"] == kind)
+        if verdicts:
+            found.append((many, verdicts.total(), {verdict: verdicts[verdict] for verdict in VERDICTS}))
+    return found
+
+
+def tally(entries: Sequence[Entry]) -> str:
+    """Return the number of statements of the paper and of those with each verdict, in words."""
+    counted = of_the_paper(entries)
+    told = in_words(Counter(entry["verdict"] for entry in counted))
+    return f"Of the {len(counted)} statements of the paper that are checked {told}"
+
+
+def in_words(found: Mapping[str, int]) -> str:
+    """Return how many statements have which verdict: 1 holds, 2 are errata."""
+    told = ((found[verdict], verdict if found[verdict] == 1 else many) for verdict, many in VERDICTS.items())
+    return ", ".join(f"{number} {words}" for number, words in told if number)
+
+
+def failures(entries: Iterable[Entry]) -> list[Entry]:
+    """Return the statements that fail in substance: misprints and attributions are no failures of a method."""
+    return [entry for entry in entries if entry["verdict"] == "fails" and entry["kind"] in SUBSTANCE]
+
+
+def verdicts_line(document: str | Path, command: str) -> str:
+    """Return what a run says of its statements, and the command that decides those it leaves open.
+
+    Parameters
+    ----------
+    document : path
+        ``tables/claims.json``.
+    command : str
+        Start of the command, to which targets are added.
+    """
+    from nearharmonic.reproduction.claims.table import CLAIMS
+
+    entries = json.loads(Path(document).read_text(encoding="utf-8"))
+    targets = {one.id: one.target for one in CLAIMS}
+    missing = [targets[entry["id"]] for entry in of_the_paper(entries) if entry["verdict"] == OPEN]
+    later = " ".join(sorted({target for target in missing if target != "all"}))
+    if not later:
+        return f"{tally(entries)}."
+    share = "most" if "all" in missing else "all"
+    return f"{tally(entries)}; {command} {later} decides {share} of those left open."

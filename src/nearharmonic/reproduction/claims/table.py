@@ -1,0 +1,110 @@
+"""All statements, decided on a folder of results, as a table and as JSON."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from nearharmonic.integrators import integrators as registered
+from nearharmonic.output.table import Table
+from nearharmonic.reproduction.claims.claim import Claim
+from nearharmonic.reproduction.claims.results import Results
+from nearharmonic.reproduction.claims.statements import (
+    background,
+    coefficients,
+    comparisons,
+    conclusions,
+    decomposition,
+    henon_heiles,
+    identities,
+    kepler,
+    large_steps,
+    methods,
+    misprints,
+    oscillator,
+    perihelion,
+    roles,
+    rounding,
+    search,
+    sizes,
+    splitting,
+    substeps,
+    trained,
+)
+
+#: The groups in the order of the paper; a digest of the job follows these imports, so that an edit of one decides anew.
+GROUPS = (
+    background, splitting, decomposition, identities, misprints, search, coefficients, sizes, trained, roles, methods,
+    rounding, oscillator, henon_heiles, kepler, perihelion, substeps, comparisons, large_steps, conclusions,
+)  # fmt: skip
+
+CLAIMS: tuple[Claim, ...] = tuple(one for group in GROUPS for one in vars(group).values() if isinstance(one, Claim))
+
+#: Result files that a statement may need or tell of, relative to the folder of results.
+FILES: tuple[str, ...] = tuple(sorted({name for one in CLAIMS for name in (*one.needs, *one.also)}))
+
+#: Keys of an entry. That of the paper has the keys ``section`` and ``sentence``.
+KEYS = ("id", "paper", "statement", "kind", "verdict", "value", "threshold", "margin", "needs")
+#: Columns of the table.
+COLUMNS = ("id", "section", "sentence", *KEYS[2:])
+
+
+def decide(results: Results) -> list[dict[str, Any]]:
+    """Return an entry with the keys :data:`KEYS` for every statement, group by group.
+
+    Raises
+    ------
+    ResultFileError
+        A result file is damaged.
+    """
+    return [_entry(one, results) for one in CLAIMS]
+
+
+def _entry(one: Claim, results: Results) -> dict[str, Any]:
+    found = one.decision(results)
+    return {
+        "id": one.id,
+        "paper": {"section": one.paper, "sentence": one.sentence},
+        "statement": one.statement,
+        "kind": one.kind,
+        "verdict": found.verdict,
+        "value": found.value,
+        "threshold": one.threshold,
+        "margin": found.margin,
+        "needs": list(one.needs),
+    }
+
+
+def decided(folder: str | os.PathLike[str], integrators: Sequence[str] | None = None) -> dict[str, Table | str]:
+    """Decide every statement.
+
+    Parameters
+    ----------
+    folder : path
+        The folder of results.
+    integrators : sequence of str, optional
+        Names of the methods that statements about all methods look at; every registered one by default. Those that a
+        user's config adds are not among them, so that they change no verdict.
+
+    Returns
+    -------
+    dict
+        ``table``, and ``document``, the JSON text of a list of objects with the keys :data:`KEYS`.
+
+    Raises
+    ------
+    ResultFileError
+        A result file is damaged.
+    """
+    methods_by_name = {name: registered[name] for name in (registered if integrators is None else integrators)}
+    entries = decide(Results(folder, methods_by_name))
+    rows = [[entry["id"], *entry["paper"].values(), *_cells(entry)] for entry in entries]
+    caption = "Statements of the paper, and what the numbers say of them."
+    text = json.dumps(entries, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return {"table": Table(header=COLUMNS, rows=rows, caption=caption), "document": text}
+
+
+def _cells(entry: Mapping[str, Any]) -> list[str]:
+    return [", ".join(entry[key]) if key == "needs" else entry[key] for key in KEYS[2:]]

@@ -1,0 +1,1 @@
+"""Subcommands that ask results and their record; see :mod:`nearharmonic.commands`."""

@@ -1,0 +1,36 @@
+"""``nearharmonic adopt``: take results from elsewhere as up to date."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from nearharmonic.output.answers import Answer
+
+HELP = "take results that were copied here as up to date, after they were verified"
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command to ``parser``."""
+    parser.add_argument("result", help="a folder of results in results/, or its name")
+    parser.add_argument("--configfile", metavar="FILE", help="its config (default: the one that it was made with)")
+
+
+def answer(chosen: argparse.Namespace) -> Answer:
+    """Return how many files were adopted; the status is 1 if the results are refused."""
+    from nearharmonic.errors import RefusedError
+    from nearharmonic.reproduction.record.adopt import adopt
+    from nearharmonic.reproduction.record.folders import folder_of
+
+    folder = folder_of(chosen.result)
+    try:
+        number, reason = adopt(folder, chosen.configfile), ""
+    except RefusedError as refusal:
+        number, reason = 0, str(refusal)
+        sys.stderr.write(f"nearharmonic: {refusal}\n")
+    return Answer(
+        header=["result", "files", "reason"],
+        rows=[] if reason else [[str(folder), number, ""]],
+        document={"result": str(folder), "adopted": not reason, "files": number, "reason": reason},
+        status=1 if reason else 0,
+    )

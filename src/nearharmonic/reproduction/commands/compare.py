@@ -1,0 +1,93 @@
+"""``nearharmonic compare``: what differs between two results."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+from math import isnan
+from typing import TYPE_CHECKING, Any
+
+from nearharmonic.output.answers import Answer
+
+if TYPE_CHECKING:
+    from nearharmonic.reproduction.record.compare.comparison import Comparison
+    from nearharmonic.reproduction.record.compare.differences import Difference
+
+HELP = "compare two results: claims, settings, code, and every number"
+HEADER = ("kind", "where", "a", "b", "unit", "relative", "at", "differ", "of")
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command to ``parser``."""
+    parser.add_argument("a", help="folder of a result, or its name below results/")
+    parser.add_argument("b", help="the other result")
+    parser.add_argument("--figure", metavar="FILE", help="draw the energy errors of both: a .png, .svg or .pdf file")
+
+
+def answer(chosen: argparse.Namespace) -> Answer:
+    """Return a row for each difference; the status is 1 if there is one."""
+    from nearharmonic.reproduction.record.compare.comparison import compared
+    from nearharmonic.reproduction.record.folders import folder_of
+
+    a, b = folder_of(chosen.a), folder_of(chosen.b)
+    figure = None
+    if chosen.figure is not None:
+        from nearharmonic.reproduction.record.compare.overlay import save_overlay
+
+        names = dict(zip(_names(chosen.a, chosen.b), (a, b), strict=True))
+        figure = save_overlay(names, chosen.figure)
+    found = compared(a, b)
+    document = {
+        "a": str(a),
+        "b": str(b),
+        "identical": found.identical,
+        "same_numbers": found.same_numbers,
+        "differences": [asdict(difference) for difference in found.differences],
+        "left_out": found.left_out,
+        "figure": None if figure is None else str(figure),
+    }
+    return Answer(
+        header=HEADER,
+        rows=[_row(difference) for difference in found.differences],
+        document=document,
+        status=0 if found.identical else 1,
+        title="" if found.identical else f"a: {a}, b: {b}",
+        notes=_notes(found),
+    )
+
+
+def _names(a: str, b: str) -> tuple[str, str]:
+    """The names of two results in a legend, which are to differ."""
+    return (a, b) if a != b else (a, f"{b} (again)")
+
+
+def _row(difference: Difference) -> tuple[Any, ...]:
+    from nearharmonic.reproduction.record.compare.differences import short
+
+    at = difference.at
+    places = [f"{name} {short(value)} {difference.at_units.get(name, '')}".rstrip() for name, value in at.items()]
+    return (
+        difference.kind,
+        difference.where,
+        _value(difference.a),
+        _value(difference.b),
+        difference.unit,
+        difference.relative,
+        ", ".join(places),
+        difference.differ,
+        difference.compared,
+    )
+
+
+def _value(value: Any) -> Any:
+    """A value as it is; NaN in letters, because a table shows a dash where there is nothing."""
+    return "nan" if isinstance(value, float) and isnan(value) else value
+
+
+def _notes(found: Comparison) -> list[str]:
+    notes = [f"not compared, because they are measured times: {'; '.join(found.left_out)}"] if found.left_out else []
+    if found.identical:
+        return ["identical", *notes]
+    if found.same_numbers:
+        notes.insert(0, "The numbers are the same; what made them is not.")
+    return notes

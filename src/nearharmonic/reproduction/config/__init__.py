@@ -1,0 +1,1 @@
+"""The config of the workflow: its types, and the schema that follows from them."""

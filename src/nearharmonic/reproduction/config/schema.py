@@ -1,0 +1,80 @@
+"""What is generated from the types of the config: the JSON schema, and the table of keys in ``config/README.md``.
+
+``python -m nearharmonic.reproduction.config.schema`` writes both.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from nearharmonic.output.atomic import write_text
+from nearharmonic.reproduction.config.config import adapter
+
+#: The generated files, from the root of the project.
+SCHEMA, KEYS = Path("workflow/schemas/config.schema.yaml"), Path("config/README.md")
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON schema of configs; besides the standard's words ``unit`` and ``allowed``, as errors tell it."""
+    found = adapter().json_schema()
+    definitions = found.pop("$defs")
+    inlined: dict[str, Any] = _inlined(found, definitions)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema"} | inlined
+
+
+def _inlined(member: Any, definitions: Mapping[str, Any]) -> Any:
+    """``member`` of a schema with references written out, and without the titles that repeat the keys."""
+    if isinstance(member, list):
+        return [_inlined(part, definitions) for part in member]
+    if not isinstance(member, Mapping):
+        return member
+    whole = dict(definitions[member["$ref"].rpartition("/")[2]]) if "$ref" in member else {}
+    whole |= {key: value for key, value in member.items() if key != "$ref"}
+    options = [part for part in whole.pop("anyOf", []) if part.get("type") != "null"]
+    for option in options:
+        whole = {**option, **{key: value for key, value in whole.items() if value is not None}}
+    if "properties" in whole:
+        whole.setdefault("allowed", f"the keys {' and '.join(', '.join(whole['properties']).rsplit(', ', 1))}")
+    kept = {
+        key: ({name: _inlined(part, definitions) for name, part in value.items()} if key == "properties" else value)
+        for key, value in whole.items()
+        if key != "title"
+    }
+    return {key: value if key == "properties" else _inlined(value, definitions) for key, value in kept.items()}
+
+
+def key_table(described: Mapping[str, Any]) -> str:
+    """Return the keys of the schema ``described`` as a Markdown table, one line a key."""
+    lines = ["| key | default | allowed | unit | meaning |", "|---|---|---|---|---|"]
+    for key, member, required in _keys(described, ""):
+        default = "required" if required else str(member.get("default", "")).replace("'", "")
+        cells = (f"`{key}`", default, member["allowed"], member.get("unit", ""), member["description"])
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _keys(described: Mapping[str, Any], above: str) -> Iterator[tuple[str, Mapping[str, Any], bool]]:
+    for key, member in described.get("properties", {}).items():
+        yield above + key, member, key in described.get("required", ())
+        yield from _keys(member, f"{above}{key}.")
+        other = member.get("additionalProperties")
+        if isinstance(other, Mapping):
+            yield from _keys(other, f"{above}{key}.<name>.")
+
+
+def write_generated(root: Path = Path()) -> None:
+    """Write the schema, and the table of keys into the page that has one, below the folder ``root``."""
+    import yaml
+
+    described = schema()
+    write_text(root / SCHEMA, yaml.safe_dump(described, sort_keys=False, width=110))
+    page = (root / KEYS).read_text(encoding="utf-8")
+    before = page.partition("| key |")[0]
+    write_text(root / KEYS, f"{before}{key_table(described)}\n")
+
+
+if __name__ == "__main__":
+    write_generated(Path(sys.argv[1]) if len(sys.argv) > 1 else Path())

@@ -1,0 +1,202 @@
+"""What a derivation found, as tables, and the solutions of one case measured side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from mpmath import nstr
+
+from nearharmonic.engine.runs.trajectory import sweep
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.tableau import First, Tableau
+from nearharmonic.output.table import Table
+from nearharmonic.reproduction.experiments.derivation.families import PrintedPoint, Ranking
+from nearharmonic.reproduction.experiments.derivation.isolated import IsolatedSolutions, Reach
+from nearharmonic.reproduction.experiments.derivation.simplex import SimplexRun
+from nearharmonic.systems.henon_heiles import SYSTEM
+from nearharmonic.theory.oscillator import harmonic_energy_error
+from nearharmonic.theory.table_4 import table_4
+
+ROLES: tuple[First, ...] = ("drift", "kick")
+#: Decimals of the coefficients that errors are measured with.
+DIGITS = 40
+
+
+@dataclass(frozen=True)
+class SolutionErrors:
+    """Energy errors of one solution in one role, per step size: |H - H0|/|H0|, infinite where it left its surface.
+
+    ``harmonic_oscillator`` is the exact supremum over arbitrarily many steps, ``henon_heiles`` the maximum over every
+    step of the system's whole interval.
+    """
+
+    solution: int
+    first: First
+    tau_per_stage: tuple[float, ...]
+    harmonic_oscillator: tuple[float, ...]
+    henon_heiles: tuple[float, ...]
+
+
+def compare(
+    isolated: IsolatedSolutions, tau_per_stage: Sequence[float], *, t_end: float | None = None
+) -> list[SolutionErrors]:
+    """Measure every solution of a case on two systems, drift first and kick first.
+
+    Parameters
+    ----------
+    isolated : IsolatedSolutions
+        The case; its solutions are numbered from 0 in their order.
+    tau_per_stage : sequence of float
+        Step sizes per stage, dimensionless.
+    t_end : float, optional
+        End of the runs on the Henon-Heiles system; that of the system by default.
+    """
+    equations, rows = isolated.equations, []
+    taus = [tau * equations.stages for tau in tau_per_stage]
+    for number, root in enumerate(isolated.roots):
+        tableau = root.tableau(equations, f"solution_{number}", DIGITS)
+        for first in ROLES:
+            measured = sweep(SYSTEM, tableau.role(first), taus, t_end=t_end)
+            rows.append(
+                SolutionErrors(
+                    solution=number,
+                    first=first,
+                    tau_per_stage=tuple(tau_per_stage),
+                    harmonic_oscillator=tuple(float(harmonic_energy_error(tableau, t, first=first)) for t in taus),
+                    henon_heiles=tuple(measured.max_energy_error.values.tolist()),
+                )
+            )
+    return rows
+
+
+def printed_and_derived(derived: Mapping[str, Tableau]) -> Table:
+    """Tabulate the independent coefficients of each set of Table 4, beside those of its ``derived`` counterpart."""
+    header, rows = table_4(derived)
+    return Table(header=header, rows=rows, caption="Table 4, printed and derived.")
+
+
+def solutions(cases: Sequence[IsolatedSolutions]) -> Table:
+    """Tabulate every real solution of each isolated case."""
+    header = (
+        "stages", "harmonic order", "solution", "half of the outer row", "half of the inner row",
+        "sum of absolute values", "hits", "proved to exist", "within", "residual", "found by elimination",
+    )  # fmt: skip
+    rows = []
+    for case in cases:
+        for number, root in enumerate(case.roots):
+            halves = [
+                " ".join(f"{float(c):.8f}" for c in row[: (len(row) + 1) // 2]) for row in (root.outer, root.inner)
+            ]
+            rows.append((
+                case.equations.stages, case.equations.harmonic_order, number + 1, *halves, root.sum_of_absolute_values,
+                root.hits, _yes(root.proved), nstr(root.distance, 2), nstr(root.residual, 2), _yes(root.eliminated),
+            ))  # fmt: skip
+    return Table(header=header, rows=rows, caption="Every real solution of the isolated cases.")
+
+
+def counts(cases: Sequence[IsolatedSolutions]) -> Table:
+    """Tabulate how many solutions each isolated case has, and why none is missing."""
+    header = (
+        "stages", "harmonic order", "complex solutions", "real solutions by Sturm", "proved to exist", "complete",
+        "starts", "converged",
+    )  # fmt: skip
+    rows: list[tuple[Any, ...]] = [
+        (
+            case.equations.stages, case.equations.harmonic_order, _or_nothing(case.complex_solutions),
+            _or_nothing(case.real_solutions), sum(root.proved for root in case.roots), _yes(case.complete), case.starts,
+            case.converged,
+        )
+        for case in cases
+    ]  # fmt: skip
+    return Table(header=header, rows=rows, caption="How many solutions there are, and why none is missing.")
+
+
+def reach_of_stages(reaches: Sequence[Reach]) -> Table:
+    """Tabulate the paper's remark on stages: lambda_max and the largest harmonic order with a real solution."""
+    header = ("stages", "lambda_max", "harmonic order reached", "solutions at order s + 1", "starts", "proved largest")
+    rows = [(r.stages, r.lambda_max, r.harmonic_order, r.solutions, r.starts, _yes(r.proved_largest)) for r in reaches]
+    return Table(header=header, rows=rows, caption="The harmonic order that a number of stages reaches.")
+
+
+def families(printed: Sequence[PrintedPoint], rankings: Sequence[Ranking]) -> Table:
+    """Tabulate each printed set that its conditions leave free.
+
+    Parameters
+    ----------
+    printed : sequence of PrintedPoint
+        The sets.
+    rankings : sequence of Ranking
+        The rank of each within its family, in any order.
+    """
+    header = (
+        "set", "stages", "harmonic order", "free parameters", "printed residual", "decimals after continuation",
+        "residual after continuation", "proved", "members found", "sum of absolute values",
+        "members with a smaller sum",
+        "members with a smaller next kappa", "members better in all", "smallest sum met", "distance of the nearest",
+    )  # fmt: skip
+    ranked = {ranking.name: ranking for ranking in rankings}
+    rows = []
+    for point in printed:
+        rank = ranked[point.name]
+        rows.append((
+            integrators[point.name].label, point.equations.stages, point.equations.harmonic_order,
+            point.free_parameters, nstr(point.printed_residual, 2), point.decimals, nstr(point.continued.residual, 2),
+            _yes(point.proof.proved), rank.members, rank.sum_of_absolute_values, rank.smaller_sum,
+            rank.smaller_higher[0], rank.better_in_all, rank.smallest_sum, rank.nearest,
+        ))  # fmt: skip
+    return Table(header=header, rows=rows, caption="Printed members of families, and their rank in them.")
+
+
+def routes(cases: Sequence[IsolatedSolutions], simplex: Sequence[SimplexRun], seconds: Mapping[str, float]) -> Table:
+    """Tabulate the two routes to the coefficients in digits and work.
+
+    Parameters
+    ----------
+    cases : sequence of IsolatedSolutions
+        What our route found.
+    simplex : sequence of SimplexRun
+        What the route of the paper found.
+    seconds : mapping
+        Wall time of our route by case, in seconds of this machine and this run.
+    """
+    header = ("route", "stages", "start", "reached", "largest kappa", "agrees to", "evaluations", "restarts", "seconds")
+    rows: list[tuple[Any, ...]] = []
+    for case in cases:
+        stages = case.equations.stages
+        worst = max((root.residual for root in case.roots), default=float("nan"))
+        rows.append((
+            "many starts, Newton, elimination, proof", stages, f"{case.starts} random", f"all {len(case.roots)}",
+            nstr(worst, 2), "", "", "", seconds[f"isolated_{stages}"],
+        ))  # fmt: skip
+    for run in simplex:
+        start = f"random, one of {run.promising} in {run.starts}"
+        reached = "not converged" if run.reached is None else f"solution {run.reached + 1}"
+        agrees = "" if run.distance is None else nstr(run.distance, 2)
+        rows.append((
+            "adaptive simplex, 2048 bits", run.stages, start, reached, nstr(run.outcome.kappa_max, 2), agrees,
+            run.outcome.evaluations, run.outcome.restarts, run.outcome.seconds,
+        ))  # fmt: skip
+    caption = "Two routes to the coefficients; seconds are of this run."
+    return Table(header=header, rows=rows, caption=caption, volatile=["seconds"])
+
+
+def solution_errors(rows: Sequence[SolutionErrors]) -> Table:
+    """Tabulate energy errors of every solution of a case, in both roles."""
+    header = ("solution", "first", "tau/s", "max error, harmonic oscillator", "max error, Henon-Heiles")
+    lines: list[tuple[Any, ...]] = [
+        (row.solution + 1, row.first, tau, oscillator, measured)
+        for row in rows
+        for tau, oscillator, measured in zip(row.tau_per_stage, row.harmonic_oscillator, row.henon_heiles, strict=True)
+    ]
+    caption = "The five-stage solutions at work: energy errors of all of them, in both roles."
+    return Table(header=header, rows=lines, caption=caption)
+
+
+def _yes(fact: bool) -> str:
+    return "yes" if fact else "no"
+
+
+def _or_nothing(number: int | None) -> int | str:
+    return "not counted" if number is None else number

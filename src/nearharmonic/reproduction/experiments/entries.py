@@ -1,0 +1,117 @@
+"""Entries of a config: how its types declare their members, and how the values are read.
+
+The settings of a config are frozen dataclasses whose members are declared by :func:`setting`, once: type, description,
+unit, limits and default. They are plain dataclasses, because jobs that are given settings must start quickly;
+:mod:`nearharmonic.reproduction.config.config` has pydantic read them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import MISSING, dataclass, field
+from decimal import Decimal
+from fractions import Fraction
+from numbers import Real
+from typing import Annotated, Any
+
+from nearharmonic.engine.settings import positive
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a value of a config is read: ``accept`` returns it in its own type, or raises ValueError or TypeError.
+
+    ``schema`` says in the terms of JSON Schema what it takes. pydantic calls the two methods.
+    """
+
+    accept: Callable[[Any], Any]
+    schema: tuple[tuple[str, Any], ...]
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_plain_validator_function(self._accept)
+
+    def _accept(self, value: Any) -> Any:
+        try:
+            return self.accept(value)
+        except TypeError:  # which pydantic takes for an error of ours
+            raise ValueError from None
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
+        return {key: list(value) if isinstance(value, tuple) else value for key, value in self.schema}
+
+
+def _whole(value: object) -> int:
+    """A whole number in any guise: 10, 10.0 or, as on a command line, "10"."""
+    if isinstance(value, bool) or not isinstance(value, Real | Decimal | str):
+        raise TypeError
+    number = Fraction(value)  # type: ignore[arg-type]
+    if number.denominator != 1:
+        raise ValueError
+    return int(number)
+
+
+def _positive_number(value: object) -> float:
+    return float(positive("", value))
+
+
+def _decimal_text(value: object) -> str:
+    return format(positive("", value).normalize(), "f")
+
+
+_NUMBER = (("type", ("number", "string")),)
+
+#: A finite number above 0, or the decimal string of one (YAML 1.1 reads 1e-4 as a string), as a float.
+PositiveNumber = Annotated[float, Reading(_positive_number, _NUMBER)]
+#: The same with all its digits, as a plain decimal string.
+PositiveDecimal = Annotated[str, Reading(_decimal_text, _NUMBER)]
+
+#: What pydantic is to know of a dataclass of settings: a key that it lacks is refused.
+STRICT: Any = {"extra": "forbid"}
+
+
+def setting(
+    description: str, allowed: str = "", *, unit: str = "", default: Any = MISSING, each: str = "", **limits: Any
+) -> Any:
+    """Declare a member of a dataclass of settings.
+
+    Parameters
+    ----------
+    description : str
+        What it means, for the documentation.
+    allowed : str
+        What may be set, as errors tell; a section needs no such text, its keys are named.
+    unit : str
+        Unit of a number.
+    default : object
+        Value if the key is not given; a class stands for a section all of whose keys have defaults.
+    each : str
+        What an entry of a list may be, as errors tell.
+    **limits
+        ``ge``, ``le``, ``gt``, ``lt`` and ``min_length``, as in ``pydantic.Field``.
+    """
+    told = {"allowed": allowed, "unit": unit, "each": each}
+    metadata = {"description": description, "json_schema_extra": {k: v for k, v in told.items() if v}, **limits}
+    if isinstance(default, type):
+        return field(default_factory=default, metadata=metadata)
+    return field(default=default, metadata=metadata)
+
+
+def whole_between(least: int, most: int) -> tuple[Callable[[Any], int], tuple[tuple[str, Any], ...]]:
+    """Arguments of :class:`Reading` for a whole number within limits, as an entry of a list."""
+
+    def accept(value: object) -> int:
+        number = _whole(value)
+        if not least <= number <= most:
+            raise ValueError
+        return number
+
+    return accept, (("type", "integer"), ("minimum", least), ("maximum", most))
+
+
+def whole_from(least: int, most: int | None = None) -> dict[str, Any]:
+    """Limits of a whole number, and the words for them, as keywords of :func:`setting`."""
+    if most is None:
+        return {"allowed": f"a whole number of {least} or more", "unit": "1", "ge": least}
+    return {"allowed": f"a whole number from {least} to {most}", "unit": "1", "ge": least, "le": most}

@@ -1,0 +1,96 @@
+"""Energy errors of single trajectories: with the oscillator solved exactly, and with T and V."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+
+import numpy as np
+
+from nearharmonic.engine.batch.batch import integrate_batch
+from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, Numerics
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.types import Floats
+from nearharmonic.output.dataset import Contents, coordinate, variable
+from nearharmonic.reproduction.experiments.exact_oscillator.settings import CHARGES, ExactOscillatorSettings
+from nearharmonic.reproduction.experiments.exact_oscillator.surfaces import starts_on
+from nearharmonic.systems.henon_heiles import SYSTEM
+
+WHAT = "largest |H - H0|/|H0| over every step"
+
+
+def measure(split: Sequence[str], exact: Sequence[str], settings: ExactOscillatorSettings) -> dict[str, Contents]:
+    """Integrate all trajectories with all methods.
+
+    Parameters
+    ----------
+    split, exact : sequence of str
+        Names of the methods that split into T and V, and of those that solve the oscillator exactly.
+    settings : ExactOscillatorSettings
+        Energies, starts, interval and step sizes.
+
+    Returns
+    -------
+    dict
+        ``run``: ``energy_error`` over (tau_per_stage, integrator, energy, trajectory), and ``exact_energy_error`` over
+        (tau_per_stage, charge, exact_integrator, energy, trajectory).
+    """
+    energies = settings.surfaces()
+    start = np.concatenate([starts_on(energy, settings.trajectories, settings.seed) for energy in energies])
+    taus = list(map(Fraction, settings.tau_per_stage))
+    what = "step size per stage of the methods that split into T and V"
+    t_end, shape = Fraction(settings.t_end), (len(energies), settings.trajectories)
+
+    def errors(names: Sequence[str], operators: str, charges: Sequence[float]) -> Floats:
+        """Of each run, over (tau, charge, method, energy, trajectory)."""
+        return np.stack([
+            np.stack([
+                np.stack([
+                    largest_error(integrators[name], tau * Fraction(charge), t_end, start, operators).reshape(shape)
+                    for name in names
+                ])
+                for charge in charges
+            ])
+            for tau in taus
+        ])  # fmt: skip
+
+    plain, rotated = errors(split, KINETIC_POTENTIAL, CHARGES[:1]), errors(exact, EXACT_OSCILLATOR, CHARGES)
+    over = ("energy", "trajectory")
+    variables = {
+        **coordinate("tau_per_stage", list(map(float, taus)), what),
+        **coordinate("charge", list(CHARGES), "cost of an evaluation with the exact oscillator over one of T and V"),
+        **coordinate("energy", energies, "energy H0"),
+        **coordinate("integrator", list(split), "integrator that splits into T and V"),
+        **coordinate("exact_integrator", list(exact), "integrator that solves the oscillator exactly"),
+        "label": variable("integrator", [integrators[name].label for name in split], "name in the paper"),
+        "exact_label": variable("exact_integrator", [integrators[name].label for name in exact], "name in the paper"),
+        "energy_error": variable(("tau_per_stage", "integrator", *over), plain[:, 0], f"{WHAT}, with T and V"),
+        "exact_energy_error": variable(
+            ("tau_per_stage", "charge", "exact_integrator", *over), rotated,
+            f"{WHAT}, with the oscillator solved exactly, at a step size per stage of charge * tau_per_stage",
+        ),
+    }  # fmt: skip
+    return {"run": Contents(variables=variables, coordinates=("label", "exact_label"))}
+
+
+def largest_error(tableau: Tableau, tau_per_stage: Fraction, t_end: Fraction, start: Floats, split: str) -> Floats:
+    """Return the largest |dH/H0| of each run.
+
+    Parameters
+    ----------
+    tableau : Tableau
+        The method.
+    tau_per_stage, t_end : Fraction
+        Step size divided by the stages, and interval; the step as used is that of a whole number of steps.
+    start : (runs, 8) array of float
+        Initial conditions.
+    split : str
+        What the two operators solve.
+    """
+    steps = max(1, round(t_end / (tau_per_stage * tableau.stages)))
+    paths = integrate_batch(
+        SYSTEM, tableau, t_end=t_end, steps=np.full(len(start), steps), samples=1, numerics=Numerics(split=split),
+        start=start,
+    )  # fmt: skip
+    return paths.max_energy_error

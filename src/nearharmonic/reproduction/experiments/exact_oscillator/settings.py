@@ -1,0 +1,79 @@
+"""What may be asked of the comparison of an oscillator solved exactly with the split into T and V."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from nearharmonic.errors import bad_setting
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.integrators.user_file import expanded
+from nearharmonic.numerics.geometric import geometric
+from nearharmonic.reproduction.experiments.entries import STRICT, PositiveDecimal, setting, whole_from
+
+#: Energies of the smallest and the largest amplitude: the latter is that of escape.
+LOWEST, HIGHEST = Fraction(1, 80_000), Fraction(1, 6)
+#: Force evaluations of all runs: some minutes.
+MOST_EVALUATIONS = 10**12
+#: Factors by which a step with the exact oscillator may be dearer, at which it is compared.
+CHARGES = (1.0, 1.1, 1.25, 1.5, 2.0)
+
+POSITIVE = "a finite number above 0"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExactOscillatorSettings:
+    """Energy error against amplitude with the oscillator solved exactly, at equal cost."""
+
+    __pydantic_config__ = STRICT
+
+    integrators: tuple[str, ...] = setting(
+        "Methods that solve the oscillator exactly; those of the figures split into T and V",
+        "a list of at least one integrator, each named once",
+        each="the name of an integrator, or the path of a Python file that defines TABLEAU or TABLEAUS",
+        default=("aba104", "aba864", "aba1064", "rnia12", "na7"),
+        min_length=1,
+    )
+    energies: int = setting(
+        "Energies of the Henon-Heiles system from 1/80000 to 1/6, even in the logarithm",
+        default=17,
+        **whole_from(2, 1000),
+    )
+    trajectories: int = setting("Quasi-random starts on each energy surface", default=192, **whole_from(1, 10**5))
+    t_end: PositiveDecimal = setting("Every run covers [0, t_end]", POSITIVE, unit="1", default="500")
+    tau_per_stage: tuple[PositiveDecimal, ...] = setting(
+        "Step sizes divided by the number of stages, equal for all methods",
+        "a list of numbers above 0",
+        unit="1",
+        each=POSITIVE,
+        default=("0.1", "0.05"),
+        min_length=1,
+    )
+    seed: int = setting("Chooses the quasi-random points", default=1, **whole_from(0))
+
+    def check(self, methods: Sequence[Tableau], problems: Collection[str]) -> None:
+        """Refuse unknown integrators and more force evaluations than a machine can make.
+
+        Raises
+        ------
+        NearharmonicError
+            The first fault found; keys are named as in a config.
+        """
+        runs = len(methods) + len(CHARGES) * len([integrators[name] for name in expanded(self.integrators)])
+        each = runs * self.energies * sum(float(self.t_end) / float(tau) for tau in self.tau_per_stage)
+        if each * self.trajectories > MOST_EVALUATIONS:
+            most = (
+                f"it would take {each * self.trajectories:.2g} force evaluations, and may take {MOST_EVALUATIONS:.0e}"
+            )
+            raise bad_setting("exact_oscillator.trajectories", self.trajectories, most)
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """Names of the methods that solve the oscillator exactly, those of files included."""
+        return expanded(self.integrators)
+
+    def surfaces(self) -> list[float]:
+        """Return the energies."""
+        return geometric(float(LOWEST), float(HIGHEST), self.energies)

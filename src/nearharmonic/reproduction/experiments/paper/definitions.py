@@ -1,0 +1,200 @@
+"""Systems and integrators that a config defines beside the registered ones, checked before any job runs."""
+
+from __future__ import annotations
+
+import keyword
+import os
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from nearharmonic.errors import NearharmonicError, SettingError, UnknownNameError, bad_setting
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.user_file import TableauDefinition, load_tableaus
+from nearharmonic.registry.registry import is_path, split_path
+from nearharmonic.registry.user_module import is_file
+from nearharmonic.reproduction.experiments.paper.settings import SystemSettings
+from nearharmonic.reproduction.tasks.cubes import cubes_of
+from nearharmonic.systems import System, systems
+from nearharmonic.systems.formulas.gradients import check_gradients
+from nearharmonic.systems.user_file import SystemDefinition
+
+#: Names that folders and rules of the workflow have already; those of cubes are taken as well.
+TAKEN = frozenset({"exact_oscillator_times", "stability", "substeps", "sweeps"})
+#: Names that parameters of the workflow's functions have, and methods of Snakemake's lists of files.
+RESERVED = (
+    frozenset({"cube", "integrator", "integrators", "run", "runs", "settings", "shard", "sweep", "system"})
+    | {name for name in dir(list) if not name.startswith("_")}
+    | {"get", "items", "keys", "values", "size", "size_files", "size_tempfiles"}
+)
+#: Longest name that a user gives: it is part of names of files, of which a folder takes 255 bytes.
+LONGEST = 60
+
+_NAME = re.compile(rf"[A-Za-z][A-Za-z0-9_]{{0,{LONGEST - 1}}}", re.ASCII)
+#: Keys of a system in a config that make it one of the user's.
+_OWN = ("file", "system", "label", "q0", "p0", "parameters", "split")
+
+
+def define(asked: Mapping[str, SystemSettings], methods: Mapping[str, Sequence[str]], folders: Sequence[Path]) -> None:
+    """Let the registries hold the systems and integrators of a config, in place of those of any other config.
+
+    Parameters
+    ----------
+    asked : mapping
+        What is asked of each system, by the name that the config gives it.
+    methods : mapping
+        Lists of integrators, by their keys in the config: names, and paths of files.
+    folders : sequence of Path
+        Where files are looked for, in this order.
+
+    Raises
+    ------
+    NearharmonicError
+        The first fault found: key, value, what is allowed and the nearest match.
+    """
+    defined = {name: _definition(name, one, folders) for name, one in asked.items() if _is_own(name, one)}
+    systems.define(defined)
+    integrators.define(_tableaus(methods, folders))
+    for name in asked:
+        with named(f"systems.{name}" if name in defined else "systems"):
+            system = systems[name]
+            if name in defined:
+                _check_formulas(system)
+
+
+def _check_formulas(system: System) -> None:
+    """Evaluate what a user's system declares once, so that no job begins with formulas that fail.
+
+    Raises
+    ------
+    SystemDefinitionError
+        A formula fails or uses what formulas cannot, or a gradient contradicts its potential.
+    """
+    from nearharmonic.engine.runs.invariants import invariant_values
+
+    check_gradients(system)
+    q, p = system.start(float)
+    invariant_values(system, q, p)
+
+
+def _is_own(name: str, asked: SystemSettings) -> bool:
+    """Whether a config defines the system; a registered one is taken as it is.
+
+    The figures, tables and statements of the paper are about the initial values and parameters that its systems have,
+    and are found by their names.
+    """
+    given = [key for key in _OWN if getattr(asked, key) is not None]
+    if name in systems.registered:
+        if given:
+            example = name if asked.system is None else asked.system
+            remedy = "for the system of the file" if asked.file is not None else f"with system: {example}"
+            allowed = f"{name} is a registered system, taken as it is: choose another name {remedy}"
+            value = getattr(asked, given[0])
+            raise bad_setting(f"systems.{name}.{given[0]}", list(value) if isinstance(value, tuple) else value, allowed)
+        return False
+    return bool(given)
+
+
+def _definition(name: str, asked: SystemSettings, folders: Sequence[Path]) -> SystemDefinition:
+    here = f"systems.{name}"
+    check_name(here, name)
+    if asked.file is not None and asked.system is not None:
+        raise bad_setting(f"{here}.system", asked.system, "file is given as well, and a system has one of the two")
+    if asked.file is None and asked.system is None:
+        raise SettingError(f"{here} lacks file, the Python file that defines it, or system, a registered system")
+    base = asked.system
+    if base is not None and base not in systems.registered:
+        with named(f"{here}.system"):
+            systems[base]
+    return SystemDefinition(
+        file=None if asked.file is None else found(f"{here}.file", asked.file, folders),
+        base=base,
+        label=asked.label,
+        q0=asked.q0,
+        p0=asked.p0,
+        parameters=tuple((asked.parameters or {}).items()),
+    )
+
+
+def check_name(key: str, name: str) -> None:
+    """Refuse what cannot be the name of a user's system or integrator.
+
+    Raises
+    ------
+    SettingError
+        Of the setting ``key``: no name, or one that the workflow uses already.
+    """
+    if not _NAME.fullmatch(name) or keyword.iskeyword(name):
+        allowed = f"a letter, then letters, digits and '_', at most {LONGEST} characters, no keyword of Python"
+    elif name in TAKEN | RESERVED | {*cubes_of("reproduction.experiments")} or name.startswith("stability_"):
+        allowed = "the workflow has another use of this name"
+    else:
+        return
+    raise bad_setting(key, name, allowed)
+
+
+def _tableaus(methods: Mapping[str, Sequence[str]], folders: Sequence[Path]) -> dict[str, TableauDefinition]:
+    """The integrators of all files that are named in lists of integrators."""
+    defined: dict[str, TableauDefinition] = {}
+    for key, entries in methods.items():
+        for i, entry in enumerate(entries):
+            if not is_path(entry):
+                continue
+            written, one = split_path(entry)
+            here = f"{key}[{i}]"
+            place = found(here, written, folders)
+            with named(here):
+                names = load_tableaus(place)
+            if one and one not in names:
+                raise bad_setting(here, entry, f"{written} defines {', '.join(names)}")
+            for name in names:
+                check_name(here, name)
+                other = defined.setdefault(name, TableauDefinition(file=place, written=written))
+                if other.file != place:
+                    raise bad_setting(here, entry, f"{other.written} defines the integrator {name!r} as well")
+    return defined
+
+
+def found(key: str, written: str, folders: Sequence[Path]) -> str:
+    """Return the path of a user's file, relative to the working directory if it is in there.
+
+    Parameters
+    ----------
+    key : str
+        Key of the config.
+    written : str
+        The path, as the config gives it.
+    folders : sequence of Path
+        Where it is looked for.
+
+    Raises
+    ------
+    SettingError
+        There is no such file.
+    """
+    for folder in folders:
+        place = folder / written
+        if is_file(place):
+            inside = os.path.relpath(place)
+            return str(place.absolute()) if inside.startswith(os.pardir) else inside
+    looked = " or ".join(dict.fromkeys(str(folder.absolute()) for folder in folders))
+    raise bad_setting(key, written, f"no such file in {looked}")
+
+
+@contextmanager
+def named(key: str) -> Iterator[None]:
+    """Put ``key`` before the message of an error inside."""
+    try:
+        yield
+    except UnknownNameError as error:
+        message = f"{key}: {error}"
+        raise UnknownNameError(message) from None
+    except NearharmonicError as error:
+        message = f"{key}: {error}"
+        raise SettingError(message) from None
+
+
+def folders_of(files: Iterable[str | os.PathLike[str]]) -> list[Path]:
+    """Return where the files of a config are looked for: the working directory, then the folders of the config."""
+    return list(dict.fromkeys([Path(), *(Path(os.path.relpath(Path(file).parent)) for file in files)]))

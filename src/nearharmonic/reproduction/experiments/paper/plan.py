@@ -1,0 +1,243 @@
+"""Config -> frozen runs: which step sizes in which precision, and why the rest is left out. Pure, and quick."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import groupby
+from math import ceil, floor, log10
+from typing import Any
+
+from nearharmonic.engine.batch.numba_runs import check_precision
+from nearharmonic.engine.grid import check_fit, evaluations_of, shard, steps_of, tau_grid
+from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, Sweep
+from nearharmonic.errors import bad_setting
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.reproduction.experiments.paper.settings import StepSizes
+from nearharmonic.systems import System, systems
+from nearharmonic.systems.formulas.oscillator import check_oscillator
+
+#: Force evaluations of all the runs of one system: some twenty minutes.
+MOST_EVALUATIONS = 10**12
+#: Bytes of trajectories in one job, which needs about twice that.
+MOST_BYTES = 4 * 10**8
+#: Step sizes of one system's grid.
+MOST_POINTS = 10**4
+
+#: Where rounding ends the fall of a compensated double run's max |dH/H0|: 1e-16 to 1e-15, depending on the method.
+DOUBLE_FLOOR = 1e-15
+#: Extended precision is run as far as the double curve stays within two decades of its floor.
+NEAR_FLOOR = 100
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """One method on one system over some step sizes: what one call of the integration computes.
+
+    ``steps[i]`` belongs to ``tau_per_stage[i]``. Where step sizes round to the same number of steps, these stand next
+    to each other and are one and the same computation.
+    """
+
+    system: str
+    integrator: str
+    precision: str
+    summation: str
+    first: str | None
+    t_end: str
+    tau_per_stage: tuple[float, ...]
+    steps: tuple[int, ...]
+    samples: int
+    split: str = KINETIC_POTENTIAL
+
+
+@dataclass(frozen=True, kw_only=True)
+class Omission:
+    """What is not computed, why, and how many ``runs`` and force ``evaluations`` that saves."""
+
+    system: str
+    integrator: str
+    precision: str
+    what: str
+    reason: str
+    runs: int
+    evaluations: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """All runs of some sweeps and all that is left out."""
+
+    runs: tuple[Run, ...]
+    omissions: tuple[Omission, ...]
+
+
+def check_sweep(sweep: Sweep, methods: Sequence[str]) -> None:
+    """Refuse what takes more steps, runs or memory than a machine has; keys are named as in a config.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        The runs of every method on one system.
+    methods : sequence of str
+        Names of the methods.
+
+    Raises
+    ------
+    SettingError
+        Too many steps in a run, step sizes in the grid, evaluations in all, or bytes in a job; a method that does not
+        fit the system; a system whose oscillators cannot be solved exactly.
+    """
+    tableaus = [integrators[name] for name in methods]
+    check_precision(systems[sweep.system], sweep.precision, f"systems.{sweep.system}.precision")
+    if sweep.split == EXACT_OSCILLATOR:
+        check_oscillator(systems[sweep.system], f"systems.{sweep.system}.split")
+    for tableau in tableaus:
+        check_fit(systems[sweep.system], tableau)
+    for key, value, allowed in _excesses(sweep, tableaus):
+        raise bad_setting(key, value, allowed)
+
+
+def _bytes(system: System, points: int, samples: int) -> int:
+    """Bytes of the trajectories of ``points`` runs: t, q, p, and three numbers of each block."""
+    return points * samples * (3 + 2 * system.dimension) * 8
+
+
+def fewest_shards(system: System, grid: StepSizes, samples: int) -> int:
+    """The fewest files among which the runs of one method are shared, so that none takes too many bytes."""
+    points = _grid_points(grid.lowest, grid.highest, grid.points_per_decade)
+    return min(points, ceil(_bytes(system, points, samples) / MOST_BYTES)) if points > 0 else 1
+
+
+def _grid_points(lowest: float, highest: float, points_per_decade: int) -> int:
+    return floor(log10(highest / lowest) * points_per_decade) + 1
+
+
+def _excesses(sweep: Sweep, tableaus: Sequence[Tableau]) -> Iterator[tuple[str, object, str]]:
+    """Each limit that ``sweep`` breaks, as (key, value, what is allowed): cheap checks guard the dear ones."""
+    here = f"systems.{sweep.system}.tau_per_stage"
+    steps_of(sweep.t_end, sweep.lowest * min(t.stages for t in tableaus), key=f"{here}.lowest", given=sweep.lowest)
+    points = _grid_points(sweep.lowest, sweep.highest, sweep.points_per_decade)
+    if points > MOST_POINTS:
+        allowed = f"the grid would have {points} step sizes, and may have {MOST_POINTS}"
+        yield f"{here}.points_per_decade", sweep.points_per_decade, allowed
+    evaluations = sum(evaluations_of(t, n) for t in tableaus for _, n in _points(sweep, t)) * len(sweep.precision)
+    if evaluations > MOST_EVALUATIONS:
+        allowed = f"all runs would take {evaluations:.2g} force evaluations, and may take {MOST_EVALUATIONS:.0e}"
+        yield f"{here}.lowest", sweep.lowest, allowed
+    size = _bytes(systems[sweep.system], ceil(points / sweep.shards), sweep.samples)
+    if size > MOST_BYTES:
+        yield "samples", sweep.samples, f"a job would hold {size:.2g} bytes, and may hold {MOST_BYTES:.0e}: add shards"
+
+
+def shards_of(sweep: Sweep, integrator: str) -> int:
+    """How many files the runs of one method fill: ``sweep.shards``, or fewer if there are fewer different runs."""
+    return min(sweep.shards, len(_distinct(sweep, integrators[integrator])))
+
+
+def runs_of(sweep: Sweep, integrator: str, index: int) -> list[Run]:
+    """What shard ``index`` of a method on a system computes: one run for each precision, empty ones left out."""
+    tableau = integrators[integrator]
+    mine = shard(_distinct(sweep, tableau), index, shards_of(sweep, integrator))
+    runs = []
+    for precision in sweep.precision:
+        limit = _extended_up_to(sweep, tableau) if precision == "extended" else sweep.highest
+        points = [point for group in mine for point in group if point[0] <= limit]
+        if points:
+            taus, steps = zip(*points, strict=True)
+            runs.append(
+                Run(
+                    system=sweep.system,
+                    integrator=integrator,
+                    precision=precision,
+                    summation=sweep.summation,
+                    first=None,
+                    t_end=sweep.t_end,
+                    tau_per_stage=taus,
+                    steps=steps,
+                    samples=sweep.samples,
+                    split=sweep.split,
+                )
+            )
+    return runs
+
+
+def plan(sweeps: Sequence[Sweep], methods: Sequence[str]) -> Plan:
+    """All that the ``sweeps`` of ``methods`` make Snakemake compute, and all that it does not."""
+    runs = [
+        run
+        for sweep in sweeps
+        for name in methods
+        for index in range(shards_of(sweep, name))
+        for run in runs_of(sweep, name, index)
+    ]
+    return Plan(runs=tuple(runs), omissions=tuple(_omissions(sweeps, methods)))
+
+
+GridPoint = tuple[float, int]
+
+
+@cache
+def _points(sweep: Sweep, tableau: Tableau) -> tuple[GridPoint, ...]:
+    """(tau_per_stage, steps) over the grid."""
+    grid = tau_grid(sweep.lowest, sweep.highest, sweep.points_per_decade)
+    return tuple((tau, steps_of(sweep.t_end, tau * tableau.stages)) for tau in grid)
+
+
+def _distinct(sweep: Sweep, tableau: Tableau) -> list[list[GridPoint]]:
+    """The grid in groups that one computation serves: those with the same number of steps."""
+    return [list(group) for _, group in groupby(_points(sweep, tableau), key=lambda point: point[1])]
+
+
+def _extended_up_to(sweep: Sweep, tableau: Tableau) -> float:
+    """The largest tau per stage that is worth extended precision beside double, 0 if none is.
+
+    For the harmonic oscillator, split into T and V, the closed form of the energy error tells; it grows with tau as
+    long as it is this small, so the limit is found by bisection. For others nothing tells beforehand, and without runs
+    in double nothing stands in: every step size is run.
+    """
+    known = systems[sweep.system].harmonic and sweep.split == KINETIC_POTENTIAL
+    if not known or "double" not in sweep.precision:
+        return sweep.highest
+    from nearharmonic.theory.oscillator import harmonic_energy_error
+
+    grid = tau_grid(sweep.lowest, sweep.highest, sweep.points_per_decade)
+    near = bisect_left(
+        grid, NEAR_FLOOR * DOUBLE_FLOOR, key=lambda tau: float(harmonic_energy_error(tableau, tau * tableau.stages))
+    )
+    return grid[near - 1] if near else 0.0
+
+
+def _omissions(sweeps: Sequence[Sweep], methods: Sequence[str]) -> Iterator[Omission]:
+    for sweep in sweeps:
+        for name in methods:
+            for row in _left_out(sweep, integrators[name]):
+                yield Omission(system=sweep.system, integrator=name, **row)
+
+
+def _left_out(sweep: Sweep, tableau: Tableau) -> Iterator[dict[str, Any]]:
+    """What is left out of one method's runs on one system, as the other fields of :class:`Omission`."""
+    groups = _distinct(sweep, tableau)
+
+    def cost(steps: Iterable[int]) -> int:
+        return sum(evaluations_of(tableau, n) for n in steps)
+
+    for precision in sweep.precision:
+        limit = _extended_up_to(sweep, tableau) if precision == "extended" else sweep.highest
+        kept = [n for group in groups for tau, n in group[:1] if tau <= limit]
+        repeated = [n for group in groups for tau, n in group[1:] if tau <= limit]
+        far = [n for group in groups for tau, n in group if tau > limit]
+        again = kept if systems[sweep.system].observables else []
+        # Each step but the last hands the force of its closing kick on.
+        handed_on = [n for n in kept if tableau.first_same_as_last and n > 1]
+        for what, reason, runs, evaluations in (
+            ("runs of a step size", "it rounds to as many steps as its neighbour", repeated, cost(repeated)),
+            ("runs in extended precision", "in double, the error is over 100 times the rounding floor", far, cost(far)),
+            ("runs for the perihelion alone", "figures 4 and 5 share one pass", again, cost(again)),
+            ("the force that opens a step", "it closed the step before", handed_on, sum(n - 1 for n in handed_on)),
+        ):
+            if runs:
+                row = {"precision": precision, "what": what, "reason": reason, "runs": len(runs)}
+                yield row | {"evaluations": evaluations}

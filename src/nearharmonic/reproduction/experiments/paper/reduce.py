@@ -1,0 +1,105 @@
+"""From run files to cubes: the reduced numbers of every method lined up."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from nearharmonic.engine.settings import Sweep
+from nearharmonic.integrators import integrators as methods_by_name
+from nearharmonic.output import store
+from nearharmonic.output.dataset import described
+from nearharmonic.reproduction.experiments.paper.reductions import PAPER, orbital_period, reduction
+from nearharmonic.systems import systems
+
+#: Values of a cell that no run fills; others are NaN.
+NO_RUN: dict[Any, Any] = {"status": "skipped", "steps": 0, "evaluations": 0, "diverged_at": 0}
+#: States, most of a run file. Drifts of invariants need them; the files of the paper's systems show what these would.
+STATES = ("q", "p", "q_low", "p_low")
+#: Variables that a cube takes over from run files.
+TAKEN_OVER = ("tau_per_stage", "tau", "steps", "evaluations", "status", "diverged_at")
+
+
+def reduce(sweep: Sweep, integrators: Sequence[str], **runs: Sequence[str]) -> dict[str, xr.Dataset]:
+    """Assemble the cube of a system from its run files.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        Settings of the runs on this system.
+    integrators : sequence of str
+        Names of the methods, in the order of the cube.
+    **runs
+        Run files of each method, by its name.
+
+    Returns
+    -------
+    dict
+        ``cube``, as :func:`cube_of` makes it.
+    """
+    leave_out = STATES if sweep.system in PAPER else ()
+    return {"cube": cube_of(sweep.system, {name: numbers_of(runs[name], leave_out) for name in integrators})}
+
+
+def numbers_of(paths: Iterable[str], leave_out: Collection[str] = ()) -> xr.Dataset:
+    """Return the counts and the reduced numbers of one method's runs over (precision, tau_per_stage).
+
+    One file is read at a time, but for the variables in ``leave_out`` and the reductions that need them.
+    """
+    shards: dict[str, list[xr.Dataset]] = {}
+    for path in paths:
+        for precision, runs in store.read_precisions(path, leave_out=leave_out).items():
+            shards.setdefault(precision, []).append(numbers(runs))
+    curves = {name: _joined(parts, "tau_per_stage").sortby("tau_per_stage") for name, parts in shards.items()}
+    return _joined([one.expand_dims(precision=[name]) for name, one in curves.items()], "precision")
+
+
+def numbers(runs: xr.Dataset) -> xr.Dataset:
+    """Return the numbers of ``runs`` over tau_per_stage: those of the file, and the results of the reductions."""
+    runs = runs.reset_coords()  # xarray compares auxiliary coordinates at every operation
+    return runs[list(TAKEN_OVER)].assign(reduction.of(runs))
+
+
+def cube_of(system: str, methods: Mapping[str, xr.Dataset]) -> xr.Dataset:
+    """Assemble the cube of a system.
+
+    Parameters
+    ----------
+    system : str
+        Name of the system.
+    methods : mapping
+        Numbers of each method over (precision, tau_per_stage), by its name.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over (precision, integrator, tau_per_stage). Runs that the plan left out have status "skipped" and NaN errors.
+    """
+    problem = systems[system]
+    labels = [methods_by_name[name].label for name in methods]
+    cube = _joined([numbers.expand_dims(integrator=[name]) for name, numbers in methods.items()], "integrator")
+    cube = cube.transpose("precision", "integrator", "tau_per_stage").assign_coords(label=("integrator", labels))
+    cube = cube.assign(reduction.of(cube, over="tau_per_stage"))
+    cube.tau_per_stage.attrs |= described("step size per stage", problem.units["t"])
+    label = "name in the paper" if problem.name in systems.registered else "label"
+    for name, text in (("integrator", "integrator"), ("label", label), ("precision", "precision")):
+        cube[name].attrs |= described(text)
+    attributes: dict[str, Any] = {"system": system, "system_label": problem.label}
+    if problem.period is not None:
+        attributes["orbital_period"] = orbital_period(problem)
+    if "energy_floor" in cube.attrs:  # of the run files
+        attributes["energy_floor"] = cube.attrs["energy_floor"]
+    cube.attrs = attributes
+    return cube
+
+
+def _joined(parts: Sequence[xr.Dataset], dimension: str) -> xr.Dataset:
+    """Concatenate along ``dimension``, filling what a part lacks."""
+    names = {name for part in parts for name in part.data_vars}
+    return xr.concat(
+        parts, dimension, data_vars="all", coords="minimal", compat="override", join="outer",
+        fill_value={name: NO_RUN.get(name, np.nan) for name in names}, combine_attrs="override",
+    )  # fmt: skip

@@ -1,0 +1,109 @@
+"""Runs of one method on one system, as they were computed; :mod:`.reductions` has what follows from them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from nearharmonic.engine.batch.numba_runs import standard_floor
+from nearharmonic.engine.runs.description import kernel_in_words
+from nearharmonic.engine.runs.problem import Problem
+from nearharmonic.engine.runs.sampled import sampled
+from nearharmonic.engine.settings import Sweep
+from nearharmonic.output.dataset import Contents, Variable, Variables, coordinate, counted
+from nearharmonic.reproduction.experiments.paper.plan import Run, runs_of
+from nearharmonic.systems import systems
+
+#: Auxiliary coordinates of a run file.
+COORDINATES = ("t",)
+
+
+def integrate(sweep: Sweep, integrator: str, shard: int) -> dict[str, Contents]:
+    """Integrate one shard of the step sizes of a method on a system.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        Settings of the runs on this system.
+    integrator : str
+        Name of the method.
+    shard : int
+        Number of the shard, from 0.
+
+    Returns
+    -------
+    dict
+        ``run``: the runs in double precision in the root of a file, those in extended precision in a group. Beside runs
+        in double precision the group has the same step sizes and samples, so that ``xarray.open_datatree`` opens both;
+        runs that the plan left out have status "skipped".
+    """
+    planned = runs_of(sweep, integrator, shard)
+    problems = {run.precision: _problem(run) for run in planned}
+    parts = {run.precision: integrate_run(run) for run in planned}
+    attributes: dict[str, object] = {
+        "system": sweep.system,
+        "integrator": integrator,
+        "precision": " ".join(parts),
+        "kernel": "; ".join(map(kernel_in_words, problems.values())),
+    }
+    attributes |= {} if not problems else standard_floor(next(iter(problems.values())))
+    made = sum(map(_evaluations, parts.values()))
+    root = parts.pop("double", {})
+    groups = {name: _padded(part, root) if root else part for name, part in parts.items()}
+    return {
+        "run": Contents(variables=root, attributes=attributes, coordinates=COORDINATES, groups=groups, evaluations=made)
+    }
+
+
+def _evaluations(variables: Variables) -> int:
+    """Force evaluations of runs; step sizes that round to one number of steps share a run."""
+    _, first = np.unique(variables["steps"][1], return_index=True)
+    return int(np.asarray(variables["evaluations"][1])[first].sum())
+
+
+def integrate_run(run: Run) -> Variables:
+    """Integrate a planned run.
+
+    Returns
+    -------
+    Variables
+        Trajectories over (tau_per_stage, sample, component), blocks over (tau_per_stage, sample), and counts over
+        tau_per_stage. ``block_max_energy_error`` and ``block_mean_energy_error`` cover the ``block_steps`` steps since
+        the sample before, so that maximum and mean over every step follow from them.
+    """
+    problem = _problem(run)
+    grid = coordinate("tau_per_stage", run.tau_per_stage, "step size per stage", problem.system.units["t"])
+    variables = grid | sampled(problem, run.steps, run.samples)
+    return variables | counted(variables)
+
+
+def _problem(run: Run) -> Problem:
+    return Problem(
+        systems[run.system], run.integrator, t_end=run.t_end, precision=run.precision, summation=run.summation,
+        first=run.first, split=run.split,
+    )  # fmt: skip
+
+
+def _padded(part: Variables, whole: Mapping[str, Variable]) -> Variables:
+    """The runs of ``part`` among all step sizes and samples of ``whole``."""
+    grid = np.asarray(whole["tau_per_stage"][1])
+    rows = np.searchsorted(grid, np.asarray(part["tau_per_stage"][1]))
+    sizes = {"tau_per_stage": grid.size, "sample": len(whole["sample"][1])}
+    found: Variables = {}
+    for name, (dims, values, notes) in part.items():
+        if name in whole and name in dims:
+            found[name] = whole[name]
+            continue
+        filled = np.full(
+            [sizes.get(d, n) for d, n in zip(dims, values.shape, strict=True)], _filling(name, values), values.dtype
+        )
+        filled[np.ix_(rows, *map(np.arange, values.shape[1:]))] = values
+        found[name] = dims, filled, notes
+    return found
+
+
+def _filling(name: str, values: np.ndarray) -> object:
+    if name == "status":
+        return "skipped"
+    return np.nan if values.dtype.kind == "f" else 0

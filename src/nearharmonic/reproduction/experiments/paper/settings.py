@@ -1,0 +1,137 @@
+"""What may be asked of the paper's experiment: step sizes of each system, and the runs that follow from them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
+from math import isfinite
+from numbers import Real
+from typing import Annotated, Literal
+
+from nearharmonic.reproduction.experiments.entries import (
+    STRICT,
+    PositiveDecimal,
+    PositiveNumber,
+    Reading,
+    setting,
+    whole_from,
+)
+from nearharmonic.systems.definition.quantities import is_extreme
+
+Precision = Literal["double", "extended"]
+Summation = Literal["compensated", "plain"]
+Split = Literal["kinetic_potential", "exact_oscillator"]
+
+POSITIVE = "a finite number above 0"
+AT_LEAST_LOWEST = "a finite number, at least that of lowest"
+FINITE = "a finite number, or a decimal string, which keeps all its digits"
+
+
+def _exact_decimal(value: object) -> str:
+    """A finite number of any sign, or a decimal string, as a plain decimal string."""
+    if isinstance(value, bool) or not isinstance(value, Real | Decimal | str):
+        raise TypeError
+    try:
+        number = Decimal(value) if isinstance(value, str | Decimal | int) else Decimal(repr(float(value)))
+    except InvalidOperation:
+        raise ValueError from None
+    if not (number.is_finite() and isfinite(float(number))) or is_extreme(number):
+        raise ValueError
+    return str(number.normalize() + 0)
+
+
+_NUMBER = (("type", ("number", "string")),)
+#: A finite number or the decimal string of one, with all its digits, as a decimal string.
+ExactDecimal = Annotated[str, Reading(_exact_decimal, _NUMBER)]
+ParameterValue = Annotated[
+    str,
+    Reading(
+        _exact_decimal,
+        (*_NUMBER, ("description", "Value"), ("allowed", FINITE), ("unit", "that of the parameter")),
+    ),
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepSizes:
+    """A grid of step sizes per stage, even in the logarithm."""
+
+    __pydantic_config__ = STRICT
+
+    lowest: PositiveNumber = setting("First step size per stage", POSITIVE, unit="the system's unit of time")
+    highest: PositiveNumber = setting(
+        "The grid ends at or just below this step size per stage", AT_LEAST_LOWEST, unit="the system's unit of time"
+    )
+    points_per_decade: int = setting("Step sizes in each factor of ten", **whole_from(1))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SystemSettings:
+    """What is asked of one system."""
+
+    __pydantic_config__ = STRICT
+
+    file: str | None = setting(
+        "Python file that defines SYSTEM, the system of this name; looked for from the working directory, then from "
+        "the folder of the config",
+        "the path of a Python file, for a name that is not that of a registered system",
+        default=None,
+    )
+    system: str | None = setting(
+        "Registered system that this one is, with other initial values or parameters",
+        "the name of a registered system, for a name that is not registered",
+        default=None,
+    )
+    label: str | None = setting(
+        "Name of the system in titles; its own if not given",
+        "a text of at most 100 characters, for a name that is not that of a registered system",
+        default=None,
+        min_length=1,
+        max_length=100,
+    )
+    q0: tuple[ExactDecimal, ...] | None = setting(
+        "Initial position; the system's own if not given",
+        "a list of numbers, as many as the system has coordinates",
+        unit="the system's unit of q",
+        each=FINITE,
+        default=None,
+        min_length=1,
+    )
+    p0: tuple[ExactDecimal, ...] | None = setting(
+        "Initial momentum; the system's own if not given",
+        "a list of numbers, as many as the system has coordinates",
+        unit="the system's unit of p",
+        each=FINITE,
+        default=None,
+        min_length=1,
+    )
+    parameters: Mapping[str, ParameterValue] | None = setting(
+        "Parameters of the system that have other values than its own",
+        "a mapping of names of parameters to numbers",
+        unit="that of the parameter",
+        each=FINITE,
+        default=None,
+    )
+    tau_per_stage: StepSizes = setting(
+        "The step sizes, divided by the number of stages so that equal values cost equal work"
+    )
+    t_end: PositiveDecimal | None = setting(
+        "End of the interval [0, t_end] that every run covers exactly; the system's own if not given",
+        POSITIVE,
+        unit="the system's unit of time (sho and henon_heiles 1, kepler h)",
+        default=None,
+    )
+    precision: tuple[Precision, ...] = setting(
+        "Arithmetic of the runs; beside double, sho runs extended only where the double curve nears its rounding floor",
+        "a list of double, extended or both",
+        each="one of double, extended",
+        default=("double",),
+        min_length=1,
+    )
+    split: Split | None = setting(
+        "What drifts and kicks solve: T and V, if not given; or T with the oscillators whose frequencies the system "
+        "declares, and the rest of V",
+        "one of kinetic_potential, exact_oscillator, for a name that is not that of a registered system",
+        default=None,
+    )

@@ -1,0 +1,174 @@
+"""Henon-Heiles ensembles: how many trajectories of an energy surface a method loses, and how far the others err."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from math import ceil, sqrt
+
+import numpy as np
+
+from nearharmonic.engine.batch.batch import integrate_batch
+from nearharmonic.engine.batch.kernels import kernel_of
+from nearharmonic.engine.settings import Numerics
+from nearharmonic.errors import bad_setting
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.math import cos, sin
+from nearharmonic.numerics.quasi_random import quasi_random
+from nearharmonic.numerics.types import Floats
+from nearharmonic.output.dataset import Contents, coordinate, variable
+from nearharmonic.reproduction.experiments.stability.settings import ESCAPE_ENERGY, EnsembleSettings
+from nearharmonic.systems.henon_heiles import SYSTEM
+
+#: Box around the triangle whose corners are the saddle points: |x| up to sqrt(3)/2, and y from -1/2 to 1.
+_WIDTH, _HEIGHT, _LOWEST = sqrt(3), 1.5, -0.5
+#: Instants at which the energy is looked at, evenly spaced in time: enough to notice an escape soon.
+LOOKS = 25
+#: Lanes of the kernel: two AVX-512 registers, which hide each other's latency.
+WIDTH = 16
+#: Of the largest |dH/H0| over the ensemble, an escaped trajectory counting as infinite.
+QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EnsembleResult:
+    """One step size on n energy surfaces.
+
+    Attributes
+    ----------
+    escaped : array of shape (n,)
+        Fraction of the trajectories that left their surface.
+    quantiles : array of shape (n, len(QUANTILES))
+        Quantiles of the largest |dH/H0| over the looks.
+    steps : int
+        Steps of a run that does not escape.
+    evaluations : int
+        Force evaluations, all trajectories together.
+    """
+
+    escaped: Floats
+    quantiles: Floats
+    steps: int
+    evaluations: int
+
+
+def warm_up() -> dict[str, Contents]:
+    """Compile the kernel into the cache; nothing is returned."""
+    kernel_of(SYSTEM, Numerics(width=WIDTH, energy="samples"))
+    return {}
+
+
+def measure(integrator: str, settings: EnsembleSettings) -> dict[str, Contents]:
+    """Return the contents of the file ``run``, :func:`ensemble_map` of the method named ``integrator``."""
+    return {"run": ensemble_map(integrators[integrator], settings)}
+
+
+def henon_heiles_surface(energy: Fraction, count: int, seed: int) -> Floats:
+    """Return starts (count, 8), laid out for the kernel, on the bounded part of the surface H = ``energy``.
+
+    (x, y) is uniform in the area inside the zero-velocity curve, the direction of the momentum uniform on the circle,
+    and |p| = sqrt(2 (energy - V)). In two dimensions this is the microcanonical (Liouville) measure, since
+    integrating delta(p^2/2 + V - energy) p dp leaves 1 wherever V < energy.
+
+    Parameters
+    ----------
+    energy : Fraction
+        The energy of all starts.
+    count : int
+        Number of starts.
+    seed : int
+        Chooses the quasi-random points.
+
+    Raises
+    ------
+    SettingError
+        ``energy`` is not above 0 and at most 1/6, the energy of escape.
+    """
+    if not 0 < energy <= ESCAPE_ENERGY:
+        raise bad_setting("energy", str(energy), f"above 0 and at most {ESCAPE_ENERGY}, the energy of escape")
+    drawn = 4 * count
+    while True:
+        u = quasi_random(drawn, 3, seed)
+        x, y = (u[:, 0] - 0.5) * _WIDTH, u[:, 1] * _HEIGHT + _LOWEST
+        kinetic = float(energy) - SYSTEM.V((x, y))
+        # V = 1/6 on the sides of the triangle and more beyond a single side; less again only beyond the box.
+        inside = np.flatnonzero(kinetic > 0)
+        if inside.size >= count:
+            break
+        drawn *= 2
+    kept = inside[:count]
+    momentum, angle = np.sqrt(2 * kinetic[kept]), 2 * np.pi * u[kept, 2]
+    starts = np.zeros((count, 8))
+    starts[:, 0], starts[:, 1] = x[kept], y[kept]
+    starts[:, 4], starts[:, 5] = momentum * cos(angle), momentum * sin(angle)
+    return starts
+
+
+def starts(settings: EnsembleSettings) -> Floats:
+    """Return the initial conditions (surfaces * trajectories, 8), surface by surface."""
+    surfaces = [henon_heiles_surface(Fraction(e), settings.trajectories, settings.seed) for e in settings.energies]
+    return np.concatenate(surfaces)
+
+
+def schedule(t_end: Fraction, tau: Fraction) -> tuple[int, int]:
+    """Return (steps, steps between looks).
+
+    Looks come evenly, so that all lanes keep step and a lane is refilled at a look. The step size is kept exactly, for
+    resonances are narrow; the interval covered is ``t_end`` or up to a look longer.
+    """
+    look = max(1, round(t_end / (LOOKS * tau)))
+    return look * ceil(t_end / (look * tau)), look
+
+
+def integrate_ensemble(
+    tableau: Tableau, tau: Fraction, t_end: Fraction, start: Floats, surfaces: int
+) -> EnsembleResult:
+    """Integrate trajectories over at least [0, ``t_end``] at one step size.
+
+    Parameters
+    ----------
+    tableau : Tableau
+        The method.
+    tau, t_end : Fraction
+        Step size and interval, both exact.
+    start : array of shape (surfaces * n, 8)
+        Initial conditions, surface by surface.
+    surfaces : int
+        Number of energy surfaces.
+    """
+    steps, look = schedule(t_end, tau)
+    paths = integrate_batch(
+        SYSTEM, tableau, t_end=steps * tau, steps=np.full(len(start), steps), samples=2,
+        numerics=Numerics(width=WIDTH, energy="samples", look=look), start=start,
+    )  # fmt: skip
+    errors = np.sort(paths.max_energy_error.reshape(surfaces, -1), axis=1)
+    ranks = [max(1, ceil(q * errors.shape[1])) - 1 for q in QUANTILES]
+    return EnsembleResult(
+        escaped=(paths.left_at.reshape(surfaces, -1) > 0).mean(axis=1),
+        quantiles=errors[:, ranks],
+        steps=steps,
+        evaluations=int(paths.evaluations.sum()),
+    )
+
+
+def ensemble_map(tableau: Tableau, settings: EnsembleSettings) -> Contents:
+    """Return fraction escaped and energy error of one method over (energy, tau_per_stage)."""
+    start, grid, t_end = starts(settings), settings.tau_per_stage.grid(), Fraction(settings.t_end)
+    rows = [integrate_ensemble(tableau, tau * tableau.stages, t_end, start, len(settings.energies)) for tau in grid]
+    over = ("energy", "tau_per_stage")
+    looks = f"quantile of the largest |H - H0|/|H0| over {LOOKS} or more evenly spaced instants, inf if escaped"
+    errors = np.stack([row.quantiles for row in rows], axis=1)
+    steps, evaluations = ([getattr(row, name) for row in rows] for name in ("steps", "evaluations"))
+    escaped = np.stack([row.escaped for row in rows], axis=1)
+    return Contents(
+        variables={
+            "escaped": variable(over, escaped, "fraction of the trajectories that left their energy surface"),
+            "energy_error": variable((*over, "quantile"), errors, looks),
+            "steps": variable("tau_per_stage", steps, "steps of a run that does not escape"),
+            "evaluations": variable("tau_per_stage", evaluations, "force evaluations of all trajectories and surfaces"),
+            **coordinate("tau_per_stage", [float(tau) for tau in grid], "step size per stage"),
+            **coordinate("energy", [float(Fraction(e)) for e in settings.energies], "energy H0"),
+            **coordinate("quantile", list(QUANTILES), "fraction of the trajectories that err less"),
+        }
+    )

@@ -1,0 +1,106 @@
+"""Reductions of the Kepler maps: an ``xarray.Dataset`` of all methods in, numbers for the cube out.
+
+It has ``q`` and ``p``, once a period, over (integrator, tau_per_stage, eccentricity, sample, component), and what the
+cube takes over, over (integrator, tau_per_stage, eccentricity). With ``over="tau_per_stage"`` a reduction takes whole
+curves of the cube instead. No integration depends on this module.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from nearharmonic.integrators import integrators
+from nearharmonic.math import exp, log
+from nearharmonic.numerics.portable import dot
+from nearharmonic.numerics.types import Floats
+from nearharmonic.output.dataset import described
+from nearharmonic.reproduction.tasks.reduction import Reductions
+from nearharmonic.systems.kepler import perihelion_angle
+
+reduction = Reductions()
+
+#: The energy error whose contour is drawn and tabulated.
+CONTOUR = 1e-6
+
+
+@reduction("steps_per_orbit")
+def evaluations_per_orbit(runs: xr.Dataset) -> xr.DataArray:
+    """Force evaluations in one period of the exact orbit."""
+    stages = runs.integrator.copy(data=[integrators[name].stages for name in runs.integrator.values])
+    evaluations: xr.DataArray = runs.steps_per_orbit * stages
+    return evaluations.assign_attrs(described("force evaluations per orbit"))
+
+
+@reduction("q", "p", "energy_error")
+def perihelion_advance(runs: xr.Dataset) -> xr.DataArray:
+    """Rotation of the Laplace-Runge-Lenz vector per orbit; NaN for lost orbits and for circles."""
+    advance: xr.DataArray = xr.apply_ufunc(
+        rotation_per_sample, runs.q, runs.p, input_core_dims=[["sample", "component"]] * 2
+    )
+    advance = advance.where(np.isfinite(runs.energy_error) & (runs.eccentricity > 0))
+    return advance.assign_attrs(described("rotation of the Laplace-Runge-Lenz vector per orbit", "rad"))
+
+
+@reduction("evaluations_per_orbit", "energy_error", over="tau_per_stage")
+def evaluations_for_contour(cube: xr.Dataset) -> xr.DataArray:
+    """Force evaluations per orbit from which on the energy error stays below :data:`CONTOUR`."""
+    contour: xr.DataArray = xr.apply_ufunc(
+        evaluations_below, cube.evaluations_per_orbit, cube.energy_error, kwargs={"level": CONTOUR},
+        input_core_dims=[["tau_per_stage"]] * 2, vectorize=True,
+    )  # fmt: skip
+    text = f"force evaluations per orbit from which on the energy error stays below {CONTOUR:g}"
+    return contour.assign_attrs(described(text))
+
+
+def rotation_per_sample(q: Floats, p: Floats) -> Floats:
+    """Return the mean rotation per sample (rad) of the Laplace-Runge-Lenz vector of orbits, by least squares.
+
+    Parameters
+    ----------
+    q, p : array of shape (..., samples, 2)
+        States of each orbit.
+
+    Returns
+    -------
+    array of shape (...)
+        NaN where a sample is missing or where the vector turns by more than a quarter turn between two samples, which
+        tells a rotation from its opposite no longer.
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        angle = perihelion_angle((q[..., 0], q[..., 1]), (p[..., 0], p[..., 1]), 1.0)
+    turns = np.diff(angle)
+    turns -= 2 * np.pi * np.round(turns / (2 * np.pi))
+    turns[np.abs(turns) > np.pi / 2] = np.nan
+    path = np.concatenate([np.zeros_like(turns[..., :1]), np.cumsum(turns, axis=-1)], axis=-1)
+    index = np.arange(path.shape[-1]) - (path.shape[-1] - 1) / 2
+    return np.apply_along_axis(dot, -1, path, index) / dot(index, index)
+
+
+def evaluations_below(evaluations: NDArray[Any], error: Floats, level: float) -> float:
+    """Return the number of evaluations at which an error falls below ``level`` for good.
+
+    Parameters
+    ----------
+    evaluations : array of shape (n,)
+        Ascending; neighbours may be equal if their errors are.
+    error : array of shape (n,)
+        NaN where nothing was run, which counts as below.
+    level : float
+        Above 0.
+
+    Returns
+    -------
+    float
+        Interpolated in the logarithms; NaN where the error never falls below for good.
+    """
+    above = np.flatnonzero(error >= level)
+    last = above[-1] if above.size else len(evaluations)
+    if last + 1 >= len(evaluations):
+        return np.nan
+    (x0, x1), (y0, y1) = log(evaluations[last : last + 2].astype(float)), log(error[last : last + 2])
+    inside = np.isfinite([y0, y1]).all()
+    return float(exp(x0 + (x1 - x0) * (y0 - log(level)) / (y0 - y1)) if inside else exp(x1))

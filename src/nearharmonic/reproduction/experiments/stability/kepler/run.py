@@ -1,0 +1,134 @@
+"""Kepler maps: states, energy error and loss of the orbit over eccentricity and step size."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from fractions import Fraction
+from math import pi
+
+import numpy as np
+
+from nearharmonic.engine.batch.batch import integrate_batch
+from nearharmonic.engine.batch.kernels import kernel_of
+from nearharmonic.engine.batch.results import Integers, Trajectories
+from nearharmonic.engine.settings import Numerics
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.geometric import decades, geometric
+from nearharmonic.numerics.portable import log10
+from nearharmonic.numerics.types import Floats
+from nearharmonic.output.dataset import Contents, coordinate, variable
+from nearharmonic.reproduction.experiments.stability.initial_conditions import kepler_apoapsis
+from nearharmonic.reproduction.experiments.stability.settings import MapSettings
+from nearharmonic.systems.definition.quantities import Parameter
+from nearharmonic.systems.definition.system import System
+from nearharmonic.systems.kepler import SYSTEM as MERCURY
+
+#: The Kepler problem in units of the orbit: GM = 1 and semi-major axis 1, so H = -1/2 and the period is 2 pi.
+SYSTEM: System = replace(
+    MERCURY,
+    parameters={"GM": Parameter(value="1", unit="1", meaning="gravitational constant times mass, the unit")},
+    units=dict.fromkeys(("q", "p", "t", "energy"), "1"),
+)
+PERIOD = Fraction(2 * pi)
+#: Lanes of the kernel: two AVX-512 registers, which hide each other's latency.
+WIDTH = 16
+#: An orbit whose energy error is below this at two step sizes running is not run at smaller ones.
+FLOOR = 1e-10
+
+
+def warm_up() -> dict[str, Contents]:
+    """Compile the kernel into the cache; nothing is returned."""
+    kernel_of(SYSTEM, Numerics(width=WIDTH))
+    return {}
+
+
+def measure(integrator: str, settings: MapSettings) -> dict[str, Contents]:
+    """Return the contents of the file ``run``, :func:`orbit_map` of the method named ``integrator``."""
+    return {"run": orbit_map(integrators[integrator], settings)}
+
+
+def eccentricities(settings: MapSettings) -> Floats:
+    """Return 0 to the highest, evenly in log(1 - e): what changes is the distance of the perihelion, 1 - e."""
+    distances = geometric(1.0, 1.0 - settings.highest_eccentricity, settings.eccentricities)
+    return 1.0 - np.array(distances)
+
+
+def evaluations_grid(settings: MapSettings) -> Floats:
+    """Return the force evaluations per orbit asked for, fewest first, evenly in the logarithm."""
+    grid = settings.evaluations_per_orbit
+    points = int(log10(grid.highest / grid.lowest) * grid.points_per_decade + 1e-9) + 1
+    return np.array(decades(grid.lowest, points, grid.points_per_decade), dtype=float)
+
+
+def steps_per_orbit(settings: MapSettings, stages: int) -> Integers:
+    """Return the whole numbers of steps a period nearest to the grid: then all samples are a period apart."""
+    return np.maximum(1, np.rint(evaluations_grid(settings) / stages)).astype(np.int64)
+
+
+def orbit_runs(tableau: Tableau, steps: int, orbits: int, eccentricity: Floats) -> Trajectories:
+    """Integrate orbits from their apoapsis, sampled once a period.
+
+    Parameters
+    ----------
+    tableau : Tableau
+        The method.
+    steps : int
+        Steps to a period.
+    orbits : int
+        Periods of each run.
+    eccentricity : array of shape (n,)
+        Eccentricity of each orbit.
+    """
+    return integrate_batch(
+        SYSTEM, tableau, t_end=orbits * PERIOD, steps=np.full(eccentricity.size, orbits * steps), samples=orbits + 1,
+        numerics=Numerics(width=WIDTH), start=kepler_apoapsis(eccentricity),
+    )  # fmt: skip
+
+
+def _columns(tableau: Tableau, settings: MapSettings) -> Iterator[tuple[int, Integers, Trajectories]]:
+    """(steps per orbit, indices of the orbits run, their runs), coarse steps first, as long as an orbit is needed."""
+    grid = eccentricities(settings)
+    below = np.zeros(grid.size, dtype=np.int64)
+    for steps in np.unique(steps_per_orbit(settings, tableau.stages)).tolist():
+        needed = np.flatnonzero(below < 2)
+        if not needed.size:
+            return
+        paths = orbit_runs(tableau, steps, settings.orbits, grid[needed])
+        below[needed] = np.where(paths.max_energy_error < FLOOR, below[needed] + 1, 0)
+        yield steps, needed, paths
+
+
+def orbit_map(tableau: Tableau, settings: MapSettings) -> Contents:
+    """Return the orbits under one method, over (tau_per_stage, eccentricity), step sizes in periods.
+
+    ``energy_error`` is infinite where the orbit was lost and NaN where it was not run, being below :data:`FLOOR` at
+    two coarser step sizes; ``orbits_kept``, ``q`` and ``p`` are NaN there too. Step sizes that round to the same number
+    of steps a period are one and the same computation.
+    """
+    grid = eccentricities(settings)
+    distinct, where = np.unique(steps_per_orbit(settings, tableau.stages), return_inverse=True)
+    shape = (distinct.size, grid.size)
+    error, kept = np.full(shape, np.nan), np.full(shape, np.nan)
+    q, p = (np.full((*shape, settings.orbits + 1, SYSTEM.dimension), np.nan) for _ in range(2))
+    evaluations = np.zeros(distinct.size, dtype=np.int64)
+    for i, (steps, orbits, paths) in enumerate(_columns(tableau, settings)):
+        error[i, orbits], q[i, orbits], p[i, orbits] = paths.max_energy_error, paths.q, paths.p
+        kept[i, orbits] = np.where(paths.left_at > 0, paths.left_at / steps, settings.orbits)
+        evaluations[i] = paths.evaluations.sum()
+    tau, over = "tau_per_stage", ("tau_per_stage", "eccentricity")
+    states = (*over, "sample", "component")
+    largest = "maximum of |H - H0|/|H0| over every step, inf if the orbit is lost"
+    return Contents(
+        variables={
+            "q": variable(states, q[where], "position, once a period; the semi-major axis is 1"),
+            "p": variable(states, p[where], "momentum, once a period; GM is 1"),
+            "energy_error": variable(over, error[where], largest),
+            "orbits_kept": variable(over, kept[where], "periods until |H - H0| = |H0|, or all if it never is"),
+            "steps_per_orbit": variable(tau, distinct[where], "steps per period of the exact orbit"),
+            "evaluations": variable(tau, evaluations[where], "force evaluations of the orbits run, all eccentricities"),
+            **coordinate(tau, 1 / evaluations_grid(settings), "step size per stage asked for", "period"),
+            **coordinate("eccentricity", grid, "eccentricity of the exact orbit"),
+        }
+    )

@@ -1,0 +1,86 @@
+"""Reductions of the errors by rounding: an ``xarray.Dataset`` of all methods in, numbers for the cube out.
+
+It has ``energy_error`` and ``lag`` over (integrator, source, orbit, sample), and the coordinate ``time`` over
+(integrator, sample). No integration depends on this module.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from nearharmonic.math import log
+from nearharmonic.numerics.portable import dot
+from nearharmonic.numerics.statistics import jackknife_interval, mean
+from nearharmonic.numerics.types import Floats
+from nearharmonic.output.dataset import described
+from nearharmonic.reproduction.tasks.reduction import Reductions
+
+reduction = Reductions()
+
+QUANTITIES = {"energy_error": "energy error", "lag": "lag along the track"}
+
+
+@reduction(*QUANTITIES, over="orbit")
+def root_mean_squares(cube: xr.Dataset) -> xr.Dataset:
+    """Root mean square over the orbits of each quantity at each sample, ``<quantity>_rms``."""
+    found = xr.Dataset()
+    for name, text in QUANTITIES.items():
+        notes = described(f"root mean square of the {text} over the orbits", cube[name].attrs["units"])
+        rms = xr.apply_ufunc(np.sqrt, (cube[name] * cube[name]).mean("orbit"))
+        found[f"{name}_rms"] = rms.assign_attrs(notes)
+    return found
+
+
+@reduction(*QUANTITIES, "time", over="orbit")
+def power_laws(cube: xr.Dataset) -> xr.Dataset:
+    """Power law of the root mean square of each quantity in time: ``<quantity>_exponent``, ``<quantity>_interval``."""
+    found = xr.Dataset()
+    for name, text in QUANTITIES.items():
+        exponent, interval = xr.apply_ufunc(
+            growth, cube[name], cube.time, input_core_dims=[["orbit", "sample"], ["sample"]],
+            output_core_dims=[[], []], vectorize=True,
+        )  # fmt: skip
+        found[f"{name}_exponent"] = exponent.assign_attrs(described(f"exponent of the growth of the {text}"))
+        meaning = f"half width of the 95 % interval of the exponent of the {text}"
+        found[f"{name}_interval"] = interval.assign_attrs(described(meaning))
+    return found
+
+
+@reduction(*QUANTITIES, over="orbit")
+def biases(cube: xr.Dataset) -> xr.Dataset:
+    """Absolute mean over the orbits of each quantity at the last sample, ``<quantity>_bias``."""
+    found = xr.Dataset()
+    for name, text in QUANTITIES.items():
+        bias = abs(cube[name].reset_coords(drop=True).isel(sample=-1, drop=True).mean("orbit", skipna=False))
+        notes = described(f"absolute mean of the {text} over the orbits at the end", cube[name].attrs["units"])
+        found[f"{name}_bias"] = bias.assign_attrs(notes)
+    return found
+
+
+def growth(errors: Floats, time: Floats) -> tuple[float, float]:
+    """Return the exponent of the power law of the root mean square of an ensemble's errors in time, and its interval.
+
+    Parameters
+    ----------
+    errors : array of shape (orbits, t)
+        Errors of each orbit.
+    time : array of shape (t,)
+        Times above 0.
+
+    Returns
+    -------
+    tuple of float
+        Slope of log rms against log time, and the half width of its 95 % interval by the jackknife over orbits, since
+        the times of one orbit are not independent.
+    """
+    squares, x = errors * errors, log(time)
+    x = x - mean(x)
+
+    def slope(rms: Floats) -> Floats:
+        return np.array([dot(row, x) for row in log(rms)]) / dot(x, x)
+
+    n = len(errors)
+    total = squares.sum(axis=0)
+    exponent = float(slope(np.sqrt(total / n)[None])[0])
+    return exponent, jackknife_interval(slope(np.sqrt((total - squares) / (n - 1))))

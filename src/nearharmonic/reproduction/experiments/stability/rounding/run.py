@@ -1,0 +1,201 @@
+"""Round-off over long times: energy and along-track error of an ensemble of Kepler orbits, and how they grow.
+
+What a run in double precision loses to rounding is its difference from a run of the same method, step size and
+coefficients (rounded to double) in double-double: truncation and rounded coefficients cancel. Rounding the
+coefficients is another method, close to the one meant, and shifts the phase in proportion to time; no compensation of
+sums can remove that, so it is measured by itself. Double-double has no better run to be compared with: its own rounding
+is the difference from a run of the same orbit scaled by 9 (lengths), 1/3 (momenta) and 27 (times), which rounds
+differently at every operation, over sqrt(2).
+
+Brouwer (1937), doi:10.1086/105423: if rounding errors are independent, energy wanders as t^(1/2) and the position along
+the track, driven by the mean motion, as t^(3/2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from decimal import Decimal, localcontext
+from fractions import Fraction
+from math import ceil, pi, sqrt
+
+import numpy as np
+
+from nearharmonic.core.arithmetic import rounded_pair
+from nearharmonic.engine.batch.batch import integrate_batch
+from nearharmonic.engine.batch.kernels import kernel_of
+from nearharmonic.engine.batch.results import Integers, Trajectories
+from nearharmonic.engine.settings import Numerics
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.geometric import geometric
+from nearharmonic.numerics.quasi_random import quasi_random
+from nearharmonic.numerics.types import Floats
+from nearharmonic.output.dataset import Contents, coordinate, variable
+from nearharmonic.reproduction.experiments.stability.initial_conditions import kepler_apoapsis
+from nearharmonic.reproduction.experiments.stability.kepler.run import PERIOD, SYSTEM
+from nearharmonic.reproduction.experiments.stability.settings import RoundingSettings
+
+#: Lanes of the kernels: two AVX-512 registers, which hide each other's latency.
+WIDTH = 16
+#: Eccentricities of the ensemble: round enough for truncation to stay small, so that no error it modulates shows.
+ECCENTRICITY = (0.05, 0.3)
+#: States kept of a run, evenly spaced; of them, this many times evenly spaced in log t are compared.
+SAMPLES, TIMES = 2000, 60
+#: Digits of the differences: those of double-double and to spare.
+DIGITS = 50
+#: Scale of the second run in double-double, the square of a whole number that is no power of two.
+SCALE_ROOT = 3
+_CONSTANTS = SYSTEM.constants(Decimal)
+#: What is compared, in this order.
+SOURCES = ("plain", "compensated", "extended", "coefficients")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Schedule:
+    """How a run is divided.
+
+    Attributes
+    ----------
+    steps : int
+        Steps in all.
+    samples : int
+        States after the start, each a whole number of periods after the one before.
+    periods : int
+        Periods in all.
+    """
+
+    steps: int
+    samples: int
+    periods: int
+
+
+def schedule(settings: RoundingSettings, stages: int) -> Schedule:
+    """Return as many steps as asked for, up to a whole number of samples; all fall on the apoapsis of the exact orbit.
+
+    There the truncation error of the energy is stationary, so that a lag along the track does not show in the energy.
+    The number of samples is that of all methods.
+    """
+    per_orbit = max(1, round(settings.evaluations_per_orbit / stages))
+    samples = min(SAMPLES, settings.steps // settings.evaluations_per_orbit)
+    between = ceil(settings.steps / (per_orbit * samples))
+    return Schedule(steps=samples * between * per_orbit, samples=samples, periods=samples * between)
+
+
+def warm_up() -> dict[str, Contents]:
+    """Compile the kernels into the cache; nothing is returned."""
+    for precision, summation in (("double", "plain"), ("double", "compensated"), ("extended", "compensated")):
+        kernel_of(SYSTEM, Numerics(precision=precision, summation=summation, width=WIDTH, energy="samples"))
+    return {}
+
+
+def measure(integrator: str, settings: RoundingSettings) -> dict[str, Contents]:
+    """Return the contents of the file ``run``, :func:`rounding_errors` of the method named ``integrator``."""
+    return {"run": rounding_errors(integrators[integrator], settings)}
+
+
+def starts(settings: RoundingSettings) -> Floats:
+    """Return orbits of quasi-random eccentricity and orientation (ensemble, 8)."""
+    u = quasi_random(settings.ensemble, 2, settings.seed)
+    lowest, highest = ECCENTRICITY
+    return kepler_apoapsis(lowest + (highest - lowest) * u[:, 0], 2 * pi * u[:, 1])
+
+
+def _scaled(start: Floats) -> Floats:
+    """The same orbits with lengths times 9 and momenta over 3, as double-doubles."""
+    factors = [Fraction(SCALE_ROOT**2)] * 2 + [Fraction(1, SCALE_ROOT)] * 2
+    result = np.zeros_like(start)
+    for row, scaled in zip(start, result, strict=True):
+        for k, factor in enumerate(factors):
+            place = k + 2 * (k // 2)  # x, y, their carries, then the momenta
+            exact = Fraction(row[place]) * factor
+            scaled[place], scaled[place + 2] = rounded_pair(exact.numerator, exact.denominator)
+    return result
+
+
+@dataclass(frozen=True)
+class _Paths:
+    """Sampled states as Decimals; ``scale`` undoes the scaling of lengths."""
+
+    paths: Trajectories
+    scale: int = 1
+
+    def state(self, orbit: int, sample: int) -> list[Decimal]:
+        """x, y, u, v with all their digits, in units of the unscaled orbit."""
+        paths, root = self.paths, Decimal(self.scale)
+        q = [Decimal(a) + Decimal(b) for a, b in zip(paths.q[orbit, sample], paths.q_low[orbit, sample], strict=True)]
+        p = [Decimal(a) + Decimal(b) for a, b in zip(paths.p[orbit, sample], paths.p_low[orbit, sample], strict=True)]
+        return [*(x / root**2 for x in q), *(u * root for u in p)]
+
+
+def _energy(state: list[Decimal]) -> Decimal:
+    energy: Decimal = SYSTEM.energy(tuple(state[:2]), tuple(state[2:]), _CONSTANTS)
+    return energy
+
+
+def errors(paths: _Paths, reference: _Paths, samples: Integers) -> tuple[Floats, Floats]:
+    """Return the errors of one run against another.
+
+    The lag is the displacement along the velocity in units of the speed, times the mean motion, which is 1: in mean
+    anomaly because that grows evenly where the distance along the track swings with the speed.
+
+    Parameters
+    ----------
+    paths, reference : _Paths
+        The runs of the same orbits.
+    samples : array of int
+        Indices of the samples compared.
+
+    Returns
+    -------
+    tuple of two arrays of shape (orbits, samples)
+        Energy error / |H0|, and lag in mean anomaly (rad).
+    """
+    orbits = len(paths.paths.q)
+    energy, lag = np.empty((orbits, len(samples))), np.empty((orbits, len(samples)))
+    with localcontext(prec=DIGITS):
+        for i in range(orbits):
+            for j, sample in enumerate(samples.tolist()):
+                here, there = paths.state(i, sample), reference.state(i, sample)
+                energy[i, j] = (_energy(here) - _energy(there)) * 2  # |H0| = 1/2
+                u, v = there[2:]
+                lag[i, j] = ((here[0] - there[0]) * u + (here[1] - there[1]) * v) / (u * u + v * v)
+    return energy, lag
+
+
+def _integrate(
+    tableau: Tableau, plan: Schedule, start: Floats, precision: str, *, scale: int = 1, **how: object
+) -> _Paths:
+    paths = integrate_batch(
+        SYSTEM, tableau, t_end=plan.periods * PERIOD * scale**3, steps=np.full(len(start), plan.steps),
+        samples=plan.samples + 1, start=start,
+        numerics=Numerics(precision=precision, width=WIDTH, energy="samples", **how),  # type: ignore[arg-type]
+    )  # fmt: skip
+    return _Paths(paths, scale)
+
+
+def rounding_errors(tableau: Tableau, settings: RoundingSettings) -> Contents:
+    """Return energy error and lag by rounding alone over (source, orbit, sample), for one method."""
+    plan, start = schedule(settings, tableau.stages), starts(settings)
+    samples = np.unique(np.array(geometric(1, plan.samples, TIMES)).round().astype(np.int64))
+    exact = _integrate(tableau, plan, start, "extended")
+    rounded_coefficients = _integrate(tableau, plan, start, "extended", double_coefficients=True)
+    scaled = _integrate(tableau, plan, _scaled(start), "extended", scale=SCALE_ROOT)
+    pairs = {
+        summation: errors(
+            _integrate(tableau, plan, start, "double", summation=summation), rounded_coefficients, samples
+        )
+        for summation in ("plain", "compensated")
+    }
+    energy_pair, lag_pair = errors(scaled, exact, samples)
+    pairs["extended"] = energy_pair / sqrt(2), lag_pair / sqrt(2)
+    pairs["coefficients"] = errors(rounded_coefficients, exact, samples)
+    energy, lag = (np.array([pairs[source][k] for source in SOURCES]) for k in (0, 1))
+    periods = samples * (plan.periods // plan.samples)
+    over = ("source", "orbit", "sample")
+    variables = {
+        "energy_error": variable(over, energy, "(H - H of the exact arithmetic)/|H0|, by rounding alone"),
+        "time": variable("sample", periods.astype(float), "periods of the exact orbit"),
+        "lag": variable(over, lag, "displacement along the track as mean anomaly, by rounding alone", "rad"),
+        **coordinate("source", list(SOURCES), "arithmetic of the run, or its coefficients alone"),
+    }
+    return Contents(variables=variables, coordinates=("time",))

@@ -1,0 +1,99 @@
+"""Reductions over the problems: the best method of each idea, what it gains, and which idea is ahead.
+
+The dataset has ``log_error`` over (integrator, tau_per_stage, strength, problem) with the coordinate ``idea`` of each
+integrator, ``exact_log_error`` over (exact_integrator, ...), ``anharmonicity`` over (strength, problem), and the
+attribute ``seed``, which chooses the resamples. With ``over="resample"`` a reduction takes the errors of the best in
+place of those of all. No integration depends on this module.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from nearharmonic.output.dataset import coordinate, described
+from nearharmonic.reproduction.experiments.trained.contestants import IDEAS
+from nearharmonic.reproduction.experiments.trained.ideas.oscillators import CHARGE
+from nearharmonic.reproduction.experiments.trained.resampling import CONFIDENCE, RESAMPLES, interval, resampled_means
+from nearharmonic.reproduction.tasks.reduction import Reductions
+
+reduction = Reductions()
+
+#: The idea that the others are compared with.
+REFERENCE = "general"
+#: Of the anharmonicities of the potentials at one strength.
+QUANTILES = (0.05, 0.5, 0.95)
+
+
+@reduction("anharmonicity", over="problem")
+def anharmonicity(runs: xr.Dataset) -> xr.DataArray:
+    """Quantiles over the potentials of their anharmonicity."""
+    fractions = coordinate("quantile", list(QUANTILES), "fraction of the potentials that are less anharmonic")
+    found: xr.DataArray = runs.anharmonicity.quantile(QUANTILES, "problem", skipna=False).transpose(
+        "strength", "quantile"
+    )
+    return found.assign_coords(fractions).assign_attrs(runs.anharmonicity.attrs)
+
+
+@reduction("log_error", "exact_log_error", "idea", over="problem")
+def best_of_ideas(runs: xr.Dataset, resamples: int = RESAMPLES) -> xr.Dataset:
+    """Best method of each idea and its mean error, and the errors of the best, chosen anew, in each resample."""
+    ideas = {IDEAS[0]: runs.exact_log_error.rename(exact_integrator="integrator")}
+    ideas |= {idea: runs.log_error.isel(integrator=np.flatnonzero(runs.idea == idea)) for idea in IDEAS[1:]}
+    parts = []
+    for idea, errors in ideas.items():
+        if errors.sizes["integrator"]:
+            means = errors.mean("problem", skipna=False)
+            again = resampled_means(errors, runs.attrs["seed"], resamples)
+            best = {"mean_log_error": means.min("integrator"), "best_method": means.idxmin("integrator")}
+            parts.append(xr.Dataset(best | {"resampled": again.min("integrator")}).expand_dims(idea=[idea]))
+    found = xr.concat(parts, "idea", coords="minimal", compat="override").reindex(
+        idea=list(IDEAS), fill_value={"best_method": ""}
+    )
+    for name, text in (
+        ("mean_log_error", "mean over the potentials of log10 max |dH/H0|, best method of an idea"),
+        ("best_method", "best method of an idea; empty if it has none"),
+    ):
+        found[name] = found[name].assign_attrs(described(text))
+    meaning = f"what methods are built on; {IDEAS[0]} costs {CHARGE} an evaluation"
+    return found.assign_coords(coordinate("idea", list(IDEAS), meaning))
+
+
+@reduction("mean_log_error", "resampled", over="resample")
+def gains(best: xr.Dataset) -> xr.Dataset:
+    """Gain of each idea over the reference, with its interval."""
+    gain, resampled = (one.sel(idea=REFERENCE, drop=True) - one for one in (best.mean_log_error, best.resampled))
+    over = ("idea", "tau_per_stage", "strength")
+    ends, text = interval(resampled).transpose(*over, "bound"), f"gain over the best method of {REFERENCE}"
+    return xr.Dataset({
+        "gain": gain.transpose(*over).assign_attrs(described(text, "decades")),
+        "gain_interval": ends.assign_attrs(described(f"its {CONFIDENCE:.0%} interval", "decades")),
+    })  # fmt: skip
+
+
+@reduction("mean_log_error", "resampled", over="resample")
+def leaders(best: xr.Dataset) -> xr.Dataset:
+    """Idea that is ahead, and its lead over the second with its interval: among all ideas."""
+    return _leaders(best, "", "idea with the least mean error")
+
+
+@reduction("mean_log_error", "resampled", over="resample")
+def split_leaders(best: xr.Dataset) -> xr.Dataset:
+    """As :func:`leaders`, where oscillators are not solved exactly."""
+    return _leaders(best.drop_sel(idea=IDEAS[0]), "_split", f"the same without {IDEAS[0]}")
+
+
+def _leaders(best: xr.Dataset, suffix: str, text: str) -> xr.Dataset:
+    errors = best.mean_log_error.fillna(np.inf)
+    leader = errors.idxmin("idea")
+    second = errors.where(errors.idea != leader).idxmin("idea")
+    lead, resampled = (
+        one.sel(idea=second).drop_vars("idea") - one.sel(idea=leader).drop_vars("idea")
+        for one in (best.mean_log_error, best.resampled)
+    )
+    ends = interval(resampled)
+    return xr.Dataset({
+        f"leader{suffix}": leader.assign_attrs(described(text)),
+        f"lead{suffix}": lead.assign_attrs(described("by which it is ahead of the second", "decades")),
+        f"lead{suffix}_interval": ends.assign_attrs(described("its 95 % interval", "decades")),
+    })  # fmt: skip

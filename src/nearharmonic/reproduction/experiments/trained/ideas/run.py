@@ -1,0 +1,88 @@
+"""Energy errors of the methods of each idea on potentials of all strengths, at equal cost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from nearharmonic.integrators.modified import method_of
+from nearharmonic.numerics.portable import log10
+from nearharmonic.numerics.types import Floats
+from nearharmonic.output.dataset import Contents, Variables, coordinate, method_coordinates, variable
+from nearharmonic.reproduction.experiments.trained.contestants import idea_of
+from nearharmonic.reproduction.experiments.trained.ideas.oscillators import (
+    DIMENSION,
+    Scaled,
+    exact_errors,
+    scaled_potentials,
+)
+from nearharmonic.reproduction.experiments.trained.problems.anharmonicity import anharmonicities
+from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings
+from nearharmonic.training.objective import errors_of
+from nearharmonic.training.population import LEAST
+
+#: Part of the problems of an ensemble that are potentials here, as each is taken at so many strengths.
+PART, STRENGTHS = 3, 13
+WHAT = "log10 of the largest |H - H0|/|H0| over every step"
+
+
+def measure(methods: Sequence[str], exact: Sequence[str], settings: ProofSettings) -> dict[str, Contents]:
+    """Integrate all potentials at all strengths with all methods.
+
+    Parameters
+    ----------
+    methods : sequence of str
+        Names of the methods with T and V; those with kicks of a modified potential stand for no idea here.
+    exact : sequence of str
+        Names of the methods that solve the oscillator exactly.
+    settings : ProofSettings
+        Number of potentials, and step sizes.
+
+    Returns
+    -------
+    dict
+        ``run``, with the variables of :func:`errors_of_methods`.
+    """
+    taus = np.array([float(tau) for tau in settings.tau_per_stage])
+    scaled = scaled_potentials(settings.systems // PART, STRENGTHS, settings.seed, float(settings.t_end))
+    variables = errors_of_methods(scaled, methods, exact, taus)
+    return {"run": Contents(variables=variables, coordinates=("label", "idea"))}
+
+
+def errors_of_methods(scaled: Scaled, methods: Sequence[str], exact: Sequence[str], taus: Floats) -> Variables:
+    """Return ``log_error`` and ``exact_log_error`` over (integrator, tau_per_stage, strength, problem).
+
+    Parameters
+    ----------
+    scaled : Scaled
+        K potentials at J strengths.
+    methods, exact : sequence of str
+        As for :func:`measure`.
+    taus : (T,) array of float
+        Step sizes over the cost of a step.
+    """
+    whole, shape = scaled.ensemble(), (len(taus), scaled.potentials.size, len(scaled.strengths))
+
+    def logarithms(errors: Sequence[Floats]) -> Floats:
+        return np.moveaxis(log10(np.maximum(np.reshape(errors, (len(errors), *shape)), LEAST)), 2, -1)
+
+    kept = [name for name in methods if idea_of(method_of(name)) is not None]
+    split = logarithms([errors_of(whole, method_of(name), taus.tolist()) for name in kept])
+    rotated = logarithms([exact_errors(scaled, method_of(name), taus) for name in exact])
+    over = ("tau_per_stage", "strength", "problem")
+    delta = anharmonicities(whole).reshape(shape[1:]).T
+    return {
+        **coordinate("tau_per_stage", taus, "step size over the cost of a step, in radians of the fastest oscillation"),
+        **coordinate("strength", scaled.strengths, "by which cubic and quartic coefficients are multiplied"),
+        **method_coordinates(map(method_of, kept)),
+        **coordinate("exact_integrator", list(exact), "integrator that solves the oscillator exactly"),
+        "idea": variable("integrator", [idea_of(method_of(name)) for name in kept], "idea that it is built on"),
+        "log_error": variable(("integrator", *over), split, f"{WHAT}, with T and V"),
+        "exact_log_error": variable(
+            ("exact_integrator", *over), rotated, f"{WHAT}, with the oscillator solved exactly"
+        ),
+        "anharmonicity": variable(
+            over[1:], delta, f"variation of the Hessian of V along the orbits of {DIMENSION} coordinates"
+        ),
+    }

@@ -1,0 +1,165 @@
+"""Long runs of the trained methods, runs back to the start, and runs with steps so short that rounding alone errs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from nearharmonic.engine.batch.batch import integrate_batch
+from nearharmonic.engine.batch.results import Trajectories
+from nearharmonic.engine.settings import Numerics
+from nearharmonic.integrators.modified import method_of
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.types import Floats
+from nearharmonic.output.dataset import Contents, Variables, coordinate, method_coordinates, variable
+from nearharmonic.reproduction.experiments.trained.problems.named_systems import NAMED, named_ensemble
+from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings
+from nearharmonic.training.population import LANES, Ensemble
+
+#: Systems of the runs, and starts on each of them.
+SYSTEMS, STARTS = ("henon_heiles", "morse"), 16
+#: Step sizes per stage, in radians of the fastest small oscillation, of the long runs and of those for rounding.
+TAU_PER_STAGE, FINE = 0.1, 0.02
+#: Samples of a long run; steps there and back, and evaluations of the runs for rounding, as parts of its steps.
+SAMPLES, BACK, ROUNDED = 4001, Fraction(1, 100), Fraction(1, 10)
+SUMS = ("compensated", "plain")
+#: Samples of the runs for rounding at most.
+SAMPLES_ROUNDED = 64
+
+#: Variables over (system, integrator): their further dimensions, and what they are.
+_STATES = ("summation", "problem", "end", "component")
+MEANINGS = {
+    "energy_error": (("problem", "sample"), "(H - H0)/|H0| of the long runs"),
+    "max_energy_error": (("problem",), "maximum of |H - H0|/|H0| over every step of the long runs"),
+    "q": (_STATES, "coordinates at the start, at the end of the run there and after the run back"),
+    "q_low": (_STATES, "digits below those of q"),
+    "p": (_STATES, "momenta at the start, at the end of the run there and after the run back"),
+    "p_low": (_STATES, "digits below those of p"),
+    "fine_energy_error": (("arithmetic", "problem", "fine_sample"), "(H - H0)/|H0| of the runs for rounding"),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """Runs of one method on some problems, with one step size.
+
+    Attributes
+    ----------
+    ensemble : Ensemble
+        The problems.
+    method : Tableau
+        The method.
+    tau_per_stage : float
+        Step size per stage, in the unit of the ensemble.
+    steps : int
+        Steps of each run.
+    """
+
+    ensemble: Ensemble
+    method: Tableau
+    tau_per_stage: float
+    steps: int
+
+    def paths(self, start: Floats | None = None, *, samples: int, back: bool = False, **how: Any) -> Trajectories:
+        """Return the runs, with ``samples`` states; ``how`` are members of :class:`Numerics`."""
+        tau = Fraction(self.tau_per_stage * self.ensemble.unit * self.method.stages)
+        return integrate_batch(
+            self.ensemble.system, self.method, t_end=(-tau if back else tau) * self.steps,
+            steps=np.full(self.ensemble.size, self.steps), samples=samples, numerics=Numerics(width=LANES, **how),
+            start=self.ensemble.start if start is None else start, parameters=self.ensemble.parameters,
+        )  # fmt: skip
+
+
+def measure(methods: Sequence[str], beside: str, settings: ProofSettings) -> dict[str, Contents]:
+    """Return the contents of the file ``run``: :func:`long_runs`.
+
+    Parameters
+    ----------
+    methods : sequence of str
+        Names of the trained methods.
+    beside : str
+        Name of the method that they are compared with; it is the first.
+    settings : ProofSettings
+        Steps, and the seed of the starts.
+    """
+    chosen = [one for one in NAMED if one.name in SYSTEMS]
+    ensembles = {one.name: named_ensemble(one, STARTS, settings.seed, float(settings.t_end)) for one in chosen}
+    variables = long_runs(ensembles, [method_of(name) for name in (beside, *methods)], settings.steps)
+    return {"run": Contents(variables=variables, coordinates=("label", "step"))}
+
+
+def long_runs(ensembles: Mapping[str, Ensemble], methods: Sequence[Tableau], steps: int) -> Variables:
+    """Integrate the problems of ensembles with all methods.
+
+    Parameters
+    ----------
+    ensembles : mapping
+        Problems by the name of their system, equally many of each.
+    methods : sequence of Tableau
+        The methods.
+    steps : int
+        Steps of a long run.
+
+    Returns
+    -------
+    dict
+        The variables of :data:`MEANINGS`, NaN behind the last sample of a run and the last coordinate of a system.
+    """
+    samples = min(SAMPLES, steps + 1)
+    coordinates = {
+        **coordinate("system", list(ensembles), "system"),
+        **method_coordinates(methods),
+        **coordinate("summation", list(SUMS), "summation of the steps"),
+        **coordinate("end", ["start", "there", "back"], "end of the runs there and back"),
+        **coordinate("arithmetic", [*SUMS, "extended"], "summation of the steps, or double-double"),
+    }
+    sizes = {name: len(values) for name, (_, values, _) in coordinates.items()} | {
+        "problem": next(iter(ensembles.values())).size, "sample": samples, "fine_sample": SAMPLES_ROUNDED,
+        "component": max(one.system.dimension for one in ensembles.values()),
+    }  # fmt: skip
+    found: Variables = {}
+    for key, (dims, meaning) in MEANINGS.items():
+        over = ("system", "integrator", *dims)
+        found[key] = variable(over, np.full([sizes[name] for name in over], np.nan), meaning)
+    for i, ensemble in enumerate(ensembles.values()):
+        for j, method in enumerate(methods):
+            for key, values in _computed(ensemble, method, steps).items():
+                found[key][1][(i, j, *map(slice, values.shape))] = values
+    marks = np.arange(samples) * steps // (samples - 1)
+    return found | coordinates | {
+        "step": variable("sample", marks, "step of the sample"),
+        "tau_per_stage": variable((), TAU_PER_STAGE, "step size per stage, in radians of the fastest oscillation"),
+    }  # fmt: skip
+
+
+def _computed(ensemble: Ensemble, method: Tableau, steps: int) -> dict[str, Floats]:
+    """Return the variables of one method on one system."""
+
+    def run(tau_per_stage: float, count: Fraction | int) -> Run:
+        return Run(ensemble=ensemble, method=method, tau_per_stage=tau_per_stage, steps=max(1, round(count)))
+
+    long = run(TAU_PER_STAGE, steps).paths(samples=SAMPLES)
+    short, fine = run(TAU_PER_STAGE, int(steps * BACK)), run(FINE, steps * ROUNDED / method.stages)
+    there = [short.paths(samples=2, summation=sums) for sums in SUMS]
+    again = [
+        short.paths(
+            np.concatenate([x[:, -1] for x in (path.q, path.q_low, path.p, path.p_low)], axis=1),
+            samples=2, summation=sums, back=True,
+        )
+        for sums, path in zip(SUMS, there, strict=True)
+    ]  # fmt: skip
+    rounded = [fine.paths(samples=SAMPLES_ROUNDED, summation=sums) for sums in SUMS]
+    exact = fine.paths(samples=SAMPLES_ROUNDED, precision="extended", double_coefficients=True)
+    found = {
+        "energy_error": long.energy_error,
+        "max_energy_error": long.max_energy_error,
+        "fine_energy_error": np.array([path.energy_error for path in (*rounded, exact)]),
+    }
+    for name in ("q", "q_low", "p", "p_low"):
+        pairs = [(getattr(one, name), getattr(other, name)) for one, other in zip(there, again, strict=True)]
+        found[name] = np.array([np.concatenate([one, other[:, -1:]], axis=1) for one, other in pairs])
+    return found

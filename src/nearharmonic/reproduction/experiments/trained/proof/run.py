@@ -1,0 +1,82 @@
+"""Energy errors of all methods on each problem of the test ensembles, at equal cost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from nearharmonic.integrators.modified import method_of
+from nearharmonic.numerics.portable import log10
+from nearharmonic.numerics.types import Floats
+from nearharmonic.output.dataset import Contents, coordinate, method_coordinates, variable
+from nearharmonic.reproduction.experiments.trained.contestants import kind_of
+from nearharmonic.reproduction.experiments.trained.proof.ensembles import proof_ensembles
+from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings
+from nearharmonic.training.objective import errors_of
+from nearharmonic.training.population import LEAST, Ensemble
+
+#: Auxiliary coordinates.
+COORDINATES = ("label", "kind", "panel", "problems", "tau_per_stage")
+UNIT = "radians of the fastest small oscillation"
+
+
+def measure(methods: Sequence[str], settings: ProofSettings) -> dict[str, Contents]:
+    """Integrate all problems of all ensembles with all methods.
+
+    Parameters
+    ----------
+    methods : sequence of str
+        Names of all methods that are compared.
+    settings : ProofSettings
+        Ensembles and step sizes.
+
+    Returns
+    -------
+    dict
+        ``run``: ``log_error`` over (ensemble, integrator, point, problem), NaN where an ensemble has fewer step sizes
+        than another, and ``anharmonicity`` over (ensemble, problem).
+    """
+    trials = list(proof_ensembles(settings))
+    ensembles, points = [trial.ensemble for trial in trials], max(trial.tau_per_stage.size for trial in trials)
+    kinds, taus = list(map(kind_of, methods)), np.full((len(trials), points), np.nan)
+    errors = np.full((len(trials), len(methods), points, settings.systems), np.nan)
+    for e, trial in enumerate(trials):
+        here = slice(trial.tau_per_stage.size)
+        taus[e, here] = trial.tau_per_stage
+        errors[e, :, here] = log_errors(trial.ensemble, methods, trial.tau_per_stage, trial.charge)
+    variables = {
+        **coordinate("ensemble", [one.name for one in ensembles], "ensemble of problems"),
+        **method_coordinates(map(method_of, methods)),
+        "kind": variable("integrator", kinds, "trained, published, or own: found by this project"),
+        "panel": variable("ensemble", [trial.panel for trial in trials], "panel of the figure of gains"),
+        "problems": variable("ensemble", [one.size for one in ensembles], "number of problems"),
+        "tau_per_stage": variable(("ensemble", "point"), taus, f"step size over the cost of a step, in {UNIT}"),
+        "log_error": variable(
+            ("ensemble", "integrator", "point", "problem"), errors, "log10 of the largest |H - H0|/|H0| over every step"
+        ),
+        "anharmonicity": variable(
+            ("ensemble", "problem"), [one.strength for one in ensembles],
+            "variation of the Hessian of V along the orbits of the problems",
+        ),
+    }  # fmt: skip
+    return {"run": Contents(variables=variables, coordinates=COORDINATES)}
+
+
+def log_errors(ensemble: Ensemble, methods: Sequence[str], tau_per_stage: Floats, charge: float) -> Floats:
+    """Return log10 max |dH/H0| (methods, T, M) at equal cost, not below what doubles resolve.
+
+    Parameters
+    ----------
+    ensemble : Ensemble
+        The M problems.
+    methods : sequence of str
+        Names of the methods.
+    tau_per_stage : (T,) array of float
+        Step sizes over the cost of a step.
+    charge : float
+        Cost of the gradient of the square of grad V, in forces.
+    """
+    errors = [errors_of(ensemble, method_of(name), tau_per_stage.tolist(), charge) for name in methods]
+    found: Floats = log10(np.maximum(errors, LEAST))
+    return found

@@ -1,0 +1,78 @@
+"""What may be asked of the proof, and the limits of what a machine can do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from nearharmonic.engine.settings import MOST_STEPS
+from nearharmonic.errors import bad_setting
+from nearharmonic.reproduction.experiments.entries import (
+    STRICT,
+    PositiveDecimal,
+    Reading,
+    setting,
+    whole_between,
+    whole_from,
+)
+
+#: Force evaluations of the proof, all methods and ensembles together: some minutes.
+MOST_EVALUATIONS = 10**12
+#: Methods and ensembles that a proof has at most, for the estimate of its evaluations.
+METHODS, ENSEMBLES = 100, 17
+#: Periods of a Kepler orbit.
+ORBITS = 10
+#: Evaluations of a step of the long runs, all methods and starts together.
+LONG = 10**4
+
+POSITIVE = "a finite number above 0"
+EvaluationsPerOrbit = Annotated[int, Reading(*whole_between(10, 10**6))]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProofSettings:
+    """All methods on ensembles that none was trained on."""
+
+    __pydantic_config__ = STRICT
+
+    seed: int = setting(
+        "Of the test ensembles and all else that is random; training sets have others", default=1501, **whole_from(0)
+    )
+    systems: int = setting("Problems of each ensemble", default=192, **whole_from(4, 10**5))
+    t_end: PositiveDecimal = setting(
+        "Every run covers so many radians of the fastest small oscillation", POSITIVE, unit="rad", default="100"
+    )
+    tau_per_stage: tuple[PositiveDecimal, ...] = setting(
+        "Step sizes divided by the cost of a step in evaluations, in radians of the fastest small oscillation",
+        "a list of numbers above 0",
+        unit="rad",
+        each=POSITIVE,
+        default=("0.012", "0.02", "0.03", "0.05", "0.07", "0.1", "0.12", "0.14", "0.17", "0.2", "0.25"),
+        min_length=1,
+    )
+    evaluations_per_orbit: tuple[EvaluationsPerOrbit, ...] = setting(
+        "Force evaluations in a period of a Kepler orbit",
+        "a list of whole numbers from 10 to 1000000",
+        unit="1",
+        each="a whole number from 10 to 1000000",
+        default=(60, 120, 240, 480),
+        min_length=1,
+    )
+    steps: int = setting("Steps of the long runs", default=10**6, **whole_from(1000, MOST_STEPS))
+
+    def check(self) -> None:
+        """Refuse more force evaluations than a machine can make; keys are named as in a config.
+
+        Raises
+        ------
+        SettingError
+            The first fault found.
+        """
+        each = sum(float(self.t_end) / float(tau) for tau in self.tau_per_stage)
+        for key, value, per_member in (
+            ("systems", self.systems, METHODS * (ENSEMBLES * each + ORBITS * sum(self.evaluations_per_orbit))),
+            ("steps", self.steps, LONG),
+        ):
+            if value * per_member > MOST_EVALUATIONS:
+                what = f"it would take {value * per_member:.2g} force evaluations"
+                raise bad_setting(f"trained.proof.{key}", value, f"{what}, and may take {MOST_EVALUATIONS:.0e}")

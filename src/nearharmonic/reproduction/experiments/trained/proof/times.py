@@ -1,0 +1,132 @@
+"""Gains at equal time on this machine: what the gradient of the square of grad V costs in the kernels.
+
+All methods with kicks of V alone take the same time for an evaluation on one system, so that equal evaluations are
+equal time. Those with kicks of a modified potential are run again with the cost that was measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from nearharmonic.engine.batch.batch import prepared_batch
+from nearharmonic.engine.numbers.coefficients import moves_of
+from nearharmonic.engine.settings import Numerics
+from nearharmonic.integrators.modified import method_of
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.clock import Patience, interleaved, pinned, processor
+from nearharmonic.numerics.types import Floats
+from nearharmonic.output.store import read
+from nearharmonic.output.table import Table
+from nearharmonic.reproduction.experiments.trained.contestants import kind_of
+from nearharmonic.reproduction.experiments.trained.proof.ensembles import Trial, proof_ensembles
+from nearharmonic.reproduction.experiments.trained.proof.run import log_errors
+from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings
+from nearharmonic.reproduction.tasks.receipts import measures_time
+from nearharmonic.training.population import LANES, Ensemble
+
+#: A method with kicks of V alone, and one of as many stages in each of which a gradient is taken: both are timed.
+PLAIN, MODIFIED = "mclachlan_ss5", "abag5o6"
+#: Lanes of what is timed, by the name of the column.
+WIDTHS = {"lanes": LANES, "single": 1}
+#: Steps of a timed run; problems of one in lanes.
+STEPS, PROBLEMS = 2000, 2 * LANES
+PATIENCE = Patience(least=7, most=25, seconds=0.1, longest=1.0)
+CAPTION = (
+    "Nanoseconds of an evaluation and trajectory in SIMD lanes and of a single trajectory, plain sums, no energies, "
+    "least of calls that took turns; what the gradient of the square of grad V costs more, in evaluations; and the "
+    "gain of the best trained over the best published method, in decades, at equal evaluations and at equal time of "
+    "either kind"
+)
+
+
+@measures_time
+def measure(cube: str, methods: Sequence[str], settings: ProofSettings) -> dict[str, Any]:
+    """Return the ``table`` of times and of gains at equal time.
+
+    Parameters
+    ----------
+    cube : str
+        Path of the cube of mean errors.
+    methods : sequence of str
+        Names of all methods that are compared.
+    settings : ProofSettings
+        Those of the cube.
+    """
+    found = read(cube)
+    names = [name for name in methods if method_of(name).modified]
+    rows: list[list[Any]] = []
+    known: dict[str, dict[str, tuple[float, float]]] = {}
+    with pinned():
+        for e, trial in enumerate(proof_ensembles(settings)):
+            system = trial.ensemble.system.name
+            if system not in known:
+                known[system] = {mode: costs(trial.ensemble, width) for mode, width in WIDTHS.items()}
+            errors = found["mean_log_error"].isel(ensemble=e, point=slice(len(trial.tau_per_stage))).values
+            rows += _rows(trial, methods, names, errors, known[system])
+    header = ["ensemble", "tau_per_stage", *(f"ns_{mode}" for mode in WIDTHS), *(f"charge_{mode}" for mode in WIDTHS)]
+    header += ["gain", *(f"gain_{mode}" for mode in WIDTHS)]
+    return {"table": Table(header=header, rows=rows, caption=f"{CAPTION}; {processor()}.")}
+
+
+def costs(ensemble: Ensemble, width: int) -> tuple[float, float]:
+    """Return nanoseconds of an evaluation and trajectory, and what a gradient costs more, in evaluations.
+
+    Parameters
+    ----------
+    ensemble : Ensemble
+        Of whose problems some are run.
+    width : int
+        SIMD lanes; with one, a single trajectory is run.
+    """
+    few = ensemble.part(np.arange(PROBLEMS if width > 1 else 1) % ensemble.size)
+    methods = [method_of(PLAIN), method_of(MODIFIED)]
+    calls = [prepared_run(few, method, width) for method in methods]
+    for call in calls:
+        call()
+    plain, modified = (
+        1e9 * min(times) / (STEPS * method.stages * few.size)
+        for method, times in zip(methods, interleaved(calls, PATIENCE), strict=True)
+    )
+    share = getattr(methods[1], "gradients", 0) / methods[1].stages
+    return plain, max(0.0, (modified / plain - 1) / share)
+
+
+def prepared_run(ensemble: Ensemble, method: Tableau, width: int) -> Callable[[], None]:
+    """Return a call that makes :data:`STEPS` steps of each problem, of a tenth of a radian a stage."""
+    numerics = Numerics(summation="plain", energy="none", width=width)
+    tau = Fraction(ensemble.unit * method.stages) / 10
+    marks = np.tile(np.array([[0, STEPS]]), (ensemble.size, 1))
+    batch = prepared_batch(
+        ensemble.system, method, numerics, marks=marks, scheme=np.zeros(ensemble.size, np.int64),
+        moves=moves_of(ensemble.system, method, [tau], numerics), start=ensemble.start, parameters=ensemble.parameters,
+    )  # fmt: skip
+    return batch.run
+
+
+def _rows(
+    trial: Trial, methods: Sequence[str], modified: Sequence[str], errors: Floats,
+    known: dict[str, tuple[float, float]],
+) -> Iterator[list[Any]]:  # fmt: skip
+    """The rows of an ensemble, with the modified methods run again at the charge that was measured."""
+    kinds = np.array([kind_of(name) for name in methods])
+    places = [list(methods).index(name) for name in modified]
+    gains = [gain(errors, kinds)]
+    for _, charge in known.values():
+        again = errors.copy()
+        if places:
+            again[places] = log_errors(trial.ensemble, modified, trial.tau_per_stage, charge).mean(axis=-1)
+        gains.append(gain(again, kinds))
+    for t, tau in enumerate(trial.tau_per_stage.tolist()):
+        numbers = [[one[k] for one in known.values()] for k in (0, 1)]
+        yield [trial.ensemble.name, tau, *numbers[0], *numbers[1], *(float(row[t]) for row in gains)]
+
+
+def gain(errors: Floats, kinds: Any) -> Floats:
+    """Return the best published less the best trained (T,) of mean logarithms (A, T); NaN if there is none."""
+    best = [errors[kinds == kind].min(axis=0, initial=np.inf) for kind in ("published", "trained")]
+    found: Floats = np.where(np.isfinite(best).all(axis=0), best[0] - best[1], np.nan)
+    return found

@@ -1,0 +1,190 @@
+"""What methods are trained for: a window of step sizes, the problems, and the families that are searched."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from math import pi
+
+from nearharmonic.integrators.tableau import First
+from nearharmonic.reproduction.experiments.trained.problems.orbits import orbit_ensemble
+from nearharmonic.reproduction.experiments.trained.problems.random_potentials import random_ensemble
+from nearharmonic.training.family import Family
+from nearharmonic.training.population import Ensemble
+from nearharmonic.training.published import modified_names, published_names
+
+#: Bands of the strength of random potentials: of all methods but those for small anharmonicity, and of these.
+STRONG, WEAK = (0.01, 0.5), (0.001, 0.03)
+#: Bounds of the eccentricity of orbits.
+ECCENTRICITIES = (0.02, 0.35)
+#: The gradient of the square of grad V costs as much as so many forces, on polynomials and on Kepler: docs/methods.md.
+CHARGE, CHARGE_OF_ORBITS = 1.1, 0.3
+#: A window is at least so wide: largest over smallest step size.
+NARROWEST = 1.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chain:
+    """Families of more and more stages, each grown from the one before.
+
+    Attributes
+    ----------
+    first : {"drift", "kick"}
+        Operator of the outer row.
+    stages : tuple of int
+        Stages, ascending.
+    order, harmonic_order, squares
+        As for :class:`Family`.
+    """
+
+    first: First
+    stages: tuple[int, ...]
+    order: int = 4
+    harmonic_order: int = 4
+    squares: tuple[int, ...] = ()
+
+    def families(self) -> Iterator[Family]:
+        """Yield the families."""
+        for stages in self.stages:
+            yield Family(
+                stages=stages, first=self.first, order=self.order, harmonic_order=self.harmonic_order,
+                squares=self.squares,
+            )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Purpose:
+    """What one method is trained for.
+
+    Attributes
+    ----------
+    name, what : str
+        Last part of the method's name, and the purpose in words.
+    tau_per_stage : tuple of float
+        Step sizes over the cost of a step, in radians of the fastest oscillation.
+    t_end : float
+        Interval of a run, in the same unit.
+    chains : tuple of Chain
+        What is searched.
+    band : pair of float, optional
+        Bounds of the strength of random potentials; orbits, if None.
+    after : str, optional
+        Purpose whose method the search begins with as well: that of a window beside this one.
+    """
+
+    name: str
+    what: str
+    tau_per_stage: tuple[float, ...]
+    t_end: float
+    chains: tuple[Chain, ...]
+    band: tuple[float, float] | None = STRONG
+    after: str | None = None
+
+    @property
+    def title(self) -> str:
+        """Name of the method."""
+        return f"trained_{self.name}"
+
+    @property
+    def window(self) -> tuple[float, float]:
+        """Smallest and largest step size."""
+        return min(self.tau_per_stage), max(self.tau_per_stage)
+
+    @property
+    def known(self) -> tuple[str, ...]:
+        """Names of the methods that a search begins with; those of others are what it has to beat."""
+        modified = any(chain.squares for chain in self.chains)
+        return published_names() + (modified_names() if modified else ())
+
+    @property
+    def charge(self) -> float:
+        """Cost of the gradient of the square of grad V, in forces."""
+        return CHARGE_OF_ORBITS if self.band is None else CHARGE
+
+    @property
+    def problems(self) -> str:
+        """The ensemble in words."""
+        if self.band is None:
+            return f"Kepler orbits, e {ECCENTRICITIES[0]:g} to {ECCENTRICITIES[1]:g}"
+        return f"random potentials, d = 2 and 3, strengths {self.band[0]:g} to {self.band[1]:g}"
+
+    def ensembles(self, systems: int, seed: int, longer: float = 1.0) -> list[Ensemble]:
+        """Return the problems: half of them in two coordinates and half in three, or orbits.
+
+        Parameters
+        ----------
+        systems : int
+            Number of problems.
+        seed : int
+            Of the draw.
+        longer : float
+            By what the interval is multiplied.
+        """
+        t_end = self.t_end * longer
+        if self.band is None:
+            return [orbit_ensemble(systems, seed, eccentricities=ECCENTRICITIES, orbits=t_end / (2 * pi))]
+        return [random_ensemble(d, -(-systems // 2), seed, band=self.band, t_end=t_end) for d in (2, 3)]
+
+
+def evaluations_an_orbit(*counts: int) -> tuple[float, ...]:
+    """Return step sizes over the cost of a step, for so many force evaluations in 2 pi."""
+    return tuple(2 * pi / count for count in counts)
+
+
+#: SRKN 11b of Blanes & Moan (2002) leads to the best methods for random potentials, their SRKN 14a to those for orbits.
+_ELEVEN, _TWELVE = Chain(first="kick", stages=(11,)), Chain(first="kick", stages=(11, 12))
+_FOURTEEN = Chain(first="drift", stages=(14, 15, 16), order=6)
+_ALL = (
+    Purpose(
+        name="coarse", what="few evaluations", tau_per_stage=(0.15, 0.185, 0.235), t_end=60.0, after="light",
+        chains=(Chain(first="kick", stages=(6, 7, 8)), _ELEVEN),
+    ),
+    Purpose(
+        name="light", what="low accuracy", tau_per_stage=(0.1, 0.125, 0.155), t_end=50.0, after="moderate",
+        chains=(_ELEVEN,),
+    ),
+    Purpose(
+        name="moderate", what="moderate accuracy", tau_per_stage=(0.064, 0.08, 0.102), t_end=50.0, chains=(_TWELVE,)
+    ),
+    Purpose(name="fine", what="high accuracy", tau_per_stage=(0.041, 0.051, 0.065), t_end=40.0, chains=(_TWELVE,)),
+    Purpose(
+        name="finer", what="higher accuracy", tau_per_stage=(0.027, 0.034, 0.042), t_end=30.0, after="fine",
+        chains=(_ELEVEN,),
+    ),
+    Purpose(
+        name="finest", what="highest accuracy", tau_per_stage=(0.0175, 0.022, 0.0275), t_end=20.0, after="finer",
+        chains=(_ELEVEN,),
+    ),
+    Purpose(
+        name="precise", what="errors of 1e-12", tau_per_stage=(0.0115, 0.014, 0.0175), t_end=14.0,
+        chains=(Chain(first="kick", stages=(17,), order=6),),
+    ),
+    Purpose(
+        name="weak", what="small anharmonicity", tau_per_stage=(0.085, 0.11, 0.14), t_end=50.0, band=WEAK,
+        chains=(Chain(first="kick", stages=(8, 9), harmonic_order=6),),
+    ),
+    Purpose(
+        name="orbits", what="planetary orbits", tau_per_stage=evaluations_an_orbit(480, 340, 240), t_end=8 * pi,
+        band=None, chains=(_FOURTEEN,),
+    ),
+    Purpose(
+        name="orbits_coarse", what="planetary orbits, few evaluations", band=None, t_end=10 * pi,
+        tau_per_stage=evaluations_an_orbit(120, 85, 60), chains=(Chain(first="kick", stages=(11, 12, 13)),),
+    ),
+    Purpose(
+        name="modified", what="planetary orbits, kicks of a modified potential", band=None, t_end=10 * pi,
+        tau_per_stage=evaluations_an_orbit(150, 110, 75),
+        chains=(
+            Chain(first="drift", stages=(5, 6), squares=(0, 1, 2)),
+            Chain(first="kick", stages=(5, 6), squares=(0, 1)),
+        ),
+    ),
+)  # fmt: skip
+#: All purposes by name.
+PURPOSES = {one.name: one for one in _ALL}
+
+
+def trained_before(purpose: str, trained: Collection[str]) -> list[str]:
+    """Return the purpose whose method a search begins with, if it is among those that are ``trained``."""
+    after = PURPOSES[purpose].after
+    return [after] if after is not None and after in trained else []

@@ -1,0 +1,97 @@
+"""The module that registers trained methods, written from what their searches found."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from nearharmonic.training.source_text import palindrome_lines
+
+#: Head of the module.
+HEAD = '''"""{title}
+
+Coefficients of symmetric compositions that make the energy error of an ensemble of problems small over a window of step
+sizes, and meet their order conditions exactly: the experiment ``trained`` has the search, docs/trained.md what they are
+worth. Each note has the window in tau/s, in radians of the fastest oscillation, the ensemble, the limit of linear
+stability, the seed, and the digest of the run that found the method.
+"""
+
+{imports}
+
+SOURCE = (
+    "trained by nearharmonic (experiments.trained, docs/trained.md); searches began with published methods, those of "
+    "Blanes & Moan (2002), J. Comput. Appl. Math. 142, 313, doi:10.1016/S0377-0427(01)00492-7, among them"
+)
+
+TABLEAUS = ('''
+PLAIN = "Methods trained on near-harmonic systems."
+MODIFIED = "Methods with kicks of a modified potential, trained on near-harmonic systems."
+#: Characters of a line, at which formatters break it.
+LONGEST = 120
+
+
+def register(documents: Sequence[str]) -> dict[str, str]:
+    """Return the text of the modules.
+
+    Parameters
+    ----------
+    documents : sequence of str
+        Paths of the TOML files of searches.
+
+    Returns
+    -------
+    dict
+        ``plain``, the module of the methods that use V alone, and ``modified``, that of the others.
+    """
+    found = [tomllib.loads(Path(place).read_text(encoding="utf-8")) for place in documents]
+    plain = [one for one in found if "square" not in one]
+    modified = [one for one in found if "square" in one]
+    return {"plain": _module(plain, PLAIN, "Tableau"), "modified": _module(modified, MODIFIED, "ModifiedTableau")}
+
+
+def _module(methods: Sequence[Mapping[str, Any]], title: str, kind: str) -> str:
+    names = [f"from nearharmonic.integrators.tableau import {', '.join(_names(methods, kind))}"]
+    if kind == "ModifiedTableau":
+        names.insert(0, "from nearharmonic.integrators.modified_tableau import ModifiedTableau")
+    lines = [HEAD.format(title=title, imports="\n".join(names))]
+    for one in methods:
+        lines += [f"    {kind}(", *(f"        {line}" for line in _fields(one)), "    ),"]
+    return "\n".join([*lines, ")", ""])
+
+
+def _names(methods: Sequence[Mapping[str, Any]], kind: str) -> list[str]:
+    quadratic = kind == "Tableau" and any(one["family_order"] > 4 for one in methods)
+    names = [*(["QUADRATIC_KINETIC_ENERGY"] if quadratic else []), *(["Tableau"] if kind == "Tableau" else [])]
+    return [*names, "palindrome"]
+
+
+def _fields(one: Mapping[str, Any]) -> list[str]:
+    quadratic = one["family_order"] > 4
+    lines = [
+        f'name="{one["name"]}",', f'label="{one["name"].replace("_", " ")}",', f"order={one['family_order']},",
+        f'first="{one["first"]}",',
+    ]  # fmt: skip
+    for row in ("kick", "square", "drift"):
+        if row in one:
+            lines += palindrome_lines(row, one[row], "")
+    lines += ["source=SOURCE,", f"digits={one['digits']},"]
+    if quadratic and "square" not in one:
+        lines.append("requires=QUADRATIC_KINETIC_ENERGY,")
+    return [*lines, *_note(one)]
+
+
+def _note(one: Mapping[str, Any]) -> list[str]:
+    low, high = one["window"]
+    parts = [f"{one['purpose']}: tau/s {low:.3g} to {high:.3g}; ", f"{one['ensemble']}; "]
+    if "stability_limit" in one:
+        parts.append(f"stability limit tau = {one['stability_limit']:.4f}; ")
+    parts.append(f"seed {one['seed']}; run {one['digest'][:16]}")
+    lines: list[str] = []
+    line = ""
+    for part in parts:
+        if len(line) + len(part) > LONGEST - 20:
+            lines, line = [*lines, line], ""
+        line += part
+    return ["note=(", *(f'    "{text}"' for text in [*lines, line]), "),"]

@@ -1,0 +1,217 @@
+"""The search for the method of one purpose: families in turn, the choice on a validation set, the digits."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nearharmonic.errors import bad_setting
+from nearharmonic.integrators.modified import method_of
+from nearharmonic.integrators.modified_tableau import ModifiedTableau
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.output.table import Table
+from nearharmonic.reproduction.experiments.trained.purposes import PURPOSES, Purpose
+from nearharmonic.reproduction.experiments.trained.settings import SearchSettings
+from nearharmonic.theory.linear_stability import stability_limit
+from nearharmonic.theory.order import harmonic_order_of, nystrom_order_of, order_of
+from nearharmonic.training.family import Family
+from nearharmonic.training.objective import Objective, mean_errors
+from nearharmonic.training.polish import DIGITS, tableau_of
+from nearharmonic.training.population import Ensemble
+from nearharmonic.training.published import published_methods
+from nearharmonic.training.search import Effort, Findings, Found, search, starts_of
+
+SOURCE = "trained by nearharmonic.reproduction.experiments.trained"
+#: Of the searches of each family, how many methods are compared on the validation set.
+SHORT_LIST = 3
+#: The seed of each set is three times that of the settings and one of these.
+TRAINING, VALIDATION, TEST = 0, 1, 2
+#: Intervals of validation and test over those of training.
+LONGER = 2.0
+CAPTION = (
+    "{title}: the families searched for {what}, tau/s {low:.3g} to {high:.3g}, {problems}. Objective: worst over the "
+    "window of the mean log10 of the largest energy error against the best published method, and half of its mean; "
+    "gains in decades on other problems and intervals twice as long, the least in the window and the mean."
+)
+HEADER = (
+    "composition", "stages", "order for quadratic T", "harmonic order", "squares", "searches", "methods tried",
+    "ended at the best", "best from", "objective", "validation", "least gain", "mean gain",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """A method of the short list: its family, how it was found, and its objective on the validation set."""
+
+    family: Family
+    found: Found
+    validation: float
+
+
+def train(
+    purpose: str,
+    settings: SearchSettings,
+    known: Sequence[str],
+    report: Callable[[str], None],
+    before: Sequence[str] = (),
+) -> dict[str, Any]:
+    """Search for the method of a purpose.
+
+    Parameters
+    ----------
+    purpose : str
+        Name among :data:`PURPOSES`.
+    settings : SearchSettings
+        How hard to search.
+    known : sequence of str
+        Names of the methods that it begins with; published ones are what it is compared with.
+    report : callable
+        Is told of the progress.
+    before : sequence of str
+        Paths of the documents of other purposes, whose methods it begins from as well.
+
+    Returns
+    -------
+    dict
+        ``document`` with the method, for a TOML file, and ``landscape``, a :class:`Table` of the families.
+    """
+    goal = PURPOSES[purpose]
+    begun = [*(_method(Path(place)) for place in before), *map(method_of, known)]
+    published = published_methods(known)
+    all_findings = _all_findings(goal, settings, published, begun, report)
+    validation = _Judge(goal, settings, published, VALIDATION)
+    short = [one for findings in all_findings for one in _short_list(findings, validation)]
+    best = min(short, key=lambda one: one.validation)
+    test = _Judge(goal, settings, published, TEST)
+    rows = [_row(findings, short, test) for findings in all_findings]
+    low, high = goal.window
+    caption = CAPTION.format(title=goal.title, what=goal.what, low=low, high=high, problems=goal.problems)
+    return {
+        "document": _document(goal, settings, best, test),
+        "landscape": Table(header=HEADER, rows=rows, caption=caption),
+    }
+
+
+def _all_findings(
+    goal: Purpose,
+    settings: SearchSettings,
+    published: Sequence[Tableau],
+    begun: Sequence[Tableau],
+    report: Callable[[str], None],
+) -> list[Findings]:
+    """What is found of each family, each chain from its first."""
+    judge = _Judge(goal, settings, published, TRAINING)
+    effort = Effort(trials=settings.trials, random=settings.random, refinements=settings.refinements)
+    found: list[Findings] = []
+    for chain in goal.chains:
+        before: list[Findings] = []
+        for family in chain.families():
+            starts = starts_of(family, begun, before, effort)
+            before.append(search(judge.objective(family, effort.population), starts, effort, settings.seed, None))
+            if not before[-1].found:  # no published method has its shape, and random starts are not asked for
+                continue
+            best = before[-1].best
+            report(
+                f"{goal.title}: {family.stages} stages, {family.first} first: objective {best.value:.3f} from "
+                f"{best.origin}, {before[-1].again} of {len(before[-1].found)} searches ended there"
+            )
+        found += [one for one in before if one.found]
+    if not found:
+        raise bad_setting("trained.search.random", settings.random, "at least 1, as no published method is a start")
+    return found
+
+
+class _Judge:
+    """The objective on one of the three sets."""
+
+    def __init__(self, goal: Purpose, settings: SearchSettings, published: Sequence[Tableau], which: int) -> None:
+        count = settings.systems if which == TRAINING else settings.held_out
+        longer = 1.0 if which == TRAINING else LONGER
+        self._goal = goal
+        self.ensembles: list[Ensemble] = goal.ensembles(count, 3 * settings.seed + which, longer)
+        self.references = [
+            mean_errors(one, published, goal.tau_per_stage, goal.charge).min(axis=0) for one in self.ensembles
+        ]
+
+    def objective(self, family: Family, size: int = 1) -> Objective:
+        """The objective of a family."""
+        return Objective(
+            family, self.ensembles, self._goal.tau_per_stage, self.references, size=size, charge=self._goal.charge,
+        )  # fmt: skip
+
+    def gains(self, family: Family, found: Found) -> Any:
+        """Gains in decades (T,), the mean over the ensembles."""
+        return self.objective(family).gains(found.unknowns[None])[:, 0].mean(axis=0)
+
+
+def _method(place: Path) -> Tableau:
+    """The method of a document, in the digits of doubles at least."""
+    found = tomllib.loads(place.read_text(encoding="utf-8"))
+    rows: dict[str, Any] = {name: tuple(found[name]) for name in ("kick", "drift")}
+    about = {name: found[name] for name in ("name", "first", "order", "digits")}
+    return Tableau(**about, **rows, source=SOURCE)
+
+
+def _short_list(findings: Findings, validation: _Judge) -> list[Candidate]:
+    """The best few of a family, each on the validation set."""
+    ranked = sorted(findings.found, key=lambda one: one.value)[:SHORT_LIST]
+    objective = validation.objective(findings.family, SHORT_LIST)
+    values = objective(np.stack([one.unknowns for one in ranked])).tolist()
+    return [
+        Candidate(family=findings.family, found=one, validation=value)
+        for one, value in zip(ranked, values, strict=True)
+    ]
+
+
+def _row(findings: Findings, short: Sequence[Candidate], test: _Judge) -> list[Any]:
+    family, best = findings.family, findings.best
+    own = min((one for one in short if one.family == family), key=lambda one: one.validation)
+    gains = test.gains(family, own.found)
+    return [
+        "BAB" if family.first == "kick" else "ABA", family.stages, family.order, family.harmonic_order,
+        " ".join(map(str, family.squares)), len(findings.found), findings.trials, findings.again, best.origin,
+        best.value, own.validation, float(gains.min()), float(gains.mean()),
+    ]  # fmt: skip
+
+
+def _document(goal: Purpose, settings: SearchSettings, best: Candidate, test: _Judge) -> Mapping[str, Any]:
+    """The method with every digit, what is proved of it, and what found it."""
+    tableau = tableau_of(best.family, best.found.unknowns.tolist(), name=goal.title, source=SOURCE)
+    gains = test.gains(best.family, best.found)
+    squares = {"square": list(tableau.square)} if isinstance(tableau, ModifiedTableau) else {}
+    return {
+        "name": tableau.name,
+        "first": tableau.first,
+        "kick": list(tableau.kick),
+        "drift": list(tableau.drift),
+        **squares,
+        "digits": DIGITS,
+        "family_order": best.family.order,
+        "order": order_of(tableau),
+        "order_for_quadratic_T": nystrom_order_of(tableau),
+        **({} if tableau.modified else {"harmonic_order": harmonic_order_of(tableau)}),
+        **({} if tableau.modified else {"stability_limit": float(stability_limit(tableau))}),
+        "sum_of_absolute_values": sum(abs(float(c)) for c in (*tableau.kick, *tableau.drift)),
+        "purpose": goal.what,
+        "window": list(goal.window),
+        "ensemble": goal.problems,
+        "seed": settings.seed,
+        "origin": best.found.origin,
+        "tau_per_stage": list(goal.tau_per_stage),
+        "gain": gains.tolist(),
+        "digest": _digest(goal, settings, tableau),
+    }
+
+
+def _digest(goal: Purpose, settings: SearchSettings, tableau: Tableau) -> str:
+    """SHA-256, in hex, of what the search was asked and of what it found in doubles."""
+    rows = [[float(c) for c in row] for row in (tableau.kick, tableau.drift)]
+    asked = {"purpose": asdict(goal), "settings": asdict(settings), "rows": rows}
+    return sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()

@@ -1,0 +1,57 @@
+"""What may be asked of the training of methods: how hard they are searched for."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+from nearharmonic.engine.settings import one_of
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.reproduction.experiments.entries import STRICT, setting, whole_from
+from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings
+from nearharmonic.reproduction.experiments.trained.purposes import PURPOSES
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchSettings:
+    """How hard trained methods are searched for; all budgets are numbers of methods tried."""
+
+    __pydantic_config__ = STRICT
+
+    seed: int = setting(
+        "Of the systems and of the search; the same seed gives the same methods", default=1, **whole_from(0, 10**6)
+    )
+    systems: int = setting("Problems that a method is trained on", default=64, **whole_from(2, 10**5))
+    held_out: int = setting(
+        "Problems that the choice is made on, and as many others that it is tested on", default=256,
+        **whole_from(2, 10**5),
+    )  # fmt: skip
+    trials: int = setting("Methods tried from each start", default=6000, **whole_from(20, 10**7))
+    random: int = setting("Random starts for each family", default=1, **whole_from(0, 10**6))
+    refinements: int = setting("Searches around the best of each family", default=8, **whole_from(0, 10**6))
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainedSettings:
+    """The experiment on trained methods."""
+
+    __pydantic_config__ = STRICT
+
+    purposes: tuple[str, ...] = setting(
+        "What methods are trained for", "a list of purposes, each named once", each="the name of a purpose",
+        default=tuple(PURPOSES), min_length=1,
+    )  # fmt: skip
+    search: SearchSettings = setting("How hard trained methods are searched for", default=SearchSettings)
+    proof: ProofSettings = setting("What all methods are tried on beside trained ones", default=ProofSettings)
+
+    def check(self, methods: Sequence[Tableau], problems: Collection[str]) -> None:
+        """Refuse unknown purposes, and a proof of too many evaluations; keys are named as in a config.
+
+        Raises
+        ------
+        SettingError
+            The first fault found.
+        """
+        for i, purpose in enumerate(self.purposes):
+            one_of(f"trained.purposes[{i}]", purpose, tuple(PURPOSES))
+        self.proof.check()

@@ -1,0 +1,189 @@
+"""Work-precision diagrams: error against wall time, for the methods of the paper, those beyond it, and peers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import ceil, isfinite
+from string import ascii_uppercase
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from nearharmonic.integrators import BENCHMARKED
+from nearharmonic.plotting.style import house_style, log_scale, mark_every, new_figure, panel_letter, style_of
+from nearharmonic.recommendation.curve import MEASURES, Curve, Part, for_good
+from nearharmonic.recommendation.timings import read_parts
+from nearharmonic.reproduction.experiments.work_precision.peers import PEERS
+from nearharmonic.reproduction.tasks.receipts import measures_time
+from nearharmonic.systems import systems
+
+YLABELS = {
+    "max": r"$\max\,|\Delta H/H_0|$",
+    "mean": r"$\mathrm{mean}\,|\Delta H/H_0|$",
+    "position": r"position error",
+}
+#: Beyond these nothing is a trajectory any more, or all is rounding.
+ERRORS = (1e-17, 10.0)
+
+#: What each column of panels shows, and how many of its methods stand in one row of its legend.
+_COLUMNS = (("methods of the paper", 3), ("beyond the paper", 3), ("other libraries", 2))
+#: Marks behind the name of a curve with no points: because its library is not installed, or for another reason.
+_MISSING = {True: " †", False: " ‡"}
+_MISSING_TEXT = {True: "not installed", False: "no run: see the table"}
+_BEST, _LANES = "#f2d8a7", "#b08030"
+_PEER_COLOURS = (
+    "#8c6d46", "#6e6e6e", "#202020", "#3e6b6b", "#7a5a86", "#a06060", "#5f7d3a", "#4f5f8f", "#c07830", "#b0a030",
+    "#50a0c0", "#c080b0", "#d04040", "#1f4e9c", "#6a9bd8",
+)  # fmt: skip
+_PEER_MARKERS = ("x", "+", "*", "1", "2", "3", "4", "|", "_", "v", "<", ">", "d", "p", "h")
+
+
+@measures_time
+def work_precision(system: str, cube: str) -> dict[str, Figure]:
+    """Draw what was measured on one system.
+
+    Parameters
+    ----------
+    system : str
+        Name of the system.
+    cube : str
+        Path of the cube that :func:`nearharmonic.reproduction.experiments.work_precision.run.measure` makes.
+
+    Returns
+    -------
+    dict
+        ``figure``.
+    """
+    return {"figure": work_precision_figure(systems[system].label, *read_parts(cube, system))}
+
+
+@house_style
+def work_precision_figure(label: str, parts: Sequence[Part], facts: Mapping[str, object]) -> Figure:
+    """Draw a row of panels for each measure of each part, and name the machine below.
+
+    Parameters
+    ----------
+    label : str
+        The system, as a title has it.
+    parts : sequence of Part
+        What was measured on each interval.
+    facts : mapping
+        The machine, as :func:`nearharmonic.numerics.clock.machine` describes it.
+    """
+    rows = [(t_end, measure, curves) for t_end, measures, curves in parts for measure in measures]
+    legend = 0.5 + 0.145 * max(ceil(len(_column(rows[0][2], i)) / per_row) for i, (_, per_row) in enumerate(_COLUMNS))
+    figure = new_figure(13, 0.85 + legend + 2.7 * len(rows))
+    height = figure.get_figheight()
+    figure.subplots_adjust(
+        left=0.06, right=0.992, top=1 - legend / height, bottom=0.82 / height, hspace=0.27, wspace=0.05
+    )
+    grid = figure.subplots(len(rows), len(_COLUMNS), sharey="row", sharex="row", squeeze=False)
+    for row, (t_end, measure, curves) in enumerate(rows):
+        for i, (says, _) in enumerate(_COLUMNS):
+            _envelopes(grid[row, i], _column(curves, 0), measure)
+            _draw(grid[row, i], _column(curves, i), measure)
+            panel_letter(grid[row, i], ascii_uppercase[len(_COLUMNS) * row + i], f"{says}, t = {t_end}")
+        scale_axes(grid[row, 0], YLABELS[measure])
+    for i, (_, per_row) in enumerate(_COLUMNS):
+        grid[-1, i].set_xlabel("wall time of one trajectory  (ms)")
+        _legend(figure, grid[0, i], _column(rows[0][2], i), per_row, envelopes=i == 0)
+    figure.text(0.06, 0.1 / height, f"{label}. {machine_text(facts)}", fontsize=8, color="#404040", va="bottom")
+    return figure
+
+
+def _column(curves: Sequence[Curve], column: int) -> list[Curve]:
+    """The curves of one column of panels: the paper's, those beyond it, peers."""
+    if column == 2:
+        return [curve for curve in curves if curve.kind == "peer"]
+    return [curve for curve in curves if curve.kind != "peer" and (curve.method in BENCHMARKED) != bool(column)]
+
+
+def points_of(curve: Curve, measure: str, mode: str = "trajectory") -> tuple[list[float], list[float]]:
+    """Milliseconds and errors of the points that were timed and did not fail."""
+    pairs = [
+        (1e3 * min(point.times[mode]), getattr(point, MEASURES[measure]))
+        for point in curve.points
+        if point.times.get(mode) and isfinite(getattr(point, MEASURES[measure]))
+    ]
+    inside = [(x, y) for x, y in pairs if ERRORS[0] < y < ERRORS[1]]
+    return [x for x, _ in inside], [y for _, y in inside]
+
+
+def _draw(axes: Axes, curves: Sequence[Curve], measure: str) -> None:
+    for position, curve in enumerate(curves):
+        x, y = points_of(curve, measure)
+        axes.plot(x, y, markevery=mark_every(position, len(curves), len(x), marks=7), zorder=3, **line_of(curve))
+
+
+def line_of(curve: Curve) -> dict[str, Any]:
+    if curve.kind == "splitting":
+        return style_of(curve.method).line(markersize=4.2)
+    i = list(PEERS).index(curve.method) % len(_PEER_COLOURS) if curve.method in PEERS else 0
+    return {"color": _PEER_COLOURS[i], "marker": _PEER_MARKERS[i], "linestyle": (0, (4, 2)), "markersize": 6}
+
+
+def _envelopes(axes: Axes, curves: Sequence[Curve], measure: str) -> None:
+    """The least error that any of ``curves`` has reached by each time: of one trajectory, and in lanes."""
+    for mode, look in (
+        ("trajectory", {"color": _BEST, "linewidth": 5, "solid_capstyle": "round"}),
+        ("lanes", {"color": _LANES, "linewidth": 1.1, "linestyle": ":"}),
+    ):
+        points = sorted(pair for curve in curves for pair in _settled(*points_of(curve, measure, mode)))
+        if points:
+            x, y = np.array(points).T
+            axes.plot(x, np.minimum.accumulate(y), zorder=1.5, **look)  # type: ignore[arg-type]
+
+
+def _settled(times: Sequence[float], errors: Sequence[float]) -> list[tuple[float, float]]:
+    """The points of one curve without lucky ones: a coarser step that no finer one bears out is worth nothing."""
+    return list(zip(times, for_good(errors), strict=False))
+
+
+def scale_axes(axes: Axes, ylabel: str) -> None:
+    axes.margins(x=0.02, y=0.04)
+    log_scale(axes, "xy")
+    low, high = axes.get_ylim()
+    axes.set_ylim(max(low, ERRORS[0]), min(high, ERRORS[1]))
+    axes.set_ylabel(ylabel)
+
+
+def _legend(figure: Figure, axes: Axes, curves: Sequence[Curve], per_row: int, *, envelopes: bool) -> None:
+    """What is drawn in the column below ``axes``, above it; a curve that is missing bears a mark."""
+    handles = [
+        Line2D(
+            [],
+            [],
+            label=curve.label + ("" if curve.points else _MISSING[curve.status == "not installed"]),
+            **line_of(curve),
+        )
+        for curve in curves
+    ]
+    for absent, mark in _MISSING.items():
+        if any(not curve.points and (curve.status == "not installed") == absent for curve in curves):
+            handles.append(Line2D([], [], linestyle="none", label=f"{mark.strip()} {_MISSING_TEXT[absent]}"))
+    if envelopes:
+        handles.append(Line2D([], [], color=_BEST, linewidth=5, label="best of these"))
+        handles.append(Line2D([], [], color=_LANES, linestyle=":", label="the same, each of an ensemble"))
+    box = axes.get_position()
+    figure.legend(
+        handles=handles,
+        loc="lower left",
+        bbox_to_anchor=(box.x0 - 0.006, box.y1 + 0.26 / figure.get_figheight()),
+        ncols=per_row,
+        columnspacing=1.0,
+        handlelength=2.2,
+        borderaxespad=0,
+        labelspacing=0.25,
+        fontsize=7,
+    )
+
+
+def machine_text(facts: Mapping[str, object]) -> str:
+    """Return when and where the times were taken, in two lines."""
+    return (
+        f"Drawn from timings, not reproducible bit for bit: measured {facts['measured']} on {facts['cpu']},\n"
+        f"core {facts['pinned_core']}, one thread, least of interleaved repeats; load average {facts['load_average']}."
+    )

@@ -1,0 +1,201 @@
+"""Tables of the time and the evaluations that each method needs to reach an error."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import astuple, dataclass, fields
+from math import isfinite
+
+from nearharmonic.output.table import Table
+from nearharmonic.recommendation.curve import (
+    NAMES,
+    TARGETS,
+    Crossing,
+    Curve,
+    Part,
+    crossing,
+    ns_per_evaluation,
+    ranking,
+)
+from nearharmonic.recommendation.timings import read_parts
+from nearharmonic.reproduction.tasks.receipts import measures_time
+from nearharmonic.systems import systems
+
+HOW = (
+    "Read off each curve of least wall time against error: between the last step size or tolerance above the target "
+    "and the first at or below it for good, by a straight line through the logarithms. '<=' marks a method whose "
+    "coarsest setting is good enough already; '-' one that does not reach the target in the range that was run. Time "
+    "is that of a whole call of a prepared problem or solver that returns the final state of one trajectory; 'lanes' "
+    "is that of a whole call for an ensemble on one thread, or for a batch of another library, per trajectory, for the "
+    "methods that are among the fastest. Energies are measured outside of these calls. Names in italics are other "
+    "libraries, as their users use them."
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RankedTime:
+    """One line of the CSV table: a method, an error, and what it costs; times in ms, NaN where there is none."""
+
+    system: str
+    t_end: str
+    measure: str
+    target: float
+    rank: int
+    method: str
+    label: str
+    kind: str
+    status: str
+    time_ms: float
+    lanes_time_ms: float
+    energy_time_ms: float
+    evaluations: float
+    tau: float
+    tolerance: float
+    method_status: str
+
+
+@measures_time
+def time_to_error(system: str, cube: str) -> dict[str, Table | str]:
+    """Tell what it costs each method to reach an error on one system.
+
+    Parameters
+    ----------
+    system : str
+        Name of the system.
+    cube : str
+        Path of the cube that :func:`nearharmonic.reproduction.experiments.work_precision.run.measure` makes.
+
+    Returns
+    -------
+    dict
+        ``csv``: the :func:`table`; ``md``: the page, see :func:`markdown`.
+    """
+    parts, facts = read_parts(cube, system)
+    label = systems[system].label
+    return {
+        "csv": table(label, [row for part in parts for row in rows(system, *part)]),
+        "md": markdown(label, parts, facts),
+    }
+
+
+def rows(system: str, t_end: str, measures: Sequence[str], curves: Sequence[Curve]) -> Iterator[RankedTime]:
+    """Every method at every target, the fastest first; a method without a curve has its reason in ``method_status``."""
+    for measure in measures:
+        for target in TARGETS:
+            for rank, (curve, found) in enumerate(ranking(curves, measure, target), start=1):
+                more = {mode: crossing(curve, measure, target, mode).time for mode in ("lanes", "energy")}
+                yield RankedTime(
+                    system=system,
+                    t_end=t_end,
+                    measure=measure,
+                    target=target,
+                    rank=rank if isfinite(found.time) else 0,
+                    method=curve.method,
+                    label=curve.label,
+                    kind=curve.kind,
+                    status=found.status,
+                    time_ms=1e3 * found.time,
+                    lanes_time_ms=1e3 * more["lanes"],
+                    energy_time_ms=1e3 * more["energy"],
+                    evaluations=found.evaluations,
+                    tau=found.tau,
+                    tolerance=found.tolerance,
+                    method_status=curve.status,
+                )
+
+
+def table(label: str, lines: Sequence[RankedTime]) -> Table:
+    """Return lines as a table of text, floats to six digits.
+
+    Parameters
+    ----------
+    label : str
+        The system, as a title has it.
+    lines : sequence of RankedTime
+        From :func:`rows`.
+    """
+    return Table(
+        header=[field.name for field in fields(RankedTime)],
+        rows=[[f"{cell:.6g}" if isinstance(cell, float) else str(cell) for cell in astuple(line)] for line in lines],
+        caption=f"{label}: time and evaluations to reach an error.",
+    )
+
+
+def markdown(label: str, parts: Sequence[Part], facts: Mapping[str, object]) -> str:
+    """The page for one system: a table for each measure of each part (t_end, measures, curves), who wins, how it was
+    measured, and what is missing."""
+    lines = [f"# {label}: time and evaluations to reach an error", "", *_basis(facts), "", HOW, ""]
+    for t_end, measures, curves in parts:
+        for measure in measures:
+            lines += [
+                f"## {NAMES[measure]}, t = {t_end}",
+                "",
+                *_table(measure, curves),
+                "",
+                *_winners(measure, curves),
+                "",
+            ]
+    lines += ["## ns per evaluation of the force, and calls around the kernel", "", *_speeds(parts[0][2]), ""]
+    absent = [f"- {curve.label}: {curve.status}" for curve in parts[0][2] if curve.status != "ok"]
+    return "\n".join([*lines, "## Missing, or ended early", "", *(absent or ["nothing"]), ""])
+
+
+def _basis(facts: Mapping[str, object]) -> list[str]:
+    return [
+        f"Measured {facts['measured']} on {facts['cpu']}, one thread on core {facts['pinned_core']}, repeats of all "
+        f"methods in turns, least time; load average {facts['load_average']}; {facts['clock']}."
+    ]
+
+
+def _table(measure: str, curves: Sequence[Curve]) -> list[str]:
+    head = "".join(f" {target:.0e} ms | lanes | evaluations |" for target in TARGETS)
+    lines = [f"| method |{head}", "|---|" + "---:|---:|---:|" * len(TARGETS)]
+    for curve, _ in ranking(curves, measure, TARGETS[2]):
+        cells = []
+        for target in TARGETS:
+            found, lanes = crossing(curve, measure, target), crossing(curve, measure, target, "lanes")
+            cells += [milliseconds(found), milliseconds(lanes), count(found.evaluations)]
+        name = f"*{curve.label}*" if curve.kind == "peer" else curve.label
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+    return lines
+
+
+def milliseconds(found: Crossing) -> str:
+    """A time in ms to three digits; "-" if there is none."""
+    if not isfinite(found.time):
+        return "-"
+    bound = "<= " if found.status == "below throughout" else ""
+    return f"{bound}{1e3 * found.time:.3g}"
+
+
+def count(number: float) -> str:
+    """A number of evaluations to three digits; "-" if there is none."""
+    return f"{float(f'{number:.3g}'):.0f}" if isfinite(number) else "-"
+
+
+def _winners(measure: str, curves: Sequence[Curve]) -> list[str]:
+    """One line for each target: the fastest of all, and if that is a peer, by how much."""
+    lines = []
+    for target in TARGETS:
+        order = [(curve, found) for curve, found in ranking(curves, measure, target) if isfinite(found.time)]
+        if not order:
+            lines.append(f"- {target:.0e}: reached by none")
+            continue
+        (first, best), own = order[0], [pair for pair in order if pair[0].kind == "splitting"]
+        says = f"- {target:.0e}: {first.label}, {milliseconds(best)} ms"
+        if first.kind == "peer":
+            second = f"{own[0][1].time / best.time:.3g} times as fast as {own[0][0].label}" if own else "alone"
+            says = f"- {target:.0e}: **a peer wins**: {first.label}, {milliseconds(best)} ms, {second}"
+        lines.append(says)
+    return ["Fastest:", *lines]
+
+
+def _speeds(curves: Sequence[Curve]) -> list[str]:
+    lines = ["| method | one trajectory | each of an ensemble | energy at every step | a call, us | whole sweep, ms |"]
+    lines.append("|---|---:|---:|---:|---:|---:|")
+    for curve in curves:
+        numbers = [ns_per_evaluation(curve, mode) for mode in ("trajectory", "lanes", "energy")]
+        numbers += [1e6 * curve.setup, 1e3 * curve.sweep]
+        if any(map(isfinite, numbers)):
+            lines.append(f"| {curve.label} | {' | '.join(f'{x:.3g}' if isfinite(x) else '-' for x in numbers)} |")
+    return lines

@@ -1,0 +1,135 @@
+"""Results from elsewhere, taken as up to date once every file, the code and the settings were found to be the same."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from nearharmonic.errors import RefusedError
+from nearharmonic.output.store import DEFAULT_CONFIG
+from nearharmonic.reproduction.record import manifest
+from nearharmonic.reproduction.record.verify import faults
+from nearharmonic.reproduction.tasks.provenance import settings_digest
+from nearharmonic.reproduction.tasks.receipts import forget
+
+#: Environment variable that tells the workflow to compare its jobs with the manifest before it touches a file.
+ADOPTING = "NEARHARMONIC_ADOPTING"
+
+
+def adopt(folder: Path, configfile: str | None = None) -> int:
+    """Take the results in ``folder``, ``results/<name>`` of this working directory, as up to date.
+
+    Snakemake then sees files of today, made by the jobs of this workflow with these settings, and runs none of them.
+
+    Parameters
+    ----------
+    folder : path
+        Folder of results.
+    configfile : str, optional
+        The config that they belong to; by default the one that they were made with, or the one of their name in
+        ``config/``.
+
+    Returns
+    -------
+    int
+        Number of files.
+
+    Raises
+    ------
+    RefusedError
+        The results are not what their manifest says, this code, config or folder is not theirs, or Snakemake fails;
+        the message gives the reason.
+    """
+    if folder.absolute().parent != Path("results").absolute() or not Path("Snakefile").is_file():
+        message = f"{folder} is not in results/ of the folder of the workflow: copy it there, and adopt it from there"
+        raise RefusedError(message)
+    found = faults(folder)
+    if found:
+        more = f" ({len(found)} faults in all: nearharmonic verify {folder})" if len(found) > 1 else ""
+        raise RefusedError(f"{folder} is not adopted: {found[0]}{more}")
+    told = manifest.read(folder)
+    names = told["files"]
+    command = [sys.executable, "-m", "snakemake", "--touch", "--forceall", "-j1", "--quiet", "rules"]
+    files = [f"results/{folder.name}/{name}" for name in names]
+    done = subprocess.run(
+        [*command, *_config_option(folder.name, told, configfile), "--", *files],
+        env={**os.environ, ADOPTING: "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode:
+        reason = re.search(r"(?:RefusedError in .*|MissingRuleException:)\n(.*)", done.stderr)
+        message = f"{folder} is not adopted: {reason[1] if reason else done.stderr.strip()[-1000:]}"
+        raise RefusedError(message)
+    forget(folder, names)  # receipts of other results that were here before
+    return len(files)
+
+
+def _config_option(name: str, told: Mapping[str, Any], given: str | None) -> list[str]:
+    """The option of Snakemake for the config that writes to ``results/<name>``; none for the default config."""
+    if given is not None:
+        return ["--configfile", given]
+    made_with = [str(place) for place in told["configfiles"]]
+    if made_with and all(Path(place).is_file() for place in made_with):
+        found = made_with
+    else:
+        found = [str(place) for place in sorted(Path("config").glob("*.yaml")) if _name_in(place) == name]
+        if len(found) != 1:
+            says = f"{' and '.join(found)} have" if found else "no file in config/ has"
+            message = f"results/{name} is not adopted: {says} the name {name!r}; name its config: --configfile FILE"
+            raise RefusedError(message)
+    return [] if found == [DEFAULT_CONFIG] else ["--configfile", *found]
+
+
+def _name_in(place: Path) -> object:
+    """The name of the results of a config; None if it is no config."""
+    import yaml
+
+    try:
+        document = yaml.safe_load(place.read_text(encoding="utf-8"))
+    except (OSError, ValueError, yaml.YAMLError):
+        return None
+    return document.get("name") if isinstance(document, Mapping) else None
+
+
+def check_jobs(folder: Path, jobs: Iterable[Any]) -> None:
+    """Compare the jobs of a workflow with the manifest of ``folder``, before their files are touched.
+
+    Parameters
+    ----------
+    folder : path
+        Folder of results.
+    jobs : iterable of snakemake.jobs.Job
+        Jobs with ``output``, and ``params.task`` or ``params.tasks``.
+
+    Raises
+    ------
+    RefusedError
+        A file that a job makes was made with other settings, code or coefficients.
+    """
+    entries = manifest.read(folder)["files"]
+    for path, task in (pair for job in jobs for pair in _made_by(job)):
+        name = Path(path).relative_to(folder).as_posix()
+        entry = entries.get(name)
+        here = {"settings": settings_digest(task), "code": task["code"], "coefficients": task["coefficients"]}
+        differs = ["file"] if entry is None else [what for what in here if here[what] != entry[what]]
+        if differs:
+            says = "is not among the results" if entry is None else f"was made with other {' and '.join(differs)}"
+            message = f"{path} {says}; a run of the workflow brings it up to date"
+            raise RefusedError(message)
+
+
+def _made_by(job: Any) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Each file that a job makes below the results, logs left out, and its task."""
+    params = dict(job.params.items())
+    for name, made in job.output.items():
+        task = params["tasks"][name] if "tasks" in params else params.get("task")
+        for path in [made] if isinstance(made, str) else made:
+            if task is not None and manifest.LOGS not in Path(path).parts:
+                yield str(path), task

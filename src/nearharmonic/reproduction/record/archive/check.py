@@ -1,0 +1,129 @@
+"""Check of an archive: its seal, then each file against the digest in the metadata of the crate."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import struct
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path, PurePosixPath
+from typing import Any
+from urllib.parse import unquote
+from zipfile import ZIP_STORED, BadZipFile, ZipFile
+
+from nearharmonic.errors import ResultFileError
+from nearharmonic.reproduction.record.archive import seal
+from nearharmonic.reproduction.record.archive.metadata import METADATA
+from nearharmonic.reproduction.record.archive.pack import RUNS
+
+_CHUNK = 1 << 20
+#: What the reading of a damaged zip file or of damaged JSON raises.
+_UNREADABLE = (
+    BadZipFile, EOFError, KeyError, NotImplementedError, OSError, OverflowError, RuntimeError, ValueError, struct.error
+)  # fmt: skip
+
+
+def faults_of_archive(path: str | os.PathLike[str]) -> list[str]:
+    """Check an archive that ``nearharmonic archive`` wrote.
+
+    The seal covers every byte of the file and is compared first: any change of any bit is found, and a file without a
+    seal is not interpreted. Then each file is compared with the metadata of the crate and with the manifest; where the
+    seal is broken, this says which files are damaged.
+
+    Parameters
+    ----------
+    path
+        The zip file.
+
+    Returns
+    -------
+    list of str
+        What is wrong, one sentence each; [] if nothing is.
+
+    Raises
+    ------
+    ResultFileError
+        There is no such file, or it cannot be read.
+    """
+    place = Path(path)
+    try:
+        sealed, whole = seal.is_sealed(place), seal.is_whole(place)
+    except OSError as error:
+        message = f"{place} cannot be read: {error.strerror}"
+        raise ResultFileError(message) from error
+    if not sealed:
+        return [f"{place} is not an archive of `nearharmonic archive`, or its end is missing or damaged"]
+    broken = [] if whole else [f"{place} is damaged: its bytes do not have the digest at its end"]
+    try:
+        found = list(_faults_of_members(place))
+    except _UNREADABLE as error:
+        found = [] if broken else [f"{place} cannot be read: {error}"]
+    return [_one_line(sentence) for sentence in broken + found]
+
+
+def _one_line(sentence: str) -> str:
+    """``sentence`` with escapes for what a damaged name can hold: line ends and control characters."""
+    return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in sentence)
+
+
+def _faults_of_members(place: Path) -> Iterator[str]:
+    with ZipFile(place) as archive:
+        names = Counter(archive.namelist())
+        yield from (f"{name} is in {place.name} {count} times" for name, count in sorted(names.items()) if count > 1)
+        digests = {name: _digest(archive, name) for name in sorted(names)}
+        described = _described(archive)
+        for name in sorted(described):
+            if name not in digests:
+                yield f"{name} is missing from {place.name}"
+            elif digests[name] != described[name]:
+                yield f"{name} in {place.name} does not have the size and the digest that {METADATA} gives"
+        for name in sorted(digests.keys() - described.keys() - {METADATA}):
+            yield f"{name} in {place.name} is not described in {METADATA}"
+        yield from _faults_against_manifest(archive, digests)
+
+
+def _digest(archive: ZipFile, name: str) -> tuple[int, str] | None:
+    """Size and digest of a member; None if it cannot be read."""
+    digest, size = hashlib.sha256(), 0
+    try:
+        if archive.getinfo(name).compress_type != ZIP_STORED:
+            return None
+        with archive.open(name) as member:
+            while chunk := member.read(_CHUNK):
+                digest.update(chunk)
+                size += len(chunk)
+    except _UNREADABLE:
+        return None
+    return size, digest.hexdigest()
+
+
+def _document(archive: ZipFile, name: str) -> dict[str, Any]:
+    """The JSON object in a member."""
+    found = json.loads(archive.read(name)) if archive.getinfo(name).compress_type == ZIP_STORED else None
+    if not isinstance(found, dict):
+        message = f"{name} holds no JSON object"
+        raise ResultFileError(message)
+    return found
+
+
+def _described(archive: ZipFile) -> dict[str, tuple[int, str]]:
+    """Size and digest of each file that the metadata describe, by its path in the archive."""
+    graph = _document(archive, METADATA).get("@graph")
+    entities = [entity for entity in graph if isinstance(entity, Mapping)] if isinstance(graph, list) else []
+    files = (entity for entity in entities if entity.get("@type") == "File")
+    return {unquote(str(file["@id"])): (int(str(file.get("contentSize"))), str(file.get("sha256"))) for file in files}
+
+
+def _faults_against_manifest(archive: ZipFile, digests: Mapping[str, tuple[int, str] | None]) -> Iterator[str]:
+    recorded = _document(archive, "manifest.json").get("files")
+    if not isinstance(recorded, dict):
+        yield "manifest.json has no table of files"
+        return
+    for name, entry in sorted(recorded.items()):
+        if name not in digests:
+            if PurePosixPath(name).parts[:1] != (RUNS,):
+                yield f"{name} is in manifest.json but not in the archive"
+        elif not isinstance(entry, dict) or digests[name] != (entry.get("size"), entry.get("sha256")):
+            yield f"{name} does not have the size and the digest that manifest.json gives"

@@ -1,0 +1,271 @@
+"""Metadata of an archive: RO-Crate 1.1 with the profile Process Run Crate 0.5, made with the library ``rocrate``.
+
+The library gives the date of today to the crate and random names to what has none; here every date comes from the
+history and every name from what it names, so that the same result gives the same bytes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from nearharmonic.reproduction.record.archive.software import HOMES, citation, homepage
+
+#: Name of the metadata in the archive.
+METADATA = "ro-crate-metadata.json"
+PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
+#: The term is in schema.org; the context of RO-Crate 1.1 is older.
+TERMS = {"sha256": "http://schema.org/sha256"}
+
+#: Media type of a file by its ending, and what the ending says in words.
+FORMATS = {
+    ".cff": ("application/yaml", "Citation File Format"),
+    ".csv": ("text/csv", "CSV with every digit"),
+    ".h5": ("application/vnd.hdfgroup.hdf5", "HDF5, netCDF-4 conventions"),
+    ".html": ("text/html", "HTML"),
+    ".json": ("application/json", "JSON"),
+    ".jsonl": ("application/jsonl", "JSON, one object a line"),
+    ".md": ("text/markdown", "Markdown"),
+    ".pdf": ("application/pdf", "PDF"),
+    ".png": ("image/png", "PNG"),
+    ".py": ("text/x-python", "Python"),
+    ".svg": ("image/svg+xml", "SVG"),
+    ".tex": ("application/x-tex", "LaTeX"),
+    ".toml": ("application/toml", "TOML"),
+    "": ("text/plain", "plain text"),
+}
+_OTHER = ("application/octet-stream", "binary")
+
+Run = Mapping[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Member:
+    """A file of the archive.
+
+    Attributes
+    ----------
+    path : str
+        Its path in the archive, with slashes.
+    source : Path or bytes
+        Where its bytes come from.
+    size : int
+        Number of bytes.
+    sha256 : str
+        Digest of the bytes, in hexadecimal digits.
+    description : str
+        One sentence.
+    run : str, optional
+        Id of the run that made it; None for what the archive adds.
+    """
+
+    path: str
+    source: Path | bytes
+    size: int
+    sha256: str
+    description: str
+    run: str | None = None
+
+    @classmethod
+    def of_bytes(cls, path: str, content: bytes, description: str) -> Member:
+        """Return the member whose bytes are ``content``."""
+        digest = hashlib.sha256(content).hexdigest()
+        return cls(path=path, source=content, size=len(content), sha256=digest, description=description)
+
+
+def format_of(path: str) -> tuple[str, str]:
+    """Return the media type of a file and its format in words, by the ending of ``path``."""
+    return FORMATS.get(PurePosixPath(path).suffix, _OTHER)
+
+
+def published(runs: Sequence[Run]) -> str:
+    """Return when the newest of ``runs`` (oldest first) ended; for a killed run, which has no end, when it started."""
+    return _moment(runs[-1]["end"] or runs[-1]["start"])
+
+
+def _moment(utc: str) -> str:
+    """``utc`` with the offset in numbers, as validators of the profile ask."""
+    return utc.removesuffix("Z") + "+00:00"
+
+
+def metadata(
+    result: str, members: Sequence[Member], runs: Sequence[Run], configs: Mapping[str, str], left_out: int
+) -> bytes:
+    """Describe the files and the runs of an archive.
+
+    Parameters
+    ----------
+    result
+        Name of the result.
+    members
+        Every file of the archive but the metadata.
+    runs
+        The history, oldest first; at least one run.
+    configs
+        Path in the archive of the config of each run, by the id of the run.
+    left_out
+        How many trajectory files the archive does not hold.
+
+    Returns
+    -------
+    bytes
+        RO-Crate JSON-LD in UTF-8, with sorted keys and entities.
+
+    Raises
+    ------
+    ResultFileError
+        ``CITATION.cff`` is missing from the installation.
+    """
+    from rocrate.rocrate import ROCrate
+
+    crate = ROCrate(version="1.1")
+    crate.metadata.extra_terms.update(TERMS)
+    cited = citation()
+    _describe_root(crate, result, cited, runs, left_out)
+    files = {member.path: _add_file(crate, member) for member in members}
+    made: dict[str | None, list[Any]] = {}
+    for member in members:
+        made.setdefault(member.run, []).append(files[member.path])
+    for run in runs:
+        _add_action(crate, run, cited, files[configs[run["id"]]], made.get(run["id"], []))
+    return _text(crate.metadata.generate())
+
+
+def _add(crate: Any, identifier: str, **properties: Any) -> Any:
+    """The contextual entity ``identifier`` of ``crate``, added if it is not there."""
+    from rocrate.model.contextentity import ContextEntity
+
+    found = crate.get(identifier)
+    if found is None:
+        found = crate.add(ContextEntity(crate, identifier, properties={"@type": properties.pop("type"), **properties}))
+    return found
+
+
+def _describe_root(crate: Any, result: str, cited: Mapping[str, Any], runs: Sequence[Run], left_out: int) -> None:
+    root = crate.root_dataset
+    root["name"] = f"nearharmonic results: {result}"
+    without = f" Trajectories are left out (files: {left_out})." if left_out else ""
+    root["description"] = (
+        f"Energy errors, cubes, tables and figures of near-harmonic symplectic integrators, with the settings and the "
+        f"history of the {len(runs)} runs of the workflow that made them.{without}"
+    )
+    root["datePublished"] = published(runs)
+    root["keywords"] = "symplectic integrators, Hamiltonian systems, splitting methods, energy error"
+    root["conformsTo"] = _add(crate, PROFILE, type="CreativeWork", name="Process Run Crate", version="0.5")
+    root["author"] = _operator(crate)
+    root["license"] = _add(
+        crate,
+        f"https://spdx.org/licenses/{cited['license']}",
+        type="CreativeWork",
+        name=f"{cited['license']} license",
+        description="The text of the licence is the file LICENSE of this archive.",
+    )
+    root["citation"] = [_publication(crate, reference) for reference in cited["references"]]
+
+
+def _publication(crate: Any, reference: Mapping[str, Any]) -> Any:
+    authors = []
+    for author in reference["authors"]:
+        name = f"{author['given-names']} {author['family-names']}"
+        authors.append(_add(crate, f"#{name.lower().replace(' ', '-')}", type="Person", name=name))
+    return _add(
+        crate,
+        reference["url"],
+        type="ScholarlyArticle",
+        name=reference["title"],
+        datePublished=str(reference["year"]),
+        author=authors,
+    )
+
+
+def _operator(crate: Any) -> Any:
+    description = "Who started the runs; the history does not keep the name."
+    return _add(crate, "#operator", type="Person", name="Operator of the workflow", description=description)
+
+
+def _add_file(crate: Any, member: Member) -> Any:
+    properties = {
+        "name": member.path,
+        "description": member.description,
+        "contentSize": str(member.size),
+        "sha256": member.sha256,
+        "encodingFormat": format_of(member.path)[0],
+    }
+    return crate.add_file(dest_path=member.path, properties=properties)
+
+
+def _add_action(crate: Any, run: Run, cited: Mapping[str, Any], config: Any, made: Sequence[Any]) -> None:
+    done = run["status"] == "ok"
+    action = _add(
+        crate,
+        f"#run-{run['id']}",
+        type="CreateAction",
+        name=f"Run {run['id']} of the workflow",
+        description=_run_in_words(run),
+        startTime=_moment(run["start"]),
+        actionStatus={"@id": f"http://schema.org/{'Completed' if done else 'Failed'}ActionStatus"},
+        instrument=_instrument(crate, run, cited),
+        object=config,
+        agent=_operator(crate),
+    )
+    if run["end"]:
+        action["endTime"] = _moment(run["end"])
+    if not done:
+        killed = run["status"] == "killed"
+        action["error"] = "killed before its end" if killed else f"exit status {run['exit_status']}"
+    if made:
+        action["result"] = list(made)
+    crate.root_dataset.append_to("mentions", action)
+
+
+def _run_in_words(run: Run) -> str:
+    words = [f"{' '.join(run['command'])}: {run['status']}"]
+    words += [f"targets {', '.join(run['targets'])}"] if run["targets"] else []
+    words += [f"{run['duration']:.1f} s on {run['cores']} cores"] if run["duration"] is not None else []
+    words += [f"{run['jobs_run']} jobs run, {run['jobs_reused']} reused"] if run["jobs_run"] is not None else []
+    words.append(str(run["platform"]))
+    return "; ".join(words)
+
+
+def _instrument(crate: Any, run: Run, cited: Mapping[str, Any]) -> Any:
+    """The software of ``run``: one entity for each combination of code and libraries."""
+    versions = run["versions"]
+    version = versions["nearharmonic"]
+    if run["commit"]:
+        version += f"+{run['commit']}" + (".dirty" if run["dirty"] else "")
+    same = json.dumps([version, run["code_digest"], versions], sort_keys=True)
+    libraries = [
+        _add(
+            crate, f"#{name}-{versions[name]}", type="SoftwareApplication", name=name, version=versions[name],
+            url=HOMES[name],
+        )
+        for name in sorted(HOMES.keys() & versions.keys())
+    ]  # fmt: skip
+    changed = ", with changes that are not committed" if run["dirty"] else ""
+    return _add(
+        crate,
+        f"#nearharmonic-{hashlib.sha256(same.encode()).hexdigest()[:12]}",
+        type="SoftwareApplication",
+        name="nearharmonic",
+        version=version,
+        url=homepage(cited),
+        description=f"{cited['title']}; commit {run['commit'] or 'unknown'}{changed}, code {run['code_digest']}",
+        softwareRequirements=libraries,
+    )
+
+
+def _text(document: Mapping[str, Any]) -> bytes:
+    first = {METADATA: 0, "./": 1}
+    graph = sorted(document["@graph"], key=lambda entity: (first.get(entity["@id"], 2), entity["@id"]))
+    flat = {"@context": document["@context"], "@graph": [_compacted(entity) for entity in graph]}
+    return json.dumps(flat, indent=1, sort_keys=True, ensure_ascii=False).encode() + b"\n"
+
+
+def _compacted(entity: Mapping[str, Any]) -> dict[str, Any]:
+    """``entity`` with lists of one value replaced by the value, and without empty lists."""
+    pairs: Iterable[tuple[str, Any]] = ((key, value) for key, value in entity.items() if value != [])
+    return {key: value[0] if isinstance(value, list) and len(value) == 1 else value for key, value in pairs}

@@ -1,0 +1,236 @@
+"""A result as one zip file that explains itself: an RO-Crate with every file's digest and every run of the workflow.
+
+The same result gives the same bytes on every machine: members are sorted, carry one date and are stored without
+compression, whose output depends on the version of zlib. Almost all of them are compressed formats already.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path, PurePosixPath
+from typing import Any, BinaryIO
+from zipfile import ZIP_STORED, ZipFile, ZipInfo
+
+from nearharmonic.errors import ResultFileError, SettingError, bad_setting
+from nearharmonic.output.atomic import replacing
+from nearharmonic.reproduction.record import history, manifest
+from nearharmonic.reproduction.record.archive import seal
+from nearharmonic.reproduction.record.archive.metadata import METADATA, Member, Run, format_of, metadata
+from nearharmonic.reproduction.record.archive.readme import readme
+from nearharmonic.reproduction.record.archive.software import DOCUMENTS, document
+from nearharmonic.reproduction.record.archive.user_files import UserFiles
+
+#: Folder of a result whose files an archive holds only on request: the trajectories.
+RUNS = "runs"
+#: Files of a result that its manifest does not list.
+RECORD = ("history.jsonl", "manifest.json")
+#: The date of every member, the earliest that a zip file can hold.
+DATE = (1980, 1, 1, 0, 0, 0)
+
+_CHUNK = 1 << 20
+_FILE_MODE = 0o100644
+_UNIX = 3
+_KINDS = {
+    "cubes": "Cube",
+    "derived": "Document",
+    "figures": "Figure",
+    "report.html": "Page",
+    "runs": "Trajectories",
+    "tables": "Table",
+}
+_ADDED = {
+    "config": "Settings of a run as resolved; `snakemake --configfile` takes this file.",
+    "CITATION.cff": "How to cite the software and the paper.",
+    "LICENSE": "Text of the licence.",
+    "history.jsonl": "Every run of the workflow, oldest first: times, command, commit, settings, versions, counts.",
+    "manifest.json": "Every result file with its size, its digest, the code that made it and the run that made it.",
+    "README.md": "What this archive holds and how to read it.",
+}
+
+
+def faults(folder: Path) -> list[str]:
+    """Return what speaks against archiving the result in ``folder``, one sentence each; [] if nothing does.
+
+    A result is archived only if its files are those that its manifest records, and if its history says with which
+    settings they were made.
+
+    Parameters
+    ----------
+    folder
+        Folder of the result.
+    """
+    from nearharmonic.reproduction.record import verify
+
+    return [str(fault) for fault in verify.faults(folder)] or ([] if history.runs_of(folder) else [_no_history(folder)])
+
+
+def _no_history(folder: Path) -> str:
+    return f"{folder / 'history.jsonl'} holds no run, so that the settings behind {folder.absolute().name} are unknown"
+
+
+def save(
+    folder: str | os.PathLike[str], place: str | os.PathLike[str] | None = None, *, with_runs: bool = False
+) -> Path:
+    """Write the result in ``folder`` as an archive, whole or not at all.
+
+    The caller asks :func:`faults` first. Digests are compared once more while files are copied.
+
+    Parameters
+    ----------
+    folder
+        Folder of the result.
+    place
+        File to make or to replace, with the ending ``.zip``; None stands for the name of the result in the working
+        directory.
+    with_runs
+        Whether the trajectories below ``runs/`` are in it.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    SettingError
+        ``place`` is no zip file outside of ``folder``, or it cannot be written.
+    ResultFileError
+        The manifest or the history is missing, or a file is missing or differs from what the manifest records.
+    """
+    result = Path(folder).absolute()
+    zipped = target(result, place)
+    members = _members(result, with_runs=with_runs)
+    try:
+        with replacing(zipped) as part:
+            _write(part, members)
+            seal.close(part)
+    except OSError as error:
+        message = f"{zipped} cannot be written: {error}"
+        raise SettingError(message) from error
+    return zipped
+
+
+def target(folder: str | os.PathLike[str], place: str | os.PathLike[str] | None) -> Path:
+    """Return the file that an archive of the result in ``folder`` is written to.
+
+    Parameters
+    ----------
+    folder
+        Folder of the result.
+    place
+        A file with the ending ``.zip``; None stands for the name of the result in the working directory.
+
+    Raises
+    ------
+    SettingError
+        ``place`` has another ending, or it is a folder, or it lies in ``folder``.
+    """
+    result = Path(folder).absolute()
+    zipped = Path(f"{result.name}.zip" if place is None else place)
+    if zipped.suffix != ".zip" or zipped.is_dir():
+        raise bad_setting("-o", str(zipped), "a file with the ending .zip")
+    if zipped.resolve().is_relative_to(result.resolve()):
+        raise bad_setting("-o", str(zipped), f"a file outside of {result.name}, which it archives")
+    return zipped
+
+
+def _members(result: Path, *, with_runs: bool) -> list[Member]:
+    """Every member of the archive, sorted by path."""
+    runs = history.runs_of(result)
+    if not runs:
+        raise ResultFileError(_no_history(result))
+    recorded = manifest.read(result)["files"]
+    taken = {path: entry for path, entry in recorded.items() if with_runs or PurePosixPath(path).parts[0] != RUNS}
+    left_out = len(recorded) - len(taken)
+    user_files = UserFiles(recorded.values())
+    configs, texts = _configs(runs, user_files)
+    members = [_result_file(result, path, entry) for path, entry in taken.items()]
+    members += [Member.of_bytes(path, text, _ADDED["config"]) for path, text in texts.items()]
+    members += [Member.of_bytes(name, _content(result / name), _ADDED[name]) for name in RECORD]
+    members += [Member.of_bytes(name, document(name), _ADDED[name]) for name in DOCUMENTS]
+    members += user_files.members()
+    text = readme(result.name, members, runs, left_out)
+    members.append(Member.of_bytes("README.md", text, _ADDED["README.md"]))
+    members.sort(key=lambda member: member.path)
+    described = metadata(result.name, members, runs, configs, left_out)
+    members.append(Member.of_bytes(METADATA, described, "RO-Crate metadata."))
+    return sorted(members, key=lambda member: member.path)
+
+
+def _configs(runs: Sequence[Run], user_files: UserFiles) -> tuple[dict[str, str], dict[str, bytes]]:
+    """The path of the config of each run by the run's id, and the text of each by its path.
+
+    That of the newest run that ended well is ``config.json``; one that differs carries its digest in its name. Keys
+    that are not set are left out, as in a config that a person writes.
+    """
+    texts = {
+        run["id"]: json.dumps(_set(user_files.config(run["config"])), indent=1, ensure_ascii=False).encode() + b"\n"
+        for run in runs
+    }
+    newest = texts[next((run for run in reversed(runs) if run["status"] == "ok"), runs[-1])["id"]]
+    paths = {
+        name: "config.json" if text == newest else f"config-{hashlib.sha256(text).hexdigest()[:12]}.json"
+        for name, text in texts.items()
+    }
+    return paths, {path: texts[name] for name, path in paths.items()}
+
+
+def _set(value: Any) -> Any:
+    """``value`` without the keys of nested mappings that are None."""
+    if isinstance(value, Mapping):
+        return {key: _set(member) for key, member in value.items() if member is not None}
+    return value
+
+
+def _content(place: Path) -> bytes:
+    try:
+        return place.read_bytes()
+    except OSError as error:
+        message = f"{place} cannot be read: {error.strerror}"
+        raise ResultFileError(message) from error
+
+
+def _result_file(result: Path, path: str, entry: Mapping[str, Any]) -> Member:
+    """The member for the file ``path`` of ``result``, which has this ``entry`` in the manifest."""
+    first = PurePosixPath(path).parts[0]
+    stem = PurePosixPath(path).with_suffix("").relative_to(first) if path != first else PurePosixPath(first)
+    volatile = entry.get("volatile") or ()
+    measured = "; holds measured times" if volatile else ""
+    description = f"{_KINDS.get(first, 'File')} {stem}, {format_of(path)[1]}, made by {entry['function']}{measured}."
+    return Member(
+        path=path, source=result / path, size=entry["size"], sha256=entry["sha256"], description=description,
+        run=entry["run"],
+    )  # fmt: skip
+
+
+def _write(place: Path, members: Sequence[Member]) -> None:
+    with ZipFile(place, "w", ZIP_STORED) as archive:
+        archive.comment = seal.BLANK
+        for member in members:
+            information = ZipInfo(member.path, DATE)
+            information.create_system = _UNIX
+            information.external_attr = _FILE_MODE << 16
+            information.file_size = member.size
+            digest = hashlib.sha256()
+            with archive.open(information, "w") as copy, _opened(member) as source:
+                while chunk := source.read(_CHUNK):
+                    digest.update(chunk)
+                    copy.write(chunk)
+            if digest.hexdigest() != member.sha256:
+                message = f"{member.path} is not the file that the manifest records: see `nearharmonic verify`"
+                raise ResultFileError(message)
+
+
+def _opened(member: Member) -> AbstractContextManager[BinaryIO]:
+    if isinstance(member.source, bytes):
+        return io.BytesIO(member.source)
+    try:
+        return member.source.open("rb")
+    except OSError as error:
+        message = f"{member.source} cannot be read: {error.strerror}"
+        raise ResultFileError(message) from error

@@ -1,0 +1,86 @@
+"""The Python files of users' systems and integrators in an archive, and the configs that name them there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from nearharmonic.errors import ResultFileError
+from nearharmonic.registry.registry import split_path
+from nearharmonic.reproduction.record.archive.metadata import Member
+from nearharmonic.reproduction.tasks.user_sources import files_of
+
+#: Folder of an archive that holds them.
+FOLDER = "user_files"
+
+
+class UserFiles:
+    """The files that some results were made with.
+
+    Parameters
+    ----------
+    entries : iterable of mapping
+        Entries of the manifest.
+    """
+
+    def __init__(self, entries: Iterable[Mapping[str, Any]]) -> None:
+        self._systems: dict[str, Path] = {}
+        self._integrators: dict[str, Path] = {}
+        for entry in entries:
+            defined = entry.get("definitions", {})
+            for name, one in defined.get("systems", {}).items():
+                if one["file"] is not None:
+                    self._systems[name] = Path(one["file"])
+            self._integrators |= {one["written"]: Path(one["file"]) for one in defined.get("integrators", {}).values()}
+        parents = sorted({path.parent for path in (*self._systems.values(), *self._integrators.values())})
+        self._folders = {
+            parent: FOLDER if len(parents) == 1 else f"{FOLDER}/{number}" for number, parent in enumerate(parents, 1)
+        }
+
+    def members(self) -> list[Member]:
+        """Return the members of an archive that hold the files, with those beside them that they import.
+
+        Raises
+        ------
+        ResultFileError
+            A file cannot be read.
+        """
+        found = {}
+        for path in (*self._systems.values(), *self._integrators.values()):
+            for one in files_of(path):
+                name = f"{self._folders[path.parent]}/{one.relative_to(path.parent).as_posix()}"
+                try:
+                    content = one.read_bytes()
+                except OSError as error:
+                    message = f"{one} cannot be read: {error.strerror}"
+                    raise ResultFileError(message) from error
+                found[name] = Member.of_bytes(name, content, "Python file of a system or an integrator of the config.")
+        return list(found.values())
+
+    def config(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Return a config of the history with the paths that its files have in the archive, from where that is."""
+        return {key: self._placed(key, value) for key, value in given.items()}
+
+    def _placed(self, key: str, value: Any) -> Any:
+        if key == "systems" and isinstance(value, Mapping):
+            return {name: self._system(name, one) for name, one in value.items()}
+        if isinstance(value, Mapping):
+            return self.config(value)
+        if key in {"integrators", "decomposition", "overview"} and isinstance(value, list):
+            return [self._integrator(entry) for entry in value]
+        return value
+
+    def _system(self, name: str, one: Mapping[str, Any]) -> Mapping[str, Any]:
+        if name not in self._systems or one.get("file") is None:
+            return one
+        return {**one, "file": self._place(self._systems[name])}
+
+    def _integrator(self, entry: str) -> str:
+        path, name = split_path(entry)
+        if path not in self._integrators:
+            return entry
+        return self._place(self._integrators[path]) + (f":{name}" if name else "")
+
+    def _place(self, path: Path) -> str:
+        return f"{self._folders[path.parent]}/{path.name}"

@@ -1,0 +1,213 @@
+"""One run of a result: its numbers, the files that hold it, and the lines of Python that make it again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from math import log
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nearharmonic.engine.settings import KINETIC_POTENTIAL, checked_tau, one_of
+from nearharmonic.errors import NearharmonicError, bad_setting, unknown_name
+from nearharmonic.output import store
+from nearharmonic.reproduction.record.query.run_table import (
+    COLUMNS,
+    SKIPPED,
+    Columns,
+    runs_of_cube,
+    settings_of,
+    system_cubes,
+)
+from nearharmonic.reproduction.tasks.definitions import defined, read_definitions
+from nearharmonic.systems import systems
+from nearharmonic.systems.user_file import SystemDefinition
+
+#: Relative spacing of a grid of one step size: the digits that a person would type.
+LEAST_SPACING = 1e-3
+
+
+@dataclass(frozen=True, kw_only=True)
+class SingleRun:
+    """One run and all that its result tells of it.
+
+    Attributes
+    ----------
+    cells : dict
+        Its cell of the cube: numbers and texts by name.
+    units : dict of str to str
+        Units of those numbers that have one.
+    system_units : dict of str to str
+        Units of t, q, p and the energy of the system; empty if this package has no such system.
+    settings : dict
+        The sweep that it is part of, as the cube's attributes hold it.
+    definitions : dict
+        Definitions of the system and of integrators that a user defines, as the cube's attributes hold them.
+    cube : Path
+        File of the cube.
+    file : Path or None
+        File of the trajectory; None if there is none.
+    samples : int or None
+        States that this file keeps of the run; None without a file.
+    origin : dict of str to str
+        Attributes of the file of the trajectory, or of the cube without one: versions and digests.
+    """
+
+    cells: dict[str, Any]
+    units: dict[str, str]
+    system_units: dict[str, str]
+    settings: dict[str, Any]
+    definitions: dict[str, Any]
+    cube: Path
+    file: Path | None
+    samples: int | None
+    origin: dict[str, str]
+
+
+def single_run(
+    folder: Path, system: str, integrator: str, tau: object, *, precision: str | None = None, per_stage: bool = False
+) -> SingleRun:
+    """Return the run of a result whose step size is nearest to the one asked for.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the result.
+    system, integrator : str
+        Names, as the result has them.
+    tau : float or str
+        Step size in the system's unit of time; with ``per_stage`` the step size per stage.
+    precision : str, optional
+        Arithmetic of the run; double, or the only one that there is, by default.
+    per_stage : bool
+        Whether ``tau`` is divided by the number of stages.
+
+    Raises
+    ------
+    UnknownNameError
+        The result has no such system or integrator.
+    SettingError
+        No run of this precision, or none within the spacing of the grid from ``tau``.
+    """
+    cubes = {path.stem: path for path in system_cubes(folder)}
+    if system not in cubes:
+        raise unknown_name("system", system, cubes)
+    columns, units = runs_of_cube(cubes[system])
+    columns = _of(columns, "integrator", _known(columns["integrator"], integrator))
+    present = list(dict.fromkeys(columns["precision"].tolist()))
+    asked = present[0] if precision is None else one_of("precision", precision, present)
+    columns = _of(columns, "precision", asked)
+    row = _nearest(columns["tau_per_stage" if per_stage else "tau"], checked_tau(tau), f"{integrator} on {system}")
+    cells = {name: columns[name][row].item() for name in (*COLUMNS, *sorted(set(columns) - set(COLUMNS)))}
+    attributes = store.attributes_of(cubes[system])
+    told = settings_of(attributes)
+    file, samples = _trajectory(folder, cells)
+    return SingleRun(
+        cells=cells,
+        units=units,
+        system_units=_units(system, told.get("definitions", {})),
+        settings=told.get("sweep", {}),
+        definitions=told.get("definitions", {}),
+        cube=cubes[system],
+        file=file,
+        samples=samples,
+        origin=_origin(attributes if file is None else store.attributes_of(file)),
+    )
+
+
+def _units(system: str, definitions: Mapping[str, Any]) -> dict[str, str]:
+    """Units of a registered or a user's system; {} if it is not here."""
+    with suppress(NearharmonicError), defined(read_definitions(definitions)):
+        return dict(systems[system].units)
+    return {}
+
+
+def _known(integrators: np.ndarray, name: str) -> str:
+    if name not in integrators:
+        raise unknown_name("integrator", name, dict.fromkeys(integrators.tolist()))
+    return name
+
+
+def _of(columns: Columns, name: str, value: str) -> Columns:
+    chosen = columns[name] == value
+    return {key: values[chosen] for key, values in columns.items()}
+
+
+def _nearest(taus: np.ndarray, asked: float, whose: str) -> int:
+    """The index of the step nearest to ``asked`` in the logarithm, if one lies within the spacing around it."""
+    logarithms = np.log(taus)
+    distances = abs(logarithms - log(asked))
+    row = int(distances.argmin())
+    gaps = abs(np.diff(np.sort(logarithms)))
+    spacing = max(LEAST_SPACING, float(gaps.max(initial=0.0)))
+    if distances[row] > spacing:
+        near = np.sort(taus[np.argsort(distances, kind="stable")[:2]]).tolist()
+        allowed = f"the runs of {whose} have steps from {taus.min():.6g} to {taus.max():.6g}, the nearest"
+        raise bad_setting("tau", asked, f"{allowed} {' and '.join(f'{tau:.6g}' for tau in near)}")
+    return row
+
+
+def _trajectory(folder: Path, cells: Mapping[str, Any]) -> tuple[Path | None, int | None]:
+    """The run file that holds the run, and how many of its states."""
+    for path in sorted(folder.glob(f"runs/{cells['system']}/{cells['integrator']}/*.h5")):
+        runs = store.read_precisions(path).get(cells["precision"])
+        if runs is not None:
+            made = (runs.tau_per_stage == cells["tau_per_stage"]) & (runs.status != SKIPPED)
+            (rows,) = np.nonzero(made.values)
+            if rows.size:
+                return path, int(np.isfinite(runs.t[rows[0]].values).sum())
+    return None, None
+
+
+def _origin(attributes: Mapping[str, Any]) -> dict[str, str]:
+    return {name: str(value) for name, value in attributes.items() if name.endswith(("_version", "_digest"))}
+
+
+def python_lines(run: SingleRun) -> list[str]:
+    """Return the lines of Python that make a run again; the number that they print is that of the cube, bit for bit."""
+    cells, settings = run.cells, run.settings
+    system, before = _system_lines(str(cells["system"]), run.definitions)
+    integrator = _integrator_text(str(cells["integrator"]), run.definitions)
+    given: dict[str, Any] = {name: settings[name] for name in ("t_end", "summation", "samples") if name in settings}
+    if settings.get("split", KINETIC_POTENTIAL) != KINETIC_POTENTIAL:
+        given["split"] = settings["split"]
+    more = ", ".join(f"{name}={json.dumps(value)}" for name, value in given.items())
+    return [
+        "import nearharmonic as nh",
+        *before,
+        "",
+        "run = nh.integrate(",
+        f'    {system}, {integrator}, tau={cells["tau"]!r}, precision="{cells["precision"]}",',
+        *([f"    {more},"] if more else []),
+        ")",
+        f"print(run.max_energy_error.item())  # {cells['max_energy_error']!r}",
+    ]
+
+
+def _system_lines(name: str, definitions: Mapping[str, Any]) -> tuple[str, list[str]]:
+    """What stands for a system in a call, and the lines that must come before."""
+    told = read_definitions(definitions).get("systems", {}).get(name)
+    if told is None:
+        return f'"{name}"', []
+    if told == SystemDefinition(file=told.file):
+        return f'"{told.file}"', []
+    lines = ["from nearharmonic.systems.user_file import SystemDefinition", "", f'system = {told!r}.make("{name}")']
+    return "system", lines
+
+
+def _integrator_text(name: str, definitions: Mapping[str, Any]) -> str:
+    """What stands for an integrator in a call."""
+    told = read_definitions(definitions).get("integrators", {}).get(name)
+    return f'"{name}"' if told is None else f'"{told.file}:{name}"'
+
+
+def files_of(run: SingleRun, folder: Path, manifest: Mapping[str, Any]) -> Iterator[tuple[str, str, dict[str, Any]]]:
+    """Yield (what it is, path below the result, entry of the manifest, empty if it has none) of the files of a run."""
+    for what, path in (("cube", run.cube), ("run file", run.file)):
+        if path is not None:
+            name = path.relative_to(folder).as_posix()
+            yield what, name, manifest.get("files", {}).get(name, {})

@@ -1,0 +1,128 @@
+"""Runs that were recorded, integrated again: the same settings give the same bits."""
+
+from __future__ import annotations
+
+import json
+import random
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nearharmonic.engine.settings import Sweep
+from nearharmonic.output import store
+from nearharmonic.output.dataset import Variables
+from nearharmonic.reproduction.experiments.paper.plan import runs_of
+from nearharmonic.reproduction.experiments.paper.run import integrate_run
+from nearharmonic.reproduction.record import manifest
+from nearharmonic.reproduction.record.query.run_table import SKIPPED
+from nearharmonic.reproduction.tasks.definitions import defined, read_definitions
+
+FUNCTION = "reproduction.experiments.paper.run:integrate"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rerun:
+    """One run that was integrated again.
+
+    Attributes
+    ----------
+    file : str
+        Name of its run file in the folder of results.
+    system, integrator, precision : str
+        What was run.
+    tau_per_stage : float
+        Step size per stage, in the system's unit of time.
+    differs : tuple of str
+        Names of the variables of which a bit differs, sorted.
+    """
+
+    file: str
+    system: str
+    integrator: str
+    precision: str
+    tau_per_stage: float
+    differs: tuple[str, ...]
+
+
+def rerun(folder: Path, number: int, seed: int = 1) -> list[Rerun]:
+    """Integrate runs again, drawn at random from all run files of ``folder``, and compare every bit.
+
+    Parameters
+    ----------
+    folder : path
+        Folder of results.
+    number : int
+        How many runs; all if there are fewer.
+    seed : int
+        Which draw.
+
+    Raises
+    ------
+    ResultFileError
+        The manifest or a run file is missing or damaged.
+    """
+    cells = list(_cells(folder))
+    drawn = sorted(random.Random(seed).sample(range(len(cells)), min(number, len(cells))))
+    return [_again(folder, *cells[i]) for i in drawn]
+
+
+def _cells(folder: Path) -> Iterator[tuple[str, str, int]]:
+    """File, precision and index of every run."""
+    for name, entry in manifest.read(folder)["files"].items():
+        if entry["function"] == FUNCTION:
+            for precision, runs in store.read_precisions(folder / name).items():
+                yield from ((name, precision, i) for i in np.flatnonzero(runs.status.values != SKIPPED).tolist())
+
+
+def _again(folder: Path, name: str, precision: str, index: int) -> Rerun:
+    kept = store.read(folder / name, None if precision == "double" else precision)
+    settings = json.loads(kept.attrs["settings"])
+    with defined(read_definitions(settings.get("definitions", {}))):
+        return _compared(name, precision, index, kept, settings)
+
+
+def _compared(name: str, precision: str, index: int, kept: Any, settings: Mapping[str, Any]) -> Rerun:
+    """Run ``index`` among those that a file has ``kept``, integrated again."""
+    sweep = Sweep(**settings["sweep"] | {"precision": tuple(settings["sweep"]["precision"])})
+    planned = runs_of(sweep, settings["integrator"], settings["shard"])
+    (run,) = (run for run in planned if run.precision == precision)
+    place = run.tau_per_stage.index(float(kept.tau_per_stage[index]))
+    one = replace(run, tau_per_stage=run.tau_per_stage[place : place + 1], steps=run.steps[place : place + 1])
+    return Rerun(
+        file=name,
+        system=run.system,
+        integrator=run.integrator,
+        precision=precision,
+        tau_per_stage=one.tau_per_stage[0],
+        differs=tuple(sorted(_differing(integrate_run(one), kept, index))),
+    )
+
+
+def _differing(made: Variables, kept: Any, index: int) -> Iterator[str]:
+    """Names of variables that are not the same, bit for bit, as those of run ``index`` among ``kept``."""
+    for name in made.keys() | set(kept.variables):
+        if name not in made or name not in kept.variables:
+            yield name
+            continue
+        dimensions, values, _ = made[name]
+        before = kept[name].values[index : index + 1] if dimensions[:1] == ("tau_per_stage",) else kept[name].values
+        after = np.asarray(values)
+        if name == "sample":
+            before = before[: after.size]
+        elif "sample" in dimensions:
+            # Beside longer runs, a short one has its samples filled up.
+            before, filling = np.split(before, [after.shape[1]], axis=1)
+            if not (np.isnan(filling) | (filling == 0)).all():
+                yield name
+                continue
+        if after.shape != before.shape or not _same_bits(after, before):
+            yield name
+
+
+def _same_bits(a: np.ndarray, b: np.ndarray) -> bool:
+    if a.dtype.kind in "UO":
+        return bool(np.array_equal(a.astype(str), b.astype(str)))
+    return a.dtype == b.dtype and a.tobytes() == b.tobytes()

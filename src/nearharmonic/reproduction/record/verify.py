@@ -1,0 +1,179 @@
+"""Whether a folder of results is what its record says: every file, and the code and coefficients that made it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from nearharmonic.errors import NearharmonicError, ResultFileError
+from nearharmonic.output.store import command_for, workflow_command
+from nearharmonic.reproduction.record import history, manifest
+from nearharmonic.reproduction.tasks.definitions import defined, read_definitions
+from nearharmonic.reproduction.tasks.provenance import digests
+from nearharmonic.reproduction.tasks.receipts import identity, measured
+
+Entries = Mapping[str, Mapping[str, Any]]
+
+#: Beginnings of the names of files, in the order in which one is made from another.
+ORDER = ("runs/", "cubes/", "derived/", "figures/", "tables/", "report.html")
+#: The experiment that the default target makes; every other one has a target of its name,
+DEFAULT = "paper"
+#: but for these.
+TARGETS = {"derivation": "derive"}
+
+
+@dataclass(frozen=True, order=True, kw_only=True)
+class Fault:
+    """Something that is not as recorded.
+
+    Attributes
+    ----------
+    file : str
+        Name of the file in the folder of results.
+    says : str
+        What is wrong with it.
+    mend : str
+        The command that mends it, or what else to do.
+    """
+
+    file: str
+    says: str
+    mend: str
+
+    def __str__(self) -> str:
+        return f"{self.file} {self.says}. {self.mend}"
+
+
+def faults(folder: Path) -> list[Fault]:
+    """Compare every file of ``folder`` with the manifest, and the code and coefficients here with those recorded.
+
+    Nothing but the record is read as more than bytes, so that no damage can mislead or hang the reader.
+
+    Returns
+    -------
+    list of Fault
+        In the order in which they are mended: runs, cubes, and what is made of these; empty if all is as recorded.
+    """
+    try:
+        told = manifest.read(folder)
+    except ResultFileError as error:
+        says, _, mend = str(error).partition(". ")
+        return [Fault(file=manifest.MANIFEST, says=says.removeprefix(f"{folder / manifest.MANIFEST} "), mend=mend)]
+    found = list(_of_files(folder, told))
+    whole = {name: entry for name, entry in told["files"].items() if name not in {fault.file for fault in found}}
+    found += [*_of_inputs(folder, whole), *_of_origins(folder, told["files"])]
+    return sorted(found, key=lambda fault: (_rank(fault.file), fault))
+
+
+def _rank(name: str) -> int:
+    """How far a file is from its beginnings."""
+    return next((i for i, part in enumerate(ORDER) if name.startswith(part)), 0)
+
+
+def _of_files(folder: Path, told: Mapping[str, Any]) -> Iterator[Fault]:
+    entries, former, there = told["files"], set(told["former"]), set(manifest.names_in(folder))
+    by_now = manifest.entries_of(folder)
+    for name in sorted((there | entries.keys()) - (former - there)):
+        again = f"Make it again: {command_for(folder / name)}"
+        if name in former:
+            yield Fault(file=name, says="is of a former config: no job makes it now", mend="Move it elsewhere")
+        elif name not in there:
+            yield Fault(file=name, says="is missing", mend=again)
+        elif (digest := measured(folder / name)["sha256"]) != entries.get(name, {}).get("sha256"):
+            if digest == by_now.get(name, {}).get("sha256"):
+                mend = f"Wait for it, or run the workflow again: {workflow_command(folder / name)}"
+                yield Fault(file=name, says="was made by a run that has not ended, or was killed", mend=mend)
+            elif name in told["unrecorded"]:
+                yield Fault(file=name, says="has lost its record", mend=again)
+            elif name not in entries:
+                yield Fault(file=name, says="is extra: no job made it", mend="Move it elsewhere")
+            else:
+                yield Fault(file=name, says="is damaged: its bytes are not those that its job wrote", mend=again)
+
+
+def _of_inputs(folder: Path, entries: Entries) -> Iterator[Fault]:
+    """A fault for each file that was made from others than ``entries``, after a run that was cut short say."""
+    now: dict[str, str] = {}
+    for name, entry in entries.items():
+        for source, before in entry.get("inputs", {}).items():
+            if source in entries and source not in now:
+                now[source] = identity(folder / source)
+            if now.get(source, before) != before:
+                mend = f"Bring it up to date: {workflow_command(folder / name)} -- {folder / name}"
+                yield Fault(file=name, says=f"was made from another {source}", mend=mend)
+                break
+
+
+def _of_origins(folder: Path, entries: Entries) -> Iterator[Fault]:
+    """A fault for each function whose code, systems or methods are not here as they were for some of its files."""
+    made_otherwise: dict[tuple[str, str], list[str]] = {}
+    for name, entry in entries.items():
+        reached = tuple(entry["systems"]), tuple(entry["integrators"])
+        definitions = json.dumps(entry.get("definitions", {}))
+        differs = _difference(entry["function"], *reached, definitions, **_recorded(entry))
+        if differs:
+            made_otherwise.setdefault((entry["function"], differs), []).append(name)
+    for (function, differs), names in made_otherwise.items():
+        others = f" (and {len(names) - 1} more)" if len(names) > 1 else ""
+        says = f"was made with other {differs}{others}, by {function}"
+        yield Fault(
+            file=names[0], says=says, mend=f"Make it again: {workflow_command(folder / names[0])}{_target_of(function)}"
+        )
+
+
+def _recorded(entry: Mapping[str, Any]) -> dict[str, str]:
+    return {what: entry[what] for what in ("code", "coefficients")}
+
+
+@cache
+def _difference(
+    function: str, problems: tuple[str, ...], methods: tuple[str, ...], definitions: str, **recorded: str
+) -> str:
+    """What is not as recorded, in words; ``definitions`` of systems and integrators are JSON."""
+    try:
+        with defined(read_definitions(json.loads(definitions))):
+            here = digests(function, problems, methods)
+    except NearharmonicError as error:
+        return f"code, of which something is not here ({error})"
+    return " and ".join(what for what in recorded if here[what] != recorded[what])
+
+
+def _target_of(function: str) -> str:
+    """The target that the files of ``function`` belong to, as the end of a command; empty for those of the default."""
+    room, _, rest = function.removeprefix("reproduction.").partition(".")
+    experiment = rest.partition(".")[0]
+    if room != "experiments" or experiment == DEFAULT:
+        return ""
+    return f" -- {TARGETS.get(experiment, experiment)}"
+
+
+def extent(folder: Path) -> tuple[int, int]:
+    """Return the number of files that the manifest of ``folder`` lists, and their bytes.
+
+    Raises
+    ------
+    ResultFileError
+        The manifest is missing or damaged.
+    """
+    sizes: Iterable[int] = [entry["size"] for entry in manifest.read(folder)["files"].values()]
+    return len(list(sizes)), sum(sizes)
+
+
+def of_other_configs(folder: Path) -> int:
+    """Return how many files are of runs whose config was not that of the newest run that ended well.
+
+    They need not be out of date: what a config says of one system is nothing to another.
+
+    Raises
+    ------
+    ResultFileError
+        The manifest is missing or damaged.
+    """
+    configs = {run["id"]: run.get("config_digest") for run in history.runs_of(folder)}
+    newest = history.newest_finished(folder)
+    runs = [entry["run"] for entry in manifest.read(folder)["files"].values()]
+    return sum(configs.get(run) != newest.get("config_digest") for run in runs) if newest else 0

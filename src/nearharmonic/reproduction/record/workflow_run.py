@@ -1,0 +1,190 @@
+"""A run of the workflow, recorded from its start to its end. What fails here costs a warning, never a result."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import sys
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from nearharmonic.reproduction.config.config import Config
+from nearharmonic.reproduction.experiments.paper.omissions import totals_in
+from nearharmonic.reproduction.record import history, manifest
+from nearharmonic.reproduction.record.fingerprint import fingerprint, machine, revision
+from nearharmonic.reproduction.tasks.receipts import RUN, receipts_in
+
+
+class WorkflowRun:
+    """One run of the workflow, in the process of Snakemake.
+
+    Parameters
+    ----------
+    folder : path
+        Folder of the results.
+    config : Config
+        What is asked for.
+    sources : path
+        Folder of the workflow, whose commit is recorded.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str], config: Config, sources: str | os.PathLike[str]) -> None:
+        self._folder, self._config, self._sources = Path(folder), config, Path(sources)
+        self._began = datetime.now(UTC)
+        self._told: dict[str, Any] = {}
+        self._warned: set[str] = set()
+
+    @property
+    def id(self) -> str:
+        """The id of the run: when it began, and a random number."""
+        return str(self._told.get("id", ""))
+
+    def begin(self, command: Sequence[str], targets: Sequence[str], cores: int | None) -> None:
+        """Record the start: close the runs that were killed, and leave a marker.
+
+        Parameters
+        ----------
+        command : sequence of str
+            The command line.
+        targets : sequence of str
+            What was asked to be made.
+        cores : int or None
+            Number of cores given to the run.
+        """
+        self._told = {
+            "id": f"{self._began:%Y%m%dT%H%M%SZ}-{secrets.token_hex(4)}",
+            "work": None,
+            "config": {},
+            "config_digest": None,
+            "code_digest": None,
+            "coefficients_digest": None,
+            "versions": {},
+            "platform": None,
+            "cpu": {},
+            "status": "running",
+            "exit_status": None,
+            "start": _stamp(self._began),
+            "end": None,
+            "duration": None,
+            "cpu_seconds": None,
+            "cores": cores,
+            "command": [Path(command[0]).name, *command[1:]],
+            "targets": list(targets),
+            "commit": None,
+            "dirty": None,
+        }
+        os.environ[RUN] = self.id  # its jobs inherit it
+        with self._warning("the run is not recorded in full"):
+            self._told |= fingerprint(self._config)
+            self._told |= machine()
+        with self._warning("the commit is not recorded"):
+            self._told |= revision(self._sources)
+        self._told |= {"jobs_run": None, "jobs_reused": None, "evaluations": None, "evaluations_skipped": None}
+        with self._warning("killed runs are not closed"):
+            history.close_killed(self._folder)
+        with self._warning("the history is not written"):
+            history.mark(self._folder, self._told)
+
+    def end(
+        self,
+        exit_status: int,
+        jobs_run: int,
+        jobs_reused: int,
+        refresh: Callable[[], None],
+        makeable: Collection[str] | None = None,
+        configfiles: Sequence[str] = (),
+    ) -> None:
+        """Record the end: bring page and claims up to date, write the manifest and then the line of the history.
+
+        Parameters
+        ----------
+        exit_status : int
+            That of Snakemake.
+        jobs_run, jobs_reused : int
+            Jobs that did work, and jobs whose results were there.
+        refresh : callable
+            Makes the files that show all others again, where one of those is newer.
+        makeable, configfiles
+            As for :func:`nearharmonic.reproduction.record.manifest.write`.
+        """
+        with self._warning("the page of results may be old"):
+            refresh()
+        with self._warning("the manifest is not written"):
+            changed = manifest.write(self._folder, makeable, configfiles)
+            if changed:
+                self._warn("", f"changed since their jobs wrote them: {', '.join(changed)} in {self._folder}")
+        ended = datetime.now(UTC)
+        self._told |= {
+            "status": "failed" if exit_status else "ok",
+            "exit_status": exit_status,
+            "end": _stamp(ended),
+            "duration": round((ended - self._began).total_seconds(), 3),
+            "cpu_seconds": round(sum(os.times()[:4]), 2),
+            "jobs_run": jobs_run,
+            "jobs_reused": jobs_reused,
+        }
+        with self._warning("the evaluations are not recorded"):
+            self._told |= self._evaluations()
+        with self._warning("the history is not written"):
+            try:
+                history.append(self._folder, self._told)
+            finally:
+                history.unmark(self._folder, self.id)
+
+    def made(self, name: str) -> bool:
+        """Whether a job of this run made the file ``name``."""
+        return any(name in receipt and receipt[name]["run"] == self.id for receipt in receipts_in(self._folder))
+
+    def outdates(self, name: str, shown: Collection[str] | None = None) -> bool:
+        """Whether a job of this run made something after the file ``name`` was made, if that is there.
+
+        Parameters
+        ----------
+        name : str
+            A file that shows what other files hold.
+        shown : collection of str, optional
+            Those other files; all but ``name`` by default.
+        """
+        place = self._folder / name
+        if not place.is_file():
+            return False
+        made = place.stat().st_mtime_ns
+        newer = (
+            other
+            for receipt in receipts_in(self._folder)
+            for other, entry in receipt.items()
+            if entry["run"] == self.id and entry["modified"] > made
+        )
+        return any(other != name and (shown is None or other in shown) for other in newer)
+
+    def _evaluations(self) -> dict[str, int | None]:
+        made = sum(e["evaluations"] for r in receipts_in(self._folder) for e in r.values() if e["run"] == self.id)
+        table = self._folder / "tables" / "skipped.csv"
+        skipped = None
+        if table.is_file():
+            totals = totals_in(table.read_text(encoding="utf-8"))
+            skipped = totals.full - totals.done
+        return {"evaluations": made, "evaluations_skipped": skipped}
+
+    @contextmanager
+    def _warning(self, consequence: str) -> Iterator[None]:
+        """Turn what fails inside into a warning, one for each consequence."""
+        try:
+            yield
+        except (Exception, SystemExit) as error:
+            absent = isinstance(error, FileNotFoundError) and error.filename == "git"
+            said = "git is not installed" if absent else f"{type(error).__name__}: {error}"
+            self._warn(consequence, f"{consequence}: {said}")
+
+    def _warn(self, kind: str, text: str) -> None:
+        if kind not in self._warned:
+            self._warned.add(kind)
+            sys.stderr.write(f"nearharmonic: warning: {text}\n")
+
+
+def _stamp(moment: datetime) -> str:
+    """A moment in UTC to the millisecond."""
+    return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")

@@ -1,0 +1,41 @@
+"""What the page is made of beside results: its template, style and script."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+FOLDER = Path(__file__).parent / "template"
+NAMES = ("page.html", "page.css", "page.js")
+
+
+def digest() -> str:
+    """Return the SHA-256 of what the digest of the package's code does not cover: these files, and bokeh's version."""
+    return sha256(
+        b"\0".join([version("bokeh").encode(), *((FOLDER / name).read_bytes() for name in NAMES)])
+    ).hexdigest()
+
+
+def filled(values: Mapping[str, Any]) -> str:
+    """Return the template filled with ``values``; text in them is escaped, style and scripts go in as they are."""
+    from jinja2 import Environment, StrictUndefined
+    from markupsafe import Markup
+
+    from nearharmonic.reproduction.claims.results import short
+    from nearharmonic.reproduction.report import wording
+    from nearharmonic.reproduction.report.plots import models
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.globals |= {"wording": wording, "short": short}
+    template, style, script = ((FOLDER / name).read_text(encoding="utf-8") for name in NAMES)
+    return environment.from_string(template).render(
+        values, style=Markup(style), script=Markup(script), bokeh=Markup(models.script())
+    )
+
+
+def as_script(json: str) -> str:
+    """Return a JSON text so that it can stand in a script element."""
+    return json.replace("<", "\\u003c")

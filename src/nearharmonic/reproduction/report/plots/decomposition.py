@@ -1,0 +1,89 @@
+"""Error terms kappa of the harmonic oscillator against their order, for both compositions, as Figure 2 has them."""
+
+from __future__ import annotations
+
+from math import log10
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nearharmonic.plotting.levels import SATISFIED_BELOW
+from nearharmonic.reproduction.claims.results import power_of_ten
+from nearharmonic.reproduction.report.plots import panels
+from nearharmonic.reproduction.report.plots.models import Model
+from nearharmonic.reproduction.report.plots.panels import Panel
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Operator of the outer row -> name of the composition.
+_COMPOSITIONS = {"drift": "ABA", "kick": "BAB"}
+_ROWS = [("method", "$name"), ("order λ", "@order"), ("|κ|", "@shown{%.4e}")]
+
+
+def decomposition(terms: xr.Dataset) -> list[Panel]:
+    """Draw ``kappa`` of ``terms``, dimensions (integrator, first, order): terms that remain, and terms that vanish.
+
+    Circles around a marker are ABA compositions, lines BAB ones; the panels share the axis of the order.
+    """
+    order = terms["order"].values
+    kappa = np.array(terms["kappa"].values, dtype=float)
+    labels = [str(label) for label in terms["label"].values]
+    along = panels.span([order], logarithmic=False)
+    remain = panels.span([kappa[kappa >= SATISFIED_BELOW]], logarithmic=True)
+    upper = panels.new_plot((along, remain), ("order, λ", "κ"))
+    lower = panels.new_plot((along, panels.span([[0, 1]], logarithmic=False)), ("order, λ", ""))
+    _use_categories(lower, labels)
+    for plot in (upper, lower):
+        plot["below"][0]["ticker"] = Model("SingleIntervalTicker", interval=2, num_minor_ticks=2)
+    dots: list[Model] = []
+    bars: list[Model] = []
+    for method, one in zip(map(str, terms["integrator"].values), kappa, strict=True):
+        label = str(terms["label"].sel(integrator=method).item())
+        for first, composition in _COMPOSITIONS.items():
+            values = one[terms["first"].values.tolist().index(first)]
+            dots.append(_draw_remaining(upper, order, values, (method, f"{label} as {composition}")))
+            bars.append(_draw_vanishing(lower, order, values, (method, label, composition)))
+    panels.add_hover(upper, dots, _ROWS)
+    panels.add_hover(lower, bars, _ROWS)
+    limit = power_of_ten(round(log10(SATISFIED_BELOW)))
+    return [
+        Panel(title="A. Error terms that remain: line BAB, circles ABA", plot=upper),
+        Panel(title=f"B. Error terms that vanish, κ below {limit}: bar BAB, circles ABA", plot=lower),
+    ]
+
+
+def _use_categories(plot: Model, labels: list[str]) -> None:
+    plot["y_range"], plot["y_scale"], axis = panels.category_axis(labels)
+    plot["left"] = [axis]
+    plot["center"][1]["axis"] = axis
+
+
+def _draw_remaining(plot: Model, order: Any, values: Any, names: tuple[str, str]) -> Model:
+    """Draw the terms of one composition that do not vanish; return the renderer that a hover looks at."""
+    method, name = names
+    shown = np.where(values >= SATISFIED_BELOW, values, np.nan)
+    source = panels.source_of(order=order, shown=shown)
+    if name.endswith("ABA"):
+        return _circle(plot, source, "shown", method, name)
+    panels.add_line(plot, source, ("order", "shown"), method)
+    return panels.add_markers(plot, source, ("order", "shown"), method, name, line_alpha=0.0, fill_alpha=0.0)
+
+
+def _draw_vanishing(plot: Model, order: Any, values: Any, names: tuple[str, str, str]) -> Model:
+    """Mark the terms of one composition that vanish; return the renderer that a hover looks at."""
+    method, label, composition = names
+    gone = values < SATISFIED_BELOW
+    source = panels.source_of(order=order[gone], row=np.full(gone.sum(), label), shown=values[gone])
+    name = f"{label} as {composition}"
+    if composition == "ABA":
+        return _circle(plot, source, "row", method, name)
+    bar = {"marker": "dash", "angle": 0.0, "size": 20, "line_width": 2}
+    return panels.add_markers(plot, source, ("order", "row"), method, name, **bar)
+
+
+def _circle(plot: Model, source: Model, y: str, method: str, name: str) -> Model:
+    """Circles around the method's own marker, which tells them apart without colour."""
+    panels.add_markers(plot, source, ("order", y), method, size=5, line_width=1)
+    circle = {"marker": "circle", "angle": 0.0, "size": 12, "fill_alpha": 0.0, "line_width": 1.1}
+    return panels.add_markers(plot, source, ("order", y), method, name, **circle)

@@ -1,0 +1,125 @@
+"""Declared figures: a decorated function is a figure, and its files are named after the function.
+
+The decorator says which cube the figure shows. A workflow reads the declarations from the source text, because
+importing matplotlib takes longer than the workflow takes to start.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from nearharmonic.reproduction.tasks.sources import ROOT
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Drawing = TypeVar("Drawing", bound="Callable[..., Figure]")
+
+#: The cube of a figure that is drawn for each system; names of files and targets begin with that of the system.
+EVERY_SYSTEM = "{system}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Declaration:
+    """A figure that a workflow draws.
+
+    Attributes
+    ----------
+    function : str
+        ``module:name`` below the package of a function that takes the cube, an ``xarray.Dataset``, if there is one.
+    stem : str
+        Name of its files.
+    target : str
+        Name under which a workflow makes it.
+    cube : str or None
+        Name of the cube that it shows; None for a figure that computes what it shows.
+    caption : str
+        Text below it.
+    category : str
+        Where a report lists it.
+    profile : bool
+        Whether it is the energy-error figure of its system. That of every system has files of the same form of name
+        too; where a system has one of its own, it is drawn once, and its files stand under both names.
+    """
+
+    function: str
+    stem: str
+    target: str
+    cube: str | None
+    caption: str
+    category: str = "Figures"
+    profile: bool = False
+
+
+def figure(
+    *, cube: str | None, caption: str, target: str = "", category: str = "Figures", profile: bool = False
+) -> Callable[[Drawing], Drawing]:
+    """Declare the decorated function a figure, drawn in the house style.
+
+    Parameters
+    ----------
+    cube, caption, target, category, profile
+        Literals, as the attributes of :class:`Declaration`; ``target`` is the name of the function if not given.
+    """
+
+    def decorate(function: Drawing) -> Drawing:
+        from nearharmonic.plotting.style import house_style
+
+        return house_style(function)
+
+    return decorate
+
+
+def figures_of(package: str, systems: Collection[str], cubes: Collection[str] = ()) -> list[Declaration]:
+    """Return the figures that a package, or a module, declares and that a config has the cubes for.
+
+    Parameters
+    ----------
+    package : str
+        Dotted name below nearharmonic; nothing of it is imported.
+    systems : collection of str
+        Systems of the config; each has a cube of its name.
+    cubes : collection of str
+        Names of the other cubes.
+
+    Returns
+    -------
+    list of Declaration
+        A figure of :data:`EVERY_SYSTEM` stands once for each system.
+    """
+    declared = list(_declarations(ROOT.joinpath(*package.split("."))))
+    profiles = {one.cube: one for one in declared if one.profile and one.cube != EVERY_SYSTEM}
+    found = []
+    for one in declared:
+        if one.cube == EVERY_SYSTEM:
+            own = profiles if one.profile else {}
+            found += [
+                replace(own.get(n, one), stem=f"{n}_{one.stem}", target=f"{n}_{one.target}", cube=n) for n in systems
+            ]
+        elif one.cube is None or one.cube in systems or one.cube in cubes:
+            found.append(one)
+    return found
+
+
+def _declarations(folder: Path) -> Iterator[Declaration]:
+    for path in sorted(folder.rglob("*.py")) if folder.is_dir() else [folder.with_suffix(".py")]:
+        text = path.read_text(encoding="utf-8")
+        if "@figure(" not in text:
+            continue
+        module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        for name, told in _decorated(ast.parse(text)):
+            yield Declaration(**{"function": f"{module}:{name}", "stem": name, "target": name} | told)
+
+
+def _decorated(tree: ast.Module) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Name of each decorated function of a module, and the keywords of its decorator."""
+    for node in tree.body:
+        if not isinstance(node, ast.FunctionDef):
+            continue
+        for decorator in node.decorator_list:
+            if isinstance(decorator, ast.Call) and ast.unparse(decorator.func) == "figure":
+                yield node.name, {str(k.arg): ast.literal_eval(k.value) for k in decorator.keywords}

@@ -1,0 +1,210 @@
+"""A job of the workflow: the package function that a rule names, its results written, its messages in a log file."""
+
+from __future__ import annotations
+
+import gc
+import os
+import sys
+import traceback
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
+from inspect import signature
+from pathlib import Path
+from typing import Any
+
+from nearharmonic.errors import NearharmonicError
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.modified import modified_integrators
+from nearharmonic.output.atomic import write_bytes, write_text
+from nearharmonic.output.dataset import Contents
+from nearharmonic.output.table import Table, save_document
+from nearharmonic.output.table import save as save_table
+from nearharmonic.reproduction.tasks.definitions import defined, files_in
+from nearharmonic.reproduction.tasks.provenance import digests, function_of, named_in, provenance
+from nearharmonic.reproduction.tasks.receipts import WHOLE, Receipt
+from nearharmonic.systems import systems
+
+Places = Sequence[str]
+
+
+def run(snakemake: Any) -> None:
+    """Carry out the job of a rule whose ``params.task`` comes from :func:`.provenance.task`.
+
+    The function is called with its settings, and with the paths of the rule's inputs under their names. If it has
+    parameters of these names, ``threads`` is the number of threads of the job, and ``report`` writes a line of progress
+    to the terminal. It returns a mapping with a result for each named output; :func:`write` says of which types.
+
+    Parameters
+    ----------
+    snakemake : object
+        What Snakemake gives a script: ``input``, ``output``, ``params``, ``log``, ``threads``.
+
+    Raises
+    ------
+    SystemExit
+        Any error, with status 1 and one message.
+    """
+    with logged(snakemake.log[0]), rarely_collected():
+        task = snakemake.params.task
+        function = function_of(task)
+        offered = {"threads": snakemake.threads, "report": _report}
+        extra = {name: value for name, value in offered.items() if name in signature(function).parameters}
+        inputs = {name: _plain(value) for name, value in snakemake.input.items()}
+        receipt = Receipt(snakemake.log[0], map(str, snakemake.input))
+        with covered(task):
+            results = function(**task["settings"], **inputs, **extra)
+            origin = provenance(task)
+            for name, made in snakemake.output.items():
+                places = [made] if isinstance(made, str) else list(made)
+                write(results[name], places, origin)
+                receipt.add(places, task, **_remarks(function, results[name]))
+        receipt.write()
+
+
+def draw(snakemake: Any) -> None:
+    """Draw the figures of one cube, each by the package function that ``params.tasks`` names under its stem.
+
+    A function takes the cube, read once, if the rule has the input ``cube``; it returns a matplotlib ``Figure``. A
+    figure that has two names is drawn once.
+
+    Parameters
+    ----------
+    snakemake : object
+        What Snakemake gives a script; its outputs are the files of each figure, by stem.
+
+    Raises
+    ------
+    SystemExit
+        Any error, with status 1 and one message.
+    """
+    from nearharmonic.output.store import read
+
+    with logged(snakemake.log[0]), rarely_collected():
+        shown = [read(snakemake.input.cube)] if hasattr(snakemake.input, "cube") else []
+        receipt = Receipt(snakemake.log[0], map(str, snakemake.input))
+        drawn: dict[str, list[str]] = {}
+        for stem, task in snakemake.params.tasks.items():
+            places = list(getattr(snakemake.output, stem))
+            if task["function"] in drawn:
+                for made, place in zip(drawn[task["function"]], places, strict=True):
+                    write_bytes(place, Path(made).read_bytes())
+            else:
+                with covered(task):
+                    write(function_of(task)(*shown), places, provenance(task))
+            drawn[task["function"]] = places
+            receipt.add(places, task)
+        receipt.write()
+
+
+def _remarks(function: Any, result: Any) -> dict[str, Any]:
+    """What a receipt says of a result beside its task."""
+    if hasattr(function, "measures_time"):
+        return {"volatile": [WHOLE]}
+    if isinstance(result, Contents):
+        return {"evaluations": result.evaluations}
+    return {"volatile": result.volatile} if isinstance(result, Table) else {}
+
+
+@contextmanager
+def rarely_collected() -> Iterator[None]:
+    """Run the garbage collector rarely inside the block, and never after it.
+
+    In a process of one second the collections take a tenth of the time, and the last one, at exit, another tenth.
+    """
+    gc.set_threshold(200_000)
+    yield
+    gc.freeze()
+
+
+@contextmanager
+def covered(task: Mapping[str, Any]) -> Iterator[None]:
+    """Let registries give out only what the digests of ``task`` cover: an edit of anything else would go unnoticed.
+
+    Raises
+    ------
+    NearharmonicError
+        A file of a user's system or integrator has changed since the task was described; or inside, on the look-up of a
+        system or an integrator that is neither among the settings nor in a module that the function reaches.
+    """
+    named, reached = named_in(task["settings"]), task["modules"]
+    with defined(task["definitions"]):
+        if task["definitions"]:
+            _check_files(task)
+        with ExitStack() as stack:
+            for registry in (systems, integrators, modified_integrators):
+                stack.enter_context(registry.restricted(named, reached))
+            yield
+
+
+def _check_files(task: Mapping[str, Any]) -> None:
+    """Make what users define; refuse a file that is not as it was when the work was planned: digests would be wrong."""
+    for name in task["definitions"].get("systems", ()):
+        systems[name]
+    here = digests(task["function"], task["systems"], task["integrators"])
+    if any(here[what] != task[what] for what in here):
+        message = f"{' or '.join(files_in(task['definitions']))} has changed since the run began: start the run again"
+        raise NearharmonicError(message)
+
+
+def write(result: Any, places: Places, origin: Mapping[str, str]) -> None:
+    """Write one result of a task to its files.
+
+    Parameters
+    ----------
+    result : object
+        A :class:`~nearharmonic.output.dataset.Contents` or an ``xarray.Dataset`` goes to an HDF5 file, a
+        :class:`~nearharmonic.output.table.Table` to CSV, Markdown and LaTeX, a matplotlib ``Figure`` to PDF, SVG and
+        PNG, a dict to TOML, and a string to a text file.
+    places : sequence of str
+        The files; those of tables and figures differ in their endings alone.
+    origin : mapping
+        Provenance, as attributes of HDF5 files and as a section of TOML files.
+    """
+    from nearharmonic.output import store
+
+    if isinstance(result, Contents):
+        attributes = {**result.attributes, **origin}
+        store.write(places[0], result.variables, attributes, result.groups, coordinates=result.coordinates)
+    elif isinstance(result, Table):
+        save_table(result, places)
+    elif isinstance(result, str):
+        write_text(places[0], result)
+    elif hasattr(result, "data_vars"):  # a Dataset is a mapping as well
+        store.write_dataset(places[0], result, origin)
+    elif hasattr(result, "savefig"):
+        from nearharmonic.plotting.style import save
+
+        save(result, places)
+    else:
+        save_document({"provenance": dict(origin), **result}, places[0])
+
+
+@contextmanager
+def logged(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Send what is printed to the file ``path``; an error goes there in full, and in one sentence to the terminal.
+
+    Raises
+    ------
+    SystemExit
+        Any error of the work inside, with status 1.
+    """
+    with Path(path).open("w", encoding="utf-8") as log:
+        try:
+            with redirect_stdout(log), redirect_stderr(log):
+                yield
+        except NearharmonicError as error:
+            log.write(f"{error}\n")
+            raise SystemExit(str(error)) from None
+        except Exception as error:
+            traceback.print_exc(file=log)
+            message = f"{type(error).__name__}: {error} (traceback in {path})"
+            raise SystemExit(message) from None
+
+
+def _report(text: str) -> None:
+    print(text, file=sys.__stderr__, flush=True)
+
+
+def _plain(value: Any) -> str | list[str]:
+    """An input of Snakemake as a path or a list of paths."""
+    return str(value) if isinstance(value, str) else [str(path) for path in value]

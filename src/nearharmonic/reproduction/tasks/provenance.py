@@ -1,0 +1,188 @@
+"""Where a result comes from: digests of the code behind it, settings, coefficients, versions; no clock goes inside."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict, fields, is_dataclass
+from functools import cache
+from hashlib import sha256
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.modified import method_of, modified_integrators
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.reproduction.tasks.definitions import definitions_of
+from nearharmonic.reproduction.tasks.sources import PACKAGE, closure, module_digest, module_of
+from nearharmonic.systems import systems
+
+#: Libraries whose version may change the last bit of a result or the bytes of its file.
+LIBRARIES = ("numpy", "numba", "llvmlite", "h5py")
+#: Libraries whose version may change the numbers of a result; a new version makes every result again.
+NUMERICAL_LIBRARIES = ("numpy", "numba", "llvmlite")
+#: Fields of a tableau that no result shows, and one that follows from its coefficients.
+REMARKS = ("note", "source", "symmetric")
+
+Task = dict[str, Any]
+
+
+def task(function: str, **settings: Any) -> Task:
+    """Describe the work of a rule: a package function, its settings, and the digest of all that its result depends on.
+
+    Parameters
+    ----------
+    function : str
+        ``module:name`` below the package, such as ``reproduction.experiments.paper.run:integrate``.
+    **settings
+        Keyword arguments of the function: numbers, strings, sequences, mappings and frozen dataclasses of them.
+
+    Returns
+    -------
+    dict
+        ``function``, ``settings``, ``modules`` (dotted names of the function's own and of all that it reaches),
+        ``code`` (SHA-256, hex), ``coefficients`` (SHA-256, hex), and the names of the ``systems`` and ``integrators``
+        that the settings hold. ``code`` covers these modules, those of these systems, and the versions of numpy, numba
+        and llvmlite. ``coefficients`` covers these integrators. ``definitions`` has those of them that a user defines,
+        from which the job makes them again; ``code`` covers their files.
+
+    Raises
+    ------
+    NearharmonicError
+        The package has no such module.
+    """
+    named = named_in(settings)
+    problems = [name for name in systems if name in named]
+    methods = [name for name in (*integrators, *modified_integrators) if name in named]
+    return {
+        "function": function,
+        "settings": settings,
+        "modules": closure(_module_of(function)),
+        **digests(function, problems, methods),
+        "systems": problems,
+        "integrators": methods,
+        "definitions": definitions_of(problems, methods),
+    }
+
+
+def digests(function: str, problems: Iterable[str], methods: Iterable[str]) -> dict[str, str]:
+    """Return ``code`` and ``coefficients`` of a task from its function and the names of its systems and integrators.
+
+    Raises
+    ------
+    NearharmonicError
+        There is no such module, system, integrator or user's file.
+    """
+    names = list(problems)
+    coefficients = coefficients_digest(map(method_of, methods))
+    files = {name: one.file for name, one in systems.definitions.items() if name in names and one.file is not None}
+    declared = [module for name in names if (module := systems.module_of(name)) is not None]
+    if not files:
+        return {"code": code_digest(_module_of(function), *declared), "coefficients": coefficients}
+    from nearharmonic.reproduction.tasks.user_sources import digest_of, package_modules_of
+
+    imported = {module for place in files.values() for name in package_modules_of(place) if (module := module_of(name))}
+    code = code_digest(_module_of(function), *declared, *imported)
+    told = [code, *(f"{name} {digest_of(place)}" for name, place in sorted(files.items()))]
+    return {"code": sha256("\n".join(told).encode()).hexdigest(), "coefficients": coefficients}
+
+
+def settings_text(task: Mapping[str, Any]) -> str:
+    """Return the settings of ``task`` as JSON, with the definitions of systems and integrators if users define any."""
+    more = {"definitions": task["definitions"]} if task.get("definitions") else {}
+    return json.dumps({**task["settings"], **more}, sort_keys=True, default=asdict)
+
+
+def settings_digest(task: Mapping[str, Any]) -> str:
+    """Return the SHA-256 of the settings of ``task``."""
+    return sha256(settings_text(task).encode()).hexdigest()
+
+
+def _module_of(function: str) -> str:
+    return f"{PACKAGE}.{function.partition(':')[0]}"
+
+
+def function_of(task: Mapping[str, Any]) -> Any:
+    """Return the package function that ``task`` names."""
+    module, _, name = task["function"].partition(":")
+    return getattr(import_module(f"{PACKAGE}.{module}"), name)
+
+
+def named_in(settings: Mapping[str, Any]) -> set[str]:
+    """Return every string among ``settings``, at any depth: names of systems and methods are among them."""
+    return set(_texts(settings))
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """Every string among the values of settings, at any depth."""
+    if isinstance(value, str):
+        yield value
+    elif is_dataclass(value) and not isinstance(value, type):
+        for member in fields(value):
+            yield from _texts(getattr(value, member.name))
+    elif isinstance(value, Mapping):
+        for key, member in value.items():
+            yield from _texts(key)
+            yield from _texts(member)
+    elif isinstance(value, Iterable):
+        for member in value:
+            yield from _texts(member)
+
+
+def code_digest(*modules: str, root: Path | None = None) -> str:
+    """Return the SHA-256 of the code of ``modules`` (dotted names) and of all modules that they import.
+
+    The code of a module is its syntax tree without docstrings. Imports inside functions count; those for the type
+    checker alone do not. Versions of the libraries that numbers depend on are part of the digest.
+
+    Parameters
+    ----------
+    *modules : str
+        Dotted names within the package.
+    root : Path, optional
+        Folder of the package; the one that is running by default.
+
+    Raises
+    ------
+    NearharmonicError
+        The package has no such module.
+    """
+    digest = sha256()
+    for library in NUMERICAL_LIBRARIES:
+        digest.update(f"{library} {library_version(library)}\n".encode())
+    for module in closure(*modules, root=root):
+        digest.update(f"{module} {module_digest(module, root=root)}\n".encode())
+    return digest.hexdigest()
+
+
+def coefficients_digest(tableaus: Iterable[Tableau]) -> str:
+    """Return the SHA-256 of all that ``tableaus`` hold but remarks: names, labels, orders and coefficients."""
+    entries = ({key: value for key, value in vars(t).items() if key not in REMARKS} for t in tableaus)
+    return sha256("\n".join(map(repr, entries)).encode()).hexdigest()
+
+
+def provenance(task: Mapping[str, Any]) -> dict[str, str]:
+    """Return the attributes that say how the result of ``task`` was made: versions, digests and settings as JSON."""
+    return {
+        "package_version": library_version(PACKAGE),
+        "code_digest": task["code"],
+        "settings": settings_text(task),
+        "coefficients_digest": task["coefficients"],
+        **{f"{library}_version": library_version(library) for library in LIBRARIES},
+    }
+
+
+@cache
+def library_version(library: str) -> str:
+    """Return the version of an installed library, from the library itself where it is loaded.
+
+    Reading the metadata of a library takes 25 ms.
+    """
+    loaded = sys.modules.get(library)
+    if loaded is not None:
+        return str(loaded.__version__)
+    from importlib.metadata import version
+
+    return version(library)

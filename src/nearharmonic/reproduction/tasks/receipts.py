@@ -1,0 +1,155 @@
+"""Receipts: what each job of a workflow wrote, beside its log; the manifest is put together from them.
+
+A receipt holds the size and the SHA-256 of each file as the job left it, so that a file that changes later on is told
+from one that was made again. It is no result: clocks may stand in it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from hashlib import file_digest
+from pathlib import Path
+from typing import Any, TypeVar
+
+from nearharmonic.output.atomic import write_text
+from nearharmonic.output.store import sealed_digest
+from nearharmonic.reproduction.tasks.provenance import settings_digest, settings_text
+
+Measuring = TypeVar("Measuring", bound=Callable[..., Any])
+
+#: Environment variable with the id of the workflow run that a job belongs to.
+RUN = "NEARHARMONIC_RUN"
+#: What each file of a receipt has, whatever else.
+REQUIRED = frozenset(
+    {"size", "sha256", "modified", "function", "code", "coefficients", "settings", "systems", "integrators", "volatile",
+     "evaluations", "inputs", "run"}
+)  # fmt: skip
+#: Stands among volatile columns for a whole file.
+WHOLE = "*"
+
+
+def measures_time(function: Measuring) -> Measuring:
+    """Declare that all files made from what ``function`` returns hold measured times: they differ from run to run."""
+    function.measures_time = True  # type: ignore[attr-defined]
+    return function
+
+
+class Receipt:
+    """What one job wrote.
+
+    Parameters
+    ----------
+    log : path
+        Log file of the job, somewhere in ``results/<name>/logs``; the receipt stands beside it.
+    inputs : iterable of str
+        Files that the job reads.
+    """
+
+    def __init__(self, log: str | os.PathLike[str], inputs: Iterable[str] = ()) -> None:
+        self._place = Path(log).with_suffix(".json")
+        self._folder = folder_of(log)
+        self._files: dict[str, dict[str, Any]] = {}
+        self._inputs = {
+            name: identity(self._folder / name) for name in sorted(map(self._name, inputs)) if _counts(name)
+        }
+
+    def _name(self, place: str) -> str:
+        """The name of a file in the folder of results."""
+        return Path(os.path.relpath(place, self._folder)).as_posix()
+
+    def add(
+        self, places: Sequence[str], task: Mapping[str, Any], *, volatile: Sequence[str] = (), evaluations: int = 0
+    ) -> None:
+        """Take note of files that a task has written.
+
+        Parameters
+        ----------
+        places : sequence of str
+            The files.
+        task : mapping
+            The task, as :func:`nearharmonic.reproduction.tasks.provenance.task` describes it.
+        volatile : sequence of str
+            Names of columns or variables that hold measured times; :data:`WHOLE` for all.
+        evaluations : int
+            Force evaluations that the files took to make.
+        """
+        for place in places:
+            self._files[self._name(place)] = {
+                **measured(place),
+                "modified": Path(place).stat().st_mtime_ns,
+                "function": task["function"],
+                "code": task["code"],
+                "coefficients": task["coefficients"],
+                "settings": settings_digest(task),
+                "systems": list(task["systems"]),
+                "integrators": list(task["integrators"]),
+                "volatile": list(volatile),
+                "evaluations": evaluations,
+                "inputs": self._inputs,
+                "run": os.environ.get(RUN),
+                **_definitions(task),
+            }
+
+    def write(self) -> None:
+        """Write the receipt beside the log; one that cannot be written costs a warning in the log."""
+        if not self._files:
+            return
+        try:
+            write_text(self._place, json.dumps(self._files, indent=1) + "\n")
+        except OSError as error:
+            print(f"warning: no receipt {self._place}: {error.strerror}")
+
+
+def _definitions(task: Mapping[str, Any]) -> dict[str, Any]:
+    """The definitions of systems and integrators that a user defines, if the task names any."""
+    found = json.loads(settings_text(task)).get("definitions") if task.get("definitions") else None
+    return {"definitions": found} if found else {}
+
+
+def measured(place: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return ``size`` (bytes) and ``sha256`` (hex) of a file."""
+    with Path(place).open("rb") as file:
+        digest = file_digest(file, "sha256").hexdigest()
+        return {"size": file.tell(), "sha256": digest}
+
+
+def identity(place: Path) -> str:
+    """Return what tells the content of a file from any other: the digest in its last line, or else its own."""
+    return sealed_digest(place) or str(measured(place)["sha256"])
+
+
+def _counts(name: str) -> bool:
+    """Whether a file is a result: logs are none, and marks of jobs that stand among them."""
+    return not name.startswith(("logs/", "../"))
+
+
+def folder_of(log: str | os.PathLike[str]) -> Path:
+    """Return the folder of results that a log file belongs to: ``results/<name>`` of ``results/<name>/logs/...``."""
+    parts = Path(log).parts
+    end = parts.index("results") + 2 if "results" in parts[:-3] else len(parts) - 1 - parts[::-1].index("logs")
+    return Path(*parts[:end])
+
+
+def receipts_in(folder: Path) -> Iterator[dict[str, dict[str, Any]]]:
+    """Yield the receipts of a folder of results, each as its files by name; what cannot be read is passed over."""
+    for _, receipt in _receipts(folder):
+        yield receipt
+
+
+def _receipts(folder: Path) -> Iterator[tuple[Path, dict[str, dict[str, Any]]]]:
+    for place in sorted((folder / "logs").rglob("*.json")):
+        try:
+            found = json.loads(place.read_text(encoding="utf-8"))
+        except (OSError, ValueError, RecursionError):
+            continue
+        if isinstance(found, dict) and all(isinstance(e, dict) and e.keys() >= REQUIRED for e in found.values()):
+            yield place, found
+
+
+def forget(folder: Path, entries: Mapping[str, Mapping[str, Any]]) -> None:
+    """Delete the receipts of ``folder`` that say another digest of a file than ``entries`` do."""
+    for place, receipt in _receipts(folder):
+        if any(name in entries and entry["sha256"] != entries[name]["sha256"] for name, entry in receipt.items()):
+            place.unlink(missing_ok=True)

@@ -1,0 +1,228 @@
+"""The package's own source files: which module imports which, and a digest of each that rewording does not change."""
+
+from __future__ import annotations
+
+import ast
+import atexit
+import json
+import sys
+from collections.abc import Callable, Iterator
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from nearharmonic.core.machine import disk
+from nearharmonic.errors import NearharmonicError
+
+PACKAGE = "nearharmonic"
+ROOT = Path(__file__).parents[2]
+#: Entries of the cache on disk, 150 bytes each. Beyond this number it is started afresh.
+MOST_CACHED = 3000
+
+
+class Source(NamedTuple):
+    """One source file: ``digest`` of its syntax tree, and the dotted names that it ``imports`` from the package."""
+
+    digest: str
+    imports: tuple[str, ...]
+
+
+def closure(*modules: str, root: Path | None = None) -> tuple[str, ...]:
+    """Return ``modules`` and every module of the package that they import, directly or not, sorted.
+
+    The package's own ``__init__`` is left out: it imports all layers to name them, and computes nothing.
+
+    Parameters
+    ----------
+    *modules : str
+        Dotted names within the package.
+    root : Path, optional
+        Folder of a package, read anew; by default the one that is running, whose files count as they were when they
+        were first asked for.
+
+    Raises
+    ------
+    NearharmonicError
+        The package has no such module.
+    """
+    files = _files(root)
+    found: set[str] = set()
+    waiting = list(modules)
+    while waiting:
+        module = waiting.pop()
+        if module == PACKAGE or module in found:
+            continue
+        found.add(module)
+        waiting += [module.rpartition(".")[0], *files.imported(module)]
+    return tuple(sorted(found))
+
+
+def module_digest(module: str, root: Path | None = None) -> str:
+    """Return the SHA-256 of the syntax tree of ``module`` without docstrings, and hence without comments."""
+    return _files(root).source(module).digest
+
+
+def read_source(path: Path) -> Source:
+    """Return digest and imports of any Python file, as it is now.
+
+    Raises
+    ------
+    OSError
+        It cannot be read.
+    SyntaxError
+        It is no Python.
+    """
+    return _cache().parsed(path.read_bytes())
+
+
+def module_of(name: str) -> str | None:
+    """Return the module of the running package that a dotted name is, or is a part of; None if there is none."""
+    for module in (name, name.rpartition(".")[0]):
+        if module and path_of(module, ROOT).is_file():
+            return module
+    return None
+
+
+def path_of(module: str, root: Path) -> Path:
+    """Return the file of the dotted name ``module`` in a package whose folder is ``root``."""
+    path = root.joinpath(*module.split(".")[1:])
+    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+
+
+class _Files:
+    """The modules of a package, each read once."""
+
+    def __init__(self, root: Path, parse: Callable[[bytes], Source]) -> None:
+        self._root, self._parse = root, parse
+        self._sources: dict[str, Source] = {}
+        self._imported: dict[str, list[str]] = {}
+        self._is_module: dict[str, bool] = {}
+
+    def source(self, module: str) -> Source:
+        if module not in self._sources:
+            path = path_of(module, self._root)
+            if not path.is_file():
+                message = f"no module {module!r} in {self._root}"
+                raise NearharmonicError(message)
+            self._sources[module] = self._parse(path.read_bytes())
+        return self._sources[module]
+
+    def imported(self, module: str) -> list[str]:
+        """The modules among the names that ``module`` imports; a name may also be that of a function or class."""
+        if module not in self._imported:
+            self._imported[module] = [
+                place
+                for name in self._absolute(module)
+                for place in (name, name.rpartition(".")[0])
+                if place and self._exists(place)
+            ]
+        return self._imported[module]
+
+    def _absolute(self, module: str) -> Iterator[str]:
+        """The dotted names within the package that ``module`` imports."""
+        inside = path_of(module, self._root).name == "__init__.py"
+        package = (module if inside else module.rpartition(".")[0]).split(".")
+        for written in self.source(module).imports:
+            name = written.lstrip(".")
+            level = len(written) - len(name)
+            if level:
+                name = ".".join([*package[: len(package) - level + 1], *([name] if name else [])])
+            if name.split(".")[0] == PACKAGE:
+                yield name
+
+    def _exists(self, module: str) -> bool:
+        if module not in self._is_module:
+            self._is_module[module] = path_of(module, self._root).is_file()
+        return self._is_module[module]
+
+
+def _files(root: Path | None) -> _Files:
+    return _running() if root is None else _Files(root, parsed)
+
+
+@cache
+def _running() -> _Files:
+    return _Files(ROOT, _cache().parsed)
+
+
+@cache
+def _cache() -> SourceCache:
+    return SourceCache()
+
+
+class SourceCache:
+    """Parsed sources by the SHA-256 of their text, kept on disk from process to process.
+
+    Parsing the package takes 0.3 s, reading the cache 10 ms. The file is in the folder of compiled code, which only the
+    user can write to. Its name depends on the text of this module and on the version of Python. It is written when the
+    process ends.
+    """
+
+    def __init__(self) -> None:
+        version = sha256(Path(__file__).read_bytes() + sys.version.encode()).hexdigest()
+        self._place = disk.place_of(f"sources-{version[:32]}")
+        kept = disk.read(self._place) if self._place else None
+        self._known: dict[str, list[Any]] = json.loads(kept[1]) if kept else {}
+        self._met: dict[str, Source] = {}
+
+    def parsed(self, text: bytes) -> Source:
+        """Return what the function :func:`parsed` returns."""
+        key = sha256(text).hexdigest()
+        if key in self._known:
+            digest, imports = self._known[key]
+            return Source(digest, tuple(imports))
+        if not self._met:
+            atexit.register(self.keep)
+        return self._met.setdefault(key, parsed(text))
+
+    def keep(self) -> None:
+        """Write the cache: all entries, or the new ones alone if there are more than :data:`MOST_CACHED`."""
+        if self._place:
+            known = self._known if len(self._known) < MOST_CACHED else {}
+            disk.write(self._place, "sources", json.dumps({**known, **self._met}).encode())
+
+
+@cache
+def parsed(text: bytes) -> Source:
+    """Return digest and imports of a source file."""
+    tree = ast.parse(text)
+    imports = tuple(sorted(_imports(tree)))
+    return Source(_digest(tree), imports)
+
+
+def _digest(tree: ast.Module) -> str:
+    for node in [*_statements(tree)]:
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) and ast.get_docstring(
+            node, clean=False
+        ):
+            del node.body[0]
+    return sha256(ast.dump(tree).encode()).hexdigest()
+
+
+def _imports(tree: ast.AST) -> set[str]:
+    """Names that are imported anywhere but for the type checker alone; a relative one keeps its dots."""
+    names: set[str] = set()
+    for node in _statements(tree, skip=_is_for_type_checker):
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = "." * node.level + (node.module or "")
+            joint = "." if node.module else ""
+            names.update([base, *(f"{base}{joint}{alias.name}" for alias in node.names)])
+    return names
+
+
+def _is_for_type_checker(node: ast.AST) -> bool:
+    return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+
+
+def _statements(tree: ast.AST, skip: Callable[[ast.AST], bool] = lambda _: False) -> Iterator[ast.AST]:
+    """Yield ``tree`` and all statements in it, at any depth. Expressions, which are most nodes, are not visited."""
+    waiting = [tree]
+    while waiting:
+        node = waiting.pop()
+        if not skip(node):
+            yield node
+            for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+                waiting += getattr(node, part, ())

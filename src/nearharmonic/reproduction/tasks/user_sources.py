@@ -1,0 +1,82 @@
+"""Digests of the Python files that users write, and of the modules beside them that they import."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from hashlib import sha256
+from pathlib import Path
+
+from nearharmonic.errors import SettingError
+from nearharmonic.reproduction.tasks.sources import PACKAGE, Source, read_source
+
+
+def files_of(place: str | os.PathLike[str]) -> tuple[Path, ...]:
+    """Return a user's file, and after it the files in its folder that it imports, directly or not, sorted.
+
+    A file that it reads in another way, with ``open`` say, is not among them.
+
+    Raises
+    ------
+    SettingError
+        The file cannot be read.
+    """
+    first = Path(place)
+    reached: set[Path] = set()
+    waiting = [first]
+    while waiting:
+        path = waiting.pop()
+        if path not in reached:
+            reached.add(path)
+            waiting += _beside(first.parent, path)
+    return first, *sorted(reached - {first})
+
+
+def _beside(folder: Path, path: Path) -> Iterator[Path]:
+    """The files below ``folder`` that a file there imports."""
+    package = path.parent if path.parent != folder else folder
+    for written in _source(path).imports:
+        name = written.lstrip(".")
+        above = package.parents[len(written) - len(name) - 2] if written.startswith("..") else package
+        start = above if written.startswith(".") else folder
+        parts = name.split(".") if name else []
+        for end in range(1, len(parts) + 1):
+            stem = start.joinpath(*parts[:end])
+            yield from (one for one in (stem.with_suffix(".py"), stem / "__init__.py") if one.is_file())
+
+
+def package_modules_of(place: str | os.PathLike[str]) -> set[str]:
+    """Return the dotted names within this package that a user's file and those beside it import.
+
+    A name may also be that of a function or class.
+
+    Raises
+    ------
+    SettingError
+        The file cannot be read.
+    """
+    written = (name for path in files_of(place) for name in _source(path).imports)
+    return {name for name in written if name.split(".")[0] == PACKAGE}
+
+
+def digest_of(place: str | os.PathLike[str]) -> str:
+    """Return the SHA-256 of the syntax trees of the files of :func:`files_of` without docstrings and comments.
+
+    Raises
+    ------
+    SettingError
+        The file cannot be read.
+    """
+    first, *others = files_of(place)
+    digest = sha256(_source(first).digest.encode())
+    for path in others:
+        digest.update(f"{path.relative_to(first.parent).as_posix()} {_source(path).digest}\n".encode())
+    return digest.hexdigest()
+
+
+def _source(path: Path) -> Source:
+    try:
+        return read_source(path)
+    except (OSError, SyntaxError, ValueError) as error:
+        message = f"{path} cannot be read: {error}"
+        raise SettingError(message) from error

@@ -1,0 +1,44 @@
+"""Modules by their old names."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import nearharmonic
+from nearharmonic.registry.moved import MOVED, new_name
+
+ROOT = Path(nearharmonic.__file__).parent
+
+
+@pytest.mark.parametrize("old", ["output.style", "config", "engine.statistics", "claims.table", "systems.quantities"])
+def test_an_old_name_is_the_new_module_and_warns_once(old):
+    with pytest.warns(DeprecationWarning, match=f"nearharmonic.{old} is now {new_name(f'nearharmonic.{old}')}"):
+        found = import_module(f"nearharmonic.{old}")
+    assert found is import_module(new_name(f"nearharmonic.{old}"))
+    assert found.__spec__.name == found.__name__ == new_name(f"nearharmonic.{old}")
+    assert import_module(f"nearharmonic.{old}") is found  # no second warning, which would be an error here
+
+
+def test_every_new_name_exists_and_no_old_one():
+    for old, new in MOVED.items():
+        places = [ROOT.joinpath(*name.split(".")) for name in (old, new)]
+        there = [place.with_suffix(".py").is_file() or (place / "__init__.py").is_file() for place in places]
+        assert there == [False, True], old
+
+
+def test_a_name_that_never_was_is_no_module():
+    with pytest.raises(ModuleNotFoundError):
+        import_module("nearharmonic.nothing")
+
+
+def test_a_warning_shows_the_line_that_imports():
+    done = subprocess.run(
+        [sys.executable, "-W", "always", "-c", "from nearharmonic.output.style import house_style"],
+        capture_output=True, text=True, check=True, env={"PYTHONPATH": str(ROOT.parent)},
+    )  # fmt: skip
+    assert "nearharmonic.output.style is now nearharmonic.plotting.style" in done.stderr
