@@ -15,7 +15,7 @@ from nearharmonic.registry.moved import MOVED, new_name
 ROOT = Path(nearharmonic.__file__).parent
 
 
-@pytest.mark.parametrize("old", ["output.style", "config", "engine.statistics", "claims.table", "systems.quantities"])
+@pytest.mark.parametrize("old", ["output.style", "config", "engine.statistics", "claims", "systems.quantities"])
 def test_an_old_name_is_the_new_module_and_warns_once(old):
     with pytest.warns(DeprecationWarning, match=f"nearharmonic.{old} is now {new_name(f'nearharmonic.{old}')}"):
         found = import_module(f"nearharmonic.{old}")

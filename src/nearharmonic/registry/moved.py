@@ -155,4 +155,4 @@ class Moved:
 def install() -> None:
     """Find old names before any other finder does; once."""
     if not any(isinstance(finder, Moved) for finder in sys.meta_path):
-        sys.meta_path.insert(0, Moved())  # type: ignore[arg-type]
+        sys.meta_path.insert(0, Moved())
