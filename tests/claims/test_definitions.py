@@ -26,7 +26,7 @@ WORDS = {
     "outperform|outperforms": definitions.PERFORMANCE,
 }
 #: Statements in which such a word compares with something that the threshold names: substeps of BABs7o7H, coefficients
-#: of the new methods or of the other row, steps of Ruth's method, the oscillator's potential.
+#: of the other row, steps of Ruth's method, the oscillator's potential; a large coefficient is one that is not small.
 RELATIVE = {
     ("fig-6-large-substeps", "large"), ("high-order-negative", "large"), ("small-coefficients-of-one-row", "small"),
     ("henon-heiles-near-harmonic", "small"), ("stable-with-large-steps", "large"), ("stable-linear-limit", "large"),
