@@ -47,7 +47,7 @@ def fig_4_coincide(results: Results, dot: float) -> Decision:
     advance, _ = _advance(curves, COINCIDING)
     asked = curves.compared(curves.errors(COINCIDING))
     ratio = advance.max(axis=0) / advance.min(axis=0)
-    value = f"largest over smallest {short(ratio[asked.asked].min())} to {short(ratio[asked.asked].max())}"
+    value = f"largest over least {short(ratio[asked.asked].min())} to {short(ratio[asked.asked].max())}"
     return over(asked, ratio <= dot, value + _at_evaluations(curves, advance))
 
 
@@ -138,7 +138,7 @@ def figure_of_the_precession(results: Results, dot: float) -> Decision:
             f"{measure} {short(shown.min())} to {short(shown.max())}, coinciding at {int((shown <= dot).sum())} of "
             f"{shown.size} step sizes"
         )
-    return combined(verdicts, f"largest over smallest error of the three: {'; '.join(told)}. Figure 4 is meant")
+    return combined(verdicts, f"largest over least error of the three: {'; '.join(told)}. Figure 4 is meant")
 
 
 @claim(

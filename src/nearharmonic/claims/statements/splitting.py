@@ -192,7 +192,7 @@ def cost_proportional(results: Results, most: float) -> Decision:
         costs = [operations(results.method(one), system.SYSTEM) / results.method(one).stages for one in BENCHMARKED]
         ratios[name] = max(costs) / min(costs)
     told = ", ".join(f"{name} {short(ratio)}" for name, ratio in ratios.items())
-    return counted([ratio <= most for ratio in ratios.values()], f"largest over smallest: {told}")
+    return counted([ratio <= most for ratio in ratios.values()], f"largest over least: {told}")
 
 
 class Counted:
