@@ -59,7 +59,8 @@ TURNED = {
     "eq-2-order-symbol": (ERRATUM, method("ruth", "babps9o7h"), HOLDS),
     "q-bar-below-eq-11": (ERRATUM, patched(misprints, "MASS", 1), HOLDS),
     "eq-13-h1": (ERRATUM, patched(misprints, "drawn", lambda _: [identities.Drawn([1], [0])]), HOLDS),
-    "eq-14-needs-sums": (HOLDS, patched(misprints, "closed_form", lambda: (2, -3, 0.25, 0.25)), FAILS),
+    "eq-14-needs-sums": (ERRATUM, patched(misprints, "closed_form", lambda: (2, -3, 0.25, 0.25)), HOLDS),
+    "four-unique-or-more": (ERRATUM, cell("derived_counts", 1, "real solutions by Sturm", "1"), HOLDS),
     "bab-prime-from-zero": (
         ERRATUM, method("babps9o7h", lambda _: stand_in("babps9o7h", ("1",), ("0.5", "0.5", "0"))), HOLDS,
     ),

@@ -36,7 +36,7 @@ SHOWN = (
     ("`fig5` Sun-Mercury", "ABA104 has the least maximum error", ("fig-5-best-maximum",)),
     ("", "BAB's9o7H has the least mean error", ("fig-5-best-mean",)),
     ("`fig6` substeps", "(C) is unstable", ("fig-6-c-unstable",)),
-    ("", "(A), (B) and (D) are stable", ("fig-6-others-stable",)),
+    ("", "(A), (B) and (D) are stable; (D) in its plane alone: `fig6_displaced`", ("fig-6-others-stable",)),
 )
 
 #: The dozen statements that carry the paper, with which its page begins.
