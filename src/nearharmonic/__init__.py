@@ -49,7 +49,7 @@ _MODULES = {
     "integrate": "engine.runs.trajectory",
     "integrators": "integrators",
     "kappa": "theory.oscillator",
-    "modified_integrators": "modified_integrators",
+    "modified_integrators": "integrators.modified",
     "order_of": "theory.order",
     "palindrome": "integrators.tableau",
     "problem": "engine.runs.problem",

@@ -9,7 +9,6 @@ import re
 import sys
 from collections.abc import Sequence
 from difflib import get_close_matches
-from functools import cache
 from importlib import import_module
 from typing import Any, NoReturn
 
@@ -40,7 +39,6 @@ def command_names() -> tuple[str, ...]:
     return tuple(sorted(_packages()))
 
 
-@cache
 def _packages() -> dict[str, str]:
     """The package of each subcommand, by its name."""
     return {

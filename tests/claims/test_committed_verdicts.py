@@ -292,7 +292,7 @@ def test_a_solution_of_equation_16_of_second_order_is_one_by_runs_on_the_pendulu
 
 def test_panel_d_stays_in_its_plane_for_300_000_iterations_and_leaves_beside_it():
     """Plain steps written out here. Rounding decides which iteration leaves: here it is another one."""
-    (stated,) = numbers("fig-6-others-stable", r"\(D\) (\S+) in 100000 iterations")
+    (stated,) = numbers("fig-6-others-stable", r"\(D\) (\S+) in 100000 iterations in its plane$")
     tableau = nh.integrators["babs7o7h"]
     first, *kicks = (2 * float(d) for d in tableau.kick)
     pairs = [(2 * float(c), d) for c, d in zip(tableau.drift, kicks, strict=True)]
@@ -346,7 +346,7 @@ def test_no_other_coefficient_of_babs8o7h_than_c3_can_be_the_wrong_one():
 
 
 def test_equation_20_lacks_a_factor_in_other_units_along_a_run():
-    (stated,) = numbers("eq-20", r"it is (\S+) within")
+    (stated,) = numbers("eq-20", r"^length (\S+) within")
     low, high = numbers("eq-20", r"length (\S+) to (\S+)$")
     run = nh.integrate("kepler", "babps9o7h", tau=1.0, t_end=3000, samples=500)
     (x, y), (u, v) = run.q.values.squeeze().T, run.p.values.squeeze().T

@@ -76,8 +76,8 @@ def test_a_statement_holds_but_for_edges_at_19_of_20_step_sizes_and_no_fewer():
 
 def test_a_statement_about_larger_steps_holds_over_half_a_decade_to_the_end_of_the_range():
     everywhere = Range(X, np.ones(X.size, dtype=bool), " h")
-    assert for_larger_steps(everywhere, X > 0)[:2] == ("holds", "at all of τ/s = 0.0001 to 1 h")
-    assert for_larger_steps(everywhere, X > 0.3)[:2] == ("holds", "from τ/s = 0.316 on, of τ/s = 0.0001 to 1 h")
+    assert for_larger_steps(everywhere, X > 0)[:2] == ("holds", "at all step sizes of τ/s = 0.0001 to 1 h")
+    assert for_larger_steps(everywhere, X > 0.3)[:2] == ("holds", "from τ/s = 0.316 h on, of τ/s = 0.0001 to 1 h")
     assert for_larger_steps(everywhere, X > 0.32).verdict == "fails"
     assert for_larger_steps(everywhere, X < 0.99).verdict == "holds in part"
     assert for_larger_steps(everywhere, X < 0).verdict == "fails"

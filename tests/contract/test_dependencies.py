@@ -13,6 +13,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+EXTRAS = PROJECT["optional-dependencies"]
 PINNED = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
 #: Libraries that are timed beside ours, and may be missing.
 PEERS = ROOT / "src/nearharmonic/reproduction/experiments/work_precision/peers"
@@ -50,19 +51,35 @@ def distributions_of(paths):
     return found
 
 
-def test_every_package_that_is_imported_is_declared():
-    found = distributions_of(path for path in [*PYTHON, *RULES] if PEERS not in path.parents)
-    assert {"llvmlite", "pyyaml", "snakemake"} <= found.keys()  # the walk sees Python, other names, and rules
-    declared = names_of(PROJECT["dependencies"])
+def in_the_wall(path):
+    """Whether a file is of the library and not of the reproduction."""
+    return path in PYTHON and "reproduction" not in path.parts and "workflow" not in path.parts
+
+
+def test_every_package_that_the_library_imports_is_a_dependency():
+    found = distributions_of(filter(in_the_wall, PYTHON))
+    assert {"llvmlite", "xarray"} <= found.keys()
+    declared = names_of([*PROJECT["dependencies"], *EXTRAS["tailor"]])
     assert {name: place for name, place in found.items() if name not in declared} == {}
 
 
+def test_every_package_that_is_imported_is_declared():
+    found = distributions_of(path for path in [*PYTHON, *RULES] if PEERS not in path.parents)
+    assert {"llvmlite", "pyyaml", "snakemake"} <= found.keys()  # the walk sees Python, other names, and rules
+    declared = names_of([*PROJECT["dependencies"], *EXTRAS["workflow"]])
+    assert {name: place for name, place in found.items() if name not in declared} == {}
+
+
+def test_the_extra_of_tailor_is_part_of_that_of_the_workflow():
+    assert set(EXTRAS["tailor"]) <= set(EXTRAS["workflow"])
+
+
 def test_every_library_that_is_timed_is_declared_with_the_peers():
-    declared = names_of([*PROJECT["dependencies"], *PROJECT["optional-dependencies"]["peers"]])
+    declared = names_of([*PROJECT["dependencies"], *EXTRAS["peers"]])
     assert distributions_of(PEERS.glob("*.py")).keys() <= declared
 
 
-@pytest.mark.parametrize("name", sorted(names_of(PROJECT["dependencies"])))
+@pytest.mark.parametrize("name", sorted(names_of([*PROJECT["dependencies"], *EXTRAS["workflow"]])))
 def test_every_dependency_is_pinned(name):
     assert name in names_of(line for line in PINNED if line and line[0].isalpha())
 

@@ -120,7 +120,7 @@ def test_a_figure_that_cannot_be_drawn_leaves_the_old_files_and_nothing_half_wri
 
 #: Modules that write files which no other process reads as results: a job's log, the compiled kernels, which have names
 #: of their own and are checked when read, and members of an archive that has a temporary name meanwhile.
-OTHER_FILES = {"reproduction/tasks/job.py", "core", "record/archive/pack.py"}
+OTHER_FILES = {"reproduction/tasks/job.py", "core", "reproduction/record/archive/pack.py"}
 
 
 def writes(node):

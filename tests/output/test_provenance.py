@@ -53,10 +53,10 @@ def digests(root):
         ("systems/relativistic_oscillator.py", {"relativistic_oscillator"}),
         ("core/loops/kernel.py", {*systems, "cubes"}),  # reductions take logarithms, which are compiled
         ("integrators/nielsen_2015.py", set()),  # coefficients have a digest of their own
-        ("experiments/paper/reduce.py", {"cubes"}),
-        ("experiments/paper/reductions.py", {"cubes"}),
-        ("plot/style.py", {"fig1"}),
-        ("experiments/paper/figures/fig2_decomposition.py", set()),
+        ("reproduction/experiments/paper/reduce.py", {"cubes"}),
+        ("reproduction/experiments/paper/reductions.py", {"cubes"}),
+        ("plotting/style.py", {"fig1"}),
+        ("reproduction/experiments/paper/figures/fig2_decomposition.py", set()),
         ("output/store/reader.py", {"cubes"}),
         ("config.py", set()),
         ("__init__.py", set()),

@@ -90,7 +90,7 @@ rule count_numbers:
     log:
         LOG("added"),
     params:
-        task=task("experiments.added.run:count", settings=CONFIG.added),
+        task=task("reproduction.experiments.added.run:count", settings=CONFIG.added),
     script:
         "../scripts/task.py"
 
@@ -120,10 +120,10 @@ def extended(tmp_path_factory):
     project = Project(tmp_path_factory.mktemp("extended"))
     package = project.folder / "src/nearharmonic"
     (package / "systems/quartic.py").write_text(QUARTIC, encoding="utf-8")
-    with (package / "experiments/paper/reductions.py").open("a", encoding="utf-8") as file:
+    with (package / "reproduction/experiments/paper/reductions.py").open("a", encoding="utf-8") as file:
         file.write(REDUCTION)
-    (package / "experiments/paper/figures/positions.py").write_text(FIGURE, encoding="utf-8")
-    folder = package / "experiments/added"
+    (package / "reproduction/experiments/paper/figures/positions.py").write_text(FIGURE, encoding="utf-8")
+    folder = package / "reproduction/experiments/added"
     folder.mkdir()
     for name, text in (("__init__", '"""Added."""\n'), ("settings", SETTINGS), ("run", RUN)):
         (folder / f"{name}.py").write_text(text, encoding="utf-8")

@@ -126,11 +126,11 @@ def jobs_after_edit(finished, module, more, *arguments):
             {"compile": 1, "integrate": 4, "reduce": 1, "draw_kepler": 1, "skipped": 1, "decide_claims": 1},
         ),
         (
-            "experiments/paper/run.py",
+            "reproduction/experiments/paper/run.py",
             {"integrate": 12, "reduce": 3, **{f"draw_{name}": 1 for name in SYSTEMS}, "skipped": 1, "decide_claims": 1},
         ),
         (
-            "experiments/paper/reduce.py",
+            "reproduction/experiments/paper/reduce.py",
             {
                 **{f"draw_{name}": 1 for name in SYSTEMS},
                 "reduce": 3,
@@ -138,8 +138,11 @@ def jobs_after_edit(finished, module, more, *arguments):
                 "decide_claims": 1,
             },
         ),
-        ("experiments/paper/figures/fig3_henon_heiles.py", {"draw_henon_heiles": 1}),
-        ("plot/style.py", {f"draw_{name}": 1 for name in (*SYSTEMS, "sho_terms", "substeps", "substeps_displaced")}),
+        ("reproduction/experiments/paper/figures/fig3_henon_heiles.py", {"draw_henon_heiles": 1}),
+        (
+            "plotting/style.py",
+            {f"draw_{name}": 1 for name in (*SYSTEMS, "sho_terms", "substeps", "substeps_displaced")},
+        ),
     ],
 )
 def test_an_edit_runs_what_depends_on_it_and_nothing_else(finished, module, reruns):
@@ -152,12 +155,12 @@ def test_adding_a_reduction_integrates_nothing(finished):
         '\n\n@reduction("q")\ndef largest_position(runs: xr.Dataset) -> xr.DataArray:\n'
         '    return abs(runs.q).max(["sample", "component"]).assign_attrs(described("largest |q|"))\n'
     )
-    jobs = jobs_after_edit(finished, "experiments/paper/reductions.py", added, *TINY)
+    jobs = jobs_after_edit(finished, "reproduction/experiments/paper/reductions.py", added, *TINY)
     shown = {**{f"draw_{name}": 1 for name in SYSTEMS}, "skipped": 1, "decide_claims": 1, "page": 1}
     assert jobs == {"reduce": 3, **shown, "all": 1}
 
 
-@pytest.mark.parametrize("module", ["systems/kepler.py", "experiments/paper/reduce.py", "errors.py"])
+@pytest.mark.parametrize("module", ["systems/kepler.py", "reproduction/experiments/paper/reduce.py", "errors.py"])
 def test_a_comment_runs_nothing(finished, module):
     assert jobs_after_edit(finished, module, "# a comment\n", *TINY) == {}
 

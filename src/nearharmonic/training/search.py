@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.errors import SettingError
+from nearharmonic.errors import NearharmonicError, SettingError
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
 from nearharmonic.training.family import Family
@@ -193,10 +193,20 @@ def descend(objective: Objective, start: Start, effort: Effort, seed: int) -> tu
 
 
 def library() -> Any:
-    """Return pycma, which takes a second to load."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # optional packages that it looks for
-        import cma
+    """Return pycma, which takes a second to load.
+
+    Raises
+    ------
+    NearharmonicError
+        It is not installed.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # optional packages that it looks for
+            import cma
+    except ModuleNotFoundError as error:
+        message = "a search for coefficients needs the package cma: pip install 'nearharmonic[tailor]'"
+        raise NearharmonicError(message) from error
     return cma
 
 

@@ -18,32 +18,27 @@ from nearharmonic.numerics.statistics import PLATEAU
 from nearharmonic.numerics.types import Bools, Floats
 from nearharmonic.output.dataset import double_runs
 from nearharmonic.reproduction.claims.claim import Decision, Verdict
+from nearharmonic.reproduction.claims.definitions import EDGES, RANGE
 from nearharmonic.reproduction.claims.results import Results, Undecided, label, short
 
 if TYPE_CHECKING:
     import xarray as xr
 
-
-#: A run whose energy is off by more than 1 % is no integration that anyone would keep.
-LOST = 0.01
+LOST = RANGE.number
 #: A part of a range counts from half a decade on, the width that observed orders are fitted to.
 PART = sqrt(10) * (1 - 1e-9)  # step sizes that are half a decade apart are so but for rounding
 #: Step sizes at least, for a statement about a range.
 FEWEST = 3
 #: A statement holds but for edges if it does at this share of the step sizes, and the others are among the first or
 #: last tenth of them.
-MOST, EDGE = 0.95, 0.1
+MOST, EDGE = EDGES.number, 0.1
 #: The two errors of the paper's figures.
 MEASURES = {"maximum": "max_energy_error", "mean": "mean_energy_error"}
 
 
-def range_words(end: str = "the first of them") -> str:
-    """Say on which step sizes a statement is decided, the last by the curve ``end``, and when it holds in part."""
-    return (
-        "at every step size from where all curves compared are 100 times their lowest point, which is rounding, to "
-        f"where the maximum error of {end} passes 1 %; but for edges: at {100 * MOST:.0f} % of them or more, all "
-        "others among the first or last tenth; in part: over half a decade or more in one piece"
-    )
+def range_words(end: str = "") -> str:
+    """Say on which step sizes a statement is decided; the last is by the curve ``end``, or by all compared."""
+    return "over the range of comparison" + (f", up to where the maximum error of {end} passes 1 %" if end else "")
 
 
 class Range(NamedTuple):
@@ -161,10 +156,10 @@ def over(asked: Range, good: Bools, value: str = "") -> Decision:
 def for_larger_steps(asked: Range, good: Bools) -> Decision:
     """Say that a statement about the larger step sizes of a range holds, if it does over half a decade to its end."""
     if good[asked.asked].all() and PART * asked.longest(good)[0] <= asked.longest(good)[1]:
-        return Decision("holds", f"at all of {asked.words()}")
+        return Decision("holds", f"at all step sizes of {asked.words()}")
     low, high = asked.at_the_end(good)
     if high >= PART * low:
-        return Decision("holds", f"from τ/s = {short(low)} on, of {asked.words()}")
+        return Decision("holds", f"from τ/s = {short(low)}{asked.unit} on, of {asked.words()}")
     low, high = asked.longest(good)
     if high >= PART * low:
         return Decision("holds in part", f"not at the end: {asked.words(good)}, of {asked.words()}")

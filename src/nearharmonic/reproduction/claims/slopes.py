@@ -17,18 +17,18 @@ from nearharmonic.numerics.statistics import power_law
 from nearharmonic.numerics.types import Bools, Floats
 from nearharmonic.reproduction.claims.claim import Decision, Verdict, combined
 from nearharmonic.reproduction.claims.curves import FEWEST, LOST, Curves, Range
+from nearharmonic.reproduction.claims.definitions import SLOPES
 from nearharmonic.reproduction.claims.results import Undecided, label, short
 
 #: Decades on either side of a step size over which its local slope is fitted: five step sizes, forty a decade.
 WINDOW = 0.05
 #: A local slope that is nearer to an order than this is not nearer to another whole number.
-BAND = 0.5
+BAND = SLOPES.number
 #: Decades over which slopes have to stay with an order; in part: two windows, which have no step size in common.
 LONG, SHORT = 0.5, 4 * WINDOW
 SLOPE = (
-    f"local slopes of log(maximum error), each fitted within {WINDOW} decades of a step size, within {BAND} of the "
-    f"order, the nearest whole number, over a stretch of {LONG} decades or more; in part: of {SHORT:.1f} decades, two "
-    "windows of the fits; where the error is 100 times its lowest point, which is rounding, and below 1 %"
+    f"local slopes of the maximum error within {BAND} of the order over {LONG} decades or more of its range of "
+    f"comparison; in part: over {SHORT:.1f} decades"
 )
 _ROUNDED = 1e-5  # decades: step sizes of a grid are rounded to six digits
 

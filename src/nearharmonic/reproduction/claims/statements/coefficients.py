@@ -36,7 +36,7 @@ def _vanish(tableau: Tableau, highest: int) -> float:
 
 #: A unit of the 76th decimal, times what errors of coefficients grow by: l! sums of up to 2^l products, l <= 7.
 PRINTED_ZERO = 1e-70
-ZERO = "below 10⁻⁷⁰: the printed 76 decimals, times the 7! by which κ₇ multiplies their errors, and a margin"
+ZERO = "below 10⁻⁷⁰: 76 printed decimals leave 10⁻⁷⁶, κ₇ multiplies their errors by 7!, and the rest is a margin"
 
 
 @claim(
@@ -45,7 +45,7 @@ ZERO = "below 10⁻⁷⁰: the printed 76 decimals, times the 7! by which κ₇ 
     sentence="Solution to Eq. 10 using BAB decomposition",
     kind="result",
     statement="κ₁ to κ_(λ_H) vanish for each of the ten sets",
-    threshold=f"{ZERO}; computed in exact arithmetic from the printed decimals",
+    threshold=f"each of them {ZERO}",
     bound=PRINTED_ZERO,
 )
 def table_4_solves(results: Results, zero: float) -> Decision:
@@ -57,7 +57,7 @@ def table_4_solves(results: Results, zero: float) -> Decision:
 
 @claim(
     id="table-4-fourth-order",
-    paper="Table 4",
+    paper="Abstract, of Table 4",
     sentence="Efficient fourth order symplectic integrators are proposed for numerical integration of separable "
     "Hamiltonian systems",
     kind="result",
@@ -76,7 +76,7 @@ def table_4_fourth_order(results: Results) -> Decision:
     sentence="Splitting coefficients with five to nine stages are presented in Table 4",
     kind="result",
     statement="Splitting coefficients with five to nine stages are presented",
-    threshold="the numbers of stages of the sets, exactly 5 to 9",
+    threshold="the ten sets have 5, 6, 7, 8 or 9 stages, and each of these numbers occurs",
 )
 def table_4_stages(results: Results) -> Decision:
     found = sorted({t.stages for t in sets(results)})
@@ -89,7 +89,7 @@ def table_4_stages(results: Results) -> Decision:
     sentence="The naming convention of the obtained methods is [scheme]s[stages]o[order]H",
     kind="result",
     statement="The sets are named [scheme]s[stages]o[harmonic order]H",
-    threshold="stages and the proved harmonic order of the position, for each set",
+    threshold="each name states the composition, the stages and the proved harmonic order of the position",
 )
 def table_4_names(results: Results) -> Decision:
     good = []
@@ -105,8 +105,8 @@ def table_4_names(results: Results) -> Decision:
     paper="Table 4",
     sentence="Obtained splitting coefficients with 77 digits",
     kind="result",
-    statement="The coefficients are given with 77 digits",
-    threshold="76 decimals each: the 0 in front of the point is counted as the 77th digit",
+    statement="The coefficients are printed with 77 digits",
+    threshold="76 decimals each; the paper counts the 0 before the point as the 77th digit",
 )
 def table_4_77_digits(results: Results) -> Decision:
     values = [value for t in sets(results) for _, _, value in independent(t)]
@@ -129,8 +129,8 @@ C3 = "c(3) of BAB's8o7H"
     sentence="Obtained splitting coefficients with 77 digits",
     kind="result",
     statement=f"Each printed coefficient but {C3} is right to its last digit",
-    threshold="all 76 printed decimals agree, with less than a unit of the last: the 17 of unique sets with "
-    "those derived from random starts, the others with the print continued to 128 digits by Newton's method",
+    threshold="off by less than a unit of the 76th decimal: the 17 coefficients of unique sets from those derived from "
+    "random starts, the others from the printed set continued to 128 digits by Newton's method",
     needs=DERIVED,
     target="derive",
 )
@@ -147,9 +147,9 @@ def table_4_derived(results: Results) -> Decision:
     sentence="c(3) =-0.0149646736494517061945681450558142918831874360003431672632178480031079700216",
     kind="misprint",
     statement=f"{C3} ends in 0216",
-    threshold="the printed set continued to 128 digits by Newton's method, in which its other coefficients keep their "
-    "digits: less than a unit of the 76th decimal. None of the others, moved by up to 12 units of its last decimal, "
-    "brings the largest of κ₁ to κ₇ below 1.4 × 10⁻⁷⁴",
+    threshold="off by less than a unit of the 76th decimal from the printed set continued to 128 digits by Newton's "
+    "method, which changes no digit of the other coefficients. None of these, moved by up to 12 units of its last "
+    "decimal, brings the largest of κ₁ to κ₇ below 1.4 × 10⁻⁷⁴",
     needs=DERIVED,
     target="derive",
 )
@@ -160,10 +160,19 @@ def table_4_c3(results: Results) -> Decision:
     method = results.method("babps8o7h")
     left = [_vanish(one, 7) for one in (method, _with_inner(method, 2, found))]
     value = (
-        f"printed ...{printed[-8:]}, continued ...{found[-8:]}: {decimals} decimals agree; with the latter the largest "
-        f"of κ₁ to κ₇ is {short(left[1], 2)} in place of {short(left[0], 2)}"
+        f"printed ...{printed[-8:]}, continued ...{found[-8:]}{_first_change(printed, found)}; with the latter the "
+        f"largest of κ₁ to κ₇ is {short(left[1], 2)} in place of {short(left[0], 2)}"
     )
     return either(decimals == str(DECIMALS), value)
+
+
+def _first_change(printed: str, found: str) -> str:
+    """The first decimal in which two decimal fractions differ, in words; nothing if none does."""
+    places = [i for i, (a, b) in enumerate(zip(printed, found, strict=True)) if a != b]
+    if not places:
+        return ""
+    i = places[0]
+    return f": decimal {i - printed.index('.')} is {found[i]}, not {printed[i]}"
 
 
 def _with_inner(method: Tableau, index: int, text: str) -> Tableau:
@@ -181,8 +190,9 @@ def _with_inner(method: Tableau, index: int, text: str) -> Tableau:
     paper="Section 3, last paragraph, and Table 4",
     sentence="Four unique sets of splitting coefficients are presented in the following section",
     kind="result",
-    statement="Four of the sets are unique: ABAs5o6H A, B, C and BABs6o7H",
-    threshold="each is one of the isolated real solutions whose existence is proved, in all 76 decimals",
+    statement="Four of the sets are unique: ABAs5o6H A, B, C and BABs6o7H. A unique set is an isolated solution, not a "
+    "member of a family",
+    threshold="each is one of the isolated real solutions, proved to exist, in all 76 decimals",
     needs=("derived/coefficients.toml",),
     target="derive",
 )
@@ -197,9 +207,8 @@ def four_unique_sets(results: Results) -> Decision:
     paper="Table 4, first and second heading",
     sentence="Unique ABAs5o6H, A, B and C",
     kind="finding",
-    statement="There are four real solutions with five stages; the paper presents three, and does not say that they "
-    "are all",
-    threshold="four real solutions, by elimination and Sturm's theorem, which miss none",
+    statement="With five stages and harmonic order six there are four real solutions; the paper presents three",
+    threshold="four real solutions, counted by elimination and Sturm's theorem, which miss none",
     needs=("tables/derived_counts.csv",),
     target="derive",
 )
@@ -213,8 +222,8 @@ def five_stage_solutions(results: Results) -> Decision:
     paper="Table 4, second heading",
     sentence="Unique BABs6o7H (more exist)",
     kind="result",
-    statement="More solutions like BABs6o7H exist",
-    threshold="more than one real solution with six stages and harmonic order seven, by Sturm's theorem",
+    statement="BABs6o7H is not the only isolated solution with six stages and harmonic order seven",
+    threshold="more than one real solution, counted by elimination and Sturm's theorem",
     needs=("tables/derived_counts.csv",),
     target="derive",
 )
@@ -229,7 +238,7 @@ def six_stage_solutions(results: Results) -> Decision:
     sentence="Unique solutions satisfy both the ABA and BAB decompositions",
     kind="result",
     statement="Unique solutions satisfy both the ABA and BAB decompositions",
-    threshold=f"κ₁ to κ_(λ_H) of either composition {ZERO}",
+    threshold=f"κ₁ to κ_(λ_H) of both compositions, each {ZERO}",
     bound=PRINTED_ZERO,
 )
 def unique_sets_solve_both(results: Results, zero: float) -> Decision:
@@ -257,8 +266,8 @@ def _sides(results: Results, *, prime: bool) -> tuple[list[bool], str]:
     paper="Section 4.A",
     sentence="the error of p_(s+1) remains unaddressed for the BAB solution",
     kind="result",
-    statement="The error of p remains unaddressed for BAB",
-    threshold="the proved harmonic order of the momentum below that of the position, for the BAB sets of Table 4",
+    statement="The conditions of a BAB set leave the momentum a lower harmonic order than the position",
+    threshold="the proved harmonic order of p below that of q, for the BAB sets of Table 4",
 )
 def bab_leaves_p(results: Results) -> Decision:
     return counted(*_sides(results, prime=False))
@@ -269,9 +278,9 @@ def bab_leaves_p(results: Results) -> Decision:
     paper="Section 4.A",
     sentence="as opposed to BAB' solution where the error of q_(s+1) remains unaddressed",
     kind="result",
-    statement="The error of q remains unaddressed for BAB'",
-    threshold="the proved harmonic order of the position below that of the momentum, for the BAB' sets of Table 4; an "
-    "even order, as of BAB's7o6H, can tell nothing, as terms of even order are the same for both",
+    statement="The conditions of a BAB' set leave the position a lower harmonic order than the momentum",
+    threshold="the proved harmonic order of q below that of p, for the BAB' sets of Table 4. BAB's7o6H tells nothing: "
+    "terms of even order are equal for q and p",
 )
 def bab_prime_leaves_q(results: Results) -> Decision:
     return counted(*_sides(results, prime=True))

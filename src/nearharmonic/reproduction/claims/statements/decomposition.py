@@ -40,9 +40,9 @@ ROUNDING = "equal to 10⁻¹⁴: the tables hold doubles, rounded to 10⁻¹⁶,
     "practical implementation",
     kind="result",
     statement="Eq. 6 yields significantly larger errors than Eq. 5 and is not suitable for practical implementation",
-    threshold="the largest energy error of 1000 steps of BABs7o7H on the oscillator at τ/s = 0.003, where that of the "
-    "method is below rounding, at least ten times that of Eq. 5; both in doubles without compensation; "
-    f"{NOT_SUITABLE.words}; {SIGNIFICANTLY.words}",
+    threshold="the largest energy error of Eq. 6 at least ten times that of Eq. 5: 1000 steps of BABs7o7H on the "
+    "oscillator at τ/s = 0.003, where its truncation is below rounding, in doubles without compensation; "
+    f"{NOT_SUITABLE.brief}; {SIGNIFICANTLY.brief}. The paper calls rounding truncation",
     bound=NOT_SUITABLE.number,
 )
 def eq_6_rounding(results: Results, factor: float) -> Decision:
@@ -92,9 +92,9 @@ def _by_eq_6(method: Tableau, tau: float, state: State) -> State:
     paper="Table 2",
     sentence="consider the three stage decomposition expressed by the entries Q_(h,λ) in Table 2",
     kind="mathematics",
-    statement="The entries of the three stage BAB decomposition, up to τ⁶",
-    threshold="each of the 16 entries is the term that the project's recursion forms, and the last row with numbers is "
-    f"the product of the shears of Ruth's method, {ROUNDING}",
+    statement="The entries of Table 2 are right, up to τ⁶",
+    threshold="each of the 16 entries is that of the recursion of Eq. 6; with Ruth's coefficients the last row is the "
+    f"product of his kicks and drifts, {ROUNDING}",
     bound=ROUNDED,
     needs=("tables/table2_recursion.csv", "tables/table2_values.csv"),
 )
@@ -119,8 +119,8 @@ def table_2(results: Results, rounded: float) -> Decision:
     sentence="It is readily found that the only real solution satisfying Eq. 14 is the one originally found by [Ruth]",
     kind="mathematics",
     statement="The only real solution of Eq. 14, given that c and d sum to 1, is the one found by Ruth",
-    threshold="with both sums 1, Eq. 14 leaves 6c³ - 12c² + 6c - 1 = 0 for c₁; its real roots are counted by "
-    "Sturm's theorem, and Ruth's c₁ must be one within its 76 decimals",
+    threshold="with both sums 1, Eq. 14 leaves 6c³ - 12c² + 6c - 1 = 0 for c₁: one real root by Sturm's theorem, which "
+    "is Ruth's c₁ within its 76 decimals",
     bound=1e-70,
 )
 def eq_14(results: Results, rounded: float) -> Decision:
@@ -139,9 +139,8 @@ def eq_14(results: Results, rounded: float) -> Decision:
     "order",
     kind="mathematics",
     statement="Coefficients that solve the oscillator to fourth order are of fourth order for any separable H",
-    threshold="every symmetric registered method whose harmonic order of the position is 4 or more has a proved order "
-    "of 4 or more: a check of what follows for symmetric sets, where the order conditions up to 4, as κ₃ and κ₄, are "
-    "two independent ones",
+    threshold="every registered symmetric method whose position has harmonic order 4 or more has order 4 or more, "
+    "proved in the free Lie algebra; for symmetric sets both ask for two independent conditions",
     needs=("tables/integrators.csv",),
 )
 def harmonic_four_is_four(results: Results) -> Decision:

@@ -10,16 +10,7 @@ from nearharmonic.reproduction.claims.claim import Decision, claim, combined, co
 from nearharmonic.reproduction.claims.curves import curves_of
 from nearharmonic.reproduction.claims.definitions import GREATLY, LARGE
 from nearharmonic.reproduction.claims.results import Results, label, short
-from nearharmonic.reproduction.claims.slopes import (
-    BAND,
-    SLOPE,
-    WINDOW,
-    judged,
-    large_steps,
-    local_slopes,
-    orders,
-    stretch,
-)
+from nearharmonic.reproduction.claims.slopes import BAND, SLOPE, judged, large_steps, local_slopes, orders, stretch
 from nearharmonic.systems import henon_heiles
 
 CUBE = ("cubes/henon_heiles.h5",)
@@ -51,8 +42,8 @@ def henon_heiles_energy(_: Results) -> Decision:
     sentence="in this case H = 1/8, inside the chaotic domain",
     kind="result",
     statement="The orbit of the paper is chaotic",
-    threshold="the largest Lyapunov exponent up to the last time, less the half width of its 95 % interval, ten "
-    f"times that of a regular orbit of H = 1/128 or more; {GREATLY.words}",
+    threshold="the largest Lyapunov exponent, at the lower end of its 95 % interval, at least ten times that of a "
+    "regular orbit, of H = 1/128, after the same time",
     bound=GREATLY.number,
     needs=("cubes/henon_heiles_chaos.h5",),
 )
@@ -73,10 +64,9 @@ def henon_heiles_chaotic(results: Results, factor: float) -> Decision:
     paper="Section 4.B, text to Figure 3",
     sentence="The Hénon Heiles system can be considered as a perturbed SHO for small values of q_x and q_y",
     kind="mathematics",
-    statement="V is that of the oscillator and a rest that is of third degree, so that it is less beside it for "
-    "small q",
-    threshold="V(εq) = ε²|q|²/2 + ε³ (V(q) - |q|²/2), exactly, for ε = 1/2, 1/4 and 1/8 at the initial position and at "
-    "(2/7, -3/5)",
+    statement="V is that of the oscillator plus a term of third degree, which vanishes beside it for small q",
+    threshold="V(εq) = ε²|q|²/2 + ε³ (V(q) - |q|²/2) exactly, for ε = 1/2, 1/4 and 1/8, at the initial position and "
+    "at (2/7, -3/5)",
 )
 def henon_heiles_near_harmonic(_: Results) -> Decision:
     system, good = henon_heiles.SYSTEM, []
@@ -88,17 +78,19 @@ def henon_heiles_near_harmonic(_: Results) -> Decision:
         good += [system.V((e * x, e * y)) == e**2 * harmonic + e**3 * rest for e in scales]
     depth = 2 / 3 * float(start[0])
     return counted(
-        good, f"{sum(good)} of {len(good)} equal; at most 2/3 |q| of the oscillator's, {depth:.2g} at the start"
+        good,
+        f"{sum(good)} of {len(good)} equal; the term is at most 2/3 |q| of the oscillator's, {depth:.2g} at the start",
     )
 
 
 @claim(
     id="fig-3-orders",
-    paper="Figure 3",
+    paper="Section 1, tried on Figure 3",
     sentence="Nth order integrators have their integration error reduced by a factor k^N when the time step is "
     "reduced by a factor k",
     kind="background",
-    statement="Small steps show the general order: six for Yosh s7o6 A, four for the others",
+    statement="For small steps the curves of Figure 3 have the order of the methods: six for Yosh s7o6 A, four for the "
+    "others",
     threshold=SLOPE,
     bound=BAND,
     needs=CUBE,
@@ -113,7 +105,7 @@ def fig_3_orders(results: Results, band: float) -> Decision:
     sentence="especially BAB's8o7H and BAB's9o7H exhibit a sixth order descent of error for large τ",
     kind="result",
     statement="BAB's8o7H and BAB's9o7H exhibit a sixth order descent of the maximum error for large τ",
-    threshold=f"{SLOPE}. Of each method in the decade of large step sizes; {LARGE.words}",
+    threshold=f"{SLOPE}; among large step sizes, {LARGE.brief}",
     bound=BAND,
     needs=CUBE,
 )
@@ -128,7 +120,9 @@ def fig_3_descent(results: Results, band: float) -> Decision:
         spread = f", slopes {inside.min():.1f} to {inside.max():.1f}" if inside.size else ""
         told.append(f"{label(name)} for {found.words(curves.unit)}{spread}")
     beyond = np.nanmax([local_slopes(curves, name)[asked.asked] for name in DESCENDING])
-    return combined(verdicts, f"{'; '.join(told)}; above it up to {short(beyond, 2)}, ragged, of {asked.words()}")
+    return combined(
+        verdicts, f"{'; '.join(told)}; for larger steps ragged, up to {short(beyond, 2)}; large: {asked.words()}"
+    )
 
 
 @claim(
@@ -136,10 +130,9 @@ def fig_3_descent(results: Results, band: float) -> Decision:
     paper="Section 4.B, text to Figure 3",
     sentence="especially BAB's8o7H and BAB's9o7H exhibit a sixth order descent of error for large τ",
     kind="result",
-    statement="Especially these two: no other method of fourth order keeps a sixth order descent as long",
-    threshold=f"decades of large step sizes over which local slopes, each fitted within {WINDOW} decades, are within "
-    f"{BAND} of 6, the nearest whole number, longer than those of each of the other seven of fourth order; "
-    f"{LARGE.words}",
+    statement="Especially these two: no other fourth order method keeps a sixth order descent as long",
+    threshold=f"more decades of large step sizes with local slopes within {BAND} of 6 than each of the other seven "
+    f"methods of fourth order; {LARGE.brief}",
     bound=BAND,
     needs=CUBE,
 )

@@ -75,8 +75,8 @@ def _ruth(results: Results) -> Drawn:
     sentence="where C_n = c_(n+1)/c_n and D_n = -c_n d_n",
     kind="misprint",
     statement="C_n = c_(n+1)/c_n in the recursion of Eq. 6",
-    threshold=f"the position that the recursion gives is that of Eq. 5, {DRAWN}; c_(s+1) is the first drift of the "
-    "next step or, as in Table 1, 0, whichever suits",
+    threshold=f"the recursion gives the position of Eq. 5, {DRAWN}; with c_(s+1) = c₁ of the next step, or 0 as in "
+    "Table 1",
 )
 def c_n_as_printed(results: Results) -> Decision:
     readings = (lambda c: [*c[1:], c[0]], lambda c: [*c[1:], Fraction(0)], lambda c: c)
@@ -109,7 +109,7 @@ def _off(coefficients: Drawn, ratios: Row) -> Any:
     sentence="p_(s+1) = m (q_s - q_(s-1))/(τ c_s) - τ d_(s+1) ∂V/∂q(q_s)",
     kind="mathematics",
     statement="The last row of Eq. 6 gives the momentum after the step",
-    threshold=f"the momentum of Eq. 5 on the oscillator with m = 2, k = 3 and τ = 1/3, {DRAWN}",
+    threshold=f"equal to the momentum of Eq. 5 on the oscillator with m = 2, k = 3 and τ = 1/3, {DRAWN}",
 )
 def eq_6_p_row(_: Results) -> Decision:
     return either(all(_momenta_agree(*one) for one in drawn(4)), f"equal for {DRAWS} sets of four stages")
@@ -135,8 +135,8 @@ def last_row(m: Any, q: tuple[Any, Any], drift: Any, kick: Any) -> Any:
     paper="Eq. 13",
     sentence="the following identities must be true for symmetric fourth order splitting coefficients",
     kind="mathematics",
-    statement="ζ₁ to ζ₄ of three stages in terms of c and d",
-    threshold=f"the position after a step, multiplied out shear by shear, {DRAWN}, symmetric as the equation has them",
+    statement="The formulas of Eq. 13 for ζ₁ to ζ₄ of three stages are right",
+    threshold=f"equal to the terms of the position after a step, multiplied out kick by drift, {DRAWN}, symmetric ones",
 )
 def eq_13(_: Results) -> Decision:
     good = []
@@ -173,7 +173,7 @@ def eq_14(c1: Any, c2: Any, d1: Any, d2: Any) -> tuple[Any, Any, Any]:
     sentence="the only real solution satisfying Eq. 14 is the one originally found by [Ruth]",
     kind="mathematics",
     statement="d₁ = 1/(2(2 - 2^(1/3))) = 1/2 - d₂ and c₁ = 1/(2 - 2^(1/3)) = (1 - c₂)/2 solve Eq. 14",
-    threshold=f"put into the three equations in {DIGITS} digits: both sides equal to 10⁻⁸⁰",
+    threshold=f"both sides of the three equations equal to 10⁻⁸⁰, in {DIGITS} digits",
     bound=ROUNDED,
 )
 def eq_15(_: Results, rounded: float) -> Decision:
@@ -193,7 +193,7 @@ def _tau4(one: Drawn, h: int, limit: int) -> Any:
     return -sum((_tau2(one, m) * one.kicks[m] * sum(one.drifts[m:limit]) for m in range(1, h)), Fraction(0))
 
 
-SUMS = f"against the position after h drifts, multiplied out shear by shear, {DRAWN} and five stages"
+SUMS = f"equal to the terms of the position after h drifts, multiplied out kick by drift, {DRAWN}, with five stages"
 
 
 @claim(
@@ -201,7 +201,7 @@ SUMS = f"against the position after h drifts, multiplied out shear by shear, {DR
     paper="Table 3",
     sentence="τ² and τ⁴ separations can be expressed as in Table 3",
     kind="mathematics",
-    statement="Closed sums of the τ² column, for every h",
+    statement="The sums of the τ² column are right for every h",
     threshold=SUMS,
 )
 def table_3(_: Results) -> Decision:
@@ -214,7 +214,7 @@ def table_3(_: Results) -> Decision:
     paper="Table 3",
     sentence="τ² and τ⁴ separations can be expressed as in Table 3",
     kind="misprint",
-    statement="The inner sum of the τ⁴ column runs to h - 1",
+    statement="The sums of the τ⁴ column are right, with an inner sum that runs to h - 1",
     threshold=SUMS,
 )
 def table_3_inner_limit(results: Results) -> Decision:
@@ -230,7 +230,7 @@ def table_3_inner_limit(results: Results) -> Decision:
     paper="Eq. 16",
     sentence="the following identities must be true to satisfy the fourth conditions for the SHO",
     kind="mathematics",
-    statement="ζ₂ and ζ₄ as sums, the inner one to h",
+    statement="The sums of Eq. 16 for ζ₂ and ζ₄ are right, with an inner sum that runs to h",
     threshold=SUMS,
 )
 def eq_16(_: Results) -> Decision:
@@ -251,7 +251,7 @@ CONSTANTS = (1, -1, 1, 1)
     sentence="a = -b = 1 and m = k = 1 corresponding to the initial conditions q_a = -p_a = 1",
     kind="mathematics",
     statement="q = a cos t + b sin t with a = -b = 1 begins with q = 1, p = -1",
-    threshold="q and p = m dq/dt of Eq. 12 at t = 0, exactly",
+    threshold="exactly, from q and p = m dq/dt of Eq. 12 at t = 0",
 )
 def initial_values(_: Results) -> Decision:
     a, b, m, k = CONSTANTS
@@ -275,9 +275,9 @@ def counterexample() -> Tableau:
     paper="Section 3, below Eq. 16",
     sentence="It has previously been shown that Eq. 16 is in fact general second and fourth order criteria",
     kind="mathematics",
-    statement="Eq. 16 is in fact the general second and fourth order criteria",
-    threshold="symmetric coefficients that sum to 1 and solve Eq. 16, to 10⁻⁷⁰, are of fourth order for any separable "
-    "H, proved in the free Lie algebra; one exception refutes it",
+    statement="Symmetric coefficients that solve Eq. 16 are of fourth order for any separable H",
+    threshold="no symmetric coefficients that sum to 1 solve Eq. 16, to 10⁻⁷⁰, and are of lower order, proved in the "
+    "free Lie algebra; one example refutes the statement",
     bound=1e-70,
 )
 def eq_16_general(_: Results, rounded: float) -> Decision:

@@ -22,9 +22,9 @@ TEN = tuple(ORDERS)
     paper="Section 4.B, below Eq. 19",
     sentence="the aphelion is chosen as the initial Sun-Mercury distance yielding the minimum orbital velocity",
     kind="background",
-    statement="The aphelion is the initial distance, yielding the minimum orbital velocity",
-    threshold="the start is an apsis (q.p = 0) outside the circular orbit of its speed, and the ellipse is Mercury's: "
-    "eccentricity 0.2056 and period 87.97 d within 10⁻³ of them, the digits of the fact sheet",
+    statement="The orbit starts at the aphelion of Mercury, where its velocity is lowest",
+    threshold="at the start q·p = 0 and the speed is below that of a circular orbit; eccentricity 0.2056 and period "
+    "87.97 d of Mercury's fact sheet to a relative 10⁻³, its digits",
     bound=1e-3,
 )
 def kepler_starts_at_aphelion(_: Results, off: float) -> Decision:
@@ -45,8 +45,8 @@ SUN, MERCURY = 1.9885e30, 0.3301e24
     paper="Eq. 19",
     sentence="H = ‖p‖²/(2M) - G m_S m_M/‖q‖ ≈ ‖p‖²/(2 m_M) - G m_S m_M/‖q‖",
     kind="mathematics",
-    statement="The reduced mass is that of Mercury, approximately",
-    threshold="m_M/M - 1 = m_M/m_S below 10⁻⁴, the last digit of the data that the system is made of",
+    statement="The reduced mass M may be replaced by the mass of Mercury",
+    threshold="m_M/M - 1 = m_M/m_S below 10⁻⁴, the last digit of the data of the fact sheets",
     bound=1e-4,
 )
 def eq_19(_: Results, off: float) -> Decision:
@@ -60,8 +60,8 @@ def eq_19(_: Results, off: float) -> Decision:
     sentence="A = p × L - r̂",
     kind="mathematics",
     statement="The Laplace-Runge-Lenz vector is p × L - r/|r|, in units with mk = 1",
-    threshold="of constant length, to 10⁻¹², along the exact orbit of Mercury, at 64 true anomalies, in units in "
-    "which the product of mass and pull is 1; the paper does not say that these are meant",
+    threshold="its length is constant to 10⁻¹² along the exact orbit of Mercury, at 64 true anomalies, in units with "
+    "mk = 1, for H = p²/(2m) - k/r; the paper does not name its units",
     bound=1e-12,
 )
 def eq_20(_: Results, off: float) -> Decision:
@@ -73,8 +73,8 @@ def eq_20(_: Results, off: float) -> Decision:
     along, across = GM * (1 + e * cos(f)), -GM * e * sin(f)
     natural, own = hypot(along / GM - 1, across / GM), hypot(along - 1, across)
     value = (
-        f"it is {short(natural.mean(), 6)} within {short(float(np.ptp(natural)), 1)}; in the units of the system, with "
-        f"L = {short(L)} and GM = {short(GM)}, without the factor 1/(mk): length {short(own.min(), 2)} to "
+        f"length {short(natural.mean(), 6)} within {short(float(np.ptp(natural)), 1)}; in the units of the system, "
+        f"with L = {short(L)} and GM = {short(GM)}, without the factor 1/(mk): length {short(own.min(), 2)} to "
         f"{short(own.max(), 2)}"
     )
     return either(bool(np.ptp(natural) < off), value)
@@ -82,11 +82,12 @@ def eq_20(_: Results, off: float) -> Decision:
 
 @claim(
     id="fig-5-orders",
-    paper="Figure 5",
+    paper="Section 1, tried on Figure 5",
     sentence="Nth order integrators have their integration error reduced by a factor k^N when the time step is "
     "reduced by a factor k",
     kind="background",
-    statement="Small steps show the general order: six for Yosh s7o6 A, four for the others",
+    statement="For small steps the curves of Figure 5 have the order of the methods: six for Yosh s7o6 A, four for the "
+    "others",
     threshold=SLOPE,
     bound=BAND,
     needs=CUBE,
@@ -101,7 +102,7 @@ def fig_5_orders(results: Results, band: float) -> Decision:
     sentence="ABA104 shows the best performance in regard to the maximum error",
     kind="result",
     statement="ABA104 shows the best performance in regard to the maximum error",
-    threshold=f"its maximum error over the least of the others below 1 {range_words('ABA104')}",
+    threshold=f"its maximum error below that of each of the other nine {range_words('ABA104')}",
     bound=1.0,
     needs=CUBE,
 )
@@ -115,7 +116,7 @@ def fig_5_best_maximum(results: Results, ratio: float) -> Decision:
     sentence="BAB's9o7H shows the best performance in regard to the average error",
     kind="result",
     statement="BAB's9o7H shows the best performance in regard to the average error",
-    threshold="its mean error over the least of the others below 1 " + range_words("BAB's9o7H"),
+    threshold="its mean error below that of each of the other nine " + range_words("BAB's9o7H"),
     bound=1.0,
     needs=CUBE,
 )
@@ -145,4 +146,4 @@ def _least(curves: Curves, name: str, variable: str, among: tuple[str, ...], rat
     good = curves.errors([name], variable)[0] < ratio * errors.min(axis=0)
     beaten = dict.fromkeys(errors.argmin(axis=0)[asked.asked & ~good])
     elsewhere = ", ".join(label(others[i]) for i in beaten)
-    return over(asked, good, f"elsewhere {elsewhere}" if elsewhere else "")
+    return over(asked, good, f"elsewhere ahead: {elsewhere}" if elsewhere else "")

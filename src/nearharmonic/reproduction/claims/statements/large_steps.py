@@ -31,7 +31,7 @@ ABOVE = "above Ruth's, for each of the four new methods in the figures"
 def _above(found: Sequence[Mapping[str, float]], value: str, ratio: float) -> Decision:
     """Compare the step sizes of the new methods with Ruth's, system by system."""
     good = [ends[name] > ratio * ends["ruth"] for ends in found for name in NEW]
-    return counted(good, f"{sum(good)} of {len(good)}; {value}")
+    return counted(good, f"{sum(good)} of {len(good)} above Ruth's; {value}")
 
 
 def _listed(ends: Mapping[str, float]) -> str:
@@ -43,8 +43,8 @@ def _listed(ends: Mapping[str, float]) -> str:
     paper=SECTION,
     sentence=SENTENCE,
     kind="result",
-    statement="Large steps with small errors: the error passes 1 % at a larger step than Ruth's",
-    threshold=f"the first step size per stage at which the maximum error passes 1 % {ABOVE}, on each system",
+    statement="Large steps with small errors: the maximum error passes 1 % at a larger τ/s than Ruth's",
+    threshold=f"the smallest τ/s at which the maximum error passes 1 % {ABOVE}, on each system",
     bound=1.0,
     needs=CUBES,
 )
@@ -63,13 +63,13 @@ def stable_with_large_steps(results: Results, ratio: float) -> Decision:
     paper=SECTION,
     sentence=SENTENCE,
     kind="result",
-    statement="The step size up to which the oscillator is stable is larger than Ruth's",
-    threshold=f"the proved linear stability limit per stage, where |tr K| passes 2 for the first time, {ABOVE}",
+    statement="Linear stability: the limit of stability on the oscillator is at a larger τ/s than Ruth's",
+    threshold=f"the smallest τ/s at which |tr K| of the step matrix K passes 2, proved, {ABOVE}",
     bound=1.0,
 )
 def stable_linear_limit(results: Results, ratio: float) -> Decision:
     limits = results.kept("limits", lambda: {name: _limit(results.method(name)) for name in METHODS})
-    return _above([limits], f"τ/s of the first gap: {_listed(limits)}", ratio)
+    return _above([limits], f"τ/s of the limit: {_listed(limits)}", ratio)
 
 
 def _limit(method: Tableau) -> float:
@@ -85,9 +85,9 @@ T_END = 500.0
     paper=SECTION,
     sentence=SENTENCE,
     kind="result",
-    statement="The step size at which the oscillator grows by ten within t = 500 is larger than Ruth's",
-    threshold=f"the first step size per stage at which the step matrix grows by ten over t = {T_END:.0f} {ABOVE}: the "
-    f"first gap of stability may be so narrow that hardly anything grows in it; {GREATLY.words}",
+    statement="Visible instability: the amplitude on the oscillator grows tenfold at a larger τ/s than Ruth's",
+    threshold=f"the smallest τ/s at which the step matrix grows tenfold over t = {T_END:.0f} {ABOVE}; where |tr K| "
+    "passes 2 for the first time, the gap of stability may be too narrow for that",
     bound=1.0,
 )
 def stable_growth(results: Results, ratio: float) -> Decision:
@@ -112,9 +112,9 @@ def _growing(method: Tableau) -> float:
     paper=SECTION,
     sentence=SENTENCE,
     kind="result",
-    statement="The first spike of the error, a resonance of steps and orbit, is at a larger step than Ruth's",
-    threshold="the first step size per stage with an error that is ten times or more that of a larger step, or, where "
-    f"there is none, that of a run that diverges, {ABOVE}, on each system",
+    statement="Resonances: the first spike of the maximum error is at a larger τ/s than Ruth's",
+    threshold="the smallest τ/s whose maximum error is at least ten times that of a larger one, or, if there is none, "
+    f"at which a run diverges, {ABOVE}, on each system",
     bound=1.0,
     needs=CUBES,
 )

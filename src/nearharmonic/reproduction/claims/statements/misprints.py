@@ -1,4 +1,4 @@
-"""Misprints that its context puts right: Equations 2, 11, 13 and 14, BAB' and the number of unique sets.
+"""Misprints that their context puts right, in Equations 2 and 13, below 11 and of BAB', and what Eq. 14 leaves free.
 
 Each is decided as printed, in exact arithmetic. Others stand beside the statements that they are about.
 """
@@ -34,7 +34,7 @@ MASS = 2
     sentence="exp(τ(A + B)) = Π_(i=0)^k exp(c_i τA) exp(d_i τB) + o(τ^(N+1))",
     kind="misprint",
     statement="The product of Eq. 2 begins with i = 0",
-    threshold="as many factors as the coefficients c₁ to c_k and d₁ to d_k above it, for Ruth's method",
+    threshold="as many factors as pairs of coefficients (c₁, d₁) to (c_k, d_k), for Ruth's method",
 )
 def eq_2_product(results: Results) -> Decision:
     k = len(results.method("ruth").outer)
@@ -47,13 +47,13 @@ def eq_2_product(results: Results) -> Decision:
     paper="Eq. 2",
     sentence="where o(τ^(N+1)) denotes an error on the N + 1 order term",
     kind="misprint",
-    statement="The error is o(τ^(N+1)), which is smaller than τ^(N+1) by more than any factor",
-    threshold="the term in τ⁵ of Ruth's method, whose order is N = 4, vanishes on the oscillator below 10⁻³⁰",
+    statement="The error is o(τ^(N+1)), in the usual meaning of this symbol: it vanishes faster than τ^(N+1)",
+    threshold="κ₅ of Ruth's method, whose order is N = 4, below 10⁻³⁰: it has no term in τ⁵ on the oscillator",
     bound=1e-30,
 )
 def eq_2_order_symbol(results: Results, vanished: float) -> Decision:
     left = float(kappa(results.method("ruth"), 5)[-1])
-    return either(left < vanished, f"κ₅ = {short(left)}. O(τ^(N+1)) is meant")
+    return either(left < vanished, f"κ₅ = {short(left)}. O(τ^(N+1)) is meant, as the words say")
 
 
 @claim(
@@ -62,7 +62,7 @@ def eq_2_order_symbol(results: Results, vanished: float) -> Decision:
     sentence="is enforced by applying the condition Q̄_(h,λ) = ∂V/∂q(Q_(h,λ)) in Table 2",
     kind="misprint",
     statement="Q̄ is the gradient of V, not divided by the mass",
-    threshold="the entry D₁Q̄ of Table 2 is the τ² term of the position after one kick and one drift with m = 2 and "
+    threshold="with it the entry D₁Q̄ of Table 2 is the τ² term of the position after a kick and a drift, m = 2 and "
     f"k = 3, {DRAWN}",
 )
 def q_bar(_: Results) -> Decision:
@@ -81,8 +81,8 @@ def q_bar(_: Results) -> Decision:
     paper="Eq. 13",
     sentence="h₁ = ζ₀ = q_a",
     kind="misprint",
-    statement="h₁ is the term without τ of the position",
-    threshold="h is the number of a substep in Table 2: the position after the first drift is q_a, " + DRAWN,
+    statement="h₁ is the term of the position without τ, where h is the number of a substep as in Table 2",
+    threshold="the position after substep 1 is q_a, " + DRAWN,
 )
 def eq_13_h1(_: Results) -> Decision:
     rows = [position_terms(one)[1] for one in drawn(3)]
@@ -95,16 +95,16 @@ def eq_13_h1(_: Results) -> Decision:
     paper="Eq. 14",
     sentence="the only real solution satisfying Eq. 14 is the one originally found by [Ruth]",
     kind="misprint",
-    statement="Eq. 14 has one real solution, without the condition that c and d sum to 1",
-    threshold=f"Ruth's coefficients with c doubled and d halved do not solve Eq. 14, in {DIGITS} digits to 10⁻⁸⁰",
+    statement="Eq. 14 has one real solution, without Σ c_i = Σ d_i = 1 beside it",
+    threshold=f"Ruth's coefficients with c doubled and d halved do not solve Eq. 14 to 10⁻⁸⁰, in {DIGITS} digits",
     bound=ROUNDED,
 )
 def eq_14_needs_sums(_: Results, rounded: float) -> Decision:
     with mp.workdps(DIGITS):
         c1, c2, d1, d2 = closed_form()
         off = max(float(abs(side - 1)) for side in eq_14(2 * c1, 2 * c2, d1 / 2, d2 / 2))
-    value = f"they solve it, off by {short(off, 1)}, as c → λc and d → d/λ leaves it unchanged. The sums are meant too"
-    return either(off >= rounded, value if off < rounded else f"off by {short(off, 1)}")
+    solved = f"they solve it, off by {short(off, 1)}: c → λc and d → d/λ leave it unchanged. The sums are meant as well"
+    return either(off >= rounded, solved if off < rounded else f"off by {short(off, 1)}")
 
 
 @claim(
@@ -112,16 +112,17 @@ def eq_14_needs_sums(_: Results, rounded: float) -> Decision:
     paper="Section 4.A",
     sentence="Solution to Eq. 10 using ABA decomposition with coefficients c₀ = c_(s+1) = 0 in Eq. 3",
     kind="misprint",
-    statement="In Eq. 3, which counts from 1, the first and the last drift of a BAB' set are c₀ and c_(s+1)",
-    threshold="for BAB's9o7H the drifts from c₁ to c_(s+1), the last one 0, sum to 1 in all printed decimals",
+    statement="The drifts of a BAB' set in Eq. 3 that are 0 are c₀ and c_(s+1)",
+    threshold="the drifts of BAB's9o7H sum to 1 in all printed decimals if c_(s+1) is 0; Eq. 3 counts from "
+    "c₁, the first drift",
 )
 def bab_prime_from_zero(results: Results) -> Decision:
     method = results.method("babps9o7h")
     *kept, _ = map(Fraction, method.drift)
     left = sum(kept, Fraction(0))
     unit = len(kept) * Fraction(1, 10**method.digits)
-    value = f"of {len(method.drift)} drifts the last is not there, which leaves a sum of {short(float(left))}"
-    return either(abs(left - 1) <= unit, f"{value}. c₁ = 0 is meant, with s drifts behind it")
+    value = f"one of {len(method.drift)} drifts is lost, which leaves a sum of {short(float(left))}"
+    return either(abs(left - 1) <= unit, f"{value}. c₁ = c_(s+2) = 0 is meant, with s drifts between")
 
 
 @claim(
@@ -129,11 +130,11 @@ def bab_prime_from_zero(results: Results) -> Decision:
     paper="Section 3, last paragraph, and Table 4, second heading",
     sentence="Four unique sets of splitting coefficients are presented in the following section",
     kind="misprint",
-    statement="BABs6o7H is unique, beside which Table 4 prints '(more exist)'",
+    statement="BABs6o7H is unique, while Table 4 says beside it that more exist",
     threshold="one real solution with six stages and harmonic order seven, by Sturm's theorem",
     needs=("tables/derived_counts.csv",),
     target="derive",
 )
 def four_unique_or_more(results: Results) -> Decision:
     counts = {row["stages"]: row["real solutions by Sturm"] for row in results.rows("derived_counts")}
-    return either(counts["6"] == "1", f"{counts['6']} real solutions: isolated, not unique. Table 4 is right")
+    return either(counts["6"] == "1", f"{counts['6']} real solutions: isolated is meant, and Table 4 is right")

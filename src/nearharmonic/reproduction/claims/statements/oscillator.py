@@ -19,7 +19,7 @@ SIXTH = ("abas5o6h", "babs7o7h", "babps8o7h", "babps9o7h")
 FOURTH = ("ruth", "s5odr4", "aba104", "aba864", "aba1064")
 #: An error term that vanishes for the true coefficients is below this for the printed ones, and any other above it.
 VANISHED = 1e-30
-ZERO = "a term vanishes below 10⁻³⁰: printed decimals leave up to 10⁻⁷³ of one, and the least other is above 10⁻⁴"
+ZERO = "a term below 10⁻³⁰ vanishes: rounded decimals leave up to 10⁻⁷³ of one, and all others are above 10⁻⁴"
 
 
 @claim(
@@ -70,8 +70,7 @@ def fig_1_yoshida(results: Results, band: float) -> Decision:
     sentence="The objectives κ₀ and κ₁ are always 0 if Σ c_i = Σ d_i = 1",
     kind="mathematics",
     statement="κ₀ and κ₁ are always 0 if the coefficients of each row sum to 1",
-    threshold=f"for each method and composition of Figure 2, whose rows sum to 1: κ₀ is 0 exactly, as the term without "
-    f"τ of the step is q_a; of κ₁ {ZERO}",
+    threshold=f"κ₀ = 0 exactly, and κ₁ vanishes, for each method and composition of Figure 2; {ZERO}",
     bound=VANISHED,
     needs=TERMS,
 )
@@ -113,7 +112,7 @@ def _by_parity(results: Results) -> tuple[Any, Any, Any]:
     sentence="Lines and markers of the same color intersect exactly at even orders",
     kind="result",
     statement="Terms of the ABA and the BAB composition intersect exactly at even orders",
-    threshold="equal to one unit in the last place of a double, or both vanished below 10⁻³⁰",
+    threshold="even terms of both are equal to a unit in the last place of a double, or both below 10⁻³⁰",
     bound=VANISHED,
     needs=TERMS,
 )
@@ -135,7 +134,7 @@ def fig_2_even_orders(results: Results, vanished: float) -> Decision:
     sentence="the obtained BAB methods have more error terms when implemented as ABA methods",
     kind="result",
     statement="The obtained BAB methods have more error terms when implemented as ABA methods",
-    threshold=f"more terms that do not vanish, for each BAB method of Figure 2; {ZERO}",
+    threshold=f"more terms that do not vanish as ABA than as BAB, for each BAB method of Figure 2; {ZERO}",
     bound=VANISHED,
     needs=TERMS,
 )
@@ -156,7 +155,7 @@ def fig_2_more_terms(results: Results, vanished: float) -> Decision:
     "coordinate for the BAB implementation as opposed to the sixth harmonic order integrator ABAs5o6H A",
     kind="result",
     statement="κ₇ vanishes for BAB's8o7H as BAB, as opposed to ABAs5o6H",
-    threshold=ZERO,
+    threshold=f"κ₇ of BAB's8o7H vanishes, that of ABAs5o6H does not; {ZERO}",
     bound=VANISHED,
     needs=TERMS,
 )
@@ -170,9 +169,8 @@ def fig_2_kappa_7(results: Results, vanished: float) -> Decision:
     paper="Section 4.B, text to Figure 2",
     sentence="The largest integer value of λ with no integration error reads the SHO integration order",
     kind="result",
-    statement="The largest λ up to which all terms vanish is the harmonic order that a new method is named by",
-    threshold=f"the last of the terms that vanish from the first on, against the number before the H of the label, for "
-    f"each of the four new methods of the figures; {ZERO}",
+    statement="The largest λ up to which all terms vanish is the harmonic order in the name of the method",
+    threshold=f"equal numbers for each of the four new methods in the figures; {ZERO}",
     bound=VANISHED,
     needs=TERMS,
 )
@@ -195,9 +193,9 @@ STAGE_OPTIMISED = ("yoshida_s7o6a", "s9odr6a", "s15odr8")
     sentence="Stage-optimized integrators of higher orders generally have rapidly diverging higher order error "
     "contributions",
     kind="result",
-    statement="Stage-optimized integrators of higher order generally have rapidly diverging higher order terms",
-    threshold="the largest term of Yosh s7o6 A, s9odr6a and s15odr8 at least ten times that of each new method, for "
-    f"more than half of them; a term that a step lacks counts 1; {GREATLY.words}; {GENERALLY.words}",
+    statement="Of Yosh s7o6 A, s9odr6a and s15odr8 most have terms κ far larger than those of the new methods",
+    threshold="the largest κ at least ten times that of each of the four new methods in the figures, for more than "
+    f"half of Yosh s7o6 A, s9odr6a and s15odr8; {GREATLY.brief}; {GENERALLY.brief}",
     bound=GREATLY.number,
     needs=TERMS,
 )
@@ -221,8 +219,8 @@ def fig_2_yoshida_diverges(results: Results, factor: float) -> Decision:
     sentence="these integrators are not suitable for integrating the SHO with large time steps",
     kind="result",
     statement="Stage-optimized integrators of higher order are not suitable for the oscillator with large time steps",
-    threshold="the maximum error of Yosh s7o6 A, the one of them that the figures have, ten times that of the best of "
-    f"the other nine or more; {NOT_SUITABLE.words}; {LARGE.words}",
+    threshold="the maximum error of Yosh s7o6 A, the only one of them in the figures, at least ten times that of the "
+    f"best of the other nine, at every large step size; {NOT_SUITABLE.brief}; {LARGE.brief}",
     bound=NOT_SUITABLE.number,
     needs=CUBE,
 )

@@ -17,7 +17,7 @@ from nearharmonic.reproduction.claims.curves import (
     range_words,
     rank_correlation,
 )
-from nearharmonic.reproduction.claims.definitions import APPROXIMATELY, DOT, DOT_WORDS, SIGNIFICANTLY
+from nearharmonic.reproduction.claims.definitions import APPROXIMATELY, DOT, SIGNIFICANTLY
 from nearharmonic.reproduction.claims.results import Results, Undecided, label, short
 from nearharmonic.reproduction.claims.statements.kepler import CUBE, SIXTH_ORDER, TEN
 
@@ -37,8 +37,8 @@ def _advance(curves: Curves, names: tuple[str, ...]) -> tuple[Floats, Floats]:
     "their plots",
     kind="result",
     statement="ABAs5o6H, ABA104 and BAB's8o7H coincide in perihelion advance",
-    threshold="their largest over least advance at most 1.26; "
-    f"{APPROXIMATELY.words}; {range_words('the first of the three')}",
+    threshold="the largest of their advances at most 1.26 times the smallest, "
+    f"{range_words('the first of the three')}; {APPROXIMATELY.brief}",
     bound=DOT,
     needs=CUBE,
 )
@@ -72,8 +72,8 @@ def _at_evaluations(curves: Curves, advance: Floats, number: float = 240.0) -> s
     "size",
     kind="result",
     statement="95 % confidence intervals of the perihelion advance are significantly smaller than the dot size",
-    threshold=f"the width of the interval, as a share of the advance, at most 0.21, that of a dot over 1.26: "
-    f"{SIGNIFICANTLY.words}; {range_words('the first of the ten')}",
+    threshold="the width of each interval at most 21 % of the advance, 1/1.26 of the 26 % that a dot covers, "
+    f"{range_words('the first of the ten')}; {SIGNIFICANTLY.brief}",
     bound=(DOT - 1) / SIGNIFICANTLY.number,
     needs=CUBE,
 )
@@ -96,8 +96,8 @@ def fig_4_intervals(results: Results, widest: float) -> Decision:
     sentence="The orbital precession advances linearly with time t",
     kind="background",
     statement="The perihelion of the ten methods advances in the second half of the ten years as in the first",
-    threshold="slopes of the regressions over the two halves within 2 % of each other, the widest 95 % interval of the "
-    f"regression over all; {range_words('the first of the ten')}",
+    threshold="the rates of advance in the two halves within 2 % of each other, the widest 95 % interval of a fit, "
+    f"{range_words('the first of the ten')}",
     bound=0.02,
     needs=CUBE,
 )
@@ -120,8 +120,8 @@ def precession_linear(results: Results, off: float) -> Decision:
     "regression of θ(t) over numerous orbital periods",
     kind="misprint",
     statement="Figure 5 shows the perihelion precession",
-    threshold="the curves of ABAs5o6H, ABA104 and BAB's8o7H coincide in the precession (caption of Figure 4): their "
-    f"maximum and mean errors, which Figure 5 shows, would do so as well, within {DOT_WORDS}; {range_words()}",
+    threshold="the curves of ABAs5o6H, ABA104 and BAB's8o7H coincide in Figure 5, as they do in the precession by the "
+    f"caption of Figure 4: maximum and mean errors within a factor of 1.26, {range_words()}; {APPROXIMATELY.brief}",
     bound=DOT,
     needs=CUBE,
 )
@@ -148,8 +148,8 @@ def figure_of_the_precession(results: Results, dot: float) -> Decision:
     "error than the maximum error",
     kind="result",
     statement="The accumulated error is in better agreement with the average error than with the maximum error",
-    threshold="rank correlation, over the ten methods, of the perihelion advance with the mean error nearer to 1 than "
-    f"that with the maximum error: the ratio of the distances below 1; {range_words()}",
+    threshold="the rank correlation of the ten methods' advances with their mean errors is nearer to 1 than with their "
+    f"maximum errors, {range_words()}",
     bound=1.0,
     needs=CUBE,
 )

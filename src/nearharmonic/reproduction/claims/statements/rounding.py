@@ -23,10 +23,10 @@ UNIT = float(np.finfo(float).eps / 2)
     paper="Section 4.B, below the list",
     sentence="Compensated summation drastically reduces truncation errors for long-term symplectic integration",
     kind="background",
-    statement="Compensated summation drastically reduces the error of rounding in long integrations",
-    threshold="root mean square of the energy error by rounding, plain over compensated, at least 10, a decimal digit, "
-    "for each method; the median of the last 20 samples, as one sample of an ensemble scatters by a fifth. The paper "
-    "calls it truncation error",
+    statement="Compensated summation drastically reduces errors of rounding in long integrations",
+    threshold="the root mean square of the energy error by rounding at least ten times larger with plain than with "
+    f"compensated sums, for each method; median of the last 20 samples; {GREATLY.brief}. The paper calls rounding "
+    "truncation",
     bound=GREATLY.number,
     needs=("cubes/stability_rounding.h5",),
     target="stability",
@@ -59,8 +59,8 @@ def _runs(cube: xr.Dataset) -> str:
     sentence="The dashed lines show benchmark profiles for integrators of corresponding color using extended precision",
     kind="finding",
     statement="Double precision with compensated summation follows extended precision down to its floor of rounding",
-    threshold="the two maximum errors differ by at most 10 roundings of a double, 1.1 × 10⁻¹⁵, at every step size at "
-    "which both are known: energies are of order 1, and an energy takes five roundings",
+    threshold="maximum errors in double and extended precision differ by at most 10 roundings of a double, 1.1 × "
+    "10⁻¹⁵, at every step size with both: energies are of order 1, and an energy takes five roundings",
     bound=10.0,
     needs=("cubes/sho.h5",),
 )

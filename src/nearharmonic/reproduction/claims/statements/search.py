@@ -21,8 +21,8 @@ ASKED = 1e-128
     "which at least one real solution exists",
     kind="result",
     statement="Every additional stage yields two increments of λ_max and one of the λ_H that a real solution has",
-    threshold="from five stages on λ_max = 2 s, and a real solution of λ_H = s + 1 is found: numerical experiments "
-    "suggest it, as the paper says; proofs that no more is solvable are not asked for",
+    threshold="with each number of stages s from five on λ_max = 2s, and a real solution with λ_H = s + 1 is found; "
+    "the paper says that experiments suggest it, so no proof is asked that λ_H cannot be larger",
     needs=("tables/derived_orders.csv",),
     target="derive",
 )
@@ -47,7 +47,7 @@ def growth_of_lambda_h(results: Results) -> Decision:
     sentence="Solutions are provided in the following section with minimization criteria κ_max < 1e-128",
     kind="result",
     statement="Solutions have κ_max < 10⁻¹²⁸",
-    threshold="10⁻¹²⁸, the paper's own, of the derived counterpart of each printed set",
+    threshold="below 10⁻¹²⁸, the paper's number, for each derived set, the printed ones among them",
     bound=ASKED,
     needs=DOCUMENT,
     target="derive",
@@ -64,8 +64,8 @@ def kappa_below(results: Results, asked: float) -> Decision:
     paper="Section 3, last paragraph",
     sentence="The minimization is performed using an adaptive simplex method minimizing only one objective κ_max",
     kind="result",
-    statement="An adaptive simplex that minimises κ_max in 2048 bits reaches 10⁻¹²⁸",
-    threshold="10⁻¹²⁸, the paper's own, from one random start or more",
+    statement="An adaptive simplex in 2048 bits that minimises κ_max alone reaches 10⁻¹²⁸",
+    threshold="κ_max below 10⁻¹²⁸, the paper's number, from at least one random start",
     bound=ASKED,
     needs=("tables/derived_routes.csv",),
     target="derive",
@@ -88,16 +88,16 @@ def simplex_reaches(results: Results, asked: float) -> Decision:
     sentence="picked among thousands of solutions based on the sum of the absolute values of the splitting "
     "coefficients and higher order SHO errors",
     kind="result",
-    statement="Sets that are not unique are picked by the sum of absolute values and higher order errors",
-    threshold="no member found of the same family is better by every criterion, so that some weighing of them may "
-    "have led to the choice",
+    statement="The sets that are not unique have a small sum of absolute values and small next terms in their families",
+    threshold="no member found of the same family is better by each of the criteria: then some weighting of them leads "
+    "to the choice",
     needs=("tables/derived_families.csv",),
     target="derive",
 )
 def picked_by_sum(results: Results) -> Decision:
     better = {row["set"]: int(row["members better in all"]) for row in results.rows("derived_families")}
     good = [count == 0 for count in better.values()]
-    return counted(good, f"{sum(good)} of {len(good)} sets; members better in all: " + _listed(better))
+    return counted(good, f"{sum(good)} of {len(good)} sets; members that are better by each: " + _listed(better))
 
 
 @claim(
@@ -106,7 +106,7 @@ def picked_by_sum(results: Results) -> Decision:
     sentence="The non-unique solutions are picked among thousands of solutions",
     kind="result",
     statement="The non-unique solutions are picked among thousands of solutions",
-    threshold="a family with one free parameter or more, and 2000 of its members or more found, for each of the sets",
+    threshold="for each of these sets at least one free parameter, and at least 2000 members of the family found",
     bound=2000.0,
     needs=("tables/derived_families.csv",),
     target="derive",
@@ -131,9 +131,8 @@ def _listed(counts: dict[str, int]) -> str:
     sentence="harmonic order conditions higher than seven often introduce more negative splitting coefficients",
     kind="result",
     statement="Harmonic order conditions higher than seven often introduce more negative coefficients",
-    threshold="more than half of the real solutions of order eight with seven stages have more negative coefficients "
-    "than BABs7o7H, of order seven with as many stages; "
-    f"{GENERALLY.words}",
+    threshold="more than half of the real solutions of harmonic order eight with seven stages have more negative "
+    f"coefficients than BABs7o7H, of harmonic order seven with seven stages; {GENERALLY.brief}",
     bound=GENERALLY.number,
     needs=DOCUMENT,
     target="derive",
@@ -160,10 +159,9 @@ def _negative(coefficients: Sequence[str]) -> int:
     paper="Section 6, Conclusion",
     sentence="A larger number of stages presents more degrees of freedom resulting in more inappropriate solutions",
     kind="result",
-    statement="Free parameters of the sets of harmonic order seven, and solutions with long substeps, grow with the "
-    "stages",
-    threshold="free parameters from six to nine stages, and isolated real solutions with a substep longer than 1 from "
-    f"five to seven, each number above that of one stage less; {SMALL.words}",
+    statement="With more stages there are more free parameters, and more solutions with a substep that is not small",
+    threshold="each number above that of one stage less: free parameters at harmonic order seven with six to nine "
+    f"stages, isolated real solutions with a coefficient above 1 with five to seven; {SMALL.brief}",
     bound=SMALL.number,
     needs=(*DOCUMENT, "tables/derived_families.csv"),
     target="derive",
@@ -178,7 +176,7 @@ def more_inappropriate(results: Results, small: float) -> Decision:
         raise Undecided(message)
     good = [numbers[b] > numbers[a] for numbers in (free, long) for a, b in pairwise(sorted(numbers))]
     told = (", ".join(f"{numbers[s]} with {s}" for s in sorted(numbers)) for numbers in (free, long))
-    return counted(good, "free parameters {} stages; isolated solutions with a long substep {}".format(*told))
+    return counted(good, "free parameters {} stages; isolated solutions with a coefficient above 1: {}".format(*told))
 
 
 def _longest(root: Mapping[str, Sequence[str]]) -> float:

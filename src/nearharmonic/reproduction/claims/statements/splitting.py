@@ -20,8 +20,8 @@ from nearharmonic.systems import System, henon_heiles, kepler, sho
     sentence="Non-gradient splitting methods of orders higher than two always involve negative coefficients",
     kind="background",
     statement="Splitting methods of orders higher than two always involve negative coefficients",
-    threshold="one negative coefficient at least in each registered method whose order is above 2; a theorem "
-    "(Sheng 1989, Suzuki 1991), so that none may lack it",
+    threshold="at least one negative coefficient in each registered method of order above 2; it is a theorem "
+    "(Sheng 1989, Suzuki 1991), which allows no exception",
 )
 def negative_coefficients(results: Results) -> Decision:
     high = [method for method in results.methods.values() if method.order > 2]
@@ -35,9 +35,9 @@ def negative_coefficients(results: Results) -> Decision:
     sentence="A set of real numbers exist (c₁, c₂, ..., c_k) and (d₁, d₂, ..., d_k), referred to as splitting "
     "coefficients, that satisfy Σ c_i = Σ d_i = 1",
     kind="mathematics",
-    statement="The coefficients of each operator sum to 1",
-    threshold="exactly, within a unit of the last decimal that the source guarantees for each coefficient, for every "
-    "registered method",
+    statement="The coefficients c sum to 1, and so do the coefficients d",
+    threshold="for every registered method both sums are 1 within a unit of the last decimal of its source for each "
+    "coefficient, in exact arithmetic",
 )
 def sums_are_one(results: Results) -> Decision:
     off = {
@@ -55,9 +55,8 @@ def sums_are_one(results: Results) -> Decision:
     sentence="Symmetric coefficients omit odd order error terms",
     kind="mathematics",
     statement="The order of a symmetric method is even",
-    threshold="of every registered method that is symmetric the order, the order for quadratic T and the harmonic "
-    "order of the energy, proved in exact arithmetic, must be even; what the paper takes from it for Eq. 16 is a "
-    "statement of its own",
+    threshold="for every registered symmetric method the order, the order for quadratic T and the harmonic order of "
+    "the energy are even, proved in exact arithmetic; what the paper concludes for Eq. 16 is another statement",
     needs=("tables/integrators.csv",),
 )
 def even_orders(results: Results) -> Decision:
@@ -73,7 +72,7 @@ def even_orders(results: Results) -> Decision:
     sentence="Table 1 summarizes the symmetric structures of the ABA- and BAB-composition",
     kind="mathematics",
     statement="ABA: d_i = d_(k-i), c_i = c_(k+1-i), d_k = 0; BAB: d_i = d_(k+1-i), c_i = c_(k-i), c_k = 0",
-    threshold="equal in all printed decimals",
+    threshold="for Ruth's method, equal in all decimals",
     needs=("tables/table1_structure.csv",),
 )
 def table_1(results: Results) -> Decision:
@@ -101,8 +100,8 @@ def _mirrored(rows: list[dict[str, str]], column: str, *, shorter: bool) -> bool
     sentence="SIs are time reversible if the symplectic coefficients are symmetric",
     kind="mathematics",
     statement="Symmetric integrators are time reversible: z(0) → z(τ) can be exactly reverted",
-    threshold="n steps forward and n back return to the start within the bound of rounding, n times the rounding of a "
-    "step times the growth of errors",
+    threshold="n steps forward and n steps back return to the start within n roundings of a step, times the growth of "
+    "errors along the run",
     bound=1.0,
     needs=("tables/structure.csv",),
     target="stability",
@@ -127,7 +126,7 @@ def _within(results: Results, columns: tuple[str, str], word: str, most: float) 
     sentence="due to their structure-preserving properties",
     kind="background",
     statement="The integrators preserve the symplectic structure",
-    threshold="JᵀΩJ - Ω, J the tangent map of a run in double-double, within what a random walk of its roundings gives",
+    threshold="JᵀΩJ = Ω for the tangent map J of each run in double-double, within a random walk of its roundings",
     bound=1.0,
     needs=("tables/structure.csv",),
     target="stability",
@@ -143,9 +142,8 @@ def symplectic(results: Results, share: float) -> Decision:
     "property",
     kind="mathematics",
     statement="A symmetric method of k pairs of coefficients costs s = k - 1 derivative evaluations a step",
-    threshold="gradients of V that three steps of a counting stepper of Eqs. 3 and 4 ask for, which keeps the last one "
-    "while no drift has moved the position: s a step, and one more where a kick comes first; k is the length of the "
-    "longer row; for every registered method that is symmetric",
+    threshold="three steps of every registered symmetric method evaluate the gradient of V 3s times, and once more if "
+    "a kick comes first, counted by a stepper that keeps the last gradient; k is the length of the longer row",
 )
 def first_same_as_last(results: Results) -> Decision:
     good = []
@@ -183,9 +181,9 @@ def gradients(method: Tableau, steps: int) -> int:
     sentence="The computational cost of SIs is approximately proportional to the number of derivative evaluations "
     "(stages)",
     kind="background",
-    statement="The operations of a step over its stages are about the same for all ten methods",
-    threshold="additions, multiplications, divisions and roots of a step, gradients, kicks and drifts, over its "
-    f"stages: largest over least of the ten methods within a tenth of a decade on each system; {APPROXIMATELY.words}",
+    statement="The operations of a step per stage are approximately equal for all ten methods",
+    threshold="arithmetic operations of a step, divided by its stages: the largest of the ten methods at most 1.26 "
+    f"times the smallest, on each system; {APPROXIMATELY.brief}",
     bound=APPROXIMATELY.number,
 )
 def cost_proportional(results: Results, most: float) -> Decision:

@@ -93,8 +93,8 @@ def lead_of_trained(results: Results, names: Sequence[str], what: str) -> str:
     lead = errors.least(names) - errors.least(trained)
     low, high = short(lead.min(), 2), short(lead.max(), 2)
     return (
-        f"; on {ENSEMBLE_WORDS}, which are not in the paper, methods trained on others of them are ahead of {what} at "
-        f"{(lead > 0).sum()} of {lead.size} step sizes, the best by {low} to {high} decades"
+        f"; on {ENSEMBLE_WORDS}, which are not in the paper, methods trained on other such potentials are ahead of "
+        f"{what} at {(lead > 0).sum()} of {lead.size} step sizes, the best by {low} to {high} decades"
     )
 
 
@@ -104,14 +104,12 @@ def lead_of_trained(results: Results, names: Sequence[str], what: str) -> str:
     sentence="To construct more efficient high order SIs it has been proposed that the absolute value of negative "
     "coefficients and the sum of positive coefficients should be minimized",
     kind="background",
-    statement="To construct more efficient methods of high order, negative coefficients and the sum of positive ones "
-    "should be made small",
-    threshold="Spearman's rank correlation of the sum of the absolute values of all coefficients with the mean error "
-    f"at equal cost, over all registered methods of order four or more without modified potentials, {RELATED} or more "
-    f"at each step size per stage, on {ENSEMBLE_WORDS}: half way from no relation to one without exception, which a "
-    f"random order of {FEWEST_METHODS} methods reaches in one of twenty cases; fewer methods are not compared. As each "
-    "row has the sum 1, methods have the same order by that sum, by their negative coefficients and by their positive "
-    "ones",
+    statement="Methods with smaller negative coefficients and a smaller sum of positive ones have smaller errors",
+    threshold="Spearman's rank correlation of the sum of absolute values of the coefficients with the mean error at "
+    f"least {RELATED} at each τ/s, over all registered methods of order four or more without the force gradient, on "
+    f"{ENSEMBLE_WORDS}. Such a correlation is half way from none to a strict one; {FEWEST_METHODS} methods in random "
+    "order reach it in one of twenty cases. Each row sums to 1, so negative coefficients, positive ones and their "
+    "absolute values rank the methods alike",
     bound=RELATED,
     needs=(CUBE,),
     target="trained_proof",
