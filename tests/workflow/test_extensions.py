@@ -130,12 +130,12 @@ def extended(tmp_path_factory):
     (project.folder / "workflow/rules/added.smk").write_text(RULES, encoding="utf-8")
     # One line in config.py, with the import that it needs, and the include of the rule file.
     insert(
-        package / "config.py",
+        package / "reproduction/config/config.py",
         "    derive: DerivationSettings",
         '    added: AddedSettings = setting("How `added` counts", default=AddedSettings)',
     )
     insert(
-        package / "config.py",
+        package / "reproduction/config/config.py",
         "from nearharmonic.reproduction.experiments.derivation.settings",
         "from nearharmonic.reproduction.experiments.added.settings import AddedSettings",
     )
