@@ -7,7 +7,7 @@ gc.disable()
 
 from snakemake.utils import min_version
 
-from nearharmonic.reproduction.experiments.paper.omissions import summary_line
+from nearharmonic.reproduction.experiments.paper.grid.omissions import summary_line
 
 min_version("9.0")
 

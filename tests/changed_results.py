@@ -11,7 +11,8 @@ from mpmath import mp, mpf
 
 from nearharmonic.exact.decimals import fixed_point
 from nearharmonic.integrators.tableau import Tableau, palindrome
-from nearharmonic.reproduction.claims.statements import identities, perihelion
+from nearharmonic.reproduction.claims.statements.equations import identities
+from nearharmonic.reproduction.claims.statements.figures import perihelion
 
 
 def scaled(system, factor, *names, variable="max_energy_error"):

@@ -10,8 +10,8 @@ import xarray as xr
 
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.recommendation.curve import Curve, Point
-from nearharmonic.reproduction.experiments.paper.substeps import substeps
-from nearharmonic.reproduction.experiments.trained.contestants import IDEAS
+from nearharmonic.reproduction.experiments.paper.orbits.substeps import substeps
+from nearharmonic.reproduction.experiments.trained.comparison.contestants import IDEAS
 from nearharmonic.systems import systems
 
 #: Two hollow markers and a filled one.

@@ -12,8 +12,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from nearharmonic.output.store import read, write_dataset
-from nearharmonic.reproduction.claims.statements.conclusions import CLOSE, ROUND
-from nearharmonic.reproduction.claims.statements.trained import ENSEMBLES
+from nearharmonic.reproduction.claims.statements.performance.conclusions import CLOSE, ROUND
+from nearharmonic.reproduction.claims.statements.tableaus.trained import ENSEMBLES
 from nearharmonic.reproduction.claims.table import FILES
 
 ARCHIVE = Path(__file__).parent / "claims/recorded.zip"

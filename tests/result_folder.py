@@ -14,10 +14,10 @@ import h5py
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.output import table
 from nearharmonic.output.table import Table
-from nearharmonic.reproduction.experiments.paper.decompose import decompose
-from nearharmonic.reproduction.experiments.paper.plan import shards_of
+from nearharmonic.reproduction.experiments.paper.grid.plan import shards_of
 from nearharmonic.reproduction.experiments.paper.reduce import reduce
 from nearharmonic.reproduction.experiments.paper.run import integrate
+from nearharmonic.reproduction.experiments.paper.tableaus.decompose import decompose
 from nearharmonic.reproduction.tasks import job
 from nearharmonic.reproduction.tasks.provenance import provenance, task
 

@@ -15,9 +15,9 @@ import xarray as xr
 
 from nearharmonic.integrators import BENCHMARKED, integrators
 from nearharmonic.reproduction.claims.results import Results
-from nearharmonic.reproduction.experiments.paper.decompose import harmonic_terms
-from nearharmonic.reproduction.experiments.paper.substeps import paper_panels
-from nearharmonic.reproduction.experiments.paper.tables import paper_tables
+from nearharmonic.reproduction.experiments.paper.orbits.substeps import paper_panels
+from nearharmonic.reproduction.experiments.paper.tableaus.decompose import harmonic_terms
+from nearharmonic.reproduction.experiments.paper.tableaus.tables import paper_tables
 
 NEW = BENCHMARKED[-4:]
 FLOOR = 1e-16

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from nearharmonic.exchange.coefficient_file import read
-from nearharmonic.exchange.verdict import Verdict
+from nearharmonic.exchange.proof.verdict import Verdict
 
 FOLDER = Path(__file__).parent / "exchange/tableaus"
 

@@ -17,7 +17,7 @@ import pytest
 from mpmath import mp, mpf
 
 import nearharmonic as nh
-from nearharmonic.reproduction.claims.documents import (
+from nearharmonic.reproduction.claims.pages.documents import (
     CARRYING,
     SUBSTANCE,
     failures_in_words,
@@ -25,7 +25,7 @@ from nearharmonic.reproduction.claims.documents import (
     verdict_table,
     write_documents,
 )
-from nearharmonic.reproduction.claims.summary import KINDS, failures, of_the_paper
+from nearharmonic.reproduction.claims.pages.summary import KINDS, failures, of_the_paper
 from nearharmonic.reproduction.claims.table import CLAIMS, KEYS, decided
 from recorded_results import unpack
 from workflow_project import Project
@@ -385,7 +385,7 @@ def test_the_pages_are_written_by_a_command(tmp_path):
     (tmp_path / "docs").mkdir()
     (tmp_path / "README.md").write_bytes((ROOT / "README.md").read_bytes())
     done = subprocess.run(
-        [sys.executable, "-m", "nearharmonic.reproduction.claims.documents", str(ROOT / "docs/claims.json")],
+        [sys.executable, "-m", "nearharmonic.reproduction.claims.pages.documents", str(ROOT / "docs/claims.json")],
         cwd=tmp_path, capture_output=True, text=True, check=False, env={"PYTHONPATH": str(ROOT / "src")},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr

@@ -12,8 +12,8 @@ import xarray as xr
 
 from nearharmonic.errors import ResultFileError
 from nearharmonic.output.store import write_dataset
+from nearharmonic.reproduction.claims.pages.summary import KINDS
 from nearharmonic.reproduction.claims.results import Results, short
-from nearharmonic.reproduction.claims.summary import KINDS
 from nearharmonic.reproduction.claims.table import CLAIMS, FILES, KEYS, decide, decided
 from nearharmonic.reproduction.tasks.job import write
 from sound_results import curves, sound_results

@@ -6,8 +6,8 @@ import re
 
 import pytest
 
-from nearharmonic.reproduction.claims import definitions
-from nearharmonic.reproduction.claims.documents import page
+from nearharmonic.reproduction.claims.judging import definitions
+from nearharmonic.reproduction.claims.pages.documents import page
 from nearharmonic.reproduction.claims.table import CLAIMS
 
 #: Words in a sentence, and the definition of them.

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from nearharmonic.reproduction.claims.documents import SHOWN
-from nearharmonic.reproduction.claims.in_short import BY_SYSTEM, SHORT, by_system, in_short
+from nearharmonic.reproduction.claims.pages.documents import SHOWN
+from nearharmonic.reproduction.claims.pages.in_short import BY_SYSTEM, SHORT, by_system, in_short
 
 CASES = {
     "significantly-better": (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from nearharmonic.reproduction.claims.margins import margin
+from nearharmonic.reproduction.claims.judging.margins import margin
 from nearharmonic.reproduction.claims.results import Undecided
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from nearharmonic.reproduction.claims.curves import Curves
+from nearharmonic.reproduction.claims.judging.curves import Curves
+from nearharmonic.reproduction.claims.judging.slopes import BAND, LONG, SHORT, WINDOW, large_steps, local_slopes, orders
 from nearharmonic.reproduction.claims.results import Undecided
-from nearharmonic.reproduction.claims.slopes import BAND, LONG, SHORT, WINDOW, large_steps, local_slopes, orders
 
 X = np.geomspace(1e-4, 1, 161)  # forty a decade
 

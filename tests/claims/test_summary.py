@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from nearharmonic.reproduction.claims.summary import failures, sums, tally, verdicts_line
+from nearharmonic.reproduction.claims.pages.summary import failures, sums, tally, verdicts_line
 from nearharmonic.reproduction.claims.table import CLAIMS
 
 TARGETS = {one.id: one.target for one in CLAIMS}

@@ -9,8 +9,8 @@ import pytest
 from scipy.stats import spearmanr
 
 from nearharmonic.integrators import integrators
-from nearharmonic.reproduction.claims.statements.comparisons import best_performance
-from nearharmonic.reproduction.claims.statements.trained import (
+from nearharmonic.reproduction.claims.statements.performance.comparisons import best_performance
+from nearharmonic.reproduction.claims.statements.tableaus.trained import (
     ENSEMBLES,
     FEWEST_METHODS,
     RELATED,

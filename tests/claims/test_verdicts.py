@@ -37,8 +37,10 @@ from changed_results import (
     together,
 )  # fmt: skip
 from nearharmonic.integrators import integrators
-from nearharmonic.reproduction.claims.statements import background, henon_heiles, identities, kepler, methods, misprints
-from nearharmonic.reproduction.claims.statements.coefficients import FIVE_STAGES, UNIQUE
+from nearharmonic.reproduction.claims.statements.equations import identities, misprints
+from nearharmonic.reproduction.claims.statements.figures import henon_heiles, kepler
+from nearharmonic.reproduction.claims.statements.tableaus import background, methods
+from nearharmonic.reproduction.claims.statements.tableaus.coefficients import FIVE_STAGES, UNIQUE
 from nearharmonic.reproduction.claims.table import CLAIMS
 from sound_results import sound_results, stand_in
 

@@ -8,12 +8,13 @@ import pytest
 
 from nearharmonic.cli import main
 from nearharmonic.errors import RefusedError
-from nearharmonic.reproduction.record import manifest, verify
+from nearharmonic.reproduction.record import verify
 from nearharmonic.reproduction.record.adopt import check_jobs
+from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.tasks.provenance import settings_digest, task
 from nearharmonic.reproduction.tasks.receipts import Receipt
 
-TASK = task("reproduction.experiments.paper.decompose:decompose", integrators=["ruth"])
+TASK = task("reproduction.experiments.paper.tableaus.decompose:decompose", integrators=["ruth"])
 CUBE = "results/paper/cubes/sho_terms.h5"
 
 
@@ -148,5 +149,5 @@ def test_a_job_for_a_file_that_is_not_there_is_not(results):
 
 def test_settings_that_are_written_otherwise_are_the_same():
     assert settings_digest(TASK) == settings_digest(
-        task("reproduction.experiments.paper.decompose:decompose", integrators=("ruth",))
+        task("reproduction.experiments.paper.tableaus.decompose:decompose", integrators=("ruth",))
     )

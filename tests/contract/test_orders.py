@@ -11,7 +11,7 @@ import nearharmonic as nh
 from nearharmonic.errors import TableauError
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.user_file import load_tableaus
-from nearharmonic.reproduction.experiments.paper.overview import overview
+from nearharmonic.reproduction.experiments.paper.tableaus.overview import overview
 from nearharmonic.theory.order import (
     generalised_order_of,
     harmonic_order_of,

@@ -10,7 +10,8 @@ import pytest
 import nearharmonic as nh
 from nearharmonic.cli import main
 from nearharmonic.registry.user_module import load
-from nearharmonic.training.tailor import budget, question, search, starts, tailoring
+from nearharmonic.training.tailor import budget, question, search, tailoring
+from nearharmonic.training.tailor.inputs import starts
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/tailor.md").read_text(encoding="utf-8")

@@ -11,7 +11,7 @@ import xarray as xr
 
 import nearharmonic as nh
 from nearharmonic.registry.user_module import load
-from nearharmonic.reproduction.experiments.trained.contestants import contestants, kind_of
+from nearharmonic.reproduction.experiments.trained.comparison.contestants import contestants, kind_of
 from nearharmonic.reproduction.experiments.trained.problems.named_systems import NAMED, named_ensembles
 from nearharmonic.reproduction.experiments.trained.proof.reductions import gains
 from nearharmonic.reproduction.experiments.trained.proof.run import log_errors

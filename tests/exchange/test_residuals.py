@@ -12,12 +12,12 @@ import pytest
 from mpmath import diff, expm, log, matrix, mp, mpf, taylor
 
 from nearharmonic.exact.words import logarithm, product_of_exponentials
-from nearharmonic.exchange import residuals
 from nearharmonic.exchange.coefficient_file import CoefficientFile
 from nearharmonic.exchange.composition import digits_of, operators_of, step_of
-from nearharmonic.exchange.oscillator import OscillatorStep
+from nearharmonic.exchange.proof import residuals
+from nearharmonic.exchange.proof.oscillator import OscillatorStep
+from nearharmonic.exchange.proof.verdict import Verdict
 from nearharmonic.exchange.series import derivatives_of_logarithm
-from nearharmonic.exchange.verdict import Verdict
 from nearharmonic.integrators import integrators
 
 SOME = ("ruth", "abas5o6h", "babps8o7h", "srkn_b11", "yoshida_s7o6a", "s15odr8")

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from nearharmonic.exchange.nearest import nearest
-from nearharmonic.exchange.verdict import Verdict
+from nearharmonic.exchange.proof.nearest import nearest
+from nearharmonic.exchange.proof.verdict import Verdict
 from nearharmonic.integrators import integrators
 from tableau_files import failing, verdict
 

@@ -13,8 +13,8 @@ import yaml
 
 import nearharmonic
 from nearharmonic.reproduction.config.config import load
-from nearharmonic.reproduction.record import fingerprint
-from nearharmonic.reproduction.record.fingerprint import package_digest, revision
+from nearharmonic.reproduction.record.files import fingerprint
+from nearharmonic.reproduction.record.files.fingerprint import package_digest, revision
 
 SMOKE = Path(__file__).parents[2] / "config/smoke.yaml"
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from nearharmonic.errors import UnknownNameError
-from nearharmonic.reproduction.record.folders import folder_of, result_names
+from nearharmonic.reproduction.record.files.folders import folder_of, result_names
 
 
 @pytest.fixture

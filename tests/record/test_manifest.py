@@ -9,11 +9,11 @@ from hashlib import sha256
 import pytest
 
 from nearharmonic.errors import ResultFileError
-from nearharmonic.reproduction.record import manifest
+from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.tasks.provenance import task
 from nearharmonic.reproduction.tasks.receipts import Receipt, folder_of
 
-TASK = task("reproduction.experiments.paper.decompose:decompose", integrators=["ruth"])
+TASK = task("reproduction.experiments.paper.tableaus.decompose:decompose", integrators=["ruth"])
 
 
 @pytest.fixture
@@ -42,7 +42,7 @@ def test_it_holds_size_digest_and_origin_of_each_file(results):
         "cubes/a.h5": {
             "size": 7,
             "sha256": sha256(b"numbers").hexdigest(),
-            "function": "reproduction.experiments.paper.decompose:decompose",
+            "function": "reproduction.experiments.paper.tableaus.decompose:decompose",
             "code": TASK["code"],
             "coefficients": TASK["coefficients"],
             "settings": sha256(b'{"integrators": ["ruth"]}').hexdigest(),

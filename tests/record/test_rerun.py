@@ -9,7 +9,7 @@ import pytest
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.errors import ResultFileError
 from nearharmonic.output import store
-from nearharmonic.reproduction.record import manifest
+from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.record.rerun import rerun
 from nearharmonic.reproduction.tasks.job import write
 from nearharmonic.reproduction.tasks.provenance import function_of, provenance, task

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from nearharmonic.reproduction.record import history, manifest, verify
+from nearharmonic.reproduction.record import history, verify
+from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.record.verify import _target_of, faults
 from nearharmonic.reproduction.tasks.provenance import task
 from nearharmonic.reproduction.tasks.receipts import Receipt

@@ -9,13 +9,14 @@ import pytest
 import yaml
 
 from nearharmonic.reproduction.config.config import load
-from nearharmonic.reproduction.record import fingerprint, history, manifest
+from nearharmonic.reproduction.record import history
+from nearharmonic.reproduction.record.files import fingerprint, manifest
 from nearharmonic.reproduction.record.workflow_run import WorkflowRun
 from nearharmonic.reproduction.tasks.provenance import task
 from nearharmonic.reproduction.tasks.receipts import Receipt
 
 SMOKE = Path(__file__).parents[2] / "config/smoke.yaml"
-TASK = task("reproduction.experiments.paper.decompose:decompose", integrators=["ruth"])
+TASK = task("reproduction.experiments.paper.tableaus.decompose:decompose", integrators=["ruth"])
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from hypothesis import assume, given
 
 from nearharmonic.errors import SettingError, TableauError
 from nearharmonic.integrators import integrators
-from nearharmonic.reproduction.experiments.paper.tables import (
+from nearharmonic.reproduction.experiments.paper.tableaus.tables import (
     even_orders,
     recursion_symbols,
     recursion_values,

@@ -9,7 +9,7 @@ import yaml
 
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.reproduction.config.config import load
-from nearharmonic.reproduction.experiments.paper.plan import plan
+from nearharmonic.reproduction.experiments.paper.grid.plan import plan
 
 ROOT = Path(__file__).parents[2]
 

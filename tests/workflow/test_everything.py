@@ -17,7 +17,7 @@ from matplotlib.image import imread
 from nearharmonic.output.store import groups_of, read
 from nearharmonic.plotting.style import style_of
 from nearharmonic.reproduction.claims.table import decided
-from nearharmonic.reproduction.experiments.trained.contestants import contestants
+from nearharmonic.reproduction.experiments.trained.comparison.contestants import contestants
 from targets import DECOMPOSED, MADE, MADE_BY, METHODS, RECORD, SYSTEMS, TARGETS
 
 TINY = ("--configfile", "config/tiny.yaml")

@@ -9,7 +9,7 @@ import yaml
 
 from nearharmonic.output.store import read_precisions
 from nearharmonic.reproduction.config.config import load
-from nearharmonic.reproduction.experiments.paper.plan import plan
+from nearharmonic.reproduction.experiments.paper.grid.plan import plan
 from targets import METHODS, RECORD, figures
 
 TINY = ("--configfile", "config/tiny.yaml")

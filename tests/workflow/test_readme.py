@@ -12,7 +12,7 @@ import pytest
 from nearharmonic.engine.grid import steps_of
 from nearharmonic.output import store
 from nearharmonic.output.dataset import assembled
-from nearharmonic.reproduction.experiments.paper.plan import Run
+from nearharmonic.reproduction.experiments.paper.grid.plan import Run
 from nearharmonic.reproduction.experiments.paper.reduce import cube_of
 from nearharmonic.reproduction.experiments.paper.reduce import numbers as reduced_numbers
 from nearharmonic.reproduction.experiments.paper.run import integrate_run

@@ -11,7 +11,7 @@ import yaml
 
 from nearharmonic.output.store import read
 from nearharmonic.reproduction.config.config import load
-from nearharmonic.reproduction.experiments.trained.contestants import contestants, kind_of
+from nearharmonic.reproduction.experiments.trained.comparison.contestants import contestants, kind_of
 from targets import DECOMPOSED, MADE, METHODS, STRUCTURE_T_END
 
 RESULTS = "results/tiny/"

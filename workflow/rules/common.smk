@@ -8,7 +8,7 @@ from snakemake.exceptions import WorkflowError
 
 from nearharmonic.reproduction.config.config import load
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.reproduction.experiments.paper.plan import shards_of
+from nearharmonic.reproduction.experiments.paper.grid.plan import shards_of
 from nearharmonic.reproduction.tasks.declarations import figures_of
 from nearharmonic.reproduction.tasks.provenance import task
 
@@ -65,6 +65,6 @@ def run_files(system):
 def installed():
     """Which of the libraries are there: one that is installed later on is to be timed as well."""
     from nearharmonic.reproduction.experiments.work_precision.peers import LIBRARIES
-    from nearharmonic.reproduction.experiments.work_precision.peers.measure import is_installed
+    from nearharmonic.reproduction.experiments.work_precision.measure import is_installed
 
     return {library: is_installed(library) for library in LIBRARIES}

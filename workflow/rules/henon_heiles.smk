@@ -9,7 +9,7 @@ rule chaos:
     resources:
         compiler=1,  # as the jobs that compile, whose code it shares
     params:
-        task=task("reproduction.experiments.paper.chaos:chaos", integrator="babps8o7h", t_end=200_000),
+        task=task("reproduction.experiments.paper.orbits.chaos:chaos", integrator="babps8o7h", t_end=200_000),
     script:
         "../scripts/task.py"
 
@@ -22,6 +22,6 @@ rule displaced:
     resources:
         compiler=1,
     params:
-        task=task("reproduction.experiments.paper.displaced:displaced", integrator="babs7o7h", iterations=100_000),
+        task=task("reproduction.experiments.paper.orbits.displaced:displaced", integrator="babs7o7h", iterations=100_000),
     script:
         "../scripts/task.py"

@@ -1,7 +1,7 @@
 """The paper: runs, cubes, figures, and tables of coefficients and of what was left out."""
 
 from nearharmonic.reproduction.experiments.paper import CUBES as PAPER_CUBES
-from nearharmonic.reproduction.experiments.paper.tables import STEMS
+from nearharmonic.reproduction.experiments.paper.tableaus.tables import STEMS
 
 PAPER_FIGURES = figures_of("reproduction.experiments.paper", CONFIG.systems, PAPER_CUBES)
 FIGURES += PAPER_FIGURES
@@ -65,7 +65,7 @@ rule decompose:
     log:
         LOG("reduce/sho_terms"),
     params:
-        task=task("reproduction.experiments.paper.decompose:decompose", integrators=CONFIG.decomposed),
+        task=task("reproduction.experiments.paper.tableaus.decompose:decompose", integrators=CONFIG.decomposed),
     script:
         "../scripts/task.py"
 
@@ -78,7 +78,7 @@ rule skipped:
     log:
         LOG("tables/skipped"),
     params:
-        task=task("reproduction.experiments.paper.omissions:table", sweeps=CONFIG.sweeps, integrators=CONFIG.methods),
+        task=task("reproduction.experiments.paper.grid.omissions:table", sweeps=CONFIG.sweeps, integrators=CONFIG.methods),
     script:
         "../scripts/task.py"
 
@@ -89,7 +89,7 @@ rule paper_tables:
     log:
         LOG("tables/paper_tables"),
     params:
-        task=task("reproduction.experiments.paper.tables:paper_tables", integrators=CONFIG.compared),
+        task=task("reproduction.experiments.paper.tableaus.tables:paper_tables", integrators=CONFIG.compared),
     script:
         "../scripts/task.py"
 

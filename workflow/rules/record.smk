@@ -55,7 +55,7 @@ def again(rule, log):
 
 def verdicts(document):
     """What this run says of the paper's statements, and the command that decides those it leaves open."""
-    from nearharmonic.reproduction.claims.summary import verdicts_line
+    from nearharmonic.reproduction.claims.pages.summary import verdicts_line
     from nearharmonic.output.store import workflow_command
 
     return verdicts_line(document, workflow_command(document))

@@ -1,7 +1,7 @@
 """Methods trained on near-harmonic systems: all methods on problems that none was trained on, and what they show."""
 
 from nearharmonic.reproduction.experiments.trained import CUBES as TRAINED_CUBES
-from nearharmonic.reproduction.experiments.trained.contestants import contestants, kind_of
+from nearharmonic.reproduction.experiments.trained.comparison.contestants import contestants, kind_of
 
 CONTESTANTS = contestants()
 TRAINED_FIGURES = figures_of("reproduction.experiments.trained", CONFIG.systems, TRAINED_CUBES)

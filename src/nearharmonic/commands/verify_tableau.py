@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 from nearharmonic.output.answers import Answer
 
 if TYPE_CHECKING:
-    from nearharmonic.exchange.nearest import Likeness
-    from nearharmonic.exchange.residuals import Order, Residual
-    from nearharmonic.exchange.verdict import Verdict
+    from nearharmonic.exchange.proof.nearest import Likeness
+    from nearharmonic.exchange.proof.residuals import Order, Residual
+    from nearharmonic.exchange.proof.verdict import Verdict
 
 HELP = "prove what a file of coefficients claims: sums, symmetry, orders, and which operator is first"
 HEADER = ("claim", "holds", "proof")
@@ -27,7 +27,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def answer(chosen: argparse.Namespace) -> Answer:
     """Return a row for each claim; the status is 1 if one does not hold."""
     from nearharmonic.exchange.coefficient_file import read
-    from nearharmonic.exchange.verdict import Verdict
+    from nearharmonic.exchange.proof.verdict import Verdict
 
     found = Verdict(read(chosen.file))
     failing, number = sum(not claim.holds for claim in found.claims), len(found.claims)

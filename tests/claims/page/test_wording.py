@@ -9,12 +9,13 @@ import pytest
 from nearharmonic.integrators import integrators
 from nearharmonic.plotting.palette import style_of
 from nearharmonic.reproduction.claims.results import power_of_ten, short
-from nearharmonic.reproduction.report import assets, wording
-from nearharmonic.reproduction.report.figures import ShownFigure
-from nearharmonic.reproduction.report.links import Places
+from nearharmonic.reproduction.report import assets
 from nearharmonic.reproduction.report.plots.markers import MARKERS
 from nearharmonic.reproduction.report.plots.panels import span
-from nearharmonic.reproduction.report.tables import ShownTable
+from nearharmonic.reproduction.report.shown import wording
+from nearharmonic.reproduction.report.shown.figures import ShownFigure
+from nearharmonic.reproduction.report.shown.links import Places
+from nearharmonic.reproduction.report.shown.tables import ShownTable
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from nearharmonic.reproduction.experiments.derivation.conditions import Equation
 from nearharmonic.reproduction.experiments.derivation.elimination import eliminate, reduced_system
 from nearharmonic.reproduction.experiments.derivation.families import PRINTED, UNIQUE, agreement
 from nearharmonic.reproduction.experiments.derivation.isolated import _root, solve
-from nearharmonic.reproduction.experiments.derivation.starts import sample, search
+from nearharmonic.reproduction.experiments.derivation.search.starts import sample, search
 
 SEED = 20150106
 

@@ -20,9 +20,9 @@ from nearharmonic.reproduction.experiments.derivation.elimination import elimina
 from nearharmonic.reproduction.experiments.derivation.families import PRINTED, UNIQUE, printed_point, rank_printed
 from nearharmonic.reproduction.experiments.derivation.isolated import reach
 from nearharmonic.reproduction.experiments.derivation.run import derivation, plain
+from nearharmonic.reproduction.experiments.derivation.search.simplex import _Objective, minimise, promising_starts
+from nearharmonic.reproduction.experiments.derivation.search.starts import sample, search
 from nearharmonic.reproduction.experiments.derivation.settings import DerivationSettings
-from nearharmonic.reproduction.experiments.derivation.simplex import _Objective, minimise, promising_starts
-from nearharmonic.reproduction.experiments.derivation.starts import sample, search
 from nearharmonic.reproduction.experiments.derivation.tables import compare
 from nearharmonic.reproduction.tasks.job import covered
 from nearharmonic.reproduction.tasks.provenance import task

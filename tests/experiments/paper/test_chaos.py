@@ -9,8 +9,8 @@ import pytest
 from scipy.stats import t as student
 
 from nearharmonic.engine.runs.problem import Problem
-from nearharmonic.reproduction.experiments.paper import chaos
-from nearharmonic.reproduction.experiments.paper.tangent import follow, tangent_system
+from nearharmonic.reproduction.experiments.paper.orbits import chaos
+from nearharmonic.reproduction.experiments.paper.orbits.tangent import follow, tangent_system
 from nearharmonic.systems import systems
 
 

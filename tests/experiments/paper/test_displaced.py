@@ -7,8 +7,8 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.integrators import integrators
-from nearharmonic.reproduction.experiments.paper import displaced
-from nearharmonic.reproduction.experiments.paper.substeps import PAPER_PANELS, paper_panels
+from nearharmonic.reproduction.experiments.paper.orbits import displaced
+from nearharmonic.reproduction.experiments.paper.orbits.substeps import PAPER_PANELS, paper_panels
 
 ITERATIONS = 100_000
 

@@ -8,8 +8,8 @@ import xarray as xr
 
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.output.table import save
-from nearharmonic.reproduction.experiments.paper.omissions import skipped, summary_line, table_of, totals
-from nearharmonic.reproduction.experiments.paper.plan import Omission
+from nearharmonic.reproduction.experiments.paper.grid.omissions import skipped, summary_line, table_of, totals
+from nearharmonic.reproduction.experiments.paper.grid.plan import Omission
 
 
 def config(system, method, t_end, lowest, highest, precision=("double",)):

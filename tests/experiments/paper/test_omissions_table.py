@@ -12,8 +12,8 @@ import xarray as xr
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.integrators import integrators
 from nearharmonic.output.table import save
-from nearharmonic.reproduction.experiments.paper.omissions import skipped, summary_line, table_of, totals
-from nearharmonic.reproduction.experiments.paper.plan import Omission, plan
+from nearharmonic.reproduction.experiments.paper.grid.omissions import skipped, summary_line, table_of, totals
+from nearharmonic.reproduction.experiments.paper.grid.plan import Omission, plan
 
 CONFIG = (
     (

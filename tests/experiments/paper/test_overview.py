@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from nearharmonic.integrators import integrators
-from nearharmonic.reproduction.experiments.paper import overview
+from nearharmonic.reproduction.experiments.paper.tableaus import overview
 
 
 @pytest.fixture

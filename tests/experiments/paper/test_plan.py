@@ -13,7 +13,7 @@ from nearharmonic.engine.grid import evaluations_of, shard, tau_grid
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.errors import NearharmonicError, SettingError
 from nearharmonic.integrators import integrators
-from nearharmonic.reproduction.experiments.paper.plan import check_sweep, plan, runs_of, shards_of
+from nearharmonic.reproduction.experiments.paper.grid.plan import check_sweep, plan, runs_of, shards_of
 
 SHO = Sweep(
     system="sho",

@@ -16,10 +16,10 @@ from nearharmonic.integrators import integrators
 from nearharmonic.output.dataset import assembled, described
 from nearharmonic.output.store import write
 from nearharmonic.reproduction.experiments.paper import reduce
-from nearharmonic.reproduction.experiments.paper.decompose import harmonic_terms
-from nearharmonic.reproduction.experiments.paper.plan import runs_of, shards_of
+from nearharmonic.reproduction.experiments.paper.grid.plan import runs_of, shards_of
 from nearharmonic.reproduction.experiments.paper.reduce import numbers
 from nearharmonic.reproduction.experiments.paper.run import integrate, integrate_run
+from nearharmonic.reproduction.experiments.paper.tableaus.decompose import harmonic_terms
 from nearharmonic.systems import systems
 from nearharmonic.systems.user_file import SystemDefinition
 

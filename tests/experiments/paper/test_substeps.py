@@ -9,7 +9,7 @@ import pytest
 
 from nearharmonic.errors import SettingError
 from nearharmonic.integrators import integrators
-from nearharmonic.reproduction.experiments.paper.substeps import FOLLOWED, PAPER_PANELS, paper_panels, substeps
+from nearharmonic.reproduction.experiments.paper.orbits.substeps import FOLLOWED, PAPER_PANELS, paper_panels, substeps
 from nearharmonic.systems import systems
 
 EPSILON = 2.0**-52

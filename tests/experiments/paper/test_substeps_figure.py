@@ -14,7 +14,7 @@ from artists import NO_LINE, entries, look
 from figure_cubes import TOY_DRIFT, TOY_KICK, toy_panels
 from nearharmonic.integrators import integrators
 from nearharmonic.reproduction.experiments.paper.figures import fig6_substeps
-from nearharmonic.reproduction.experiments.paper.substeps import paper_panels
+from nearharmonic.reproduction.experiments.paper.orbits.substeps import paper_panels
 
 #: Text of the legend, by whether the drift and the kick of the pair that follows are negative.
 SAYS = {

@@ -8,8 +8,8 @@ import pytest
 from mpmath import mp, mpf
 
 from nearharmonic.integrators import integrators
-from nearharmonic.reproduction.experiments.paper.overview import overview
-from nearharmonic.reproduction.experiments.paper.tables import even_orders, recursion_values, structure
+from nearharmonic.reproduction.experiments.paper.tableaus.overview import overview
+from nearharmonic.reproduction.experiments.paper.tableaus.tables import even_orders, recursion_values, structure
 
 
 def row_of(name):

@@ -7,7 +7,7 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.engine.runs.problem import Problem
-from nearharmonic.reproduction.experiments.paper.tangent import follow, tangent_system
+from nearharmonic.reproduction.experiments.paper.orbits.tangent import follow, tangent_system
 from nearharmonic.systems import System, systems
 
 

@@ -10,7 +10,7 @@ import xarray as xr
 
 import nearharmonic as nh
 from nearharmonic.output.dataset import assembled
-from nearharmonic.reproduction.experiments.trained.contestants import IDEAS
+from nearharmonic.reproduction.experiments.trained.comparison.contestants import IDEAS
 from nearharmonic.reproduction.experiments.trained.ideas.oscillators import (
     CHARGE,
     STRONGEST,

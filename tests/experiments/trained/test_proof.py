@@ -14,7 +14,8 @@ import nearharmonic as nh
 from nearharmonic.errors import SettingError
 from nearharmonic.integrators.modified import method_of
 from nearharmonic.reproduction.config.config import load
-from nearharmonic.reproduction.experiments.trained.contestants import contestants, idea_of, kind_of
+from nearharmonic.reproduction.experiments.trained.comparison.contestants import contestants, idea_of, kind_of
+from nearharmonic.reproduction.experiments.trained.comparison.resampling import _means, resampled_means
 from nearharmonic.reproduction.experiments.trained.problems.named_systems import NAMED, named_ensemble
 from nearharmonic.reproduction.experiments.trained.proof.ensembles import proof_ensembles
 from nearharmonic.reproduction.experiments.trained.proof.reduce import reduce
@@ -22,7 +23,6 @@ from nearharmonic.reproduction.experiments.trained.proof.reductions import gains
 from nearharmonic.reproduction.experiments.trained.proof.run import log_errors, measure
 from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.reproduction.experiments.trained.proof.tables import gain_table, method_table, stretch, verdict
-from nearharmonic.reproduction.experiments.trained.resampling import _means, resampled_means
 from nearharmonic.reproduction.tasks import job
 from plain_runs import (
     henon_heiles_energy,

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.colors import to_rgb
 
 import figure_cubes as made
-from nearharmonic.reproduction.experiments.trained.contestants import IDEAS
+from nearharmonic.reproduction.experiments.trained.comparison.contestants import IDEAS
 from nearharmonic.reproduction.experiments.trained.ideas.figure import LOOKS, trained_ideas
 from nearharmonic.reproduction.experiments.trained.proof.figure import AHEAD, BEST, trained_error, trained_gain
 

@@ -12,14 +12,14 @@ import pytest
 
 from nearharmonic.engine.reference import reference
 from nearharmonic.integrators import integrators
-from nearharmonic.reproduction.experiments.work_precision.peers import PEERS
-from nearharmonic.reproduction.experiments.work_precision.peers.measure import (
+from nearharmonic.reproduction.experiments.work_precision.measure import (
     energy_errors,
     is_installed,
     peer_curve,
     quiet,
     version_of,
 )
+from nearharmonic.reproduction.experiments.work_precision.peers import PEERS
 from nearharmonic.reproduction.experiments.work_precision.peers.numpy import numpy_splitting
 from nearharmonic.reproduction.experiments.work_precision.peers.rebound import _Setup, compiled_force
 from nearharmonic.systems import Parameter, System, systems

@@ -15,13 +15,13 @@ from nearharmonic.engine.reference import reference
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.integrators import integrators
 from nearharmonic.recommendation.curve import Curve
-from nearharmonic.reproduction.experiments.work_precision.peers import LIBRARIES, PEERS
-from nearharmonic.reproduction.experiments.work_precision.peers.measure import (
+from nearharmonic.reproduction.experiments.work_precision.measure import (
     energy_errors,
     is_installed,
     missing,
     peer_curve,
 )
+from nearharmonic.reproduction.experiments.work_precision.peers import LIBRARIES, PEERS
 from nearharmonic.reproduction.experiments.work_precision.peers.numpy import numpy_splitting
 from nearharmonic.reproduction.experiments.work_precision.peers.peer import Attempt, Peer
 from nearharmonic.reproduction.experiments.work_precision.settings import WorkPrecisionSettings
@@ -174,7 +174,7 @@ def test_refining_ends_where_a_run_takes_too_long_and_says_so():
 def test_a_coarse_run_that_goes_astray_for_long_does_not_end_the_refining(monkeypatch):
     clock = iter(range(0, 100, 10))  # each path seems to take ten seconds
     monkeypatch.setattr(
-        "nearharmonic.reproduction.experiments.work_precision.peers.measure.time.perf_counter", lambda: next(clock)
+        "nearharmonic.reproduction.experiments.work_precision.measure.time.perf_counter", lambda: next(clock)
     )
 
     def path(setting):
@@ -219,7 +219,7 @@ def test_lanes_are_timed_where_a_library_has_them_and_nowhere_else():
 def test_a_run_gone_astray_for_long_is_not_timed(monkeypatch):
     clock = iter(range(0, 100, 10))  # each path seems to take ten seconds
     monkeypatch.setattr(
-        "nearharmonic.reproduction.experiments.work_precision.peers.measure.time.perf_counter", lambda: next(clock)
+        "nearharmonic.reproduction.experiments.work_precision.measure.time.perf_counter", lambda: next(clock)
     )
     curve = peer_curve(fake(oscillator_path, settings=(4.0, 1e-2)), systems["sho"], "5", (0.1, 1.0), None, 0.5)
     assert [(p.max_energy_error, p.calls) for p in curve.points] == [(4.0, {})]

@@ -19,7 +19,7 @@ from nearharmonic.reproduction.record.compare.differences import (
     relative_differences,
 )
 from nearharmonic.reproduction.record.compare.tables import table_differences
-from nearharmonic.reproduction.record.texts import Texts
+from nearharmonic.reproduction.record.files.texts import Texts
 
 NUMBERS = st.floats(allow_nan=True, allow_infinity=True, allow_subnormal=True)
 

@@ -7,9 +7,9 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.errors import SettingError
+from nearharmonic.training.tailor.inputs.starts import HALF_EDGE, starts_of
 from nearharmonic.training.tailor.orbit import orbit_of
 from nearharmonic.training.tailor.question import question
-from nearharmonic.training.tailor.starts import HALF_EDGE, starts_of
 from own_systems import spring
 
 

@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple
 
 from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.output.store import workflow_command
-from nearharmonic.reproduction.claims.margins import EXACT, margin
+from nearharmonic.reproduction.claims.judging.margins import EXACT, margin
 from nearharmonic.reproduction.claims.results import Results, Undecided
 
 Verdict = Literal["holds", "holds but for edges", "holds in part", "fails", "erratum", "not decided here"]

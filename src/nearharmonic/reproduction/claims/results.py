@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.store import read
-from nearharmonic.reproduction.record.texts import Texts
+from nearharmonic.reproduction.record.files.texts import Texts
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -128,7 +128,7 @@ class Results:
     @cache  # noqa: B019 - there is one object for each job
     def panels(self) -> dict[str, xr.Dataset]:
         """Return the panels of Figure 6, by letter."""
-        from nearharmonic.reproduction.experiments.paper.substeps import paper_panels
+        from nearharmonic.reproduction.experiments.paper.orbits.substeps import paper_panels
 
         return paper_panels()
 

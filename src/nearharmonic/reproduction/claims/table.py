@@ -11,26 +11,17 @@ from nearharmonic.integrators import integrators as registered
 from nearharmonic.output.table import Table
 from nearharmonic.reproduction.claims.claim import Claim
 from nearharmonic.reproduction.claims.results import Results
-from nearharmonic.reproduction.claims.statements import (
+from nearharmonic.reproduction.claims.statements.equations import decomposition, identities, misprints, search
+from nearharmonic.reproduction.claims.statements.figures import henon_heiles, kepler, oscillator, perihelion, substeps
+from nearharmonic.reproduction.claims.statements.performance import comparisons, conclusions, large_steps
+from nearharmonic.reproduction.claims.statements.tableaus import (
     background,
     coefficients,
-    comparisons,
-    conclusions,
-    decomposition,
-    henon_heiles,
-    identities,
-    kepler,
-    large_steps,
     methods,
-    misprints,
-    oscillator,
-    perihelion,
     roles,
     rounding,
-    search,
     sizes,
     splitting,
-    substeps,
     trained,
 )
 

@@ -20,7 +20,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
     """Return how many files were adopted; the status is 1 if the results are refused."""
     from nearharmonic.errors import RefusedError
     from nearharmonic.reproduction.record.adopt import adopt
-    from nearharmonic.reproduction.record.folders import folder_of
+    from nearharmonic.reproduction.record.files.folders import folder_of
 
     folder = folder_of(chosen.result)
     try:

@@ -19,7 +19,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def answer(chosen: argparse.Namespace) -> Answer:
     """Return where the archive is and how large it is; its status is 1 if the result cannot be archived, with why."""
     from nearharmonic.reproduction.record.archive import pack
-    from nearharmonic.reproduction.record.folders import folder_of
+    from nearharmonic.reproduction.record.files.folders import folder_of
 
     folder = folder_of(chosen.result)
     place = pack.target(folder, chosen.output)

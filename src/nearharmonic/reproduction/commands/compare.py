@@ -27,7 +27,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def answer(chosen: argparse.Namespace) -> Answer:
     """Return a row for each difference; the status is 1 if there is one."""
     from nearharmonic.reproduction.record.compare.comparison import compared
-    from nearharmonic.reproduction.record.folders import folder_of
+    from nearharmonic.reproduction.record.files.folders import folder_of
 
     a, b = folder_of(chosen.a), folder_of(chosen.b)
     figure = None

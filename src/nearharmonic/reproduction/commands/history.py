@@ -23,7 +23,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def answer(chosen: argparse.Namespace) -> Answer:
     """Return a row for each run, or one for each field of the run that ``--full`` names."""
-    from nearharmonic.reproduction.record.folders import RESULTS, folder_of, result_names
+    from nearharmonic.reproduction.record.files.folders import RESULTS, folder_of, result_names
     from nearharmonic.reproduction.record.history import runs_newest_first
 
     names = result_names() if chosen.result is None else [chosen.result]

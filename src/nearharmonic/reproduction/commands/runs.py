@@ -27,7 +27,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def answer(chosen: argparse.Namespace) -> Answer:
     """Return a row for each run that fulfils the condition."""
     from nearharmonic.engine.settings import whole_number
-    from nearharmonic.reproduction.record.folders import folder_of
+    from nearharmonic.reproduction.record.files.folders import folder_of
     from nearharmonic.reproduction.record.query.expression import rows_where
     from nearharmonic.reproduction.record.query.run_table import column_of, order_by, run_table
 

@@ -28,8 +28,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def answer(chosen: argparse.Namespace) -> Answer:
     """Return a row for each fact, and below them lines of Python."""
-    from nearharmonic.reproduction.record import manifest
-    from nearharmonic.reproduction.record.folders import folder_of
+    from nearharmonic.reproduction.record.files import manifest
+    from nearharmonic.reproduction.record.files.folders import folder_of
     from nearharmonic.reproduction.record.query.single import files_of, python_lines, single_run
 
     folder = folder_of(chosen.result)

@@ -23,7 +23,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
     if chosen.result.endswith(".zip"):
         return _of_archive(Path(chosen.result))
     from nearharmonic.engine.settings import whole_number
-    from nearharmonic.reproduction.record.folders import folder_of
+    from nearharmonic.reproduction.record.files.folders import folder_of
     from nearharmonic.reproduction.record.verify import extent, faults, of_other_configs
 
     number, seed = whole_number(chosen.rerun, "rerun"), whole_number(chosen.seed, "seed")

@@ -16,7 +16,7 @@ from nearharmonic.reproduction.experiments.derivation.settings import Derivation
 from nearharmonic.reproduction.experiments.entries import STRICT, Reading, setting, whole_from
 from nearharmonic.reproduction.experiments.exact_oscillator.settings import ExactOscillatorSettings
 from nearharmonic.reproduction.experiments.paper.definitions import define, folders_of, named
-from nearharmonic.reproduction.experiments.paper.plan import check_sweep, fewest_shards
+from nearharmonic.reproduction.experiments.paper.grid.plan import check_sweep, fewest_shards
 from nearharmonic.reproduction.experiments.paper.settings import Summation, SystemSettings
 from nearharmonic.reproduction.experiments.sixth_order.settings import SixthOrderSettings
 from nearharmonic.reproduction.experiments.stability.settings import StabilitySettings

@@ -12,7 +12,7 @@ from typing import Any
 
 from nearharmonic.errors import RefusedError
 from nearharmonic.output.store import DEFAULT_CONFIG
-from nearharmonic.reproduction.record import manifest
+from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.record.verify import faults
 from nearharmonic.reproduction.tasks.provenance import settings_digest
 from nearharmonic.reproduction.tasks.receipts import forget

@@ -14,9 +14,9 @@ import numpy as np
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.output import store
 from nearharmonic.output.dataset import Variables
-from nearharmonic.reproduction.experiments.paper.plan import runs_of
+from nearharmonic.reproduction.experiments.paper.grid.plan import runs_of
 from nearharmonic.reproduction.experiments.paper.run import integrate_run
-from nearharmonic.reproduction.record import manifest
+from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.record.query.run_table import SKIPPED
 from nearharmonic.reproduction.tasks.definitions import defined, read_definitions
 

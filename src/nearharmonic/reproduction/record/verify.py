@@ -11,7 +11,8 @@ from typing import Any
 
 from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.output.store import command_for, workflow_command
-from nearharmonic.reproduction.record import history, manifest
+from nearharmonic.reproduction.record import history
+from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.tasks.definitions import defined, read_definitions
 from nearharmonic.reproduction.tasks.provenance import digests
 from nearharmonic.reproduction.tasks.receipts import identity, measured

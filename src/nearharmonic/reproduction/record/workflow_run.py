@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from nearharmonic.reproduction.config.config import Config
-from nearharmonic.reproduction.experiments.paper.omissions import totals_in
-from nearharmonic.reproduction.record import history, manifest
-from nearharmonic.reproduction.record.fingerprint import fingerprint, machine, revision
+from nearharmonic.reproduction.experiments.paper.grid.omissions import totals_in
+from nearharmonic.reproduction.record import history
+from nearharmonic.reproduction.record.files import manifest
+from nearharmonic.reproduction.record.files.fingerprint import fingerprint, machine, revision
 from nearharmonic.reproduction.tasks.receipts import RUN, receipts_in
 
 
@@ -108,7 +109,7 @@ class WorkflowRun:
         refresh : callable
             Makes the files that show all others again, where one of those is newer.
         makeable, configfiles
-            As for :func:`nearharmonic.reproduction.record.manifest.write`.
+            As for :func:`nearharmonic.reproduction.record.files.manifest.write`.
         """
         with self._warning("the page of results may be old"):
             refresh()

@@ -25,8 +25,8 @@ def filled(values: Mapping[str, Any]) -> str:
     from markupsafe import Markup
 
     from nearharmonic.reproduction.claims.results import short
-    from nearharmonic.reproduction.report import wording
     from nearharmonic.reproduction.report.plots import models
+    from nearharmonic.reproduction.report.shown import wording
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.globals |= {"wording": wording, "short": short}

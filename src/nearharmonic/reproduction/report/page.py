@@ -8,15 +8,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from nearharmonic.reproduction.claims.summary import failures, of_the_paper, sums
+from nearharmonic.reproduction.claims.pages.summary import failures, of_the_paper, sums
 from nearharmonic.reproduction.report import assets
-from nearharmonic.reproduction.report.figures import ShownFigure, interactive, static
-from nearharmonic.reproduction.report.legend import entries
-from nearharmonic.reproduction.report.links import Places
 from nearharmonic.reproduction.report.plots import models
 from nearharmonic.reproduction.report.plots.durations import durations
-from nearharmonic.reproduction.report.results import VERDICTS, ShownResults
-from nearharmonic.reproduction.report.tables import ShownTable
+from nearharmonic.reproduction.report.shown.figures import ShownFigure, interactive, static
+from nearharmonic.reproduction.report.shown.legend import entries
+from nearharmonic.reproduction.report.shown.links import Places
+from nearharmonic.reproduction.report.shown.results import VERDICTS, ShownResults
+from nearharmonic.reproduction.report.shown.tables import ShownTable
 from nearharmonic.reproduction.tasks.receipts import RUN, measures_time
 
 #: Bytes of the page.

@@ -15,7 +15,7 @@ from nearharmonic.engine.settings import checked_count, checked_tau
 from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.numerics.types import Floats
 from nearharmonic.systems.definition.system import System
-from nearharmonic.training.tailor.start_file import least_starts, read_starts
+from nearharmonic.training.tailor.inputs.start_file import least_starts, read_starts
 
 #: Stages of a method of order four that leave coefficients free, and the most that are searched.
 FEWEST_STAGES, MOST_STAGES = 4, 20

@@ -18,6 +18,7 @@ from nearharmonic.training.objective import mean_errors
 from nearharmonic.training.polish import tableau_of
 from nearharmonic.training.population import Ensemble
 from nearharmonic.training.tailor.budget import Budget
+from nearharmonic.training.tailor.inputs.starts import starts_of
 from nearharmonic.training.tailor.orbit import RADIANS, STEP, Orbit, orbit_of
 from nearharmonic.training.tailor.provenance import note_of, source_of
 from nearharmonic.training.tailor.published import (
@@ -32,7 +33,6 @@ from nearharmonic.training.tailor.published import (
 from nearharmonic.training.tailor.question import Question, question
 from nearharmonic.training.tailor.result import Tailored, comparison
 from nearharmonic.training.tailor.search import SearchResult, TailorSearch
-from nearharmonic.training.tailor.starts import starts_of
 
 #: Runs of the test over those of the search.
 LONGER = 4.0

@@ -26,7 +26,7 @@ from nearharmonic.reproduction.experiments.derivation.conditions import (
     polish,
 )
 from nearharmonic.reproduction.experiments.derivation.isolated import IsolatedSolutions, Root
-from nearharmonic.reproduction.experiments.derivation.starts import sample
+from nearharmonic.reproduction.experiments.derivation.search.starts import sample
 
 #: The sets of Nielsen (2015), Table 4, that its conditions fix.
 UNIQUE = tuple(tableau.name for tableau in TABLEAUS if equations_of(tableau).free_parameters == 0)

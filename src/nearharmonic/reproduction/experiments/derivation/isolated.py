@@ -18,7 +18,7 @@ from nearharmonic.exact.newton import rank_and_pivots
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.reproduction.experiments.derivation.conditions import Equations, polish
 from nearharmonic.reproduction.experiments.derivation.elimination import eliminate, reduced_system
-from nearharmonic.reproduction.experiments.derivation.starts import sample, search
+from nearharmonic.reproduction.experiments.derivation.search.starts import sample, search
 
 #: The cases of Nielsen (2015) that leave nothing free, as (stages, harmonic order).
 CASES = ((5, 6), (6, 7), (7, 8))

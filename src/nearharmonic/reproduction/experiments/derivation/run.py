@@ -26,8 +26,8 @@ from nearharmonic.reproduction.experiments.derivation.families import (
     rank_printed,
 )
 from nearharmonic.reproduction.experiments.derivation.isolated import CASES, IsolatedSolutions, Reach, reach, solve
+from nearharmonic.reproduction.experiments.derivation.search.simplex import SimplexRun, simplex_runs
 from nearharmonic.reproduction.experiments.derivation.settings import DerivationSettings
-from nearharmonic.reproduction.experiments.derivation.simplex import SimplexRun, simplex_runs
 
 Report = Callable[[str], None]
 

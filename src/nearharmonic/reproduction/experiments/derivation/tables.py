@@ -14,7 +14,7 @@ from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.output.table import Table
 from nearharmonic.reproduction.experiments.derivation.families import PrintedPoint, Ranking
 from nearharmonic.reproduction.experiments.derivation.isolated import IsolatedSolutions, Reach
-from nearharmonic.reproduction.experiments.derivation.simplex import SimplexRun
+from nearharmonic.reproduction.experiments.derivation.search.simplex import SimplexRun
 from nearharmonic.systems.henon_heiles import SYSTEM
 from nearharmonic.theory.oscillator import harmonic_energy_error
 from nearharmonic.theory.table_4 import table_4

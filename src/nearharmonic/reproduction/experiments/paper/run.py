@@ -12,7 +12,7 @@ from nearharmonic.engine.runs.problem import Problem
 from nearharmonic.engine.runs.sampled import sampled
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.output.dataset import Contents, Variable, Variables, coordinate, counted
-from nearharmonic.reproduction.experiments.paper.plan import Run, runs_of
+from nearharmonic.reproduction.experiments.paper.grid.plan import Run, runs_of
 from nearharmonic.systems import systems
 
 #: Auxiliary coordinates of a run file.

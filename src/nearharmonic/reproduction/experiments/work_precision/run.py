@@ -30,8 +30,8 @@ from nearharmonic.recommendation.curve import (
 )
 from nearharmonic.recommendation.own import ensemble_call, grid, splitting_curve, way_of
 from nearharmonic.recommendation.timings import variables
+from nearharmonic.reproduction.experiments.work_precision.measure import peer_curve, quiet, version_of
 from nearharmonic.reproduction.experiments.work_precision.peers import PEERS
-from nearharmonic.reproduction.experiments.work_precision.peers.measure import peer_curve, quiet, version_of
 from nearharmonic.reproduction.experiments.work_precision.settings import WorkPrecisionSettings
 from nearharmonic.reproduction.tasks.receipts import measures_time
 from nearharmonic.systems import systems

@@ -18,12 +18,13 @@ from zipfile import ZIP_STORED, ZipFile, ZipInfo
 
 from nearharmonic.errors import ResultFileError, SettingError, bad_setting
 from nearharmonic.output.atomic import replacing
-from nearharmonic.reproduction.record import history, manifest
+from nearharmonic.reproduction.record import history
 from nearharmonic.reproduction.record.archive import seal
 from nearharmonic.reproduction.record.archive.metadata import METADATA, Member, Run, format_of, metadata
 from nearharmonic.reproduction.record.archive.readme import readme
 from nearharmonic.reproduction.record.archive.software import DOCUMENTS, document
 from nearharmonic.reproduction.record.archive.user_files import UserFiles
+from nearharmonic.reproduction.record.files import manifest
 
 #: Folder of a result whose files an archive holds only on request: the trajectories.
 RUNS = "runs"

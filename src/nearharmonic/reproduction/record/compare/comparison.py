@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from nearharmonic.output import store
-from nearharmonic.reproduction.record import manifest
 from nearharmonic.reproduction.record.compare.differences import Difference, dataset_differences, missing
 from nearharmonic.reproduction.record.compare.tables import table_differences
+from nearharmonic.reproduction.record.files import manifest
+from nearharmonic.reproduction.record.files.texts import Texts
 from nearharmonic.reproduction.record.history import flattened, newest_finished
 from nearharmonic.reproduction.record.query.run_table import settings_of
-from nearharmonic.reproduction.record.texts import Texts
 from nearharmonic.reproduction.tasks.receipts import WHOLE
 
 Attributes = Mapping[str, Any]

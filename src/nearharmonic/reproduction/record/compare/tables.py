@@ -10,7 +10,7 @@ from math import inf, isfinite
 from typing import Any
 
 from nearharmonic.reproduction.record.compare.differences import Difference, missing
-from nearharmonic.reproduction.record.texts import Texts
+from nearharmonic.reproduction.record.files.texts import Texts
 
 Rows = list[list[str]]
 

@@ -10,7 +10,7 @@ import numpy as np
 from nearharmonic.reproduction.report.plots import panels
 from nearharmonic.reproduction.report.plots.models import Field, Model
 from nearharmonic.reproduction.report.plots.panels import Panel
-from nearharmonic.reproduction.report.wording import moment, told
+from nearharmonic.reproduction.report.shown.wording import moment, told
 
 #: Status of a run -> colour of its bar.
 COLOURS = {"ok": "#2f6db5", "failed": "#c0392b", "killed": "#8a6d00"}

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from nearharmonic.plotting.style import house_style, new_figure, panel_letter
-from nearharmonic.reproduction.experiments.paper.substeps import paper_panels
+from nearharmonic.reproduction.experiments.paper.orbits.substeps import paper_panels
 from nearharmonic.reproduction.tasks.declarations import figure
 
 if TYPE_CHECKING:

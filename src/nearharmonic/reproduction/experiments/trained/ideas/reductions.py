@@ -12,9 +12,14 @@ import numpy as np
 import xarray as xr
 
 from nearharmonic.output.dataset import coordinate, described
-from nearharmonic.reproduction.experiments.trained.contestants import IDEAS
+from nearharmonic.reproduction.experiments.trained.comparison.contestants import IDEAS
+from nearharmonic.reproduction.experiments.trained.comparison.resampling import (
+    CONFIDENCE,
+    RESAMPLES,
+    interval,
+    resampled_means,
+)
 from nearharmonic.reproduction.experiments.trained.ideas.oscillators import CHARGE
-from nearharmonic.reproduction.experiments.trained.resampling import CONFIDENCE, RESAMPLES, interval, resampled_means
 from nearharmonic.reproduction.tasks.reduction import Reductions
 
 reduction = Reductions()

@@ -10,7 +10,7 @@ from nearharmonic.integrators.modified import method_of
 from nearharmonic.numerics.portable import log10
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Contents, Variables, coordinate, method_coordinates, variable
-from nearharmonic.reproduction.experiments.trained.contestants import idea_of
+from nearharmonic.reproduction.experiments.trained.comparison.contestants import idea_of
 from nearharmonic.reproduction.experiments.trained.ideas.oscillators import (
     DIMENSION,
     Scaled,

@@ -6,7 +6,7 @@ from itertools import product
 from typing import TYPE_CHECKING, Any
 
 from nearharmonic.output.table import Table
-from nearharmonic.reproduction.experiments.trained.contestants import IDEAS
+from nearharmonic.reproduction.experiments.trained.comparison.contestants import IDEAS
 
 if TYPE_CHECKING:
     import xarray as xr

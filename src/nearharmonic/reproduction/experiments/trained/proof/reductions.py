@@ -10,7 +10,12 @@ from __future__ import annotations
 import xarray as xr
 
 from nearharmonic.output.dataset import coordinate, described
-from nearharmonic.reproduction.experiments.trained.resampling import CONFIDENCE, RESAMPLES, interval, resampled_means
+from nearharmonic.reproduction.experiments.trained.comparison.resampling import (
+    CONFIDENCE,
+    RESAMPLES,
+    interval,
+    resampled_means,
+)
 from nearharmonic.reproduction.tasks.reduction import Reductions
 
 reduction = Reductions()

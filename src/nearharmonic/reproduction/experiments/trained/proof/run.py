@@ -10,7 +10,7 @@ from nearharmonic.integrators.modified import method_of
 from nearharmonic.numerics.portable import log10
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Contents, coordinate, method_coordinates, variable
-from nearharmonic.reproduction.experiments.trained.contestants import kind_of
+from nearharmonic.reproduction.experiments.trained.comparison.contestants import kind_of
 from nearharmonic.reproduction.experiments.trained.proof.ensembles import proof_ensembles
 from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.training.objective import errors_of

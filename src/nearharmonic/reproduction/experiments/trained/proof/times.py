@@ -21,7 +21,7 @@ from nearharmonic.numerics.clock import Patience, interleaved, pinned, processor
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.store import read
 from nearharmonic.output.table import Table
-from nearharmonic.reproduction.experiments.trained.contestants import kind_of
+from nearharmonic.reproduction.experiments.trained.comparison.contestants import kind_of
 from nearharmonic.reproduction.experiments.trained.proof.ensembles import Trial, proof_ensembles
 from nearharmonic.reproduction.experiments.trained.proof.run import log_errors
 from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings

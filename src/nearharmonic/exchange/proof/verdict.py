@@ -1,0 +1,283 @@
+"""What is proved of the coefficients of a file, and which of its claims hold."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+from nearharmonic.exchange.coefficient_file import HIGHEST_ORDER, CoefficientFile
+from nearharmonic.exchange.composition import (
+    Digits,
+    Step,
+    digits_of,
+    is_palindrome,
+    step_of,
+    with_roles_exchanged,
+)
+from nearharmonic.exchange.proof.nearest import Likeness, nearest
+from nearharmonic.exchange.proof.oscillator import OscillatorStep
+from nearharmonic.exchange.proof.residuals import Order, Residual, proved_order, residuals
+from nearharmonic.exchange.proof.suspects import Rows, Suspect, suspects
+from nearharmonic.integrators.tableau import First
+
+if TYPE_CHECKING:
+    from nearharmonic.exact.decimals import BigFloat
+
+_OTHER: dict[First, First] = {"drift": "kick", "kick": "drift"}
+
+
+#: Digits below which a claim that holds means little.
+FEWEST_DIGITS = 8
+
+
+class Claim(NamedTuple):
+    """A claim of a file, whether it holds, and the proof in one line."""
+
+    says: str
+    holds: bool
+    proof: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is proved of a file.
+
+    Attributes
+    ----------
+    file : CoefficientFile
+        The coefficients and the claims.
+    """
+
+    file: CoefficientFile
+
+    @cached_property
+    def digits(self) -> Digits:
+        """The digits that the coefficients have."""
+        return digits_of(self.file)
+
+    @cached_property
+    def digits_that_hold(self) -> int | None:
+        """The most digits to which all claims hold, None if they hold to all, or to too few to mean anything."""
+        fewer = range(self.digits.number - 1, FEWEST_DIGITS - 1, -1)
+        if self.holds or not _to_digits(self.file, FEWEST_DIGITS).holds:
+            return None
+        return next((n for n in fewer if _to_digits(self.file, n).holds), None)
+
+    @cached_property
+    def step(self) -> Step:
+        """The drifts and kicks of one step."""
+        return step_of(self.file.kick, self.file.drift, self.file.first, self.digits.number)
+
+    @cached_property
+    def sums(self) -> dict[str, Residual]:
+        """The sums of the rows, less 1, by ``drift`` and ``kick``."""
+        drift, kick = residuals(self.step, 1, quadratic=False)
+        return {"kick": kick, "drift": drift}
+
+    @property
+    def is_consistent(self) -> bool:
+        """Whether both sums are 1."""
+        return all(one.vanishes for one in self.sums.values())
+
+    @cached_property
+    def is_symmetric(self) -> bool:
+        """Whether the step reads the same backwards, to its digits."""
+        return is_palindrome(self.step)
+
+    @cached_property
+    def order(self) -> Order:
+        """The order for every separable H."""
+        return proved_order(self.step, HIGHEST_ORDER, quadratic=False)
+
+    @cached_property
+    def quadratic_order(self) -> Order:
+        """The order for every H with T = p.p/2."""
+        return proved_order(self.step, HIGHEST_ORDER, quadratic=True)
+
+    @cached_property
+    def oscillator(self) -> OscillatorStep:
+        """The step on the harmonic oscillator."""
+        return OscillatorStep(self.step)
+
+    @cached_property
+    def stability_limit(self) -> BigFloat | None:
+        """The step size up to which the oscillator is stable, None if the sums are not 1."""
+        return self.oscillator.stability_limit() if self.is_consistent else None
+
+    @cached_property
+    def nearest(self) -> Likeness | None:
+        """The registered method that the coefficients are nearest to."""
+        return nearest(self.step)
+
+    @cached_property
+    def claims(self) -> tuple[Claim, ...]:
+        """The claims of the file, and that the rows sum to 1, which every file of coefficients implies."""
+        return tuple(_claims(self))
+
+    @property
+    def holds(self) -> bool:
+        """Whether all claims hold."""
+        return all(claim.holds for claim in self.claims)
+
+    @cached_property
+    def suspects(self) -> list[Suspect]:
+        """Single mistakes that would explain the claims that do not hold; none if all hold."""
+        if self.holds:
+            return []
+        return suspects(self.file, self.digits.number, self._proves, self._target)
+
+    @property
+    def _target(self) -> int:
+        """The claimed order; without a claim, order 4, which is hardly reached by chance."""
+        return self.file.order or min(max(4, self.quadratic_order.order + 2), HIGHEST_ORDER)
+
+    def _proves(self, rows: Rows) -> bool:
+        """Whether every claim holds of other rows, and they have the order of :attr:`_target`."""
+        step = step_of(rows.kick, rows.drift, rows.first, self.digits.number)
+        symmetric = self.file.symmetric in (None, is_palindrome(step))
+        quadratic = self.file.order is None or self.file.requires is not None
+        reached = proved_order(step, self._target, quadratic=quadratic).order == self._target
+        return symmetric and reached and _role_claims_hold(self.file, step)
+
+    @cached_property
+    def warnings(self) -> list[str]:
+        """What the nearest registered method shows that no claim is about."""
+        return list(_warnings(self))
+
+
+def _to_digits(file: CoefficientFile, digits: int) -> Verdict:
+    return Verdict(replace(file, digits=digits))
+
+
+def _claims(found: Verdict) -> Iterator[Claim]:
+    yield _sums(found)
+    file = found.file
+    if file.symmetric is not None:
+        yield _symmetry(found, claimed=file.symmetric)
+    if file.order is not None:
+        yield _order(found, file.order)
+    if file.harmonic_order is not None:
+        yield _harmonic(found, file.harmonic_order)
+    if file.harmonic_order is not None or (file.order is not None and file.requires is not None):
+        yield from _role(found)
+
+
+def _sums(found: Verdict) -> Claim:
+    parts = (
+        f"{key} 1{float(one.value):+.1e} ({_allowed(one, found.digits)})" if one.value else f"{key} exactly 1"
+        for key, one in found.sums.items()
+    )
+    return Claim("rows sum to 1", found.is_consistent, "; ".join(parts))
+
+
+def _symmetry(found: Verdict, *, claimed: bool) -> Claim:
+    step = found.step
+    pairs = [(a, b) for a, b in zip(step, reversed(step), strict=True) if a.letter == b.letter]
+    worst = max(pairs, key=lambda pair: abs(pair[0].value - pair[1].value), default=None)
+    if worst is None:
+        proof = "the step begins and ends with different operators"
+    elif worst[0].value == worst[1].value:
+        proof = "every coefficient is its mirror image"
+    else:
+        difference = f"{worst[0].place} and its mirror image {worst[1].place} differ by"
+        proof = f"{difference} {abs(float(worst[0].value - worst[1].value)):.1e} (to {found.digits.words})"
+    return Claim(f"symmetric = {str(claimed).lower()}", claimed == found.is_symmetric, proof)
+
+
+def _order(found: Verdict, claimed: int) -> Claim:
+    quadratic = found.file.requires is not None
+    proved = found.quadratic_order if quadratic else found.order
+    kind = "for quadratic kinetic energy" if quadratic else "for every separable H"
+    holds = proved.order >= claimed
+    proof = order_proof(proved, found.digits)
+    if not holds and not quadratic:
+        proof += f"; for quadratic T it is {found.quadratic_order.order}, on the oscillator {found.oscillator.order}"
+    return Claim(f"order = {claimed} {kind}", holds, proof)
+
+
+def order_proof(proved: Order, digits: Digits) -> str:
+    """Return why an order is what it is, in one line."""
+    parts = []
+    if proved.order:
+        largest = "exactly"
+        if proved.largest.value:
+            largest = f"(largest {float(proved.largest.value):.1e}; {_allowed(proved.largest, digits)})"
+        parts.append(f"the conditions up to degree {proved.order} vanish {largest}")
+    if proved.failing is not None:
+        what = "one of degree" if proved.order else "a condition of degree"
+        parts.append(_failure(proved.failing, what, digits))
+    return f"order {proved.order}: {'; '.join(parts)}"
+
+
+def _allowed(one: Residual, digits: Digits) -> str:
+    return f"{digits.words} allow {float(one.allowed):.1e}" if one.allowed else digits.words
+
+
+def _failure(failing: Residual, what: str, digits: Digits) -> str:
+    return f"{what} {failing.degree} is off by {float(failing.value):.1e} ({_allowed(failing, digits)})"
+
+
+def _harmonic(found: Verdict, claimed: int) -> Claim:
+    one = found.oscillator
+    failure = _failure(one.position, "the coefficient of tau to the power", found.digits)
+    proof = f"harmonic order {one.harmonic_order} with the {found.file.first} first: in the new position, {failure}"
+    return Claim(f"harmonic_order = {claimed}", one.harmonic_order >= claimed, proof)
+
+
+def _role(found: Verdict) -> Iterator[Claim]:
+    """The role, where it decides a claim: it is wrong if the claims hold with the roles exchanged alone."""
+    file, first = found.file, found.file.first
+    exchanged = with_roles_exchanged(found.step)
+    own, other = (_role_claims_hold(file, step) for step in (found.step, exchanged))
+    if not (own or other):
+        return
+    shown = ", ".join(
+        f"{_orders_of_role(file, step)} with the {role} first"
+        for step, role in ((found.step, first), (exchanged, _OTHER[first]))
+    )
+    yield Claim(f"first = {first}", own, shown)
+
+
+def _role_claims_hold(file: CoefficientFile, step: Step) -> bool:
+    """Whether the claims that the role decides hold of ``step``."""
+    if file.harmonic_order is not None and OscillatorStep(step).harmonic_order < file.harmonic_order:
+        return False
+    if file.order is None or file.requires is None:
+        return True
+    return proved_order(step, file.order, quadratic=True).order >= file.order
+
+
+def _orders_of_role(file: CoefficientFile, step: Step) -> str:
+    parts = []
+    if file.order is not None and file.requires is not None:
+        parts.append(f"order {proved_order(step, HIGHEST_ORDER, quadratic=True).order} for quadratic T")
+    if file.harmonic_order is not None:
+        parts.append(f"harmonic order {OscillatorStep(step).harmonic_order}")
+    return " and ".join(parts)
+
+
+def _warnings(found: Verdict) -> Iterator[str]:
+    file = found.file
+    if 0 < found.digits.number < FEWEST_DIGITS:
+        yield f"{found.digits.words} allow so much that orders may be proved to them which the method does not have"
+    exchanged = with_roles_exchanged(found.step)
+    quadratic = proved_order(exchanged, HIGHEST_ORDER, quadratic=True).order
+    if quadratic > found.quadratic_order.order:
+        own = f"{found.quadratic_order.order} with the {file.first} first"
+        yield f"for quadratic T the order is {own}, and {quadratic} with the roles exchanged"
+    like = found.nearest
+    if like is None or not like.is_recognised:
+        return
+    name = f"{like.tableau.label} ({like.tableau.name})"
+    if like.exchanged and not any(claim.says.startswith("first") and claim.holds for claim in found.claims):
+        role = like.tableau.first
+        yield f"the {found.file.first} is first here, and the {role} is in {name}, to which the coefficients belong"
+    if like.reversed:
+        yield f"the step is that of {name}, backwards"
+    if like.rescaled:
+        yield f"the rows are those of {name}, times a number"
+    for place, here, there in like.differing:
+        difference = f"they differ by {float(abs(here - there)):.1e}"
+        yield f"{place} = {float(here)!r}, and {float(there)!r} in {name}: {difference}"

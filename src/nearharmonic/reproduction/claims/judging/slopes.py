@@ -1,0 +1,113 @@
+"""Local slopes of errors over step sizes, and over how long a stretch they keep to an order.
+
+All statements about slopes are decided alike. A fit over half a decade would smear the end of one power law with the
+beginning of the next; a local slope and the length of the stretch over which it stays tell both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import log10
+from typing import NamedTuple
+
+import numpy as np
+
+from nearharmonic.numerics import portable
+from nearharmonic.numerics.statistics import power_law
+from nearharmonic.numerics.types import Bools, Floats
+from nearharmonic.reproduction.claims.claim import Decision, Verdict, combined
+from nearharmonic.reproduction.claims.judging.curves import FEWEST, LOST, Curves, Range
+from nearharmonic.reproduction.claims.judging.definitions import SLOPES
+from nearharmonic.reproduction.claims.results import Undecided, label, short
+
+#: Decades on either side of a step size over which its local slope is fitted: five step sizes, forty a decade.
+WINDOW = 0.05
+#: A local slope that is nearer to an order than this is not nearer to another whole number.
+BAND = SLOPES.number
+#: Decades over which slopes have to stay with an order; in part: two windows, which have no step size in common.
+LONG, SHORT = 0.5, 4 * WINDOW
+SLOPE = (
+    f"local slopes of the maximum error within {BAND} of the order over {LONG} decades or more of its range of "
+    f"comparison; in part: over {SHORT:.1f} decades"
+)
+_ROUNDED = 1e-5  # decades: step sizes of a grid are rounded to six digits
+
+
+class Stretch(NamedTuple):
+    """The longest stretch of step sizes per stage without a slope off the band; 0 and 0 if there is none."""
+
+    low: float
+    high: float
+
+    @property
+    def decades(self) -> float:
+        """Its length."""
+        return log10(self.high / self.low) if self.high > 0 else 0.0
+
+    def words(self, unit: str) -> str:
+        """The stretch for a reader."""
+        if self.decades == 0:
+            return "nowhere"
+        return f"τ/s = {short(self.low)} to {short(self.high)}{unit} ({self.decades:.2f} decades)"
+
+
+def local_slopes(curves: Curves, name: str, variable: str = "max_energy_error") -> Floats:
+    """Return the slope around each step size, NaN where fewer than three errors around it are finite or one is not."""
+    found: Floats = curves.kept(("slopes", name, variable), lambda: _local_slopes(curves, name, variable))
+    return found
+
+
+def _local_slopes(curves: Curves, name: str, variable: str) -> Floats:
+    error, places = curves.errors([name], variable)[0], portable.log10(curves.x)
+    found = np.full(curves.x.size, np.nan)
+    for i, place in enumerate(places):
+        near = np.abs(places - place) <= WINDOW + _ROUNDED
+        if near.sum() >= FEWEST and (np.isfinite(error[near]) & (error[near] > 0)).all():
+            found[i] = power_law(curves.x[near], error[near])[0]
+    return found
+
+
+def stretch(asked: Range, slopes: Floats, order: float, band: float) -> Stretch:
+    """Return the longest stretch of the step sizes asked for with slopes within ``band`` of an order."""
+    good: Bools = np.abs(slopes - order) <= band
+    low, high = asked.longest(good)
+    return Stretch(low, high) if high > 0 else Stretch(0.0, 0.0)
+
+
+def truncation_of(curves: Curves, name: str) -> Range:
+    """Return the step sizes at which the error of a method is neither rounding nor above 1 %."""
+    found: Range = curves.kept(("truncation", name), lambda: curves.compared(curves.errors([name])))
+    return found
+
+
+def judged(found: Stretch) -> Verdict:
+    """The verdict on one stretch."""
+    if found.decades >= LONG - _ROUNDED:
+        return "holds"
+    return "holds in part" if found.decades >= SHORT - _ROUNDED else "fails"
+
+
+def orders(curves: Curves, expected: Mapping[str, int], band: float) -> Decision:
+    """Decide whether each method has its order as a slope."""
+    verdicts, told = [], []
+    for name, order in expected.items():
+        found = stretch(truncation_of(curves, name), local_slopes(curves, name), order, band)
+        verdicts.append(judged(found))
+        told.append(f"{label(name)} {order} over {found.words(curves.unit)}")
+    return combined(verdicts, "; ".join(told))
+
+
+def large_steps(curves: Curves, *names: str) -> Range:
+    """Return the step sizes of the decade that ends where the first of some maximum errors passes 1 %.
+
+    Raises
+    ------
+    Undecided
+        There are fewer than three, or none passes it.
+    """
+    end = curves.x[(curves.errors(names) > LOST).any(axis=0)].min(initial=np.inf)
+    asked = (curves.x > end / 10) & (curves.x < end)
+    if asked.sum() < FEWEST or not np.isfinite(end):
+        message = "the results have fewer than three step sizes in the decade below an error of 1 %"
+        raise Undecided(message)
+    return Range(curves.x, asked, curves.unit)

@@ -1,0 +1,1 @@
+"""Pages that show verdicts: sums by kind, README, docs/claims.md."""

@@ -1,0 +1,232 @@
+"""The committed verdicts and the pages that show them.
+
+``python -m nearharmonic.reproduction.claims.pages.documents FILE`` writes all of them.
+
+``docs/claims.json`` is a copy of FILE, the ``tables/claims.json`` of a result in which every target has run. README
+shows some of it, ``docs/claims.md`` all.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from textwrap import wrap
+
+from nearharmonic.output.atomic import write_text
+from nearharmonic.reproduction.claims.judging.definitions import MEANINGS
+from nearharmonic.reproduction.claims.pages.in_short import SYSTEMS, by_system, in_short
+from nearharmonic.reproduction.claims.pages.summary import (
+    FINDING,
+    VERDICTS,
+    Entry,
+    failures,
+    in_words,
+    of_the_paper,
+    sums,
+    tally,
+)
+
+COPY, PAGE, README = "docs/claims.json", "docs/claims.md", "README.md"
+
+#: What README shows: of what, in which words, and the statements; several have a verdict for each system.
+SHOWN = (
+    ("abstract and conclusion", "perform significantly better than previous integrators", ("significantly-better",)),
+    ("", "outperform Ruth", ("outperform-ruth",)),
+    ("", "outperform Kahan's s5odr4", "outperform-kahan"),
+    ("", "outperform the three methods of Blanes", "outperform-blanes"),
+    ("", "compare favorably with Yoshida's sixth order for moderate steps", "yoshida-moderate-steps"),
+    ("", "outperform Ruth by several orders of magnitude", "outperform-ruth"),
+    ("`fig1` oscillator", "four of them behave as sixth order integrators", ("fig-1-sixth-order",)),
+    ("`fig2` terms κ", "κ₇ vanishes for BAB's8o7H, as opposed to ABAs5o6H", ("fig-2-kappa-7",)),
+    ("`fig3` Hénon-Heiles", "BAB's8o7H, BAB's9o7H descend in sixth order for large τ", ("fig-3-sixth-order-descent",)),
+    ("`fig4` perihelion", "ABAs5o6H, ABA104 and BAB's8o7H coincide", ("fig-4-coincide",)),
+    ("`fig5` Sun-Mercury", "ABA104 has the least maximum error", ("fig-5-best-maximum",)),
+    ("", "BAB's9o7H has the least mean error", ("fig-5-best-mean",)),
+    ("`fig6` substeps", "(C) is unstable", ("fig-6-c-unstable",)),
+    ("", "(A), (B) and (D) are stable; (D) in its plane alone: `fig6_displaced`", ("fig-6-others-stable",)),
+)
+
+#: The dozen statements that carry the paper, with which its page begins.
+CARRYING = (
+    "significantly-better", "outperform-ruth", "best-performance", "greatly-and-consistently",
+    "stable-with-large-steps", "fig-1-sixth-order", "fig-2-reads-order", "fig-3-sixth-order-descent",
+    "fig-4-coincide", "fig-5-best-mean", "table-4-solves", "table-4-fourth-order",
+)  # fmt: skip
+
+#: What README says of each failure of substance.
+SUBSTANCE = {
+    "outperform-ruth-kepler": "on the Sun-Mercury system the new methods beat Ruth's by factors and not by several "
+    "orders of magnitude",
+    "bab-prime-leaves-q": "the sets called BAB' leave the error of p, as those called BAB do, and not that of q",
+    "eq-16-general": "Eq. 16 alone does not make a method of fourth order",
+}
+
+#: The table in README and the sentences below it.
+_BLOCK = re.compile(r"^\| of \| the paper says \|.*?^Of the \d+ statements .*?\n\n", re.DOTALL | re.MULTILINE)
+_WIDTH = 118
+
+INTRODUCTION = """# Statements of the paper
+
+Each statement that numbers can decide, in the paper's words, with a verdict computed from the results of
+`snakemake -j2 everything`. `snakemake -j2` writes the same list to `results/<name>/tables/claims.md`, and says of
+statements that need another target which it is. This page is generated from [claims.json](claims.json).
+"""
+
+
+def verdict_table(entries: Sequence[Entry]) -> str:
+    """Return README's table of verdicts, a row a statement, and the sentences below it."""
+    by_id = {entry["id"]: entry for entry in entries}
+    lines = ["| of | the paper says | verdict | measured |", "|---|---|---|---|"]
+    for of, words, ids in SHOWN:
+        if isinstance(ids, str):
+            found = [by_id[f"{ids}-{system}"] for system in SYSTEMS]
+            verdict = ", ".join(
+                f"{name} **{one['verdict']}**" for name, one in zip(SYSTEMS.values(), found, strict=True)
+            )
+            told = (words, verdict, by_system(ids, [one["value"] for one in found]))
+        else:
+            (entry,) = (by_id[name] for name in ids)
+            told = (words, f"**{entry['verdict']}**", in_short(entry["id"], entry["value"]))
+        lines.append(f"| {of} | {' | '.join(map(_cell, told))} |")
+    below = f"{tally(entries)}: [{PAGE}]({PAGE}). {failures_in_words(entries)}"
+    return "\n".join([*lines, "", *wrap(below, _WIDTH, break_on_hyphens=False), "", ""])
+
+
+def failures_in_words(entries: Sequence[Entry]) -> str:
+    """Return what fails in substance, in a sentence."""
+    failing = {entry["id"] for entry in failures(entries)}
+    said = [words for name, words in SUBSTANCE.items() if name in failing]
+    number = {1: "One fails", 2: "Two fail", 3: "Three fail"}.get(len(said), f"{len(said)} fail")
+    return f"{number} in substance: {'; '.join(said)}." if said else "None fails in substance."
+
+
+def page(entries: Sequence[Entry]) -> str:
+    """Return the page of all statements, in Markdown; no line is longer than a screen."""
+    by_id = {entry["id"]: entry for entry in entries}
+    lines = [INTRODUCTION, *_wrapped(f"{tally(entries)}. {failures_in_words(entries)}"), *_table_of_sums(entries)]
+    lines += ["## The statements that carry the paper", ""]
+    lines += [line for name in CARRYING for line in _in_short(by_id[name])]
+    lines += ["## What general words and the verdicts mean", ""]
+    lines += [line for meaning in MEANINGS for line in _item(f"{meaning.words}.")]
+    lines += ["", "## All statements", ""]
+    lines += [line for section, found in _by_section(entries).items() for line in _folded(section, found)]
+    lines += ["## Findings of this project", "", "They are no statements of the paper and not counted.", ""]
+    lines += [line for entry in entries if entry["kind"] == FINDING for line in _told(entry)]
+    return "\n".join(lines)
+
+
+def _table_of_sums(entries: Sequence[Entry]) -> list[str]:
+    shown = [verdict for verdict in VERDICTS if any(entry["verdict"] == verdict for entry in of_the_paper(entries))]
+    lines = [f"| kind | statements | {' | '.join(VERDICTS[verdict] for verdict in shown)} |"]
+    lines.append("|---|" + "---:|" * (len(shown) + 1))
+    for kind, count, found in sums(entries):
+        lines.append(f"| {kind} | {count} | {' | '.join(str(found[verdict] or '') for verdict in shown)} |")
+    return [*lines, ""]
+
+
+#: The section in which an equation, table or figure stands, by its kind and the last number of each.
+_PLACES = {
+    "Eq": ((4, "Section 2"), (17, "Section 3"), (20, "Section 4.B")),
+    "Table": ((1, "Section 2"), (3, "Section 3"), (4, "Section 4.A")),
+    "Figure": ((6, "Section 4.B"),),
+}
+_TITLES = {
+    "Abstract": "Abstract",
+    "Section 1": "Section 1, Introduction",
+    "Section 2": "Section 2, Fundamental theorems",
+    "Section 3": "Section 3, Methods",
+    "Section 4.A": "Section 4.A, Obtained splitting coefficients",
+    "Section 4.B": "Section 4.B, Numerical tests",
+    "Section 5": "Section 5, Discussion",
+    "Section 6": "Section 6, Conclusion",
+}
+
+
+def section_of(place: str) -> str:
+    """Return the section of a place in the paper: that which it names, or that of its equation, table or figure."""
+    named = re.match(r"(Abstract|Section \d(?:\.[AB])?)", place)
+    if named:
+        return named[1]
+    ((kind, number),) = re.findall(r"^(Eq|Table|Figure)\.? (\d+)", place)
+    return next(section for last, section in _PLACES[kind] if int(number) <= last)
+
+
+def _by_section(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
+    """The statements of the paper by section, in its order."""
+    found: dict[str, list[Entry]] = {section: [] for section in _TITLES}
+    for entry in of_the_paper(entries):
+        found[section_of(entry["paper"]["section"])].append(entry)
+    return {section: those for section, those in found.items() if those}
+
+
+def _folded(section: str, entries: Sequence[Entry]) -> Iterator[str]:
+    verdicts = Counter(entry["verdict"] for entry in entries)
+    yield from ("<details>", f"<summary>{_TITLES[section]}: {in_words(verdicts)}</summary>", "")
+    for entry in entries:
+        yield from _told(entry)
+    yield from ("</details>", "")
+
+
+def _in_short(entry: Entry) -> Iterator[str]:
+    """A statement, its verdict and what was measured."""
+    yield from _item(f"“{entry['paper']['sentence']}” ({entry['paper']['section']}; `{entry['id']}`): ")
+    yield ""
+    first, *rest = _lines(f"{entry['verdict']}: {entry['value']}.")
+    yield f"  {first.replace(entry['verdict'], '**' + entry['verdict'] + '**', 1)}"
+    yield from (f"  {line}" for line in rest)
+    yield ""
+
+
+def _told(entry: Entry) -> Iterator[str]:
+    """A statement, its verdict, what was measured and what was asked."""
+    yield f"**{entry['verdict']}** · `{entry['id']}` · {entry['kind']} · {entry['paper']['section']}"
+    yield ""
+    yield from (f"> {line}" for line in _lines(f"“{entry['paper']['sentence']}”"))
+    yield ""
+    needs = f" From {', '.join(f'`{name}`' for name in entry['needs'])}." if entry["needs"] else ""
+    yield from _item(f"Read as: {entry['statement']}.")
+    yield from _item(f"Measured: {entry['value']}.")
+    yield from _item(f"Asked: {entry['threshold']}.{needs}")
+    yield from _item(f"Margin: {entry['margin']}.")
+    yield ""
+
+
+def _item(text: str) -> list[str]:
+    first, *rest = _lines(text)
+    return [f"- {first}", *(f"  {line}" for line in rest)]
+
+
+def _lines(text: str) -> list[str]:
+    return wrap(_escaped(text), _WIDTH, break_on_hyphens=False, break_long_words=False)
+
+
+def _wrapped(text: str) -> list[str]:
+    return [*wrap(text, _WIDTH, break_on_hyphens=False), ""]
+
+
+def _escaped(text: str) -> str:
+    """Text in which Markdown finds no marks but those of code."""
+    parts = text.split("`")
+    return "`".join(part if i % 2 else re.sub(r"([|*_\[\]])", r"\\\1", part) for i, part in enumerate(parts))
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", r"\|")
+
+
+def write_documents(source: Path, root: Path = Path()) -> None:
+    """Copy the verdicts in ``source`` to the folder ``root``, and write README's table and the page from them."""
+    text = source.read_text(encoding="utf-8")
+    entries = json.loads(text)
+    readme = (root / README).read_text(encoding="utf-8")
+    write_text(root / COPY, text)
+    write_text(root / PAGE, page(entries))
+    write_text(root / README, _BLOCK.sub(lambda _: verdict_table(entries), readme, count=1))
+
+
+if __name__ == "__main__":
+    write_documents(Path(sys.argv[1]))

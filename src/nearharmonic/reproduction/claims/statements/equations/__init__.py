@@ -1,0 +1,1 @@
+"""Statements about equations, and their misprints."""

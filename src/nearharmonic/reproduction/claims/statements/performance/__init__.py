@@ -1,0 +1,1 @@
+"""Statements that compare methods over systems."""

@@ -1,0 +1,1 @@
+"""Statements about methods and their coefficients."""

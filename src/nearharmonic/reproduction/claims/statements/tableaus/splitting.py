@@ -1,0 +1,217 @@
+"""Sections 1 and 2: signs of coefficients, symmetric compositions, stages."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from itertools import zip_longest
+from math import isnan
+
+from nearharmonic.integrators import BENCHMARKED
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.reproduction.claims.claim import Decision, claim, counted, either
+from nearharmonic.reproduction.claims.judging.definitions import APPROXIMATELY
+from nearharmonic.reproduction.claims.results import Results, short
+from nearharmonic.systems import System, henon_heiles, kepler, sho
+
+
+@claim(
+    id="negative-coefficients",
+    paper="Section 1",
+    sentence="Non-gradient splitting methods of orders higher than two always involve negative coefficients",
+    kind="background",
+    statement="Splitting methods of orders higher than two always involve negative coefficients",
+    threshold="at least one negative coefficient in each registered method of order above 2; it is a theorem "
+    "(Sheng 1989, Suzuki 1991), which allows no exception",
+)
+def negative_coefficients(results: Results) -> Decision:
+    high = [method for method in results.methods.values() if method.order > 2]
+    without = [m.name for m in high if not any(float(c) < 0 for c in (*m.kick, *m.drift))]
+    return either(not without, f"{len(high) - len(without)} of {len(high)} registered methods of order above 2")
+
+
+@claim(
+    id="sums-are-one",
+    paper="Section 2, above Eq. 2",
+    sentence="A set of real numbers exist (c₁, c₂, ..., c_k) and (d₁, d₂, ..., d_k), referred to as splitting "
+    "coefficients, that satisfy Σ c_i = Σ d_i = 1",
+    kind="mathematics",
+    statement="The coefficients c sum to 1, and so do the coefficients d",
+    threshold="for every registered method both sums are 1 within a unit of the last decimal of its source for each "
+    "coefficient, in exact arithmetic",
+)
+def sums_are_one(results: Results) -> Decision:
+    off = {
+        method.name: max(abs(sum(map(Fraction, row), Fraction(-1))) / len(row) for row in (method.kick, method.drift))
+        for method in results.methods.values()
+    }
+    good = [off[method.name] <= Fraction(1, 10**method.digits) for method in results.methods.values()]
+    value = f"{sum(good)} of {len(good)} methods; worst sum off by {short(float(max(off.values())), 1)} per coefficient"
+    return counted(good, value)
+
+
+@claim(
+    id="even-orders",
+    paper="Section 3, below Table 3",
+    sentence="Symmetric coefficients omit odd order error terms",
+    kind="mathematics",
+    statement="The order of a symmetric method is even",
+    threshold="for every registered symmetric method the order, the order for quadratic T and the harmonic order of "
+    "the energy are even, proved in exact arithmetic; what the paper concludes for Eq. 16 is another statement",
+    needs=("tables/integrators.csv",),
+)
+def even_orders(results: Results) -> Decision:
+    rows = [row for row in results.rows("integrators") if row["symmetric"] == "yes"]
+    columns = ("order", "Nystrom order", "harmonic order of energy")
+    odd = [row["integrator"] for row in rows if any(int(row[column]) % 2 for column in columns)]
+    return counted([not odd, len(odd) < len(rows)], f"{len(rows) - len(odd)} of {len(rows)} methods")
+
+
+@claim(
+    id="table-1",
+    paper="Table 1",
+    sentence="Table 1 summarizes the symmetric structures of the ABA- and BAB-composition",
+    kind="mathematics",
+    statement="ABA: d_i = d_(k-i), c_i = c_(k+1-i), d_k = 0; BAB: d_i = d_(k+1-i), c_i = c_(k-i), c_k = 0",
+    threshold="for Ruth's method, equal in all decimals",
+    needs=("tables/table1_structure.csv",),
+)
+def table_1(results: Results) -> Decision:
+    rows = results.rows("table1_structure")
+    good = [
+        _mirrored(rows, "ABA d value", shorter=True),
+        _mirrored(rows, "ABA c value", shorter=False),
+        _mirrored(rows, "BAB d value", shorter=False),
+        _mirrored(rows, "BAB c value", shorter=True),
+    ]
+    return counted(good, f"{sum(good)} of 4 rows of Ruth's method read the same in both directions")
+
+
+def _mirrored(rows: list[dict[str, str]], column: str, *, shorter: bool) -> bool:
+    values = [row[column] for row in rows]
+    if shorter:
+        *values, padding = values
+        return padding == "0" and values == values[::-1]
+    return values == values[::-1]
+
+
+@claim(
+    id="time-reversible",
+    paper="Section 2, below Eq. 3",
+    sentence="SIs are time reversible if the symplectic coefficients are symmetric",
+    kind="mathematics",
+    statement="Symmetric integrators are time reversible: z(0) → z(τ) can be exactly reverted",
+    threshold="n steps forward and n steps back return to the start within n roundings of a step, times the growth of "
+    "errors along the run",
+    bound=1.0,
+    needs=("tables/structure.csv",),
+    target="stability",
+)
+def time_reversible(results: Results, share: float) -> Decision:
+    return _within(results, ("return error", "return bound"), "return error", share)
+
+
+def _within(results: Results, columns: tuple[str, str], word: str, most: float) -> Decision:
+    """Compare a column of the table of structure with its bound in another, a row a run."""
+    pairs = [(float(row[columns[0]]), float(row[columns[1]])) for row in results.rows("structure")]
+    shares = [
+        value / bound for value, bound in pairs if not isnan(value)
+    ]  # no return is measured of asymmetric methods
+    good = [share <= most for share in shares]
+    return counted(good, f"{sum(good)} of {len(good)} runs; largest {word} {short(max(shares), 2)} of the bound")
+
+
+@claim(
+    id="symplectic",
+    paper="Section 1",
+    sentence="due to their structure-preserving properties",
+    kind="background",
+    statement="The integrators preserve the symplectic structure",
+    threshold="JᵀΩJ = Ω for the tangent map J of each run in double-double, within a random walk of its roundings",
+    bound=1.0,
+    needs=("tables/structure.csv",),
+    target="stability",
+)
+def symplectic(results: Results, share: float) -> Decision:
+    return _within(results, ("symplectic defect", "symplectic walk"), "defect", share)
+
+
+@claim(
+    id="first-same-as-last",
+    paper="Section 2, above Table 1",
+    sentence="The number of stages is defined as s = k - 1 for symmetric coefficients due to the first same as last "
+    "property",
+    kind="mathematics",
+    statement="A symmetric method of k pairs of coefficients costs s = k - 1 derivative evaluations a step",
+    threshold="three steps of every registered symmetric method evaluate the gradient of V 3s times, and once more if "
+    "a kick comes first, counted by a stepper that keeps the last gradient; k is the length of the longer row",
+)
+def first_same_as_last(results: Results) -> Decision:
+    good = []
+    for method in filter(_is_symmetric, results.methods.values()):
+        k = max(len(method.kick), len(method.drift))
+        good.append(gradients(method, steps=3) == 3 * (k - 1) + (len(method.kick) == k))
+    return counted(good, f"{sum(good)} of {len(good)} methods")
+
+
+def _is_symmetric(method: Tableau) -> bool:
+    return all(
+        Fraction(a) == Fraction(b) for row in (method.kick, method.drift) for a, b in zip(row, row[::-1], strict=True)
+    )
+
+
+def gradients(method: Tableau, steps: int) -> int:
+    """Count the gradients of V = q^2/2 that some steps ask for if the last one is kept while q is the same."""
+    pairs = list(zip_longest(map(float, method.kick), map(float, method.drift), fillvalue=0.0))
+    count, kept, q, p = 0, None, 1.0, 0.0
+    for _ in range(steps):
+        for d, c in pairs:
+            if method.first == "drift":
+                q += 0.1 * c * p
+            if d and kept != q:
+                kept, count = q, count + 1
+            p -= 0.1 * d * q
+            if method.first == "kick":
+                q += 0.1 * c * p
+    return count
+
+
+@claim(
+    id="cost-proportional-to-stages",
+    paper="Section 2, above Table 1",
+    sentence="The computational cost of SIs is approximately proportional to the number of derivative evaluations "
+    "(stages)",
+    kind="background",
+    statement="The operations of a step per stage are approximately equal for all ten methods",
+    threshold="arithmetic operations of a step, divided by its stages: the largest of the ten methods at most 1.26 "
+    f"times the smallest, on each system; {APPROXIMATELY.brief}",
+    bound=APPROXIMATELY.number,
+)
+def cost_proportional(results: Results, most: float) -> Decision:
+    ratios = {}
+    for name, system in (("oscillator", sho), ("Hénon-Heiles", henon_heiles), ("Sun-Mercury", kepler)):
+        costs = [operations(results.method(one), system.SYSTEM) / results.method(one).stages for one in BENCHMARKED]
+        ratios[name] = max(costs) / min(costs)
+    told = ", ".join(f"{name} {short(ratio)}" for name, ratio in ratios.items())
+    return counted([ratio <= most for ratio in ratios.values()], f"largest over least: {told}")
+
+
+class Counted:
+    """A number that counts the operations made with it and others that share its counter."""
+
+    def __init__(self, counter: list[int]) -> None:
+        self.counter = counter
+
+    def _one(self, *_: object) -> Counted:
+        self.counter[0] += 1
+        return self
+
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = __neg__ = sqrt = _one
+
+
+def operations(method: Tableau, system: System) -> int:
+    """Count the operations of a step: its gradients of V, and two for each coordinate of a kick or drift."""
+    counter = [0]
+    q = tuple(Counted(counter) for _ in range(system.dimension))
+    assert system.grad_V is not None
+    system.grad_V(q, *(Counted(counter) for _ in system.parameters))
+    return method.stages * counter[0] + 2 * system.dimension * (len(method.kick) + len(method.drift))

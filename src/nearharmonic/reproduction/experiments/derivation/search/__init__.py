@@ -1,0 +1,1 @@
+"""Searches for solutions: random starts, the adaptive simplex, their kernels."""

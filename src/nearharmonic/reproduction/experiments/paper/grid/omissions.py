@@ -1,0 +1,175 @@
+"""What was left out of the computation, why, and how many force evaluations that saved: as CSV, and in one line."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from nearharmonic.engine.grid import evaluations_of, steps_of, tau_grid
+from nearharmonic.engine.settings import PRECISIONS, Sweep
+from nearharmonic.errors import NearharmonicError
+from nearharmonic.integrators import integrators as methods_by_name
+from nearharmonic.output.store import read
+from nearharmonic.output.table import Table
+from nearharmonic.reproduction.experiments.paper.grid.plan import Omission, plan
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: What stands for system, integrator and precision in the rows of totals.
+ALL = "all"
+#: The rows of totals, by their ``what``.
+DONE, FULL, SAVED = "done", "full grid", "saved"
+FULL_GRID = "every step size in double and extended, each observable in a pass of its own, no early stop"
+NOT_ASKED = "the config does not ask for this precision"
+
+
+def skipped(sweeps: Sequence[Sweep], methods: Sequence[str], cubes: Mapping[str, xr.Dataset]) -> list[Omission]:
+    """What the plan left out, and what its runs in ``cubes`` (by system) spared by ending early."""
+    not_asked = (row for sweep in sweeps for name in methods for row in _not_asked(sweep, name))
+    ended = (row for system, cube in cubes.items() for row in _ended_early(system, cube))
+    return [*plan(sweeps, methods).omissions, *not_asked, *ended]
+
+
+def totals(rows: Sequence[Omission], cubes: Mapping[str, xr.Dataset]) -> list[Omission]:
+    """Over all systems: what was done, what the full grid would have cost, and the saving by reason, largest first.
+
+    The full grid is every step size in both precisions to the end of its interval. To the runs that were made it adds
+    what they share: the second pass over Kepler orbits, and the forces that one step hands on to the next.
+    """
+    done = [run for cube in cubes.values() for _, _, runs in _distinct(cube) for run in runs]
+    saved: dict[str, tuple[int, int]] = {}
+    for row in rows:
+        because = f"{row.what}: {row.reason}"
+        runs, evaluations = saved.get(because, (0, 0))
+        saved[because] = runs + row.runs, evaluations + row.evaluations
+    made = sum(evaluations for _, evaluations, _ in done)
+    ordered = sorted(saved.items(), key=lambda entry: -entry[1][1])
+    planned = len(done) + sum(row.runs for row in rows if row.what.startswith("runs "))
+    return [
+        _total(DONE, "", len(done), made),
+        _total(FULL, FULL_GRID, planned, made + sum(row.evaluations for row in rows)),
+        *(_total(SAVED, reason, *counts) for reason, counts in ordered),
+    ]
+
+
+class Totals(NamedTuple):
+    """Totals of the table: ``runs`` and evaluations ``done``, those of the ``full`` grid, those ``saved`` by reason."""
+
+    runs: int
+    done: int
+    full: int
+    saved: dict[str, int]
+
+
+def totals_in(text: str) -> Totals:
+    """Return the totals of the table whose CSV is ``text``.
+
+    Raises
+    ------
+    NearharmonicError
+        It lacks a total, or a number.
+    """
+    try:
+        rows = {(row["what"], row["reason"]): row for row in csv.DictReader(io.StringIO(text)) if row["system"] == ALL}
+        done, full = rows[DONE, ""], rows[FULL, FULL_GRID]
+        saved = {reason: int(row["evaluations"]) for (what, reason), row in rows.items() if what == SAVED}
+        return Totals(int(done["runs"]), int(done["evaluations"]), int(full["evaluations"]), saved)
+    except (csv.Error, KeyError, TypeError, ValueError) as error:
+        message = "the table of what was skipped holds no totals"
+        raise NearharmonicError(message) from error
+
+
+def summary_line(path: str | os.PathLike[str]) -> str:
+    """The totals of the table at ``path`` in one line."""
+    _, done, full, saved = totals_in(Path(path).read_text(encoding="utf-8"))
+    shares = (f"{number / full:.2g} ({reason})" for reason, number in saved.items())
+    return (
+        f"{done:.3g} force evaluations done, {done / full:.2g} of the {full:.3g} of the full grid; "
+        f"saved: {', '.join(shares)}; {os.fspath(path)}"
+    )
+
+
+def table(sweeps: Sequence[Sweep], integrators: Sequence[str], **cubes: str) -> dict[str, Table]:
+    """Make the table of what was left out.
+
+    Parameters
+    ----------
+    sweeps : sequence of Sweep
+        What is asked of each system.
+    integrators : sequence of str
+        Names of the methods.
+    **cubes
+        File of the cube of each system, by its name.
+
+    Returns
+    -------
+    dict
+        ``table``: each omission, then the totals over all systems.
+    """
+    found = {system: read(path) for system, path in cubes.items()}
+    rows = skipped(sweeps, integrators, found)
+    return {"table": table_of([*rows, *totals(rows, found)])}
+
+
+def table_of(rows: Sequence[Omission]) -> Table:
+    """Return ``rows`` under the names of their members."""
+    header = [member.name for member in fields(Omission)]
+    caption = "What was left out of the computation, why, and how many force evaluations that saved."
+    return Table(header=header, rows=[list(asdict(row).values()) for row in rows], caption=caption)
+
+
+def _not_asked(sweep: Sweep, name: str) -> Iterator[Omission]:
+    """One row for each precision that ``sweep`` leaves aside."""
+    tableau = methods_by_name[name]
+    grid = tau_grid(sweep.lowest, sweep.highest, sweep.points_per_decade)
+    for precision in PRECISIONS:
+        if precision not in sweep.precision:
+            yield Omission(
+                system=sweep.system,
+                integrator=name,
+                precision=precision,
+                what=f"runs in {precision} precision",
+                reason=NOT_ASKED,
+                runs=len(grid),
+                evaluations=sum(evaluations_of(tableau, steps_of(sweep.t_end, t * tableau.stages)) for t in grid),
+            )
+
+
+def _ended_early(system: str, cube: xr.Dataset) -> Iterator[Omission]:
+    """One row for each integrator and precision with runs that left their energy surface."""
+    for precision, name, runs in _distinct(cube):
+        left = [(steps, evaluations) for steps, evaluations, status in runs if status == "diverged"]
+        if left:
+            yield Omission(
+                system=system,
+                integrator=name,
+                precision=precision,
+                what="the rest of a run",
+                reason="it left its energy surface",
+                runs=len(left),
+                evaluations=sum(evaluations_of(methods_by_name[name], steps) - made for steps, made in left),
+            )
+
+
+def _distinct(cube: xr.Dataset) -> Iterator[tuple[str, str, list[tuple[int, int, str]]]]:
+    """(precision, integrator, [(steps, evaluations, status)]) of the runs made: one for equal numbers of steps."""
+    for precision in cube.precision.values:
+        for name in cube.integrator.values:
+            runs: Any = cube.sel(precision=precision, integrator=name)
+            kept = np.flatnonzero(runs.status.values != "skipped")
+            _, first = np.unique(runs.steps.values[kept], return_index=True)
+            columns = (runs[key].values[kept][first].tolist() for key in ("steps", "evaluations", "status"))
+            yield str(precision), str(name), list(zip(*columns, strict=True))
+
+
+def _total(what: str, reason: str, runs: int, evaluations: int) -> Omission:
+    where = {"system": ALL, "integrator": ALL, "precision": ALL}
+    return Omission(**where, what=what, reason=reason, runs=runs, evaluations=evaluations)

@@ -1,0 +1,1 @@
+"""Single orbits: substeps in phase space, paths beside the plane, Lyapunov exponents."""

@@ -1,0 +1,98 @@
+"""Panel D of Figure 6 from starts beside the plane q_x = 0: there the paths leave their energy surface in the end."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from nearharmonic.engine.batch.batch import integrate_batch
+from nearharmonic.engine.batch.results import Trajectories
+from nearharmonic.engine.grid import evaluations_of, tau_grid
+from nearharmonic.engine.numbers.initial_values import start_array
+from nearharmonic.engine.settings import Numerics
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.output.dataset import Contents, Variables, coordinate, variable
+from nearharmonic.reproduction.experiments.paper.orbits.substeps import PAPER_PANELS
+
+#: Initial q_x.
+DISPLACEMENTS = ("0", "1e-12", "1e-6", "1e-3", "1e-2")
+SUMS = ("compensated", "plain")
+#: Samples in each factor of ten of the iterations.
+PER_DECADE = 24
+
+
+def displaced(integrator: str, iterations: int) -> dict[str, Contents]:
+    """Return the contents of the file ``cube``: :func:`displaced_paths` of panel D.
+
+    Parameters
+    ----------
+    integrator : str
+        Name of the method.
+    iterations : int
+        Steps of each run.
+    """
+    tableau, (_, panel) = integrators[integrator], PAPER_PANELS["D"]
+    system = panel["system"]
+    variables = displaced_paths(tableau, panel, iterations)
+    attributes = {
+        "system": system.name, "system_label": system.label, "integrator": tableau.name, "label": tableau.label,
+        "tau": panel["tau"], "iterations": iterations, "surface_limit": system.surface_limit,
+    }  # fmt: skip
+    left_at = variables["left_at"][1].ravel().tolist()
+    evaluations = sum(evaluations_of(tableau, n or iterations) for n in left_at)
+    return {"cube": Contents(variables=variables, attributes=attributes, evaluations=evaluations)}
+
+
+def displaced_paths(tableau: Tableau, panel: dict[str, Any], iterations: int) -> Variables:
+    """Integrate a panel with each of :data:`DISPLACEMENTS` in place of q_x = 0, with either summation.
+
+    Parameters
+    ----------
+    tableau : Tableau
+        Method.
+    panel : dict
+        System, start in the plane q_x = p_x = 0 and step size, as in ``substeps.PAPER_PANELS``.
+    iterations : int
+        Steps of each run.
+
+    Returns
+    -------
+    Variables
+        Over (displacement, summation): ``left_at`` and ``max_energy_error``; and over iterations evenly spaced in the
+        logarithm ``block_max_energy_error`` and ``q_x``, NaN once the path has left its energy surface.
+    """
+    samples = {round(n) for n in tau_grid(1, iterations, PER_DECADE)} | {iterations}
+    marks = np.array([0, *sorted(samples)])
+    paths = [_integrated(tableau, panel, summation, marks) for summation in SUMS]
+
+    def of_runs(key: str) -> Any:
+        return np.stack([getattr(path, key) for path in paths], axis=1)
+
+    over, unit = ("displacement", "summation"), panel["system"].units["q"]
+    return {
+        **coordinate("displacement", np.array(DISPLACEMENTS, dtype=float), "initial q_x", unit),
+        **coordinate("summation", SUMS, "summation of the steps"),
+        **coordinate("iteration", marks[1:], "number of the iteration"),
+        "left_at": variable(over, of_runs("left_at"), "iteration that left the energy surface, 0 if none did"),
+        "max_energy_error": variable(
+            over, of_runs("max_energy_error"), "maximum of |H - H0|/|H0| over every iteration, inf if one left"
+        ),
+        "block_max_energy_error": variable(
+            (*over, "iteration"), of_runs("block_max")[..., 1:], "maximum of |H - H0|/|H0| since the previous sample"
+        ),
+        "q_x": variable((*over, "iteration"), of_runs("q")[..., 1:, 0], "q_x", unit),
+    }
+
+
+def _integrated(tableau: Tableau, panel: dict[str, Any], summation: str, marks: np.ndarray[Any, Any]) -> Trajectories:
+    """The runs with one summation, sampled at ``marks``, of which the last is their number of steps."""
+    system, (q_y, p_y), runs = panel["system"], map(str, panel["start"]), len(DISPLACEMENTS)
+    starts = [start_array(system, (q_x, q_y), ("0", p_y), plain=summation == "plain") for q_x in DISPLACEMENTS]
+    steps = int(marks[-1])
+    return integrate_batch(
+        system, tableau, t_end=Fraction(panel["tau"]) * steps, steps=[steps] * runs, samples=2,
+        numerics=Numerics(summation=summation), start=np.concatenate(starts), marks=np.tile(marks, (runs, 1)),
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""Tables of methods, and their error terms on the oscillator."""

@@ -1,0 +1,1 @@
+"""Which methods are compared, and intervals by resampling."""

@@ -1,0 +1,131 @@
+"""The manifest of a folder of results: size, digest and origin of every file, as the job left it that made it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from nearharmonic.errors import ResultFileError
+from nearharmonic.output.atomic import write_text
+from nearharmonic.output.store import command_for
+from nearharmonic.reproduction.record.files.fingerprint import digest_of
+from nearharmonic.reproduction.record.history import HISTORY
+from nearharmonic.reproduction.tasks.receipts import measured, receipts_in
+
+MANIFEST = "manifest.json"
+FORMAT = "nearharmonic manifest 1"
+#: What no manifest lists: it changes with every run.
+LEFT_OUT = (HISTORY, MANIFEST)
+LOGS = "logs"
+
+
+def read(folder: Path) -> dict[str, Any]:
+    """Return the manifest of ``folder``, without its own SHA-256, which is compared.
+
+    Returns
+    -------
+    dict
+        ``format``; ``configfiles``; ``files``, the entries by name; and names of files: those ``changed`` since their
+        jobs wrote them, those of a ``former`` config, and those ``unrecorded``, of which no receipt is left.
+
+    Raises
+    ------
+    ResultFileError
+        It is missing or no manifest; the message names the command that makes it again.
+    """
+    place = folder / MANIFEST
+    try:
+        found = json.loads(place.read_text(encoding="utf-8"))
+        if found.pop("sha256") == digest_of(found) and all(map(_is_inside, found["files"])):
+            return {"configfiles": [], "former": [], "unrecorded": [], **found}
+        complaint = "is damaged"
+    except FileNotFoundError:
+        complaint = "does not exist"
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        complaint = "is damaged"
+    message = f"{place} {complaint}. Make it again: {command_for(folder / 'report.html')}"
+    raise ResultFileError(message)
+
+
+def _is_inside(name: str) -> bool:
+    """Whether a file of this name is in the folder of results: a manifest from elsewhere could name any other."""
+    path = PurePosixPath(name)
+    return not path.is_absolute() and ".." not in path.parts
+
+
+def write(folder: Path, makeable: Collection[str] | None = None, configfiles: Sequence[str] = ()) -> list[str]:
+    """Write the manifest of ``folder`` from its receipts, and from the manifest before it where a receipt is lost.
+
+    A file that is missing stays listed as long as a job of the present config makes it.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of results.
+    makeable : collection of str, optional
+        Names of all files that jobs of the present config make; any by default.
+    configfiles : sequence of str
+        Files of the present config; none if not known.
+
+    Returns
+    -------
+    list of str
+        Names of files whose bytes are not those that their job wrote, sorted. Their entries keep the digest of what
+        the job wrote.
+
+    Raises
+    ------
+    OSError
+        The manifest cannot be written.
+    """
+    entries = entries_of(folder)
+    there = set(names_in(folder))
+    wanted = there if makeable is None else there | set(makeable)
+    entries = {name: entries[name] for name in sorted(entries) if makeable is None or name in wanted}
+    changed = [name for name, entry in entries.items() if name in there and _is_changed(folder / name, entry)]
+    for entry in entries.values():
+        entry.pop("modified", None)  # a clock, of use on this machine alone
+    document = {
+        "format": FORMAT,
+        "configfiles": list(configfiles),
+        "files": entries,
+        "changed": changed,
+        "former": [] if makeable is None else sorted(entries.keys() - set(makeable)),
+        "unrecorded": [] if makeable is None else sorted((there & set(makeable)) - entries.keys()),
+    }
+    write_text(folder / MANIFEST, sealed(document))
+    return changed
+
+
+def entries_of(folder: Path) -> dict[str, dict[str, Any]]:
+    """Return what is recorded of each file of ``folder`` by now: by the jobs, or by the manifest before them."""
+    try:
+        entries = dict(read(folder)["files"])
+    except ResultFileError:
+        entries = {}
+    for receipt in receipts_in(folder):
+        entries.update(receipt)
+    return entries
+
+
+def sealed(document: Mapping[str, Any]) -> str:
+    """Return the text of a manifest: ``document`` and, at its end, the SHA-256 of it."""
+    return json.dumps({**document, "sha256": digest_of(document)}, indent=1) + "\n"
+
+
+def names_in(folder: Path) -> Iterator[str]:
+    """Yield the names of all files that a manifest is to list, those of unfinished writers left out."""
+    for place in sorted(folder.rglob("*")):
+        name = place.relative_to(folder)
+        if name.parts[0] != LOGS and str(name) not in LEFT_OUT and not place.name.endswith(".part") and place.is_file():
+            yield name.as_posix()
+
+
+def _is_changed(place: Path, entry: dict[str, Any]) -> bool:
+    """Whether a file differs from what its job wrote; one of the same size and time counts as the same."""
+    state = place.stat()
+    if (state.st_size, state.st_mtime_ns) == (entry["size"], entry.get("modified")):
+        return False
+    return bool(measured(place)["sha256"] != entry["sha256"])

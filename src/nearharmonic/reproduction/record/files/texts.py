@@ -1,0 +1,54 @@
+"""Tables, documents and pictures of a result, each compared with its record before anything in it is believed."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from nearharmonic.errors import ResultFileError
+from nearharmonic.output.store import command_for
+from nearharmonic.reproduction.record.files import manifest
+
+
+class Texts:
+    """The text files of a folder of results.
+
+    Parameters
+    ----------
+    folder : Path
+        ``results/<name>``.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    @cached_property
+    def _entries(self) -> dict[str, dict[str, Any]]:
+        return manifest.entries_of(self._folder)
+
+    def read(self, name: str) -> str:
+        """Return the text of the file ``name``, relative to the folder.
+
+        Raises
+        ------
+        ResultFileError
+            It is missing, no text, or not what the job wrote that made it; the message holds the command that makes it
+            again.
+        """
+        place = self._folder / name
+        try:
+            content = place.read_bytes()
+            if name in self._entries and sha256(content).hexdigest() != self._entries[name]["sha256"]:
+                raise self.unusable(name, "is damaged: its bytes are not those that its job wrote")
+            return content.decode()
+        except FileNotFoundError:
+            raise self.unusable(name, "does not exist") from None
+        except (OSError, UnicodeDecodeError) as error:
+            raise self.unusable(name, "cannot be read") from error
+
+    def unusable(self, name: str, complaint: str) -> ResultFileError:
+        """The error for the file ``name``."""
+        place = self._folder / name
+        return ResultFileError(f"{place} {complaint}. Make it again: {command_for(place)}")

@@ -1,0 +1,70 @@
+"""Links from the claims to the figures and tables of the page that show their numbers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from nearharmonic.reproduction.report.shown.figures import ShownFigure
+from nearharmonic.reproduction.report.shown.tables import ShownTable
+
+#: A piece of text, and the anchor that it links to, "" if it is no link.
+Piece = tuple[str, str]
+
+#: Figures and tables that the text of a claim names.
+_NAMED = re.compile(r"\b(Figures?|Figs?\.|Tables?)\s+(\d+(?:(?:,\s*|\s*(?:and|to|-|–)\s*)\d+)*)")
+_NUMBERED = re.compile(r"(figure|table)-(\d+)")
+
+
+class Places:
+    """Where the page shows what.
+
+    Parameters
+    ----------
+    figures, tables : iterable
+        All that the page shows.
+    """
+
+    def __init__(self, figures: Iterable[ShownFigure], tables: Iterable[ShownTable]) -> None:
+        self._shown: dict[str, list[Piece]] = {}
+        self._anchors: set[str] = set()
+        for figure in figures:
+            self._add(f"cubes/{figure.cube}.h5", figure.anchor, figure.title)
+        for table in tables:
+            name = table.file.rpartition("/")[2].partition(".")[0]
+            self._add(table.file, table.anchor, f"table of {name.replace('_', ' ')}")
+
+    def _add(self, file: str, anchor: str, title: str) -> None:
+        numbered = _NUMBERED.fullmatch(anchor)
+        self._anchors.add(anchor)
+        self._shown.setdefault(file, []).append(
+            (f"{numbered[1].capitalize()} {numbered[2]}" if numbered else title, anchor)
+        )
+
+    def pieces(self, claim: Mapping[str, Any]) -> list[Piece]:
+        """Return the place of ``claim`` in the paper, with links to the figures and tables that it names.
+
+        If it names none of the page, those follow that show the files which the claim needs.
+        """
+        pieces = self._named(str(claim["paper"]["section"]))
+        if any(anchor for _, anchor in pieces):
+            return pieces
+        shown = dict.fromkeys(piece for file in claim["needs"] for piece in self._shown.get(str(file), []))
+        for i, piece in enumerate(shown):
+            pieces += [(", " if i else "; shown in ", ""), piece]
+        return pieces
+
+    def _named(self, text: str) -> list[Piece]:
+        pieces: list[Piece] = []
+        end = 0
+        for named in _NAMED.finditer(text):
+            kind = "table" if named[1].startswith("Table") else "figure"
+            for number in re.finditer(r"\d+", named[2]):
+                anchor = f"{kind}-{number[0]}"
+                if anchor in self._anchors:
+                    begin = named.start(2) + number.start() if number.start() else named.start()
+                    stop = named.start(2) + number.end()
+                    pieces += [(text[end:begin], ""), (text[begin:stop], anchor)]
+                    end = stop
+        return [piece for piece in [*pieces, (text[end:], "")] if piece[0]]

@@ -1,0 +1,167 @@
+"""What the page shows of a folder of results: its claims, tables, figures and runs, read as plain files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from fnmatch import fnmatch
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from nearharmonic.errors import NearharmonicError, ResultFileError
+from nearharmonic.output.store import attributes_of
+from nearharmonic.reproduction.claims.claim import OPEN
+from nearharmonic.reproduction.experiments.paper.grid.omissions import Totals, totals_in
+from nearharmonic.reproduction.record import history
+from nearharmonic.reproduction.record.files import manifest
+from nearharmonic.reproduction.record.files.texts import Texts
+from nearharmonic.reproduction.report.shown.tables import ShownTable, tables_of
+from nearharmonic.reproduction.tasks.declarations import Declaration, figures_of
+
+#: Verdicts in the order of the page, each with the name of its look.
+VERDICTS = {
+    "holds": "holds",
+    "holds but for edges": "edges",
+    "holds in part": "part",
+    "fails": "fails",
+    "erratum": "erratum",
+    OPEN: "open",
+}
+
+
+class ShownResults:
+    """A folder of results.
+
+    Parameters
+    ----------
+    folder : Path
+        ``results/<name>``.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._texts = Texts(folder)
+
+    @cached_property
+    def claims(self) -> list[dict[str, Any]]:
+        """The objects of ``tables/claims.json``.
+
+        Raises
+        ------
+        ResultFileError
+            The file is missing or holds something else; the message names the command that makes it again.
+        """
+        name = "tables/claims.json"
+        text = self._texts.read(name)
+        try:
+            found = list(json.loads(text))
+            known = all(claim["verdict"] in VERDICTS and claim["paper"]["sentence"] for claim in found)
+        except (ValueError, KeyError, TypeError) as error:
+            raise self._texts.unusable(name, "is damaged") from error
+        if not known:
+            raise self._texts.unusable(name, f"has a verdict that is none of {', '.join(VERDICTS)}")
+        return found
+
+    @cached_property
+    def figures(self) -> list[Declaration]:
+        """The declared figures that have been drawn: those with a number first, if the paper's systems are here."""
+        cubes = [path.stem for path in sorted((self.folder / "cubes").glob("*.h5"))]
+        drawn = [
+            one
+            for one in figures_of("reproduction.experiments", cubes, cubes)
+            if (self.folder / self.drawing(one.stem)).is_file()
+        ]
+        numbered = {one.cube for one in drawn if one.profile and number_of(one)}  # the same drawing under two names
+        distinct = {
+            one.stem: one for one in drawn if number_of(one) or not (one.profile and one.cube in numbered)
+        }.values()
+        later = bool(numbered)  # figures without a number
+        return sorted(distinct, key=lambda one: ((number_of(one) is None) is later, number_of(one) or 0, one.stem))
+
+    @property
+    def has_systems_of_the_paper(self) -> bool:
+        """Whether a figure of one of the paper's systems has been drawn."""
+        return any(one.profile and number_of(one) for one in self.figures)
+
+    @staticmethod
+    def drawing(stem: str) -> str:
+        """The name of the SVG file of a figure."""
+        return f"figures/{stem}.svg"
+
+    def svg(self, stem: str) -> str:
+        """Return the text of the SVG file of a figure.
+
+        Raises
+        ------
+        ResultFileError
+            It is missing or damaged; the message names the command that makes it again.
+        """
+        return self._texts.read(self.drawing(stem))
+
+    def cube(self, name: str) -> Path:
+        """The place of a cube."""
+        return self.folder / "cubes" / f"{name}.h5"
+
+    @cached_property
+    def labels(self) -> dict[str, str]:
+        """Labels of the systems that have a cube, by name."""
+        attributes = {place.stem: attributes_of(place) for place in sorted((self.folder / "cubes").glob("*.h5"))}
+        return {stem: told["system_label"] for stem, told in attributes.items() if "system_label" in told}
+
+    def stems(self, folder: str, suffix: str, patterns: Sequence[str]) -> list[str]:
+        """Names of the files below ``folder`` that match one of ``patterns``, sorted by pattern and name."""
+        found = sorted(path.stem for path in (self.folder / folder).glob(f"*{suffix}"))
+        return list(dict.fromkeys(stem for pattern in patterns for stem in found if fnmatch(stem, pattern)))
+
+    def tables(self, patterns: Sequence[str], without: Sequence[str] = ()) -> list[ShownTable]:
+        """Read the tables whose file names match one of ``patterns`` and none of ``without``.
+
+        Two never have the same anchor.
+        """
+        stems = [stem for stem in self.stems("tables", ".csv", patterns) if not any(fnmatch(stem, o) for o in without)]
+        found = [one for stem in stems for one in self._tables_of(stem)]
+        taken: set[str] = set()
+        for i, one in enumerate(found):
+            if one.anchor in taken:
+                found[i] = replace(one, anchor=f"{one.anchor}-{i}")
+            taken.add(found[i].anchor)
+        return found
+
+    def _tables_of(self, stem: str) -> list[ShownTable]:
+        return tables_of(self._texts, stem, has_markdown=(self.folder / "tables" / f"{stem}.md").is_file())
+
+    @cached_property
+    def saving(self) -> Totals:
+        """The totals of ``tables/skipped.csv``."""
+        name = "tables/skipped.csv"
+        text = self._texts.read(name)
+        try:
+            return totals_in(text)
+        except NearharmonicError as error:
+            raise self._texts.unusable(name, "holds no totals") from error
+
+    @cached_property
+    def changed(self) -> list[str]:
+        """Files that differ from what their jobs wrote, as the manifest of the last finished run has it."""
+        try:
+            return [str(name) for name in manifest.read(self.folder).get("changed", [])]
+        except ResultFileError:
+            return []
+
+    @cached_property
+    def finished(self) -> list[dict[str, Any]]:
+        """The lines of the history, oldest first."""
+        return history.runs_of(self.folder)
+
+    def run(self, identity: str | None) -> dict[str, Any] | None:
+        """The run with this id, going on or finished; None if nothing is recorded of it."""
+        runs = [*history.running_in(self.folder), *reversed(self.finished)]
+        return next((run for run in runs if run["id"] == identity), None)
+
+
+def number_of(figure: Declaration) -> int | None:
+    """Its number in the paper, None if it has none."""
+    digits = figure.target.removeprefix("fig")
+    return int(digits) if digits.isdigit() else None

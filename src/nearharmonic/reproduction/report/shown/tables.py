@@ -1,0 +1,81 @@
+"""Tables of the page, from the CSV files of the results, or from their Markdown where that is a document of its own."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from nearharmonic.reproduction.record.files.texts import Texts
+from nearharmonic.reproduction.report.shown import wording
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShownTable:
+    """A table of the page.
+
+    Attributes
+    ----------
+    anchor : str
+        Id of its element: "table-4" for the paper's Table 4.
+    caption : str
+        What it shows.
+    header : sequence of str
+        Names of the columns.
+    rows : sequence of sequences of str
+        Cells as readers see them.
+    file : str
+        The file that holds every digit, relative to the folder of results.
+    """
+
+    anchor: str
+    caption: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    file: str
+
+
+def tables_of(texts: Texts, stem: str, *, has_markdown: bool) -> list[ShownTable]:
+    """Read the table ``tables/<stem>.csv``, with the caption above its Markdown.
+
+    Where the Markdown has headings, it is a digest of a long table, and its own tables are returned.
+
+    Raises
+    ------
+    ResultFileError
+        A file is missing, damaged or no table; the message names the command that makes it again.
+    """
+    file, anchor = f"tables/{stem}.csv", _anchor_of(stem)
+    said = texts.read(f"tables/{stem}.md").splitlines() if has_markdown else []
+    if said and said[0].startswith("# "):
+        return [
+            ShownTable(anchor=anchor, caption=f"{said[0][2:]}; {caption}", header=header, rows=rows, file=file)
+            for caption, header, rows in _digests(said)
+        ]
+    lines = list(csv.reader(texts.read(file).splitlines()))
+    if not lines or any(len(line) != len(lines[0]) for line in lines):
+        raise texts.unusable(file, "holds no table")
+    header, *rows = lines
+    caption = said[0] if said else stem.replace("_", " ").capitalize()
+    shown = [[wording.cell(text) for text in row] for row in rows]
+    return [ShownTable(anchor=anchor, caption=caption, header=header, rows=shown, file=file)]
+
+
+def _digests(lines: Iterable[str]) -> Iterator[tuple[str, list[str], list[list[str]]]]:
+    """The tables of a Markdown text, each with the heading that it stands under."""
+    heading, rows = "", []
+    for line in [*lines, ""]:
+        if line.startswith("|"):
+            rows.append([cell.strip().strip("*`") for cell in line.strip("| ").split("|")])
+            continue
+        if rows:
+            yield heading, rows[0], rows[2:]
+            rows = []
+        if line.startswith("## "):
+            heading = line[3:].strip()
+
+
+def _anchor_of(stem: str) -> str:
+    name, _, rest = stem.partition("_")
+    digits = name.removeprefix("table")
+    return f"table-{digits}" if digits.isdigit() and rest != "derived" else f"table-{stem}"

@@ -1,0 +1,69 @@
+"""Numbers, times and verdicts in the words of the page."""
+
+from __future__ import annotations
+
+import re
+from datetime import datetime
+from typing import Any
+
+from nearharmonic.reproduction.claims.pages.summary import VERDICTS
+
+#: A number as Python writes a float; one of more digits is a decimal that is exact on purpose.
+_FLOAT = re.compile(r"-?\d+(\.\d+)?(e[+-]?\d+)?")
+_MOST_DIGITS_OF_A_FLOAT = 17
+#: Digits that a reader sees of a float.
+_SHOWN = 4
+
+
+def cell(text: str) -> str:
+    """Return a cell of a CSV file as readers see it: a float to four digits, anything else as it is."""
+    if not _FLOAT.fullmatch(text) or ("." not in text and "e" not in text):
+        return text
+    digits = re.sub(r"e.*|\D", "", text).lstrip("0")
+    return f"{float(text):.{_SHOWN}g}" if _SHOWN < len(digits) <= _MOST_DIGITS_OF_A_FLOAT else text
+
+
+def is_number(text: str) -> bool:
+    """Whether a cell holds a number, nan or an infinity."""
+    return bool(_FLOAT.fullmatch(text)) or text in {"nan", "inf", "-inf"}
+
+
+def seconds(number: float | None) -> str:
+    """Return a duration in seconds in the units that people use, "not known" for None."""
+    if number is None:
+        return "not known"
+    if number < 60:
+        return f"{number:.3g} s"
+    minutes, rest = divmod(round(number), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s"
+
+
+def moment(stamp: str | None) -> str:
+    """Return a time stamp in UTC to the second, "not known" if it is none."""
+    try:
+        return f"{datetime.fromisoformat(stamp or ''):%Y-%m-%d %H:%M:%S} UTC"
+    except ValueError:
+        return "not known"
+
+
+def percent(share: float) -> str:
+    """Return a share as a percentage of two digits, "below 0.01 %" if it is that small."""
+    return f"{100 * share:.2g} %" if share >= 1e-4 or share == 0 else "below 0.01 %"
+
+
+def verdict(name: str, number: int) -> str:
+    """Return a verdict on ``number`` statements: 1 holds, 2 hold."""
+    return name if number == 1 else VERDICTS[name].removeprefix("are ")
+
+
+def counted(number: int, one: str, more: str = "") -> str:
+    """Return ``number`` with its noun: 1 claim, 2 claims."""
+    return f"{number} {one if number == 1 else more or one + 's'}"
+
+
+def told(value: Any) -> str:
+    """Return a value of a run's record as text: "not known" for None."""
+    if value is None or value == "":
+        return "not known"
+    return " ".join(map(str, value)) if isinstance(value, list) else str(value)

@@ -1,0 +1,1 @@
+"""Starts that a method is tailored on."""
