@@ -86,12 +86,16 @@ def test_readme_links_to_every_page(page):
 def test_readme_names_modules_that_exist():
     (listing,) = re.findall(r"```\n(Snakefile.*?)```", README, flags=re.DOTALL)
     package = listing[listing.index("src/nearharmonic/") : listing.index("tests/")]
-    names = re.findall(r"(?<!\S)(\w+(?:\.py|/))(?= {2,})", package)
-    rooms = {f"{path.parent.name}/" for path in (ROOT / "src/nearharmonic").glob("*/__init__.py")}
-    assert rooms
-    assert rooms <= set(names)
-    for name in names:
-        assert (ROOT / "src/nearharmonic" / name).exists(), name
+    named = {"": set(), "reproduction/": set()}
+    for line in package.splitlines()[1:]:
+        room = "reproduction/" if line.startswith("    ") else ""
+        named[room] |= set(re.findall(r"(?<!\S)(\w+(?:\.py|/))(?= )", line[: 26 if room else 24]))
+    for room, names in named.items():
+        rooms = {f"{path.parent.name}/" for path in (ROOT / "src/nearharmonic" / room).glob("*/__init__.py")}
+        assert rooms
+        assert rooms <= names
+        for name in names:
+            assert (ROOT / "src/nearharmonic" / room / name).exists(), name
 
 
 def tables_of_times():
