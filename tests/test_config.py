@@ -11,7 +11,7 @@ import yaml
 from jsonschema import Draft202012Validator
 
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.reproduction.config.config import load
+from nearharmonic.reproduction.config.reading import load
 from nearharmonic.reproduction.config.schema import key_table, schema
 
 ROOT = Path(__file__).parents[1]

@@ -8,7 +8,7 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.reproduction.config.config import load
+from nearharmonic.reproduction.config.reading import load
 
 GRID = {"lowest": 0.05, "highest": 0.5, "points_per_decade": 4}
 WELL = (Path(__file__).parents[1] / "examples" / "quartic_well.py").read_text(encoding="utf-8")

@@ -11,7 +11,7 @@ import pytest
 
 import nearharmonic as nh
 from configs_by_file import CONFIG, EXAMPLES, GRID, METHOD, WELL, changed, enter, refused, under
-from nearharmonic.reproduction.config.config import load
+from nearharmonic.reproduction.config.reading import load
 from nearharmonic.reproduction.experiments.paper.grid.plan import runs_of
 from nearharmonic.reproduction.experiments.paper.run import integrate_run
 from nearharmonic.reproduction.tasks.definitions import defined, read_definitions

@@ -9,7 +9,7 @@ import pytest
 
 import nearharmonic as nh
 from configs_by_file import CONFIG, METHOD, WELL, changed, enter, refused, under
-from nearharmonic.reproduction.config.config import load
+from nearharmonic.reproduction.config.reading import load
 from nearharmonic.reproduction.tasks.cubes import cubes_of
 
 

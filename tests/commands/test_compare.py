@@ -16,7 +16,7 @@ import result_folder
 from nearharmonic.cli import main
 from nearharmonic.engine.runs.description import STATUSES
 from nearharmonic.output import store
-from nearharmonic.reproduction.config.config import load
+from nearharmonic.reproduction.config.reading import load
 from result_folder import CLAIMS, VERSIONS, config, edited, history_line, write_claims, write_history, write_manifest
 
 ROOT = Path(__file__).parents[2]

@@ -14,7 +14,7 @@ from nearharmonic.cli import main
 from nearharmonic.commands import new
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.integrators import integrators
-from nearharmonic.reproduction.config.config import read
+from nearharmonic.reproduction.config.reading import read
 from nearharmonic.systems import systems
 
 #: A line of a template that is an argument of the entry in a comment.

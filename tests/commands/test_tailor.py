@@ -92,7 +92,7 @@ def test_export_writes_the_file_as_data(place, capsys):
 
 def test_a_config_names_the_file(place):
     from nearharmonic.integrators.user_file import expanded
-    from nearharmonic.reproduction.config.config import read
+    from nearharmonic.reproduction.config.reading import read
 
     Path("mine.yaml").write_text(
         f"name: mine\nintegrators: [ruth, {place}]\nsystems:\n  henon_heiles:\n    t_end: 30\n"

@@ -13,7 +13,8 @@ from mpmath import mpf
 
 from nearharmonic.core.arithmetic import sqrt
 from nearharmonic.core.formulas.expression.derivative import gradient, hessian_vector
-from nearharmonic.core.formulas.expression.graph import Expression, Graph, Sum, value_of
+from nearharmonic.core.formulas.expression.graph import Expression, Graph, value_of
+from nearharmonic.core.formulas.expression.nodes import Sum
 from nearharmonic.core.formulas.expression.polynomial import is_quadratic, shortest_program
 from nearharmonic.core.formulas.expression.writer import program
 from nearharmonic.core.formulas.number import Constant, FormulaError

@@ -14,7 +14,7 @@ import yaml
 from matplotlib.image import imread
 
 import nearharmonic as nh
-from nearharmonic.reproduction.config.config import load
+from nearharmonic.reproduction.config.reading import load
 from nearharmonic.systems.user_file import load_system
 
 ROOT = Path(__file__).parents[2]

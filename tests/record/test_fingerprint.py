@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 import nearharmonic
-from nearharmonic.reproduction.config.config import load
+from nearharmonic.reproduction.config.reading import load
 from nearharmonic.reproduction.record.files import fingerprint
 from nearharmonic.reproduction.record.files.fingerprint import package_digest, revision
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from nearharmonic.reproduction.config.config import load
+from nearharmonic.reproduction.config.reading import load
 from nearharmonic.reproduction.record import history
 from nearharmonic.reproduction.record.files import fingerprint, manifest
 from nearharmonic.reproduction.record.workflow_run import WorkflowRun

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from nearharmonic.integrators import BENCHMARKED
-from nearharmonic.reproduction.config.config import load
+from nearharmonic.reproduction.config.reading import load
 from nearharmonic.reproduction.experiments.paper.grid.plan import plan
 
 ROOT = Path(__file__).parents[2]

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from nearharmonic.output.store import read_precisions
-from nearharmonic.reproduction.config.config import load
+from nearharmonic.reproduction.config.reading import load
 from nearharmonic.reproduction.experiments.paper.grid.plan import plan
 from targets import METHODS, RECORD, figures
 

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from nearharmonic.output.store import read
-from nearharmonic.reproduction.config.config import load
+from nearharmonic.reproduction.config.reading import load
 from nearharmonic.reproduction.experiments.trained.comparison.contestants import contestants, kind_of
 from targets import DECOMPOSED, MADE, METHODS, STRUCTURE_T_END
 

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.reproduction.config.config import load
+from nearharmonic.reproduction.config.reading import load
 from workflow_project import ROOT
 
 SMOKE = ("--configfile", "config/smoke.yaml")

@@ -6,7 +6,7 @@ installed in, whose versions ``constraints.txt`` pins and every result file reco
 
 from snakemake.exceptions import WorkflowError
 
-from nearharmonic.reproduction.config.config import load
+from nearharmonic.reproduction.config.reading import load
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.reproduction.experiments.paper.grid.plan import shards_of
 from nearharmonic.reproduction.tasks.declarations import figures_of

@@ -64,7 +64,7 @@ def _configured(system: str, place: Path) -> tuple[str | None, str]:
 
     From then on the registries hold what the config defines.
     """
-    from nearharmonic.reproduction.config.config import read
+    from nearharmonic.reproduction.config.reading import read
 
     config = read(place)
     ends = {sweep.system: sweep.t_end for sweep in config.sweeps}

@@ -22,7 +22,6 @@ MOST_SAMPLES = 10**7
 WIDTH = 8
 #: Eight such registers.
 MOST_LANES = 64
-
 #: Threads of an ensemble.
 MOST_THREADS = 1024
 

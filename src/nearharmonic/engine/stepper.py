@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nearharmonic.core.layout import ADVANCE, STEP
-from nearharmonic.engine.batch.batch import parameters_at_run_time
 from nearharmonic.engine.batch.kernels import kernel_of, physics_of
+from nearharmonic.engine.batch.parameters import parameters_at_run_time
 from nearharmonic.engine.numbers.coefficients import exact_products
 from nearharmonic.engine.numbers.modified_moves import exact_moves, modified_moves
 from nearharmonic.engine.runs.continuation import start_of

@@ -293,8 +293,7 @@ def _step_size(tau: BigFloat) -> BigFloat:
         except (TypeError, ValueError):
             step = inf
     if not (isfinite(step) and step > 0):
-        key = "tau"
-        raise bad_setting(key, tau, "a finite number above 0")
+        raise bad_setting("tau", tau, "a finite number above 0")
     return step
 
 

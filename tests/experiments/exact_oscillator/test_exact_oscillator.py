@@ -14,7 +14,7 @@ import yaml
 import nearharmonic as nh
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.output.store import read
-from nearharmonic.reproduction.config.config import load
+from nearharmonic.reproduction.config.reading import load
 from nearharmonic.reproduction.experiments.exact_oscillator import times
 from nearharmonic.reproduction.experiments.exact_oscillator.reduce import reduce
 from nearharmonic.reproduction.experiments.exact_oscillator.reductions import crossing, reduction

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.reproduction.config.config import load
+from nearharmonic.reproduction.config.reading import load
 
 ROOT = Path(__file__).parents[3]
 SMALL = {

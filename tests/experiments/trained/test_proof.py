@@ -13,7 +13,7 @@ import yaml
 import nearharmonic as nh
 from nearharmonic.errors import SettingError
 from nearharmonic.integrators.modified import method_of
-from nearharmonic.reproduction.config.config import load
+from nearharmonic.reproduction.config.reading import load
 from nearharmonic.reproduction.experiments.trained.comparison.contestants import contestants, idea_of, kind_of
 from nearharmonic.reproduction.experiments.trained.comparison.resampling import _means, resampled_means
 from nearharmonic.reproduction.experiments.trained.problems.named_systems import NAMED, named_ensemble

@@ -15,12 +15,8 @@ from nearharmonic.core.arithmetic import dd_mul, quick_two_sum, two_product, two
 from nearharmonic.core.functions import coefficients as table
 from nearharmonic.core.functions.emit import called
 from nearharmonic.core.functions.reduction import for_all_angles
+from nearharmonic.core.functions.roots import cbrt, hypot
 from nearharmonic.core.functions.steps import (
-    MANTISSA,
-    ONE_BITS,
-    ROUNDER,
-    ROUNDER_BITS,
-    SMALLEST_NORMAL,
     clamped,
     exponent_and_mantissa,
     horner,
@@ -28,7 +24,6 @@ from nearharmonic.core.functions.steps import (
     polynomial,
     power_of_two,
     scaled,
-    unit_scale,
 )
 from nearharmonic.core.machine.values import LLVMBits, LLVMMask, LLVMValue
 
@@ -231,58 +226,6 @@ def tanh(x: LLVMValue) -> LLVMValue:
     large = 1.0 - quotient
     large = large + (((1.0 - large) - quotient) - correction)
     return x.absolute().less(0.55).choose(small, large).with_sign_of(x)
-
-
-def cbrt(x: LLVMValue) -> LLVMValue:
-    m, guess, k = cube_parts(x)
-    value = (cube_root(m, guess) * power_of_two(k)).with_sign_of(x)
-    return (x.equals(0.0) | x.absolute().equals(inf) | x.undefined()).choose(x, value)
-
-
-def cube_parts(x: LLVMValue) -> tuple[LLVMValue, LLVMValue, LLVMBits]:
-    """Return (m, guess of m^(-1/3), k) with |x| = m 2^(3k), m from 1 to 8, for finite x other than 0."""
-    size = x.absolute()
-    tiny = size.less(SMALLEST_NORMAL)
-    bits = tiny.choose(size * 2.0**54, size).bits()
-    exponent = ((bits >> 52) | 0x4330000000000000).number() - 2.0**52
-    shifted = exponent.fma(1 / 3, -1 / 3) + ROUNDER  # a third, rounded down
-    remainder = (shifted - ROUNDER).fma(-3.0, exponent)
-    fraction = ((bits & MANTISSA) | ONE_BITS).number()
-    guess = polynomial(fraction, table.CBRT)
-    one, two = remainder.equals(1.0), remainder.equals(2.0)
-    m = fraction * two.choose(4.0, one.choose(2.0, fraction.constant(1.0)))
-    guess = guess * two.choose(table.CUBE_ROOTS[2], one.choose(table.CUBE_ROOTS[1], fraction.constant(1.0)))
-    k = (shifted - tiny.choose(18.0 + 341.0, fraction.constant(341.0))).bits() - ROUNDER_BITS
-    return m, guess, k
-
-
-def cube_root(m: LLVMValue, guess: LLVMValue) -> LLVMValue:
-    """Cube root of m from a guess of its inverse that is good to 14 bits."""
-    defect = 1.0 - m * guess * guess * guess
-    inverse = guess.fma(defect * defect.fma(2 / 9, 1 / 3), guess)
-    root = m * inverse * inverse
-    square, error = two_product(root, root)
-    cube, cube_error = two_product(square, root)
-    rest = (cube - m) + error.fma(root, cube_error)
-    result: LLVMValue = root - rest * (inverse * inverse) * (1 / 3)
-    return result
-
-
-def hypot(x: LLVMValue, y: LLVMValue) -> LLVMValue:
-    a, b = x.absolute(), y.absolute()
-    larger, smaller = a.larger(b), b.greater(a).choose(a, b)
-    scale, back = unit_scale(larger)
-    a, b = larger * scale, smaller * scale
-    square, error = two_product(a, a)
-    other, other_error = two_product(b, b)
-    total, rest = quick_two_sum(square, other)
-    rest = rest + (error + other_error)
-    root = total.sqrt()
-    correction = ((-root).fma(root, total) + rest) / (root + root)
-    value = (root + correction) * back
-    value = (x.equals(0.0) & y.equals(0.0)).choose(0.0, value)
-    value = (x.undefined() | y.undefined()).choose(nan, value)
-    return (x.absolute().equals(inf) | y.absolute().equals(inf)).choose(inf, value)
 
 
 def atan2(y: LLVMValue, x: LLVMValue) -> LLVMValue:

@@ -24,17 +24,20 @@ from nearharmonic.core.functions import double
 from nearharmonic.core.functions.emit import called
 from nearharmonic.core.functions.pairs import (
     Pair,
+    Triple,
     as_pair,
     choose,
     constant_pair,
     finite,
     inverses,
     negative,
+    quotient,
     scaled_pair,
     series,
     times,
 )
 from nearharmonic.core.functions.reduction import extended_quarter_turns
+from nearharmonic.core.functions.roots import cbrt_extended, hypot_extended
 from nearharmonic.core.functions.steps import (
     ROUNDER,
     ROUNDER_BITS,
@@ -46,9 +49,6 @@ from nearharmonic.core.functions.steps import (
     unit_scale,
 )
 from nearharmonic.core.machine.values import LLVMBits, LLVMMask, LLVMValue
-
-Triple = tuple[LLVMValue, LLVMValue, LLVMValue]
-
 
 #: (sin(r) - r) / r^3 and (cos(r) - 1) / r^2 in powers of r^2, (exp(r) - 1 - r) / r^2 in powers of r,
 #: (sinh(r) - r) / r^3, (artanh(s) - s) / s^3.
@@ -130,7 +130,7 @@ def _logarithm(high: LLVMValue, low: LLVMValue) -> Triple:
     factor, *logarithm = chosen
     product, error = two_product(m, factor)
     f = distilled([product - 1.0, *two_sum(error, low * factor), low.fma(factor, -(low * factor))], 3)
-    s = _quotient(f, distilled([one + one, *f], 3))
+    s = quotient(f, distilled([one + one, *f], 3))
     pair = quick_two_sum(s[0], s[1])
     square = dd_mul(pair, pair)
     tail = dd_mul(dd_mul(pair, square), series(square, ARTANH, 6, 0.002))
@@ -138,18 +138,6 @@ def _logarithm(high: LLVMValue, low: LLVMValue) -> Triple:
     terms = [turns[0][0], logarithm[0], 2.0 * s[0], 2.0 * tail[0], turns[0][1], turns[1][0], logarithm[1], 2.0 * s[1]]
     terms += [2.0 * tail[1], turns[1][1], k * table.LN2[2], logarithm[2], 2.0 * s[2]]
     return distilled(terms, 3)
-
-
-def _quotient(a: Triple, b: Triple) -> Triple:
-    rest: Sequence[LLVMValue] = a
-    digits = []
-    for _ in range(3):
-        digit = rest[0] / b[0]
-        digits.append(digit)
-        first, second = two_product(-digit, b[0]), two_product(-digit, b[1])
-        # the difference is exact: its terms agree in their leading digits
-        rest = distilled([rest[0] + first[0], rest[1], first[1], second[0], rest[2], second[1], -digit * b[2]], 3)
-    return distilled(digits, 3)
 
 
 def log(high: LLVMValue, low: LLVMValue) -> Pair:
@@ -240,27 +228,6 @@ def tanh(high: LLVMValue, low: LLVMValue) -> Pair:
     return choose(high.absolute().less(2.0**-60), (high, low), value)
 
 
-def cbrt(high: LLVMValue, low: LLVMValue) -> Pair:
-    m, guess, k = double.cube_parts(high)
-    rest = scaled(low.times_sign(high), k * -3)
-    root = double.cube_root(m, guess)
-    cube = dd_mul(two_product(root, root), as_pair(root))
-    defect = (cube[0] - m) + (cube[1] - rest)
-    value = quick_two_sum(root, defect / (root * root * -3.0))
-    value = times(value, power_of_two(k))
-    special = high.equals(0.0) | high.absolute().equals(inf) | high.undefined()
-    return special.choose(high, value[0].times_sign(high)), special.choose(0.0, value[1].times_sign(high))
-
-
-def hypot(x: LLVMValue, x_low: LLVMValue, y: LLVMValue, y_low: LLVMValue) -> Pair:
-    scale, back = unit_scale(x.absolute().larger(y.absolute()))
-    a, b = times((x, x_low), scale), times((y, y_low), scale)
-    root = dd_sqrt(dd_add(dd_mul(a, a), dd_mul(b, b)))
-    high, low = times(root, back)
-    zero, endless = x.equals(0.0) & y.equals(0.0), x.absolute().equals(inf) | y.absolute().equals(inf)
-    return endless.choose(inf, zero.choose(0.0, high)), (endless | zero).choose(0.0, low)
-
-
 def atan2(y: LLVMValue, y_low: LLVMValue, x: LLVMValue, x_low: LLVMValue) -> Pair:
     """Angle of the doubles, and what a rotation by it leaves of the angle."""
     endless = x.absolute().equals(inf) | y.absolute().equals(inf)
@@ -326,5 +293,7 @@ def _as_call(name: str, body: Callable[..., Pair]) -> Callable[..., Pair]:
 FUNCTIONS: dict[str, Callable[..., Pair]] = {
     "sin": lambda x: finite(_sin(*x)),
     "cos": lambda x: finite(_cos(*x)),
-    **{f.__name__: _as_call(f.__name__, f) for f in (tan, exp, log, pow, sinh, cosh, tanh, cbrt, hypot, atan2, erf)},
+    **{f.__name__: _as_call(f.__name__, f) for f in (tan, exp, log, pow, sinh, cosh, tanh, atan2, erf)},
+    "cbrt": _as_call("cbrt", cbrt_extended),
+    "hypot": _as_call("hypot", hypot_extended),
 }

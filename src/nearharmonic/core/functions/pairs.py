@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import inf
 
-from nearharmonic.core.arithmetic import dd_add, dd_mul, quick_two_sum, rounded_pair, two_product
+from nearharmonic.core.arithmetic import dd_add, dd_mul, distilled, quick_two_sum, rounded_pair, two_product
 from nearharmonic.core.functions.steps import polynomial, scaled
 from nearharmonic.core.machine.values import LLVMBits, LLVMMask, LLVMValue
 
 Pair = tuple[LLVMValue, LLVMValue]
+Triple = tuple[LLVMValue, LLVMValue, LLVMValue]
 Coefficients = Sequence[tuple[float, float]]
 
 
@@ -74,3 +75,16 @@ def finite(value: Pair) -> Pair:
 
 def as_pair(value: LLVMValue) -> Pair:
     return value, value.constant(0.0)
+
+
+def quotient(a: Triple, b: Triple) -> Triple:
+    """Return a / b in three parts, each a digit of long division."""
+    rest: Sequence[LLVMValue] = a
+    digits = []
+    for _ in range(3):
+        digit = rest[0] / b[0]
+        digits.append(digit)
+        first, second = two_product(-digit, b[0]), two_product(-digit, b[1])
+        # the difference is exact: its terms agree in their leading digits
+        rest = distilled([rest[0] + first[0], rest[1], first[1], second[0], rest[2], second[1], -digit * b[2]], 3)
+    return distilled(digits, 3)

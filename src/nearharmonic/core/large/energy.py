@@ -15,7 +15,8 @@ from hashlib import sha256
 import numpy as np
 
 from nearharmonic.core.formulas.expression.derivative import gradient
-from nearharmonic.core.formulas.expression.graph import Graph, Value
+from nearharmonic.core.formulas.expression.graph import Graph
+from nearharmonic.core.formulas.expression.nodes import Value
 from nearharmonic.core.formulas.expression.polynomial import shortest_program
 from nearharmonic.core.formulas.expression.program import Program
 from nearharmonic.core.formulas.expression.size import operations_of

@@ -12,16 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nearharmonic.core.formulas.expression.graph import (
-    Application,
-    Exact,
-    Graph,
-    Literal,
-    Product,
-    Value,
-    Variable,
-    exact,
-)
+from nearharmonic.core.formulas.expression.graph import Graph
+from nearharmonic.core.formulas.expression.nodes import Application, Exact, Literal, Product, Value, Variable, exact
 from nearharmonic.core.formulas.expression.size import check_size
 from nearharmonic.core.large.tables import Places, runs
 from nearharmonic.core.large.terms import Entry, LongSums, Term

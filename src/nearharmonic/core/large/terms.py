@@ -10,10 +10,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from nearharmonic.core.formulas.expression.graph import (
+from nearharmonic.core.formulas.expression.graph import Graph
+from nearharmonic.core.formulas.expression.nodes import (
     Application,
     Exact,
-    Graph,
     Literal,
     Product,
     Sum,

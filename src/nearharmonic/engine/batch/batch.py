@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
-from math import inf, nan
+from math import nan
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,18 +15,17 @@ from nearharmonic.core.layout import EVERY_STEP, LOOKS, NEVER, SAMPLES, running_
 from nearharmonic.engine.batch import execution
 from nearharmonic.engine.batch.kernels import STANDARD, cost_of, kernel_of
 from nearharmonic.engine.batch.lanes import with_lanes
+from nearharmonic.engine.batch.parameters import parameters_at_run_time
 from nearharmonic.engine.batch.processed import ProcessedCall, processed_batch
 from nearharmonic.engine.batch.regularised import LandingCall
-from nearharmonic.engine.batch.results import Integers, Trajectories, trajectories_of
+from nearharmonic.engine.batch.results import Integers, Trajectories, surface_limit, trajectories_of
 from nearharmonic.engine.numbers.coefficients import moves_of
 from nearharmonic.engine.numbers.initial_values import standard_parameters, standard_start
 from nearharmonic.engine.settings import Numerics
-from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.processed_tableau import ProcessedTableau, Processor
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
 from nearharmonic.systems.definition.system import System
-from nearharmonic.systems.formulas.oscillator import frequency_parameters
 
 if TYPE_CHECKING:
     from nearharmonic.core.machine.native import PreparedCall
@@ -207,52 +206,6 @@ def _prepared_landing(
         results=results, states=states, blocks=blocks, energy=energy, running=ends, left_at=left_at, control=control,
         call=LandingCall(system, numerics, parameters, arguments), cost=cost,
     )  # fmt: skip
-
-
-def parameters_at_run_time(system: System, numerics: Numerics, parameters: Floats) -> Floats:
-    """Return the parameters that runs are given: those asked for, or none if they are compiled in.
-
-    Raises
-    ------
-    SettingError
-        They are others than those that are compiled in, or that the coefficients of the runs are made for.
-    """
-    if numerics.exact_oscillator:
-        _check_frequencies(system, parameters)
-    return parameters if system.parameters_at_run_time else parameters_compiled_in(system, parameters)
-
-
-def parameters_compiled_in(system: System, parameters: Floats) -> Floats:
-    """Return no parameters (1, 0) at run time, if those asked for are those that are compiled in.
-
-    Raises
-    ------
-    SettingError
-        They are others.
-    """
-    if (parameters == standard_parameters(system)).all():
-        return np.empty((1, 0))
-    what = f"a formula of {system.name} decides by its parameters, so that they are compiled in: make a copy of the "
-    raise bad_setting("parameters", parameters[0, ::2].tolist(), f"{what}system with dataclasses.replace")
-
-
-def _check_frequencies(system: System, parameters: Floats) -> None:
-    """Refuse another value of a parameter that is a frequency: the coefficients of all runs are of the system's own."""
-    own, names = standard_parameters(system), list(system.parameters)
-    remedy = f"it is a frequency of {system.name}, whose oscillators are solved exactly: make a copy of the system with"
-    for i in frequency_parameters(system):
-        given = parameters[:, 2 * i : 2 * i + 2]
-        if (given != own[2 * i : 2 * i + 2]).any():
-            raise bad_setting(f"parameters[{names[i]!r}]", float(given[0, 0]), f"{remedy} dataclasses.replace")
-
-
-def surface_limit(system: System, scale: float) -> float:
-    """Return the largest energy error of a run, in units of |H0| or of ``scale``, beyond which it has diverged.
-
-    The energy of a system that depends on time starts at any value, so that |H0| is no measure of it: without a
-    ``scale`` only what is not finite has diverged.
-    """
-    return inf if system.time_dependent and scale == 0 else system.surface_limit
 
 
 def integrate_batch(

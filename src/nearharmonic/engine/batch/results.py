@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
+from nearharmonic.systems.definition.system import System
 
 Integers = NDArray[np.int64]
 
@@ -133,3 +135,12 @@ def _means(total: Floats, steps: Integers, marks: Integers, numerics: Numerics) 
         mean = np.add.reduce(np.where(unknown, 0, total), axis=1) / weight
         mean[unknown.all(axis=1)] = np.nan
     return mean
+
+
+def surface_limit(system: System, scale: float) -> float:
+    """Return the largest energy error of a run, in units of |H0| or of ``scale``, beyond which it has diverged.
+
+    The energy of a system that depends on time starts at any value, so that |H0| is no measure of it: without a
+    ``scale`` only what is not finite has diverged.
+    """
+    return inf if system.time_dependent and scale == 0 else system.surface_limit

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nearharmonic.engine.batch import execution
-from nearharmonic.engine.batch.batch import Batch, parameters_at_run_time, prepared_batch, sample_marks
+from nearharmonic.engine.batch.batch import Batch, prepared_batch, sample_marks
 from nearharmonic.engine.batch.kernels import cost_of
 from nearharmonic.engine.batch.lanes import most_lanes_of
 from nearharmonic.engine.batch.numba_runs import floor_attributes
+from nearharmonic.engine.batch.parameters import parameters_at_run_time
 from nearharmonic.engine.batch.regularised import check_bound
 from nearharmonic.engine.batch.results import Trajectories, joined, trajectories_of
 from nearharmonic.engine.numbers.coefficients import moves_of

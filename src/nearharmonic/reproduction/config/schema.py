@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from nearharmonic.output.atomic import write_text
-from nearharmonic.reproduction.config.config import adapter
+from nearharmonic.reproduction.config.reading import adapter
 
 #: The generated files, from the root of the project.
 SCHEMA, KEYS = Path("workflow/schemas/config.schema.yaml"), Path("config/README.md")

@@ -2,7 +2,7 @@
 
 The settings of a config are frozen dataclasses whose members are declared by :func:`setting`, once: type, description,
 unit, limits and default. They are plain dataclasses, because jobs that are given settings must start quickly;
-:mod:`nearharmonic.reproduction.config.config` has pydantic read them.
+:mod:`nearharmonic.reproduction.config.reading` has pydantic read them.
 """
 
 from __future__ import annotations

@@ -14,7 +14,8 @@ from threading import RLock
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from nearharmonic.core import arithmetic
-from nearharmonic.core.formulas.expression.graph import Graph, Value, Variable, value_of
+from nearharmonic.core.formulas.expression.graph import Graph, value_of
+from nearharmonic.core.formulas.expression.nodes import Value, Variable
 from nearharmonic.core.formulas.expression.size import becomes_loops, check_size, operations
 from nearharmonic.core.formulas.number import Constant, Number, call, constant, scalar
 from nearharmonic.errors import SystemDefinitionError

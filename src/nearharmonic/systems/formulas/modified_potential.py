@@ -7,7 +7,8 @@ from threading import RLock
 from typing import Any
 
 from nearharmonic.core.formulas.expression.derivative import gradient
-from nearharmonic.core.formulas.expression.graph import Expression, Graph, Value, value_of
+from nearharmonic.core.formulas.expression.graph import Expression, Graph, value_of
+from nearharmonic.core.formulas.expression.nodes import Value
 from nearharmonic.core.formulas.expression.polynomial import shortest_program
 from nearharmonic.core.formulas.expression.program import Program
 from nearharmonic.core.formulas.number import Constant, scalar, vector

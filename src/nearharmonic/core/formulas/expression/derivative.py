@@ -10,12 +10,12 @@ from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import cache
 
-from nearharmonic.core.formulas.expression.graph import (
+from nearharmonic.core.formulas.expression.graph import Graph
+from nearharmonic.core.formulas.expression.nodes import (
     ONE,
     ZERO,
     Application,
     Exact,
-    Graph,
     Literal,
     Product,
     Sum,

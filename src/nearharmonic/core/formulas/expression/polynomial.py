@@ -5,16 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence, Set
 from fractions import Fraction
 
-from nearharmonic.core.formulas.expression.graph import (
-    Exact,
-    Graph,
-    Product,
-    Sum,
-    Value,
-    children,
-    displacements,
-    exact,
-)
+from nearharmonic.core.formulas.expression.graph import Graph, displacements
+from nearharmonic.core.formulas.expression.nodes import Exact, Product, Sum, Value, children, exact
 from nearharmonic.core.formulas.expression.program import Program
 from nearharmonic.core.formulas.expression.writer import program
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from nearharmonic.core.formulas.expression.graph import Application, Graph, Node, Product, Sum, Value
+from nearharmonic.core.formulas.expression.graph import Graph
+from nearharmonic.core.formulas.expression.nodes import Application, Node, Product, Sum, Value
 from nearharmonic.core.formulas.number import FUNCTIONS, FormulaError
 
 #: Coordinates and operations up to which formulas are written out in a kernel, which takes 5 to 20 ms an operation to

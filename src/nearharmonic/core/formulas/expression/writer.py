@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from heapq import heapify, heappop, heappush
 from typing import Any
 
-from nearharmonic.core.formulas.expression.graph import (
+from nearharmonic.core.formulas.expression.graph import Graph, displacements
+from nearharmonic.core.formulas.expression.nodes import (
     Application,
     Exact,
-    Graph,
     Literal,
     Node,
     Product,
@@ -22,7 +22,6 @@ from nearharmonic.core.formulas.expression.graph import (
     Value,
     Variable,
     children,
-    displacements,
     exact,
     modulus,
 )

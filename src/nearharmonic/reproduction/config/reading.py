@@ -1,0 +1,223 @@
+"""A config read from a mapping or a file, and one error for each mistake, which names its key."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, cast, get_args, get_type_hints
+
+from nearharmonic.engine.settings import one_of
+from nearharmonic.errors import NearharmonicError, SettingError, bad_setting, unknown_name
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.user_file import expanded
+from nearharmonic.reproduction.config.config import NUMBERS, Config
+from nearharmonic.reproduction.experiments.paper.definitions import define, folders_of, named
+from nearharmonic.reproduction.experiments.paper.grid.plan import check_sweep
+from nearharmonic.systems import systems
+
+
+def load(mapping: Mapping[str, Any], files: Iterable[Path | str] = ()) -> Config:
+    """Return ``mapping`` as a :class:`Config`, checked against the types and then for what no type can tell.
+
+    The systems and integrators that it defines are found in the registries from then on, by the names that it gives
+    them, in place of those of a config before.
+
+    Parameters
+    ----------
+    mapping : mapping
+        The keys, as read from YAML.
+    files : iterable of path
+        The YAML files that they come from, in which no key may stand twice; in their folders files of systems and
+        integrators are looked for that are not found from the working directory.
+
+    Raises
+    ------
+    NearharmonicError
+        The first fault found, nearest to the top, with key, value, what is allowed and the nearest match.
+    """
+    places = list(files)
+    for path in places:
+        _refuse_duplicates(Path(path))
+    config = _typed(mapping)
+    for key, value, allowed in _repetitions(config, mapping):
+        raise bad_setting(key, value, allowed)
+    before = systems.definitions, integrators.definitions
+    try:
+        define(config.systems, _lists_of_methods(config), folders_of(places))
+        _check(config, mapping)
+    except NearharmonicError:
+        systems.define(before[0])
+        integrators.define(before[1])
+        raise
+    return config
+
+
+def read(place: Path) -> Config:
+    """Return the config of a YAML file, as :func:`load` does.
+
+    Raises
+    ------
+    NearharmonicError
+        There is no such file, it is no YAML mapping, or a fault that :func:`load` finds.
+    """
+    import yaml
+
+    try:
+        mapping = yaml.safe_load(place.read_text(encoding="utf-8"))
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        message = f"{place} cannot be read as a config: {error}"
+        raise SettingError(message) from error
+    if not isinstance(mapping, Mapping):
+        raise bad_setting("--config", str(place), "a YAML file with the keys of a config")
+    return load(mapping, [place])
+
+
+def _lists_of_methods(config: Config) -> dict[str, tuple[str, ...]]:
+    """The lists of integrators in a config, by key; those that are not given are left out."""
+    found = {name: getattr(config, name) for name in ("integrators", "decomposition", "overview")}
+    found["work_precision.integrators"] = config.work_precision.integrators
+    found["exact_oscillator.integrators"] = config.exact_oscillator.integrators
+    return {key: entries for key, entries in found.items() if entries is not None}
+
+
+def _check(config: Config, mapping: Mapping[str, Any]) -> None:
+    """Raise the first fault of a config whose systems and integrators are defined."""
+    for key, entries in _lists_of_methods(config).items():
+        with named(key):
+            names = expanded(entries)
+        if len(set(names)) < len(names):
+            raise bad_setting(key, list(entries), "each integrator named once")
+    for sweep in config.sweeps:
+        grid, here = mapping["systems"][sweep.system]["tau_per_stage"], f"systems.{sweep.system}.tau_per_stage"
+        if sweep.highest < sweep.lowest:
+            allowed = f"a finite number, at least lowest = {grid['lowest']}"
+            raise bad_setting(f"{here}.highest", grid["highest"], allowed)
+        check_sweep(sweep, config.methods)
+    methods = [integrators[name] for name in config.methods]
+    for member in fields(config):
+        section = getattr(config, member.name)
+        if hasattr(section, "check"):
+            section.check(methods, tuple(config.systems))
+
+
+def _typed(mapping: Mapping[str, Any]) -> Config:
+    from pydantic import ValidationError
+
+    for path, value in _leaves(mapping):
+        if isinstance(value, bool) or value is None:  # pydantic takes True for 1, and None for a key not given
+            raise bad_setting(_dotted(path), value, _place(path)[1])
+    try:
+        return cast("Config", adapter().validate_python(mapping))
+    except ValidationError as faults:
+        # A stray or missing key counts as a fault of the section that it stands in.
+        inside = {"missing", "unexpected_keyword_argument"}
+        # A list with an entry that is refused counts as too short as well.
+        told = [fault for fault in faults.errors() if not (fault["type"] == "too_short" and fault["input"])]
+        # A key that is misspelt is unknown and missing: what is unknown has the nearest match.
+        first = min(told, key=lambda fault: (len(fault["loc"]) - (fault["type"] in inside), fault["type"] == "missing"))
+        raise _error_of(first) from None
+
+
+def _leaves(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[tuple[str | int, ...], Any]]:
+    """Path and value of all that is no mapping and no list; a key that YAML does not read as text is refused."""
+    if isinstance(value, Mapping | list | tuple):
+        for step in value if isinstance(value, Mapping) else ():
+            if not isinstance(step, str):
+                raise bad_setting(f"a key of {_dotted(path) or 'the config'}", step, "a name, in quotes if need be")
+        for step, member in value.items() if isinstance(value, Mapping) else enumerate(value):
+            yield from _leaves(member, (*path, step))
+    else:
+        yield path, value
+
+
+@cache
+def adapter() -> Any:
+    """Pydantic's reader of :class:`Config`; made when first asked for, which takes a tenth of a second."""
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(Config)
+
+
+def _error_of(fault: Mapping[str, Any]) -> Exception:
+    """The error of the package for a fault that pydantic found."""
+    path = fault["loc"]
+    key, above = _dotted(path), _dotted(path[:-1])
+    if fault["type"] == "unexpected_keyword_argument":
+        known = [member.name for member in fields(_place(path[:-1])[0])]
+        return unknown_name(f"key of {above}" if above else "key of the config", path[-1], known)
+    kind, allowed = _place(path)
+    if fault["type"] == "missing":
+        return SettingError(f"{above or 'the config'} lacks the key {path[-1]!r}: {allowed}")
+    if fault["type"] == "literal_error":
+        try:
+            one_of(key, fault["input"], get_args(kind))
+        except SettingError as error:
+            return error
+    return bad_setting(key or "the config", fault["input"], allowed)
+
+
+def _place(path: Sequence[str | int]) -> tuple[Any, str]:
+    """The type at ``path``, and what is allowed there in words."""
+    kind: Any = Config
+    allowed = _keys_of(Config)
+    each = ""
+    for step in path:
+        if isinstance(step, int):
+            kind, allowed = get_args(kind)[0], each
+        elif not is_dataclass(kind):
+            kind = get_args(kind)[1]
+            allowed = _keys_of(kind) if is_dataclass(kind) else each
+        else:
+            member = next(member for member in fields(kind) if member.name == step)
+            kind = _required(get_type_hints(kind, include_extras=True)[member.name])
+            told = member.metadata["json_schema_extra"]
+            allowed, each = told.get("allowed") or _keys_of(kind), told.get("each", "")
+    return kind, allowed
+
+
+def _required(kind: Any) -> Any:
+    """``kind`` without None."""
+    return next((part for part in get_args(kind) if type(None) in get_args(kind) and part is not type(None)), kind)
+
+
+def _keys_of(kind: Any) -> str:
+    """What may be set in a section, in words."""
+    *names, last = [member.name for member in fields(kind)]
+    return f"the keys {', '.join(names)} and {last}"
+
+
+def _dotted(path: Iterable[str | int]) -> str:
+    return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path).removeprefix(".")
+
+
+def _repetitions(section: Any, given: Any, here: tuple[str, ...] = ()) -> Iterator[tuple[str, object, str]]:
+    """Each list of settings that names an entry twice, as key, value and what is allowed."""
+    members = section if isinstance(section, Mapping) else {m.name: getattr(section, m.name) for m in fields(section)}
+    for name, value in members.items():
+        if name not in given:
+            continue
+        if isinstance(value, tuple) and len(set(value)) < len(value) and name not in NUMBERS:
+            yield _dotted((*here, name)), given[name], _place((*here, name))[1]
+        elif isinstance(value, Mapping) or is_dataclass(value):
+            yield from _repetitions(value, given[name], (*here, name))
+
+
+def _refuse_duplicates(path: Path) -> None:
+    """Raise SettingError if a key stands twice in a mapping of the YAML file ``path``: the last one would win."""
+    import yaml
+
+    waiting: list[Any] = [yaml.compose(path.read_text(encoding="utf-8"), Loader=yaml.SafeLoader)]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, yaml.MappingNode):
+            seen: dict[str, int] = {}
+            for key, value in node.value:
+                line = key.start_mark.line + 1
+                if key.value in seen:
+                    raise bad_setting(str(key.value), f"in line {line} of {path}", f"line {seen[key.value]} has it too")
+                seen[key.value] = line
+                waiting.append(value)
+        elif isinstance(node, yaml.SequenceNode):
+            waiting += node.value
