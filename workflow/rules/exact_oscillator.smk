@@ -2,7 +2,9 @@
 
 from nearharmonic.reproduction.experiments.exact_oscillator import CUBES as EXACT_OSCILLATOR_CUBES
 
-EXACT_OSCILLATOR_FIGURES = figures_of("reproduction.experiments.exact_oscillator", CONFIG.systems, EXACT_OSCILLATOR_CUBES)
+EXACT_OSCILLATOR_FIGURES = figures_of(
+    "reproduction.experiments.exact_oscillator", CONFIG.systems, EXACT_OSCILLATOR_CUBES
+)
 FIGURES += EXACT_OSCILLATOR_FIGURES
 RUNS.append(RUN("exact_oscillator/trajectories"))
 EXACT_OSCILLATOR = {

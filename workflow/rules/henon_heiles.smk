@@ -22,6 +22,8 @@ rule displaced:
     resources:
         compiler=1,
     params:
-        task=task("reproduction.experiments.paper.orbits.displaced:displaced", integrator="babs7o7h", iterations=100_000),
+        task=task(
+            "reproduction.experiments.paper.orbits.displaced:displaced", integrator="babs7o7h", iterations=100_000
+        ),
     script:
         "../scripts/task.py"

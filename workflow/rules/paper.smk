@@ -78,7 +78,9 @@ rule skipped:
     log:
         LOG("tables/skipped"),
     params:
-        task=task("reproduction.experiments.paper.grid.omissions:table", sweeps=CONFIG.sweeps, integrators=CONFIG.methods),
+        task=task(
+            "reproduction.experiments.paper.grid.omissions:table", sweeps=CONFIG.sweeps, integrators=CONFIG.methods
+        ),
     script:
         "../scripts/task.py"
 

@@ -112,7 +112,11 @@ rule structure_cube:
     log:
         LOG("stability/conservation"),
     params:
-        task=task("reproduction.experiments.stability.conservation.reduce:reduce", integrators=CONFIG.methods, t_end=STRUCTURE_T_END),
+        task=task(
+            "reproduction.experiments.stability.conservation.reduce:reduce",
+            integrators=CONFIG.methods,
+            t_end=STRUCTURE_T_END,
+        ),
     script:
         "../scripts/task.py"
 

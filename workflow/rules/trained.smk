@@ -57,7 +57,9 @@ rule trained_ideas_cube:
     log:
         LOG("trained/ideas"),
     params:
-        task=task("reproduction.experiments.trained.ideas.reduce:reduce", exact=CONFIG.exact_oscillator.methods, **PROOF),
+        task=task(
+            "reproduction.experiments.trained.ideas.reduce:reduce", exact=CONFIG.exact_oscillator.methods, **PROOF
+        ),
     script:
         "../scripts/task.py"
 

@@ -70,7 +70,9 @@ rule work_precision_figure:
                 "they depend on the machine, which is named below."
             )
         },
-        task=lambda wildcards: task("reproduction.experiments.work_precision.figure:work_precision", system=wildcards.system),
+        task=lambda wildcards: task(
+            "reproduction.experiments.work_precision.figure:work_precision", system=wildcards.system
+        ),
     script:
         "../scripts/task.py"
 
@@ -84,7 +86,9 @@ rule work_precision_table:
     log:
         LOG("work_precision/table_{system}"),
     params:
-        task=lambda wildcards: task("reproduction.experiments.work_precision.tables:time_to_error", system=wildcards.system),
+        task=lambda wildcards: task(
+            "reproduction.experiments.work_precision.tables:time_to_error", system=wildcards.system
+        ),
     script:
         "../scripts/task.py"
 
@@ -114,7 +118,8 @@ rule regularised_times_figure:
         LOG("work_precision/regularised_times_figure"),
     params:
         task=lambda wildcards: task(
-            "reproduction.experiments.work_precision.regularised_figure:regularised_figures", names=list(CONFIG.systems)
+            "reproduction.experiments.work_precision.regularised_figure:regularised_figures",
+            names=list(CONFIG.systems),
         ),
     script:
         "../scripts/task.py"
@@ -128,7 +133,9 @@ rule library_times_table:
     log:
         LOG("work_precision/library_times_table"),
     params:
-        task=lambda wildcards: task("reproduction.experiments.work_precision.comparison:comparison", names=list(CONFIG.systems)),
+        task=lambda wildcards: task(
+            "reproduction.experiments.work_precision.comparison:comparison", names=list(CONFIG.systems)
+        ),
     script:
         "../scripts/task.py"
 
