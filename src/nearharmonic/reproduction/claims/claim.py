@@ -24,7 +24,7 @@ Kind = Literal["result", "mathematics", "misprint", "attribution", "background",
 
 
 class Decision(NamedTuple):
-    """What became of a statement, what was measured, in words and numbers, and how far its threshold may move."""
+    """Verdict on a statement, the measured value in words and numbers, and the margin of its threshold."""
 
     verdict: Verdict
     value: str

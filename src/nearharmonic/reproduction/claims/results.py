@@ -1,4 +1,4 @@
-"""What statements are decided on: the files of one folder of results, each read once, and the methods themselves."""
+"""Data that statements are decided on: the files of one folder of results, each read once, and the methods."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Results:
         self._kept: dict[Hashable, Any] = {}
 
     def has(self, name: str) -> bool:
-        """Whether the file ``name``, relative to the folder, is there."""
+        """Return True if the file ``name``, relative to the folder, exists."""
         return (self.folder / name).is_file()
 
     def cube(self, stem: str) -> xr.Dataset:

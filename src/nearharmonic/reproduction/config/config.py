@@ -104,7 +104,7 @@ class Config:
 
     @property
     def sweeps(self) -> tuple[Sweep, ...]:
-        """What is asked of each system, with the system's own t_end where none is given."""
+        """Sweep of each system, with the system's own t_end where none is given."""
         return tuple(
             Sweep(
                 system=name,

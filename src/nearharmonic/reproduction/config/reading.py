@@ -183,7 +183,7 @@ def _required(kind: Any) -> Any:
 
 
 def _keys_of(kind: Any) -> str:
-    """What may be set in a section, in words."""
+    """Return the keys of a section, in words."""
     *names, last = [member.name for member in fields(kind)]
     return f"the keys {', '.join(names)} and {last}"
 

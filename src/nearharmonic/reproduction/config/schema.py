@@ -1,4 +1,4 @@
-"""What is generated from the types of the config: the JSON schema, and the table of keys in ``config/README.md``.
+"""Generator of the JSON schema and of the table of keys in ``config/README.md``, from the types of the config.
 
 ``python -m nearharmonic.reproduction.config.schema`` writes both.
 """

@@ -19,7 +19,7 @@ from nearharmonic.engine.settings import positive
 
 @dataclass(frozen=True)
 class Reading:
-    """How a value of a config is read: ``accept`` returns it in its own type, or raises ValueError or TypeError.
+    """Reader of a config value: ``accept`` returns it in its own type, or raises ValueError or TypeError.
 
     ``schema`` says in the terms of JSON Schema what it takes. pydantic calls the two methods.
     """

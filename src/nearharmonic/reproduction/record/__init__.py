@@ -1,1 +1,1 @@
-"""What is known of every run of the workflow, and what is asked of it: files only, readable without this package."""
+"""Record of every run of the workflow, and queries of it: files only, readable without this package."""

@@ -181,7 +181,7 @@ def _this_process() -> dict[str, Any]:
 
 
 def _alive(process: Mapping[str, Any]) -> bool:
-    """Whether a process runs; a later one may have been given its number."""
+    """Return True if a process runs; a later one may have been given its number."""
     import psutil
 
     try:

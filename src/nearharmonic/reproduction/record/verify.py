@@ -1,4 +1,4 @@
-"""Whether a folder of results is what its record says: every file, and the code and coefficients that made it."""
+"""Check of a folder of results against its record: every file, and the code and coefficients that made it."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def faults(folder: Path) -> list[Fault]:
 
 
 def _rank(name: str) -> int:
-    """How far a file is from its beginnings."""
+    """Return the rank of a file in ``ORDER``."""
     return next((i for i, part in enumerate(ORDER) if name.startswith(part)), 0)
 
 
@@ -134,7 +134,7 @@ def _recorded(entry: Mapping[str, Any]) -> dict[str, str]:
 def _difference(
     function: str, problems: tuple[str, ...], methods: tuple[str, ...], definitions: str, **recorded: str
 ) -> str:
-    """What is not as recorded, in words; ``definitions`` of systems and integrators are JSON."""
+    """Describe the deviations from the record; ``definitions`` of systems and integrators are JSON."""
     try:
         with defined(read_definitions(json.loads(definitions))):
             here = digests(function, problems, methods)

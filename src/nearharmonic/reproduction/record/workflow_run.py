@@ -136,11 +136,11 @@ class WorkflowRun:
                 history.unmark(self._folder, self.id)
 
     def made(self, name: str) -> bool:
-        """Whether a job of this run made the file ``name``."""
+        """Return True if a job of this run made the file ``name``."""
         return any(name in receipt and receipt[name]["run"] == self.id for receipt in receipts_in(self._folder))
 
     def outdates(self, name: str, shown: Collection[str] | None = None) -> bool:
-        """Whether a job of this run made something after the file ``name`` was made, if that is there.
+        """Return True if the file ``name`` exists and a job of this run made something after it.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""What the page is made of beside results: its template, style and script."""
+"""Assets of the page beside results: its template, style and script."""
 
 from __future__ import annotations
 

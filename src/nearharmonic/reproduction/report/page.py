@@ -50,7 +50,7 @@ class Section:
 
     @property
     def is_made(self) -> bool:
-        """Whether there is anything to show."""
+        """True if there is anything to show."""
         return bool(self.shown_figures or self.shown_tables)
 
     def of(self, results: ShownResults) -> Section:

@@ -1,4 +1,4 @@
-"""What users define beside the registered entries, handed from the process that plans to those that compute."""
+"""User definitions beside the registered entries, handed from the process that plans to those that compute."""
 
 from __future__ import annotations
 

@@ -97,7 +97,7 @@ def draw(snakemake: Any) -> None:
 
 
 def _remarks(function: Any, result: Any) -> dict[str, Any]:
-    """What a receipt says of a result beside its task."""
+    """Return a receipt's remarks on a result beside its task."""
     if hasattr(function, "measures_time"):
         return {"volatile": [WHOLE]}
     if isinstance(result, Contents):

@@ -1,4 +1,4 @@
-"""Where a result comes from: digests of the code behind it, settings, coefficients, versions; no clock goes inside."""
+"""Provenance of a result: digests of the code behind it, settings, coefficients, versions; no timestamps."""
 
 from __future__ import annotations
 

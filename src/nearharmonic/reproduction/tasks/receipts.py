@@ -37,7 +37,7 @@ def measures_time(function: Measuring) -> Measuring:
 
 
 class Receipt:
-    """What one job wrote.
+    """Files that one job wrote.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def identity(place: Path) -> str:
 
 
 def _counts(name: str) -> bool:
-    """Whether a file is a result: logs are none, and marks of jobs that stand among them."""
+    """Return True if a file is a result; logs and the marks of jobs among them are not."""
     return not name.startswith(("logs/", "../"))
 
 

@@ -1,1 +1,1 @@
-"""How numbers are judged: curves and their ranges, local slopes, margins, general words."""
+"""Judgement of numbers: curves and their ranges, local slopes, margins, general words."""

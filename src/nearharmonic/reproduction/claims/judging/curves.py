@@ -59,7 +59,7 @@ class Range(NamedTuple):
         return max(pieces, key=lambda piece: piece[1] / piece[0], default=(1.0, 0.0))
 
     def but_for_edges(self, chosen: Bools) -> bool:
-        """Whether ``chosen`` is true at most of the step sizes asked for, and at all but the first and the last."""
+        """Return True if ``chosen`` is true at most step sizes asked for, and at all but the first and the last."""
         asked = chosen[self.asked]
         edge = int(EDGE * asked.size)
         return bool(asked.mean() >= MOST and asked[edge : asked.size - edge].all())

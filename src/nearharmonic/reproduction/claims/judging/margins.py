@@ -1,4 +1,4 @@
-"""How far the threshold of a statement may move before its verdict becomes another one."""
+"""Margins: the range of thresholds of a statement that leave its verdict unchanged."""
 
 from __future__ import annotations
 

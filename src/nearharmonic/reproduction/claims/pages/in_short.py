@@ -1,4 +1,4 @@
-"""What was measured, in a few words, as README's table shows it: parts of the values of statements."""
+"""Measured values in a few words, as README's table shows them: parts of the values of statements."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def found(pattern: str, value: str) -> str:
 
 
 def _each_system(pattern: str, value: str) -> str:
-    """What follows the name of each system, with the name."""
+    """Return the name of each system and the text after it."""
     told = re.findall(rf"({_NAMES}) {pattern}", value)
     return ", ".join(f"{name.removesuffix(' system')} {' / '.join(rest)}" for name, *rest in told)
 

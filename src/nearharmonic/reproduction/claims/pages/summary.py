@@ -1,4 +1,4 @@
-"""How many statements of each kind have which verdict, in a table and in a sentence."""
+"""Number of statements by kind and verdict, in a table and in a sentence."""
 
 from __future__ import annotations
 

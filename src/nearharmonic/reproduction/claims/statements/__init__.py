@@ -1,1 +1,1 @@
-"""What the paper states, one file for each group of statements."""
+"""Statements of the paper, one file for each group."""

@@ -60,7 +60,7 @@ class Equations:
 
     @property
     def outer_unknowns(self) -> int:
-        """How many of the unknowns belong to the outer row."""
+        """Number of unknowns of the outer row."""
         return self.stages // 2
 
     @property

@@ -61,7 +61,7 @@ class ReducedSystem:
 
 @dataclass(frozen=True)
 class Elimination:
-    """What elimination proves of a case.
+    """Results of a case, proved by elimination.
 
     ``complex_solutions`` is the degree of ``eliminant``, the minimal polynomial of y_1; where ``simple``, it has no
     multiple root, and its real roots are the real solutions one by one. ``starts`` holds the tableau unknowns of each

@@ -69,7 +69,7 @@ class PrintedPoint:
 
 @dataclass(frozen=True)
 class Ranking:
-    """Where a printed set stands among the members of its family that random starts lead to.
+    """Rank of a printed set among the members of its family that random starts lead to.
 
     ``sum_of_absolute_values`` and ``higher`` (|kappa| of the next four orders) are the paper's criteria;
     ``smaller_sum`` and ``smaller_higher`` the fractions of members with less. ``better_in_all`` counts the members that

@@ -277,7 +277,7 @@ def _root(equations: Equations, start: Sequence[Any], digits: int, hits: int, el
 
 
 def _exists(equations: Equations, starts: int, seed: int) -> bool:
-    """Whether a random start leads to a solution that is then proved."""
+    """Return True if a random start leads to a solution that is then proved."""
     for x in sample(equations, starts=min(starts, 500), seed=seed)[:10].tolist():
         _, pivots = rank_and_pivots(equations.jacobian, x)
         fixed = [j for j in range(equations.unknowns) if j not in pivots]

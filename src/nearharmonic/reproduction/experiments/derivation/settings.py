@@ -1,4 +1,4 @@
-"""What may be asked of the derivation: how hard it searches."""
+"""Settings of the derivation: the effort of its search."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SimplexStages = Annotated[int, Reading(*whole_between(5, 7))]
 
 @dataclass(frozen=True, kw_only=True)
 class DerivationSettings:
-    """How hard the coefficients of Table 4 are searched for."""
+    """Effort of the search for the coefficients of Table 4."""
 
     __pydantic_config__ = STRICT
 

@@ -1,4 +1,4 @@
-"""What a derivation found, as tables, and the solutions of one case measured side by side."""
+"""Tables of the results of a derivation, and the solutions of one case measured side by side."""
 
 from __future__ import annotations
 

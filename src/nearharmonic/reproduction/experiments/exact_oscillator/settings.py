@@ -1,4 +1,4 @@
-"""What may be asked of the comparison of an oscillator solved exactly with the split into T and V."""
+"""Settings of the comparison of an oscillator solved exactly with the split into T and V."""
 
 from __future__ import annotations
 

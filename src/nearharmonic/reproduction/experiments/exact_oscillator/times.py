@@ -1,4 +1,4 @@
-"""What the exact oscillator costs on this machine, and the amplitude up to which it pays by time."""
+"""Cost of the exact oscillator on this machine, and the amplitude up to which it is better at equal time."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def crossing_at(cube: xr.Dataset, name: str, tau: float, charge: float) -> float
 
 
 def _calls(name: str, settings: ExactOscillatorSettings) -> Iterator[tuple[str, list[Callable[[], Any]], int]]:
-    """What is timed, the calls with T + V and with the exact oscillator, and evaluations of each."""
+    """Yield a name, the calls with T + V and with the exact oscillator, and evaluations of each."""
     splits = KINETIC_POTENTIAL, EXACT_OSCILLATOR
     problems = [Problem(SYSTEM, name, t_end=LONG, energy="none", split=split) for split in splits]
     tau = float(Fraction(settings.tau_per_stage[0]) * problems[0].tableau.stages)

@@ -79,7 +79,7 @@ def _check_formulas(system: System) -> None:
 
 
 def _is_own(name: str, asked: SystemSettings) -> bool:
-    """Whether a config defines the system; a registered one is taken as it is.
+    """Return True if a config defines the system; a registered one is taken as it is.
 
     The figures, tables and statements of the paper are about the initial values and parameters that its systems have,
     and are found by their names.

@@ -1,4 +1,4 @@
-"""What may be asked of the paper's experiment: step sizes of each system, and the runs that follow from them."""
+"""Settings of the paper's experiment: step sizes of each system, and the runs that follow from them."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class StepSizes:
 
 @dataclass(frozen=True, kw_only=True)
 class SystemSettings:
-    """What is asked of one system."""
+    """Settings of one system."""
 
     __pydantic_config__ = STRICT
 

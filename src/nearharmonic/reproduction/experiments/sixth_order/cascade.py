@@ -41,7 +41,7 @@ APART = 0.05
 
 @dataclass(frozen=True)
 class Count:
-    """What the search found of one kind: ``solutions`` are distinct ones, sampled ones if parameters are free."""
+    """Search results of one kind: ``solutions`` are distinct ones, sampled ones if parameters are free."""
 
     stages: int
     first: First
@@ -200,7 +200,7 @@ def _merged(hits: Doubles) -> tuple[Doubles, list[int]]:
 def _walked(
     equations: NystromEquations, samples: Doubles, settings: SixthOrderSettings, random: np.random.Generator
 ) -> Doubles:
-    """Where walks from the best ``samples`` (solution, unknown) of a family end, each end once."""
+    """Return the distinct ends of walks from the best ``samples`` (solution, unknown) of a family."""
     values = assessed(equations, samples)[:, 4]
     ends = _scattered(samples[np.argsort(values, kind="stable")], settings.walks)
     noise = random.normal(0, 1, (len(ends), settings.walk_steps, equations.unknowns))

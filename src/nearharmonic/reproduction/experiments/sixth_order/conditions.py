@@ -114,7 +114,7 @@ class NystromEquations:
 
     @property
     def free(self) -> int:
-        """How many parameters the equations leave free."""
+        """Number of parameters that the equations leave free."""
         return self.unknowns - self.harmonic_order
 
     @cached_property

@@ -1,4 +1,4 @@
-"""What may be asked of the search for methods of order six: how hard it searches."""
+"""Settings of the search for methods of order six: its effort."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from nearharmonic.reproduction.experiments.entries import STRICT, setting, whole
 
 @dataclass(frozen=True, kw_only=True)
 class SixthOrderSettings:
-    """How hard methods of order six with a harmonic order are searched for."""
+    """Effort of the search for methods of order six with a harmonic order."""
 
     __pydantic_config__ = STRICT
 

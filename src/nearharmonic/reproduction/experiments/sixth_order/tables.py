@@ -1,4 +1,4 @@
-"""What the search for sixth-order methods found, as tables, and the winners measured beside the paper's methods."""
+"""Tables of the search for sixth-order methods, and the winners measured beside the paper's methods."""
 
 from __future__ import annotations
 

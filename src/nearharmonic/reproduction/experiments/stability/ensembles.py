@@ -1,4 +1,4 @@
-"""What all ensembles have in common: runs in one file a method, then one cube."""
+"""Common parts of all ensembles: runs in one file per method, then one cube."""
 
 from __future__ import annotations
 

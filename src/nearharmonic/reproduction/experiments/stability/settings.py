@@ -1,4 +1,4 @@
-"""What may be asked of the stress tests, and the limits of what a machine can do."""
+"""Settings of the stress tests, and the limits of a machine."""
 
 from __future__ import annotations
 
@@ -167,7 +167,7 @@ class RoundingSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class StabilitySettings:
-    """What the stress tests put the methods through."""
+    """Settings of the stress tests."""
 
     __pydantic_config__ = STRICT
 

@@ -1,4 +1,4 @@
-"""What methods are trained for: a window of step sizes, the problems, and the families that are searched."""
+"""Purposes of trained methods: a window of step sizes, the problems, and the families that are searched."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Chain:
 
 @dataclass(frozen=True, kw_only=True)
 class Purpose:
-    """What one method is trained for.
+    """Purpose of one trained method.
 
     Attributes
     ----------

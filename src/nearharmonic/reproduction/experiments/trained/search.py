@@ -106,7 +106,7 @@ def _all_findings(
     begun: Sequence[Tableau],
     report: Callable[[str], None],
 ) -> list[Findings]:
-    """What is found of each family, each chain from its first."""
+    """Return the findings of each family, each chain from its first."""
     judge = _Judge(goal, settings, published, TRAINING)
     effort = Effort(trials=settings.trials, random=settings.random, refinements=settings.refinements)
     found: list[Findings] = []

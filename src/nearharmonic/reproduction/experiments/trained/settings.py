@@ -1,4 +1,4 @@
-"""What may be asked of the training of methods: how hard they are searched for."""
+"""Settings of the training of methods: the effort of the search."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from nearharmonic.reproduction.experiments.trained.purposes import PURPOSES
 
 @dataclass(frozen=True, kw_only=True)
 class SearchSettings:
-    """How hard trained methods are searched for; all budgets are numbers of methods tried."""
+    """Effort of the search for trained methods; all budgets are numbers of methods tried."""
 
     __pydantic_config__ = STRICT
 

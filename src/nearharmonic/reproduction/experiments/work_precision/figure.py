@@ -151,7 +151,7 @@ def scale_axes(axes: Axes, ylabel: str) -> None:
 
 
 def _legend(figure: Figure, axes: Axes, curves: Sequence[Curve], per_row: int, *, envelopes: bool) -> None:
-    """What is drawn in the column below ``axes``, above it; a curve that is missing bears a mark."""
+    """Draw the legend of the column below ``axes``, above it; a curve that is missing bears a mark."""
     handles = [
         Line2D(
             [],

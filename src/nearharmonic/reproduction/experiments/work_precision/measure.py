@@ -36,7 +36,7 @@ POINTS_PER_DECADE = 4
 
 
 def is_installed(library: str) -> bool:
-    """Whether ``library``, a compiler or a module that is not imported for this, is there."""
+    """Return True if ``library``, a compiler or a module that is not imported for this, exists."""
     return (which(library) if library in COMPILERS else find_spec(library)) is not None
 
 
@@ -157,7 +157,7 @@ def energy_errors(system: System, states: States) -> tuple[float, float]:
 
 
 def _settled(points: list[Point]) -> bool:
-    """Whether a finer setting no longer gains: rounding has taken over."""
+    """Return True if a finer setting no longer gains: rounding has taken over."""
     if len(points) < 2:
         return False
     before, last = points[-2:]

@@ -1,4 +1,4 @@
-"""What may be asked of the timings: what is timed, how finely, and for how long at most."""
+"""Settings of the timings: their subjects, their resolution and their longest duration."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ def close(place: str | os.PathLike[str]) -> None:
 
 
 def is_sealed(place: str | os.PathLike[str]) -> bool:
-    """Whether ``place`` ends in the words of a seal; whether the digest is right is asked of :func:`is_whole`.
+    """Return True if ``place`` ends in the words of a seal; :func:`is_whole` checks the digest.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def is_sealed(place: str | os.PathLike[str]) -> bool:
 
 
 def is_whole(place: str | os.PathLike[str]) -> bool:
-    """Whether the digest in the seal of ``place`` is that of the bytes before it.
+    """Return True if the digest in the seal of ``place`` is that of the bytes before it.
 
     Raises
     ------

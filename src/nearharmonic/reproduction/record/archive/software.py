@@ -1,4 +1,4 @@
-"""What an archive says about the software: its licence, its citation file, the libraries beneath it.
+"""Software metadata of an archive: the licence, the citation file, the libraries beneath it.
 
 ``LICENSE`` and ``CITATION.cff`` stand at the top of the source tree. A wheel carries copies among its licence files.
 """

@@ -28,7 +28,7 @@ ORIGIN = ("setting", "code", "coefficients", "version")
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """What differs between two results.
+    """Differences between two results.
 
     Attributes
     ----------
@@ -43,12 +43,12 @@ class Comparison:
 
     @property
     def identical(self) -> bool:
-        """Whether nothing differs."""
+        """True if nothing differs."""
         return not self.differences
 
     @property
     def same_numbers(self) -> bool:
-        """Whether nothing differs but what made the results."""
+        """True if nothing differs but the origin of the results."""
         return all(difference.kind in ORIGIN for difference in self.differences)
 
 
@@ -140,7 +140,7 @@ class _Pair:
         )
 
     def cubes(self) -> Iterator[Difference]:
-        """What differs in the cubes, or stands in one result alone."""
+        """Yield the differences in the cubes, missing ones included."""
         for name, volatile in self._comparable("cubes/*.h5"):
             if isinstance(volatile, Difference):
                 yield volatile
@@ -158,7 +158,7 @@ class _Pair:
                 yield from dataset_differences(place, *datasets, measured)
 
     def tables(self) -> Iterator[Difference]:
-        """What differs in the tables, or stands in one result alone."""
+        """Yield the differences in the tables, missing ones included."""
         for name, volatile in self._comparable("tables/*.csv"):
             if isinstance(volatile, Difference):
                 yield volatile

@@ -192,7 +192,7 @@ def _only(where: str, a: np.ndarray, b: np.ndarray, unit: str) -> Difference:
 
 
 def _listed(values: Sequence[Any]) -> str:
-    """What one alone has, in words."""
+    """Describe the values that one alone has."""
     if not values:
         return "no more"
     if len(values) <= NAMED or isinstance(values[0], str):

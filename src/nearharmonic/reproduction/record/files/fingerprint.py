@@ -1,4 +1,4 @@
-"""What a run of the workflow is: its config, code, coefficients and versions, and the machine that it runs on."""
+"""Fingerprint of a run of the workflow: its config, code, coefficients and versions, and its machine."""
 
 from __future__ import annotations
 

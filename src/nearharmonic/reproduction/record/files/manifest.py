@@ -50,7 +50,7 @@ def read(folder: Path) -> dict[str, Any]:
 
 
 def _is_inside(name: str) -> bool:
-    """Whether a file of this name is in the folder of results: a manifest from elsewhere could name any other."""
+    """Return True if a file of this name is in the folder of results; a manifest from elsewhere may name any other."""
     path = PurePosixPath(name)
     return not path.is_absolute() and ".." not in path.parts
 
@@ -124,7 +124,7 @@ def names_in(folder: Path) -> Iterator[str]:
 
 
 def _is_changed(place: Path, entry: dict[str, Any]) -> bool:
-    """Whether a file differs from what its job wrote; one of the same size and time counts as the same."""
+    """Return True if a file differs from its job's output; one of the same size and time counts as the same."""
     state = place.stat()
     if (state.st_size, state.st_mtime_ns) == (entry["size"], entry.get("modified")):
         return False

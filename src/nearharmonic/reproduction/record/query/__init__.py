@@ -1,1 +1,1 @@
-"""What results are asked: a table of single runs, conditions on its columns, and all that is known of one run."""
+"""Queries of results: a table of single runs, conditions on its columns, and all that is known of one run."""

@@ -144,7 +144,7 @@ class _Condition:
         return _Operand(found, TRUTH)
 
     def _pair(self, left: ast.expr, comparison: ast.cmpop, right: ast.expr) -> Any:
-        """Whether ``left`` stands to ``right`` as ``comparison`` says; false where either is NaN."""
+        """Compare ``left`` with ``right`` by ``comparison``; false where either is NaN."""
         if isinstance(comparison, ast.In | ast.NotIn):
             return self._member(left, right, negated=isinstance(comparison, ast.NotIn))
         if type(comparison) not in _COMPARISONS:

@@ -189,7 +189,7 @@ def python_lines(run: SingleRun) -> list[str]:
 
 
 def _system_lines(name: str, definitions: Mapping[str, Any]) -> tuple[str, list[str]]:
-    """What stands for a system in a call, and the lines that must come before."""
+    """Return the text for a system in a call, and the lines that must come before."""
     told = read_definitions(definitions).get("systems", {}).get(name)
     if told is None:
         return f'"{name}"', []
@@ -200,7 +200,7 @@ def _system_lines(name: str, definitions: Mapping[str, Any]) -> tuple[str, list[
 
 
 def _integrator_text(name: str, definitions: Mapping[str, Any]) -> str:
-    """What stands for an integrator in a call."""
+    """Return the text for an integrator in a call."""
     told = read_definitions(definitions).get("integrators", {}).get(name)
     return f'"{name}"' if told is None else f'"{told.file}:{name}"'
 

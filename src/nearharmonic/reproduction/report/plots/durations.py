@@ -1,4 +1,4 @@
-"""How long the runs of the workflow took: one bar for each run of the history."""
+"""Durations of the runs of the workflow: one bar for each run of the history."""
 
 from __future__ import annotations
 

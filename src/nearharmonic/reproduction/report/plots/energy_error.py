@@ -82,7 +82,7 @@ class _Profile:
                 self._crosses[name].append(panels.add_markers(plot, lost, ("x", "edge"), method, label, **cross))
 
     def _lost(self, runs: xr.Dataset) -> Any:
-        """Where the crosses stand of runs that left their energy surface; None if there are none."""
+        """Return the crosses of runs that left their energy surface; None if there are none."""
         gone = np.flatnonzero(runs["status"].values == "diverged")
         if not gone.size:
             return None

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 
 class Marker(NamedTuple):
-    """How a marker of the house style is drawn on the page.
+    """Form of a marker of the house style on the page.
 
     Attributes
     ----------

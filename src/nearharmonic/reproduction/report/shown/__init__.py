@@ -1,1 +1,1 @@
-"""What the page shows of a result: figures, tables, legend, links, words."""
+"""Content of the page for a result: figures, tables, legend, links, words."""

@@ -18,7 +18,7 @@ _NUMBERED = re.compile(r"(figure|table)-(\d+)")
 
 
 class Places:
-    """Where the page shows what.
+    """Places of figures and tables on the page.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the page shows of a folder of results: its claims, tables, figures and runs, read as plain files."""
+"""Content of the page for a folder of results: its claims, tables, figures and runs, read as plain files."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class ShownResults:
 
     @property
     def has_systems_of_the_paper(self) -> bool:
-        """Whether a figure of one of the paper's systems has been drawn."""
+        """True if a figure of one of the paper's systems has been drawn."""
         return any(one.profile and number_of(one) for one in self.figures)
 
     @staticmethod

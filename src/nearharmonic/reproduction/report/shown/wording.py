@@ -24,7 +24,7 @@ def cell(text: str) -> str:
 
 
 def is_number(text: str) -> bool:
-    """Whether a cell holds a number, nan or an infinity."""
+    """Return True if a cell holds a number, nan or an infinity."""
     return bool(_FLOAT.fullmatch(text)) or text in {"nan", "inf", "-inf"}
 
 

@@ -251,7 +251,7 @@ def unique_sets_solve_both(results: Results, zero: float) -> Decision:
 
 
 def _sides(results: Results, *, prime: bool) -> tuple[list[bool], str]:
-    """Whether the momentum (the position if ``prime``) of each BAB or BAB' set is of lower order, and all orders."""
+    """Return True for each BAB or BAB' set with momentum (position if ``prime``) of lower order, and all orders."""
     good, told = [], []
     for t in sets(results):
         if t.first == "kick" and ("'" in t.label) == prime:

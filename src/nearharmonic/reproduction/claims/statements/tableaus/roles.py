@@ -1,4 +1,4 @@
-"""Which row of Table 4 moves what, and what difference it makes."""
+"""Roles of the rows of Table 4, and their effect on the errors."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ def compensated_summation(results: Results, factor: float) -> Decision:
 
 
 def _runs(cube: xr.Dataset) -> str:
-    """What was run, as far as the cube says."""
+    """Describe the runs, as far as the cube says."""
     told = f"; {cube.sizes['orbit']} Kepler orbits" if "orbit" in cube.sizes else ""
     if "time" in cube:
         ends = cube["time"].values[:, -1]

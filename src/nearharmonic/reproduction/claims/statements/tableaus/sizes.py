@@ -1,4 +1,4 @@
-"""How large the coefficients of Table 4 are, and so the substeps."""
+"""Size of the coefficients of Table 4, and so of the substeps."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def small_steps(results: Results, small: float) -> Decision:
 
 
 def _small(results: Results, small: float) -> tuple[bool, str]:
-    """Whether the sets generally have small coefficients, and how large they are."""
+    """Return True if the sets generally have small coefficients, and their sizes."""
     others = ", ".join(f"{label(n)} {short(_size(results.method(n)))}" for n in ("ruth", "yoshida_s7o6a", "s5odr4"))
     sizes = sorted((_size(t), t.label) for t in sets(results))
     good = [size <= small for size, _ in sizes]

@@ -36,7 +36,7 @@ SHORT_RUN, SHORT_BITS = 800, 192
 
 @dataclass(frozen=True)
 class Minimum:
-    """Where the simplex ended: ``unknowns`` (mpf) only if ``converged``, else how small the largest kappa became."""
+    """End of the simplex: ``unknowns`` (mpf) only if ``converged``, else the least value of the largest kappa."""
 
     converged: bool
     kappa_max: Any

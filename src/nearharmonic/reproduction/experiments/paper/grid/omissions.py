@@ -1,4 +1,4 @@
-"""What was left out of the computation, why, and how many force evaluations that saved: as CSV, and in one line."""
+"""Work left out of the computation, the reasons, and the force evaluations saved: as CSV, and in one line."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ NOT_ASKED = "the config does not ask for this precision"
 
 
 def skipped(sweeps: Sequence[Sweep], methods: Sequence[str], cubes: Mapping[str, xr.Dataset]) -> list[Omission]:
-    """What the plan left out, and what its runs in ``cubes`` (by system) spared by ending early."""
+    """Return the omissions of the plan, and those of its runs in ``cubes`` (by system) that ended early."""
     not_asked = (row for sweep in sweeps for name in methods for row in _not_asked(sweep, name))
     ended = (row for system, cube in cubes.items() for row in _ended_early(system, cube))
     return [*plan(sweeps, methods).omissions, *not_asked, *ended]

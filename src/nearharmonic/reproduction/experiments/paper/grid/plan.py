@@ -55,7 +55,7 @@ class Run:
 
 @dataclass(frozen=True, kw_only=True)
 class Omission:
-    """What is not computed, why, and how many ``runs`` and force ``evaluations`` that saves."""
+    """Omitted work, the reason, and the number of ``runs`` and force ``evaluations`` saved."""
 
     system: str
     integrator: str
@@ -133,12 +133,12 @@ def _excesses(sweep: Sweep, tableaus: Sequence[Tableau]) -> Iterator[tuple[str, 
 
 
 def shards_of(sweep: Sweep, integrator: str) -> int:
-    """How many files the runs of one method fill: ``sweep.shards``, or fewer if there are fewer different runs."""
+    """Return the number of files of one method's runs: ``sweep.shards``, or fewer if there are fewer different runs."""
     return min(sweep.shards, len(_distinct(sweep, integrators[integrator])))
 
 
 def runs_of(sweep: Sweep, integrator: str, index: int) -> list[Run]:
-    """What shard ``index`` of a method on a system computes: one run for each precision, empty ones left out."""
+    """Return the runs of shard ``index`` of a method on a system: one for each precision, empty ones left out."""
     tableau = integrators[integrator]
     mine = shard(_distinct(sweep, tableau), index, shards_of(sweep, integrator))
     runs = []
@@ -218,7 +218,7 @@ def _omissions(sweeps: Sequence[Sweep], methods: Sequence[str]) -> Iterator[Omis
 
 
 def _left_out(sweep: Sweep, tableau: Tableau) -> Iterator[dict[str, Any]]:
-    """What is left out of one method's runs on one system, as the other fields of :class:`Omission`."""
+    """Yield the omissions of one method's runs on one system, as the other fields of :class:`Omission`."""
     groups = _distinct(sweep, tableau)
 
     def cost(steps: Iterable[int]) -> int:

@@ -123,7 +123,7 @@ def _followed(
 
 
 def _dataset(units: Mapping[str, str], path: Sequence[Array], signs: Array, around: Sequence[Array]) -> xr.Dataset:
-    """What is drawn, from q, p, H and its error along the ``path`` and from the H of a grid ``around`` it.
+    """Return the data drawn, from q, p, H and its error along the ``path`` and from the H of a grid ``around`` it.
 
     q, p, H and ``energy_error`` (relative to the start, signed) over (iteration, substep): substep 0 is the initial and
     substep s + 1 the final position, and substep i the state after the i-th pair of drift and kick, the shorter row
@@ -177,7 +177,7 @@ class _Plane:
         return -float(self._system.grad_V(self._embed(q), *self._parameters)[self._component])
 
     def is_invariant(self, q: float) -> bool:
-        """Whether nothing pulls out of the plane at ``q``."""
+        """Return True if no force pulls out of the plane at ``q``."""
         gradient = self._system.grad_V(self._embed(q), *self._parameters)
         return not any(g for i, g in enumerate(gradient) if i != self._component)
 

@@ -1,4 +1,4 @@
-"""Where each method may be trusted on the Henon-Heiles system: energy error and escapes over step size and energy."""
+"""Range of validity of each method on the Henon-Heiles system: energy error and escapes over step size and energy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What becomes of the methods where T is not quadratic: energy errors on the relativistic oscillator, by amplitude.
+"""Energy errors for a T that is not quadratic: the relativistic oscillator, by amplitude.
 
 At small amplitudes the system is the harmonic oscillator; at amplitude A the momentum reaches sqrt((1 + A^2/2)^2 - 1).
 Each method runs in its own roles and with the roles of T and V exchanged. The latter is, after q -> p, p -> -q, the

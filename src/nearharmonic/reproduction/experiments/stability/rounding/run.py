@@ -52,7 +52,7 @@ SOURCES = ("plain", "compensated", "extended", "coefficients")
 
 @dataclass(frozen=True, kw_only=True)
 class Schedule:
-    """How a run is divided.
+    """Division of a run.
 
     Attributes
     ----------

@@ -1,1 +1,1 @@
-"""Which methods are compared, and intervals by resampling."""
+"""Methods that are compared, and intervals by resampling."""

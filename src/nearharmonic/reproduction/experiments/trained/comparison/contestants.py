@@ -1,4 +1,4 @@
-"""Which methods are compared: trained ones, published ones, and those of this project that are neither."""
+"""Methods that are compared: trained ones, published ones, and those of this project that are neither."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Which idea is best where, over anharmonicity and step size: from the exact oscillator to trained methods."""
+"""Best idea over anharmonicity and step size: from the exact oscillator to trained methods."""

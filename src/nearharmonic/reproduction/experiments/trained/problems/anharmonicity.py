@@ -1,4 +1,4 @@
-"""How far orbits are from harmonic: the variation of the Hessian of V along them.
+"""Anharmonicity of orbits: the variation of the Hessian of V along them.
 
 delta = rms |W - mean W| / rms |W| along the orbit, W = V'' and |.| the Frobenius norm, for masses of 1. It is 0 for
 every harmonic system, whatever its frequencies and amplitudes, and at most 1.

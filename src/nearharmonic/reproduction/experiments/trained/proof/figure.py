@@ -151,7 +151,7 @@ def _gains(axes: Axes, inside: xr.Dataset) -> list[Any]:
 
 
 def _band(name: str) -> str:
-    """What a curve is called where its panel says the number of coordinates."""
+    """Return the label of a curve in a panel that names the number of coordinates."""
     return name.partition(", ")[2] if name.startswith("d = ") else name
 
 

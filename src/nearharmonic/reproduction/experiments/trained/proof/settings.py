@@ -1,4 +1,4 @@
-"""What may be asked of the proof, and the limits of what a machine can do."""
+"""Settings of the proof, and the limits of a machine."""
 
 from __future__ import annotations
 

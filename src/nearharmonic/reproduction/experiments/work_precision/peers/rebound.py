@@ -38,7 +38,7 @@ def rebound_leapfrog8(system: System, t_end: float, step: float) -> Attempt:
 
 @dataclass(frozen=True)
 class _Setup:
-    """What a simulation is made of; ``steps`` of equal length, or 0 if the integrator chooses them."""
+    """Parts of a simulation; ``steps`` of equal length, or 0 if the integrator chooses them."""
 
     system: System
     t_end: float
