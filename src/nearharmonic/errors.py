@@ -37,7 +37,7 @@ class CompiledCodeError(NearharmonicError):
 
 
 class RefusedError(NearharmonicError):
-    """What was asked for is not done, since the results are not what they ought to be: an answer, no bad input."""
+    """A request refused because its results are not what they ought to be: an answer, not a bad input."""
 
 
 class ResultFileError(NearharmonicError):

@@ -85,7 +85,7 @@ def _check_name(kind: str, name: str, place: Path) -> None:
 
 
 def _is_module(name: str, folder: Path) -> bool:
-    """Whether ``import name`` finds a module, other than one that stands in ``folder`` itself."""
+    """Return True if ``import name`` finds a module other than one in ``folder`` itself."""
     if name in sys.stdlib_module_names:
         return True
     found = importlib.util.find_spec(name) if name.isidentifier() else None

@@ -109,7 +109,7 @@ def _written(found: Tailored, place: Path | None) -> str | None:
 
 @contextmanager
 def _progress() -> Iterator[Callable[[float, float], None] | None]:
-    """What shows how much of the budget is spent, on a terminal; None elsewhere."""
+    """Yield a callable that shows the spent budget on a terminal; None elsewhere."""
     import sys
 
     if not sys.stderr.isatty():

@@ -1,4 +1,4 @@
-"""What may be set, and the checks that every setting passes before any job runs; functions and configs share them."""
+"""Validation of run settings before any job runs; functions and configs share it."""
 
 from __future__ import annotations
 
@@ -223,12 +223,12 @@ class Numerics:
 
     @property
     def exact_oscillator(self) -> bool:
-        """Whether T and the oscillators of V are solved exactly together."""
+        """True if T and the oscillators of V are solved exactly together."""
         return self.split == EXACT_OSCILLATOR
 
     @property
     def compensated(self) -> bool:
-        """Whether the digits below a double are kept from step to step."""
+        """True if the digits below a double are kept from step to step."""
         return self.precision == "extended" or self.summation == "compensated"
 
     @property

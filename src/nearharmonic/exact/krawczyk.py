@@ -17,7 +17,7 @@ GUARD = 40
 
 @dataclass(frozen=True)
 class Proof:
-    """Whether exactly one zero is proved to lie within ``radius`` of each unknown, and where it then must be.
+    """Result of the test that exactly one zero lies within ``radius`` of each unknown.
 
     ``distance`` bounds how far from the point the zero is: the size of the Krawczyk image about the point.
     """

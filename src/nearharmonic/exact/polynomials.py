@@ -228,7 +228,7 @@ def _remainders(a: Polynomial, b: Polynomial) -> list[Polynomial]:
 
 
 def _coprime_modulo_prime(a: Polynomial, b: Polynomial) -> bool:
-    """Whether the polynomials modulo a prime show that they have no root in common; False proves nothing."""
+    """Return True if the polynomials modulo a prime show that they have no common root; False proves nothing."""
     if a[-1] % _PRIME == 0:
         return False
     rows = [_without_high_zeros([c % _PRIME for c in row]) for row in (a, b)]

@@ -133,7 +133,7 @@ def _csv(text: str) -> dict[str, Any]:
 
 
 def _python(place: str) -> dict[str, Any]:
-    """What the tableau of a user's file would be written as."""
+    """Return the tableau of a user's file as a document."""
     from nearharmonic.exchange.coefficients import as_registered
     from nearharmonic.exchange.writers.data import document
     from nearharmonic.integrators.user_file import tableau_at

@@ -75,7 +75,7 @@ def digits_of(file: CoefficientFile) -> Digits:
 
 
 def _is_double_written_out(text: str) -> bool:
-    """Whether a number is the nearest double to itself, to its last digit; others are so once in 10^(digits - 16)."""
+    """Return True if a number is its nearest double, to its last digit; others are so once in 10^(digits - 16)."""
     exponent = Decimal(text).as_tuple().exponent
     return abs(Fraction(text) - Fraction(float(text))) <= Fraction(10) ** int(exponent) / 2
 

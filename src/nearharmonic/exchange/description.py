@@ -1,4 +1,4 @@
-"""What the head of an exported program says of an integrator, and the names that it gives it."""
+"""Description of an integrator at the head of an exported program, and its names in the program."""
 
 from __future__ import annotations
 

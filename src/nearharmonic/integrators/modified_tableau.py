@@ -46,7 +46,7 @@ class ModifiedTableau(Tableau):
 
     @property
     def modified(self) -> bool:
-        """Whether kicks are of a modified potential."""
+        """True if kicks are of a modified potential."""
         return True
 
     @property
@@ -59,7 +59,7 @@ class ModifiedTableau(Tableau):
 
     @property
     def facts(self) -> dict[str, object]:
-        """What a notebook shows of the tableau, by name."""
+        """Facts of the tableau that a notebook shows, by name."""
         facts = super().facts
         return {**{name: facts[name] for name in ("name", "label", "stages")}, "gradients": self.gradients, **facts}
 

@@ -56,12 +56,12 @@ class Processor(Composition):
 
     @property
     def modified(self) -> bool:
-        """Whether kicks are of a modified potential."""
+        """True if kicks are of a modified potential."""
         return True
 
     @property
     def processed(self) -> bool:
-        """Whether it has a processor itself."""
+        """True if it has a processor itself."""
         return False
 
     @cached_property
@@ -94,12 +94,12 @@ class ProcessedTableau(ModifiedTableau):
 
     @property
     def processed(self) -> bool:
-        """Whether a processor is applied at output."""
+        """True if a processor is applied at output."""
         return True
 
     @cached_property
     def kernel(self) -> ModifiedTableau:
-        """What is repeated, as a method of its own; its order is not proved."""
+        """Repeated step as a method of its own; its order is not proved."""
         given = {x.name: getattr(self, x.name) for x in fields(ModifiedTableau)}
         return ModifiedTableau(**given)
 

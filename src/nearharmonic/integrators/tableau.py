@@ -133,17 +133,17 @@ class Tableau(Composition):
 
     @property
     def modified(self) -> bool:
-        """Whether kicks are of a modified potential: see :mod:`nearharmonic.integrators.modified`."""
+        """True if kicks are of a modified potential: see :mod:`nearharmonic.integrators.modified`."""
         return False
 
     @property
     def processed(self) -> bool:
-        """Whether a processor is applied at output: see :mod:`nearharmonic.integrators.processed_tableau`."""
+        """True if a processor is applied at output: see :mod:`nearharmonic.integrators.processed_tableau`."""
         return False
 
     @property
     def facts(self) -> dict[str, object]:
-        """What a notebook shows of the tableau, by name."""
+        """Facts of the tableau that a notebook shows, by name."""
         return {
             "name": self.name,
             "label": self.label,
@@ -210,7 +210,7 @@ class Tableau(Composition):
 
     @property
     def first_same_as_last(self) -> bool:
-        """Whether the force of a step's last kick is that of the next step's first kick."""
+        """True if the force of a step's last kick is that of the next step's first kick."""
         return self.first == "kick"
 
     def role(self, first: First | None) -> Tableau:

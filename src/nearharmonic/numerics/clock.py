@@ -19,8 +19,11 @@ QUARTILES = ("min", "q1", "median", "q3")
 
 @dataclass(frozen=True, kw_only=True)
 class Patience:
-    """How often a call is repeated: ``most`` times, fewer if that takes over ``seconds``, but ``least`` times at any
-    rate, or twice if even these take over ``longest`` seconds."""
+    """Number of repetitions of a call.
+
+    A call is made ``most`` times, fewer if that takes over ``seconds``, but at least ``least`` times. If even these
+    take over ``longest`` seconds, it is made twice.
+    """
 
     least: int = 3
     most: int = 9
@@ -28,7 +31,7 @@ class Patience:
     longest: float = 0.03
 
     def goes_on(self, times: Sequence[float]) -> bool:
-        """Whether a call with ``times`` behind it is to be repeated."""
+        """Return True if a call with ``times`` behind it is to be repeated."""
         spent = sum(times)
         if len(times) < self.least:
             return len(times) < 2 or spent < self.longest

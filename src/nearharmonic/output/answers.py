@@ -1,4 +1,4 @@
-"""What a command answers, and how an answer is printed: as aligned columns, as JSON, or as CSV."""
+"""Answers of commands, printed as aligned columns, as JSON, or as CSV."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Cell = Any
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:
-    """What a command found.
+    """Answer of a command.
 
     Attributes
     ----------

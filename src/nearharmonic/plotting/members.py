@@ -70,7 +70,7 @@ def draw_members(
 
 
 def _says(given: Sequence[xr.Dataset]) -> str:
-    """What the points are, and how many members have none."""
+    """Describe the points, and count the members without one."""
     over = (
         "over the samples"
         if "over the samples" in given[0]["max_energy_error"].attrs["long_name"]

@@ -14,7 +14,7 @@ from zlib import crc32
 
 @dataclass(frozen=True)
 class Style:
-    """How one method is drawn in all figures."""
+    """Colour and marker of one method in all figures."""
 
     colour: str
     marker: str

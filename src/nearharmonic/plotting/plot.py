@@ -76,7 +76,7 @@ def plot(datasets: xr.Dataset | Iterable[xr.Dataset]) -> Figure:
 
 
 def _kind(dataset: Any) -> str:
-    """What a Dataset shows, "" if it is none of ours."""
+    """Return the kind of a Dataset, "" if it is none of ours."""
     if not hasattr(dataset, "data_vars"):
         return ""
     if "integrator" in dataset.dims and "tau_per_stage" in dataset.dims and "max_energy_error" in dataset:

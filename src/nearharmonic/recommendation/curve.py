@@ -73,8 +73,11 @@ Part = tuple[str, Sequence[str], Sequence[Curve]]
 
 @dataclass(frozen=True, kw_only=True)
 class Crossing:
-    """Where a curve reaches an error: ``status`` "reached", "below throughout" (the coarsest setting is good enough
-    already, and its cost an upper bound) or "not reached"; cost and setting there, NaN where there is none."""
+    """Point where a curve reaches an error.
+
+    ``status`` is "reached", "below throughout" (the coarsest setting is good enough already, and its cost an upper
+    bound) or "not reached"; cost and setting there are NaN where there is none.
+    """
 
     status: Literal["reached", "below throughout", "not reached"]
     time: float = nan
@@ -132,7 +135,7 @@ def _between(first: float, second: float, weight: float) -> float:
 
 
 def crossing(curve: Curve, measure: str, target: float, mode: str = "trajectory") -> Crossing:
-    """Where ``curve`` reaches ``target`` in ``measure`` (a key of :data:`MEASURES`), by least times in ``mode``."""
+    """Find where ``curve`` reaches ``target`` in ``measure`` (key of :data:`MEASURES`), by least times in ``mode``."""
     points = [point for point in curve.points if point.times.get(mode) or not isfinite(point.max_energy_error)]
     columns = [
         [min(point.times.get(mode, ()), default=nan) for point in points],

@@ -1,4 +1,4 @@
-"""What is asked of a recommendation, checked before any method is run."""
+"""Question that a recommendation answers, checked before any method is run."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Question:
 
     @property
     def quantity(self) -> str:
-        """What is bounded: relative to |H0|, or to an energy that the system chooses, or in a unit."""
+        """Bounded quantity: relative to |H0|, or to an energy that the system chooses, or in a unit."""
         if self.measure == "position":
             return NAMES[self.measure]
         notes = self.energy_attributes[MEASURES[self.measure]]
@@ -158,7 +158,7 @@ def _methods(asked: object) -> dict[str, Tableau]:
 
 
 def _entries(one: Any) -> dict[str, Tableau]:
-    """What one entry of a list of methods stands for; a path for all methods of its file."""
+    """Return the methods that one entry of a list stands for; for a path, all methods of its file."""
     if isinstance(one, Tableau):
         return {one.name: one}
     name = os.fspath(one) if isinstance(one, os.PathLike) else one

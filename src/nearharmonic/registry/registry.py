@@ -26,7 +26,7 @@ Made_co = TypeVar("Made_co", covariant=True)
 
 
 class Definition(Protocol[Made_co]):
-    """How a user defines an entry under a name of its own, in a config say: all that another process needs to make it.
+    """User's definition of an entry under its own name, in a config say: all that another process needs to make it.
 
     ``file`` is the Python file that it comes from, ``base`` the name of the registered entry that it changes; the other
     one is None.
@@ -87,7 +87,7 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
         return self._entries
 
     def _may_declare(self, name: str) -> bool:
-        """Whether a module assigns or imports what entries are called: every process would import the others too."""
+        """Return True if a module assigns or imports the name that declares entries; other modules are not imported."""
         try:
             source = Path(self.__path__[0], f"{name}.py").read_bytes()
         except OSError:  # a folder, or no file at all
@@ -217,7 +217,7 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
 
 
 def is_path(name: object) -> bool:
-    """Whether a name is the path of a Python file, with or without ``:`` and the name of an entry in it."""
+    """Return True if a name is the path of a Python file, with or without ``:`` and the name of an entry in it."""
     return isinstance(name, str) and (name.endswith(".py") or ".py:" in name or "/" in name or os.sep in name)
 
 

@@ -1,1 +1,1 @@
-"""What is proved of a tableau without integrating: error terms, orders, and limits of linear stability."""
+"""Proofs about a tableau without integration: error terms, orders, and limits of linear stability."""

@@ -249,7 +249,7 @@ def _step_sizes(squares: tuple[Fraction, ...]) -> list[BigFloat]:
 
 
 def _highest(function: Callable[[BigFloat], BigFloat], low: BigFloat, high: BigFloat) -> BigFloat:
-    """Where ``function``, with one maximum in [low, high], is largest, by golden section."""
+    """Return the place of the only maximum of ``function`` in [low, high], by golden section."""
     ratio = (sqrt(mpf(5)) - 1) / 2
     left, right = high - ratio * (high - low), low + ratio * (high - low)
     at_left, at_right = function(left), function(right)

@@ -246,7 +246,7 @@ def _first_failure(tableau: Tableau, kicks: int, highest: int) -> int:
 
 
 def _first_nystrom_failure(tableau: Tableau, kicks: int, highest: int) -> int:
-    """What :func:`_first_failure` returns, for quadratic T."""
+    """Return the value of :func:`_first_failure` for quadratic T."""
     for degree in range(kicks, highest + 1):
         errors, allowed = errors_of(tableau, degree), tolerance(tableau, degree)
         counts = [word.count("B") for word in lyndon_words(degree)]
@@ -277,7 +277,7 @@ def _matrix_errors(tableau: Tableau) -> StepPolynomials:
 
 
 def _ellipse(E: StepPolynomials) -> tuple[list[Fraction], ...]:
-    """What keeps the conserved ellipse from being a circle; for a symmetric step K11 = K22."""
+    """Return the deviations of the conserved ellipse from a circle; for a symmetric step K11 = K22."""
     defect = [a + b for a, b in zip(E.K12, E.K21, strict=True)]
     return (defect,) if E.K11 == E.K22 else (defect, [a - b for a, b in zip(E.K11, E.K22, strict=True)])
 

@@ -71,7 +71,7 @@ def word_slopes(factors: Sequence[Factor], needed: Iterable[str]) -> tuple[dict[
 
 
 def _places(factors: Sequence[Factor]) -> dict[str, list[int]]:
-    """Where each operator stands among the factors."""
+    """Return the places of each operator among the factors."""
     found = {name: [i for i, (other, _) in enumerate(factors) if other == name] for name in _ELEMENTS}
     return {name: rows for name, rows in found.items() if rows}
 
@@ -105,7 +105,7 @@ def _total(arrays: Iterable[Array]) -> Array:
 
 @lru_cache(maxsize=64)
 def _plan(operators: str, needed: tuple[str, ...]) -> tuple[list[tuple[str, list[_Term]]], int]:
-    """What factors add to each word needed and to its beginnings, shorter words first; and the highest power."""
+    """Return the terms that factors add to each needed word and its prefixes, shorter first, and the highest power."""
     wanted = sorted({word[:n] for word in needed for n in range(1, len(word) + 1)}, key=lambda word: (len(word), word))
     longest = max(map(len, wanted), default=0)
     ends: list[tuple[str, str, int, int]] = []

@@ -1,4 +1,4 @@
-"""What a search makes small: the mean logarithm of the energy error against the best method that is known.
+"""Objective of a search: the mean logarithm of the energy error against the best known method.
 
 Over a window of step sizes, at equal cost, the worst difference to the best known method at each step size, and half of
 the mean: a method that wins at one step size and nowhere near it gains nothing.

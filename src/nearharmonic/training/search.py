@@ -33,7 +33,7 @@ SMALL_VALUE, SMALL_STEP = 1e-4, 1e-8
 
 @dataclass(frozen=True, kw_only=True)
 class Effort:
-    """How hard one family is searched.
+    """Search effort for one family.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Effort:
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """Where a search begins: a point, or None for the best of random ones, and the standard deviation around it."""
+    """Start of a search: a point, or None for the best of random ones, and the standard deviation around it."""
 
     origin: str
     point: Floats | None
@@ -64,7 +64,7 @@ class Start:
 
 @dataclass(frozen=True, kw_only=True)
 class Found:
-    """What a search ended with: the objective and the unknowns of the best, after so many trials from where."""
+    """Result of a search: the objective and the unknowns of the best, its origin, and the number of trials."""
 
     value: float
     unknowns: Floats
@@ -218,7 +218,7 @@ def _scales(family: Family) -> Floats:
 
 
 def _has_shape(method: Tableau, family: Family) -> bool:
-    """Whether a method has the stages and the role of a family, and no squares but those of the family."""
+    """Return True if a method has the stages and the role of a family, and no squares but those of the family."""
     squares = {i for i, m in enumerate(getattr(method, "square", ())) if Fraction(m) and 2 * i < len(method.kick)}
     return (
         method.symmetric

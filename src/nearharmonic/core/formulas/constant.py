@@ -36,7 +36,7 @@ class FormulaError(TypeError):
 
 
 class Value:
-    """What stands for a value while a formula is called: a base of ``Number``."""
+    """Base class of ``Number``, which stands for a value while a formula is called."""
 
     __slots__ = ()
 
@@ -151,7 +151,7 @@ class Constant(Fraction):
     __slots__ = ()
 
     def __array_ufunc__(self, function: Any, method: str, *operands: Any, **more: Any) -> Any:
-        """What numpy does with a constant: exact beside a scalar or a value of a formula, a float beside an array."""
+        """Apply a numpy function: exactly beside a scalar or a value of a formula, in floats beside an array."""
         name = function.__name__
         if all(not getattr(x, "shape", ()) for x in operands):
             if name in _OPERATORS and method == "__call__":

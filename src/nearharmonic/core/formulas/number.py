@@ -196,7 +196,7 @@ def call(system: Formulas, formula: str, function: Callable[..., Any], *argument
 
 
 def _hint(system: Formulas, formula: str, error: Exception) -> str:
-    """What may help beside the message of an exception."""
+    """Return a hint to append to the message of an exception."""
     if isinstance(error, IndexError) and str(error) == NO_SUCH_COMPONENT:
         return f": {components('q' if formula.endswith('V') else 'p', system.dimension)}"
     if isinstance(error, TypeError) and "tuple" in str(error):

@@ -34,7 +34,7 @@ class Rules:
 
     @property
     def quick_energy(self) -> bool:
-        """Whether the energy is measured in double where its error is far above the rounding of doubles.
+        """True if the energy is measured in double where its error is far above the rounding of doubles.
 
         In double-double at every step it would cost ten times a step of leapfrog where pairs of bodies attract.
         """

@@ -174,7 +174,7 @@ def special_power(
 
 
 def whole_and_odd(y: LLVMValue) -> tuple[LLVMMask, LLVMMask]:
-    """Whether y is a whole number, infinities among them, and an odd one."""
+    """Return masks: y is an integer, infinities among them; y is odd."""
     size = y.absolute()
     large = size.at_least(2.0**52)
     fraction_free = clamped(size, 0.0, 2.0**52)

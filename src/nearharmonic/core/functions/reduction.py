@@ -55,7 +55,7 @@ def for_all_angles(name: str, x: LLVMValue, body: Callable[[LLVMBits, LLVMValue,
 
 
 def is_large(x: LLVMValue) -> LLVMMask:
-    """Whether a finite angle is beyond :data:`MODERATE`."""
+    """Return the mask of the finite angles beyond :data:`MODERATE`."""
     size = x.absolute()
     return size.at_least(MODERATE) & size.less(inf)
 

@@ -114,7 +114,7 @@ class Emission:
         return self.kind.constant(value, self.writer.zero(width)) if isinstance(value, Constant) else value
 
     def _operands(self, work: Work, level: int) -> Callable[[Index, int, bool], list[Any]]:
-        """What reads the arguments of a block: tables are written once, before the loop."""
+        """Return a reader of the arguments of a block; tables are written once, before the loop."""
         loop = work.loop
         operands = [self._reader(operand.array, operand.places) for operand in loop.operands]
         data = [self._data(column) for column in loop.data]
@@ -129,7 +129,7 @@ class Emission:
         return read
 
     def _reader(self, array: int, places: Places, gradient: bool = False) -> Computed:
-        """What reads numbers of an array, by the number of the repetition."""
+        """Return a reader of numbers of an array, by the number of the repetition."""
         load = self._loader(places)
         if array == COORDINATES:
             addresses = [self.state.address, self.writer.place(self.state.address, self.state.stride)]
@@ -141,7 +141,7 @@ class Emission:
         return [self.writer.place(self.kept.address, offset + k * self.kept.stride) for k in range(self.kind.planes)]
 
     def _loader(self, places: Places) -> Loader:
-        """What loads the doubles of ``places`` behind an address."""
+        """Return a loader of the doubles of ``places`` behind an address."""
         writer = self.writer
         if is_constant(places):
             return lambda address, _, width: writer.broadcast(
@@ -155,7 +155,7 @@ class Emission:
         return lambda address, first, width: writer.gather(address, writer.looked_up(table, first, width))
 
     def _data(self, column: Sequence[Any]) -> Computed:
-        """What reads constants."""
+        """Return a reader of constants."""
         pairs = np.array([arithmetic.rounded_pair(c.numerator, c.denominator) for c in column])
         addresses = [self.writer.table(np.ascontiguousarray(plane)) for plane in pairs.T]
         writer = self.writer

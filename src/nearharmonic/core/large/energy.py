@@ -69,7 +69,7 @@ class LoopedEnergy:
 
     @cached_property
     def work(self) -> tuple[tuple[Work, ...], ...]:
-        """What the loops of each level compute."""
+        """Computations of the loops of each level."""
         last = len(self.levels)
         return tuple(
             tuple(_work(loop, None if number == last else number) for loop in level.loops)
@@ -101,8 +101,11 @@ class LoopedEnergy:
 
     @cached_property
     def offsets(self) -> dict[tuple[str, int, int], int]:
-        """Where numbers are kept, by what they are: ("gradient", array, 0), ("value", level, 0) of sums, and of loops
-        ("term", level, loop) and ("derivative 0", level, loop), ...; ("end", 0, 0) is how many there are."""
+        """Offsets of the kept numbers.
+
+        Keys are ("gradient", array, 0), ("value", level, 0) for sums, and for loops ("term", level, loop) and
+        ("derivative 0", level, loop), ...; ("end", 0, 0) is the total number.
+        """
         found: dict[tuple[str, int, int], int] = {}
         at = 0
 

@@ -231,10 +231,10 @@ class LoopWriter:
 
 
 def is_consecutive(places: NDArray[np.int64]) -> bool:
-    """Whether places ascend by 1."""
+    """Return True if places ascend by 1."""
     return len(places) > 1 and bool((np.diff(places) == 1).all())
 
 
 def is_constant(places: NDArray[np.int64]) -> bool:
-    """Whether all places are the same one."""
+    """Return True if all places are equal."""
     return bool((places == places[0]).all())

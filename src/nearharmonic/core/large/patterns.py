@@ -21,7 +21,7 @@ from nearharmonic.core.large.terms import Entry, LongSums, Term
 
 @dataclass(frozen=True, eq=False)
 class Operand:
-    """What a variable of a pattern is in each repetition: the ``places`` (count,) of an array."""
+    """Values of a variable of a pattern, one for each repetition: the ``places`` (count,) of an array."""
 
     array: int
     places: Places

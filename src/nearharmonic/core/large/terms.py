@@ -183,7 +183,7 @@ class LongSums:
         return order
 
     def _shape(self, node: int) -> tuple[int, int]:
-        """What sorts nodes of different kinds, and not those of one kind in different places."""
+        """Return a sort key that distinguishes kinds of nodes, but not places within one kind."""
         found = self.graph.nodes[node]
         if node in self.place:
             return 0, self.place[node][0]

@@ -45,7 +45,7 @@ class LLVMMask:
         return LLVMValue(self.builder, self.builder.select(self.value, *choices))
 
     def anywhere(self) -> LLVMMask:
-        """Whether this is true in any lane."""
+        """Return True if this is true in any lane."""
         if not isinstance(self.value.type, ir.VectorType):
             return self
         mask = self.builder.bitcast(self.value, ir.IntType(self.value.type.count))
@@ -194,7 +194,7 @@ class LLVMValue:
         return self._compare("==", other)
 
     def undefined(self) -> LLVMMask:
-        """Whether this is a NaN."""
+        """Return True if this is a NaN."""
         return LLVMMask(self.builder, self.builder.fcmp_unordered("uno", self.value, self.value))
 
     def lanes(self) -> list[LLVMValue]:

@@ -1,4 +1,4 @@
-"""How a long call of a kernel can be stopped from the keyboard and is watched on a terminal."""
+"""Interrupt handling and progress bars for long kernel calls."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How many runs are integrated side by side: results do not depend on it, only their time does."""
+"""Number of SIMD lanes; it affects the speed, not the results."""
 
 from __future__ import annotations
 

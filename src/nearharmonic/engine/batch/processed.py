@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class Prepared(Protocol):
-    """What :func:`nearharmonic.engine.batch.batch.prepared_batch` is for one system."""
+    """Signature of :func:`nearharmonic.engine.batch.batch.prepared_batch` for one system."""
 
     def __call__(
         self, tableau: ModifiedTableau | Processor, numerics: Numerics, *, marks: Integers, scheme: Integers,

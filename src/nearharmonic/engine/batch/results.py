@@ -1,4 +1,4 @@
-"""What a batch of runs comes to: states, energy errors, and which runs were lost, as arrays with names."""
+"""Results of a batch of runs as named arrays: states, energy errors, divergence flags."""
 
 from __future__ import annotations
 

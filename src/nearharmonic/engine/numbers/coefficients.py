@@ -1,4 +1,4 @@
-"""What a kernel is given in doubles, from exact numbers: coefficients times step sizes, initial states, parameters."""
+"""Kernel arguments in doubles, from exact numbers: coefficients times step sizes, initial states, parameters."""
 
 from __future__ import annotations
 

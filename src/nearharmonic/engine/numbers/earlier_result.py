@@ -34,7 +34,7 @@ CLOCK = ("clock", "clock_low", "clock_momentum", "clock_momentum_low")
 
 @dataclass(frozen=True, kw_only=True)
 class End:
-    """What a continuation takes of an earlier result.
+    """End of an earlier result, from which a continuation starts.
 
     Attributes
     ----------

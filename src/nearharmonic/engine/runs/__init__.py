@@ -1,1 +1,1 @@
-"""What users call: trajectories, sweeps, ensembles, prepared problems, and their datasets."""
+"""User interface of runs: trajectories, sweeps, ensembles, prepared problems, and their datasets."""

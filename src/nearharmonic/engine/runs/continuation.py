@@ -1,4 +1,4 @@
-"""Where a run begins: at values that the caller gives, or at the end of an earlier result."""
+"""Start of a run: values that the caller gives, or the end of an earlier result."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class Start:
         return tuple(self.parameters[0, ::2].tolist())
 
     def attributes(self) -> dict[str, str]:
-        """What a Dataset says of it."""
+        """Return its attributes for a Dataset."""
         notes = parameter_attributes(self.system, self.given) | {"formulas": formulas_digest(self.system)}
         return notes | ({"t_start": repr(self.t)} if self.t else {})
 

@@ -131,7 +131,7 @@ class Problem:
 
     @property
     def plain(self) -> bool:
-        """Whether the digits below a double are dropped."""
+        """True if the digits below a double are dropped."""
         return not self.numerics.compensated
 
     @property

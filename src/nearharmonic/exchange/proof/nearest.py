@@ -49,12 +49,12 @@ class Likeness:
 
     @property
     def is_same(self) -> bool:
-        """Whether all coefficients are those of the method, to the digits of both."""
+        """True if all coefficients are those of the method, to the digits of both."""
         return not self.differing
 
     @property
     def is_recognised(self) -> bool:
-        """Whether so many agree that those that do not look wrong."""
+        """True if so many coefficients agree that the differing ones look wrong."""
         return len(self.differing) <= MOST * self.compared
 
 

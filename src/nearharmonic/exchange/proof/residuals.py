@@ -43,7 +43,7 @@ class Residual(NamedTuple):
 
     @property
     def vanishes(self) -> bool:
-        """Whether the value is zero to the digits given."""
+        """True if the value is zero to the digits given."""
         return abs(self.value) <= self.allowed
 
 

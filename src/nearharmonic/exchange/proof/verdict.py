@@ -1,4 +1,4 @@
-"""What is proved of the coefficients of a file, and which of its claims hold."""
+"""Proved properties of the coefficients of a file, and the claims that hold."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Claim(NamedTuple):
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is proved of a file.
+    """Proved properties of a file.
 
     Attributes
     ----------
@@ -78,12 +78,12 @@ class Verdict:
 
     @property
     def is_consistent(self) -> bool:
-        """Whether both sums are 1."""
+        """True if both sums are 1."""
         return all(one.vanishes for one in self.sums.values())
 
     @cached_property
     def is_symmetric(self) -> bool:
-        """Whether the step reads the same backwards, to its digits."""
+        """True if the step reads the same backwards, to its digits."""
         return is_palindrome(self.step)
 
     @cached_property
@@ -118,7 +118,7 @@ class Verdict:
 
     @property
     def holds(self) -> bool:
-        """Whether all claims hold."""
+        """True if all claims hold."""
         return all(claim.holds for claim in self.claims)
 
     @cached_property
@@ -134,7 +134,7 @@ class Verdict:
         return self.file.order or min(max(4, self.quadratic_order.order + 2), HIGHEST_ORDER)
 
     def _proves(self, rows: Rows) -> bool:
-        """Whether every claim holds of other rows, and they have the order of :attr:`_target`."""
+        """Return True if every claim holds of other rows, and they have the order of :attr:`_target`."""
         step = step_of(rows.kick, rows.drift, rows.first, self.digits.number)
         symmetric = self.file.symmetric in (None, is_palindrome(step))
         quadratic = self.file.order is None or self.file.requires is not None
@@ -143,7 +143,7 @@ class Verdict:
 
     @cached_property
     def warnings(self) -> list[str]:
-        """What the nearest registered method shows that no claim is about."""
+        """Findings from the nearest registered method that no claim is about."""
         return list(_warnings(self))
 
 
@@ -241,7 +241,7 @@ def _role(found: Verdict) -> Iterator[Claim]:
 
 
 def _role_claims_hold(file: CoefficientFile, step: Step) -> bool:
-    """Whether the claims that the role decides hold of ``step``."""
+    """Return True if the claims that the role decides hold of ``step``."""
     if file.harmonic_order is not None and OscillatorStep(step).harmonic_order < file.harmonic_order:
         return False
     if file.order is None or file.requires is None:

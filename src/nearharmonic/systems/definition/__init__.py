@@ -1,1 +1,1 @@
-"""What a system is: declaration, arguments, quantities with units."""
+"""Definition of a system: declaration, arguments, quantities with units."""

@@ -1,4 +1,4 @@
-"""How the formulas of a system take their arguments, by their signatures, against how they are called."""
+"""Arguments of the formulas of a system: their signatures, compared with how they are called."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ def decimal(value: Any) -> Any:
 
 
 def is_extreme(value: Any) -> bool:
-    """Whether a decimal is far outside the range of doubles, so that a fraction of it has very many digits."""
+    """Return True if a decimal is far outside the range of doubles, so that its fraction has very many digits."""
     try:
         number = Decimal(value) if isinstance(value, str | Decimal) else Decimal(1)
     except InvalidOperation:

@@ -1,4 +1,4 @@
-"""What a separable Hamiltonian system H(q, p) = T(p) + V(q) must say about itself."""
+"""Definition of a separable Hamiltonian system H(q, p) = T(p) + V(q)."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ class System:
 
     @property
     def facts(self) -> dict[str, object]:
-        """What a notebook shows of the system, by name."""
+        """Facts of the system that a notebook shows, by name."""
         return {
             "name": self.name,
             "label": self.label,
@@ -255,17 +255,17 @@ class System:
 
     @cached_property
     def quadratic_kinetic_energy(self) -> bool:
-        """Whether T is a polynomial of degree at most 2 in the momenta, which Nystrom methods need."""
+        """True if T is a polynomial of degree at most 2 in the momenta, which Nystrom methods need."""
         return self.T is quadratic_T or isinstance(self.T, MassKineticEnergy) or self._kinetic_energy.is_quadratic
 
     @cached_property
     def unit_masses(self) -> bool:
-        """Whether T = p.p / 2, so that forces are accelerations."""
+        """True if T = p.p / 2, so that forces are accelerations."""
         return self.T is quadratic_T or self._kinetic_energy.is_half_square
 
     @cached_property
     def parameters_at_run_time(self) -> bool:
-        """Whether formulas can be called with parameters that are values, which must not decide what they do."""
+        """True if formulas can be called with parameters that are values, on which no branch may depend."""
         energies = (self._potential, self._kinetic_energy)
         return not self.parameters or (
             all(e.parameters_at_run_time for e in energies) and self._gradients_take_values()

@@ -72,7 +72,7 @@ class Energy:
 
     @property
     def parameters_at_run_time(self) -> bool:
-        """Whether the formula can be called with parameters that are values, which must not decide what it does."""
+        """True if the formula can be called with parameters that are values, on which no branch may depend."""
         with self._lock:
             if self._at_run_time is None:
                 try:
@@ -100,7 +100,7 @@ class Energy:
 
     @cached_property
     def is_long(self) -> bool:
-        """Whether the formula is compiled as loops; not if it fails."""
+        """True if the formula is compiled as loops; False if it fails."""
         try:
             graph, value, _ = self._standard
         except SystemDefinitionError:
@@ -135,7 +135,7 @@ class Energy:
 
     @property
     def is_quadratic(self) -> bool:
-        """Whether the energy is a polynomial of degree at most 2 in its coordinates, however it is written."""
+        """True if the energy is a polynomial of degree at most 2 in its coordinates, however it is written."""
         from nearharmonic.core.formulas.expression.polynomial import is_quadratic
 
         graph, value, coordinates = self._standard
@@ -143,7 +143,7 @@ class Energy:
 
     @property
     def is_half_square(self) -> bool:
-        """Whether the energy is x.x / 2, however it is written."""
+        """True if the energy is x.x / 2, however it is written."""
         from nearharmonic.core.formulas.expression.polynomial import polynomial_of
 
         graph, value, coordinates = self._standard

@@ -1,4 +1,4 @@
-"""What is integrated of a system: its formulas, of an autonomous system of one more coordinate if V depends on time.
+"""Integrated formulas of a system, of an autonomous system of one more coordinate if V depends on time.
 
 A potential V(q, t) is that of an autonomous system whose last coordinate is the time t, with a momentum p_t conjugate
 to it: H = T(p) + p_t + V(q, t). Then dt/dt = 1, dp_t/dt = -dV/dt, and H is conserved; p_t starts at 0, so that -p_t is
@@ -54,7 +54,7 @@ class Formulas:
 
     @property
     def are_loops(self) -> bool:
-        """Whether kernels of the system are loops, for one trajectory at a time."""
+        """True if kernels of the system are loops, for one trajectory at a time."""
         return self.energies[0].traced and any(energy.is_long for energy in self.energies)
 
     def force_chain(self, constants: Sequence[Constant], parameters: int) -> Chain:

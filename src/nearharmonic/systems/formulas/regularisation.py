@@ -23,7 +23,7 @@ Vector = tuple[Any, ...]
 
 @dataclass(frozen=True)
 class Regularisation:
-    """How a system with an attracting centre is integrated without its singularity.
+    """Regularisation of a system with an attracting centre, which removes the singularity.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a search may take, in time or in trials."""
+"""Budget of a search, in time or in trials."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a method that was made for a system comes from, in the words of its tableau and as a Python file."""
+"""Provenance of a method made for a system, in the words of its tableau and as a Python file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is asked of a method that is made for one system, checked before any work."""
+"""Request for a method made for one system, checked before any work."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a method that was made for a system is worth: its gain on starts that were not used, with an interval."""
+"""Gain of a method made for a system on starts that were not used, with an interval."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Gain:
 
     @property
     def is_one(self) -> bool:
-        """Whether the interval is above 0."""
+        """True if the interval is above 0."""
         return self.low > 0
 
     def __str__(self) -> str:
@@ -131,7 +131,7 @@ class Tailored:
 
     @property
     def has_gain(self) -> bool:
-        """Whether the interval of the gain on starts that were not used is above 0."""
+        """True if the interval of the gain on starts that were not used is above 0."""
         return self.test.gain.is_one
 
     @cached_property

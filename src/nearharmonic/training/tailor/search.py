@@ -90,7 +90,7 @@ class Branch:
 
 @dataclass(frozen=True, kw_only=True)
 class SearchResult:
-    """What a search found, and how far it came.
+    """Result of a search, and its extent.
 
     Attributes
     ----------
@@ -252,7 +252,7 @@ class TailorSearch:
 
 
 def _is_same(branch: Branch, best: Best) -> bool:
-    """Whether a search ended at the best."""
+    """Return True if a search ended at the best."""
     return (
         branch.family == best.family
         and branch.value < best.value + SAME_VALUE

@@ -1,4 +1,4 @@
-"""How many operations an expression takes, which are compiled as loops, and how many are compiled at all."""
+"""Size of expressions in operations, the limit above which they become loops, and the largest size compiled."""
 
 from __future__ import annotations
 

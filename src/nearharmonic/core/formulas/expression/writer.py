@@ -236,7 +236,7 @@ class _Writer:
         return self._scaled(c, top)
 
     def _is_quotient(self, node: int) -> bool:
-        """Whether a node divides a constant, into which another may be multiplied."""
+        """Return True if a node divides a constant, into which another constant may be multiplied."""
         found = self.graph.nodes[node]
         return isinstance(found, Product) and all(e < 0 and n not in self._inverses for n, e in found.factors)
 

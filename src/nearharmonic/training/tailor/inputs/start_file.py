@@ -76,7 +76,7 @@ def _row(cells: list[str], dimension: int) -> list[float]:
 
 
 def _is_header(cells: list[str]) -> bool:
-    """Whether no cell is a number: a first line with one that is has a slip in it."""
+    """Return True if no cell is a number; an invalid first line with a number contains a mistake."""
     for cell in cells:
         try:
             float(cell)

@@ -143,7 +143,7 @@ def _rows(system: System, q: Floats, p: Floats) -> Floats:
 
 
 def _stays(asked: Question, rows: Floats, t_end: float, tau: float) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Whether a run with small steps from each start keeps its energy."""
+    """Return the mask of starts whose run with small steps keeps its energy."""
     method = integrators[METHOD]
     steps = max(1, round(t_end / (tau * method.stages)))
     run = integrate_batch(
