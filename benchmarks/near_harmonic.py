@@ -57,7 +57,7 @@ class Orbit:
 
 @dataclass(frozen=True, kw_only=True)
 class Result:
-    """What is measured of an orbit: delta, omega, and the energy error of each method by cost and name."""
+    """Measurements of an orbit: delta, omega, and the energy error of each method by cost and name."""
 
     orbit: Orbit
     delta: float
@@ -68,7 +68,7 @@ class Result:
         return min(names, key=self.errors[cost].__getitem__)
 
     def shown(self, cost, name):
-        """What the table says of the error of a method."""
+        """Return the table's cell for the error of a method."""
         error = self.errors[cost][name]
         return "rounding" if error < ROUNDING else f"{error:.0e}" if error < 1 else "fails"
 

@@ -1,4 +1,4 @@
-"""Which method wins where: all registered methods on five systems, by evaluations of the force and by time.
+"""Ranking of the methods: all registered ones on five systems, by evaluations of the force and by time.
 
 Run: ``python benchmarks/ranking.py`` (about three minutes). Writes the tables into docs/ranking.md. The evaluations
 that a method takes to an error are read off its curve of error against evaluations, by a straight line through the

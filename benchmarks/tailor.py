@@ -1,4 +1,4 @@
-"""What ``nearharmonic tailor`` gains, and over-fitting: gains on the starts of a search beside gains on others.
+"""Gains of ``nearharmonic tailor``, and over-fitting: gains on the starts of a search beside gains on others.
 
 Run: ``python benchmarks/tailor.py`` (about ten minutes). Writes the tables into docs/tailor.md. Budgets are numbers of
 trials, so that a seed gives the same rows on one kind of processor; the seconds of the example are those of this run.
@@ -39,7 +39,7 @@ STEPS, ENERGIES = (0.03, 0.05, 0.065, 0.08, 0.1, 0.12, 0.15, 0.18), (0.001, 0.01
 
 
 def example() -> str:
-    """What the command prints."""
+    """Return the text that the command prints."""
     with contextlib.redirect_stdout(io.StringIO()) as out:
         command(["tailor", *EXAMPLE])
     return f"```\n{out.getvalue()}```"

@@ -128,7 +128,7 @@ def losses(folder):
 
 
 def windows(folder):
-    """Where each trained method errs less than all published ones, on some ensembles."""
+    """List the windows in which each trained method errs less than all published ones, on some ensembles."""
     rows = rows_of(folder, "methods")
     lines = []
     for method, group in groupby(rows, key=lambda row: row["method"]):

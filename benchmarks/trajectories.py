@@ -1,4 +1,4 @@
-"""What runs cost beside their kernels: prepared calls, ensembles, and the energy at every step of larger systems.
+"""Costs of runs beside their kernels: prepared calls, ensembles, and the energy at every step of larger systems.
 
 Run: ``python benchmarks/trajectories.py`` (about a minute). Times are minima of calls that take turns on one core.
 """

@@ -63,7 +63,7 @@ def run_files(system):
 
 
 def installed():
-    """Which of the libraries are there: one that is installed later on is to be timed as well."""
+    """Tell which libraries are installed: one that is installed later on is to be timed as well."""
     from nearharmonic.reproduction.experiments.work_precision.peers import LIBRARIES
     from nearharmonic.reproduction.experiments.work_precision.measure import is_installed
 

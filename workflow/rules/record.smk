@@ -54,7 +54,7 @@ def again(rule, log):
 
 
 def verdicts(document):
-    """What this run says of the paper's statements, and the command that decides those it leaves open."""
+    """Return a line on this run's verdicts, and the command that decides the statements it leaves open."""
     from nearharmonic.reproduction.claims.pages.summary import verdicts_line
     from nearharmonic.output.store import workflow_command
 

@@ -1,4 +1,4 @@
-"""Where the methods may be trusted: three ensembles, one job a method and then a cube; and three cubes beside them."""
+"""Limits of trust in the methods: three ensembles, one job a method and then a cube; and three cubes beside them."""
 
 from nearharmonic.reproduction.experiments.stability import CUBES as STABILITY_CUBES
 from nearharmonic.systems import systems

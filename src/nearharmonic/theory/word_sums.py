@@ -77,7 +77,7 @@ def _places(factors: Sequence[Factor]) -> dict[str, list[int]]:
 
 
 def _sums(factors: Sequence[Factor], needed: tuple[str, ...]) -> dict[str, Array]:
-    """Of each word needed and its beginnings, the coefficients of the products of the first 0, 1, ..., F factors."""
+    """Return, by needed word or beginning of one, coefficients in the products of the first 0, 1, ..., F factors."""
     numbers, places = np.array([number for _, number in factors]), _places(factors)
     plan, highest = _plan("".join(places), needed)
     powers = {}  # the k-th power over k!, 0 where another operator stands

@@ -117,7 +117,7 @@ class Objective:
         return found
 
     def _differences(self, kicks: Floats, drifts: Floats, squares: Floats) -> Floats:
-        """Of each ensemble (ensembles, C, T)."""
+        """Mean log of errors, less the reference, by ensemble (ensembles, C, T)."""
         parts = [slice(i, i + self.size) for i in range(0, len(kicks), self.size)]
         return np.stack([
             np.concatenate([

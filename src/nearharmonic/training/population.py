@@ -174,7 +174,7 @@ def _in_order(kicks: Floats, drifts: Floats, squares: Floats, kick_first: bool) 
 
 
 def _square_behind(squares: NDArray[np.bool_]) -> Floats:
-    """Of each move (C, s + 2), whether a force behind it needs the gradient of the square."""
+    """Moves behind which a force needs the gradient of the square: 1 in an array (C, s + 2), else 0."""
     found = np.zeros(squares.shape)
     for i in range(squares.shape[1]):
         found[:, i] = squares[:, list(moves_behind(i, squares.shape[1]))].any(axis=1)

@@ -91,7 +91,7 @@ class Findings:
 
     @property
     def again(self) -> int:
-        """Of the searches, those that ended at the best, itself included."""
+        """Number of searches that ended at the best, itself included."""
         best = self.best
         return sum(
             one.value < best.value + SAME_VALUE

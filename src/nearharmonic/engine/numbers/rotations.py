@@ -66,7 +66,7 @@ def _in_doubles(kicks: list[Fraction], shears: list[tuple[Fraction, Fraction, Fr
 
 
 def _shears(drifts: Sequence[Fraction], frequency: Fraction) -> Iterator[tuple[Fraction, Fraction, Fraction]]:
-    """Of each move b, S and the shear behind it, which are 0 but for the first move of a run and the last of a step."""
+    """Yield b of each move, S and the shear behind it, which are 0 but for a run's first move and a step's last."""
     turns = [_shear_and_drift(drift, frequency) for drift in drifts]
     shears, nothing = [T for T, _ in turns], Fraction(0)
     before = [nothing, shears[-2], *shears[1:-2], shears[-2]]

@@ -173,7 +173,7 @@ def regularised_formulas(system: System) -> Formulas:
 
 @dataclass(frozen=True)
 class _Acceleration:
-    """Of a system whose T is quadratic; the clock of an extended system has none."""
+    """Acceleration in a system whose T is quadratic; the clock of an extended system has none."""
 
     system: System
     kinetic_energy: Energy

@@ -43,7 +43,7 @@ def measure(split: Sequence[str], exact: Sequence[str], settings: ExactOscillato
     t_end, shape = Fraction(settings.t_end), (len(energies), settings.trajectories)
 
     def errors(names: Sequence[str], operators: str, charges: Sequence[float]) -> Floats:
-        """Of each run, over (tau, charge, method, energy, trajectory)."""
+        """Return the largest error of each run, over (tau, charge, method, energy, trajectory)."""
         return np.stack([
             np.stack([
                 np.stack([

@@ -100,7 +100,7 @@ def minimise(
 def promising_starts(
     equations: Equations, *, starts: int, seed: int, box: float = 1.0, report: Callable[[str], None] = lambda _: None
 ) -> list[list[float]]:
-    """Of ``starts`` random points in [-box, box], those from which a short run in short arithmetic gets near a root.
+    """Return those of ``starts`` points in [-box, box] from which a short run in short arithmetic gets near a root.
 
     A start in a ridge of the max norm stalls at once, however long the arithmetic; a short run tells.
     """

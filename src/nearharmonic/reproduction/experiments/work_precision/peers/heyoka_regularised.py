@@ -66,7 +66,7 @@ def heyoka_regularised(system: System, t_end: float, tolerance: float, *, fast_m
 
 
 def _equations(hy: Any, system: System, coordinates: int, w: float, t_end: float) -> list[tuple[Any, Any]]:
-    """Of (u, v, t/t_end) by s, without the perturbation if its strength is 0, as this package integrates them."""
+    """Derivatives of (u, v, t/t_end) by s as this package integrates them; no perturbation if its strength is 0."""
     d = coordinates - 1
     given = system.regularisation
     assert given is not None
