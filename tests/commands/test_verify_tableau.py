@@ -7,7 +7,7 @@ import json
 import pytest
 
 from nearharmonic.cli import main
-from tableau_files import path
+from support.methods.tableau_files import path
 
 
 def test_a_claim_that_does_not_hold_gives_status_1_with_its_proof_in_its_line(capsys):

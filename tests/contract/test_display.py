@@ -70,7 +70,7 @@ def test_a_registry_is_a_table_with_a_row_for_each_entry(registry):
 
 
 def test_what_a_user_writes_is_no_markup():
-    from own_systems import spring
+    from support.methods.own_systems import spring
 
     shown = spring(label="<b>spring</b> & more")._repr_html_()
     assert "<b>" not in shown

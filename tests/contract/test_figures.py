@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import figure_cubes as made
 from nearharmonic.recommendation.curve import Curve
 from nearharmonic.reproduction.experiments.paper.figures.fig6_substeps import draw_panels
 from nearharmonic.reproduction.experiments.work_precision.figure import work_precision_figure
 from nearharmonic.reproduction.tasks.declarations import figures_of
 from nearharmonic.reproduction.tasks.provenance import function_of
+from support.cubes import figure_cubes as made
 
 #: Figure -> what it draws for some methods, and the variables that a cube has even without a number.
 CUBES = {

@@ -12,11 +12,11 @@ import pytest
 from mpmath import diff, mpf
 
 import nearharmonic as nh
-from multiprecision import Multiprecision, value_of
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.systems import Parameter, System
 from nearharmonic.systems.formulas.gradients import check_gradients
-from oracles import kepler_state
+from support.oracles.multiprecision import Multiprecision, value_of
+from support.oracles.reference_solutions import kepler_state
 
 #: A point off every axis, away from the start, so that no term of a gradient vanishes by symmetry.
 POINT = ("0.37", "-0.21", "0.53", "0.11", "-0.43", "0.29")

@@ -11,13 +11,13 @@ import pytest
 from mpmath import mp, mpf, workdps
 
 import nearharmonic as nh
-from multiprecision import trajectory
 from nearharmonic.core.formulas.expression import size
 from nearharmonic.core.formulas.expression.graph import Graph, value_of
 from nearharmonic.core.large.energy import LoopedEnergy
 from nearharmonic.core.large.tables import runs
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.math import array, atan2, cos, exp, sin, sqrt, sum
+from support.oracles.multiprecision import trajectory
 
 #: Digits of the oracle, and the step of its central differences, off by 1e-60 of third derivatives, which are near 1.
 DIGITS, STEP = 100, mpf(10) ** -30

@@ -19,7 +19,7 @@ from nearharmonic.core.formulas.number import FUNCTIONS, Constant
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems import Parameter, System
 from nearharmonic.systems.formulas.gradients import Multiprecision, check_gradients
-from random_formulas import mpmaths
+from support.oracles.random_formulas import mpmaths
 
 UNITS = dict.fromkeys(("q", "p", "t", "energy"), "1")
 

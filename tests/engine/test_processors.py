@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from decisive_computations import digests
+from support.projects.decisive_computations import digests
 
-PROGRAM = Path(__file__).parents[1] / "decisive_computations.py"
+PROGRAM = Path(__file__).parents[1] / "support/projects/decisive_computations.py"
 
 
 def older_processor():

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from mpmath import cbrt, mpf
 
-from tableau_files import names, verdict
+from support.methods.tableau_files import names, verdict
 
 DOCS = Path(__file__).parents[2] / "docs"
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 import pytest
 from mpmath import log, mp, mpf
 
-from tableau_files import failing, names, verdict
+from support.methods.tableau_files import failing, names, verdict
 
 #: General order, order for quadratic T, and order on the oscillator.
 PUBLISHED = {

@@ -14,8 +14,8 @@ from itertools import product
 import pytest
 
 import nearharmonic as nh
-from exported_programs import array, run, state, written
 from nearharmonic.exchange.export import export
+from support.projects.exported_programs import array, run, state, written
 
 #: Kick first and drift first, with and without a harmonic order, and two that require a quadratic kinetic energy.
 METHODS = ("leapfrog", "ruth", "babps8o7h", "abas5o6h", "srkn_b11", "srkn_a14")

@@ -9,7 +9,7 @@ import pytest
 from nearharmonic.exchange.proof.nearest import nearest
 from nearharmonic.exchange.proof.verdict import Verdict
 from nearharmonic.integrators import integrators
-from tableau_files import failing, verdict
+from support.methods.tableau_files import failing, verdict
 
 
 def sound():

@@ -11,13 +11,13 @@ from fractions import Fraction
 
 import pytest
 
-from exported_programs import array
 from nearharmonic import Tableau, integrators
 from nearharmonic.errors import SettingError
 from nearharmonic.exchange import TARGETS
 from nearharmonic.exchange.description import comment, identifier
 from nearharmonic.exchange.export import WRITERS, export
-from ten_methods import EVERY_METHOD
+from support.methods.ten_methods import EVERY_METHOD
+from support.projects.exported_programs import array
 
 PROGRAMS = ("c", "julia", "rebound", "diffrax", "sundials", "fortran")
 READERS = {"json": json.loads, "toml": tomllib.loads}

@@ -16,7 +16,7 @@ from nearharmonic.core.formulas.physics import Physics
 from nearharmonic.core.formulas.rules import Rules
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems.formulas.source import velocity_text
-from own_systems import spring
+from support.methods.own_systems import spring
 
 TWO = {"m": "1", "k": "4"}
 

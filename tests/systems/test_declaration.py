@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 
 import nearharmonic as nh
-from own_systems import spring
+from support.methods.own_systems import spring
 
 
 def square(q, p, k):

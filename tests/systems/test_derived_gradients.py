@@ -22,7 +22,7 @@ from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems import Parameter, System
 from nearharmonic.systems.formulas.formulas import DerivedGradient
 from nearharmonic.systems.formulas.gradients import Multiprecision, check_gradients
-from own_systems import spring
+from support.methods.own_systems import spring
 
 PAPER = {"sho": 0.1, "henon_heiles": 0.1, "kepler": 20.0}
 

@@ -15,11 +15,11 @@ from hypothesis import strategies as st
 from mpmath import mpf
 
 import nearharmonic as nh
-from multiprecision import energy_errors
 from nearharmonic.engine.grid import check_fit
 from nearharmonic.errors import NearharmonicError, SystemDefinitionError
 from nearharmonic.systems import Parameter
-from own_systems import spring
+from support.methods.own_systems import spring
+from support.oracles.multiprecision import energy_errors
 
 MATRIX = (("2", "0.5", "0"), ("0.5", "1", "1/3"), ("0", "1/3", "3"))
 NYSTROM = {"srkn_b11": 6, "babs7o7h": 4}

@@ -11,7 +11,6 @@ import pytest
 from mpmath import mpf
 
 import nearharmonic as nh
-from multiprecision import energy_errors
 from nearharmonic import math
 from nearharmonic.core.formulas.number import Constant
 from nearharmonic.engine.grid import check_fit
@@ -20,7 +19,8 @@ from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems import Parameter
 from nearharmonic.systems.formulas.gradients import check_gradients
 from nearharmonic.systems.formulas.source import velocity
-from own_systems import spring
+from support.methods.own_systems import spring
+from support.oracles.multiprecision import energy_errors
 
 DRIVE = {"F": "0.5", "w": "0.7"}
 

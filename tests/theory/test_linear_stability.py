@@ -20,8 +20,8 @@ from nearharmonic.theory.linear_stability import (
     touching_points,
 )
 from nearharmonic.theory.oscillator import harmonic_energy_error
-from oracles import oscillator_step
-from ten_methods import EVERY_METHOD
+from support.methods.ten_methods import EVERY_METHOD
+from support.oracles.reference_solutions import oscillator_step
 
 
 def trace(tableau, tau):

@@ -26,7 +26,7 @@ from nearharmonic.theory.order import (
     nystrom_order_of,
     order_of,
 )
-from ten_methods import EVERY_METHOD
+from support.methods.ten_methods import EVERY_METHOD
 
 
 def method(name, first, outer, inner, digits, order=2):

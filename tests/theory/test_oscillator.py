@@ -20,7 +20,7 @@ from nearharmonic.theory.oscillator import (
     stability_trace,
     step_polynomials,
 )
-from random_tableaus import tableaus
+from support.oracles.random_tableaus import tableaus
 
 TEN = pytest.mark.parametrize("name", BENCHMARKED)
 ROLES = pytest.mark.parametrize("first", ["drift", "kick"])

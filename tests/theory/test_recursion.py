@@ -19,8 +19,8 @@ from nearharmonic.reproduction.experiments.paper.tableaus.tables import (
 )
 from nearharmonic.theory.oscillator import kappa, lambda_max, zeta
 from nearharmonic.theory.recursion import closed_sums, momentum_row, position_rows
-from random_tableaus import tableaus
-from ten_methods import EVERY_METHOD, thinned
+from support.methods.ten_methods import EVERY_METHOD, thinned
+from support.oracles.random_tableaus import tableaus
 
 ROLES = pytest.mark.parametrize("first", ["drift", "kick"])
 PAIRS = [(name, first) for name in integrators for first in ("drift", "kick")]

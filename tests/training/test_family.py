@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from mpmath import mp, mpf
 from scipy.optimize import minimize
 
-import modified_steps
 import nearharmonic as nh
-from family_members import FAMILIES, members
 from nearharmonic.errors import SettingError
 from nearharmonic.training.family import Family
+from support.methods.family_members import FAMILIES, members
+from support.oracles import modified_steps
 
 
 def shapes(least=1, most=9):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from family_members import members
 from nearharmonic.reproduction.experiments.trained.problems.orbits import orbit_ensemble
 from nearharmonic.reproduction.experiments.trained.problems.random_potentials import random_ensemble
 from nearharmonic.training.family import Family
@@ -18,6 +17,7 @@ from nearharmonic.training.objective import (
     mean_errors,
 )
 from nearharmonic.training.polish import tableau_of
+from support.methods.family_members import members
 
 WINDOW = (0.06, 0.09)
 ENSEMBLES = (

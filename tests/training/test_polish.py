@@ -10,12 +10,12 @@ import pytest
 from mpmath import mp, mpf
 
 import nearharmonic as nh
-from family_members import FAMILIES, members, operators_of
 from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.exact.words import product_of_exponentials
 from nearharmonic.theory.order import harmonic_order_of, nystrom_order_of, order_of
 from nearharmonic.training.family import Family
 from nearharmonic.training.polish import DIGITS, NotConvergedError, polished, tableau_of
+from support.methods.family_members import FAMILIES, members, operators_of
 
 
 @pytest.mark.parametrize("family", FAMILIES, ids=str)

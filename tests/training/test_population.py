@@ -10,7 +10,7 @@ from nearharmonic.reproduction.experiments.trained.problems.random_potentials im
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import errors_of
 from nearharmonic.training.population import LEAST, LOST, Ensemble, Population, mean_log
-from plain_runs import (
+from support.oracles.plain_runs import (
     henon_heiles_energy,
     henon_heiles_gradient,
     henon_heiles_gradient_of_square,

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from family_members import members
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import OUTSIDE
 from nearharmonic.training.search import (
@@ -25,6 +24,7 @@ from nearharmonic.training.search import (
     search,
     starts_of,
 )
+from support.methods.family_members import members
 
 EFFORT = Effort(trials=100, random=2, refinements=1)
 FAMILY = Family(stages=6, first="kick")

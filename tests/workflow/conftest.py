@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from targets import MADE_BY
-from workflow_project import TINY, Project
+from support.projects.targets import MADE_BY
+from support.projects.workflow_project import TINY, Project
 
 
 @pytest.fixture(scope="module")

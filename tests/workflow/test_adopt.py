@@ -9,8 +9,8 @@ from zipfile import ZipFile
 import pytest
 
 from nearharmonic.reproduction.tasks.receipts import receipts_in
-from targets import MADE, MADE_BY, SYSTEMS
-from workflow_project import TINY, Project
+from support.projects.targets import MADE, MADE_BY, SYSTEMS
+from support.projects.workflow_project import TINY, Project
 
 
 def check_manifest_and_verify(project, target):

@@ -82,7 +82,7 @@ BAD = (
     ("integrators", ["rut"], "unknown integrator 'rut'. Did you mean 'ruth'?"),
     ("systems.sho.tau_per_stage.lowest", 1e-12, "t_end = 20 would take 6666666666667 steps"),
 )
-#: More that the config refuses; tests/test_config.py has them without Snakemake.
+#: More that the config refuses; tests/reproduction/config/test_config.py has them without Snakemake.
 MORE = (
     ("systems.keplr", {"tau_per_stage": GRID}, "unknown system 'keplr'. Did you mean 'kepler'?"),
     ("sharsd", 2, "unknown key of the config 'sharsd'. Did you mean 'shards'?"),

@@ -18,7 +18,7 @@ from nearharmonic.output.store import groups_of, read
 from nearharmonic.plotting.style import style_of
 from nearharmonic.reproduction.claims.table import decided
 from nearharmonic.reproduction.experiments.trained.comparison.contestants import contestants
-from targets import DECOMPOSED, MADE, MADE_BY, METHODS, RECORD, SYSTEMS, TARGETS
+from support.projects.targets import DECOMPOSED, MADE, MADE_BY, METHODS, RECORD, SYSTEMS, TARGETS
 
 TINY = ("--configfile", "config/tiny.yaml")
 RESULTS = "results/tiny/"

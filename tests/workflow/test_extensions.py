@@ -6,7 +6,7 @@ import h5py
 import pytest
 import yaml
 
-from workflow_project import Project
+from support.projects.workflow_project import Project
 
 QUARTIC = '''"""Quartic oscillator, H = (p^2 + q^2)/2 + q^4/4."""
 

@@ -10,7 +10,7 @@ import yaml
 from nearharmonic.output.store import read_precisions
 from nearharmonic.reproduction.config.reading import load
 from nearharmonic.reproduction.experiments.paper.grid.plan import plan
-from targets import METHODS, RECORD, figures
+from support.projects.targets import METHODS, RECORD, figures
 
 TINY = ("--configfile", "config/tiny.yaml")
 LINE = "force evaluations done"

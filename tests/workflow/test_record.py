@@ -13,8 +13,8 @@ from hashlib import sha256
 
 import pytest
 
-from targets import FIGURES, METHODS, SYSTEMS
-from workflow_project import TINY, Project
+from support.projects.targets import FIGURES, METHODS, SYSTEMS
+from support.projects.workflow_project import TINY, Project
 
 COMMAND = ("-j2", "--quiet", "rules", *TINY)
 #: A cube that needs no trajectory, and a file of trajectories: what takes least.

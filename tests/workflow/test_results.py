@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from targets import SYSTEMS
+from support.projects.targets import SYSTEMS
 
 TINY = ("--configfile", "config/tiny.yaml")
 

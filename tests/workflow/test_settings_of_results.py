@@ -12,7 +12,7 @@ import yaml
 from nearharmonic.output.store import read
 from nearharmonic.reproduction.config.reading import load
 from nearharmonic.reproduction.experiments.trained.comparison.contestants import contestants, kind_of
-from targets import DECOMPOSED, MADE, METHODS, STRUCTURE_T_END
+from support.projects.targets import DECOMPOSED, MADE, METHODS, STRUCTURE_T_END
 
 RESULTS = "results/tiny/"
 

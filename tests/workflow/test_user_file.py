@@ -6,7 +6,7 @@ import h5py
 import pytest
 import yaml
 
-from workflow_project import ROOT, Project
+from support.projects.workflow_project import ROOT, Project
 
 MINE = {
     "name": "mine",

@@ -13,7 +13,7 @@ import yaml
 
 import nearharmonic as nh
 from nearharmonic.systems.user_file import load_system
-from workflow_project import ROOT, Project
+from support.projects.workflow_project import ROOT, Project
 
 GRID = {"lowest": 0.05, "highest": 0.25, "points_per_decade": 4}
 MINE = {

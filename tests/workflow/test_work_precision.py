@@ -12,7 +12,7 @@ import yaml
 
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.reproduction.config.reading import load
-from workflow_project import ROOT
+from support.projects.workflow_project import ROOT
 
 SMOKE = ("--configfile", "config/smoke.yaml")
 SYSTEMS = ("sho", "henon_heiles", "kepler")

@@ -8,7 +8,7 @@ import pytest
 import nearharmonic as nh
 from nearharmonic.errors import SettingError, UnknownNameError
 from nearharmonic.training.tailor.question import question
-from own_systems import spring
+from support.methods.own_systems import spring
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from nearharmonic.errors import SettingError
 from nearharmonic.training.tailor.inputs.starts import HALF_EDGE, starts_of
 from nearharmonic.training.tailor.orbit import orbit_of
 from nearharmonic.training.tailor.question import question
-from own_systems import spring
+from support.methods.own_systems import spring
 
 
 def drawn(system, **settings):

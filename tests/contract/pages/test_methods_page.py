@@ -1,0 +1,124 @@
+"""docs/methods.md: its table is that of the registry, and what it says of single methods is computed."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import nearharmonic as nh
+
+from . import modified_page
+from .test_documented_numbers import decades, stated
+
+ROOT = Path(__file__).parents[3]
+PAGE = "docs/methods.md"
+TEXT = (ROOT / PAGE).read_text(encoding="utf-8")
+FLAT = re.sub(r"\s+", " ", TEXT)
+
+
+def table():
+    """The rows of all methods, in the order of the registry."""
+    lines = ["| name | label | composition | stages | order | order for quadratic T |", "|---|---|---|---:|---:|---:|"]
+    for name, one in nh.integrators.items():
+        composition = {"drift": "ABA", "kick": "BAB"}[one.first]
+        orders = f"{nh.order_of(name)} | {one.order if one.requires else nh.order_of(name)}"
+        lines.append(f"| `{name}` | {one.label} | {composition} | {one.stages} | {orders} |")
+    return "\n".join(lines)
+
+
+def test_the_table_has_a_row_for_each_method_with_its_proved_orders():
+    assert table() in TEXT
+
+
+@pytest.mark.parametrize("name", [name for name, one in nh.integrators.items() if one.requires is None])
+def test_no_method_without_a_requirement_has_a_higher_order_for_quadratic_kinetic_energy(name):
+    from nearharmonic.theory.order import nystrom_order_of
+
+    assert nystrom_order_of(name) == nh.order_of(name)
+
+
+def test_the_corrected_digit_is_where_the_page_says():
+    place, index = re.findall(r"the (\d+)st decimal of `drift\[(\d)\]`", FLAT)[0]
+    tableau = nh.integrators["teloy_8a17c"]
+    digits = tableau.drift[int(index)].partition(".")[2]
+    assert digits[int(place) - 1] == "3"
+    copied = (ROOT / "tests/exchange/tableaus/libraries/teloy_8a17c.toml").read_text(encoding="utf-8")
+    assert f'"0.{digits[: int(place) - 1]}6{digits[int(place) :]}"' in copied
+    assert f'"0.{digits}"' not in copied
+
+
+def test_the_methods_that_are_not_symmetric_are_those_that_the_page_names():
+    (sentence,) = re.findall(r"- (`ruth_s3o3`.*?) are not symmetric", FLAT)
+    assert sentence == "`ruth_s3o3` and `mclachlan_atela_2` to `mclachlan_atela_5`"
+    named = {"ruth_s3o3", *(f"mclachlan_atela_{order}" for order in range(2, 6))}
+    assert {name for name, one in nh.integrators.items() if not one.symmetric} == named
+    assert all(nh.integrators[name].kick[-1] == "0" for name in named)
+    assert len(named) == 5
+    assert "if the method is symmetric, as all but five are" in (ROOT / "docs/runs.md").read_text(encoding="utf-8")
+
+
+def test_6a8_is_as_good_as_babs8o6_7h_by_what_the_page_says():
+    (better,) = stated(PAGE, r"6A8 is better by (\S+) at τ/s = 0\.03, 0\.05 and 0\.1")
+    worse = stated(PAGE, r"and worse by (\S+) and (\S+) at 0\.2 and 0\.3")
+    gain = decades("henon_heiles", "babs8o6_7h", STEPS) - decades("henon_heiles", "nystrom_6a8", STEPS)
+    assert gain.round(1).tolist() == [better] * 3 + [-x for x in worse]
+    (apart,) = stated(PAGE, r"the two differ by less than (\d\.\d)")
+    hours = np.geomspace(2, 30, 9)
+    assert abs(decades("kepler", "babs8o6_7h", hours) - decades("kepler", "nystrom_6a8", hours)).max() < apart
+    least, most = stated(PAGE, r"`babs8o6_7h` is better by (\S+) to (\S+) at τ/s = 0\.03 to 0\.3")
+    loss = decades("sho", "nystrom_6a8", STEPS) - decades("sho", "babs8o6_7h", STEPS)
+    assert [loss.min().round(1), loss.max().round(1)] == [least, most]
+
+
+def test_the_tables_of_modified_integrators_are_computed():
+    assert modified_page.methods_table() in TEXT
+    assert modified_page.errors_table() in TEXT
+    for system, pattern in (("henon_heiles", r"It takes (\S+) times"), ("kepler", r"and (\S+) times on Kepler")):
+        assert stated(PAGE, pattern) == [modified_page.FACTORS[system]]
+
+
+def test_what_the_page_says_of_modified_integrators_follows_from_their_errors():
+    def errors(system, charged):
+        factor = modified_page.FACTORS[system] if charged else 1
+        modified = {name: modified_page.decades(system, one, factor) for name, one in nh.modified_integrators.items()}
+        return modified, {name: modified_page.decades(system, nh.integrators[name], 1) for name in modified_page.PLAIN}
+
+    modified, plain = errors("kepler", charged=False)
+    best = np.min([*plain.values()], axis=0)
+    assert (modified["abag5o6"] < best - 0.5).all()
+    modified, plain = errors("kepler", charged=True)
+    assert abs(modified["abag5o6"] - plain["srkn_a14"])[:2].max() < 0.1
+    assert modified["rowlands"][2] < np.min([*plain.values()], axis=0)[2] - 0.5
+    modified, plain = errors("henon_heiles", charged=False)
+    assert modified["rowlands"][2] < np.min([*plain.values()], axis=0)[2] - 0.5
+    modified, plain = errors("henon_heiles", charged=True)
+    assert (np.min([*modified.values()], axis=0) > np.min([*plain.values()], axis=0)).all()
+
+
+def test_the_leading_errors_of_two_methods_of_one_family_are_those_that_the_page_says():
+    from nearharmonic.theory.order import leading_errors
+
+    ours, published = stated(PAGE, r"error of degree seven is least: (\S+), and (\S+) for the published one")
+    for name, norm in (("abag5o6", ours), ("omelyan_g5o6", published)):
+        assert float(f"{leading_errors(name).nystrom.norm:.2e}") == norm
+
+
+STEPS = [0.03, 0.05, 0.1, 0.2, 0.3]
+
+
+@pytest.mark.parametrize(
+    "page", ["docs/results.md", "CHANGELOG.md", "src/nearharmonic/integrators/nearharmonic_2026.py"]
+)
+def test_who_praises_our_method_of_order_six_names_the_published_one(page):
+    assert "6A8" in (ROOT / page).read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    "work", ["McLachlan & Gray (1997)", "Blanes, Casas & Murua (2008)", "Blanes, Casas & Sanz-Serna (2014)",
+             "Blanes, Casas & Murua (2015)", "Blanes, Casas & Murua (2024)"],
+)  # fmt: skip
+def test_prior_art_is_named(work):
+    assert work in FLAT

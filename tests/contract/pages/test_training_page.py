@@ -1,0 +1,17 @@
+"""The page on how trained methods were found says what is proved of the registered ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from nearharmonic.registry.user_module import load
+
+ROOT = Path(__file__).parents[3]
+
+
+def test_the_tables_of_the_page_are_those_of_the_registered_methods():
+    made = load(ROOT / "benchmarks/training_page.py", "the page", ValueError)
+    page = (ROOT / "docs/training.md").read_text(encoding="utf-8")
+    for name, lines in (("methods", made.methods_table()), ("shifted", made.shifted_table())):
+        assert len(lines) > 2
+        assert made.filled(page, name, lines) == page

@@ -1,0 +1,89 @@
+"""Dependencies: each package that is imported is declared, and pinned for the results that are published."""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+import tomllib
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[3]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+EXTRAS = PROJECT["optional-dependencies"]
+PINNED = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+#: Libraries that are timed beside ours, and may be missing.
+PEERS = ROOT / "src/nearharmonic/reproduction/experiments/work_precision/peers"
+PYTHON = [*(ROOT / "src").rglob("*.py"), *(ROOT / "workflow").rglob("*.py")]
+#: Rules are not Python: they are read line by line.
+RULES = [ROOT / "Snakefile", *(ROOT / "workflow").rglob("*.smk")]
+
+
+def normal(name):
+    """The name of a distribution as PEP 503 compares it."""
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def names_of(requirements):
+    return {normal(re.match(r"[\w.-]+", requirement)[0]) for requirement in requirements}
+
+
+def imported_in(path):
+    """Top-level names that a file imports."""
+    text = path.read_text(encoding="utf-8")
+    if path in RULES:
+        return set(re.findall(r"^\s*(?:from|import)\s+(\w+)", text, re.MULTILINE))
+    nodes = list(ast.walk(ast.parse(text)))
+    names = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
+    names |= {node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.level == 0}
+    return {name.partition(".")[0] for name in names}
+
+
+def distributions_of(paths):
+    """Distributions that files import, beside the standard library and this package, with the first file of each."""
+    known, found = packages_distributions(), {}
+    for path in sorted(paths):
+        for name in imported_in(path) - {"nearharmonic"} - sys.stdlib_module_names:
+            found.setdefault(normal(known.get(name, [name])[0]), str(path.relative_to(ROOT)))
+    return found
+
+
+def in_the_wall(path):
+    """Whether a file is of the library and not of the reproduction."""
+    return path in PYTHON and "reproduction" not in path.parts and "workflow" not in path.parts
+
+
+def test_every_package_that_the_library_imports_is_a_dependency():
+    found = distributions_of(filter(in_the_wall, PYTHON))
+    assert {"llvmlite", "xarray"} <= found.keys()
+    declared = names_of([*PROJECT["dependencies"], *EXTRAS["tailor"]])
+    assert {name: place for name, place in found.items() if name not in declared} == {}
+
+
+def test_every_package_that_is_imported_is_declared():
+    found = distributions_of(path for path in [*PYTHON, *RULES] if PEERS not in path.parents)
+    assert {"llvmlite", "pyyaml", "snakemake"} <= found.keys()  # the walk sees Python, other names, and rules
+    declared = names_of([*PROJECT["dependencies"], *EXTRAS["workflow"]])
+    assert {name: place for name, place in found.items() if name not in declared} == {}
+
+
+def test_the_extra_of_tailor_is_part_of_that_of_the_workflow():
+    assert set(EXTRAS["tailor"]) <= set(EXTRAS["workflow"])
+
+
+def test_every_library_that_is_timed_is_declared_with_the_peers():
+    declared = names_of([*PROJECT["dependencies"], *EXTRAS["peers"]])
+    assert distributions_of(PEERS.glob("*.py")).keys() <= declared
+
+
+@pytest.mark.parametrize("name", sorted(names_of([*PROJECT["dependencies"], *EXTRAS["workflow"]])))
+def test_every_dependency_is_pinned(name):
+    assert name in names_of(line for line in PINNED if line and line[0].isalpha())
+
+
+def test_only_the_store_imports_what_opens_hdf5():
+    opening = {path.parent.name for path in PYTHON if imported_in(path) & {"h5py", "h5netcdf"}}
+    assert opening == {"store"}

@@ -1,0 +1,167 @@
+"""Every writer of the package: a failure in the middle leaves the old file as it was, and nothing beside it."""
+
+from __future__ import annotations
+
+import ast
+import resource
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.lines import Line2D
+
+import nearharmonic
+from nearharmonic.output import store, table
+from nearharmonic.output.atomic import write_text
+from nearharmonic.plotting import style
+
+UNIT = {"units": "1", "long_name": "some numbers"}
+
+
+def figure(number, line=Line2D):
+    drawn = style.new_figure(3, 2)
+    drawn.subplots().add_line(line([0, 1], [0, number]))
+    return drawn
+
+
+class Unfinished(Line2D):
+    """A line that cannot be drawn; what comes before it, as axes do, is in the file by then."""
+
+    zorder = 1000
+
+    def draw(self, renderer):
+        raise ArithmeticError
+
+
+def variables(number, attributes=UNIT):
+    return {"v": (("n",), np.arange(500.0) + number, attributes)}
+
+
+def dataset(number, attributes=UNIT):
+    return xr.Dataset(variables(number, attributes))
+
+
+#: Writer -> a function of (folder, content) that writes its files there; another content makes other bytes.
+TEXTS = {
+    "a table": lambda folder, number: table.save(
+        table.Table(header=("x", "y"), rows=[("long " * 20, number)], caption="A note."),
+        [folder / f"table.{suffix}" for suffix in table.SUFFIXES],
+    ),
+    "a document": lambda folder, number: table.save_document({"x": number, "y": "long " * 20}, folder / "found.toml"),
+    "a text": lambda folder, number: write_text(folder / "manifest.json", "long " * 20 + str(number)),
+}
+HDF5 = {
+    "variables": lambda folder, number, notes=UNIT: store.write(
+        folder / "run.h5", variables(number), {}, groups={"extended": variables(number, notes)}
+    ),
+    "a dataset": lambda folder, number, notes=UNIT: store.write_dataset(
+        folder / "cube.h5", dataset(number, notes).merge({"u": ("n", np.zeros(500), UNIT)}), {}
+    ),
+}
+
+
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@contextmanager
+def full_disk(size):
+    """No file may grow beyond ``size`` bytes: what fits is written, and then the write fails, as on a full disk."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.mark.parametrize("writer", TEXTS)
+def test_a_disk_that_fills_up_leaves_the_old_files_and_nothing_half_written(tmp_path, writer):
+    write = TEXTS[writer]
+    write(tmp_path, 1)
+    before = contents(tmp_path)
+    assert min(map(len, before.values())) > 64
+    with full_disk(64), pytest.raises(OSError, match=r"File too large|\[Errno 27\]"):
+        write(tmp_path, 2)
+    assert contents(tmp_path) == before
+    write(tmp_path, 2)
+    after = contents(tmp_path)
+    assert after.keys() == before.keys()
+    assert all(after[name] != before[name] for name in before)
+
+
+@pytest.mark.parametrize("writer", HDF5)
+def test_a_variable_that_cannot_be_written_leaves_the_old_hdf5_file_and_nothing_half_written(tmp_path, writer):
+    """HDF5 itself ends the process when a disk is full (SIGSEGV at close), so here it is the content that fails."""
+    write = HDF5[writer]
+    write(tmp_path, 1)
+    before = contents(tmp_path)
+    with pytest.raises(nearharmonic.errors.NearharmonicError, match="no long_name"):
+        write(tmp_path, 2, {"units": "1"})
+    assert contents(tmp_path) == before
+    write(tmp_path, 2)
+    assert contents(tmp_path) != before
+
+
+def test_a_figure_that_cannot_be_drawn_leaves_the_old_files_and_nothing_half_written(tmp_path):
+    places = [tmp_path / f"fig1.{suffix}" for suffix in ("pdf", "svg", "png")]
+    style.save(figure(1), places)
+    before = contents(tmp_path)
+    with pytest.raises(ArithmeticError):
+        style.save(figure(2, Unfinished), places)
+    assert contents(tmp_path) == before
+    style.save(figure(2), places)
+    after = contents(tmp_path)
+    assert after.keys() == before.keys()
+    assert all(after[name] != before[name] for name in before)
+
+
+#: Modules that write files which no other process reads as results: a job's log, the compiled kernels, which have names
+#: of their own and are checked when read, and members of an archive that has a temporary name meanwhile.
+OTHER_FILES = {"reproduction/tasks/job.py", "core", "reproduction/record/archive/pack.py"}
+
+
+def writes(node):
+    """Whether a call opens or makes a file: Path.open("w"), write_text, savefig, to_csv, h5netcdf.File(..., "w")."""
+    name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+    if name in ("open", "File"):
+        modes = [*node.args, *(keyword.value for keyword in node.keywords)]
+        return any(isinstance(mode, ast.Constant) and str(mode.value)[:1] in {"w", "a", "x"} for mode in modes)
+    method = isinstance(node.func, ast.Attribute)  # the function write_text is the one that replaces
+    return name in ("savefig", "print_figure", "to_csv", "to_netcdf") or (
+        method and name in ("write_text", "write_bytes")
+    )
+
+
+def unguarded(tree, inside=False):
+    """The calls in ``tree`` that write a file and do not stand in a ``with replacing(...)``."""
+    for node in ast.iter_child_nodes(tree):
+        guarded = inside
+        if isinstance(node, ast.With):
+            calls = [item.context_expr for item in node.items if isinstance(item.context_expr, ast.Call)]
+            guarded = inside or any(getattr(call.func, "id", "") == "replacing" for call in calls)
+        if isinstance(node, ast.Call) and writes(node) and not guarded:
+            yield node
+        yield from unguarded(node, guarded)
+
+
+ROOT = Path(nearharmonic.__file__).parent
+SCRIPTS = Path(__file__).parents[3] / "workflow/scripts"
+
+
+def test_no_module_writes_a_file_in_place():
+    walked = [
+        path
+        for folder in (ROOT, SCRIPTS)
+        for path in sorted(folder.rglob("*.py"))
+        if not {path.relative_to(folder).parts[0], str(path.relative_to(folder))} & OTHER_FILES
+    ]
+    assert {ROOT / "output/store/writer.py", SCRIPTS / "task.py"} <= set(walked)
+    found = {
+        f"{path.name}: {ast.unparse(call)}"
+        for path in walked
+        for call in unguarded(ast.parse(path.read_text(encoding="utf-8")))
+    }
+    assert not found

@@ -1,0 +1,101 @@
+"""Each order that a method with kicks of a modified potential declares is proved on its printed coefficients."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from decimal import Decimal, localcontext
+
+import pytest
+from mpmath import eye, matrix, mp, mpf
+
+import nearharmonic as nh
+from nearharmonic.integrators.order_conditions import operators_of
+from nearharmonic.theory.order import harmonic_orders_of, leading_errors, nystrom_order_of
+from nearharmonic.theory.oscillator import polynomials_of
+from support.oracles import modified_steps
+
+EVERY = pytest.mark.parametrize("name", list(nh.modified_integrators))
+
+
+@EVERY
+def test_the_declared_order_is_the_one_proved_for_quadratic_kinetic_energy(name):
+    tableau = nh.modified_integrators[name]
+    assert nystrom_order_of(tableau) == nh.order_of(name) == tableau.order
+    assert leading_errors(tableau).nystrom.degree == tableau.order + 1
+    assert min(harmonic_orders_of(name)) >= tableau.order
+
+
+@pytest.mark.parametrize(
+    ("name", "key"),
+    [
+        (name, key)
+        for name, one in nh.modified_integrators.items()
+        for key in ("kick", "drift", "square")
+        if key == "square" or len(getattr(one, key)) > 2  # the sum alone determines two that are equal
+    ],
+)
+def test_a_wrong_digit_ten_places_before_the_last_is_found(name, key):
+    tableau = nh.modified_integrators[name]
+    with localcontext(prec=200):
+        row = [Decimal(c) for c in getattr(tableau, key)]
+        step = Decimal(1).scaleb(10 - tableau.digits)
+        if key == "square":
+            row = [x + step if x else x for x in row]
+        else:
+            count = len(row)
+            row[0], row[-1] = row[0] + step, row[-1] + step
+            row[count // 2] -= step if count % 2 == 0 else 2 * step
+            if count % 2 == 0:
+                row[count // 2 - 1] -= step
+    forged = replace(tableau, **{key: tuple(map(str, row))}, name="forged")
+    assert nystrom_order_of(forged) == 2
+
+
+@EVERY
+def test_without_the_square_the_order_is_two(name):
+    tableau = nh.modified_integrators[name]
+    assert nystrom_order_of(replace(tableau, square=("0",) * len(tableau.kick))) == 2
+
+
+def matrix_of(operator):
+    if isinstance(operator, tuple):
+        return matrix([[1, 0], [-operator[0] + 2 * operator[1], 1]])
+    return matrix([[1, operator], [0, 1]])
+
+
+@EVERY
+def test_step_matrices_on_the_oscillator_are_products_of_matrices(name):
+    """V = q^2/2 has |V'|^2 = q^2, whose gradient is 2 q."""
+    tableau = nh.modified_integrators[name]
+    with mp.workdps(60):
+        tau, step = mpf("0.7"), eye(2)
+        behind = modified_steps.operators_of(tableau.processor, tau) if tableau.processed else []
+        for operator in [*modified_steps.operators_of(tableau, tau), *behind]:
+            step = matrix_of(operator) * step
+        for operator in behind:
+            step = step * matrix_of(operator) ** -1
+        K = polynomials_of(operators_of(tableau))
+        for place, row in zip(((0, 0), (0, 1), (1, 0), (1, 1)), (K.K11, K.K12, K.K21, K.K22), strict=True):
+            value = sum(mpf(c.numerator) / c.denominator * tau**n for n, c in enumerate(row))
+            assert abs(value - step[place]) < mpf(10) ** -50
+
+
+@EVERY
+def test_the_largest_stable_step_is_that_of_the_trace(name):
+    tableau = nh.modified_integrators[name]
+    limit = nh.stability_limit(name)
+    K = polynomials_of(operators_of(tableau))
+
+    def trace(tau):
+        return sum(float(a + b) * tau**n for n, (a, b) in enumerate(zip(K.K11, K.K22, strict=True)))
+
+    assert abs(abs(trace(limit)) - 2) < 1e-9
+    assert all(abs(trace(limit * (i + 0.5) / 200)) <= 2 for i in range(200))
+
+
+def test_a_gradient_is_counted_where_the_kicks_of_neighbouring_steps_meet_too():
+    tableau = nh.modified_integrators["chin_4a"]
+    assert tableau.gradients == 1
+    assert replace(tableau, square=("0.01", "0", "0.01")).gradients == 1
+    assert replace(tableau, square=("0.01", "0.01", "0.01")).gradients == 2
+    assert tableau.facts["gradients"] == 1

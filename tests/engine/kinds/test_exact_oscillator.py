@@ -1,0 +1,302 @@
+"""Oscillators solved exactly: against rotations by cosine and sine in mpmath, closed forms, orders, and bits."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+from fractions import Fraction
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from mpmath import cos, log, mpf, sin, sqrt, workdps
+
+import nearharmonic as nh
+from nearharmonic.core.formulas.number import Constant
+from nearharmonic.core.machine import native
+from nearharmonic.engine.batch.batch import integrate_batch
+from nearharmonic.engine.batch.kernels import kernel_of
+from nearharmonic.engine.settings import Numerics
+from nearharmonic.errors import NearharmonicError, SettingError, SystemDefinitionError
+from nearharmonic.systems.formulas.oscillator import remainder_formulas
+from support.oracles.oscillator_steps import CHAIN, QUARTIC, Oscillators, henon_heiles
+
+EXACT = {"split": "exact_oscillator"}
+HENON_HEILES = Oscillators(nh.systems["henon_heiles"], ("1", "1"), henon_heiles)
+SYSTEMS = {"quartic": QUARTIC, "henon_heiles": HENON_HEILES, "chain": CHAIN}
+#: Drift first and kick first, one stage, an odd and an even number of stages, a Nystrom method.
+METHODS = ["leapfrog", "ruth", "aba864", "babps9o7h", "srkn_b11"]
+HOW = [{}, {"summation": "plain"}, {"precision": "extended"}]
+IDS = ["carry", "plain", "dd"]
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("first", ["drift", "kick"])
+def test_runs_are_those_of_rotations_by_cosine_and_sine(name, method, first):
+    """20 steps of at most 14 stages: some 300 roundings of 2e-32, or of 1e-16, which grow by less than ten."""
+    known = SYSTEMS[name]
+    tau, tableau = Fraction(2, 5), nh.integrators[method].role(first)
+    with workdps(50):
+        states = known.states(tableau, mpf(2) / 5, 20)
+        energies = [known.energy(q, p) for q, p in states]
+    for how, tolerance in (({"precision": "extended"}, 1e-28), ({}, 3e-15), ({"summation": "plain"}, 3e-14)):
+        run = nh.integrate(known.system, tableau, tau, t_end=8, samples=21, **how, **EXACT)
+        low = {name: run[f"{name}_low"].values if f"{name}_low" in run else 0 * run[name].values for name in "qp"}
+        for name_of_row, rows in (("q", [q for q, _ in states]), ("p", [p for _, p in states])):
+            for i, row in enumerate(rows):
+                for j, x in enumerate(row):
+                    found = mpf(run[name_of_row].values[i, j]) + mpf(low[name_of_row][i, j])
+                    assert abs(found - x) < tolerance, (how, name_of_row, i, j)
+        wanted = [float((H - energies[0]) / abs(energies[0])) for H in energies]
+        assert run.energy_error.values == pytest.approx(wanted, rel=4e-16, abs=10 * tolerance)
+
+
+@pytest.mark.parametrize("method", ["leapfrog", "aba864", "babps9o7h"])
+def test_the_harmonic_oscillator_is_exact_to_rounding_over_a_hundred_thousand_steps(method):
+    """A coefficient rounded once turns by an angle that is wrong by 1.5 * 2^-53 of it: in phase 1.7e-16 t. The energy
+    gains a rounding of 2^-54 of what a shear adds, at random 1e-17 sqrt(4 s n); and what a product of two coefficients
+    leaves out, 2^-53 x^2 for an angle x, misses one shear of x."""
+    steps, t_end = 100_000, 40_000
+    run = nh.integrate("sho", method, 0.4, t_end=t_end, samples=2, **EXACT)
+    assert run.steps == steps
+    tableau = nh.integrators[method]
+    missed = sum(abs(0.4 * float(drift)) ** 3 for drift in tableau.drift) * 2.0**-53
+    assert 0 < run.max_energy_error < 1e-17 * sqrt(4 * tableau.stages * steps) * 3 + missed * steps
+    assert run.max_energy_error < 1e-13  # as the page on it says
+    for name, exact in (("q", cos(t_end)), ("p", -sin(t_end))):
+        assert abs(mpf(run[name].values[-1, 0]) + mpf(run[f"{name}_low"].values[-1, 0]) - exact) < 1.7e-16 * t_end
+
+
+def test_steps_longer_than_a_turn_are_as_exact():
+    run = nh.integrate("sho", "leapfrog", 40, t_end=400, samples=11, precision="extended", **EXACT)
+    assert run.max_energy_error < 1e-28
+    assert run.q.values[:, 0] == pytest.approx(np.cos(run.t.values), abs=1e-13)
+
+
+def test_the_energy_does_not_drift_as_it_would_with_a_rotation_that_is_rounded():
+    """Ten times the interval: a random walk grows by 3.2, a map that is not symplectic by 10 and to 1e-12 at once."""
+    short, long = (nh.integrate("sho", "aba864", 0.5, t_end=t, **EXACT).max_energy_error for t in (5000, 50000))
+    assert long < 5e-14
+    assert long < 6 * short
+
+
+@pytest.mark.parametrize("how", HOW, ids=IDS)
+@pytest.mark.parametrize("method", ["ruth", "babps9o7h"])
+def test_free_coordinates_have_the_bits_of_the_split_into_t_and_v(how, method):
+    """A rotation of frequency 0 is a drift, and the rest of V is V: every product, and what it leaves out, is equal."""
+    system = replace(nh.systems["henon_heiles"], frequencies=("0", "0"))
+    free = nh.integrate(system, method, 0.2, t_end=100, samples=7, **how, **EXACT)
+    split = nh.integrate(replace(system, grad_V=None), method, 0.2, t_end=100, samples=7, **how)
+    names = ("q", "p", "energy_error") + (() if "summation" in how else ("q_low", "p_low"))
+    for name in names:
+        assert np.array_equal(free[name], split[name]), name
+
+
+def test_the_energy_floor_of_henon_heiles_is_a_few_roundings():
+    """250 000 evaluations of a method whose own error is 1.1e-16 there, by its order from an error of 7.1e-15 at twice
+    the step: a walk of roundings of what a stage adds, 2^-53 * 0.002, of which 3 sqrt(250 000 * 6) are 8e-16."""
+    taus = [0.002 * 14, 0.004 * 14]
+    floor, coarse = nh.sweep("henon_heiles", "srkn_a14", taus, **EXACT).max_energy_error.values
+    assert coarse == pytest.approx(7.1e-15, rel=0.1)
+    assert floor < 1e-15
+    plain = nh.sweep("henon_heiles", "srkn_a14", taus[:1], summation="plain", **EXACT).max_energy_error.values
+    assert plain[0] > 20 * floor
+
+
+def test_what_is_left_of_v_is_simplified_to_what_one_would_write():
+    """No rounding: with Constant for x and y the gradient is (2xy, x^2 - y^2) exactly."""
+    x, y = Constant(Fraction(3, 7)), Constant(Fraction(-2, 11))
+    found = remainder_formulas(nh.systems["henon_heiles"]).grad_V((x, y))
+    assert tuple(Fraction(c.numerator, c.denominator) for c in found) == (
+        2 * Fraction(3, 7) * Fraction(-2, 11), Fraction(3, 7) ** 2 - Fraction(2, 11) ** 2,
+    )  # fmt: skip
+    assert remainder_formulas(nh.systems["sho"]).grad_V((x,)) == (0,)
+
+
+@pytest.mark.parametrize(
+    "method",
+    [
+        "leapfrog", "ruth", "pefrl", "aba864", "aba1064", "babps8o7h", "blanes_moan_s6o4", "srkn_b6", "srkn_b11",
+        "srkn_a14", "babs8o6_7h", "s9odr6a",
+    ],
+)  # fmt: skip
+def test_a_method_keeps_its_order_with_the_oscillator_solved_exactly(method):
+    """Those for quadratic T too: [B, [B, [B, A]]] = 0 if A is of degree 2 in the momenta and B depends on q alone."""
+    taus = (Fraction(1, 4), Fraction(1, 8), Fraction(1, 16))
+    tableau = nh.integrators[method]
+    runs = nh.sweep(CHAIN.system, tableau, taus, t_end=2, precision="extended", **EXACT)
+    errors = runs.max_energy_error.values
+    assert log(errors[1] / errors[2], 2) == pytest.approx(tableau.order, abs=0.3)
+
+
+def test_a_nystrom_method_in_the_other_role_loses_its_order():
+    taus = (Fraction(1, 8), Fraction(1, 16))
+    errors = nh.sweep(CHAIN.system, "srkn_b11", taus, t_end=2, first="drift", precision="extended", **EXACT)
+    assert log(errors.max_energy_error.values[0] / errors.max_energy_error.values[1], 2) < 5.5
+
+
+def near_integrable(epsilon, tau, method):
+    """Largest energy error of an oscillator with the rest eps q^4 / 4."""
+    system = replace(
+        QUARTIC.system, name="near", V=lambda q, eps: q[0] ** 2 / 2 + eps * q[0] ** 4 / 4, frequencies=("1",),
+        parameters={"eps": "1"},
+    )  # fmt: skip
+    given = {"parameters": {"eps": epsilon}, "precision": "extended"}
+    return float(nh.integrate(system, method, tau, t_end=20, **given, **EXACT).max_energy_error)
+
+
+@pytest.mark.parametrize(("method", "far", "near"), [("aba864", 8, 4), ("aba1064", 10, 4), ("aba104", 10, 4)])
+def test_errors_of_near_integrable_methods_have_the_orders_that_their_sources_claim(method, far, near):
+    """eps tau^r1 where eps is small against any power of tau, and a higher power of eps times tau^4 where it is not."""
+    small = [near_integrable("1e-14", tau, method) for tau in (0.5, 0.25)]
+    assert np.log2(small[0] / small[1]) == pytest.approx(far, abs=0.5)
+    less = near_integrable("1e-15", 0.5, method)
+    assert small[0] / less == pytest.approx(10, rel=1e-3)
+    large = [near_integrable("1", tau, method) for tau in (0.1, 0.05)]
+    assert np.log2(large[0] / large[1]) == pytest.approx(near, abs=0.3)
+
+
+def test_the_role_of_a_near_integrable_method_counts():
+    """With the outer row on the kick the claim of the source is void."""
+    tableau = nh.integrators["aba864"].role("kick")
+    small = [near_integrable("1e-14", tau, tableau) for tau in (1.0, 0.5)]
+    assert np.log2(small[0] / small[1]) < 7
+
+
+@pytest.mark.parametrize("how", HOW, ids=IDS)
+@pytest.mark.parametrize("method", ["aba864", pytest.param("babps9o7h", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["henon_heiles", pytest.param("chain", marks=pytest.mark.slow), "sho"])
+def test_bits_do_not_depend_on_lanes_neighbours_samples_or_pieces(how, method, name):
+    system = nh.systems[name] if name == "sho" else SYSTEMS[name].system
+    given, counts = {"t_end": Fraction(20), "samples": 5}, [400, 171, 93, 60, 41, 40, 25, 13, 7, 3]
+    names = ("q", "p", "q_low", "p_low", "energy_error", "max_energy_error", "left_at", "energy")
+    widths = [
+        integrate_batch(
+            system, nh.integrators[method], steps=counts, numerics=Numerics(width=w, **how, **EXACT), **given
+        )
+        for w in ((1, 8) if how.get("precision") else (1, 8, 16))
+    ]  # fmt: skip
+    for one in widths[1:]:
+        for key in names:
+            assert np.array_equal(getattr(one, key), getattr(widths[0], key), equal_nan=True), key
+    whole, half = (nh.integrate(system, method, 0.2, t_end=t, samples=n, **how, **EXACT) for t, n in ((20, 2), (10, 2)))
+    rest = nh.integrate(system, method, 0.2, t_end=10, samples=333, start=half, **how, **EXACT)
+    last = {"sample": -1}
+    low = [] if how.get("summation") else ["q_low", "p_low"]
+    for key in ("q", "p", "energy_error", *low):
+        assert np.array_equal(whole[key][last], rest[key][last]), key
+    assert max(half.max_energy_error, rest.max_energy_error) == whole.max_energy_error
+    sampled = nh.integrate(system, method, 0.2, t_end=20, samples=2, energy="samples", **how, **EXACT)
+    assert np.array_equal(sampled.q[-1], whole.q[-1])
+
+
+@pytest.mark.parametrize("processor", ["x86-64-v3", "generic"])
+def test_another_processor_computes_the_same_bits(monkeypatch, processor):
+    def run():
+        kernel_of.cache_clear()
+        return nh.sweep(CHAIN.system, "aba864", [0.4, 0.2], t=[8], **EXACT)
+
+    here = run()
+    monkeypatch.setenv("NUMBA_CPU_NAME", processor)
+    monkeypatch.setenv("NUMBA_CPU_FEATURES", "")
+    native.processor.cache_clear()
+    try:
+        there = run()
+    finally:
+        monkeypatch.undo()
+        native.processor.cache_clear()
+        kernel_of.cache_clear()
+    for key in ("q", "p", "max_energy_error"):
+        assert np.array_equal(here[key], there[key])
+
+
+def test_ensembles_problems_and_output_times_are_the_runs_of_integrate():
+    whole = nh.integrate("henon_heiles", "aba864", 0.3, t_end=30, samples=2, **EXACT)
+    many = nh.ensemble("henon_heiles", "aba864", 0.3, t_end=30, q0=[["0.3", "0"], ["0.1", "0.1"]], **EXACT)
+    assert np.array_equal(many.q[0, -1], whole.q[-1])
+    prepared = nh.problem("henon_heiles", "aba864", t_end=30, **EXACT)
+    assert np.array_equal(prepared(0.3).q[-1], whole.q[-1])
+    assert np.array_equal(pickle.loads(pickle.dumps(prepared))(0.3).q[-1], whole.q[-1])
+    at_times = nh.integrate("henon_heiles", "aba864", 0.3, t_end=30, t=[15, 30], **EXACT)
+    assert np.array_equal(at_times.q[-1], whole.q[-1])
+    assert whole.attrs["split"] == "exact_oscillator"
+    other = nh.integrate("henon_heiles", "aba864", 0.3, t_end=30, samples=2)
+    assert "split" not in other.attrs
+    assert not np.array_equal(other.q[-1], whole.q[-1])
+
+
+def test_between_two_steps_lies_one_shorter_step_with_the_oscillator_solved_exactly():
+    run = nh.integrate("sho", "aba864", 0.5, t_end=10, t=["0.3", "7.77"], **EXACT)
+    assert run.q.values[:, 0] == pytest.approx([float(cos(mpf("0.3"))), float(cos(mpf("7.77")))], abs=1e-15)
+
+
+def test_a_run_backwards_returns_to_the_start():
+    out = nh.integrate(CHAIN.system, "aba1064", 0.2, t_end=4, precision="extended", **EXACT)
+    back = nh.integrate(CHAIN.system, "aba1064", 0.2, t_end=-4, precision="extended", start=out, **EXACT)
+    assert np.abs((back.q[-1] - out.q[0]) + (back.q_low[-1] - out.q_low[0])).max() < 1e-28
+
+
+def test_a_parameter_that_is_a_frequency_is_that_of_the_system_and_others_are_free():
+    changed = replace(CHAIN.system, parameters=dict(CHAIN.system.parameters) | {"strength": "0.1"}, name="chain_2")
+    given = nh.integrate(CHAIN.system, "aba864", 0.2, parameters={"strength": "0.1"}, **EXACT)
+    assert np.array_equal(given.q, nh.integrate(changed, "aba864", 0.2, **EXACT).q)
+    with pytest.raises(SettingError, match=r"parameters\['w'\] = 2.5 is not allowed: it is a frequency of chain_"):
+        nh.integrate(CHAIN.system, "aba864", 0.2, parameters={"w": "2.5"}, **EXACT)
+
+
+def driven(q, t):
+    return q[0] ** 2 * t
+
+
+@pytest.mark.parametrize(
+    ("system", "words"),
+    [
+        ("kepler", r"split = 'exact_oscillator' is not allowed: kepler declares no frequencies"),
+        (nh.System(name="driven", V=driven, q0=[1], p0=[0], t_end=1, time_dependent=True, frequencies=("1",)),
+         "potentials that do not depend on time, and that of driven does"),
+        (nh.System(name="heavy", V=lambda q: q[0] ** 2, q0=[1], p0=[0], t_end=1, masses=["2"], frequencies=("1",)),
+         r"it requires T = p.p / 2, which heavy does not have"),
+        (nh.System(name="long", V=lambda q: sum((x - y) ** 4 for x, y in pairwise(q)), q0=[1] * 200,
+                   p0=[0] * 200, t_end=1, frequencies=("1",) * 200), "formulas of long are compiled as loops"),
+    ],
+)  # fmt: skip
+def test_a_system_whose_oscillators_cannot_be_solved_exactly_is_refused(system, words):
+    for call in (nh.integrate, nh.ensemble, nh.problem):
+        arguments = (system, "aba864") if call is nh.problem else (system, "aba864", 0.1)
+        with pytest.raises(SettingError, match=words):
+            call(*arguments, **EXACT)
+    with pytest.raises(SettingError, match=words):
+        nh.sweep(system, "aba864", [0.1], **EXACT)
+
+
+def test_a_split_that_is_none_is_refused_with_the_nearest():
+    with pytest.raises(SettingError, match=r"split = 'exact_osc'.*Did you mean 'exact_oscillator'\?"):
+        nh.integrate("sho", "aba864", 0.1, split="exact_osc")
+
+
+@pytest.mark.parametrize(
+    ("frequencies", "words"),
+    [
+        (("1", "1"), r"frequencies = \('1', '1'\) is not allowed: 1 frequencies, one a coordinate"),
+        (("-1",), r"frequencies\[0\] = '-1' is not allowed: it must be a decimal string or a fraction of at least 0"),
+        ((0.5,), r"frequencies\[0\] = 0.5 is not allowed"),
+        (("omega",), r"or the name of a parameter: w$"),
+        ("1", r"frequencies = '1' is not allowed"),
+        (("nan",), r"frequencies\[0\] = 'nan' is not allowed"),
+    ],
+)
+def test_frequencies_that_are_none_are_refused(frequencies, words):
+    with pytest.raises(SystemDefinitionError, match=words):
+        nh.System(
+            name="one", V=lambda q, w: w * q[0] ** 2, q0=[1], p0=[0], t_end=1, parameters={"w": "1"},
+            frequencies=frequencies,
+        )  # fmt: skip
+
+
+def test_a_copy_with_another_potential_declares_its_own_frequencies():
+    copy = replace(nh.systems["henon_heiles"], V=lambda q: q[0] ** 4 + q[1] ** 4, grad_V=None, name="other")
+    assert copy.frequencies is None
+    assert replace(nh.systems["henon_heiles"], q0=("0.1", "0")).frequencies == ("1", "1")
+    with pytest.raises(NearharmonicError, match="declares no frequencies"):
+        nh.integrate(copy, "aba864", 0.1, **EXACT)

@@ -1,0 +1,249 @@
+"""Runs of methods with kicks of a modified potential: against mpmath, in lanes, in order, and what is refused."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mpmath import mp, mpf
+
+import nearharmonic as nh
+from nearharmonic.errors import SettingError, TableauError, UnknownNameError
+from nearharmonic.math import cos
+from support.oracles import modified_steps
+
+EVERY = pytest.mark.parametrize("name", list(nh.modified_integrators))
+PENDULUM = nh.System(name="pendulum", V=lambda q: -cos(q[0]), q0=("2",), p0=("0",), t_end="10")
+MASSES = "1.5", "0.5"
+SPRING = nh.System(
+    name="spring", V=lambda q, k: k * (q[0] - q[1]) ** 2 / 2 + q[0] ** 4, masses=MASSES, parameters={"k": "3"},
+    q0=("0.7", "-0.2"), p0=("0.1", "0.3"), t_end="4",
+)  # fmt: skip
+DRIVEN = nh.System(
+    name="driven",
+    V=lambda q, t: -cos(q[0]) - q[0] * cos(t) / 10,
+    time_dependent=True,
+    q0=("1",),
+    p0=("0.5",),
+    t_end="4",
+)
+STEPS = 40
+
+
+def rates_of(system):
+    if system is SPRING:
+        return modified_steps.spring([mpf(m) for m in MASSES], mpf(3)), [mpf(m) for m in MASSES]
+    if system is DRIVEN:
+        return modified_steps.driven_pendulum, None
+    if system.name == "kepler":
+        return modified_steps.kepler(mpf(system.parameters["GM"].value)), None
+    return modified_steps.henon_heiles, None
+
+
+@EVERY
+@pytest.mark.parametrize(
+    "system", [nh.systems["henon_heiles"], nh.systems["kepler"], SPRING, DRIVEN], ids=lambda system: system.name
+)
+@pytest.mark.parametrize("precision", ["double", "extended"])
+def test_states_are_those_of_the_same_steps_in_multiprecision(name, system, precision):
+    tau = mpf(system.t_end) / 4000 if system.name == "kepler" else mpf("0.1")
+    t_end = str(float(tau) * STEPS)
+    with mp.workdps(50):
+        rates, masses = rates_of(system)
+        step = mpf(t_end) / STEPS
+        expected = modified_steps.states(
+            nh.modified_integrators[name], rates, system.q0, system.p0, step, STEPS, masses
+        )[-1]
+        run = nh.integrate(system, name, float(step), t_end=t_end, precision=precision, samples=2).isel(sample=-1)
+        for row, key in zip(expected, ("q", "p"), strict=True):
+            found = [mpf(float(x)) + mpf(float(y)) for x, y in zip(run[key], run[f"{key}_low"], strict=True)]
+            scale = max(abs(x) for x in row)
+            worst = max(abs(a - b) for a, b in zip(found, row, strict=True)) / scale
+            # A unit of the last place for each of 40 steps of at most five kicks, along orbits that part slowly.
+            assert worst < 40 * 5 * (mpf(2) ** -53 if precision == "double" else mpf(2) ** -100)
+
+
+@pytest.mark.parametrize("square", [("0.02", "0"), ("0", "0.02"), ("0", "0")])
+def test_a_kick_that_two_steps_share_takes_the_gradient_for_either(square):
+    """The kick that closes a step may need none where the one that opens the next step does."""
+    tableau = nh.ModifiedTableau(
+        name="shared", order=1, first="kick", kick=("0.4", "0.6"), square=square, drift=("1",), symmetric=False,
+        source="here", digits=20,
+    )  # fmt: skip
+    system = nh.systems["henon_heiles"]
+    run = nh.integrate(system, tableau, 0.1, t_end=1, samples=1, precision="extended")  # all steps in one call
+    with mp.workdps(40):
+        tau = mpf(1) / 10
+        expected = modified_steps.states(tableau, modified_steps.henon_heiles, system.q0, system.p0, tau, 10)
+    q, p = (np.array(row, float) for row in expected[-1])
+    assert run.q.values[-1] == pytest.approx(q, rel=1e-15, abs=1e-16)
+    assert run.p.values[-1] == pytest.approx(p, rel=1e-15, abs=1e-16)
+
+
+@EVERY
+@pytest.mark.parametrize("system", ["henon_heiles", PENDULUM], ids=["henon_heiles", "pendulum"])
+def test_errors_fall_with_the_declared_order_in_extended_precision(name, system):
+    order = nh.modified_integrators[name].order
+    taus = [0.05, 0.025, 0.0125]
+    errors = nh.sweep(system, name, taus, t_end=5, precision="extended").max_energy_error.values
+    slopes = np.log2(errors[:-1] / errors[1:])
+    assert errors[-1] > 1e-28  # above the rounding of double-doubles
+    assert np.abs(slopes[-1] - order) < 0.05
+    assert np.abs(slopes[0] - order) < 0.2
+
+
+@EVERY
+@pytest.mark.parametrize("summation", ["compensated", "plain"])
+def test_lanes_have_the_bits_of_single_runs(name, summation):
+    taus = [0.1, 0.05, 0.2, 0.025, 0.07]
+    both = nh.sweep("henon_heiles", name, taus, t_end=20, summation=summation)
+    for i, tau in enumerate(taus):
+        one = nh.integrate("henon_heiles", name, tau, t_end=20, summation=summation)
+        assert one.max_energy_error == both.max_energy_error[i]
+        assert one.evaluations == both.evaluations[i]
+    many = nh.ensemble("henon_heiles", name, 0.1, q0=[["0", "0.1"], ["0.1", "0.2"]], t_end=20, summation=summation)
+    problem = nh.problem("henon_heiles", name, t_end=20, summation=summation)
+    for i, q0 in enumerate((["0", "0.1"], ["0.1", "0.2"])):
+        alone = nh.integrate("henon_heiles", name, 0.1, q0=q0, t_end=20, samples=2, summation=summation)
+        assert np.array_equal(alone.q[-1], many.q[i, -1])
+        assert np.array_equal(problem(0.1, q0=q0).q[-1], alone.q[-1])
+
+
+@EVERY
+def test_a_run_continued_has_the_bits_of_one_long_run(name):
+    whole = nh.integrate("henon_heiles", name, 0.125, t_end=16, samples=2)
+    half = nh.integrate("henon_heiles", name, 0.125, t_end=8, samples=2)
+    rest = nh.integrate("henon_heiles", name, 0.125, t_end=8, samples=2, start=half)
+    assert np.array_equal(whole.q[-1], rest.q[-1])
+    assert np.array_equal(whole.p[-1], rest.p[-1])
+
+
+@pytest.mark.parametrize("name", [name for name, one in nh.modified_integrators.items() if not one.processed])
+def test_running_back_returns_to_the_start(name):
+    there = nh.integrate("henon_heiles", name, 0.1, t_end=10, precision="extended").isel(sample=-1)
+    back = nh.integrate(
+        "henon_heiles", name, 0.1, t_end=-10, precision="extended", q0=there.q.values, p0=there.p.values
+    )
+    # What is left out of the start of the way back is below 2^-53, which the orbit magnifies.
+    start = [float(x) for x in nh.systems["henon_heiles"].q0]
+    assert np.abs(back.q.values[-1] - start).max() < 1e-13
+
+
+@EVERY
+def test_the_energy_of_many_coordinates_is_measured_as_at_the_samples(name):
+    chain = nh.System(
+        name="chain", V=lambda q: sum((a - b) ** 2 / 2 + (a - b) ** 4 for a, b in zip(q[1:], q[:-1], strict=True)),
+        q0=tuple(f"0.{i}" for i in (3, 1, 4, 1, 5, 9, 2, 6, 5)), p0=("0",) * 9, t_end="5",
+    )  # fmt: skip
+    every = nh.integrate(chain, name, 0.1, samples=1000)
+    # Errors in double are exact to four digits: CERTAINTY of the kernel.
+    assert float(every.max_energy_error) == pytest.approx(np.abs(every.energy_error.values).max(), rel=1e-3)
+    assert float(every.max_energy_error) < 1e-3
+
+
+def test_a_result_says_how_many_gradients_a_step_takes():
+    run = nh.integrate("henon_heiles", "chin_4a", 0.5, t_end=5)
+    assert run.evaluations == 21
+    assert run.attrs["gradients_per_step"] == "1"
+
+
+def test_chins_middle_force_is_that_of_his_paper():
+    """F + tau^2 grad |F|^2 / 48, which the kick of 2/3 takes."""
+    tableau = nh.modified_integrators["chin_4a"]
+    with mp.workdps(60):
+        assert abs(mpf(tableau.square[1]) / mpf(tableau.kick[1]) - mpf(1) / 48) < mpf(10) ** -50
+    assert set(tableau.square[::2]) == {"0"}
+
+
+@pytest.mark.parametrize(
+    ("system", "words"),
+    [
+        ("kepler_regularised", "which is regularised"),
+        (
+            nh.System(name="long", V=lambda q: sum(x * x for x in q), q0=("1",) * 60, p0=("0",) * 60, t_end="1"),
+            "compiled as loops",
+        ),
+        (
+            nh.System(name="quartic", V=lambda q: q[0] ** 2, T=lambda p: p[0] ** 4, q0=("1",), p0=("0",), t_end="1"),
+            "requires a quadratic kinetic energy",
+        ),
+    ],
+    ids=["regularised", "loops", "kinetic_energy"],
+)
+def test_a_system_that_has_no_modified_kicks_is_refused_in_one_sentence(system, words):
+    with pytest.raises(SettingError, match=f"integrator = 'chin_4a' is not allowed.*{words}") as caught:
+        nh.sweep(system, "chin_4a", [0.1])
+    assert "\n" not in str(caught.value)
+
+
+def test_roles_of_a_modified_method_cannot_be_swapped():
+    with pytest.raises(SettingError, match="first = 'drift' is not allowed"):
+        nh.integrate("sho", "chin_4a", 0.1, first="drift")
+    assert nh.integrate("sho", "chin_4a", 0.1, first="kick", t_end=1).status == "ok"
+
+
+def test_a_modified_method_beside_exact_oscillators_is_refused():
+    with pytest.raises(SettingError, match="split = 'exact_oscillator' is not allowed: the kicks of chin_4a"):
+        nh.integrate("sho", "chin_4a", 0.1, split="exact_oscillator")
+
+
+def test_an_unknown_name_is_matched_with_those_of_both_registries():
+    with pytest.raises(UnknownNameError, match="Did you mean 'chin_4a'"):
+        nh.integrate("sho", "chin_4b", 0.1)
+    with pytest.raises(UnknownNameError, match="Did you mean 'ruth'"):
+        nh.integrate("sho", "rutth", 0.1)
+
+
+def test_the_two_registries_have_no_name_in_common():
+    assert not set(nh.integrators) & set(nh.modified_integrators)
+
+
+def test_a_tableau_passed_directly_runs_like_the_registered_one():
+    own = replace(nh.modified_integrators["chin_4a"], name="mine")
+    runs = [nh.integrate("henon_heiles", method, 0.1, t_end=5) for method in (own, "chin_4a")]
+    assert runs[0].max_energy_error == runs[1].max_energy_error
+
+
+def test_a_users_file_with_a_modified_tableau_is_refused(tmp_path):
+    (tmp_path / "own.py").write_text(
+        "import nearharmonic as nh\n"
+        "TABLEAU = nh.ModifiedTableau(name='m', order=2, first='kick', kick=('0.5', '0.5'), drift=('1',),\n"
+        "    square=('0', '0'), source='here', digits=20)\n"
+    )
+    with pytest.raises(TableauError, match="modified potential: pass the tableau itself"):
+        nh.integrate("sho", str(tmp_path / "own.py"), 0.1)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"square": ("0", "0.01")}, "square = '2 numbers', expected one for each of 3 kicks"),
+        ({"square": ("0", "0.01", "0.01")}, r"square\[0\] = '0', expected its mirror image '0.01'"),
+        ({"square": ("0", "x", "0")}, r"square\[1\] = 'x', expected a finite decimal number"),
+    ],
+)
+def test_coefficients_of_the_square_that_cannot_be_are_refused(change, words):
+    with pytest.raises(TableauError, match=words):
+        replace(nh.modified_integrators["chin_4a"], **change)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("system", "factor"), [("henon_heiles", 2.1), ("kepler", 1.3)])
+def test_a_modified_force_costs_about_what_the_page_on_methods_says(system, factor):
+    tableau = nh.modified_integrators["chin_4a"]
+    every = replace(tableau, name="every", square=("0.001", "0.01", "0.001"))
+    plain = nh.Tableau(
+        name="plain", order=2, first="kick", kick=tableau.kick, drift=tableau.drift, source="here", digits=80
+    )
+    problems = [nh.problem(system, one, energy="none", summation="plain") for one in (plain, every)]
+    tau = float(problems[0].t_end) / 20000
+    times = [[], []]
+    for _ in range(60):
+        for problem, found in zip(problems, times, strict=True):
+            begin = time.perf_counter()
+            problem(tau)
+            found.append(time.perf_counter() - begin)
+    # Processors differ in the ratio of what bounds the two chains of operations.
+    assert 0.6 * factor < min(times[1]) / min(times[0]) < 1.6 * factor

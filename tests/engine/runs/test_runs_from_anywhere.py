@@ -1,0 +1,246 @@
+"""Initial values, parameters and output times at run time, backward and continued runs: the bits they must have."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from decimal import Decimal
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+import nearharmonic as nh
+from nearharmonic.engine.batch.kernels import kernel_of
+from nearharmonic.errors import NearharmonicError
+from nearharmonic.systems import Parameter
+from support.methods.own_systems import spring
+
+
+def same(a, b, names=("q", "p", "energy_error", "max_energy_error")):
+    return all(np.array_equal(a[name].values, b[name].values, equal_nan=True) for name in names)
+
+
+@pytest.mark.parametrize("precision", ["double", "extended"])
+def test_values_at_run_time_give_the_bits_of_a_system_that_has_them(precision):
+    """Strings and fractions exactly, to the digits below a double."""
+    kepler = nh.systems["kepler"]
+    GM = replace(kepler.parameters["GM"], value="1.7")
+    own = replace(kepler, q0=("69.1", "0.3"), p0=("0", "0.14"), parameters={"GM": GM})
+    expected = nh.integrate(own, "aba864", 200, t_end=4000, precision=precision)
+    for q0, p0, value in (
+        (("69.1", "0.3"), ("0", "0.14"), "1.7"),
+        ((Fraction(691, 10), Decimal("0.3")), ("0", Fraction(7, 50)), Fraction(17, 10)),
+        (["691/10", "3e-1"], [0, "0.14"], Decimal("1.7")),
+    ):
+        given = {"q0": q0, "p0": p0, "parameters": {"GM": value}}
+        found = nh.integrate("kepler", "aba864", 200, t_end=4000, precision=precision, **given)
+        assert same(found, expected)
+        swept = nh.sweep("kepler", "aba864", [200, 100], t_end=4000, precision=precision, **given)
+        assert swept.max_energy_error[0] == expected.max_energy_error
+
+
+def test_floats_mean_their_binary_value():
+    exact = [f"{x:.60f}" for x in (0.3, 0.4)]  # all digits of the doubles, which 0.3 and 0.4 are not
+    a = nh.integrate("henon_heiles", "ruth", 0.1, t_end=5, q0=np.array([0.3, 0.0]), p0=(0.0, 0.4))
+    b = nh.integrate("henon_heiles", "ruth", 0.1, t_end=5, q0=(exact[0], "0"), p0=("0", exact[1]))
+    c = nh.integrate("henon_heiles", "ruth", 0.1, t_end=5)
+    assert same(a, b)
+    assert a.q_low[0, 0] == 0 != c.q_low[0, 0]
+
+
+def test_new_values_compile_nothing():
+    nh.sweep("kepler", "aba864", [200], t_end=4000)
+    before = kernel_of.cache_info().misses
+    for value in ("1.6", 1.65, "17/10"):
+        nh.sweep("kepler", "aba864", [200], t_end=4000, parameters={"GM": value}, q0=(70.0, value))
+    assert kernel_of.cache_info().misses == before
+
+
+def test_a_parameter_that_decides_is_compiled_in_and_says_so():
+    power = Parameter(value="4", unit="1", meaning="exponent")
+    well = spring("well", V=lambda q, n: sum(q[0] ** 2 for _ in range(int(n))) / 8,
+                  grad_V=lambda q, n: (sum(q[0] for _ in range(int(n))) / 4,), parameters={"n": power})  # fmt: skip
+    assert (
+        nh.integrate(well, "ruth", 0.1).max_energy_error
+        == nh.integrate(well, "ruth", 0.1, parameters={"n": "4"}).max_energy_error
+    )
+    with pytest.raises(NearharmonicError, match=r"parameters = \[5\.0\].*compiled in.*dataclasses\.replace"):
+        nh.integrate(well, "ruth", 0.1, parameters={"n": 5})
+
+
+@pytest.mark.parametrize("system", ["henon_heiles", "kepler", "sho"])
+@pytest.mark.parametrize("how", [{}, {"summation": "plain"}, {"precision": "extended"}], ids=["carry", "plain", "dd"])
+@pytest.mark.parametrize("method", ["aba864", "babps9o7h"])
+def test_a_run_in_two_parts_has_the_bits_of_one(system, how, method):
+    t_end, tau = {"kepler": (Fraction(4000), 100)}.get(system, (Fraction(20), 0.1))
+    whole = nh.integrate(system, method, tau, t_end=float(t_end), samples=2, **how)
+    half = nh.integrate(system, method, tau, t_end=float(t_end / 2), samples=2, **how)
+    rest = nh.integrate(system, method, tau, t_end=float(t_end / 2), samples=2, start=half, **how)
+    last = {"sample": -1}
+    names = ["q", "p", "energy_error", *([] if how.get("summation") else ["q_low", "p_low"])]
+    assert same(whole[last], rest[last], names)
+    assert max(half.max_energy_error, rest.max_energy_error) == whole.max_energy_error
+    assert (rest.t[0], rest.t[-1]) == (half.t[-1], whole.t[-1])
+
+
+def test_a_continued_run_keeps_its_parameters_exactly():
+    given = {"parameters": {"GM": 1.7}}
+    whole = nh.integrate("kepler", "ruth", 100, t_end=4000, **given)
+    half = nh.integrate("kepler", "ruth", 100, t_end=2000, **given)
+    assert same(nh.integrate("kepler", "ruth", 100, t_end=2000, start=half)[{"sample": -1}], whole[{"sample": -1}])
+
+
+@pytest.mark.parametrize("method", sorted(name for name, one in nh.integrators.items() if one.symmetric))
+def test_a_run_backwards_returns_to_the_start(method):
+    """Symmetric methods: -tau undoes tau, up to 2 * 200 stages of 2e-32 grown by less than 1e3. Ruth's map alone is
+    not symmetric: there the way back is that of a method of order four."""
+    out = nh.integrate("henon_heiles", method, 0.2, t_end=4, precision="extended")
+    back = nh.integrate("henon_heiles", method, 0.2, t_end=-4, precision="extended", start=out)
+    defect = np.abs((back.q[-1] - out.q[0]) + (back.q_low[-1] - out.q_low[0])).max()
+    assert defect < 1e-25
+    assert (back.t[0], back.t[-1]) == (4, 0)
+
+
+def test_output_times_on_steps_are_the_samples_of_the_run():
+    run = nh.integrate("henon_heiles", "aba864", 0.25, t_end=10, samples=41)
+    found = nh.integrate("henon_heiles", "aba864", 0.25, t_end=10, t=run.t.values)
+    assert same(found, run)
+
+
+@pytest.mark.parametrize("how", [{}, {"summation": "plain"}, {"precision": "extended"}], ids=["carry", "plain", "dd"])
+@pytest.mark.parametrize("method", ["aba864", "babps9o7h"])
+def test_between_two_steps_lies_one_shorter_step_from_the_step_before(method, how):
+    """The same step by hand: a run of one step from the state of the step before, to 1/3 of a step."""
+    asked = [0, Fraction(1, 12), 3, Fraction(37, 12), Fraction(37, 12), "10"]
+    found = nh.integrate("henon_heiles", method, 0.25, t_end=10, t=asked, **how)
+    whole = nh.integrate("henon_heiles", method, 0.25, t_end=3, samples=2, **how)
+    step = nh.integrate("henon_heiles", method, 1, t_end=1 / 12, start=whole, samples=2, **how)
+    assert np.array_equal(found.q[2], whole.q[-1])
+    # 1/12 as a double differs from 1/12 by 5e-18.
+    assert np.abs(found.q[3] - step.q[-1]).max() < 1e-15
+    assert np.array_equal(found.q[3], found.q[4])
+    assert np.abs(found.energy_error[3] - step.energy_error[-1]) < 1e-15
+    assert np.abs(found.q[3] - whole.q[-1]).max() > 1e-3
+    end = nh.integrate("henon_heiles", method, 0.25, t_end=10, samples=2, **how)
+    assert np.array_equal(found.q[-1], end.q[-1])
+    assert found.max_energy_error == end.max_energy_error
+
+
+def test_output_times_backwards():
+    there = nh.integrate("sho", "aba864", 0.1, t_end=-3, t=[0, -1.05, -3])
+    # cos is even; aba864 at tau = 0.1: phase and amplitude to 1e-8.
+    assert there.q[:, 0].values == pytest.approx(np.cos([0, 1.05, 3]), abs=1e-7)
+
+
+def test_a_sweep_returns_the_states_at_output_times():
+    swept = nh.sweep("kepler", "aba864", [200, 100], t_end=4000, t=[50, 1234.5])
+    for i, tau in enumerate([200, 100]):
+        single = nh.integrate("kepler", "aba864", tau, t_end=4000, t=[50, 1234.5])
+        assert np.array_equal(swept.q[i], single.q)
+        assert np.array_equal(swept.energy_error[i], single.energy_error)
+
+
+def test_the_energy_is_measured_when_it_was_asked_for():
+    every, few, none = (
+        nh.integrate("kepler", "ruth", 100, t_end=8000, samples=9, energy=energy)
+        for energy in ("every", "samples", "none")
+    )
+    assert np.array_equal(every.q, few.q)
+    assert np.array_equal(every.q, none.q)
+    assert np.array_equal(every.energy_error, few.energy_error)
+    assert few.max_energy_error == np.abs(every.energy_error).max() < every.max_energy_error
+    assert few.mean_energy_error.item() == pytest.approx(np.abs(every.energy_error[1:]).mean().item(), rel=1e-15)
+    assert np.isnan(none.energy_error).all()
+    assert np.isnan([none.max_energy_error, none.mean_energy_error, none.initial_energy]).all()
+
+
+def test_a_run_without_energy_diverges_when_it_is_not_finite_and_one_with_samples_at_the_first_that_says_so():
+    runs = {e: nh.integrate("henon_heiles", "ruth", 3.0, t_end=300, samples=11, energy=e)
+            for e in ("every", "samples", "none")}  # fmt: skip
+    assert {run.status.item() for run in runs.values()} == {"diverged"}
+    assert runs["every"].diverged_at < runs["samples"].diverged_at == 10
+    assert runs["none"].diverged_at.item() % 10 == 0
+    assert np.isfinite(runs["none"].q).all()
+
+
+def test_what_is_beside_a_run_does_not_change_the_errors_over_its_samples():
+    """Sixteen runs of different lengths in eight lanes, against each alone."""
+    taus = [20 / n for n in range(40, 56)]
+    together = nh.sweep("henon_heiles", "ruth", taus, t_end=20, energy="samples", t=[5, 10, 20])
+    for i, tau in enumerate(taus):
+        alone = nh.sweep("henon_heiles", "ruth", [tau], t_end=20, energy="samples", t=[5, 10, 20])
+        assert together.max_energy_error[i] == alone.max_energy_error[0]
+
+
+def test_energy_errors_are_relative_to_the_scale_that_is_asked_for():
+    """H0 = 1/8 of the Hénon-Heiles start."""
+    own = nh.integrate("henon_heiles", "ruth", 0.3, t_end=20)
+    scaled = nh.integrate("henon_heiles", "ruth", 0.3, t_end=20, energy_scale="0.25")
+    assert scaled.max_energy_error.item() == own.max_energy_error.item() / 2
+    assert "/(0.25 1)" in scaled.max_energy_error.long_name
+    declared = replace(nh.systems["henon_heiles"], energy_scale="0.25")
+    assert nh.integrate(declared, "ruth", 0.3, t_end=20).max_energy_error == scaled.max_energy_error
+
+
+def test_an_energy_of_zero_is_measured_in_its_unit_and_the_dataset_says_so():
+    units = {"q": "m", "p": "kg m s-1", "t": "s", "energy": "J"}
+    hill = spring("hill", V=lambda q: -q[0] * q[0] / 2, grad_V=lambda q: (-q[0],), p0=("1",), t_end="3", units=units)
+    run = nh.integrate(hill, "yoshida_s7o6a", 0.15)
+    assert run.max_energy_error.units == run.energy_error.units == "J"
+    assert "/|H0|" not in run.max_energy_error.long_name
+    assert 0 < run.max_energy_error < 1e-3
+
+
+def test_what_a_system_conserves_is_in_the_output_with_its_drift():
+    """Angular momentum: q x p is exact for splitting methods, to rounding."""
+    run = nh.integrate("kepler", "ruth", 100, t_end=8000)
+    L = run.q[:, 0] * run.p[:, 1] - run.q[:, 1] * run.p[:, 0]
+    assert np.array_equal(run.angular_momentum, L)
+    assert run.angular_momentum_drift < 1e-14
+    vectors = run.eccentricity_vector.values
+    change = np.linalg.norm(vectors - vectors[0], axis=1).max() / np.linalg.norm(vectors[0])
+    assert run.eccentricity_vector_drift.item() == pytest.approx(change, rel=1e-14)
+    assert change > 1e-4
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"q0": (0.3,)}, "q0 = (0.3,) is not allowed: 2 numbers"),
+        ({"q0": (0.3, float("nan"))}, "q0[0, 1] = nan"),
+        ({"q0": ("0.3", "1e400")}, "q0[1] = '1e400'"),
+        ({"q0": ("0.3", "1e999999999")}, "q0[1] = '1e999999999'"),
+        ({"q0": ("0.3", "x")}, "q0[1] = 'x'"),
+        ({"q0": ("0.3", "1/0")}, "q0[1] = '1/0'"),
+        ({"q0": ("0.3", True)}, "q0[1] = True"),
+        ({"q0": np.zeros((3, 2))}, "nearharmonic.ensemble takes many"),
+        ({"q0": np.zeros(3)}, "q0 = 'array of shape (3,)'"),
+        ({"p0": np.array([0.1, np.inf])}, "p0[0, 1] = inf"),
+        ({"parameters": {"GM": 1}}, "unknown parameter of henon_heiles 'GM'"),
+        ({"parameters": 3}, "parameters = 3 is not allowed: a mapping"),
+        ({"t": []}, "t = '0 times'"),
+        ({"t": "1"}, "t = '1'"),
+        ({"t": [1, 0.5]}, "t[1] = 0.5 is not allowed: a time not before"),
+        ({"t": [501]}, "t[0] = 501 is not allowed: a time from 0 to t_end = 500"),
+        ({"t": [-1]}, "t[0] = -1"),
+        ({"t": [float("nan")]}, "t[0] = nan"),
+        ({"energy": "sample"}, "Did you mean 'samples'?"),
+        ({"energy_scale": 0}, "energy_scale = 0"),
+        ({"energy_scale": "-1"}, "energy_scale = '-1'"),
+        ({"start": {"q": 1}}, "start = 'dict' is not allowed"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_before_any_work(given, words):
+    with pytest.raises(NearharmonicError, match=re.escape(words)):
+        nh.integrate("henon_heiles", "ruth", 0.1, **given)
+
+
+def test_a_result_that_cannot_be_continued_is_refused():
+    lost, other = nh.integrate("henon_heiles", "ruth", 3.0), nh.integrate("sho", "ruth", 0.1)
+    for start, words in ((lost, "diverged at step"), (other, "a result of sho")):
+        with pytest.raises(NearharmonicError, match=words):
+            nh.integrate("henon_heiles", "ruth", 0.1, start=start)
+    sound = nh.integrate("henon_heiles", "ruth", 0.1, t_end=1)
+    with pytest.raises(NearharmonicError, match="continues from the state of that result"):
+        nh.integrate("henon_heiles", "ruth", 0.1, start=sound, p0=(0, 0))

@@ -1,0 +1,185 @@
+"""``nh.plot``: the curves on the paper are the numbers of the Datasets, and everything else is refused."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import nearharmonic as nh
+from nearharmonic.errors import SettingError
+from support.cubes import figure_cubes as made
+from support.cubes.artists import line_of, look_of
+from support.methods.own_systems import spring
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+TAUS = [0.8, 0.1, 0.4, 0.2]
+
+
+def legend(figure):
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_a_sweep_is_drawn_against_step_size_per_stage():
+    curve = nh.sweep("sho", "ruth", TAUS, t_end=20)
+    figure = nh.plot(curve)
+    assert isinstance(figure, Figure)
+    ascending = curve.sortby("tau")
+    for axes, name in zip(figure.axes, ("max_energy_error", "mean_energy_error"), strict=True):
+        line = line_of(axes, ascending.tau / 3, ascending[name])
+        assert line.get_color() == look_of("ruth")[0]
+        assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+    assert legend(figure) == ["Ruth"]
+
+
+def test_several_sweeps_are_told_apart_in_the_legend_and_by_their_lines():
+    curves = [
+        nh.sweep("sho", "ruth", TAUS, t_end=20),
+        nh.sweep("sho", "ruth", TAUS, t_end=20, precision="extended"),
+        nh.sweep("sho", "aba864", TAUS, t_end=20),
+        nh.sweep("sho", EXAMPLES / "fourth_order.py", TAUS, t_end=20),
+    ]
+    figure = nh.plot(curves)
+    assert legend(figure) == ["Ruth, double precision", "Ruth, extended precision", "ABA864", "five leapfrogs"]
+    stages = (3, 3, 7, 5)
+    lines = [
+        line_of(figure.axes[0], np.sort(one.tau) / s, one.sortby("tau").max_energy_error)
+        for one, s in zip(curves, stages, strict=True)
+    ]
+    assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == 4
+
+
+def test_the_stages_of_a_method_are_known_even_if_every_run_diverged():
+    curve = nh.sweep("kepler", "babps9o7h", [20000.0, 40000.0])
+    assert (curve.status == "diverged").all()
+    nh.plot(curve).draw_without_rendering()
+
+
+def test_a_cube_is_drawn_as_its_figure():
+    from nearharmonic.plotting.energy_error import draw_profile
+
+    cube = made.errors(["ruth", "babps9o7h"], precision=True)
+    assert nh.plot(cube)._repr_png_() == draw_profile(cube)._repr_png_()
+
+
+@pytest.mark.parametrize(("system", "axes"), [("sho", ("q", "p")), ("kepler", ("q_1", "q_2"))])
+def test_a_trajectory_is_drawn_over_time_and_as_an_orbit(system, axes):
+    run = nh.integrate(system, "ruth", 0.25 if system == "sho" else 90.0, t_end=20 if system == "sho" else 8766)
+    figure = nh.plot(run)
+    upper, lower = figure.axes
+    line_of(upper, run.t, abs(run.energy_error))
+    line_of(lower, run.q[:, 0], run.p[:, 0] if system == "sho" else run.q[:, 1])
+    assert all(name in label for name, label in zip(axes, (lower.get_xlabel(), lower.get_ylabel()), strict=True))
+    assert upper.get_yscale() == "log"
+    if system == "kepler":
+        assert "$10^{6}$ km" in lower.get_xlabel()
+    figure.draw_without_rendering()
+
+
+def test_trajectories_of_one_method_are_told_apart_by_their_steps():
+    runs = [nh.integrate("sho", "ruth", tau, t_end=20) for tau in (0.5, 0.25)]
+    assert legend(nh.plot(runs)) == ["Ruth, τ = 0.5", "Ruth, τ = 0.25"]
+
+
+def test_a_notebook_shows_the_figure_without_pyplot():
+    assert nh.plot(nh.sweep("sho", "ruth", TAUS, t_end=20))._repr_png_().startswith(b"\x89PNG")
+    assert "matplotlib.pyplot" not in subprocess.run(
+        [sys.executable, "-c", "import nearharmonic as nh, sys; nh.plot; print(*sys.modules)"],
+        capture_output=True, text=True, check=True,
+    ).stdout.split()  # fmt: skip
+
+
+def test_settings_of_matplotlib_are_left_as_they_were():
+    before = dict(mpl.rcParams)
+    nh.plot(nh.sweep("sho", "ruth", TAUS, t_end=20))
+    nh.plot(nh.integrate("sho", "ruth", 0.5, t_end=20))
+    assert dict(mpl.rcParams) == before
+
+
+@pytest.mark.parametrize(
+    ("what", "says"),
+    [
+        (lambda: 3, "datasets = 'int' is not allowed: a Dataset of nearharmonic.integrate"),
+        (list, "datasets = 'list' is not allowed"),
+        (lambda: "ruth", "datasets = 'str' is not allowed"),
+        (lambda: nh.sweep("sho", "ruth", TAUS, t_end=20).max_energy_error, "datasets = 'DataArray' is not allowed"),
+        (
+            lambda: [nh.integrate("sho", "ruth", 0.5, t_end=20), nh.sweep("sho", "ruth", TAUS, t_end=20)],
+            "datasets = 'a trajectory and energy errors over tau' is not allowed",
+        ),
+        (
+            lambda: [nh.sweep("kepler", "ruth", [90.0], t_end=900), nh.sweep("sho", "ruth", TAUS, t_end=20)],
+            "datasets = 'units of tau: 1, h' is not allowed: Datasets whose units are the same",
+        ),
+        (
+            lambda: [nh.integrate(s, "ruth", 0.5, t_end=20) for s in ("sho", "henon_heiles")],
+            "datasets = 'systems of one and of several coordinates' is not allowed",
+        ),
+        (lambda: [made.errors(["ruth"]), made.errors(["ruth"])], "datasets = 'a cube and a cube' is not allowed"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused_in_one_sentence(what, says):
+    with pytest.raises(SettingError, match=re.escape(says)):
+        nh.plot(what())
+
+
+def test_the_axis_says_what_energy_errors_are_relative_to():
+    # V = q^2/2 - 1/2 from q = 1 at rest: H0 = 0.
+    zero = spring(V=lambda q: q[0] * q[0] / 2 - 0.5, units={"q": "m", "p": "m s-1", "t": "s", "energy": "m2 s-2"})
+    labels = {
+        r"$\max\,|\Delta H/H_0|$": spring(),
+        r"$\max\,|\Delta H|$ (m2 s-2)": zero,
+        r"$\max\,|\Delta H|$ relative to energy_scale 2, in m2 s-2": dataclasses.replace(zero, energy_scale="2"),
+    }
+    for label, system in labels.items():
+        curve = nh.sweep(system, "ruth", [0.1, 0.2], t_end=5)
+        assert nh.plot(curve).axes[0].get_ylabel() == label
+        run = nh.integrate(system, "ruth", 0.1, t_end=5)
+        assert nh.plot(run).axes[0].get_ylabel() == label.replace(r"\max\,", "")
+
+
+def test_an_ensemble_is_drawn_against_the_one_parameter_that_varies():
+    gm = np.linspace(1.5, 2.0, 7)
+    many = nh.ensemble("kepler", "ruth", 200.0, parameters={"GM": gm}, t_end=8000)
+    (axes,) = nh.plot(many).axes
+    line_of(axes, gm, many.max_energy_error)
+    assert axes.get_xlabel().startswith("GM")
+    assert axes.get_yscale() == "log"
+
+
+def test_an_ensemble_of_starts_is_drawn_against_its_members_and_tells_how_many_diverged():
+    starts = [(0.1, 0.0), (0.2, 0.0), (8.0, 8.0)]  # far outside of the well
+    many = nh.ensemble("henon_heiles", "ruth", 0.5, q0=starts, p0=(0.0, 0.1), t_end=50)
+    (axes,) = nh.plot(many).axes
+    line_of(axes, [0, 1, 2], many.max_energy_error)
+    assert "1 of 3 diverged" in axes.get_title(loc="left")
+
+
+def test_errors_relative_to_different_energies_are_refused():
+    curves = [nh.sweep("sho", "ruth", TAUS, t_end=20, energy_scale=scale) for scale in (None, 3)]
+    with pytest.raises(SettingError, match="Datasets whose energy errors mean the same"):
+        nh.plot(curves)
+    runs = [nh.integrate("sho", "ruth", 0.5, t_end=20, energy_scale=scale) for scale in (None, 3)]
+    with pytest.raises(SettingError, match="Datasets whose energy errors mean the same"):
+        nh.plot(runs)
+
+
+def test_a_run_without_energies_is_its_orbit_alone_and_a_sweep_without_is_refused():
+    (axes,) = nh.plot(nh.integrate("sho", "ruth", 0.5, t_end=20, energy="none")).axes
+    assert axes.get_title(loc="left").endswith("phase space, from the dot on")
+    with pytest.raises(SettingError, match="energy='none'"):
+        nh.plot(nh.sweep("sho", "ruth", TAUS, t_end=20, energy="none"))
+
+
+def test_a_figure_of_diverged_runs_alone_says_so():
+    figure = nh.plot(nh.sweep("kepler", "babps9o7h", [20000.0, 40000.0]))
+    for axes in figure.axes:
+        assert any("every run diverged" in text.get_text() for text in axes.texts)
+        assert axes.get_xlim()[0] > 1000  # as wide as the steps that were tried

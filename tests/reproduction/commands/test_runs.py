@@ -1,0 +1,192 @@
+"""``nearharmonic runs``: the cells of the cubes that were run, as xarray reads them, chosen, sorted and cut."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import shutil
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from nearharmonic.cli import main
+from nearharmonic.output import store
+from support.projects.call_counts import calls_of
+from support.results.result_folder import edited
+
+COLUMNS = [
+    "system", "integrator", "precision", "tau", "tau_per_stage", "steps", "evaluations", "max_energy_error",
+    "mean_energy_error", "status", "diverged_at", "label",
+]  # fmt: skip
+KEPLER = [
+    "evaluations_per_orbit", "perihelion_advance", "perihelion_advance_halves", "perihelion_advance_interval",
+    "perihelion_advance_linearity",
+]  # fmt: skip
+
+
+def told(capsys, *arguments):
+    assert main(["runs", *arguments, "--format", "csv"]) == 0
+    return list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+
+
+def cells(folder, system):
+    """(integrator, precision, tau_per_stage) -> the numbers of each cell that was run, by h5netcdf and xarray."""
+    with xr.open_dataset(folder / f"cubes/{system}.h5", engine="h5netcdf") as opened:
+        cube = opened.load()
+    words = cube.status.attrs["flag_meanings"].split()
+    found = {}
+    for precision in cube.precision.values:
+        for name in cube.integrator.values:
+            for tau in cube.tau_per_stage.values:
+                cell = cube.sel(precision=precision, integrator=name, tau_per_stage=tau)
+                row = {key: cell[key].item() for key in cell.variables}
+                row["status"] = words[row["status"]]
+                if row["status"] != "skipped":
+                    found[str(name), str(precision), float(tau)] = row
+    return found
+
+
+def test_every_cell_that_was_run_is_a_row_with_its_numbers(project, capsys):
+    rows = told(capsys, "paper")
+    assert list(rows[0]) == [*COLUMNS, *KEPLER]
+    assert [row["system"] for row in rows] == sorted(row["system"] for row in rows)
+    for system in ("henon_heiles", "kepler", "sho"):
+        expected = cells(project, system)
+        mine = [row for row in rows if row["system"] == system]
+        keys = [(row["integrator"], row["precision"], float(row["tau_per_stage"])) for row in mine]
+        assert keys == sorted(expected)
+        for key, row in zip(keys, mine, strict=True):
+            for name in (*COLUMNS[3:], *(KEPLER if system == "kepler" else ())):
+                value = expected[key][name]
+                assert row[name] == str(value), name
+    assert {row["precision"] for row in rows} == {"double", "extended"}
+    assert {row["status"] for row in rows} == {"ok", "diverged"}
+
+
+def test_a_condition_chooses_rows(project, capsys):
+    every = told(capsys, "paper")
+    chosen = told(capsys, "paper", "--where", "max_energy_error < 1e-6 and status == 'ok' and integrator in ['ruth']")
+    assert chosen == [row for row in every if float(row["max_energy_error"]) < 1e-6 and row["integrator"] == "ruth"]
+    assert 0 < len(chosen) < len(every)
+    diverged = told(capsys, "paper", "--where", "max_energy_error == inf")
+    assert {row["status"] for row in diverged} == {"diverged"}
+    assert told(capsys, "paper", "--where", "steps < 0") == []
+
+
+def test_rows_are_sorted_by_a_key_with_nan_last_and_ties_in_the_order_without_it(project, capsys):
+    every = told(capsys, "paper")
+    for key, sign in (("perihelion_advance", 1), ("-perihelion_advance", -1), ("-steps", -1)):
+        values = [float(row[key.removeprefix("-")]) for row in told(capsys, "paper", "--sort", key)]
+        finite = [value for value in values if not math.isnan(value)]
+        assert finite == sorted(finite, key=lambda value, sign=sign: sign * value)
+        assert all(math.isnan(value) for value in values[len(finite) :])
+    by_status = sorted(every, key=lambda row: row["status"], reverse=True)
+    assert [r["status"] for r in by_status[:1]] == ["ok"]
+    assert told(capsys, "paper", "--sort", "-status") == by_status  # sorted() is stable, in reverse as well
+
+
+def test_columns_and_limit_cut_the_table_and_the_units_are_told(project, capsys):
+    arguments = ["runs", "paper", "--columns", "system, tau,perihelion_advance", "--sort", "-tau", "--limit", "2"]
+    assert main(arguments) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split() == ["system", "tau", "perihelion_advance"]
+    assert lines[1].split()[:2] == ["kepler", "876.6"]
+    assert lines[-2:] == ["49 of 49 runs, of which 2 are shown", "kepler: tau in h, perihelion_advance in rad"]
+    assert told(capsys, "paper", "--limit", "0") == []
+
+
+def test_several_results_have_a_column_that_names_them(project, capsys):
+    shutil.copytree(project, project.with_name("copy"))
+    rows = told(capsys, "paper", "copy", "--sort", "-tau")
+    assert list(rows[0]) == ["result", *COLUMNS, *KEPLER]
+    assert [row["result"] for row in rows[:2]] == ["paper", "copy"]
+    assert len(rows) == 2 * len(told(capsys, "paper"))
+
+
+def test_json_has_null_for_an_infinite_error_beside_its_status(project, capsys):
+    assert main(["runs", "paper", "--where", "status == 'diverged'", "--format", "json"]) == 0
+    rows = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert rows
+    assert {(row["max_energy_error"], row["perihelion_advance"], row["status"]) for row in rows} == {
+        (None, None, "diverged")
+    }
+
+
+def test_a_cube_that_holds_no_single_runs_is_left_out(project, capsys):
+    before = told(capsys, "paper")
+    ratio = {"relative_error": (("amplitude",), np.ones(3), {"units": "1", "long_name": "ratio"})}
+    store.write(project / "cubes/kinetic_energy.h5", ratio, {"system": "relativistic_oscillator"})
+    assert told(capsys, "paper") == before
+
+
+def test_a_cube_of_a_system_that_lacks_a_variable_is_named(project, capsys):
+    with edited(project / "cubes/sho.h5") as file:
+        del file["steps"]
+    assert main(["runs", "paper"]) == 2
+    assert "cubes/sho.h5 has no steps. Make it again: snakemake" in capsys.readouterr().err
+
+
+def test_results_without_cubes_have_no_runs(project, capsys):
+    shutil.rmtree(project / "cubes")
+    assert told(capsys, "paper", "--where", "max_energy_error < 1 and status == 'ok'", "--sort", "tau") == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--columns", "system,errr"], "unknown column 'errr'."),
+        (["--sort", "-max_energy_eror"], "unknown column 'max_energy_eror'. Did you mean 'max_energy_error'?"),
+        (["--where", "stats == 'ok'"], "unknown column 'stats'. Did you mean 'status'?"),
+        (["--where", "status = 'ok'"], "cannot be read at character 8"),
+        (["--limit", "few"], "limit = 'few' is not allowed: a whole number of at least 0"),
+        (["--limit=-1"], "limit = '-1' is not allowed"),
+    ],
+)
+def test_a_bad_question_is_refused(project, arguments, says, capsys):
+    assert main(["runs", "paper", *arguments]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert says in err
+
+
+def test_a_damaged_cube_is_named_with_the_command_that_makes_it_again(project, capsys):
+    (project / "cubes/sho.h5").write_bytes(b"no HDF5")
+    assert main(["runs", "paper"]) == 2
+    assert "cubes/sho.h5 is truncated or no result file. Make it again: snakemake" in capsys.readouterr().err
+
+
+def write_runs(project, tau_per_stage):
+    """A cube of ten methods with made up errors, which are returned."""
+    shape, seed = (10, tau_per_stage), np.random.default_rng(1)
+    error = 10 ** seed.uniform(-16, 0, shape)
+    words = {"units": "1", "long_name": "made up"}
+    over = {
+        "tau": error * 5, "steps": np.full(shape, 10), "evaluations": np.full(shape, 50), "max_energy_error": error,
+        "mean_energy_error": error / 2, "status": np.where(error > 0.5, "diverged", "ok"),
+        "diverged_at": np.zeros(shape, int),
+    }  # fmt: skip
+    names = [f"method{i}" for i in range(shape[0])]
+    coordinates = dict.fromkeys(("integrator", "label"), (("integrator",), names, words))
+    coordinates["tau_per_stage"] = (("tau_per_stage",), np.geomspace(1e-4, 1, shape[1]), words)
+    coordinates["precision"] = (("precision",), ["double"], words)
+    over_runs = ("precision", "integrator", "tau_per_stage")
+    variables = coordinates | {name: (over_runs, v[None], words) for name, v in over.items()}
+    shutil.rmtree(project / "cubes")
+    store.write(project / "cubes/sho.h5", variables, {"system": "sho"})
+    return error
+
+
+def test_a_hundred_thousand_runs_are_filtered_with_at_most_two_calls_each(project, capsys):
+    calls = []
+    for tau_per_stage in (10, 10**4):
+        error, rows = write_runs(project, tau_per_stage), []
+        condition = "max_energy_error < 1e-4 and status == 'ok'"
+        words = ("paper", "--where", condition, "--sort", "-max_energy_error", "--limit", "3")
+        told(capsys, *words)  # imports are done
+        calls.append(calls_of(lambda words=words, rows=rows: rows.extend(told(capsys, *words))))
+        assert [float(row["max_energy_error"]) for row in rows] == sorted(error[error < 1e-4])[:-4:-1]
+    # What goes through rows in Python takes ten calls and more for each.
+    assert calls[1] - calls[0] < 2 * 10**5

@@ -1,0 +1,125 @@
+"""``nearharmonic show``: the run asked for, its files, and lines of Python that make its numbers again."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from hashlib import sha256
+
+import h5py
+import numpy as np
+import pytest
+
+import nearharmonic as nh
+from nearharmonic.cli import main
+from support.results.result_folder import edited, run_id
+
+
+def shown(capsys, *arguments):
+    assert main(["show", "paper", *arguments, "--format", "json"]) == 0
+    return json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+
+
+QUESTIONS = [
+    ("sho", "ruth", "0.006"),
+    ("sho", "babps9o7h", "0.0388", "--precision", "extended"),
+    ("sho", "ruth", "2.78"),
+    ("henon_heiles", "babps9o7h", "0.7"),
+    ("kepler", "babps9o7h", "159"),
+    ("kepler", "ruth", "10", "--per-stage"),
+]
+
+
+@pytest.mark.parametrize("question", QUESTIONS, ids=" ".join)
+def test_the_lines_of_python_print_the_number_of_the_cube(project, question, capsys):
+    assert main(["show", "paper", *question]) == 0
+    text = capsys.readouterr().out
+    lines = text[text.index("import nearharmonic as nh") :]
+    names = {}
+    exec(compile(lines, "shown", "exec"), names)
+    printed = float(capsys.readouterr().out)
+    told = shown(capsys, *question)
+    run, again = told["run"], names["run"]
+    with h5py.File(project / f"cubes/{question[0]}.h5") as cube:
+        assert printed in cube["max_energy_error"][()]
+    assert run["max_energy_error"] == (printed if np.isfinite(printed) else None)
+    for name in ("tau", "steps", "evaluations", "status", "diverged_at"):
+        assert again[name].item() == run[name], name
+    assert told["python"] == lines.removesuffix("\n")
+
+
+@pytest.mark.parametrize("question", QUESTIONS, ids=" ".join)
+def test_the_run_file_holds_the_run_and_as_many_samples_as_are_said(project, question, capsys):
+    told = shown(capsys, *question)
+    path = project / told["files"]["run file"]["path"]
+    with h5py.File(path) as file:
+        group = file["extended"] if told["run"]["precision"] == "extended" else file
+        (row,) = np.flatnonzero(group["tau_per_stage"][()] == told["run"]["tau_per_stage"])
+        assert group["steps"][row] == told["run"]["steps"]
+        assert np.isfinite(group["t"][row]).sum() == told["samples_kept"]
+    for entry in told["files"].values():
+        assert entry["sha256"] == sha256((project / entry["path"]).read_bytes()).hexdigest()
+        assert entry["run"] == run_id(8)
+
+
+def test_the_run_is_in_the_shard_that_has_its_step(project, capsys):
+    paths = {shown(capsys, "henon_heiles", "ruth", tau)["files"]["run file"]["path"] for tau in ("0.15", "0.238")}
+    assert paths == {f"runs/henon_heiles/ruth/{shard}.h5" for shard in (0, 1)}
+
+
+def test_settings_and_units_are_those_of_the_sweep_and_the_system(project, capsys):
+    told = shown(capsys, "kepler", "ruth", "30")
+    assert (told["settings"]["t_end"], told["settings"]["samples"]) == ("8766", 50)
+    assert told["system_units"] == dict(nh.systems["kepler"].units)
+    assert told["units"]["perihelion_advance"] == "rad"
+    assert main(["show", "paper", "kepler", "ruth", "30"]) == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert ["setting", "t_end", "8766", "h"] in lines
+    assert ["max_energy_error", repr(told["run"]["max_energy_error"]), "-"] in lines
+
+
+def test_the_nearest_run_is_taken_and_named_if_it_is_another(project, capsys):
+    assert main(["show", "paper", "kepler", "ruth", "160"]) == 0
+    assert capsys.readouterr().out.startswith("The run nearest to tau = 160 has tau = 168.577 h\n")
+    assert main(["show", "paper", "kepler", "ruth", "168.577"]) == 0
+    assert capsys.readouterr().out.startswith("field")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["kepler", "ruth", "5000"], "steps from 30.0205 to 302.276, the nearest 168.577 and 302.276"),
+        (["kepler", "ruth", "1"], "tau = 1.0 is not allowed"),
+        (["sho", "babps9o7h", "5", "--precision", "extended"], "steps from 0.0179986 to 0.083612, the nearest"),
+        (["keplr", "ruth", "30"], "unknown system 'keplr'. Did you mean 'kepler'? Known: henon_heiles, kepler, sho"),
+        (["kepler", "rut", "30"], "unknown integrator 'rut'. Did you mean 'ruth'? Known: babps9o7h, ruth"),
+        (["kepler", "ruth", "small"], "tau = 'small' is not allowed: a finite number above 0"),
+        (["kepler", "ruth", "30", "--precision", "extended"], "precision = 'extended' is not allowed: one of double"),
+    ],
+)
+def test_a_run_that_is_not_there_is_refused_with_what_is_near(project, arguments, says, capsys):
+    assert main(["show", "paper", *arguments]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert says in err
+
+
+def test_a_cube_without_settings_is_shown_with_lines_that_leave_them_out(project, capsys):
+    with edited(project / "cubes/kepler.h5") as file:
+        del file.attrs["settings"]
+    told = shown(capsys, "kepler", "ruth", "30")
+    assert told["settings"] == {}
+    assert "t_end" not in told["python"]
+    compile(told["python"], "shown", "exec")
+
+
+def test_results_without_trajectories_or_manifest_say_so(project, capsys):
+    shutil.rmtree(project / "runs")
+    (project / "manifest.json").unlink()
+    told = shown(capsys, "kepler", "ruth", "30")
+    assert list(told["files"]) == ["cube"]
+    assert told["samples_kept"] is None
+    assert main(["show", "paper", "kepler", "ruth", "30"]) == 0
+    text = capsys.readouterr().out
+    assert "there is no run file that holds it" in text
+    assert "results/paper has no manifest.json" in text

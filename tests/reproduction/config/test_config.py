@@ -1,0 +1,214 @@
+"""Configs: defaults, refusals in plain words, and a schema that documents itself."""
+
+from __future__ import annotations
+
+import copy
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+from jsonschema import Draft202012Validator
+
+from nearharmonic.errors import NearharmonicError
+from nearharmonic.reproduction.config.reading import load
+from nearharmonic.reproduction.config.schema import key_table, schema
+
+ROOT = Path(__file__).parents[3]
+SCHEMA = schema()
+SMALL = {
+    "name": "small",
+    "integrators": ["ruth", "aba864"],
+    "systems": {
+        "sho": {"tau_per_stage": {"lowest": 0.01, "highest": 1, "points_per_decade": 5}},
+        "kepler": {"t_end": 8766, "tau_per_stage": {"lowest": 1, "highest": 100, "points_per_decade": 5}},
+    },
+}
+GRID = "systems.sho.tau_per_stage"
+
+
+def changed(key, value):
+    """SMALL with the dotted ``key`` set to ``value``."""
+    config = copy.deepcopy(SMALL)
+    *above, last = key.split(".")
+    place = config
+    for step in above:
+        place = place[step]
+    place[last] = value
+    return config
+
+
+def test_keys_that_are_not_given_have_their_defaults():
+    config = load(SMALL)
+    sho, kepler = config.sweeps
+    assert (sho.t_end, sho.precision, sho.summation, sho.samples, sho.shards) == (
+        "500",
+        ("double",),
+        "compensated",
+        500,
+        1,
+    )
+    assert kepler.t_end == "8766"
+    assert config.decomposed == config.integrators == ("ruth", "aba864")
+
+
+def test_a_config_is_left_as_it_was_given():
+    given = copy.deepcopy(SMALL)
+    load(given)
+    assert given == SMALL
+
+
+def test_decimal_strings_are_numbers_because_yaml_reads_1e_4_as_a_string():
+    assert yaml.safe_load("1e-2") == "1e-2"
+    assert load(changed(f"{GRID}.lowest", "1e-2")) == load(SMALL)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "says"),
+    [
+        ("integrators", [], "integrators = [] is not allowed: a list of at least one integrator"),
+        ("integrators", "ruth", "integrators = 'ruth' is not allowed: a list"),
+        ("integrators", ["ruth", "ruth"], "each named once"),
+        ("integrators", ["ruth", 3], "integrators[1] = 3 is not allowed: the name of an integrator"),
+        ("integrators", ["rut"], "integrators: unknown integrator 'rut'. Did you mean 'ruth'? Known: aba104, "),
+        ("decomposition", ["aba846"], "decomposition: unknown integrator 'aba846'. Did you mean 'aba864'?"),
+        ("systems", {}, "systems = {} is not allowed: at least one system"),
+        ("systems.keplr", SMALL["systems"]["kepler"], "unknown system 'keplr'. Did you mean 'kepler'?"),
+        ("sharsd", 2, "unknown key of the config 'sharsd'. Did you mean 'shards'?"),
+        (f"{GRID}.lowst", 2, f"unknown key of {GRID} 'lowst'. Did you mean 'lowest'?"),
+        (f"{GRID}.lowest", 0, f"{GRID}.lowest = 0 is not allowed: a finite number above 0"),
+        (f"{GRID}.lowest", -0.1, f"{GRID}.lowest = -0.1 is not allowed"),
+        (f"{GRID}.lowest", float("nan"), f"{GRID}.lowest = nan is not allowed"),
+        (f"{GRID}.highest", float("inf"), f"{GRID}.highest = inf is not allowed"),
+        (f"{GRID}.lowest", True, f"{GRID}.lowest = True is not allowed"),
+        (f"{GRID}.lowest", "small", f"{GRID}.lowest = 'small' is not allowed"),
+        (f"{GRID}.lowest", 2, f"{GRID}.highest = 1 is not allowed: a finite number, at least lowest = 2"),
+        (f"{GRID}.lowest", 1e-10, "would take 1666666666667 steps, and one run takes at most 1000000000"),
+        (f"{GRID}.points_per_decade", 0, "a whole number of 1 or more"),
+        ("systems.sho.t_end", 0, "systems.sho.t_end = 0 is not allowed: a finite number above 0"),
+        ("systems.sho.t_end", -500, "systems.sho.t_end = -500 is not allowed"),
+        ("systems.sho.t_end", float("nan"), "systems.sho.t_end = nan is not allowed"),
+        ("systems.sho.t_end", float("inf"), "systems.sho.t_end = inf is not allowed"),
+        ("systems.sho.t_end", None, "systems.sho.t_end = None is not allowed"),
+        ("systems.sho.precision", [], "systems.sho.precision = [] is not allowed"),
+        ("systems.sho.precision", ["extendd"], "systems.sho.precision[0] = 'extendd'"),
+        ("systems.sho.precision", ["extendd"], "Did you mean 'extended'?"),
+        ("summation", "kahan", "summation = 'kahan' is not allowed: one of compensated, plain"),
+        ("samples", 0, "samples = 0 is not allowed: a whole number of 1 or more"),
+        ("samples", 10**9, "samples = 1000000000 is not allowed: a job would hold 4e+10 bytes"),
+        ("shards", 0, "shards = 0 is not allowed: a whole number of 1 or more"),
+        ("shards", 1.5, "shards = 1.5 is not allowed"),
+        ("name", "../paper", "name = '../paper' is not allowed: letters, digits"),
+    ],
+)
+def test_a_bad_value_is_refused_with_key_value_and_what_is_allowed(key, value, says):
+    with pytest.raises(NearharmonicError, match=re.escape(says)):
+        load(changed(key, value))
+
+
+@pytest.mark.parametrize(
+    ("path", "says"),
+    [
+        (["systems"], "the config lacks the key 'systems': at least one system"),
+        (["systems", "sho", "tau_per_stage", "highest"], f"{GRID} lacks the key 'highest': a finite number"),
+    ],
+)
+def test_a_key_that_is_missing_is_named(path, says):
+    config = copy.deepcopy(SMALL)
+    place = config
+    for step in path[:-1]:
+        place = place[step]
+    del place[path[-1]]
+    with pytest.raises(NearharmonicError, match=re.escape(says)):
+        load(config)
+
+
+def test_of_two_faults_the_one_nearer_to_the_top_is_told():
+    config = changed(f"{GRID}.lowst", 2) | {"shards": 0}
+    with pytest.raises(NearharmonicError, match="shards = 0"):
+        load(config)
+
+
+def properties(schema):
+    for member in schema.get("properties", {}).values():
+        yield member
+        yield from properties(member)
+    other = schema.get("additionalProperties")
+    if isinstance(other, dict):
+        yield other
+        yield from properties(other)
+
+
+def test_the_schema_is_one_and_describes_every_key():
+    Draft202012Validator.check_schema(SCHEMA)
+    assert all({"description", "allowed", "type"} <= set(m) or "enum" in m for m in properties(SCHEMA))
+
+
+def test_every_number_has_a_unit():
+    numbers = [m for m in properties(SCHEMA) if m.get("type") in ("integer", "number", ["number", "string"])]
+    assert len(numbers) > 6
+    assert all("unit" in member for member in numbers)
+
+
+def test_no_level_of_the_schema_lets_unknown_keys_pass():
+    levels = [SCHEMA, *(m for m in properties(SCHEMA) if m.get("type") == "object")]
+    assert all("additionalProperties" in level for level in levels)
+
+
+def test_the_table_of_keys_in_the_documentation_is_the_schema():
+    assert key_table(SCHEMA) in (ROOT / "config/README.md").read_text(encoding="utf-8")
+
+
+def test_the_schema_file_is_that_of_the_types():
+    assert yaml.safe_load((ROOT / "workflow/schemas/config.schema.yaml").read_text(encoding="utf-8")) == SCHEMA
+
+
+@pytest.mark.parametrize("file", ["config.yaml", "smoke.yaml"])
+def test_the_schema_takes_the_shipped_configs_and_refuses_what_loading_refuses(file):
+    shipped = yaml.safe_load((ROOT / "config" / file).read_text(encoding="utf-8"))
+    schema_validator = Draft202012Validator(SCHEMA)
+    assert schema_validator.is_valid(shipped)
+    for key, value in (("samples", 0), ("shards", "many"), ("integrators", []), ("summation", "kahan"), ("sharsd", 2)):
+        assert not schema_validator.is_valid(shipped | {key: value})
+
+
+def test_numbers_may_be_given_as_text_as_on_a_command_line():
+    text = changed(GRID, {"lowest": "0.01", "highest": "1", "points_per_decade": "5"}) | {"samples": "10"}
+    assert load(text) == load(SMALL | {"samples": 10})
+
+
+def test_a_whole_number_may_be_written_with_a_point():
+    assert load(SMALL | {"samples": 10.0}).samples == 10
+
+
+@pytest.mark.parametrize("value", [10.5, "10.5", True, None, "ten", [10]])
+def test_what_is_no_whole_number_is_refused(value):
+    with pytest.raises(NearharmonicError, match=re.escape(f"samples = {value!r} is not allowed: a whole number of 1")):
+        load(SMALL | {"samples": value})
+
+
+@pytest.mark.parametrize("name", ["paper\n", "x" * 101, "", ".hidden", "a/b", "ä", 3])
+def test_a_name_is_a_name_from_its_first_to_its_last_character(name):
+    with pytest.raises(NearharmonicError, match=r"name = .* is not allowed: letters, digits"):
+        load(SMALL | {"name": name})
+    assert load(SMALL | {"name": "x" * 100}).name == "x" * 100
+
+
+def test_a_key_that_stands_twice_in_a_file_is_refused_with_both_lines(tmp_path):
+    path = tmp_path / "twice.yaml"
+    path.write_text("name: small\nsystems:\n  sho:\n    t_end: 5\n    t_end: 50\n")
+    with pytest.raises(NearharmonicError, match=r"t_end = 'in line 5 of .*twice\.yaml' is not allowed: line 4 has it"):
+        load(SMALL, files=[path])
+    path.write_text(yaml.safe_dump(SMALL))
+    assert load(SMALL, files=[path]) == load(SMALL)
+
+
+def test_trajectories_that_fit_into_one_job_stay_in_one_file_and_others_are_shared():
+    assert {sweep.shards for sweep in load(SMALL).sweeps} == {1}
+    many = load(SMALL | {"samples": 10**6}).sweeps[0]  # 11 runs of 40 MB; a job holds at most 400 MB
+    assert many.shards == 2
+
+
+def test_a_section_that_is_not_given_has_all_its_defaults():
+    assert load(SMALL).stability == load(SMALL | {"stability": {"kepler": {}}}).stability
+    assert load(SMALL | {"derive": {"starts": 5}}).derive.family_starts == load(SMALL).derive.family_starts

@@ -1,0 +1,224 @@
+"""Systems and integrators that a config, or a path, names by file: what they are."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import nearharmonic as nh
+from nearharmonic.reproduction.config.reading import load
+from nearharmonic.reproduction.experiments.paper.grid.plan import runs_of
+from nearharmonic.reproduction.experiments.paper.run import integrate_run
+from nearharmonic.reproduction.tasks.definitions import defined, read_definitions
+from nearharmonic.reproduction.tasks.job import covered
+from nearharmonic.reproduction.tasks.provenance import digests, settings_text, task
+from nearharmonic.systems.user_file import load_system
+from support.projects.configs_by_file import CONFIG, EXAMPLES, GRID, METHOD, WELL, changed, enter, refused, under
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    return enter(tmp_path, monkeypatch)
+
+
+def test_a_system_has_the_name_of_its_key_wherever_it_is_looked_up():
+    config = load(CONFIG)
+    mine = nh.systems["mine"]
+    assert (mine.name, mine.label, mine.q0) == ("mine", "quartic well", ("1", "0"))
+    assert [sweep.system for sweep in config.sweeps] == ["mine"]
+    assert config.methods == config.decomposed == ("ruth", "five_leapfrogs")
+    assert set(config.compared) == {*nh.integrators.registered, "five_leapfrogs"}
+    assert nh.sweep("mine", "five_leapfrogs", [0.1]).attrs["system"] == "mine"
+
+
+def test_initial_values_and_parameters_of_the_config_take_the_place_of_the_files_own():
+    load(changed(q0=["3", 0], p0=[0, 1.25], parameters={"b": "0.50000000000000000000000001"}, label="wide"))
+    mine = nh.systems["mine"]
+    assert (mine.label, mine.q0, mine.p0) == ("wide", ("3", "0"), ("0", "1.25"))
+    assert mine.parameters["b"].value == "0.50000000000000000000000001"
+    assert mine.parameters["b"].meaning == "strength of the quartic term"
+    # H = p.p/2 + q.q/2 + b (q.q)^2/4 with q.q = 9 and p.p = 25/16.
+    assert mine.energy(*mine.start(float), mine.constants(float)) == pytest.approx(25 / 32 + 9 / 2 + 81 / 8, rel=1e-15)
+
+
+def test_a_registered_system_has_other_initial_values_under_another_name():
+    load(under("venus", system="kepler", q0=["108.94", "0"], p0=["0", "0.12528"], label="Venus"))
+    venus, kepler = nh.systems["venus"], nh.systems["kepler"]
+    assert (venus.name, venus.q0, kepler.q0) == ("venus", ("108.94", "0"), ("69.82", "0"))
+    assert venus.V is kepler.V
+    assert venus.exact_position is kepler.exact_position
+
+
+def test_a_config_may_have_oscillators_solved_exactly():
+    config = load(under("rotated", system="henon_heiles", split="exact_oscillator", t_end=30))
+    (sweep,) = config.sweeps
+    (run,) = runs_of(sweep, "ruth", 0)
+    variables = integrate_run(run)
+    alone = nh.integrate("rotated", "ruth", 30 / run.steps[0], t_end=30, split="exact_oscillator", samples=2)
+    assert np.array_equal(variables["q"][1][0, run.steps[0]], alone.q.values[-1])
+    assert load(under("rotated", system="henon_heiles")).sweeps[0].split == "kinetic_potential"
+
+
+def test_the_same_numbers_under_a_name_of_ones_own_give_the_same_bits():
+    load(under("mercury", system="kepler"))
+    for name in ("mercury", "kepler"):
+        found = nh.sweep(name, "aba864", [36.0, 72.0], t_end=8766).max_energy_error.values
+        assert (
+            found.tobytes() == nh.sweep("kepler", "aba864", [36.0, 72.0], t_end=8766).max_energy_error.values.tobytes()
+        )
+
+
+def test_a_file_is_looked_for_from_the_working_directory_and_then_beside_the_config(folder):
+    (folder / "configs").mkdir()
+    place = folder / "configs/mine.yaml"
+    place.write_text("name: mine\n")
+    (folder / "configs/quartic_well.py").write_text(WELL.replace('"quartic well"', '"beside the config"'))
+    load(CONFIG, [place])
+    assert nh.systems["mine"].label == "quartic well"
+    (folder / "quartic_well.py").unlink()
+    load(CONFIG, [place])
+    assert nh.systems["mine"].label == "beside the config"
+    assert nh.systems.definitions["mine"].file == str(Path("configs/quartic_well.py"))
+
+
+def test_a_path_stands_for_all_integrators_of_its_file_and_for_one_behind_a_colon():
+    again = METHOD.replace("TABLEAU =", "FIRST =") + (
+        '\nfrom dataclasses import replace\nTABLEAUS = (FIRST, replace(FIRST, name="second", label="second"))\n'
+    )
+    Path("two.py").write_text(again)
+    assert load(CONFIG | {"integrators": ["two.py"]}).methods == ("five_leapfrogs", "second")
+    assert load(CONFIG | {"integrators": ["two.py:second", "ruth"]}).methods == ("second", "ruth")
+    assert load(CONFIG | {"integrators": ["ruth"], "decomposition": ["two.py"]}).decomposed == (
+        "five_leapfrogs",
+        "second",
+    )
+    assert nh.integrators["two.py:second"].name == "second"
+    with refused("two.py defines 2 integrators: name one, as in two.py:five_leapfrogs"):
+        nh.integrators["two.py"]
+    with refused("unknown integrator of two.py 'secondo'. Did you mean 'second'?"):
+        nh.integrators["two.py:secondo"]
+
+
+def test_a_path_works_wherever_a_name_does():
+    run = nh.integrate("quartic_well.py", "fourth_order.py", 0.1, t_end=5)
+    assert (run.attrs["system"], run.attrs["integrator"]) == ("quartic_well", "five_leapfrogs")
+    assert nh.integrate(Path("quartic_well.py"), Path("fourth_order.py"), 0.1, t_end=5).identical(run)
+    assert nh.sweep("quartic_well.py", "fourth_order.py", [0.1], t_end=5).max_energy_error == run.max_energy_error
+    assert nh.order_of("fourth_order.py") == 4
+    assert len(nh.kappa("fourth_order.py", 4)) == 4
+    # 1 - tau^2/2 + ... of five leapfrogs, |tr K| = 2: found again by bisection of the product of the five.
+    assert float(nh.stability_limit("fourth_order.py")) == pytest.approx(limit_of_five_leapfrogs(), rel=1e-12)
+
+
+def limit_of_five_leapfrogs():
+    u = 1 / (4 - 4 ** (1 / 3))
+
+    def trace(tau):
+        step = np.eye(2)
+        for part in (u, u, 1 - 4 * u, u, u):
+            drift, kick = np.array([[1, part * tau / 2], [0, 1]]), np.array([[1, 0], [-part * tau, 1]])
+            step = drift @ kick @ drift @ step
+        return abs(np.trace(step))
+
+    taus = np.linspace(0.01, 6, 60000)
+    first = next(i for i, tau in enumerate(taus) if trace(tau) > 2 + 1e-9)
+    low, high = taus[first - 1], taus[first]
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if trace(middle) <= 2 else (low, middle)
+    return low
+
+
+def test_an_edited_file_is_read_again_and_one_that_is_not_is_the_same_object(folder):
+    before = nh.systems["quartic_well.py"]
+    assert nh.systems["quartic_well.py"] is before
+    (folder / "quartic_well.py").write_text(WELL.replace('value="0.1"', 'value="0.25"'))
+    assert nh.systems["quartic_well.py"].parameters["b"].value == "0.25"
+    load(CONFIG)
+    assert nh.systems["mine"].parameters["b"].value == "0.25"
+    (folder / "quartic_well.py").write_text(WELL.replace('value="0.1"', 'value="0.5"'))
+    load(CONFIG)
+    assert nh.systems["mine"].parameters["b"].value == "0.5"
+
+
+def test_a_file_may_import_from_the_files_beside_it_which_are_its_own(folder):
+    for name, value in (("one", "0.25"), ("two", "0.75")):
+        (folder / name).mkdir()
+        (folder / name / "common.py").write_text(f"STRENGTH = '{value}'\n")
+        text = WELL.replace('value="0.1"', "value=STRENGTH").replace(
+            "from near", "from common import STRENGTH\nfrom near", 1
+        )
+        (folder / name / "well.py").write_text(text)
+    assert [load_system(f"{name}/well.py").parameters["b"].value for name in ("one", "two")] == ["0.25", "0.75"]
+    (folder / "one/common.py").write_text("STRENGTH = '0.125'\n")
+    assert load_system("one/well.py").parameters["b"].value == "0.125"
+
+
+def code_of(config, system="mine"):
+    load(config)
+    return digests("reproduction.experiments.paper.run:integrate", [system], ["ruth"])["code"]
+
+
+def test_the_digest_of_a_task_covers_the_file_and_those_beside_it_and_no_comment(folder):
+    text = WELL.replace("from near", "from common import SQUARE\nfrom near", 1)
+    (folder / "quartic_well.py").write_text(text)
+    (folder / "common.py").write_text("SQUARE = 2\n")
+    (folder / "other.py").write_text("SQUARE = 2\n")
+    first = code_of(CONFIG)
+    (folder / "quartic_well.py").write_text(f"# a comment\n{text}")
+    (folder / "other.py").write_text("SQUARE = 3\n")
+    assert code_of(CONFIG) == first
+    (folder / "common.py").write_text("SQUARE = 3\n")
+    second = code_of(CONFIG)
+    (folder / "quartic_well.py").write_text(text.replace("b * square**2 / 4", "b * square**2 / 8 * 2"))
+    assert len({first, second, code_of(CONFIG)}) == 3
+    registered = digests("reproduction.experiments.paper.run:integrate", ["sho"], ["ruth"])["code"]
+    (folder / "common.py").write_text("SQUARE = 4\n")
+    load(CONFIG)
+    assert digests("reproduction.experiments.paper.run:integrate", ["sho"], ["ruth"])["code"] == registered
+
+
+def test_a_job_refuses_a_file_that_has_changed_since_it_was_planned(folder):
+    load(CONFIG)
+    planned = task("engine.runs.trajectory:warm_up", system="mine")
+    with nh.systems.defining({}), covered(planned):
+        assert nh.systems["mine"].label == "quartic well"
+        with refused("system 'sho' is looked up, but no digest of the task covers it"):
+            nh.systems["sho"]
+    assert "mine" in nh.systems
+    (folder / "quartic_well.py").write_text(WELL.replace("square**2", "square * square"))
+    with refused("quartic_well.py has changed since the run began: start the run again"), covered(planned):
+        pass
+
+
+def test_settings_tell_what_a_config_defines_and_make_it_again():
+    load(changed(q0=["3", "0"]))
+    told = json.loads(settings_text(task("engine.runs.trajectory:warm_up", system="mine", integrator="five_leapfrogs")))
+    with nh.systems.defining({}), nh.integrators.defining({}), defined(read_definitions(told["definitions"])):
+        assert nh.systems["mine"].q0 == ("3", "0")
+        assert nh.integrators["five_leapfrogs"].stages == 5
+
+
+def test_what_a_config_defined_is_forgotten_by_the_next():
+    load(CONFIG)
+    load({**CONFIG, "integrators": ["ruth"], "systems": {"sho": {"tau_per_stage": GRID}}})
+    assert "mine" not in nh.systems
+    assert "five_leapfrogs" not in nh.integrators
+    load(CONFIG)
+    with refused("unknown integrator"):
+        load(CONFIG | {"integrators": ["rut"]})
+    assert "mine" in nh.systems  # that of the last config that was sound
+
+
+def test_the_shipped_example_is_sound():
+    import yaml
+
+    place = EXAMPLES / "wells.yaml"
+    config = load(yaml.safe_load(place.read_text(encoding="utf-8")), [place])
+    assert config.methods == ("ruth", "babps9o7h", "five_leapfrogs")
+    assert list(config.systems) == ["quartic_well", "wide_orbit", "long_pendulum", "venus"]
+    assert re.match(r"mpf|2\.|3\.", repr(float(nh.stability_limit("five_leapfrogs"))))

@@ -1,0 +1,159 @@
+"""Systems and integrators that a config, or a path, names by file: which are refused, and with what words."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+import nearharmonic as nh
+from nearharmonic.reproduction.config.reading import load
+from nearharmonic.reproduction.tasks.cubes import cubes_of
+from support.projects.configs_by_file import CONFIG, METHOD, WELL, changed, enter, refused, under
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    return enter(tmp_path, monkeypatch)
+
+
+@pytest.mark.parametrize(
+    ("system", "says"),
+    [
+        ({"file": "quartic.py"}, "systems.mine.file = 'quartic.py' is not allowed: no such file in "),
+        ({"file": None}, "unknown system 'mine'"),
+        (
+            {"file": None, "q0": [1]},
+            "systems.mine lacks file, the Python file that defines it, or system, a registered",
+        ),
+        ({"system": "kepler"}, "systems.mine.system = 'kepler' is not allowed: file is given as well"),
+        ({"file": None, "system": "keplr"}, "systems.mine.system: unknown system 'keplr'. Did you mean 'kepler'?"),
+        ({"file": 3}, "systems.mine.file = 3 is not allowed: the path of a Python file"),
+        ({"q0": [1]}, "systems.mine: q0 has 1 components, and quartic well has 2"),
+        ({"p0": [1, 0, 0]}, "systems.mine: p0 has 3 components, and quartic well has 2"),
+        ({"q0": 1}, "systems.mine.q0 = 1 is not allowed: a list of numbers, as many as the system has coordinates"),
+        ({"q0": []}, "systems.mine.q0 = [] is not allowed"),
+        ({"q0": [1, "one"]}, "systems.mine.q0[1] = 'one' is not allowed: a finite number, or a decimal string"),
+        ({"q0": [1, float("nan")]}, "systems.mine.q0[1] = nan is not allowed"),
+        ({"q0": ["1e400", 0]}, "systems.mine.q0[0] = '1e400' is not allowed"),
+        ({"q0": [1, True]}, "systems.mine.q0[1] = True is not allowed"),
+        ({"p0": [float("inf"), 0]}, "systems.mine.p0[0] = inf is not allowed"),
+        ({"parameters": {"c": 1}}, "systems.mine: unknown parameter of quartic well 'c'"),
+        ({"parameters": {"b": "nan"}}, "systems.mine.parameters.b = 'nan' is not allowed: a finite number"),
+        ({"parameters": {"b": None}}, "systems.mine.parameters.b = None is not allowed"),
+        ({"parameters": [1]}, "systems.mine.parameters = [1] is not allowed: a mapping of names of parameters"),
+        ({"fil": "x.py"}, "unknown key of systems.mine 'fil'. Did you mean 'file'?"),
+        ({"label": ""}, "systems.mine.label = '' is not allowed"),
+        (
+            {"split": "exact_oscillator"},
+            "systems.mine.split = 'exact_oscillator' is not allowed: mine declares no freq",
+        ),
+        ({"split": "exact"}, "systems.mine.split = 'exact' is not allowed: one of kinetic_potential, exact_oscillator"),
+    ],
+)
+def test_a_system_that_is_none_is_refused_in_one_sentence(system, says):
+    with refused(says):
+        load(changed(**system))
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        ("x = 1\n", "systems.mine: quartic_well.py does not define SYSTEM, a nearharmonic.System"),
+        ("1 / 0\n", "systems.mine: quartic_well.py cannot be run: ZeroDivisionError: division by zero"),
+        ("def", "systems.mine: quartic_well.py cannot be run: SyntaxError"),
+        (WELL.replace('"1", "0"', '"nan", "0"'), "systems.mine: quartic_well: q0[0] = 'nan' is not a finite decimal"),
+        (WELL.replace("V=V,", "V=V, grad_V=lambda q, b: q,"), "systems.mine: mine: grad_V"),
+        (WELL.replace("return x * v - y * u", "return z"), "the invariant angular_momentum cannot be evaluated"),
+    ],
+)
+def test_a_file_that_defines_no_sound_system_is_refused_before_any_job(folder, content, says):
+    (folder / "quartic_well.py").write_text(content)
+    with refused(says):
+        load(CONFIG)
+
+
+@pytest.mark.parametrize("key", ["file", "system", "label", "q0", "p0", "parameters", "split"])
+def test_a_registered_system_is_taken_as_it_is_under_its_own_name(key):
+    value = {
+        "q0": ["1", "0"],
+        "p0": ["0", "1"],
+        "parameters": {"GM": "1"},
+        "file": "quartic_well.py",
+        "split": "exact_oscillator",
+    }.get(key, "kepler")
+    with refused(f"systems.kepler.{key} = {value!r} is not allowed: kepler is a registered system, taken as it is"):
+        load(under("kepler", **{key: value}))
+
+
+@pytest.mark.parametrize("key", ["two words", "q-0", "1st", "class", "größe", "a" * 61])
+def test_a_name_that_is_no_identifier_is_refused(key):
+    with refused(f"systems.{key} = {key!r} is not allowed: a letter, then letters, digits and '_'"):
+        load(under(key, file="quartic_well.py"))
+
+
+RULES = "\n".join(path.read_text(encoding="utf-8") for path in Path(__file__).parents[3].glob("workflow/rules/*.smk"))
+#: Names of the cubes of all rules, without those of single systems.
+CUBES = sorted(set(re.findall(r'\bCUBE\("(\w+)"\)', RULES)))
+
+
+def test_the_cubes_of_the_rules_are_those_that_experiments_declare():
+    """Cubes of ensembles have the names of a folder each."""
+    by_name = re.findall(r"\bcube=CUBE\((.+)\),", RULES)
+    assert {name.strip('"') for name in by_name} == {*CUBES, "{system}", "stability_{ensemble}"}
+    ensembles = {f"stability_{name}" for name in ("henon_heiles", "kepler", "rounding")}
+    assert sorted(cubes_of("reproduction.experiments")) == sorted({*CUBES, *ensembles})
+
+
+@pytest.mark.parametrize("key", [*CUBES, "substeps", "stability_kepler", "stability", "sweeps", "items", "sort"])
+def test_a_name_that_the_workflow_has_another_use_for_is_refused(key):
+    with refused(f"systems.{key} = {key!r} is not allowed: the workflow has another use of this name"):
+        load(under(key, file="quartic_well.py"))
+
+
+@pytest.mark.parametrize(
+    ("entries", "says"),
+    [
+        (["nowhere.py"], "integrators[0] = 'nowhere.py' is not allowed: no such file in "),
+        (["quartic_well.py"], "integrators[0]: quartic_well.py does not define TABLEAU, a nearharmonic.Tableau"),
+        (
+            ["fourth_order.py:five"],
+            "integrators[0] = 'fourth_order.py:five' is not allowed: fourth_order.py defines five_l",
+        ),
+        (["fourth_order.py", "fourth_order.py:five_leapfrogs"], "each integrator named once"),
+        (
+            ["fourth_order.py", "copy.py"],
+            "integrators[1] = 'copy.py' is not allowed: fourth_order.py defines the integrator",
+        ),
+        (
+            ["hides.py"],
+            "integrators[0]: hides.py: the integrator 'ruth' is a registered one already; give it another name",
+        ),
+        (["spaced.py"], "integrators[0] = 'five leapfrogs' is not allowed: a letter, then letters"),
+        (["wrong.py"], "integrators[0]: tableau 'five_leapfrogs': order = 0, expected an integer >= 1"),
+    ],
+)
+def test_a_file_that_defines_no_integrator_of_its_own_is_refused(folder, entries, says):
+    (folder / "copy.py").write_text(METHOD)
+    (folder / "hides.py").write_text(METHOD.replace('"five_leapfrogs"', '"ruth"'))
+    (folder / "spaced.py").write_text(METHOD.replace('"five_leapfrogs"', '"five leapfrogs"'))
+    (folder / "wrong.py").write_text(METHOD.replace("order=4", "order=0"))
+    with refused(says):
+        load(CONFIG | {"integrators": entries})
+
+
+def test_a_path_whose_system_has_a_registered_name_is_refused_and_a_config_gives_it_another(folder):
+    (folder / "quartic_well.py").write_text(WELL.replace('name="quartic_well"', 'name="kepler"'))
+    with refused("quartic_well.py: SYSTEM has the name of the registered system 'kepler'; give it another name"):
+        nh.integrate("quartic_well.py", "ruth", 0.1)
+    load(CONFIG)
+    assert nh.systems["mine"].name == "mine"
+
+
+@pytest.mark.parametrize("path", ["nowhere.py", "folder/well"])
+def test_a_path_that_is_no_file_is_refused(path):
+    with refused(f"{path}: no such file. A system of your own is a Python file that defines SYSTEM"):
+        nh.sweep(path, "ruth", [0.1])
+    with refused(f"{path}: no such file. An integrator of your own is a Python file that defines TABLEAU"):
+        nh.sweep("sho", path, [0.1])

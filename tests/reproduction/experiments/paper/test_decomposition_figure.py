@@ -1,0 +1,97 @@
+"""Figure 2: kappa of either composition, which orders vanish, and who is who."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from nearharmonic.reproduction.experiments.paper.figures import fig2_decomposition
+from support.cubes.artists import NO_LINE, SOLID, drawn, entries, line_of, lines_of, look, look_of, looks, ticks
+from support.cubes.figure_cubes import METHODS, label, terms
+
+#: Orders that vanish in the cube, by the row that is outermost.
+VANISH = {"drift": [1, 2, 4], "kick": [1, 2, 3, 6]}
+ORDERS = np.arange(1, 10)
+
+
+@pytest.fixture
+def cube():
+    return terms()
+
+
+def remaining(cube, name, first):
+    """Kappa by order, NaN where it vanishes or there is none."""
+    return np.where(np.isin(ORDERS, VANISH[first]), np.nan, cube.kappa.sel(integrator=name, first=first).values)
+
+
+def test_error_terms_of_the_kick_first_composition_are_lines_in_the_colour_of_their_method(cube):
+    upper, _ = fig2_decomposition.fig2_decomposition(cube).axes
+    assert (upper.get_yscale(), upper.get_ylabel()) == ("log", r"$\kappa_\lambda$")
+    for name in METHODS:
+        curve = line_of(upper, ORDERS, remaining(cube, name, "kick"))
+        assert look(curve) == (look_of(name)[0], None, None, SOLID)
+        np.testing.assert_array_equal(ORDERS[drawn(curve)], [4, 5, 7, 8])
+
+
+def test_error_terms_of_the_drift_first_composition_are_circles_around_the_markers_of_their_method(cube):
+    upper, _ = fig2_decomposition.fig2_decomposition(cube).axes
+    for name in METHODS:
+        circle, inside = lines_of(upper, ORDERS, remaining(cube, name, "drift"))
+        assert look(circle) == (look_of(name)[0], "o", "none", NO_LINE)
+        assert look(inside) == look_of(name, NO_LINE)
+        assert circle.get_markersize() > inside.get_markersize()
+        np.testing.assert_array_equal(ORDERS[drawn(circle)], [3, 5, 6, 7, 8, 9])
+    assert len(upper.get_lines()) == 3 * len(METHODS)
+
+
+def test_terms_that_vanish_stand_in_the_row_of_their_method_a_bar_for_kick_first_a_circle_for_drift_first(cube):
+    _, lower = fig2_decomposition.fig2_decomposition(cube).axes
+    for row, name in enumerate(METHODS):
+        bars = line_of(lower, VANISH["kick"], row)
+        assert (look(bars)[0], look(bars)[1], look(bars)[3]) == (look_of(name)[0], "_", NO_LINE)
+        circle, inside = lines_of(lower, VANISH["drift"], row)
+        assert look(circle) == (look_of(name)[0], "o", "none", NO_LINE)
+        assert look(inside) == look_of(name, NO_LINE)
+    assert len(lower.get_lines()) == 3 * len(METHODS)
+
+
+def test_rows_are_named_from_top_to_bottom_in_the_order_of_the_methods(cube):
+    _, lower = fig2_decomposition.fig2_decomposition(cube).axes
+    assert ticks(lower.yaxis) == {label(name): row for row, name in enumerate(METHODS)}
+    heights = [lower.transData.transform((1, row))[1] for row in range(len(METHODS))]
+    assert heights == sorted(heights, reverse=True)
+    bottom, top = lower.get_ylim()
+    assert top < 0 < len(METHODS) - 1 < bottom
+
+
+def test_the_legend_has_the_look_of_each_method_and_says_what_circles_and_lines_are(cube):
+    (legend,) = fig2_decomposition.fig2_decomposition(cube).legends
+    found = looks(legend)
+    assert list(found) == [*map(label, METHODS), "ABA composition", "BAB composition"]
+    for name in METHODS:
+        assert found[label(name)] == look_of(name)
+    # ABA is drift first: circles. BAB is kick first: lines.
+    assert found["ABA composition"][1:] == ("o", "none", NO_LINE)
+    assert found["BAB composition"][1:] == (None, None, SOLID)
+    (circle,) = entries(legend)["ABA composition"]
+    upper, _ = fig2_decomposition.fig2_decomposition(cube).axes
+    assert circle.get_markersize() == lines_of(upper, ORDERS, remaining(cube, "ruth", "drift"))[0].get_markersize()
+
+
+def test_titles_say_which_panel_shows_what_remains_and_below_which_number_a_term_vanishes(cube):
+    upper, lower = fig2_decomposition.fig2_decomposition(cube).axes
+    assert upper.get_title(loc="left") == r"$\mathbf{A}$  error terms that remain"
+    assert lower.get_title(loc="left") == r"$\mathbf{B}$  error terms that vanish ($\kappa_\lambda < 10^{-30}$)"
+    assert lower.get_xlabel() == r"order, $\lambda$"
+    assert upper.get_position().y0 > lower.get_position().y1
+
+
+def test_orders_are_whole_numbers_on_the_axis(cube):
+    np.testing.assert_array_equal(np.diff(fig2_decomposition.fig2_decomposition(cube).axes[1].get_xticks()), 1)
+
+
+def test_terms_that_all_vanish_leave_an_empty_panel_and_full_rows(cube):
+    cube["kappa"][:] = 0.0
+    upper, lower = fig2_decomposition.fig2_decomposition(cube).axes
+    assert not any(drawn(line).any() for line in upper.get_lines())
+    assert len(lines_of(lower, ORDERS, 0)) == 3

@@ -1,0 +1,190 @@
+"""What the search for order six registered: its criterion is what other modules say, its digits solve the equations."""
+
+from __future__ import annotations
+
+from math import factorial
+
+import numpy as np
+import pytest
+from mpmath import log, matrix, mp, mpf, sqrt
+
+from nearharmonic.exact.lie import conditions, lyndon_words
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.nearharmonic_2026 import TABLEAUS
+from nearharmonic.reproduction.experiments.sixth_order.cascade import candidates_of
+from nearharmonic.reproduction.experiments.sixth_order.conditions import NystromEquations, alternating
+from nearharmonic.reproduction.experiments.sixth_order.criterion import TAU_PER_STAGE
+from nearharmonic.reproduction.experiments.sixth_order.registration import (
+    NotConvergedError,
+    polished,
+    short_decimals,
+    tableau_of_solution,
+)
+from nearharmonic.theory.linear_stability import stability_limit
+from nearharmonic.theory.order import error_norm, harmonic_order_of
+from support.oracles.nystrom_steps import equations_of, operators_of, unknowns_of, word_sum
+from support.oracles.reference_solutions import oscillator_step
+
+NAMES = [tableau.name for tableau in TABLEAUS]
+EVERY = pytest.mark.parametrize("name", NAMES)
+
+
+def energy_slope(tableau, force, potential, state, tau, steps, speed=lambda p: p, kinetic=lambda p: p * p / 2):
+    """log2 of what halving ``tau`` gains in the largest error of the energy, seen at the same instants."""
+    q0, p0 = ([mpf(x) for x in row] for row in state)
+
+    def energies(tau, steps):
+        q, p, values = q0, p0, []
+        for _ in range(steps):
+            for letter, c in operators_of(tableau):
+                if letter == "A":
+                    q = [x + c * tau * speed(v) for x, v in zip(q, p, strict=True)]
+                else:
+                    p = [v + c * tau * f for v, f in zip(p, force(*q), strict=True)]
+            values.append(sum(map(kinetic, p)) + potential(*q))
+        return values
+
+    start = sum(map(kinetic, p0)) + potential(*q0)
+    coarse = max(abs(H - start) for H in energies(tau, steps))
+    fine = max(abs(H - start) for H in energies(tau / 2, 2 * steps)[1::2])
+    return log(coarse / fine, 2)
+
+
+HENON_HEILES = (
+    lambda x, y: (-x - 2 * x * y, -y - x * x + y * y),
+    lambda x, y: (x * x + y * y) / 2 + x * x * y - y**3 / 3,
+    (["0.3", "0.1"], ["0.2", "0.4"]),
+)
+KEPLER = (
+    lambda x, y: (-x / sqrt(x * x + y * y) ** 3, -y / sqrt(x * x + y * y) ** 3),
+    lambda x, y: -1 / sqrt(x * x + y * y),
+    (["1.2", "0.1"], ["0.1", "0.8"]),
+)
+
+# --- the criterion ----------------------------------------------------------------------------------------------------
+
+
+@EVERY
+def test_the_criterion_is_made_of_what_other_modules_say_of_a_method(name):
+    tableau = integrators[name]
+    unknowns = np.array([[float(x) for x in unknowns_of(tableau)]])
+    (candidate,) = candidates_of(equations_of(tableau), unknowns, [0])
+    merit, tau = candidate.merit, mpf(tableau.stages) * TAU_PER_STAGE
+    # Cancellation from sums of about 1 to errors of about 1e-6 leaves 1e-9 of these.
+    assert merit.nystrom_error == pytest.approx(float(error_norm(tableau, 7, quadratic=True) * tau**6), rel=1e-6)
+    size = sum(abs(float(c)) for c in tableau.kick + tableau.drift)
+    assert merit.sum_of_absolute_values == pytest.approx(size, rel=1e-12)
+    # Linear interpolation over steps of 0.02: they enter squared, times the curvature, which is small near pi.
+    assert merit.stability_limit == pytest.approx(float(stability_limit(tableau)), abs=1e-4)
+    error = merit.harmonic_error + 0.1 * merit.nystrom_error
+    expected = np.log10(error * size / 2 * 2 * tableau.stages / merit.stability_limit)
+    assert merit.value == pytest.approx(expected, abs=1e-9)
+
+
+@EVERY
+def test_harmonic_errors_are_those_of_the_step_matrix(name):
+    # Terms in tau^7, tau^9 and tau^11 of the matrix by finite differences: its entries are polynomials in tau, sampled
+    # where what lies beyond is 1e-40 of them.
+    tableau = integrators[name]
+    (candidate,) = candidates_of(equations_of(tableau), np.array([[float(x) for x in unknowns_of(tableau)]]), [0])
+    with mp.workdps(200):
+        odd = range(1, 2 * tableau.stages + 2, 2)
+        taus = [mpf(k + 1) / 8 for k in range(len(odd))]
+        powers = matrix([[tau**n for n in odd] for tau in taus])
+        steps = [oscillator_step(tableau, tau) for tau in taus]
+        K12, K21 = (mp.lu_solve(powers, matrix([step[i, j] for step in steps])) for i, j in ((0, 1), (1, 0)))
+        total, h = mpf(0), mpf(tableau.stages) / 10
+        for n in (7, 9, 11):
+            place, sign = (n - 1) // 2, (-1) ** ((n - 1) // 2)
+            exact = mpf(sign) / factorial(n)
+            total += sqrt((K12[place] - exact) ** 2 + (K21[place] + exact) ** 2) * h ** (n - 1)
+    assert candidate.merit.harmonic_error == pytest.approx(float(total), rel=1e-5)
+
+
+# --- the digits -------------------------------------------------------------------------------------------------------
+
+
+@EVERY
+def test_the_equations_hold_to_the_registered_digits(name):
+    tableau = integrators[name]
+    with mp.workdps(120):
+        operators = operators_of(tableau)
+        allowed = mpf(10) ** (3 - tableau.digits)  # some tens of coefficients of size 1, times derivatives of about 10
+        for degree in (1, 3, 5):
+            words = lyndon_words(degree)
+            errors = [word_sum(word, operators) - mpf(1) / factorial(degree) for word in words]
+            for row in conditions(degree, quadratic=True):
+                weighted = sum(mpf(w.numerator) / w.denominator * e for w, e in zip(row.weights, errors, strict=True))
+                assert abs(weighted) < allowed
+        for n in range(7, tableau.harmonic_order + 1):
+            assert abs(word_sum(alternating(n), operators) - mpf(1) / factorial(n)) < allowed
+        beyond = alternating(tableau.harmonic_order + 1)
+        assert abs(word_sum(beyond, operators) - mpf(1) / factorial(len(beyond))) > 1e-12
+
+
+@EVERY
+def test_newton_from_six_digits_comes_to_the_registered_digits(name):
+    tableau = integrators[name]
+    equations, unknowns = equations_of(tableau), unknowns_of(tableau)
+    fixed = {u: text for u, text in enumerate(unknowns) if len(text.rstrip("0")) < 12}
+    assert len(fixed) == equations.free
+    rounded = [mpf(f"{float(text):.6f}") for text in unknowns]
+    solution = polished(equations, rounded, fixed=fixed, digits=tableau.digits + 4)
+    again = tableau_of_solution(
+        equations, solution, name=name, label=tableau.label, source=tableau.source, digits=tableau.digits
+    )
+    assert (again.kick, again.drift) == (tableau.kick, tableau.drift)
+    assert (again.order, again.requires, again.first) == (tableau.order, tableau.requires, tableau.first)
+
+
+@EVERY
+def test_energy_errors_are_of_order_six_on_henon_heiles_and_kepler(name):
+    # What the next error term leaves of a slope at steps of 2^-8 is tau^2 times a ratio of order 10^2: below 0.05.
+    with mp.workdps(60):
+        for force, potential, state in (HENON_HEILES, KEPLER):
+            slope = energy_slope(integrators[name], force, potential, state, mpf(2) ** -8, 16)
+            assert slope == pytest.approx(6, abs=0.05)
+
+
+@EVERY
+def test_without_quadratic_kinetic_energy_the_order_is_four(name):
+    force, potential, state = HENON_HEILES
+    with mp.workdps(60):
+        slope = energy_slope(
+            integrators[name],
+            force,
+            potential,
+            state,
+            mpf(2) ** -8,
+            16,
+            speed=lambda p: p + p**3,
+            kinetic=lambda p: p * p / 2 + p**4 / 4,
+        )
+    assert slope == pytest.approx(4, abs=0.05)
+
+
+@EVERY
+def test_the_harmonic_order_is_the_one_in_the_name(name):
+    tableau = integrators[name]
+    composition = "bab" if tableau.first == "kick" else "aba"
+    assert name == f"{composition}s{tableau.stages}o6_{tableau.harmonic_order}h"
+    assert harmonic_order_of(tableau) == tableau.harmonic_order
+
+
+def test_free_parameters_become_short_decimals_from_which_the_rest_follows():
+    tableau = max(TABLEAUS, key=lambda t: equations_of(t).free)
+    equations, x = equations_of(tableau), [float(text) for text in unknowns_of(tableau)]
+    fixed = short_decimals(equations, x, 3)
+    assert len(fixed) == equations.free > 1
+    solution = polished(equations, x, fixed=fixed, digits=40)
+    for u, text in fixed.items():
+        assert abs(solution[u] - mpf(text)) < mpf(10) ** -15
+    assert max(abs(a - b) for a, b in zip(solution, x, strict=True)) < 0.05
+
+
+def test_newton_that_does_not_converge_says_which_residual_it_reached():
+    equations = NystromEquations(8, "kick", 7)
+    with pytest.raises(NotConvergedError, match=r"residual of .*, wanted 1e-40"):
+        polished(equations, [mpf(3)] * 7, digits=40)
+    with pytest.raises(NotConvergedError, match="0 unknowns are fixed, and 1 are free"):
+        polished(NystromEquations(9, "kick", 7), [mpf(1)] * 8)

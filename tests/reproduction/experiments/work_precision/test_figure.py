@@ -1,0 +1,155 @@
+"""Work-precision diagrams: whose points a curve shows, who is best at each time, and what is missing."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from math import inf, nan
+
+import numpy as np
+import pytest
+
+from nearharmonic.recommendation.curve import Curve
+from nearharmonic.reproduction.experiments.work_precision.figure import work_precision_figure
+from nearharmonic.reproduction.experiments.work_precision.peers import PEERS
+from support.cubes.artists import NO_LINE, SOLID, drawn, entries, line_of, look, look_of, looks
+from support.cubes.figure_cubes import FACTS, label, timed
+
+#: Best times in s and errors: the first of the paper's methods leads at first, the second in the end.
+RUTH = ([1e-5, 1e-4, 1e-3], [1e-3, 1e-4, 1e-5])
+NEAR = ([2e-5, 2e-4, 2e-3], [1e-2, 1e-6, 1e-9])
+BEST, LANES = "best of these", "the same, each of an ensemble"
+
+
+def curves():
+    return [
+        timed("ruth", RUTH[1], RUTH[0], lanes=[2e-6, 2e-5, 2e-4]),
+        timed("babs7o7h", NEAR[1], NEAR[0], lanes=[4e-6, 4e-5, 4e-4]),
+        timed("leapfrog", [3e-2, 3e-4, 3e-6], [3e-6, 3e-5, 3e-4], lanes=[1e-7, 1e-6, 1e-5]),
+        timed("heyoka", [1e-4, 1e-13], [5e-5, 6e-5], kind="peer"),
+        timed("rebound_ias15", [1e-5, 1e-12], [7e-5, 8e-5], kind="peer"),
+    ]
+
+
+@pytest.fixture(scope="module")
+def figure():
+    return work_precision_figure("toy", [("20", ("max", "mean"), curves()), ("5", ("position",), curves())], FACTS)
+
+
+#: Row of panels -> its time, its y label, and its error over that of the points.
+ROWS = (
+    ("20", r"$\max\,|\Delta H/H_0|$", 1),
+    ("20", r"$\mathrm{mean}\,|\Delta H/H_0|$", 0.5),
+    ("5", "position error", 10),
+)
+
+
+def rows_of(figure):
+    return [figure.axes[3 * i : 3 * i + 3] for i in range(3)]
+
+
+def test_each_row_shows_its_error_over_milliseconds_each_column_its_methods_in_the_looks_of_the_legend(figure):
+    known = [looks(legend) for legend in figure.legends]
+    for axes, (_, _, times_error) in zip(rows_of(figure), ROWS, strict=True):
+        for column, members in enumerate((curves()[:2], curves()[2:3], curves()[3:])):
+            for curve in members:
+                x = [1e3 * min(point.times["trajectory"]) for point in curve.points]
+                y = [times_error * point.max_energy_error for point in curve.points]
+                line = line_of(axes[column], x, y)
+                assert look(line) == known[column][curve.label]
+                assert drawn(line).all()
+            # Two envelopes in every panel, nothing else.
+            assert len(axes[column].get_lines()) == len(members) + 2
+
+
+def test_methods_of_this_package_have_their_style_and_peers_dashes_of_their_own(figure):
+    paper, beyond, others = (looks(legend) for legend in figure.legends)
+    assert {text: paper[text] for text in map(label, ("ruth", "babs7o7h"))} == {
+        label(name): look_of(name) for name in ("ruth", "babs7o7h")
+    }
+    assert beyond == {label("leapfrog"): look_of("leapfrog")}
+    assert {found[3] for found in others.values()} == {(4, 2)}
+    assert len({found[:2] for found in others.values()}) == 2
+
+
+def test_no_two_peers_look_alike():
+    peers = [timed(name, [1e-3], [1e-3], kind="peer") for name in PEERS]
+    found = looks(work_precision_figure("toy", [("20", ("max",), peers)], FACTS).legends[2])
+    assert list(found) == [label(name) for name in PEERS]
+    for one, other in combinations(found.values(), 2):
+        assert one[0] != other[0]
+        assert one[1] != other[1]
+
+
+def test_titles_and_axes_name_column_time_and_error(figure):
+    said = ("methods of the paper", "beyond the paper", "other libraries")
+    letters = iter("ABCDEFGHI")
+    for axes, (t_end, ylabel, _) in zip(rows_of(figure), ROWS, strict=True):
+        for panel, text in zip(axes, said, strict=True):
+            assert panel.get_title(loc="left") == rf"$\mathbf{{{next(letters)}}}$  {text}, t = {t_end}"
+            assert (panel.get_xscale(), panel.get_yscale()) == ("log", "log")
+            assert panel.get_ylim() == axes[0].get_ylim()
+        assert [panel.get_ylabel() for panel in axes] == [ylabel, "", ""]
+    assert {panel.get_xlabel() for panel in rows_of(figure)[2]} == {"wall time of one trajectory  (ms)"}
+
+
+def test_the_pale_line_is_the_best_of_the_papers_methods_at_each_time_and_the_dotted_one_in_lanes(figure):
+    found = looks(figure.legends[0])
+    # By hand, from RUTH and NEAR: times in ms, least error so far. Neither leapfrog nor a peer takes part.
+    best = ([0.01, 0.02, 0.1, 0.2, 1.0, 2.0], [1e-3, 1e-3, 1e-4, 1e-6, 1e-6, 1e-9])
+    lanes = ([0.002, 0.004, 0.02, 0.04, 0.2, 0.4], best[1])
+    for axes, (_, _, times_error) in zip(rows_of(figure), ROWS, strict=True):
+        for panel in axes:
+            envelopes = [line for line in panel.get_lines() if line.get_marker() in ("None", "none")]
+            for line, (x, y), text in zip(envelopes, (best, lanes), (BEST, LANES), strict=True):
+                np.testing.assert_allclose(line.get_xdata(), x, rtol=1e-12)
+                np.testing.assert_allclose(line.get_ydata(), np.multiply(y, times_error), rtol=1e-12)
+                assert look(line) == found[text]
+    assert found[BEST][3] == SOLID
+    assert found[LANES][3] not in (SOLID, NO_LINE)
+
+
+def test_an_error_that_finer_steps_do_not_bear_out_is_no_best():
+    seconds = [1e-5, 2e-5, 4e-5, 8e-5, 16e-5]
+    lucky = timed("ruth", [1e-9, 1e-2, 1e-4, 1e-6, 1e-9], seconds)
+    panel = work_precision_figure("toy", [("20", ("max",), [lucky])], FACTS).axes[0]
+    envelope = line_of(panel, [1e3 * time for time in seconds], [1e-2, 1e-2, 1e-4, 1e-6, 1e-9])
+    assert look(envelope)[1] is None
+
+
+def test_points_that_failed_were_not_timed_or_err_beyond_all_sense_are_left_out():
+    measured = [20.0, inf, 1e-1, nan, 1e-3, 1e-5, 1e-18]
+    curve = timed("leapfrog", measured, [1e-6 * 2**i for i in range(7)])
+    curve.points[4].times = {}
+    panel = work_precision_figure("toy", [("20", ("max",), [curve])], FACTS).axes[1]
+    (line,) = panel.get_lines()
+    np.testing.assert_allclose(line.get_xdata(), [4e-3, 32e-3], rtol=1e-12)
+    assert list(line.get_ydata()) == [1e-1, 1e-5]
+
+
+def test_a_curve_without_points_bears_the_mark_of_its_reason():
+    absent = [
+        Curve(method="ruth", label="Ruth", kind="splitting", status="does not fit"),
+        Curve(method="heyoka", label="heyoka", kind="peer"),
+        Curve(method="rebound_ias15", label="IAS15", kind="peer", status="not installed"),
+        timed("scipy_dop853", [1e-3], [1e-3], kind="peer"),
+    ]
+    figure = work_precision_figure("toy", [("20", ("max",), absent)], FACTS)
+    assert [list(entries(legend)) for legend in figure.legends if legend.get_texts()] == [
+        ["Ruth ‡", "‡ no run: see the table", BEST, LANES],
+        ["heyoka ‡", "IAS15 †", label("scipy_dop853"), "† not installed", "‡ no run: see the table"],
+    ]
+
+
+def test_the_figure_says_that_it_shows_timings_of_which_machine(figure):
+    (note,) = figure.texts
+    assert note.get_text() == (
+        "toy. Drawn from timings, not reproducible bit for bit: measured today on Fast 9,\n"
+        "core 1, one thread, least of interleaved repeats; load average 0.5."
+    )
+
+
+def test_errors_beyond_all_sense_do_not_stretch_the_axis():
+    curve = timed("ruth", [9.9, 1.1e-17], [1e-5, 1e-4])
+    bottom, top = work_precision_figure("toy", [("20", ("max",), [curve])], FACTS).axes[0].get_ylim()
+    assert bottom == 1e-17
+    assert top == 10

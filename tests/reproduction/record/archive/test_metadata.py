@@ -1,0 +1,270 @@
+"""Every MUST of RO-Crate 1.1 and of Process Run Crate 0.5 that binds who writes a crate, each with its section.
+
+The texts are https://w3id.org/ro/crate/1.1 and https://w3id.org/ro/wfrun/process/0.5. A MUST about something that an
+archive does not hold (a preview, a workflow file, a thumbnail, a bag) is a test that it does not hold it.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter
+from datetime import datetime
+from types import SimpleNamespace
+from urllib.parse import unquote, urlsplit
+from zipfile import ZipFile
+
+import pytest
+from rocrate.rocrate import ROCrate
+
+from nearharmonic.reproduction.record.archive import pack
+from support.results import finished_results
+
+#: Properties and types of the archive that the JSON-LD context of RO-Crate 1.1 defines.
+CONTEXT_1_1 = {
+    "CreateAction", "CreativeWork", "Dataset", "File", "Person", "ScholarlyArticle", "SoftwareApplication", "about",
+    "actionStatus", "agent", "author", "citation", "conformsTo", "contentSize", "datePublished", "description",
+    "encodingFormat", "endTime", "error", "hasPart", "instrument", "keywords", "license", "mentions", "name", "object",
+    "result", "softwareRequirements", "startTime", "url", "version",
+}  # fmt: skip
+STATUSES = {
+    f"http://schema.org/{name}ActionStatus" for name in ("Active", "Completed", "Failed", "Potential")
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def crate(tmp_path_factory):
+    """The archive as ``rocrate`` reads it (``read``), its ``document``, its ``graph`` and its ``names``."""
+    folder = tmp_path_factory.mktemp("crate")
+    place = pack.save(finished_results.write_result(folder / "little"), folder / "little.zip", with_runs=True)
+    with ZipFile(place) as zipped:
+        document = json.loads(zipped.read("ro-crate-metadata.json"))
+        names = zipped.namelist()
+    return SimpleNamespace(read=ROCrate(place), document=document, graph=document["@graph"], names=names)
+
+
+def entity(crate, identifier):
+    (found,) = [each for each in crate.graph if each["@id"] == identifier]
+    return found
+
+
+def typed(crate, kind):
+    found = [each for each in crate.graph if kind in values(each["@type"])]
+    assert found
+    return found
+
+
+def values(value):
+    return value if isinstance(value, list) else [value]
+
+
+def references(value):
+    return [each["@id"] for each in values(value)]
+
+
+def is_iso_8601(text):
+    return isinstance(text, str) and datetime.fromisoformat(text).tzinfo is not None
+
+
+def is_uri(identifier):
+    """A URI reference of RFC 3986: its characters only, each per cent sign before two hexadecimal digits."""
+    return re.fullmatch(r"(?:[\w.~:/?#\[\]@!$&'()*+,;=-]|%[0-9A-Fa-f]{2})+", identifier, re.ASCII) is not None
+
+
+# RO-Crate 1.1
+
+
+def test_the_metadata_file_is_in_the_root_under_its_name(crate):
+    """RO-Crate structure; RO-Crate Metadata File; Self-describing and self-contained."""
+    assert crate.names.count("ro-crate-metadata.json") == 1
+    assert crate.read.metadata.id == "ro-crate-metadata.json"
+
+
+def test_every_data_entity_is_a_file_of_the_archive_or_on_the_web(crate):
+    """RO-Crate structure: data entities are payload files or web-based."""
+    local = [each for each in crate.read.data_entities if not urlsplit(each.id).scheme]
+    assert len(local) == len(crate.names) - 1
+    for each in local:
+        assert each.source.is_file(), each.id
+        assert unquote(each.id) in crate.names
+
+
+def test_the_metadata_are_flattened_and_compacted_json_ld(crate):
+    """RO-Crate Metadata File: valid JSON-LD 1.0 in flattened and compacted form."""
+    assert set(crate.document) == {"@context", "@graph"}
+    for each in crate.graph:
+        assert isinstance(each["@id"], str)
+        for key, value in each.items():
+            assert not (isinstance(value, list) and len(value) < 2), (each["@id"], key)
+            for single in values(value):
+                assert isinstance(single, str) or (set(single) == {"@id"} and isinstance(single["@id"], str))
+
+
+def test_the_graph_describes_descriptor_root_data_and_context(crate):
+    """RO-Crate Metadata File: what a valid graph describes."""
+    identifiers = {each["@id"] for each in crate.graph}
+    assert {"ro-crate-metadata.json", "./", "cubes/kepler.h5", f"#run-{finished_results.NEWER}"} <= identifiers
+    assert crate.read.data_entities
+    assert crate.read.contextual_entities
+
+
+def test_there_is_no_preview_so_that_its_demands_do_not_apply(crate):
+    """RO-Crate Website; RO-Crate JSON-LD, Extending RO-Crate (sameAs on the website)."""
+    assert not [name for name in crate.names if name.startswith("ro-crate-preview")]
+
+
+def test_the_descriptor_describes_itself_and_names_the_root(crate):
+    """RO-Crate Metadata File Descriptor: its @id, its @type, and about."""
+    descriptor = entity(crate, "ro-crate-metadata.json")
+    assert descriptor["@type"] == "CreativeWork"
+    assert descriptor["about"] == {"@id": "./"}
+    assert descriptor["conformsTo"] == {"@id": "https://w3id.org/ro/crate/1.1"}
+    assert crate.read.version == "1.1"
+
+
+def test_the_root_is_a_dataset_whose_id_ends_with_a_slash(crate):
+    """Direct properties of the Root Data Entity: @type and @id."""
+    assert crate.read.root_dataset.type == "Dataset"
+    assert crate.read.root_dataset.id == "./"
+
+
+def test_the_root_has_name_description_date_and_licence(crate):
+    """Direct properties of the Root Data Entity: the properties that it must have; the date in ISO 8601."""
+    root = entity(crate, "./")
+    assert root["name"]
+    assert root["description"]
+    assert root["license"]["@id"] in {each["@id"] for each in crate.graph}
+    assert is_iso_8601(root["datePublished"])
+
+
+def test_every_file_is_a_part_of_the_root(crate):
+    """Referencing files and folders from the Root Data Entity: hasPart."""
+    parts = references(entity(crate, "./")["hasPart"])
+    assert sorted(parts) == sorted(each["@id"] for each in typed(crate, "File"))
+
+
+def test_what_stands_for_a_file_has_the_type_file(crate):
+    """Referencing files and folders; File Data Entity: @type."""
+    for name in set(crate.names) - {"ro-crate-metadata.json"}:
+        (found,) = [each for each in crate.graph if unquote(each["@id"]) == name]
+        assert "File" in values(found["@type"])
+
+
+def test_no_folder_is_described_but_the_root_which_is_a_dataset(crate):
+    """Referencing files and folders; Directory File Entity: @type and @id."""
+    folders = [each for each in crate.graph if each["@id"].endswith("/")]
+    assert [each["@id"] for each in folders] == ["./"]
+    assert [each["@id"] for each in typed(crate, "Dataset")] == ["./"]
+
+
+def test_the_id_of_a_file_is_a_relative_uri_path(crate):
+    """File Data Entity: @id; Encoding file paths; Describing entities in JSON-LD."""
+    for each in typed(crate, "File"):
+        assert is_uri(each["@id"]), each["@id"]
+        assert not urlsplit(each["@id"]).scheme
+        assert not each["@id"].startswith(("/", "../", "#"))
+    assert all(is_uri(each["@id"]) for each in crate.graph)
+
+
+def test_no_two_entities_have_one_id(crate):
+    """Contextual vs Data entities: one object for each entity, no @id twice."""
+    assert set(Counter(each["@id"] for each in crate.graph).values()) == {1}
+
+
+def test_the_publication_is_cited_by_its_url(crate):
+    """Publications via citation property."""
+    (cited,) = references(entity(crate, "./")["citation"])
+    assert cited == "https://arxiv.org/abs/1501.04345"
+    assert entity(crate, cited)["@type"] == "ScholarlyArticle"
+
+
+def test_subjects_and_keywords_stand_under_about_and_keywords(crate):
+    """Subjects & keywords."""
+    assert isinstance(entity(crate, "./")["keywords"], str)
+    assert not [key for each in crate.graph for key in each if "subject" in key.lower()]
+
+
+def test_there_is_no_thumbnail_that_could_be_missing(crate):
+    """Thumbnails."""
+    assert not [each["@id"] for each in crate.graph if "thumbnail" in each]
+
+
+def test_an_action_has_an_object_in_the_crate(crate):
+    """Recording changes to RO-Crates: object."""
+    parts = references(entity(crate, "./")["hasPart"])
+    for action in typed(crate, "CreateAction"):
+        assert set(references(action["object"])) & {"./", *parts}
+
+
+def test_an_action_has_iso_8601_times(crate):
+    """Recording changes to RO-Crates: endTime and startTime."""
+    for action in typed(crate, "CreateAction"):
+        assert is_iso_8601(action["startTime"])
+        assert "endTime" not in action or is_iso_8601(action["endTime"])
+
+
+def test_the_status_of_an_action_is_one_of_the_enumerated(crate):
+    """Recording changes to RO-Crates: actionStatus."""
+    for action in typed(crate, "CreateAction"):
+        assert action["actionStatus"]["@id"] in STATUSES
+
+
+def test_no_file_is_said_to_be_a_script_or_a_workflow(crate):
+    """Workflows and scripts: what script, workflow and formal parameter have to have, Bioschemas included."""
+    kinds = {kind for each in crate.graph for kind in values(each["@type"])}
+    assert not kinds & {"SoftwareSourceCode", "ComputationalWorkflow", "FormalParameter", "ComputerLanguage"}
+
+
+def test_a_software_application_has_name_url_and_version(crate):
+    """Describing scripts and workflows: contextual entity of a SoftwareApplication."""
+    for software in typed(crate, "SoftwareApplication"):
+        assert software["name"]
+        assert software["version"]
+        assert urlsplit(software["url"]).scheme == "https"
+
+
+def test_every_term_is_in_the_context(crate):
+    """RO-Crate JSON-LD, Adding new or ad hoc vocabulary terms: the URI of a term is in the local context."""
+    reference, local = crate.document["@context"]
+    assert reference == "https://w3id.org/ro/crate/1.1/context"
+    assert local == {"sha256": "http://schema.org/sha256"}
+    keys = {key for each in crate.graph for key in each if not key.startswith("@")}
+    kinds = {kind for each in crate.graph for kind in values(each["@type"])}
+    assert keys | kinds == CONTEXT_1_1 | set(local)
+
+
+def test_the_archive_is_no_bag_whose_manifest_could_be_incomplete(crate):
+    """Implementation notes, Combining with other packaging schemes: BagIt."""
+    assert not {"bagit.txt", "manifest-sha256.txt", "manifest-sha512.txt"} & set(crate.names)
+
+
+# Process Run Crate 0.5
+
+
+def test_the_root_conforms_to_the_profile(crate):
+    """Requirements, Dataset: conformsTo references a CreativeWork with the versioned permalink."""
+    profile = "https://w3id.org/ro/wfrun/process/0.5"
+    assert profile in references(entity(crate, "./")["conformsTo"])
+    assert entity(crate, profile)["@type"] == "CreativeWork"
+    assert entity(crate, profile)["version"] == "0.5"
+
+
+def test_each_tool_has_type_and_id(crate):
+    """Requirements, SoftwareApplication: @type and @id."""
+    tools = {tool for action in typed(crate, "CreateAction") for tool in references(action["instrument"])}
+    for tool in tools:
+        assert entity(crate, tool)["@type"] == "SoftwareApplication"
+
+
+def test_there_is_one_action_for_each_run(crate):
+    """Requirements, CreateAction: @type and a unique @id; mentions of the root."""
+    actions = [action["@id"] for action in typed(crate, "CreateAction")]
+    assert sorted(actions) == sorted(f"#run-{run['id']}" for run in finished_results.HISTORY)
+    assert sorted(references(entity(crate, "./")["mentions"])) == sorted(actions)
+
+
+def test_each_action_has_an_instrument_that_is_described(crate):
+    """Requirements, CreateAction: instrument."""
+    for action in typed(crate, "CreateAction"):
+        (tool,) = references(action["instrument"])
+        assert entity(crate, tool)["name"] == "nearharmonic"

@@ -1,0 +1,138 @@
+"""The recording of a run: what fails in it is a warning, and pages are outdated by what was made after them."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+import yaml
+
+from nearharmonic.reproduction.config.reading import load
+from nearharmonic.reproduction.record import history
+from nearharmonic.reproduction.record.files import fingerprint, manifest
+from nearharmonic.reproduction.record.workflow_run import WorkflowRun
+from nearharmonic.reproduction.tasks.provenance import task
+from nearharmonic.reproduction.tasks.receipts import Receipt
+
+SMOKE = Path(__file__).parents[3] / "config/smoke.yaml"
+TASK = task("reproduction.experiments.paper.tableaus.decompose:decompose", integrators=["ruth"])
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    """A run that has begun in an empty folder of results."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("NEARHARMONIC_RUN", "another")
+    (tmp_path / "results/smoke/logs").mkdir(parents=True)
+    begun = WorkflowRun("results/smoke", load(yaml.safe_load(SMOKE.read_text(encoding="utf-8"))), sources=tmp_path)
+    begun.begin(["/somewhere/bin/snakemake", "-j2"], ["all"], cores=2)
+    return begun
+
+
+def make(name, log):
+    place = Path("results/smoke") / name
+    place.parent.mkdir(exist_ok=True)
+    place.write_text(name)
+    receipt = Receipt(f"results/smoke/logs/{log}.log")
+    receipt.add([str(place)], TASK, evaluations=5)
+    receipt.write()
+    return place
+
+
+def test_a_run_leaves_its_marker_and_tells_its_jobs_who_they_belong_to(run):
+    (marked,) = history.running_in(Path("results/smoke"))
+    assert marked["id"] == run.id == os.environ["NEARHARMONIC_RUN"]
+    assert (marked["status"], marked["end"], marked["command"]) == ("running", None, ["snakemake", "-j2"])
+    assert history.runs_of(Path("results/smoke")) == []
+
+
+@pytest.mark.parametrize(("exit_status", "status"), [(0, "ok"), (1, "failed")])
+def test_its_end_is_a_line_of_the_history(run, exit_status, status, capsys):
+    make("cubes/a.h5", "a")
+    make("cubes/b.h5", "b")
+    run.end(exit_status, jobs_run=2, jobs_reused=7, refresh=lambda: None)
+    (line,) = history.runs_of(Path("results/smoke"))
+    assert (line["status"], line["exit_status"], line["jobs_run"], line["jobs_reused"]) == (status, exit_status, 2, 7)
+    assert (line["evaluations"], line["evaluations_skipped"]) == (10, None)
+    assert line["duration"] >= 0
+    assert history.running_in(Path("results/smoke")) == []
+    assert set(manifest.read(Path("results/smoke"))["files"]) == {"cubes/a.h5", "cubes/b.h5"}
+    assert capsys.readouterr().err == ""
+
+
+def test_files_of_earlier_runs_do_not_count_as_made(run, monkeypatch):
+    make("cubes/b.h5", "b")
+    monkeypatch.setenv("NEARHARMONIC_RUN", "earlier")
+    make("cubes/a.h5", "a")
+    assert run.made("cubes/b.h5")
+    assert not run.made("cubes/a.h5")
+    assert not run.made("cubes/c.h5")
+
+
+def test_a_page_is_outdated_by_what_this_run_made_after_it(run, monkeypatch):
+    make("cubes/a.h5", "a")
+    page = make("report.html", "page")
+    os.utime(page, ns=(1, page.stat().st_mtime_ns + 1))
+    assert not run.outdates("report.html")
+    later = make("cubes/b.h5", "b")
+    os.utime(later, ns=(1, page.stat().st_mtime_ns + 1))
+    make_receipt_again("cubes/b.h5", "b")
+    assert run.outdates("report.html")
+    assert run.outdates("report.html", shown=["cubes/b.h5"])
+    assert not run.outdates("report.html", shown=["cubes/a.h5", "report.html"])
+    assert not run.outdates("tables/claims.json")
+    monkeypatch.setenv("NEARHARMONIC_RUN", "earlier")
+    make_receipt_again("cubes/b.h5", "b")
+    assert not run.outdates("report.html")
+
+
+def make_receipt_again(name, log):
+    receipt = Receipt(f"results/smoke/logs/{log}.log")
+    receipt.add([f"results/smoke/{name}"], TASK)
+    receipt.write()
+
+
+def test_a_page_that_cannot_be_made_again_is_a_warning(run, capsys):
+    def refresh():
+        raise SystemExit("cubes/a.h5 is damaged")
+
+    run.end(0, 1, 0, refresh)
+    assert capsys.readouterr().err == (
+        "nearharmonic: warning: the page of results may be old: SystemExit: cubes/a.h5 is damaged\n"
+    )
+    assert len(history.runs_of(Path("results/smoke"))) == 1
+
+
+def test_a_table_that_cannot_be_read_is_a_warning(run, capsys):
+    make("tables/skipped.csv", "skipped")
+    run.end(0, 1, 0, refresh=lambda: None)
+    assert capsys.readouterr().err.startswith("nearharmonic: warning: the evaluations are not recorded: ")
+    (line,) = history.runs_of(Path("results/smoke"))
+    assert line["evaluations"] is None
+
+
+def test_a_machine_that_cannot_be_named_is_one_warning_and_the_rest_is_kept(tmp_path, monkeypatch, capsys):
+    def fail(config):
+        raise OSError("no such machine")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("NEARHARMONIC_RUN", "another")
+    monkeypatch.setattr("nearharmonic.reproduction.record.workflow_run.fingerprint", fail)
+    begun = WorkflowRun("results/smoke", load(yaml.safe_load(SMOKE.read_text(encoding="utf-8"))), sources=tmp_path)
+    begun.begin(["snakemake"], ["all"], cores=None)
+    begun.end(0, 0, 0, refresh=lambda: None)
+    assert capsys.readouterr().err == (
+        "nearharmonic: warning: the run is not recorded in full: OSError: no such machine\n"
+    )
+    (line,) = history.runs_of(Path("results/smoke"))
+    assert (line["work"], line["status"]) == (None, "ok")
+    assert fingerprint.fingerprint is not fail
+
+
+def test_changed_files_are_told(run, capsys):
+    make("cubes/a.h5", "a").write_text("something else")
+    run.end(0, 1, 0, refresh=lambda: None)
+    assert capsys.readouterr().err == (
+        "nearharmonic: warning: changed since their jobs wrote them: cubes/a.h5 in results/smoke\n"
+    )

@@ -1,0 +1,207 @@
+"""The page in chromium: no network, no error, and legend, hover and zoom that do what they say."""
+
+from __future__ import annotations
+
+import re
+
+import h5py
+import numpy as np
+import pytest
+
+from support.cubes.page_results import CLAIMS, DRAWN, PLOTS
+
+pytestmark = pytest.mark.browser
+ALL_FIGURES = [f"figure-{number}" for number in PLOTS]
+
+
+def test_no_request_leaves_the_file_and_nothing_goes_wrong(opened, place):
+    page = opened()
+    page.evaluate("scrollTo(0, document.body.scrollHeight)")
+    page.locator("button.method").first.click()
+    page.wait_for_timeout(300)
+    assert {url for url in page.heard["requests"] if not url.startswith("data:")} == {place.as_uri()}
+    assert page.heard["errors"] == []
+
+
+def test_an_error_of_the_page_would_be_heard(opened):
+    """The check above can fail: the policy of the page refuses a request, and says so."""
+    page = opened()
+    page.evaluate("fetch('http://127.0.0.1:9/').catch(() => 0)")
+    page.wait_for_timeout(300)
+    assert any("Content Security Policy" in text or "127.0.0.1" in text for text in page.heard["errors"])
+
+
+def test_every_plot_is_drawn(wide):
+    names = wide.evaluate("Bokeh.documents[0].roots().map((plot) => plot.name)")
+    assert set(names) == {f"figure-{n}-panel-{i}" for n in PLOTS for i in range(1, PLOTS[n] + 1)} | {"history-chart"}
+    for name in names:
+        box = wide.locator(f"#{name} canvas").first.bounding_box()
+        assert box["width"] > 300
+        assert box["height"] > 200
+
+
+def pixels_of(page, name, colour):
+    """How many pixels of a plot have a colour, to a few steps of each channel."""
+    channels = [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
+    return page.evaluate(
+        """async ([name, channels]) => {
+          const canvas = await viewOf(name).export("png", true);
+          const drawn = (canvas.canvas ?? canvas);
+          const { data } = drawn.getContext("2d").getImageData(0, 0, drawn.width, drawn.height);
+          let count = 0;
+          for (let i = 0; i < data.length; i += 4)
+            if (channels.every((value, k) => Math.abs(data[i + k] - value) < 12)) count += 1;
+          return count;
+        }""",
+        [name, channels],
+    )
+
+
+@pytest.mark.parametrize("method", ["aba104", "babs7o7h"])
+def test_a_button_of_the_legend_hides_its_method_in_every_panel_of_every_figure(wide, method):
+    button = wide.locator(f"button[data-method={method}]")
+    before = wide.evaluate("(method) => drawnBy(method)", method)
+    with_it = {name for name, visible in before if visible}
+    figures = {name.rpartition("-panel-")[0] for name in with_it}
+    assert figures == ({"figure-6"} if method == "babs7o7h" else set(ALL_FIGURES) - {"figure-6"})
+    assert all(all(visible) for _, visible in before)
+    others = wide.evaluate("drawnBy('ruth')")
+    button.click()
+    assert button.get_attribute("aria-pressed") == "false"
+    assert not any(any(visible) for _, visible in wide.evaluate("(method) => drawnBy(method)", method))
+    assert wide.evaluate("drawnBy('ruth')") == others
+    button.click()
+    assert button.get_attribute("aria-pressed") == "true"
+    assert wide.evaluate("(method) => drawnBy(method)", method) == before
+
+
+def test_a_hidden_method_leaves_no_pixel_of_its_colour_and_all_come_back_at_once(wide):
+    green = "#00a070"
+    before = pixels_of(wide, "figure-3-panel-2", green)
+    assert before > 100
+    wide.locator("button[data-method=aba104]").click()
+    wide.locator("button[data-method=ruth]").click()
+    wide.settle()
+    assert pixels_of(wide, "figure-3-panel-2", green) == 0
+    wide.locator("button.all").click()
+    wide.settle()
+    assert pixels_of(wide, "figure-3-panel-2", green) == before
+    assert wide.locator("button.method[aria-pressed=false]").count() == 0
+
+
+def lonely(x, y):
+    """Index (method, point) of the point that is farthest from all others, by logarithms over the ranges of both."""
+    there = np.argwhere(np.isfinite(y) & (y > 0))
+    places = np.array([[np.log(x[j]), np.log(y[i, j])] for i, j in there])
+    places = (places - places.min(axis=0)) / np.ptp(places, axis=0)
+    gaps = np.linalg.norm(places[:, None] - places[None], axis=-1) + 9 * np.eye(len(places))
+    inner = (places > 0.1).all(axis=1) & (places < 0.9).all(axis=1)
+    return tuple(there[np.argmax(np.where(inner, gaps.min(axis=1), 0))])
+
+
+@pytest.mark.parametrize(
+    ("panel", "system", "variable", "unit"),
+    [
+        ("figure-3-panel-1", "henon_heiles", "max_energy_error", ""),
+        ("figure-5-panel-2", "kepler", "mean_energy_error", " h"),
+    ],
+)
+def test_a_hover_shows_the_numbers_that_stand_in_the_cube(wide, results, panel, system, variable, unit):
+    with h5py.File(results / "cubes" / f"{system}.h5") as cube:
+        x, y = cube["tau_per_stage"][()], cube[variable][()]
+        i, j = lonely(x, y)
+        method, evaluations = cube["label"][i].decode(), cube["evaluations"][i, j]
+        status = cube["status"][i, j].decode()
+    wide.locator(f"#{panel}").scroll_into_view_if_needed()
+    left, top = wide.evaluate("([id, x, y]) => spotOf(id, x, y)", [panel, float(x[j]), float(y[i, j])])
+    wide.mouse.move(left - 3, top)
+    wide.mouse.move(left, top)
+    tooltip = wide.locator(".bk-tooltip-content", has_text=method)
+    tooltip.wait_for(timeout=3000)
+    said = " ".join(tooltip.inner_text().split())
+    assert method in said
+    assert f"{x[j]:.6g}{unit}" in said
+    shown_error = float(re.search(r"\|ΔH/H₀\|: (\S+)", said)[1])
+    assert shown_error == pytest.approx(y[i, j], rel=5.1e-5)  # five digits
+    assert f"{evaluations:,}" in said
+    assert f"status: {status}" in said
+    wide.mouse.move(2, 2)
+
+
+def ranges(page, panel):
+    return page.evaluate("(id) => [plotOf(id).x_range, plotOf(id).y_range].map((one) => [one.start, one.end])", panel)
+
+
+def test_a_rectangle_in_one_panel_zooms_all_panels_of_its_figure_and_of_no_other(wide):
+    upper, lower, other = "figure-3-panel-1", "figure-3-panel-2", "figure-1-panel-1"
+    before, apart = ranges(wide, upper), ranges(wide, other)
+    assert ranges(wide, lower) == before
+    wide.locator(f"#{upper}").scroll_into_view_if_needed()
+    (x0, x1), (y0, y1) = before
+    start = wide.evaluate("([id, x, y]) => spotOf(id, x, y)", [upper, x0 * (x1 / x0) ** 0.2, y0 * (y1 / y0) ** 0.2])
+    end = wide.evaluate("([id, x, y]) => spotOf(id, x, y)", [upper, x0 * (x1 / x0) ** 0.6, y0 * (y1 / y0) ** 0.7])
+    wide.mouse.move(*start)
+    wide.mouse.down()
+    wide.mouse.move(*end, steps=4)
+    wide.mouse.up()
+    wide.settle()
+    after = ranges(wide, upper)
+    for (low, high), (first, last), (a, b) in zip(after, before, [(0.2, 0.6), (0.2, 0.7)], strict=True):
+        np.testing.assert_allclose(np.log([low / first, high / first]) / np.log(last / first), [a, b], atol=0.02)
+    assert ranges(wide, lower) == after
+    assert ranges(wide, other) == apart
+    wide.locator("#figure-3 button[data-zoom=reset]").click()
+    np.testing.assert_allclose(ranges(wide, lower), before)
+
+
+def test_the_table_of_claims_has_as_many_rows_as_claims(wide):
+    assert wide.locator("table.claims tbody tr").count() == len(CLAIMS)
+    assert wide.locator("table.claims tbody tr .verdict").all_inner_texts() == [claim[3] for claim in CLAIMS]
+
+
+def test_claims_are_shown_by_verdict_and_a_link_to_a_hidden_one_brings_them_back(wide):
+    rows = wide.locator("table.claims tbody tr")
+    wide.locator("button[data-only=holds]").click()
+    assert [row.get_attribute("id") for row in rows.all() if row.is_visible()] == [
+        "claim-one",
+        "claim-five",
+        "claim-eight",
+    ]
+    pressed = wide.locator("button[data-only][aria-pressed=true]")
+    assert pressed.all_inner_texts() == ["3 hold"]
+    wide.locator(".tile.fails a").click()
+    rows.nth(2).wait_for()
+    assert all(row.is_visible() for row in rows.all())
+    assert pressed.all_inner_texts() == [f"all {len(CLAIMS)}"]
+
+
+def test_a_made_small_picture_looks_like_the_file(wide, results):
+    """By pixels; a shift of a hundredth of a point changes one by the share of one row of samples at most, 64."""
+    different = """async (sources) => {
+      const pixels = async (source) => {
+        const image = new Image();
+        image.src = source;
+        await image.decode();
+        const canvas = Object.assign(document.createElement("canvas"), { width: 1008, height: 922 });
+        canvas.getContext("2d").drawImage(image, 0, 0, 1008, 922);
+        return canvas.getContext("2d").getImageData(0, 0, 1008, 922).data;
+      };
+      const [one, other] = [await pixels(sources[0]), await pixels(sources[1])];
+      const dark = one.filter((value) => value < 128).length / one.length;
+      return [dark, one.filter((value, i) => Math.abs(value - other[i]) > 100).length / one.length];
+    }"""
+    original = (results / f"figures/{DRAWN}.svg").read_text(encoding="utf-8")
+    small = wide.locator("#figure-4 img").get_attribute("src")
+    assert len(small) < 0.75 * len(original)
+    whole = wide.evaluate("(text) => 'data:image/svg+xml,' + encodeURIComponent(text)", original)
+    dark, share = wide.evaluate(different, [whole, small])
+    assert dark > 0.001
+    assert share < 1e-5
+
+
+def test_a_link_from_a_claim_opens_its_table(wide):
+    table = wide.locator("#table-3")
+    assert table.get_attribute("open") is None
+    wide.locator("#claim-three a").click()
+    wide.wait_for_selector("#table-3[open]")
+    assert "-0.9129" in table.inner_text()

@@ -1,0 +1,297 @@
+"""What the page holds, read with an HTML parser."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from fnmatch import fnmatch
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+import nearharmonic
+from nearharmonic.errors import ResultFileError
+from nearharmonic.reproduction.report import page as room
+from nearharmonic.reproduction.report.page import OPTIONAL, page
+from support.cubes.page_reader import Reader, written
+from support.cubes.page_results import (
+    CLAIMS,
+    DRAWN,
+    KINDS_OF_CLAIMS,
+    SYSTEMS,
+    cube,
+    run_of_history,
+    write_claims,
+    write_cube,
+    write_results,
+    write_table,
+)  # fmt: skip
+from support.projects.targets import TARGETS
+
+SOURCES = Path(nearharmonic.__file__).parent
+#: Experiments that are no part of the default target, and the targets that have other names.
+EXPERIMENTS = sorted({path.parent.name for path in SOURCES.glob("reproduction/experiments/*/__init__.py")} - {"paper"})
+TARGET_OF = {"derivation": "derive"}
+#: A figure of systems that the config of the targets does not have.
+NOT_THERE = {"regularised_times"}
+
+
+@pytest.fixture(scope="module")
+def read(text):
+    return Reader(text)
+
+
+def test_same_results_give_the_same_bytes_in_another_process(results, text):
+    code = (
+        "import sys; from nearharmonic.reproduction.report.page import page; "
+        f"sys.stdout.write(page({str(results)!r})['page'])"
+    )
+    environment = {"PYTHONPATH": str(Path(nearharmonic.__file__).parents[1]), "PYTHONIOENCODING": "utf-8"}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, check=True)
+    assert done.stdout.decode() == text
+
+
+def test_the_page_loads_neither_matplotlib_nor_the_classes_of_bokeh(results):
+    """Either costs as much time as the page itself."""
+    code = (
+        f"import sys; from nearharmonic.reproduction.report.page import page; page({str(results)!r}); "
+        "assert not {'matplotlib', 'bokeh'} & set(sys.modules)"
+    )
+    environment = {"PYTHONPATH": str(Path(nearharmonic.__file__).parents[1])}
+    subprocess.run([sys.executable, "-c", code], env=environment, check=True)
+
+
+def test_every_claim_is_a_row_with_its_value_threshold_and_verdict(text):
+    body = re.search(r'<table class="claims">.*?<tbody>(.*?)</tbody>', text, re.DOTALL)[1]
+    rows = [" ".join(words.split()) for _, words in Reader(body).all("tr")]
+    assert len(rows) == len(CLAIMS)
+    for row, claim in zip(rows, CLAIMS, strict=True):
+        assert all(part in row for part in claim)
+        assert f"as the paper has it: {claim[0]}" in row
+        assert KINDS_OF_CLAIMS.get(claim[0], "result") in row
+        assert (f"Margin: margin of {claim[0]}." in row) == (claim[3] != "not decided here")
+
+
+def test_verdicts_are_counted_on_top(read):
+    tiles = [words for told, words in read.all("li") if told.get("class", "").startswith("tile")]
+    assert tiles == [
+        "2 hold", "1 holds but for edges", "1 holds in part", "1 fails", "1 erratum", "1 not decided here",
+    ]  # fmt: skip
+
+
+def test_verdicts_are_summed_by_kind_and_findings_are_not_counted(text):
+    body = re.search(r'<table class="sums">(.*?)</table>', text, re.DOTALL)[1]
+    kinds = [words for told, words in Reader(body).all("th") if told["scope"] == "row"]
+    rows = [[words for _, words in Reader(row).all("td")] for row in re.findall(r"<tr>.*?</tr>", body)[1:]]
+    assert dict(zip(kinds, rows, strict=True)) == {
+        "results": ["5", "1", "1", "1", "1", "", "1"],
+        "background": ["1", "1", "", "", "", "", ""],
+        "misprints": ["1", "", "", "", "", "1", ""],
+    }
+    assert "7 statements of the paper that numbers can decide" in text
+
+
+def test_what_fails_in_substance_is_named_first(text):
+    words = re.search(r'<h2 id="claims">.*?<table', text, re.DOTALL)[0]
+    assert '<a href="#claim-three">The method is stable</a>' in words
+
+
+def test_a_claim_links_to_its_figures_and_tables_and_to_nothing_that_is_not_there(text, read):
+    body = re.search(r'<table class="claims">.*?</table>', text, re.DOTALL)[0]
+    links = {told["href"]: words for told, words in Reader(body).all("a")}
+    assert "Section 2 and Figure 9; shown in Figure 1" in " ".join(words for _, words in Reader(body).all("span"))
+    assert links == {
+        "#figure-1": "Figure 1",
+        "#figure-3": "Figures 3",
+        "#figure-5": "5",
+        "#table-3": "Table 3",
+        "#table-4": "Table 4",
+    }
+    anchors = {told["id"] for _, told, _ in read.elements if "id" in told}
+    assert {told["href"][1:] for told, _ in read.all("a") if told["href"].startswith("#")} <= anchors
+
+
+def test_ids_are_unique_headings_in_order_and_pictures_described(read):
+    ids = [told["id"] for _, told, _ in read.elements if "id" in told]
+    assert len(ids) == len(set(ids))
+    assert all(told.get("alt") for _, told, _ in read.elements if "src" in told)
+    assert len(read.all("main")) == len(read.all("h1")) == len(read.all("header")) == len(read.all("nav")) == 1
+
+
+def test_no_heading_skips_a_level(text):
+    levels = [int(level) for level in re.findall(r"<h([1-6])[ >]", text)]
+    assert levels[0] == 1
+    assert all(after - before <= 1 for before, after in pairwise(levels))
+
+
+def test_nothing_is_loaded_from_elsewhere(read):
+    loaded = {told[key] for tag, told, _ in read.elements for key in ("src", "href") if key in told and tag != "a"}
+    assert {url.partition(":")[0] for url in loaded} == {"data"}
+    assert {told["href"] for told, _ in read.all("a") if told["href"][0] != "#"} == {"https://arxiv.org/abs/1501.04345"}
+    (policy,) = [told["content"] for _, told, _ in read.elements if told.get("http-equiv")]
+    assert policy.startswith("default-src 'none';")
+
+
+def test_text_of_results_is_no_markup(text):
+    assert "&lt;b&gt;galaxy&lt;/b&gt; &amp; tests" in text
+    assert "&lt;6&gt; &amp; steep" in text
+    assert "<b>galaxy" not in text
+
+
+def test_a_config_of_one_system_has_the_figures_of_that_system_only(tmp_path):
+    folder = write_results(tmp_path / "one", systems=("sho",))
+    found = Reader(page(folder=folder)["page"])
+    assert [words.partition(".")[0] for _, words in found.all("h3")] == ["Figure 1", "Figure 2", "Figure 6"]
+    assert SYSTEMS["kepler"] not in " ".join(words for _, words in found.all("main"))
+
+
+@pytest.fixture
+def copied(results, tmp_path):
+    return Path(shutil.copytree(results, tmp_path / "tiny"))
+
+
+def test_optional_results_are_shown_once_they_are_there(copied, text):
+    assert "derivation (target <code>derive</code>)" in text
+    write_table(copied, "derived_counts", [["stages", "found"], ["5", "10"]], "How many there are.\n\n| a |\n")
+    write_table(copied, "table4_derived", [["set"], ["A"]], "Printed and derived.\n")
+    shutil.copy(copied / "figures/fig1_sho.svg", copied / "figures/linear_stability.svg")
+    shutil.copy(copied / "figures/fig1_sho.svg", copied / "figures/work_precision_kepler.svg")
+    found = page(folder=copied)["page"]
+    assert "(target <code>derive</code>)" not in found
+    titles = [words for _, words in Reader(found).all("h2")]
+    assert {"Derivation", "Stability", "Run time against error"} <= set(titles)
+    assert f"Run time against error: {SYSTEMS['kepler']}" in [words for _, words in Reader(found).all("h3")]
+    assert found.count("How many there are.") == 2  # summary and label of the box
+    tables = found[found.index("Tables and coefficients") : found.index("What was left out, and")]
+    assert "Printed and derived" not in tables
+
+
+@pytest.mark.parametrize("experiment", EXPERIMENTS)
+def test_every_experiment_has_a_section_for_its_figures_and_tables(experiment):
+    """By the names of the files of its target."""
+    target = TARGET_OF.get(experiment, experiment)
+    (section,) = [one for one in OPTIONAL if one.target == target]
+    for folder, patterns in (("figures", list(section.figures)), ("tables", section.tables)):
+        stems = {Path(name).stem for name in TARGETS[target] if name.startswith(folder)}
+        assert all(any(fnmatch(stem, pattern) for pattern in patterns) for stem in stems)
+        assert all(any(fnmatch(stem, pattern) for stem in stems) for pattern in patterns if pattern not in NOT_THERE)
+
+
+def test_the_sections_of_experiments_show_what_is_there(copied):
+    names = sorted(set().union(*(TARGETS[TARGET_OF.get(experiment, experiment)] for experiment in EXPERIMENTS)))
+    for name in names:
+        if name.endswith(".svg"):
+            shutil.copy(copied / "figures/fig1_sho.svg", copied / name)
+        elif name.endswith(".csv"):
+            write_table(copied, Path(name).stem, [["a"], ["1"]], f"Text of {Path(name).stem}.\n")
+    found = page(folder=copied)["page"]
+    ids = {told["id"] for _, told, _ in Reader(found).elements if "id" in told}
+    assert ids >= {f"figure-{Path(name).stem}" for name in names if name.endswith(".svg")}
+    tables = found[found.index("Tables and coefficients") : found.index("What was left out, and")]
+    for name in (name for name in names if name.endswith(".csv")):
+        said = f"Text of {Path(name).stem}."
+        assert said in found
+        assert said not in tables
+
+
+def test_a_digest_of_a_long_table_is_shown_in_its_place(copied):
+    table = "| method | ms |\n|---|---:|\n| *peer* | 0.5 |\n"
+    digest = f"# Planet: times\n\nMeasured.\n\n## maximum\n\n{table}\n## mean\n\n{table}"
+    write_table(copied, "work_precision_kepler", [["raw"], ["1"]], digest)
+    found = page(folder=copied)["page"]
+    assert "Planet: times; maximum" in found
+    assert '<td>peer</td><td class="n">0.5</td>' in found
+    assert '<th scope="col">raw</th>' not in found
+
+
+def test_what_was_saved_is_said_in_words(read):
+    said = " ".join(words for _, words in read.all("main"))
+    assert "750 force evaluations were made, 75 % of the 1 × 10³ of the full grid" in said
+    assert "25 %: the rest of a run: it left its energy surface" in said
+
+
+def test_coefficients_keep_all_their_decimals_and_floats_are_shown_short(text):
+    assert f'<td class="n">0.{"7" * 76}</td>' in text
+    assert '<td class="n">-0.9129</td>' in text
+
+
+def test_the_present_run_is_shown_as_this_run_and_finished_ones_in_the_history(copied, monkeypatch):
+    marker = copied / "logs/running"
+    marker.mkdir(parents=True)
+    run = run_of_history(3, "running", None, dirty=True)
+    (marker / f"{run['id']}.json").write_text(json.dumps(run))
+    monkeypatch.setenv("NEARHARMONIC_RUN", run["id"])
+    found = page(folder=copied)["page"]
+    (said,) = [words for told, words in Reader(found).all("p", **{"class": "run"})]
+    assert said.startswith(f"Run {run['id']} began 2026-01-01 00:00:03 UTC and made this page before it ended")
+    assert "commit 0123456789ab with uncommitted changes; 2 cores of Fast 9." in said
+    rows = re.search(r'<table class="runs">.*?<tbody>(.*?)</tbody>', found, re.DOTALL)[1].split("</tr>")
+    assert ["this run" in row for row in rows] == [True, False, False, False]
+    assert page(folder=copied, run=run_of_history(2)["id"])["page"].count("ok, this run") == 1
+
+
+def test_a_run_of_which_nothing_is_recorded_is_said_to_be_unknown(copied, text):
+    assert "This page was made outside a recorded run. The latest run of its results:" in text
+    assert (
+        "Of the run <code>20990101T000000Z-00</code>, which made this page, nothing is recorded."
+        in page(folder=copied, run="20990101T000000Z-00")["page"]
+    )
+    (copied / "history.jsonl").unlink()
+    found = page(folder=copied)["page"]
+    assert "no run of its results is recorded" in found
+    assert "No run is recorded." in found
+    assert "history-chart" not in written(found, "roots")
+
+
+@pytest.mark.parametrize("content", [None, "[", "[{}]", '[{"verdict": "maybe"}]', "7"])
+def test_claims_that_are_missing_or_damaged_are_named_with_the_command_that_makes_them(copied, content):
+    place = copied / "tables/claims.json"
+    place.unlink() if content is None else place.write_text(content)
+    with pytest.raises(ResultFileError, match=r"claims\.json .*Make it again: snakemake"):
+        page(folder=copied)
+
+
+def test_a_page_that_grows_too_large_loses_its_largest_optional_picture(copied, monkeypatch):
+    for name in ("linear_stability", "rounding_growth"):
+        shutil.copy(copied / "figures/fig1_sho.svg", copied / f"figures/{name}.svg")
+    shutil.copy(copied / f"figures/{DRAWN}.svg", copied / "figures/kepler_stability.svg")
+    whole = page(folder=copied)["page"]
+    monkeypatch.setattr(room, "LARGEST", len(whole.encode()) - 1000)
+    smaller = page(folder=copied)["page"]
+    assert len(smaller.encode()) <= room.LARGEST
+    left_out = re.findall(r"left out to keep this page small: <code>(.*?)</code>", smaller)
+    assert left_out == ["figures/kepler_stability.svg"]
+
+
+def test_the_order_of_claims_is_that_of_the_file_but_for_findings(copied):
+    write_claims(copied, CLAIMS[::-1])
+    found = page(folder=copied)["page"]
+    names = [claim[0] for claim in CLAIMS[::-1]]
+    findings = [name for name in names if KINDS_OF_CLAIMS.get(name) == "finding"]
+    counted = [name for name in names if name not in findings]
+    assert re.findall(r'<tr id="claim-(\w+)"', found) == [*counted, *findings]
+
+
+def test_the_figures_of_ones_own_systems_come_first_where_none_is_the_papers(tmp_path, monkeypatch):
+    monkeypatch.setitem(SYSTEMS, "well", "well of the tests")
+    folder = write_results(tmp_path / "own", systems=("well",))
+    absolute = cube("well")
+    absolute.max_energy_error.attrs |= {"long_name": "maximum of |H - H0| over every step", "units": "J"}
+    write_cube(folder / "cubes/well.h5", absolute)
+    text = page(folder=folder)["page"]
+    found = Reader(text)
+    first, *others = [words.partition(".")[0] for _, words in found.all("h3")]
+    assert first == "Energy error against step size: well of the tests"
+    assert others[:2] == ["Figure 2", "Figure 6"]
+    assert "No system here is one of the paper's" in text
+    assert "largest (A) and mean (B) energy error" in text
+    assert "Energy errors are |ΔH| (J)." in text
+
+
+def test_the_page_of_the_papers_systems_says_nothing_of_ones_own(text):
+    assert "No system here is one of the paper's" not in text
+    assert "Energy errors are |ΔH|" not in text

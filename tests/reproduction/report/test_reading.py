@@ -1,0 +1,79 @@
+"""Who reads the page otherwise: by keyboard, in a narrow window, in the dark, on paper, or without scripts."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from support.cubes.page_results import PLOTS
+
+pytestmark = pytest.mark.browser
+
+
+def ranges_of(page, panel):
+    """(start, end) of both axes of a panel."""
+    return page.evaluate("(id) => [plotOf(id).x_range, plotOf(id).y_range].map((one) => [one.start, one.end])", panel)
+
+
+def test_tab_reaches_the_legend_and_space_toggles_it_with_the_focus_in_sight(opened):
+    page = opened()
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.className") == "skip"
+    for _ in range(60):
+        page.keyboard.press("Tab")
+        if page.evaluate("document.activeElement.matches('button.method')"):
+            break
+    focused = page.locator("button.method").first
+    assert page.evaluate("document.activeElement.dataset.method") == focused.get_attribute("data-method") == "ruth"
+    assert page.evaluate("getComputedStyle(document.activeElement).outlineStyle") == "solid"
+    page.keyboard.press("Space")
+    assert focused.get_attribute("aria-pressed") == "false"
+    assert not any(any(visible) for _, visible in page.evaluate("drawnBy('ruth')"))
+
+
+def test_zoom_works_with_the_keyboard(wide):
+    button = wide.locator("#figure-5 button[data-zoom=in]")
+    before = ranges_of(wide, "figure-5-panel-2")
+    button.focus()
+    wide.keyboard.press("Enter")
+    (low, high), _ = ranges_of(wide, "figure-5-panel-2")
+    (x0, x1), _ = before
+    np.testing.assert_allclose([low, high], [x0 * (x1 / x0) ** 0.25, x0 * (x1 / x0) ** 0.75])
+    wide.locator("#figure-5 button[data-zoom=reset]").focus()
+    wide.keyboard.press("Space")
+    np.testing.assert_allclose(ranges_of(wide, "figure-5-panel-2"), before)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_narrow_window_does_not_scroll_sideways(opened, scheme):
+    page = opened(viewport={"width": 400, "height": 800}, color_scheme=scheme)
+    for details in page.locator("details").all():
+        details.evaluate("(one) => { one.open = true; }")
+    page.settle()
+    assert page.evaluate("document.documentElement.scrollWidth") <= 400
+    paper = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert (sum(map(int, re.findall(r"\d+", paper))) < 200) == (scheme == "dark")
+
+
+def shown(page, selector):
+    return [one.is_visible() for one in page.locator(selector).all()]
+
+
+def test_the_static_pictures_stand_in_where_scripts_are_off(opened):
+    page = opened(java_script_enabled=False)
+    assert shown(page, "section.figure img.static") == [True] * len(PLOTS)
+    assert not any(shown(page, ".panels"))
+    assert not any(shown(page, "button"))
+    drawn = page.locator("#figure-4 img")
+    assert drawn.bounding_box()["width"] > 300
+
+
+def test_the_static_pictures_are_printed_and_the_plots_are_not(wide):
+    assert not any(shown(wide, ".figure.live img.static"))
+    assert all(shown(wide, ".panels"))
+    wide.emulate_media(media="print")
+    assert all(shown(wide, ".figure.live img.static"))
+    assert not any(shown(wide, ".panels"))
+    wide.emulate_media(media="screen")
