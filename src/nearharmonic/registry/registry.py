@@ -64,7 +64,7 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
     _entries: dict[str, Entry] | None
     _modules: dict[str, str]
     _covered: tuple[frozenset[str], frozenset[str]] | None
-    _read: Callable[[str], Entry] | None
+    _read: Callable[[str, Collection[str]], Entry] | None
     _definitions: dict[str, Definition[Entry]]
     _made: dict[str, Entry]
 
@@ -106,7 +106,7 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
             message = f"{self._kind} {key!r} is looked up, but no digest of the task covers it: name it in the settings"
             raise NearharmonicError(message)
         if not is_named and self._read is not None:
-            return self._read(key)
+            return self._read(key, self.registered)
         if key in self._definitions and key not in self._made:
             self._made[key] = self._definitions[key].make(key)
         return self._made[key] if key in self._definitions else self._load()[key]
@@ -232,7 +232,7 @@ def make_registry(
     kind: str,
     declares: str,
     entries_of: Callable[[ModuleType], Mapping[str, Entry]],
-    read: Callable[[str], Entry] | None = None,
+    read: Callable[[str, Collection[str]], Entry] | None = None,
 ) -> Registry[Entry]:
     """Make an imported package the registry of what its modules declare.
 
@@ -247,7 +247,8 @@ def make_registry(
     entries_of
         Function of a module that returns its entries by name, an empty mapping if it declares none.
     read
-        Function of the path of a user's file that returns the entry which it declares; without it, no path is a key.
+        Function that returns the entry of a user's file, given its path and the registered names;
+        without it, no path is a key.
 
     Returns
     -------

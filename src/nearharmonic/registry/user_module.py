@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from nearharmonic.errors import NearharmonicError
 
@@ -93,6 +94,39 @@ def near_miss(module: ModuleType, name: str, kind: type) -> str:
 def place_of(name: str, value: object) -> Path | None:
     """Return the file whose ``name`` is ``value``, if one was loaded."""
     return next((path for path, (module, _) in _LOADED.items() if getattr(module, name, None) is value), None)
+
+
+def pickled(package: str, name: str, entry: Any) -> tuple[Any, ...] | None:
+    """Return what a pickle holds of an entry that another process can look up, or None.
+
+    Parameters
+    ----------
+    package : str
+        Dotted name of the registry; an entry that it declares is looked up by its name.
+    name : str
+        Variable that a user's file assigns; an entry of such a file is looked up there.
+    entry : object
+        The entry.
+    """
+    registry: Any = sys.modules[package]
+    if entry.name in registry.registered and registry.get(entry.name) is entry:
+        return registry.__getitem__, (entry.name,)
+    place = place_of(name, entry)
+    return None if place is None else (declared_in, (str(place), name))
+
+
+def declared_in(place: str, name: str) -> Any:
+    """Return the value of the variable ``name`` of a user's file.
+
+    Raises
+    ------
+    NearharmonicError
+        The file cannot be loaded, or does not assign it.
+    """
+    module = load(place, f"It defined {name}", NearharmonicError)
+    if not hasattr(module, name):
+        raise NearharmonicError(f"{place} does not define {name} any more")
+    return getattr(module, name)
 
 
 def is_file(path: Path) -> bool:

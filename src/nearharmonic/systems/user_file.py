@@ -1,17 +1,13 @@
-"""Systems that users define: in Python files of their own, or as registered ones with other initial values."""
+"""Systems of users' files, or registered ones, with initial values and parameters of their own."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from nearharmonic.errors import SystemDefinitionError, unknown_name
-from nearharmonic.registry.registry import split_path
-from nearharmonic.registry.user_module import load, near_miss
 from nearharmonic.systems import Parameter, System, systems
-
-DECLARES = "A system of your own is a Python file that defines SYSTEM"
+from nearharmonic.systems.definition.file import load_system
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,39 +67,3 @@ def _changed(system: System, values: Mapping[str, str]) -> Mapping[str, Paramete
         name: replace(parameter, value=values[name]) if name in values else parameter
         for name, parameter in system.parameters.items()
     }
-
-
-def load_system(place: str | os.PathLike[str]) -> System:
-    """Return the ``SYSTEM`` that a Python file defines.
-
-    Raises
-    ------
-    SystemDefinitionError
-        There is no such file, it cannot be run, or it defines no System of that name.
-    """
-    module = load(place, DECLARES, SystemDefinitionError)
-    found = getattr(module, "SYSTEM", None)
-    if not isinstance(found, System):
-        why = near_miss(module, "SYSTEM", System)
-        message = f"{os.fspath(place)} does not define SYSTEM, a nearharmonic.System{why}"
-        raise SystemDefinitionError(message)
-    return found
-
-
-def system_at(place: str) -> System:
-    """Return the system of a file that is used by its path, under the name that it has there.
-
-    Raises
-    ------
-    SystemDefinitionError
-        As for :func:`load_system`, or its name is that of a registered system.
-    """
-    path, entry = split_path(place)
-    if entry:
-        message = f"{place}: a file defines one system, SYSTEM; give the path alone"
-        raise SystemDefinitionError(message)
-    found = load_system(path)
-    if found.name in systems.registered:
-        message = f"{path}: SYSTEM has the name of the registered system {found.name!r}; give it another name"
-        raise SystemDefinitionError(message)
-    return found

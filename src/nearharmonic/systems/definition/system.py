@@ -2,42 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any
 
+from nearharmonic.core.formulas.chain import Chain
 from nearharmonic.core.formulas.expression.graph import Graph
 from nearharmonic.core.formulas.number import Constant, vector
 from nearharmonic.errors import SystemDefinitionError
+from nearharmonic.registry.user_module import pickled
 from nearharmonic.systems.definition.arguments import check_arguments
-from nearharmonic.systems.definition.declaration import UNITS, check_members, check_numbers
-from nearharmonic.systems.definition.quantities import Observable, Parameter, Vector, decimal, sequence
-from nearharmonic.systems.formulas.energy import Energy
-from nearharmonic.systems.formulas.formulas import (
-    DerivedGradient,
-    ExtendedPotential,
-    Formulas,
-    formulas_of,
-    regularised_formulas,
-    with_parameters,
-)
+from nearharmonic.systems.definition.declaration import check_members, check_numbers, written_frequencies
+from nearharmonic.systems.definition.energies import Energies
+from nearharmonic.systems.definition.extended import DerivedGradient
+from nearharmonic.systems.definition.quantities import Vector
+from nearharmonic.systems.formulas.formulas import Formulas, formulas_of, regularised_formulas
 from nearharmonic.systems.formulas.kinetic_energy import MassKineticEnergy, of_masses, quadratic_grad_T, quadratic_T
-from nearharmonic.systems.formulas.oscillator import written_frequencies
-from nearharmonic.systems.formulas.regularisation import Regularisation
-from nearharmonic.systems.numba.potential import NumbaEnergy, numba_potential, potential_of
-
-if TYPE_CHECKING:
-    from nearharmonic.core.formulas.chain import Chain
-
-Scalar = TypeVar("Scalar")
+from nearharmonic.systems.numba.potential import potential_of
 
 #: Members of a system that hold for its V and T alone.
 DECLARED = ("harmonic", "gravity", "exact_position", "position_t_end", "frequencies")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)  # formulas have no equality but identity
-class System:
+class System(Energies):
     """A separable Hamiltonian with its standard initial value problem.
 
     ``V(q, *parameters)`` and ``T(p)`` or ``T(p, *parameters)`` return a scalar. They use only ``+ - * /``, powers,
@@ -88,34 +76,6 @@ class System:
         parameters in another order, or ``harmonic`` or ``gravity`` where dimension, kinetic energy or parameters rule
         it out.
     """
-
-    name: str
-    label: str = ""
-    V: Callable[..., Any]
-    grad_V: Callable[..., Vector] = None  # type: ignore[assignment]  # never None once built
-    q0: tuple[str, ...]
-    p0: tuple[str, ...]
-    t_end: str
-    units: Mapping[str, str] = field(default_factory=lambda: dict.fromkeys(UNITS, "1"))
-    source: str = "defined by its user"
-    T: Callable[..., Any] = quadratic_T
-    grad_T: Callable[..., Vector] = None  # type: ignore[assignment]
-    masses: Sequence[Any] | None = None
-    time_dependent: bool = False
-    regularisation: Regularisation | None = None
-    parameters: Mapping[str, Parameter] = field(default_factory=dict)
-    invariants: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
-    observables: Mapping[str, Observable] = field(default_factory=dict)
-    period: Callable[..., float] | None = None
-    harmonic: bool = False
-    gravity: bool = False
-    exact_position: Callable[[System, Any], Vector | None] | None = None
-    position_t_end: str | None = None
-    frequencies: Sequence[Any] | None = None
-    declared_for: Mapping[str, Any] | None = None
-    energy_scale: str | None = None
-    surface_limit: float = 1.0
-    surface_reason: str = "the energy error is as large as the energy itself"
 
     def __post_init__(self) -> None:
         check_members(self)
@@ -191,37 +151,14 @@ class System:
                     object.__setattr__(self, name, getattr(System, name))
         object.__setattr__(self, "declared_for", {name: getattr(self, name) for name in ("V", "T", *DECLARED)})
 
-    def _write_out(self) -> None:
-        """Write out what was given in short: numbers, parameters and observables by themselves, no label."""
-        named = {
-            key: value if isinstance(value, Parameter) else Parameter(value=value, meaning=key)
-            for key, value in self.parameters.items()
-        }
-        observed = {
-            key: f if isinstance(f, Observable) else Observable(function=f, unit="unknown", meaning=key)
-            for key, f in self.observables.items()
-        }
-        rows = {key: tuple(map(decimal, sequence(getattr(self, key)))) for key in ("q0", "p0")}
-        rows |= {key: decimal(getattr(self, key)) for key in ("t_end", "position_t_end", "energy_scale")}
-        written = {"label": self.label or self.name, "parameters": named, "observables": observed, **rows}
-        for key, value in written.items():
-            object.__setattr__(self, key, value)
-
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle a registered system by its name, that of a file by its path, another by its fields.
 
         The functions in these fields must be importable.
         """
-        from nearharmonic.systems import systems
-
-        if self.name in systems.registered and systems.get(self.name) is self:
-            return systems.__getitem__, (self.name,)
-        from nearharmonic.registry.user_module import place_of
-        from nearharmonic.systems.user_file import load_system
-
-        place = place_of("SYSTEM", self)
-        if place is not None:
-            return load_system, (str(place),)
+        elsewhere = pickled("nearharmonic.systems", "SYSTEM", self)
+        if elsewhere is not None:
+            return elsewhere
         kept = {x.name: getattr(self, x.name) for x in fields(self) if x.name != "declared_for"}
         for name in ("grad_V", "grad_T"):
             if isinstance(kept[name], DerivedGradient) or (self.masses is not None and name == "grad_T"):
@@ -229,39 +166,6 @@ class System:
         if self.masses is not None:
             del kept["T"]
         return _rebuilt, (kept,)
-
-    @property
-    def dimension(self) -> int:
-        """Number of coordinates."""
-        return len(self.q0)
-
-    @cached_property
-    def _potential(self) -> Energy:
-        numba = numba_potential(self)
-        if numba is not None:
-            return NumbaEnergy(numba, self.constants(Constant))
-        V = ExtendedPotential(self.V) if self.time_dependent else self.V
-        return Energy(self.name, "V", V, self.dimension + self.time_dependent, self.constants(Constant))
-
-    @cached_property
-    def _kinetic_energy(self) -> Energy:
-        T = with_parameters(self.T, len(self.parameters))
-        return Energy(self.name, "T", T, self.dimension, self.constants(Constant))
-
-    @property
-    def energies(self) -> tuple[Energy, Energy]:
-        """V, of the coordinates and of time if it depends on it, and T."""
-        return self._potential, self._kinetic_energy
-
-    @cached_property
-    def quadratic_kinetic_energy(self) -> bool:
-        """True if T is a polynomial of degree at most 2 in the momenta, which Nystrom methods need."""
-        return self.T is quadratic_T or isinstance(self.T, MassKineticEnergy) or self._kinetic_energy.is_quadratic
-
-    @cached_property
-    def unit_masses(self) -> bool:
-        """True if T = p.p / 2, so that forces are accelerations."""
-        return self.T is quadratic_T or self._kinetic_energy.is_half_square
 
     @cached_property
     def parameters_at_run_time(self) -> bool:
@@ -325,48 +229,6 @@ class System:
             t, *parameters = others
             return self._potential.hessian_times((*q, t), (*direction, t * 0), *parameters)[:-1]
         return self._potential.hessian_times(tuple(q), tuple(direction), *others)
-
-    def constants(self, kind: Callable[[str], Scalar]) -> tuple[Scalar, ...]:
-        """Return the parameters as numbers of one kind.
-
-        Parameters
-        ----------
-        kind : callable
-            Number type, called with each decimal string: ``float``, ``Fraction``, ``mpmath.mpf``.
-        """
-        return tuple(kind(parameter.value) for parameter in self.parameters.values())
-
-    def start(self, kind: Callable[[str], Scalar]) -> tuple[tuple[Scalar, ...], tuple[Scalar, ...]]:
-        """Return the initial values (q0, p0) as numbers of one kind, see :meth:`constants`."""
-        return tuple(map(kind, self.q0)), tuple(map(kind, self.p0))
-
-    def extended_start(self, kind: Callable[[str], Scalar]) -> tuple[tuple[Scalar, ...], tuple[Scalar, ...]]:
-        """Return the initial values of what :meth:`formulas` are of: with t = 0 and p_t = 0 if V depends on time."""
-        more = (kind("0"),) if self.time_dependent else ()
-        q0, p0 = self.start(kind)
-        return (*q0, *more), (*p0, *more)
-
-    def energy(self, q: Vector, p: Vector, constants: Sequence[Any] = (), t: Any = None) -> Any:
-        """Return H = T(p) + V(q), or T(p) + V(q, t).
-
-        Parameters
-        ----------
-        q, p : tuple of d numbers or arrays
-            State, of any one number type.
-        constants : sequence of numbers
-            Parameters in that type, from :meth:`constants`.
-        t : number or array
-            Time, if V depends on it.
-
-        Raises
-        ------
-        SystemDefinitionError
-            V depends on time, and none is given.
-        """
-        if self.time_dependent and t is None:
-            raise SystemDefinitionError(f"{self.name}: V depends on time, and its energy needs t")
-        time = (t,) if self.time_dependent else ()
-        return self._kinetic_energy.function(p, *constants) + self.V(q, *time, *constants)
 
 
 def _rebuilt(fields: dict[str, Any]) -> System:

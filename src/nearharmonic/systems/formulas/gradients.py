@@ -17,9 +17,11 @@ from nearharmonic.core.formulas.expression.graph import Graph, value_of
 from nearharmonic.core.formulas.expression.size import check_size, operations
 from nearharmonic.core.formulas.number import Constant, Number, call, scalar, vector
 from nearharmonic.errors import SystemDefinitionError
+from nearharmonic.systems.definition.extended import DerivedGradient
 from nearharmonic.systems.definition.system import System
-from nearharmonic.systems.formulas.formulas import DerivedGradient, Formulas
+from nearharmonic.systems.formulas.formulas import Formulas
 from nearharmonic.systems.formulas.kinetic_energy import MassKineticEnergy, quadratic_grad_T, quadratic_T
+from nearharmonic.systems.numba.gradients import SMALL, bisected, check_numba_gradient
 from nearharmonic.systems.numba.potential import numba_potential
 
 # Sizes below are relative to the coordinates. A point lies at a displacement r from the start, so that lengths on which
@@ -34,8 +36,6 @@ DISPLACEMENTS = tuple(Decimal(2) ** -k for k in (4, 10, 30, 60))
 #: Largest difference, relative to the sum of the moduli of a gradient's terms. A literal of 16 digits, as
 #: 0.3333333333333333 for 1/3, changes a term by up to 1e-16 of it.
 TOLERANCE = Decimal("1e-12")
-#: Number of coordinates up to which each component is compared; beyond, the slope along random directions.
-SMALL = 12
 
 _VALUES = Context(prec=DIGITS, Emax=MAX_EMAX, Emin=MIN_EMIN, traps=[DivisionByZero, InvalidOperation, Overflow])
 _SIZES = Context(prec=9, Emax=MAX_EMAX, Emin=MIN_EMIN, traps=[DivisionByZero, InvalidOperation, Overflow])
@@ -196,8 +196,6 @@ def check_gradients(system: System) -> None:
                 raise
     numba = numba_potential(system)
     if numba is not None:
-        from nearharmonic.systems.numba.gradients import check_numba_gradient
-
         check_numba_gradient(numba, *(tuple(map(float, numbers)) for numbers in (q0, constants)))
     given = numba is None and not isinstance(system.grad_V, DerivedGradient)
     with localcontext(_VALUES):
@@ -271,19 +269,6 @@ def _contradiction(
         if single.contradiction:
             return i, _VALUES.divide(single.difference, scales[i])
     return None
-
-
-def bisected(contradicts: Callable[[range], bool], indices: range) -> Iterator[int]:
-    """The index among ``indices`` that contradicts, if the sum over all of them does.
-
-    If a sum is off by more than the sum of what is allowed, so is one of its halves.
-    """
-    if not contradicts(indices):
-        return
-    while len(indices) > 1:
-        left, right = indices[: len(indices) // 2], indices[len(indices) // 2 :]
-        indices = left if contradicts(left) else right
-    yield indices[0]
 
 
 def _shown(point: Sequence[Decimal]) -> str:

@@ -8,16 +8,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from nearharmonic.core.formulas.number import Constant
-from nearharmonic.errors import SystemDefinitionError, bad_setting
-from nearharmonic.systems.definition.quantities import Vector, is_extreme, is_list
+from nearharmonic.errors import bad_setting
+from nearharmonic.systems.definition.declaration import written_frequencies
+from nearharmonic.systems.definition.quantities import Vector
+from nearharmonic.systems.definition.system import System
 from nearharmonic.systems.formulas.energy import Energy, constants_beside
 from nearharmonic.systems.formulas.formulas import Formulas
-
-if TYPE_CHECKING:
-    from nearharmonic.systems.definition.system import System
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,37 +34,6 @@ class Remainder:
             elif w:
                 rest = rest + number(Constant(w * w / 2)) * (x * x)
         return self.system.V(q, *parameters) - rest
-
-
-def written_frequencies(system: System) -> tuple[Fraction | str, ...]:
-    """Return the frequencies that ``system`` declares: exact numbers, and names of parameters.
-
-    Raises
-    ------
-    SystemDefinitionError
-        Another number of them than of coordinates, or one that is no number of at least 0 and no parameter.
-    """
-    given: Any = system.frequencies
-    if not is_list(given) or not hasattr(given, "__len__") or len(given) != system.dimension:
-        allowed = f"{system.dimension} frequencies, one a coordinate, 0 for one that is free"
-        raise SystemDefinitionError(f"{system.name}: frequencies = {given!r} is not allowed: {allowed}")
-    return tuple(_frequency(system, i, value) for i, value in enumerate(given))
-
-
-def _frequency(system: System, i: int, value: Any) -> Fraction | str:
-    if isinstance(value, str) and value in system.parameters:
-        return value
-    try:
-        number = None if isinstance(value, bool | float) or is_extreme(value) else Fraction(value)
-        usable = number is not None and number >= 0 and float(number) < float("inf")
-    except (ValueError, TypeError, ZeroDivisionError, OverflowError):
-        usable = False
-    if not usable:
-        names = f", or the name of a parameter: {', '.join(system.parameters)}" if system.parameters else ""
-        what = f"a decimal string or a fraction of at least 0{names}"
-        raise SystemDefinitionError(f"{system.name}: frequencies[{i}] = {value!r} is not allowed: it must be {what}")
-    assert number is not None
-    return number
 
 
 @cache

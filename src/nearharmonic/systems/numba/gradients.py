@@ -5,7 +5,7 @@ Apart from :mod:`nearharmonic.systems.formulas.gradients`, whose formulas are ev
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from math import comb
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from nearharmonic.systems.numba.potential import NumbaPotential
 
 
+#: Number of coordinates up to which each component is compared; beyond, the slope along random directions.
+SMALL = 12
 #: Relative distances of random points from the start; 1 is the box of the initial values.
 DISPLACEMENTS = (2.0**-10, 2.0**-4, *[1.0] * 6)
 #: Steps of differences, relative to the coordinates. Extrapolated differences have a truncation error of order 4 and a
@@ -100,7 +102,6 @@ def _contradiction(
     parameters: Sequence[float],
 ) -> int | None:
     """A component that contradicts V: each is compared if there are few, else halves of a sum that does."""
-    from nearharmonic.systems.formulas.gradients import SMALL, bisected
 
     def contradicts(indices: range) -> bool:
         along = np.zeros_like(point)
@@ -112,6 +113,19 @@ def _contradiction(
     d = point.size
     candidates: Any = range(d) if d <= SMALL else bisected(contradicts, range(d))
     return next((i for i in candidates if contradicts(range(i, i + 1))), None)
+
+
+def bisected(contradicts: Callable[[range], bool], indices: range) -> Iterator[int]:
+    """The index among ``indices`` that contradicts, if the sum over all of them does.
+
+    If a sum is off by more than the sum of what is allowed, so is one of its halves.
+    """
+    if not contradicts(indices):
+        return
+    while len(indices) > 1:
+        left, right = indices[: len(indices) // 2], indices[len(indices) // 2 :]
+        indices = left if contradicts(left) else right
+    yield indices[0]
 
 
 def _slope(

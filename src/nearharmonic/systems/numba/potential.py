@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 from nearharmonic.core.formulas.constant import Constant, Value
 from nearharmonic.errors import SystemDefinitionError
+from nearharmonic.systems.definition.members import Members
 from nearharmonic.systems.formulas.energy import Energy, Vector
 
 if TYPE_CHECKING:
     from nearharmonic.core.machine.numba_functions import NumbaCode
-    from nearharmonic.systems.definition.system import System
 
 #: Step of a difference of gradients, relative to the coordinates: its truncation is as large as its rounding.
 DIFFERENCE = 2.0**-17
@@ -163,7 +163,7 @@ def is_numba_function(function: object) -> bool:
     return dispatcher is not None and isinstance(function, dispatcher.Dispatcher)
 
 
-def potential_of(system: System) -> NumbaPotential | None:
+def potential_of(system: Members) -> NumbaPotential | None:
     """Return V and grad_V of ``system`` if they are functions of numba, else None.
 
     Raises
@@ -221,7 +221,7 @@ def given_function(function: Any) -> Any:
     return function
 
 
-def numba_potential(system: System) -> NumbaPotential | None:
+def numba_potential(system: Members) -> NumbaPotential | None:
     """Return the functions of numba of a system that was built, or None."""
     owner = getattr(system.V, "__self__", None)
     return owner if isinstance(owner, NumbaPotential) else None
