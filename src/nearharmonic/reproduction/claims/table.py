@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from types import ModuleType
 from typing import Any
 
 from nearharmonic.integrators import integrators as registered
@@ -31,7 +32,15 @@ GROUPS = (
     rounding, oscillator, henon_heiles, kepler, perihelion, substeps, comparisons, large_steps, conclusions,
 )  # fmt: skip
 
-CLAIMS: tuple[Claim, ...] = tuple(one for group in GROUPS for one in vars(group).values() if isinstance(one, Claim))
+
+def _claims(group: ModuleType) -> Iterator[Claim]:
+    """The statements of a module in their order, those in tuples among them."""
+    for value in vars(group).values():
+        rows = value if isinstance(value, tuple) else (value,)
+        yield from (one for one in rows if isinstance(one, Claim))
+
+
+CLAIMS: tuple[Claim, ...] = tuple(one for group in GROUPS for one in _claims(group))
 
 #: Result files that a statement may need or tell of, relative to the folder of results.
 FILES: tuple[str, ...] = tuple(sorted({name for one in CLAIMS for name in (*one.needs, *one.also)}))

@@ -133,7 +133,6 @@ def bab_prime_from_zero(results: Results) -> Decision:
     statement="BABs6o7H is unique, while Table 4 says beside it that more exist",
     threshold="one real solution with six stages and harmonic order seven, by Sturm's theorem",
     needs=("tables/derived_counts.csv",),
-    target="derive",
 )
 def four_unique_or_more(results: Results) -> Decision:
     counts = {row["stages"]: row["real solutions by Sturm"] for row in results.rows("derived_counts")}

@@ -24,7 +24,6 @@ ASKED = 1e-128
     threshold="with each number of stages s from five on λ_max = 2s, and a real solution with λ_H = s + 1 is found; "
     "the paper says that experiments suggest it, so no proof is asked that λ_H cannot be larger",
     needs=("tables/derived_orders.csv",),
-    target="derive",
 )
 def growth_of_lambda_h(results: Results) -> Decision:
     rows = [row for row in results.rows("derived_orders") if int(row["stages"]) >= 5]
@@ -50,7 +49,6 @@ def growth_of_lambda_h(results: Results) -> Decision:
     threshold="below 10⁻¹²⁸, the paper's number, for each derived set, the printed ones among them",
     bound=ASKED,
     needs=DOCUMENT,
-    target="derive",
 )
 def kappa_below(results: Results, asked: float) -> Decision:
     found = [float(root["residual"]) for case in results.derived["isolated"] for root in case["roots"]]
@@ -68,7 +66,6 @@ def kappa_below(results: Results, asked: float) -> Decision:
     threshold="κ_max below 10⁻¹²⁸, the paper's number, from at least one random start",
     bound=ASKED,
     needs=("tables/derived_routes.csv",),
-    target="derive",
 )
 def simplex_reaches(results: Results, asked: float) -> Decision:
     rows = [row for row in results.rows("derived_routes") if row["route"].startswith("adaptive simplex")]
@@ -92,7 +89,6 @@ def simplex_reaches(results: Results, asked: float) -> Decision:
     threshold="no member found of the same family is better by each of the criteria: then some weighting of them leads "
     "to the choice",
     needs=("tables/derived_families.csv",),
-    target="derive",
 )
 def picked_by_sum(results: Results) -> Decision:
     better = {row["set"]: int(row["members better in all"]) for row in results.rows("derived_families")}
@@ -109,7 +105,6 @@ def picked_by_sum(results: Results) -> Decision:
     threshold="for each of these sets at least one free parameter, and at least 2000 members of the family found",
     bound=2000.0,
     needs=("tables/derived_families.csv",),
-    target="derive",
 )
 def picked_among_thousands(results: Results, thousands: float) -> Decision:
     rows = results.rows("derived_families")
@@ -135,7 +130,6 @@ def _listed(counts: dict[str, int]) -> str:
     f"coefficients than BABs7o7H, of harmonic order seven with seven stages; {GENERALLY.brief}",
     bound=GENERALLY.number,
     needs=DOCUMENT,
-    target="derive",
 )
 def above_seven(results: Results, share: float) -> Decision:
     cases = [case for case in results.derived["isolated"] if case["equations"]["harmonic_order"] == 8]
@@ -164,7 +158,6 @@ def _negative(coefficients: Sequence[str]) -> int:
     f"stages, isolated real solutions with a coefficient above 1 with five to seven; {SMALL.brief}",
     bound=SMALL.number,
     needs=(*DOCUMENT, "tables/derived_families.csv"),
-    target="derive",
 )
 def more_inappropriate(results: Results, small: float) -> Decision:
     families = [row for row in results.rows("derived_families") if row["harmonic order"] == "7"]

@@ -33,7 +33,6 @@ def _require(found: Collection[str], names: Iterable[str]) -> None:
     f"{SIGNIFICANTLY.brief}; {GENERALLY.brief}",
     bound=SIGNIFICANTLY.number,
     needs=("cubes/kinetic_energy.h5",),
-    target="stability",
 )
 def t_not_quadratic(results: Results, least: float) -> Decision:
     good, told = [], []
@@ -69,7 +68,6 @@ EVALUATIONS, ROUND, CLOSE = 400, 0.2, 0.95
     f"periods on a Kepler orbit of eccentricity {CLOSE}, and stays below 1 % on one of eccentricity {ROUND}",
     bound=LOST,
     needs=("cubes/stability_kepler.h5",),
-    target="stability",
 )
 def close_encounters(results: Results, kept_below: float) -> Decision:
     cube = results.cube("stability_kepler")

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 from mpmath import mp, mpf
 
 from nearharmonic.integrators.modified import chin_1997, omelyan_2002, rowlands_1991
 from nearharmonic.integrators.tableau import Tableau, palindrome
-from nearharmonic.reproduction.claims.claim import Decision, claim, counted
+from nearharmonic.reproduction.claims.claim import Decision, claim, counted, tallied
 from nearharmonic.reproduction.claims.results import Results
 from nearharmonic.theory.order import order_of
 
@@ -37,15 +40,17 @@ def tripled(order: int) -> Tableau:
         for n in range(3, order, 2):
             outer = 1 / (2 - mp.root(2, n))
             weights = [w * x for w in (outer, 1 - 2 * outer, outer) for x in weights]
-        halves = [(a + b) / 2 for a, b in zip([mpf(0), *weights], [*weights, mpf(0)], strict=True)]
-        rows = [[mp.nstr(c, 50) for c in row] for row in (weights, halves)]
-    kicks, drifts = rows
+        return leapfrogs(weights, name=f"tripled_o{order}", label=f"leapfrog, order {order}", order=order, digits=45)
+
+
+def leapfrogs(weights: Sequence[Any], digits: int, **about: Any) -> Tableau:
+    """Compose leapfrog steps with symmetric weights, each of which begins with a drift, in the precision of mpmath."""
+    halves = [(a + b) / 2 for a, b in zip([mpf(0), *weights], [*weights, mpf(0)], strict=True)]
+    kicks, drifts = ([mp.nstr(c, digits + 5) for c in row] for row in (weights, halves))
     middle = len(kicks) // 2
-    return Tableau(
-        name=f"tripled_o{order}", label=f"leapfrog, order {order}", order=order, first="drift", digits=45,
-        kick=palindrome(*kicks[:middle], centre=kicks[middle]), drift=palindrome(*drifts[: middle + 1]),
-        source="Yoshida (1990), doi:10.1016/0375-9601(90)90092-3",
-    )  # fmt: skip
+    kick, drift = palindrome(*kicks[:middle], centre=kicks[middle]), palindrome(*drifts[: middle + 1])
+    source = "Yoshida (1990), doi:10.1016/0375-9601(90)90092-3"
+    return Tableau(kick=kick, drift=drift, first="drift", digits=digits, source=source, **about)
 
 
 @claim(
@@ -61,8 +66,6 @@ def positive_force_gradient(_: Results) -> Decision:
     least = {m.label: min(float(c) for c in (*m.kick, *m.drift)) for m in FORCE_GRADIENT}
     fourth = [m.label for m in FORCE_GRADIENT if m.order == 4]
     forward = [one for one in fourth if least[one] >= 0]
-    value = f"{len(forward)} of {len(fourth)} methods of order four: {', '.join(forward)}"
-    beyond = "".join(
-        f"; {m.label}, of order {m.order}, has {least[m.label]:.2f}" for m in FORCE_GRADIENT if m.order > 4
-    )
-    return counted([one in forward for one in fourth], value + beyond)
+    higher = [f"; {m.label}, of order {m.order}, has {least[m.label]:.2f}" for m in FORCE_GRADIENT if m.order > 4]
+    listed = f"methods of order four: {', '.join(forward)}{''.join(higher)}"
+    return tallied((one in forward for one in fourth), listed)

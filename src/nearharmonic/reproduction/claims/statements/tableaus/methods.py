@@ -5,9 +5,10 @@ from __future__ import annotations
 from mpmath import mp, mpf
 
 from nearharmonic.integrators import BENCHMARKED, blanes_2013, forest_ruth_1990, kahan_li_1997, yoshida_1990
-from nearharmonic.integrators.tableau import Tableau, palindrome
+from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.reproduction.claims.claim import Decision, claim, counted, either
 from nearharmonic.reproduction.claims.results import Results, label, only, short
+from nearharmonic.reproduction.claims.statements.tableaus.background import leapfrogs
 from nearharmonic.theory.order import error_norm, order_of
 
 #: The modules of the ten methods but Nielsen's own: what they declare is covered by the digest of the job.
@@ -37,11 +38,9 @@ YOSHIDA = {
 )
 def listed_stages(results: Results) -> Decision:
     found = {name: results.method(name).stages for name in LISTED if name != "babps8o7h"}
-    bad = [
-        f"{label(name)} has {stages}, not {LISTED[name]}" for name, stages in found.items() if stages != LISTED[name]
-    ]
-    good = [stages == LISTED[name] for name, stages in found.items()]
-    return counted(good, f"{sum(good)} of {len(good)}" + (f"; {', '.join(bad)}" if bad else ""))
+    bad = [f"{label(name)} has {found[name]}, not {LISTED[name]}" for name in found if found[name] != LISTED[name]]
+    good = len(found) - len(bad)
+    return counted([good > 0, not bad], f"{good} of {len(found)}" + (f"; {', '.join(bad)}" if bad else ""))
 
 
 @claim(
@@ -107,9 +106,8 @@ def s5odr4_source(results: Results, unit: float) -> Decision:
         printed, middle = map(mpf, S5ODR4)
         rows = [[printed, printed, middle, printed, printed], list(map(mpf, results.method("s5odr4").inner))]
         off = [float(max(abs(c - w) for c, w in zip(row, suzuki, strict=True))) for row in rows]
-    return either(
-        max(off) > unit, f"Suzuki's weights within {short(off[0], 1)} as printed and {short(off[1], 1)} in the runs"
-    )
+    value = f"Suzuki's weights within {short(off[0], 1)} as printed and {short(off[1], 1)} in the runs"
+    return either(max(off) > unit, value)
 
 
 @claim(
@@ -123,14 +121,14 @@ def s5odr4_source(results: Results, unit: float) -> Decision:
     bound=1.0,
 )
 def yoshida_a_smallest(results: Results, ratio: float) -> Decision:
-    ours, *rest = results.kept("yoshida", lambda: _norms(results.method("yoshida_s7o6a"), *map(composed, YOSHIDA)))
-    others = dict(zip(YOSHIDA, rest, strict=True))
-    listed = ", ".join(f"{letter} {short(norm)}" for letter, norm in {"A": ours, **others}.items())
-    return either(ours < ratio * min(others.values()), listed)
+    norms: dict[str, float] = results.kept("yoshida", lambda: _norms(results.method("yoshida_s7o6a")))
+    listed = ", ".join(f"{letter} {short(norm)}" for letter, norm in norms.items())
+    return either(norms["A"] < ratio * min(norms[letter] for letter in YOSHIDA), listed)
 
 
-def _norms(*methods: Tableau) -> list[float]:
-    return [error_norm(method, 7) for method in methods]
+def _norms(ours: Tableau) -> dict[str, float]:
+    methods = {"A": ours} | {letter: composed(letter) for letter in YOSHIDA}
+    return {letter: error_norm(method, 7) for letter, method in methods.items()}
 
 
 def composed(letter: str) -> Tableau:
@@ -138,15 +136,4 @@ def composed(letter: str) -> Tableau:
     with mp.workdps(30):
         outer = [mpf(w) for w in YOSHIDA[letter]]
         weights = [*outer, 1 - 2 * sum(outer), *reversed(outer)]
-        halves = [(a + b) / 2 for a, b in zip([mpf(0), *weights], [*weights, mpf(0)], strict=True)]
-        kicks, drifts = ([mp.nstr(c, 25) for c in row] for row in (weights, halves))
-    return Tableau(
-        name=f"yoshida_s7o6{letter.lower()}",
-        label=f"Yosh s7o6 {letter}",
-        order=6,
-        first="drift",
-        drift=palindrome(*drifts[:4]),
-        kick=palindrome(*kicks[:3], centre=kicks[3]),
-        source="Yoshida (1990), doi:10.1016/0375-9601(90)90092-3, Table 1",
-        digits=14,
-    )
+        return leapfrogs(weights, name=f"yoshida_s7o6{letter.lower()}", label=f"Yosh s7o6 {letter}", order=6, digits=14)

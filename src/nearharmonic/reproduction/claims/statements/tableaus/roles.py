@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from nearharmonic.reproduction.claims.claim import Decision, claim, counted
 from nearharmonic.reproduction.claims.judging.definitions import DOT, GREATLY
-from nearharmonic.reproduction.claims.results import Results, Undecided, label, short
+from nearharmonic.reproduction.claims.results import Results, label, require, short
 from nearharmonic.reproduction.claims.statements.tableaus.coefficients import FIVE_STAGES
 
 TABLES = ("tables/derived_errors.csv", "tables/derived_solutions.csv")
@@ -39,11 +39,11 @@ def table_4_columns(results: Results) -> Decision:
     f"at each of three τ/s; {GREATLY.brief}",
     bound=GREATLY.number,
     needs=TABLES,
-    target="derive",
 )
 def roles_switched(results: Results, factor: float) -> Decision:
     ratios = _kick_over_drift(results, "abas5o6h")
-    return counted([ratio >= factor for ratio in ratios.values()], _listed(ratios))
+    listed = ", ".join(f"{short(ratio)} at τ/s = {tau}" for tau, ratio in ratios.items())
+    return counted([ratio >= factor for ratio in ratios.values()], listed)
 
 
 @claim(
@@ -56,7 +56,6 @@ def roles_switched(results: Results, factor: float) -> Decision:
     "ABA and as BAB, at each of three τ/s: visible in a figure",
     bound=DOT,
     needs=TABLES,
-    target="derive",
 )
 def depends_on_scheme(results: Results, dot: float) -> Decision:
     good, told = [], []
@@ -75,16 +74,10 @@ def _kick_over_drift(results: Results, name: str) -> dict[str, float]:
         for row in results.rows("derived_solutions")
         if row["stages"] == "5" and row["half of the outer row"].startswith(start)
     ]
-    if not found:
-        message = f"the derived solutions lack {label(name)}"
-        raise Undecided(message)
+    require(found, f"the derived solutions lack {label(name)}")
     errors = {
         (row["first"], row["tau/s"]): float(row["max error, Henon-Heiles"])
         for row in results.rows("derived_errors")
         if row["solution"] == found[0]
     }
     return {tau: errors["kick", tau] / error for (first, tau), error in errors.items() if first == "drift"}
-
-
-def _listed(ratios: dict[str, float]) -> str:
-    return ", ".join(f"{short(ratio)} at τ/s = {tau}" for tau, ratio in ratios.items())

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nearharmonic.reproduction.claims.claim import Decision, claim, counted
+from nearharmonic.reproduction.claims.claim import Decision, claim, tallied
 from nearharmonic.reproduction.claims.judging.definitions import GREATLY
-from nearharmonic.reproduction.claims.results import Results, Undecided, label, short
+from nearharmonic.reproduction.claims.results import Results, label, require, short
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,18 +29,14 @@ UNIT = float(np.finfo(float).eps / 2)
     "truncation",
     bound=GREATLY.number,
     needs=("cubes/stability_rounding.h5",),
-    target="stability",
 )
 def compensated_summation(results: Results, factor: float) -> Decision:
     cube = results.cube("stability_rounding")
     rms = cube["energy_error_rms"].isel(sample=slice(-20, None))
     gains = (rms.sel(source="plain") / rms.sel(source="compensated")).median("sample").values
-    names = [label(str(name)) for name in cube["integrator"].values]
-    worst = int(gains.argmin())
-    value = (
-        f"{int((gains >= factor).sum())} of {gains.size} methods; gains {short(gains.min(), 2)} ({names[worst]}) to "
-    )
-    return counted(list(gains >= factor), f"{value}{short(gains.max(), 2)}{_runs(cube)}")
+    worst = label(str(cube["integrator"].values[gains.argmin()]))
+    gained = f"; gains {short(gains.min(), 2)} ({worst}) to {short(gains.max(), 2)}"
+    return tallied(gains >= factor, "methods", f"{gained}{_runs(cube)}")
 
 
 def _runs(cube: xr.Dataset) -> str:
@@ -66,18 +62,13 @@ def _runs(cube: xr.Dataset) -> str:
 )
 def floor_of_double(results: Results, roundings: float) -> Decision:
     cube = results.cube("sho")
-    if "extended" not in cube["precision"].values:
-        message = "the config asks for no extended precision on the oscillator"
-        raise Undecided(message)
+    require("extended" in cube["precision"].values, "the config asks for no extended precision on the oscillator")
     double, extended = (cube["max_energy_error"].sel(precision=one).values for one in ("double", "extended"))
     known = np.isfinite(double) & np.isfinite(extended)
     off = np.abs(double[known] - extended[known])
-    if off.size == 0:
-        message = "no run of the oscillator in extended precision is known"
-        raise Undecided(message)
-    below = extended[known] < UNIT
-    floor = double[known][below]
-    value = f"{int((off <= roundings * UNIT).sum())} of {off.size} runs, largest difference {short(off.max(), 2)}"
+    require(off.size, "no run of the oscillator in extended precision is known")
+    floor = double[known & (extended < UNIT)]
+    beside = f", largest difference {short(off.max(), 2)}"
     if floor.size:
-        value += f"; floor of the double curves {short(floor.min(), 2)} to {short(floor.max(), 2)}"
-    return counted(list(off <= roundings * UNIT), value)
+        beside += f"; floor of the double curves {short(floor.min(), 2)} to {short(floor.max(), 2)}"
+    return tallied(off <= roundings * UNIT, "runs", beside)

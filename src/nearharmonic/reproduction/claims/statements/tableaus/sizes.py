@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.reproduction.claims.claim import Decision, claim, counted, either
+from nearharmonic.reproduction.claims.claim import Claim, Decision, claim, counted, either
 from nearharmonic.reproduction.claims.judging.definitions import GENERALLY, SMALL
 from nearharmonic.reproduction.claims.results import Results, label, short
 from nearharmonic.reproduction.claims.statements.tableaus.coefficients import sets
 
 
-def _largest(row: Sequence[str]) -> float:
-    return max(abs(float(c)) for c in row)
+def _largest(*coefficients: str) -> float:
+    return max(abs(float(c)) for c in coefficients)
 
 
 def _size(tableau: Tableau) -> float:
-    return max(_largest(tableau.kick), _largest(tableau.drift))
+    return _largest(*tableau.kick, *tableau.drift)
 
 
-@claim(
+near_forward = Claim(
     id="near-forward",
     paper="Section 1, last paragraph",
     sentence="The presented splitting coefficients generally have small absolute values and are therefore referred "
@@ -28,9 +26,8 @@ def _size(tableau: Tableau) -> float:
     statement="The presented coefficients generally have small absolute values",
     threshold=f"more than half of the ten sets have no coefficient above 1; {SMALL.brief}; {GENERALLY.brief}",
     bound=SMALL.number,
+    decide=lambda results, small: either(*_small(results, small)),
 )
-def near_forward(results: Results, small: float) -> Decision:
-    return either(*_small(results, small))
 
 
 @claim(
@@ -71,7 +68,7 @@ def _small(results: Results, small: float) -> tuple[bool, str]:
 def small_of_one_row(results: Results, ratio: float) -> Decision:
     told = []
     for t in sets(results):
-        d, c = _largest(t.outer), _largest(t.inner)
+        d, c = _largest(*t.outer), _largest(*t.inner)
         if max(c, d) >= ratio * min(c, d):
             told.append(f"{t.label} {'c' if c > d else 'd'} by {short(max(c, d) / min(c, d), 2)}")
     return either(bool(told), f"{len(told)} sets, larger in: {', '.join(told)}" if told else "no set")

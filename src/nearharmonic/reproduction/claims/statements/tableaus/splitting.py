@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from fractions import Fraction
 from itertools import zip_longest
 from math import isnan
 
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.reproduction.claims.claim import Decision, claim, counted, either
+from nearharmonic.reproduction.claims.claim import Claim, Decide, Decision, claim, counted, each, either, tallied
 from nearharmonic.reproduction.claims.judging.definitions import APPROXIMATELY
 from nearharmonic.reproduction.claims.results import Results, short
 from nearharmonic.systems import System, henon_heiles, kepler, sho
@@ -40,13 +41,12 @@ def negative_coefficients(results: Results) -> Decision:
     "coefficient, in exact arithmetic",
 )
 def sums_are_one(results: Results) -> Decision:
-    off = {
-        method.name: max(abs(sum(map(Fraction, row), Fraction(-1))) / len(row) for row in (method.kick, method.drift))
-        for method in results.methods.values()
-    }
-    good = [off[method.name] <= Fraction(1, 10**method.digits) for method in results.methods.values()]
-    value = f"{sum(good)} of {len(good)} methods; worst sum off by {short(float(max(off.values())), 1)} per coefficient"
-    return counted(good, value)
+    good, worst = [], Fraction(0)
+    for method in results.methods.values():
+        off = max(abs(sum(map(Fraction, row), Fraction(-1))) / len(row) for row in (method.kick, method.drift))
+        good.append(off <= Fraction(1, 10**method.digits))
+        worst = max(worst, off)
+    return tallied(good, "methods", f"; worst sum off by {short(float(worst), 1)} per coefficient")
 
 
 @claim(
@@ -77,65 +77,62 @@ def even_orders(results: Results) -> Decision:
 )
 def table_1(results: Results) -> Decision:
     rows = results.rows("table1_structure")
-    good = [
-        _mirrored(rows, "ABA d value", shorter=True),
-        _mirrored(rows, "ABA c value", shorter=False),
-        _mirrored(rows, "BAB d value", shorter=False),
-        _mirrored(rows, "BAB c value", shorter=True),
-    ]
-    return counted(good, f"{sum(good)} of 4 rows of Ruth's method read the same in both directions")
+    good = []
+    for name, padding in (("ABA d", ["0"]), ("ABA c", []), ("BAB d", []), ("BAB c", ["0"])):
+        column = [row[f"{name} value"] for row in rows]
+        values = column[: len(column) - len(padding)]
+        good.append(column == [*values[::-1], *padding])
+    return tallied(good, "rows of Ruth's method read the same in both directions")
 
 
-def _mirrored(rows: list[dict[str, str]], column: str, *, shorter: bool) -> bool:
-    values = [row[column] for row in rows]
-    if shorter:
-        *values, padding = values
-        return padding == "0" and values == values[::-1]
-    return values == values[::-1]
+def _within(measured: str, bound: str, word: str) -> Decide:
+    """Judge of statements that a column of the table of structure, a row a run, is within its bound in another."""
+
+    def decide(results: Results, most: float) -> Decision:
+        pairs = [(float(row[measured]), float(row[bound])) for row in results.rows("structure")]
+        shares = [one / limit for one, limit in pairs if not isnan(one)]  # asymmetric methods have no return
+        largest = short(max(shares), 2)
+        return tallied((share <= most for share in shares), "runs", f"; largest {word} {largest} of the bound")
+
+    return decide
 
 
-@claim(
-    id="time-reversible",
-    paper="Section 2, below Eq. 3",
-    sentence="SIs are time reversible if the symplectic coefficients are symmetric",
-    kind="mathematics",
-    statement="Symmetric integrators are time reversible: z(0) → z(τ) can be exactly reverted",
-    threshold="n steps forward and n steps back return to the start within n roundings of a step, times the growth of "
-    "errors along the run",
-    bound=1.0,
-    needs=("tables/structure.csv",),
-    target="stability",
+STRUCTURE = (
+    Claim(
+        id="time-reversible",
+        paper="Section 2, below Eq. 3",
+        sentence="SIs are time reversible if the symplectic coefficients are symmetric",
+        kind="mathematics",
+        statement="Symmetric integrators are time reversible: z(0) → z(τ) can be exactly reverted",
+        threshold="n steps forward and n steps back return to the start within n roundings of a step, times the growth "
+        "of errors along the run",
+        bound=1.0,
+        needs=("tables/structure.csv",),
+        decide=_within("return error", "return bound", "return error"),
+    ),
+    Claim(
+        id="symplectic",
+        paper="Section 1",
+        sentence="due to their structure-preserving properties",
+        kind="background",
+        statement="The integrators preserve the symplectic structure",
+        threshold="JᵀΩJ = Ω for the tangent map J of each run in double-double, within a random walk of its roundings",
+        bound=1.0,
+        needs=("tables/structure.csv",),
+        decide=_within("symplectic defect", "symplectic walk", "defect"),
+    ),
 )
-def time_reversible(results: Results, share: float) -> Decision:
-    return _within(results, ("return error", "return bound"), "return error", share)
 
 
-def _within(results: Results, columns: tuple[str, str], word: str, most: float) -> Decision:
-    """Compare a column of the table of structure with its bound in another, a row a run."""
-    pairs = [(float(row[columns[0]]), float(row[columns[1]])) for row in results.rows("structure")]
-    shares = [
-        value / bound for value, bound in pairs if not isnan(value)
-    ]  # no return is measured of asymmetric methods
-    good = [share <= most for share in shares]
-    return counted(good, f"{sum(good)} of {len(good)} runs; largest {word} {short(max(shares), 2)} of the bound")
+def _cost_a_stage_less(results: Results) -> Iterator[bool]:
+    for method in results.methods.values():
+        rows = [[Fraction(c) for c in row] for row in (method.kick, method.drift)]
+        if all(row == row[::-1] for row in rows):
+            k = max(map(len, rows))
+            yield gradients(method, steps=3) == 3 * (k - 1) + (len(method.kick) == k)
 
 
-@claim(
-    id="symplectic",
-    paper="Section 1",
-    sentence="due to their structure-preserving properties",
-    kind="background",
-    statement="The integrators preserve the symplectic structure",
-    threshold="JᵀΩJ = Ω for the tangent map J of each run in double-double, within a random walk of its roundings",
-    bound=1.0,
-    needs=("tables/structure.csv",),
-    target="stability",
-)
-def symplectic(results: Results, share: float) -> Decision:
-    return _within(results, ("symplectic defect", "symplectic walk"), "defect", share)
-
-
-@claim(
+first_same_as_last = Claim(
     id="first-same-as-last",
     paper="Section 2, above Table 1",
     sentence="The number of stages is defined as s = k - 1 for symmetric coefficients due to the first same as last "
@@ -144,19 +141,8 @@ def symplectic(results: Results, share: float) -> Decision:
     statement="A symmetric method of k pairs of coefficients costs s = k - 1 derivative evaluations a step",
     threshold="three steps of every registered symmetric method evaluate the gradient of V 3s times, and once more if "
     "a kick comes first, counted by a stepper that keeps the last gradient; k is the length of the longer row",
+    decide=each(_cost_a_stage_less, "methods"),
 )
-def first_same_as_last(results: Results) -> Decision:
-    good = []
-    for method in filter(_is_symmetric, results.methods.values()):
-        k = max(len(method.kick), len(method.drift))
-        good.append(gradients(method, steps=3) == 3 * (k - 1) + (len(method.kick) == k))
-    return counted(good, f"{sum(good)} of {len(good)} methods")
-
-
-def _is_symmetric(method: Tableau) -> bool:
-    return all(
-        Fraction(a) == Fraction(b) for row in (method.kick, method.drift) for a, b in zip(row, row[::-1], strict=True)
-    )
 
 
 def gradients(method: Tableau, steps: int) -> int:
