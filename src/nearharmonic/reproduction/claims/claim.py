@@ -1,14 +1,15 @@
 """A statement of the paper that numbers decide, and what they say of it.
 
-A statement is a :class:`Claim` in a file of its group; nothing else lists it. Statements of one kind are rows of a
-tuple and share the function that decides them. A statement of its own kind is a function below :func:`claim`.
+A statement is a :class:`Claim` in a file of its group; nothing else lists it. It is made by the decorator of its kind,
+:data:`result` for example, which takes its words, from the function that decides it. Statements that are decided alike
+are rows of a tuple: ``result(...)(judge)``, where a function with the parameters of the row returns the judge.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.output.store import workflow_command
@@ -125,9 +126,13 @@ class Claim:
         return found._replace(verdict="erratum") if wrong else found
 
 
-def claim(**attributes: Any) -> Callable[[Decide], Claim]:
-    """Make the decorated function decide a statement with these attributes of :class:`Claim`."""
-    return lambda decide: Claim(decide=decide, **attributes)
+def _statements(kind: Kind) -> Callable[..., Callable[[Decide], Claim]]:
+    """Return the decorator of functions that decide statements of one kind; it takes the other attributes."""
+    return lambda **attributes: lambda decide: Claim(kind=kind, decide=decide, **attributes)
+
+
+result, mathematics, misprint = _statements("result"), _statements("mathematics"), _statements("misprint")
+attribution, background, finding = _statements("attribution"), _statements("background"), _statements("finding")
 
 
 def either(good: bool, value: str) -> Decision:
@@ -144,19 +149,6 @@ def tallied(good: Iterable[bool], things: str, beside: str = "") -> Decision:
     """Decide as :func:`counted`; the value is the number of good things, of all, and the text ``beside``."""
     found = list(good)
     return counted(found, f"{sum(found)} of {len(found)} {things}{beside}")
-
-
-def each(good: Callable[..., Iterable[bool]], things: str) -> Decide:
-    """Judge of statements about each of several things.
-
-    Parameters
-    ----------
-    good : callable
-        Takes the results, and the threshold if there is one, to True or False for each thing.
-    things : str
-        Their name.
-    """
-    return lambda results, *bound: tallied(good(results, *bound), things)
 
 
 def combined(verdicts: Iterable[Verdict], value: str) -> Decision:

@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from nearharmonic.reproduction.claims.claim import Decision, claim, combined, counted, either
+from nearharmonic.reproduction.claims.claim import Decision, background, combined, counted, either, mathematics, result
 from nearharmonic.reproduction.claims.judging.curves import curves_of
 from nearharmonic.reproduction.claims.judging.definitions import GREATLY, LARGE
 from nearharmonic.reproduction.claims.judging.slopes import (
@@ -29,11 +29,10 @@ ORDERS = {
 }  # fmt: skip
 
 
-@claim(
+@mathematics(
     id="henon-heiles-energy",
     paper="Section 4.B, below Eq. 18",
     sentence="in this case H = 1/8, inside the chaotic domain",
-    kind="mathematics",
     statement="H = 1/8 for q = (0.3, 0), p = (0, 0.4)",
     threshold="exact, in rational arithmetic, from the initial values that are integrated",
 )
@@ -44,11 +43,10 @@ def henon_heiles_energy(_: Results) -> Decision:
     return either(energy == Fraction(1, 8), f"H = {energy}")
 
 
-@claim(
+@result(
     id="henon-heiles-chaotic",
     paper="Section 4.B, below Eq. 18",
     sentence="in this case H = 1/8, inside the chaotic domain",
-    kind="result",
     statement="The orbit of the paper is chaotic",
     threshold="the largest Lyapunov exponent, at the lower end of its 95 % interval, at least ten times that of a "
     "regular orbit, of H = 1/128, after the same time",
@@ -67,11 +65,10 @@ def henon_heiles_chaotic(results: Results, factor: float) -> Decision:
     return either(exponent - width >= factor * regular, value)
 
 
-@claim(
+@mathematics(
     id="henon-heiles-near-harmonic",
     paper="Section 4.B, text to Figure 3",
     sentence="The Hénon Heiles system can be considered as a perturbed SHO for small values of q_x and q_y",
-    kind="mathematics",
     statement="V is that of the oscillator plus a term of third degree, which vanishes beside it for small q",
     threshold="V(εq) = ε²|q|²/2 + ε³ (V(q) - |q|²/2) exactly, for ε = 1/2, 1/4 and 1/8, at the initial position and "
     "at (2/7, -3/5)",
@@ -91,12 +88,11 @@ def henon_heiles_near_harmonic(_: Results) -> Decision:
     )
 
 
-@claim(
+@background(
     id="fig-3-orders",
     paper="Section 1, tried on Figure 3",
     sentence="Nth order integrators have their integration error reduced by a factor k^N when the time step is "
     "reduced by a factor k",
-    kind="background",
     statement="For small steps the curves of Figure 3 have the order of the methods: six for Yosh s7o6 A, four for the "
     "others",
     threshold=SLOPE,
@@ -107,11 +103,10 @@ def fig_3_orders(results: Results, band: float) -> Decision:
     return orders(curves_of(results, "henon_heiles"), ORDERS, band)
 
 
-@claim(
+@result(
     id="fig-3-sixth-order-descent",
     paper="Section 4.B, text to Figure 3",
     sentence="especially BAB's8o7H and BAB's9o7H exhibit a sixth order descent of error for large τ",
-    kind="result",
     statement="BAB's8o7H and BAB's9o7H exhibit a sixth order descent of the maximum error for large τ",
     threshold=f"{SLOPE}; among large step sizes, {LARGE.brief}",
     bound=BAND,
@@ -133,11 +128,10 @@ def fig_3_descent(results: Results, band: float) -> Decision:
     )
 
 
-@claim(
+@result(
     id="fig-3-steepest",
     paper="Section 4.B, text to Figure 3",
     sentence="especially BAB's8o7H and BAB's9o7H exhibit a sixth order descent of error for large τ",
-    kind="result",
     statement="Especially these two: no other fourth order method keeps a sixth order descent as long",
     threshold=f"more decades of large step sizes with local slopes within {BAND} of 6 than each of the other seven "
     f"methods of fourth order; {LARGE.brief}",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from nearharmonic.math import cos, hypot, sin
-from nearharmonic.reproduction.claims.claim import Decision, claim, either
+from nearharmonic.reproduction.claims.claim import Decision, background, either, mathematics, result
 from nearharmonic.reproduction.claims.judging.curves import Curves, curves_of, over, range_words
 from nearharmonic.reproduction.claims.judging.slopes import BAND, SLOPE, orders
 from nearharmonic.reproduction.claims.results import Results, label, short
@@ -17,11 +17,10 @@ CUBE = ("cubes/kepler.h5",)
 TEN = tuple(ORDERS)
 
 
-@claim(
+@background(
     id="kepler-starts-at-aphelion",
     paper="Section 4.B, below Eq. 19",
     sentence="the aphelion is chosen as the initial Sun-Mercury distance yielding the minimum orbital velocity",
-    kind="background",
     statement="The orbit starts at the aphelion of Mercury, where its velocity is lowest",
     threshold="at the start q·p = 0 and the speed is below that of a circular orbit; eccentricity 0.2056 and period "
     "87.97 d of Mercury's fact sheet to a relative 10⁻³, its digits",
@@ -40,11 +39,10 @@ def kepler_starts_at_aphelion(_: Results, off: float) -> Decision:
 SUN, MERCURY = 1.9885e30, 0.3301e24
 
 
-@claim(
+@mathematics(
     id="eq-19-approximation",
     paper="Eq. 19",
     sentence="H = ‖p‖²/(2M) - G m_S m_M/‖q‖ ≈ ‖p‖²/(2 m_M) - G m_S m_M/‖q‖",
-    kind="mathematics",
     statement="The reduced mass M may be replaced by the mass of Mercury",
     threshold="m_M/M - 1 = m_M/m_S below 10⁻⁴, the last digit of the data of the fact sheets",
     bound=1e-4,
@@ -54,11 +52,10 @@ def eq_19(_: Results, off: float) -> Decision:
     return either(ratio < off, f"m_M/m_S = {short(ratio, 2)}")
 
 
-@claim(
+@mathematics(
     id="eq-20",
     paper="Eq. 20",
     sentence="A = p × L - r̂",
-    kind="mathematics",
     statement="The Laplace-Runge-Lenz vector is p × L - r/|r|, in units with mk = 1",
     threshold="its length is constant to 10⁻¹² along the exact orbit of Mercury, at 64 true anomalies, in units with "
     "mk = 1, for H = p²/(2m) - k/r; the paper does not name its units",
@@ -80,12 +77,11 @@ def eq_20(_: Results, off: float) -> Decision:
     return either(bool(np.ptp(natural) < off), value)
 
 
-@claim(
+@background(
     id="fig-5-orders",
     paper="Section 1, tried on Figure 5",
     sentence="Nth order integrators have their integration error reduced by a factor k^N when the time step is "
     "reduced by a factor k",
-    kind="background",
     statement="For small steps the curves of Figure 5 have the order of the methods: six for Yosh s7o6 A, four for the "
     "others",
     threshold=SLOPE,
@@ -96,11 +92,10 @@ def fig_5_orders(results: Results, band: float) -> Decision:
     return orders(curves_of(results, "kepler"), ORDERS, band)
 
 
-@claim(
+@result(
     id="fig-5-best-maximum",
     paper="Section 4.B, text to Figure 5",
     sentence="ABA104 shows the best performance in regard to the maximum error",
-    kind="result",
     statement="ABA104 shows the best performance in regard to the maximum error",
     threshold=f"its maximum error below that of each of the other nine {range_words('ABA104')}",
     bound=1.0,
@@ -110,11 +105,10 @@ def fig_5_best_maximum(results: Results, ratio: float) -> Decision:
     return _best(results, "aba104", "max_energy_error", ratio)
 
 
-@claim(
+@result(
     id="fig-5-best-mean",
     paper="Section 4.B, text to Figure 5",
     sentence="BAB's9o7H shows the best performance in regard to the average error",
-    kind="result",
     statement="BAB's9o7H shows the best performance in regard to the average error",
     threshold="its mean error below that of each of the other nine " + range_words("BAB's9o7H"),
     bound=1.0,

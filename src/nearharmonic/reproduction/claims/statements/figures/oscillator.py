@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.reproduction.claims.claim import Decision, claim, counted, either
+from nearharmonic.reproduction.claims.claim import Decision, counted, either, mathematics, result
 from nearharmonic.reproduction.claims.judging.curves import curves_of, over
 from nearharmonic.reproduction.claims.judging.definitions import GENERALLY, GREATLY, LARGE, NOT_SUITABLE
 from nearharmonic.reproduction.claims.judging.slopes import BAND, SLOPE, large_steps, orders
@@ -22,11 +22,10 @@ VANISHED = 1e-30
 ZERO = "a term below 10⁻³⁰ vanishes: rounded decimals leave up to 10⁻⁷³ of one, and all others are above 10⁻⁴"
 
 
-@claim(
+@result(
     id="fig-1-sixth-order",
     paper="Section 4.B, text to Figure 1",
     sentence="the integrators ABAs5o6H A, BABs7o7H, BAB's8o7H and BAB's9o7H behave as sixth order integrators",
-    kind="result",
     statement="ABAs5o6H, BABs7o7H, BAB's8o7H and BAB's9o7H behave as sixth order integrators on the oscillator",
     threshold=SLOPE,
     bound=BAND,
@@ -36,11 +35,10 @@ def fig_1_sixth_order(results: Results, band: float) -> Decision:
     return orders(curves_of(results, "sho"), dict.fromkeys(SIXTH, 6), band)
 
 
-@claim(
+@result(
     id="fig-1-fourth-order",
     paper="Section 4.B, text to Figure 1",
     sentence="The slopes of the lines read the integrator order",
-    kind="result",
     statement="The slopes of the lines read the integrator order: four for Ruth, s5odr4, ABA104, ABA864 and ABA1064",
     threshold=SLOPE,
     bound=BAND,
@@ -50,11 +48,10 @@ def fig_1_fourth_order(results: Results, band: float) -> Decision:
     return orders(curves_of(results, "sho"), dict.fromkeys(FOURTH, 4), band)
 
 
-@claim(
+@result(
     id="fig-1-yoshida",
     paper="Section 4.B, text to Figure 1",
     sentence="The slopes of the lines read the integrator order",
-    kind="result",
     statement="The slopes of the lines read the integrator order: six for Yosh s7o6 A",
     threshold=SLOPE,
     bound=BAND,
@@ -64,11 +61,10 @@ def fig_1_yoshida(results: Results, band: float) -> Decision:
     return orders(curves_of(results, "sho"), {"yoshida_s7o6a": 6}, band)
 
 
-@claim(
+@mathematics(
     id="kappa-0-and-1",
     paper="Section 3, last paragraph",
     sentence="The objectives κ₀ and κ₁ are always 0 if Σ c_i = Σ d_i = 1",
-    kind="mathematics",
     statement="κ₀ and κ₁ are always 0 if the coefficients of each row sum to 1",
     threshold=f"κ₀ = 0 exactly, and κ₁ vanishes, for each method and composition of Figure 2; {ZERO}",
     bound=VANISHED,
@@ -106,11 +102,10 @@ def _by_parity(results: Results) -> tuple[Any, Any, Any]:
     return one, other, terms.sel(order=(terms["order"] % 2 == 1) & (terms["order"] > 3)).values
 
 
-@claim(
+@result(
     id="fig-2-even-orders-meet",
     paper="Figure 2, caption",
     sentence="Lines and markers of the same color intersect exactly at even orders",
-    kind="result",
     statement="Terms of the ABA and the BAB composition intersect exactly at even orders",
     threshold="even terms of both are equal to a unit in the last place of a double, or both below 10⁻³⁰",
     bound=VANISHED,
@@ -128,11 +123,10 @@ def fig_2_even_orders(results: Results, vanished: float) -> Decision:
     )
 
 
-@claim(
+@result(
     id="fig-2-more-terms-as-aba",
     paper="Section 4.B, text to Figure 2",
     sentence="the obtained BAB methods have more error terms when implemented as ABA methods",
-    kind="result",
     statement="The obtained BAB methods have more error terms when implemented as ABA methods",
     threshold=f"more terms that do not vanish as ABA than as BAB, for each BAB method of Figure 2; {ZERO}",
     bound=VANISHED,
@@ -148,12 +142,11 @@ def fig_2_more_terms(results: Results, vanished: float) -> Decision:
     return counted(good, ", ".join(f"{label(name)} {aba} against {bab}" for name, (aba, bab) in counts.items()))
 
 
-@claim(
+@result(
     id="fig-2-kappa-7",
     paper="Section 4.B, text to Figure 2",
     sentence="the seventh harmonic order of BAB's8o7H eliminates the seventh order error term of the position "
     "coordinate for the BAB implementation as opposed to the sixth harmonic order integrator ABAs5o6H A",
-    kind="result",
     statement="κ₇ vanishes for BAB's8o7H as BAB, as opposed to ABAs5o6H",
     threshold=f"κ₇ of BAB's8o7H vanishes, that of ABAs5o6H does not; {ZERO}",
     bound=VANISHED,
@@ -164,11 +157,10 @@ def fig_2_kappa_7(results: Results, vanished: float) -> Decision:
     return counted([bab < vanished, aba > vanished], f"{short(bab, 1)} for BAB's8o7H, {short(aba)} for ABAs5o6H")
 
 
-@claim(
+@result(
     id="fig-2-reads-order",
     paper="Section 4.B, text to Figure 2",
     sentence="The largest integer value of λ with no integration error reads the SHO integration order",
-    kind="result",
     statement="The largest λ up to which all terms vanish is the harmonic order in the name of the method",
     threshold=f"equal numbers for each of the four new methods in the figures; {ZERO}",
     bound=VANISHED,
@@ -187,12 +179,11 @@ def fig_2_reads_order(results: Results, vanished: float) -> Decision:
 STAGE_OPTIMISED = ("yoshida_s7o6a", "s9odr6a", "s15odr8")
 
 
-@claim(
+@result(
     id="fig-2-yoshida-diverges",
     paper="Section 4.B, text to Figure 2",
     sentence="Stage-optimized integrators of higher orders generally have rapidly diverging higher order error "
     "contributions",
-    kind="result",
     statement="Of Yosh s7o6 A, s9odr6a and s15odr8 most have terms κ far larger than those of the new methods",
     threshold="the largest κ at least ten times that of each of the four new methods in the figures, for more than "
     f"half of Yosh s7o6 A, s9odr6a and s15odr8; {GREATLY.brief}; {GENERALLY.brief}",
@@ -213,11 +204,10 @@ def fig_2_yoshida_diverges(results: Results, factor: float) -> Decision:
     return either(sum(rapid) > GENERALLY.number * len(rapid), value)
 
 
-@claim(
+@result(
     id="fig-2-large-steps",
     paper="Section 4.B, text to Figure 2",
     sentence="these integrators are not suitable for integrating the SHO with large time steps",
-    kind="result",
     statement="Stage-optimized integrators of higher order are not suitable for the oscillator with large time steps",
     threshold="the maximum error of Yosh s7o6 A, the only one of them in the figures, at least ten times that of the "
     f"best of the other nine, at every large step size; {NOT_SUITABLE.brief}; {LARGE.brief}",

@@ -6,7 +6,7 @@ import numpy as np
 
 from nearharmonic.math import exp, log
 from nearharmonic.numerics.types import Floats
-from nearharmonic.reproduction.claims.claim import Decision, Verdict, claim, combined
+from nearharmonic.reproduction.claims.claim import Decision, Verdict, background, combined, misprint, result
 from nearharmonic.reproduction.claims.judging.curves import (
     FEWEST,
     MEASURES,
@@ -30,12 +30,11 @@ def _advance(curves: Curves, names: tuple[str, ...]) -> tuple[Floats, Floats]:
     return np.array(rows[0]), np.array(rows[1])
 
 
-@claim(
+@result(
     id="fig-4-coincide",
     paper="Figure 4, caption",
     sentence="The integrators ABAs5o6H, ABA104 and BAB's8o7H achieve approximately the same performance, obfuscating "
     "their plots",
-    kind="result",
     statement="ABAs5o6H, ABA104 and BAB's8o7H coincide in perihelion advance",
     threshold="the largest of their advances at most 1.26 times the smallest, "
     f"{range_words('the first of the three')}; {APPROXIMATELY.brief}",
@@ -65,12 +64,11 @@ def _at_evaluations(curves: Curves, advance: Floats, number: float = 240.0) -> s
     return f"; at {number:.0f} evaluations an orbit {', '.join(told)} × 10⁻⁶ rad"
 
 
-@claim(
+@result(
     id="fig-4-intervals",
     paper="Figure 4, caption",
     sentence="Linear fit 95% confidence intervals of the perihelion advance are significantly smaller than the dot "
     "size",
-    kind="result",
     statement="95 % confidence intervals of the perihelion advance are significantly smaller than the dot size",
     threshold="the width of each interval at most 21 % of the advance, 1/1.26 of the 26 % that a dot covers, "
     f"{range_words('the first of the ten')}; {SIGNIFICANTLY.brief}",
@@ -90,11 +88,10 @@ def fig_4_intervals(results: Results, widest: float) -> Decision:
     )
 
 
-@claim(
+@background(
     id="precession-linear",
     paper="Section 4.B, paragraph on precession",
     sentence="The orbital precession advances linearly with time t",
-    kind="background",
     statement="The perihelion of the ten methods advances in the second half of the ten years as in the first",
     threshold="the rates of advance in the two halves within 2 % of each other, the widest 95 % interval of a fit, "
     f"{range_words('the first of the ten')}",
@@ -113,12 +110,11 @@ def precession_linear(results: Results, off: float) -> Decision:
     return over(asked, apart <= off, value)
 
 
-@claim(
+@misprint(
     id="figure-of-the-precession",
     paper="Section 4.B, paragraph on precession",
     sentence="Figure 5 shows the perihelion precession dθ/dt which has been obtained numerically through linear "
     "regression of θ(t) over numerous orbital periods",
-    kind="misprint",
     statement="Figure 5 shows the perihelion precession",
     threshold="the curves of ABAs5o6H, ABA104 and BAB's8o7H coincide in Figure 5, as they do in the precession by the "
     f"caption of Figure 4: maximum and mean errors within a factor of 1.26, {range_words()}; {APPROXIMATELY.brief}",
@@ -141,12 +137,11 @@ def figure_of_the_precession(results: Results, dot: float) -> Decision:
     return combined(verdicts, f"largest over least error of the three: {'; '.join(told)}. Figure 4 is meant")
 
 
-@claim(
+@result(
     id="accumulated-error-and-mean",
     paper="Section 4.B, paragraph on precession",
     sentence="Comparison of Figure 4 and 5 suggests that the accumulated error is in better agreement with the average "
     "error than the maximum error",
-    kind="result",
     statement="The accumulated error is in better agreement with the average error than with the maximum error",
     threshold="the rank correlation of the ten methods' advances with their mean errors is nearer to 1 than with their "
     f"maximum errors, {range_words()}",

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable
 from math import inf
 
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.reproduction.claims.claim import Decision, claim, counted, either
+from nearharmonic.reproduction.claims.claim import Decision, background, counted, either, result
 from nearharmonic.reproduction.claims.judging.curves import LOST
 from nearharmonic.reproduction.claims.judging.definitions import GENERALLY, SEVERAL, SIGNIFICANTLY, SMALL
 from nearharmonic.reproduction.claims.results import Results, Undecided, label, short
@@ -20,12 +20,11 @@ def _require(found: Collection[str], names: Iterable[str]) -> None:
             raise Undecided(message)
 
 
-@claim(
+@result(
     id="t-not-quadratic",
     paper="Section 5, Discussion",
     sentence="The performance of the obtained integrators generally declines for systems where T(p) deviates "
     "significantly from a squared kinetic energy",
-    kind="result",
     statement="The performance generally declines where T deviates significantly from a squared kinetic energy",
     threshold="on a relativistic oscillator at τ/s = 0.05 the maximum error is more than 1.26 times that with the "
     "roles of T and V exchanged, where V is not quadratic, and the ratio is above Ruth's, for more than half of the "
@@ -57,12 +56,11 @@ def _by_roles(results: Results) -> dict[float, list[float]]:
 EVALUATIONS, ROUND, CLOSE = 400, 0.2, 0.95
 
 
-@claim(
+@background(
     id="close-encounters",
     paper="Section 5, Discussion",
     sentence="Close encounters in the gravitational N-body system inevitably cause high errors ultimately waiving "
     "symplectic properties of SIs",
-    kind="background",
     statement="Close encounters cause high errors: at fixed steps energy is lost on an orbit of high eccentricity",
     threshold=f"with each method, at {EVALUATIONS} evaluations an orbit, the relative energy error passes 1 within ten "
     f"periods on a Kepler orbit of eccentricity {CLOSE}, and stays below 1 % on one of eccentricity {ROUND}",
@@ -81,12 +79,11 @@ def close_encounters(results: Results, kept_below: float) -> Decision:
     return counted(good, f"{value}{short(min(kept), 2)} to {short(max(kept), 2)}")
 
 
-@claim(
+@background(
     id="high-order-negative",
     paper="Section 5, Discussion",
     sentence="Higher order integrators are generally more constrained and usually involve several negative splitting "
     "coefficients with large absolute values",
-    kind="background",
     statement="Higher order integrators usually have several negative coefficients, and large ones among these",
     threshold="more than half of the registered methods of order 6 or more for any separable Hamiltonian have several "
     "negative coefficients, and more than half have a large one, below -1: not a small one; holds in part with one of "

@@ -12,7 +12,7 @@ import numpy as np
 
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
-from nearharmonic.reproduction.claims.claim import Decision, claim, counted
+from nearharmonic.reproduction.claims.claim import Decision, counted, result
 from nearharmonic.reproduction.claims.judging.curves import LOST, Curves, curves_of
 from nearharmonic.reproduction.claims.judging.definitions import GREATLY
 from nearharmonic.reproduction.claims.results import Results, label, short
@@ -38,11 +38,10 @@ def _listed(ends: Mapping[str, float]) -> str:
     return ", ".join(f"{label(name)} {short(end) if end < inf else 'none'}" for name, end in ends.items())
 
 
-@claim(
+@result(
     id="stable-with-large-steps",
     paper=SECTION,
     sentence=SENTENCE,
-    kind="result",
     statement="Large steps with small errors: the maximum error passes 1 % at a larger τ/s than Ruth's",
     threshold=f"the smallest τ/s at which the maximum error passes 1 % {ABOVE}, on each system",
     bound=1.0,
@@ -58,11 +57,10 @@ def stable_with_large_steps(results: Results, ratio: float) -> Decision:
     return _above(found, f"τ/s of an error of 1 %: {'; '.join(told)}", ratio)
 
 
-@claim(
+@result(
     id="stable-linear-limit",
     paper=SECTION,
     sentence=SENTENCE,
-    kind="result",
     statement="Linear stability: the limit of stability on the oscillator is at a larger τ/s than Ruth's",
     threshold=f"the smallest τ/s at which |tr K| of the step matrix K passes 2, proved, {ABOVE}",
     bound=1.0,
@@ -80,11 +78,10 @@ def _limit(method: Tableau) -> float:
 T_END = 500.0
 
 
-@claim(
+@result(
     id="stable-growth",
     paper=SECTION,
     sentence=SENTENCE,
-    kind="result",
     statement="Visible instability: the amplitude on the oscillator grows tenfold at a larger τ/s than Ruth's",
     threshold=f"the smallest τ/s at which the step matrix grows tenfold over t = {T_END:.0f} {ABOVE}; where |tr K| "
     "passes 2 for the first time, the gap of stability may be too narrow for that",
@@ -107,11 +104,10 @@ def _growing(method: Tableau) -> float:
     return inf
 
 
-@claim(
+@result(
     id="stable-first-spike",
     paper=SECTION,
     sentence=SENTENCE,
-    kind="result",
     statement="Resonances: the first spike of the maximum error is at a larger τ/s than Ruth's",
     threshold="the smallest τ/s whose maximum error is at least ten times that of a larger one, or, if there is none, "
     f"at which a run diverges, {ABOVE}, on each system",

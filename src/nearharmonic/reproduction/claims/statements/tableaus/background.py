@@ -9,7 +9,7 @@ from mpmath import mp, mpf
 
 from nearharmonic.integrators.modified import chin_1997, omelyan_2002, rowlands_1991
 from nearharmonic.integrators.tableau import Tableau, palindrome
-from nearharmonic.reproduction.claims.claim import Decision, claim, counted, tallied
+from nearharmonic.reproduction.claims.claim import Decision, background, counted, tallied
 from nearharmonic.reproduction.claims.results import Results
 from nearharmonic.theory.order import order_of
 
@@ -19,11 +19,10 @@ FORCE_GRADIENT = tuple(one for module in (rowlands_1991, chin_1997, omelyan_2002
 ORDERS = (2, 4, 6, 8)
 
 
-@claim(
+@background(
     id="every-even-order",
     paper="Section 1",
     sentence="SIs of arbitrarily high even order exist and can be constructed using Lie algebra",
-    kind="background",
     statement="Composing a method three times with itself raises its order by two, any number of times",
     threshold="the leapfrog has order 2, and its compositions with the weights 1/(2 - 2^(1/n)), n = 3, 5 and 7, have "
     "the orders 4, 6 and 8, proved in the free Lie algebra",
@@ -53,11 +52,10 @@ def leapfrogs(weights: Sequence[Any], digits: int, **about: Any) -> Tableau:
     return Tableau(kick=kick, drift=drift, first="drift", digits=digits, source=source, **about)
 
 
-@claim(
+@background(
     id="positive-force-gradient",
     paper="Section 1",
     sentence="The force-gradient compositions benefit from all-positive splitting coefficients",
-    kind="background",
     statement="Fourth order methods that evaluate the force gradient have only positive coefficients",
     threshold="no negative coefficient in either fourth order method, of Rowlands (1991) and of Chin (1997); a "
     "splitting of that order without the force gradient always has one",

@@ -10,7 +10,7 @@ from functools import cache
 
 from nearharmonic.integrators import nielsen_2015
 from nearharmonic.integrators.tableau import Tableau, palindrome
-from nearharmonic.reproduction.claims.claim import Claim, Decide, Decision, claim, counted, each, either, tallied
+from nearharmonic.reproduction.claims.claim import Decide, Decision, counted, either, finding, misprint, result, tallied
 from nearharmonic.reproduction.claims.results import Results, only, short
 from nearharmonic.theory.order import harmonic_orders_of, order_of
 from nearharmonic.theory.oscillator import kappa
@@ -39,11 +39,10 @@ PRINTED_ZERO = 1e-70
 ZERO = "below 10⁻⁷⁰: 76 printed decimals leave 10⁻⁷⁶, κ₇ multiplies their errors by 7!, and the rest is a margin"
 
 
-@claim(
+@result(
     id="table-4-solves",
     paper="Table 4 and Eq. 17",
     sentence="Solution to Eq. 10 using BAB decomposition",
-    kind="result",
     statement="κ₁ to κ_(λ_H) vanish for each of the ten sets",
     threshold=f"each of them {ZERO}",
     bound=PRINTED_ZERO,
@@ -55,23 +54,22 @@ def table_4_solves(results: Results, zero: float) -> Decision:
     return tallied((one < zero for one in left.values()), "sets", beside)
 
 
-table_4_fourth_order = Claim(
+@result(
     id="table-4-fourth-order",
     paper="Abstract, of Table 4",
     sentence="Efficient fourth order symplectic integrators are proposed for numerical integration of separable "
     "Hamiltonian systems",
-    kind="result",
     statement="The ten sets are of fourth order",
     threshold="order 4 and no more for any separable Hamiltonian, proved in the free Lie algebra",
-    decide=each(lambda results: (order_of(t, highest=5) == 4 for t in sets(results)), "sets"),
 )
+def table_4_fourth_order(results: Results) -> Decision:
+    return tallied((order_of(t, highest=5) == 4 for t in sets(results)), "sets")
 
 
-@claim(
+@result(
     id="table-4-stages",
     paper="Section 4.A and Abstract",
     sentence="Splitting coefficients with five to nine stages are presented in Table 4",
-    kind="result",
     statement="Splitting coefficients with five to nine stages are presented",
     threshold="the ten sets have 5, 6, 7, 8 or 9 stages, and each of these numbers occurs",
 )
@@ -80,37 +78,33 @@ def table_4_stages(results: Results) -> Decision:
     return either(found == [5, 6, 7, 8, 9], ", ".join(map(str, found)))
 
 
-def _named_as_it_is(t: Tableau) -> bool:
-    scheme, stages, order = re.findall(r"^(ABA|BAB'?)s(\d)o(\d)H", t.label)[0]
-    found = (t.stages, harmonic_orders_of(t).position, t.first)
-    return found == (int(stages), int(order), "drift" if scheme == "ABA" else "kick")
-
-
-table_4_names = Claim(
+@result(
     id="table-4-names",
     paper="Section 4.A",
     sentence="The naming convention of the obtained methods is [scheme]s[stages]o[order]H",
-    kind="result",
     statement="The sets are named [scheme]s[stages]o[harmonic order]H",
     threshold="each name states the composition, the stages and the proved harmonic order of the position",
-    decide=each(lambda results: map(_named_as_it_is, sets(results)), "names"),
 )
-
-
-def _decimals_are_printed(results: Results) -> Iterator[bool]:
+def table_4_names(results: Results) -> Decision:
+    good = []
     for t in sets(results):
-        yield from (len(value.partition(".")[2]) == DECIMALS for _, _, value in independent(t))
+        scheme, stages, order = re.findall(r"^(ABA|BAB'?)s(\d)o(\d)H", t.label)[0]
+        found = (t.stages, harmonic_orders_of(t).position, t.first)
+        good.append(found == (int(stages), int(order), "drift" if scheme == "ABA" else "kick"))
+    return tallied(good, "names")
 
 
-table_4_77_digits = Claim(
+@result(
     id="table-4-77-digits",
     paper="Table 4",
     sentence="Obtained splitting coefficients with 77 digits",
-    kind="result",
     statement="The coefficients are printed with 77 digits",
     threshold="76 decimals each; the paper counts the 0 before the point as the 77th digit",
-    decide=each(_decimals_are_printed, f"coefficients have {DECIMALS} decimals and the 0 in front"),
 )
+def table_4_77_digits(results: Results) -> Decision:
+    values = [value for t in sets(results) for _, _, value in independent(t)]
+    good = (len(value.partition(".")[2]) == DECIMALS for value in values)
+    return tallied(good, f"coefficients have {DECIMALS} decimals and the 0 in front")
 
 
 def _wrong_digits(results: Results) -> tuple[list[str], int]:
@@ -122,11 +116,10 @@ def _wrong_digits(results: Results) -> tuple[list[str], int]:
 C3 = "c(3) of BAB's8o7H"
 
 
-@claim(
+@result(
     id="table-4-derived",
     paper="Table 4",
     sentence="Obtained splitting coefficients with 77 digits",
-    kind="result",
     statement=f"Each printed coefficient but {C3} is right to its last digit",
     threshold="off by less than a unit of the 76th decimal: the 17 coefficients of unique sets from those derived from "
     "random starts, the others from the printed set continued to 128 digits by Newton's method",
@@ -139,11 +132,10 @@ def table_4_derived(results: Results) -> Decision:
     return counted([not bad, good > 0], f"{good} of {count - 1}" + (f"; not {', '.join(bad)}" if bad else ""))
 
 
-@claim(
+@misprint(
     id="table-4-c3",
     paper="Table 4, BAB's8o7H",
     sentence="c(3) =-0.0149646736494517061945681450558142918831874360003431672632178480031079700216",
-    kind="misprint",
     statement=f"{C3} ends in 0216",
     threshold="off by less than a unit of the 76th decimal from the printed set continued to 128 digits by Newton's "
     "method, which changes no digit of the other coefficients. None of these, moved by up to 12 units of its last "
@@ -182,22 +174,18 @@ def _with_inner(method: Tableau, index: int, text: str) -> Tableau:
     return replace(method, drift=row) if method.first == "kick" else replace(method, kick=row)
 
 
-def _isolated(results: Results) -> list[bool]:
-    found = {one["name"]: one["decimals"] for one in results.derived["agreements"]}
-    return [found.get(name) == DECIMALS for name in UNIQUE]
-
-
-four_unique_sets = Claim(
+@result(
     id="four-unique-sets",
     paper="Section 3, last paragraph, and Table 4",
     sentence="Four unique sets of splitting coefficients are presented in the following section",
-    kind="result",
     statement="Four of the sets are unique: ABAs5o6H A, B, C and BABs6o7H. A unique set is an isolated solution, not a "
     "member of a family",
     threshold="each is one of the isolated real solutions, proved to exist, in all 76 decimals",
     needs=("derived/coefficients.toml",),
-    decide=each(_isolated, "sets"),
 )
+def four_unique_sets(results: Results) -> Decision:
+    found = {one["name"]: one["decimals"] for one in results.derived["agreements"]}
+    return tallied((found.get(name) == DECIMALS for name in UNIQUE), "sets")
 
 
 def solutions(stages: int, good: Callable[[int], bool], words: str) -> Decide:
@@ -212,34 +200,29 @@ def solutions(stages: int, good: Callable[[int], bool], words: str) -> Decide:
 
 
 COUNTS = (
-    Claim(
+    finding(
         id="five-stage-solutions",
         paper="Table 4, first and second heading",
         sentence="Unique ABAs5o6H, A, B and C",
-        kind="finding",
         statement="With five stages and harmonic order six there are four real solutions; the paper presents three",
         threshold="four real solutions, counted by elimination and Sturm's theorem, which miss none",
         needs=("tables/derived_counts.csv",),
-        decide=solutions(5, lambda count: count == 4, " with five stages"),
-    ),
-    Claim(
+    )(solutions(5, lambda count: count == 4, " with five stages")),
+    result(
         id="six-stage-solutions",
         paper="Table 4, second heading",
         sentence="Unique BABs6o7H (more exist)",
-        kind="result",
         statement="BABs6o7H is not the only isolated solution with six stages and harmonic order seven",
         threshold="more than one real solution, counted by elimination and Sturm's theorem",
         needs=("tables/derived_counts.csv",),
-        decide=solutions(6, lambda count: count > 1, " with six stages"),
-    ),
+    )(solutions(6, lambda count: count > 1, " with six stages")),
 )
 
 
-@claim(
+@result(
     id="unique-sets-solve-both",
     paper="Section 4.A",
     sentence="Unique solutions satisfy both the ABA and BAB decompositions",
-    kind="result",
     statement="Unique solutions satisfy both the ABA and BAB decompositions",
     threshold=f"κ₁ to κ_(λ_H) of both compositions, each {ZERO}",
     bound=PRINTED_ZERO,
@@ -264,23 +247,19 @@ def _sides(results: Results, *, prime: bool) -> Decision:
 
 
 SIDES = (
-    Claim(
+    result(
         id="bab-leaves-p",
         paper="Section 4.A",
         sentence="the error of p_(s+1) remains unaddressed for the BAB solution",
-        kind="result",
         statement="The conditions of a BAB set leave the momentum a lower harmonic order than the position",
         threshold="the proved harmonic order of p below that of q, for the BAB sets of Table 4",
-        decide=lambda results: _sides(results, prime=False),
-    ),
-    Claim(
+    )(lambda results: _sides(results, prime=False)),
+    result(
         id="bab-prime-leaves-q",
         paper="Section 4.A",
         sentence="as opposed to BAB' solution where the error of q_(s+1) remains unaddressed",
-        kind="result",
         statement="The conditions of a BAB' set leave the position a lower harmonic order than the momentum",
         threshold="the proved harmonic order of q below that of p, for the BAB' sets of Table 4. BAB's7o6H tells "
         "nothing: terms of even order are equal for q and p",
-        decide=lambda results: _sides(results, prime=True),
-    ),
+    )(lambda results: _sides(results, prime=True)),
 )

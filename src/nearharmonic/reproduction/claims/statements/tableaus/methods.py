@@ -6,7 +6,7 @@ from mpmath import mp, mpf
 
 from nearharmonic.integrators import BENCHMARKED, blanes_2013, forest_ruth_1990, kahan_li_1997, yoshida_1990
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.reproduction.claims.claim import Decision, claim, counted, either
+from nearharmonic.reproduction.claims.claim import Decision, attribution, background, counted, either, misprint
 from nearharmonic.reproduction.claims.results import Results, label, only, short
 from nearharmonic.reproduction.claims.statements.tableaus.background import leapfrogs
 from nearharmonic.theory.order import error_norm, order_of
@@ -28,11 +28,10 @@ YOSHIDA = {
 }
 
 
-@claim(
+@background(
     id="listed-stages",
     paper="Section 4.B, list of the ten",
     sentence="The following 10 symmetric SIs are benchmarked",
-    kind="background",
     statement="Of the ten methods all but BAB's8o7H have the listed number of stages",
     threshold="equal to the number of coefficients in the shorter row",
 )
@@ -43,11 +42,10 @@ def listed_stages(results: Results) -> Decision:
     return counted([good > 0, not bad], f"{good} of {len(found)}" + (f"; {', '.join(bad)}" if bad else ""))
 
 
-@claim(
+@misprint(
     id="listed-stages-babps8o7h",
     paper="Section 4.B, list of the ten",
     sentence="BAB's8o7H [BAB] 7-stage, 4th order",
-    kind="misprint",
     statement="BAB's8o7H has seven stages",
     threshold="equal to the number of coefficients in the shorter row; the name of the method says eight as well",
 )
@@ -56,11 +54,10 @@ def listed_stages_of_one(results: Results) -> Decision:
     return either(stages == LISTED["babps8o7h"], f"{stages} stages")
 
 
-@claim(
+@background(
     id="listed-orders",
     paper="Section 4.B, list of the ten",
     sentence="Yosh s7o6 A [ABA] 7-stage, 6th order",
-    kind="background",
     statement="Yosh s7o6 A is of sixth order, the others of fourth",
     threshold="orders for any separable Hamiltonian, proved in the free Lie algebra",
 )
@@ -69,11 +66,10 @@ def listed_orders(results: Results) -> Decision:
     return counted(good, f"{sum(good)} of 10")
 
 
-@claim(
+@background(
     id="listed-generalised-orders",
     paper="Section 4.B, list of the ten",
     sentence="ABA864 [ABA] 7-stage, 8-6-4 generalized order",
-    kind="background",
     statement="ABA104, ABA864 and ABA1064 are of generalized order 10-4, 8-6-4 and 10-6-4",
     threshold="generalised orders, proved in the free Lie algebra",
     needs=("tables/integrators.csv",),
@@ -89,11 +85,10 @@ def listed_generalised_orders(results: Results) -> Decision:
 S5ODR4 = ("0.41449077179437573714", "-0.65796308717750294857")
 
 
-@claim(
+@attribution(
     id="s5odr4-of-kahan",
     paper="Abstract and Section 4.B, list of the ten",
     sentence="acclaimed integrators composed by S. Blanes et al. (2013), W. Kahan et al. (1999) and H. Yoshida (1990)",
-    kind="attribution",
     statement="s5odr4 was first composed by Kahan",
     threshold="its weights, in 20 decimals and in the runs, differ by more than a unit of the last decimal from "
     "those of Suzuki (1990), four times 1/(4 - 4^(1/3)). The name is of Kahan and Li (1997), whom the list cites",
@@ -110,12 +105,11 @@ def s5odr4_source(results: Results, unit: float) -> Decision:
     return either(max(off) > unit, value)
 
 
-@claim(
+@background(
     id="yoshida-a-smallest",
     paper="Section 4.B, below the list",
     sentence="Yosh s7o6 A yields the smallest errors of the three stage-optimized sixth order integrators presented by "
     "[Yoshida]",
-    kind="background",
     statement="Yosh s7o6 A yields the smallest errors of Yoshida's three with seven stages",
     threshold="norm of its leading error term, of degree 7 in the Lyndon basis, below those of B and C",
     bound=1.0,

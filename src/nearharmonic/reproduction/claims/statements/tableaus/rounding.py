@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nearharmonic.reproduction.claims.claim import Decision, claim, tallied
+from nearharmonic.reproduction.claims.claim import Decision, background, finding, tallied
 from nearharmonic.reproduction.claims.judging.definitions import GREATLY
 from nearharmonic.reproduction.claims.results import Results, label, require, short
 
@@ -18,11 +18,10 @@ if TYPE_CHECKING:
 UNIT = float(np.finfo(float).eps / 2)
 
 
-@claim(
+@background(
     id="compensated-summation",
     paper="Section 4.B, below the list",
     sentence="Compensated summation drastically reduces truncation errors for long-term symplectic integration",
-    kind="background",
     statement="Compensated summation drastically reduces errors of rounding in long integrations",
     threshold="the root mean square of the energy error by rounding at least ten times larger with plain than with "
     f"compensated sums, for each method; median of the last 20 samples; {GREATLY.brief}. The paper calls rounding "
@@ -49,11 +48,10 @@ def _runs(cube: xr.Dataset) -> str:
     return told + (f" in {steps} steps" if steps else "")
 
 
-@claim(
+@finding(
     id="floor-of-double",
     paper="Figure 1, dashed lines; the statement is this project's",
     sentence="The dashed lines show benchmark profiles for integrators of corresponding color using extended precision",
-    kind="finding",
     statement="Double precision with compensated summation follows extended precision down to its floor of rounding",
     threshold="maximum errors in double and extended precision differ by at most 10 roundings of a double, 1.1 × "
     "10⁻¹⁵, at every step size with both: energies are of order 1, and an energy takes five roundings",

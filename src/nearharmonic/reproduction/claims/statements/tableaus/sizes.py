@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.reproduction.claims.claim import Claim, Decision, claim, counted, either
+from nearharmonic.reproduction.claims.claim import Decision, counted, either, result
 from nearharmonic.reproduction.claims.judging.definitions import GENERALLY, SMALL
 from nearharmonic.reproduction.claims.results import Results, label, short
 from nearharmonic.reproduction.claims.statements.tableaus.coefficients import sets
@@ -17,25 +17,22 @@ def _size(tableau: Tableau) -> float:
     return _largest(*tableau.kick, *tableau.drift)
 
 
-near_forward = Claim(
+near_forward = result(
     id="near-forward",
     paper="Section 1, last paragraph",
     sentence="The presented splitting coefficients generally have small absolute values and are therefore referred "
     "to as near-forward SIs",
-    kind="result",
     statement="The presented coefficients generally have small absolute values",
     threshold=f"more than half of the ten sets have no coefficient above 1; {SMALL.brief}; {GENERALLY.brief}",
     bound=SMALL.number,
-    decide=lambda results, small: either(*_small(results, small)),
-)
+)(lambda results, small: either(*_small(results, small)))
 
 
-@claim(
+@result(
     id="small-near-forward-steps",
     paper="Section 5, Discussion",
     sentence="BABs7o7H and other splitting coefficients obtained in this paper generally perform small near-forward "
     "steps",
-    kind="result",
     statement="BABs7o7H and the other sets generally perform small substeps",
     threshold=f"BABs7o7H and more than half of the ten sets have no coefficient above 1; {SMALL.brief}; "
     f"{GENERALLY.brief}",
@@ -56,11 +53,10 @@ def _small(results: Results, small: float) -> tuple[bool, str]:
     return sum(good) > GENERALLY.number * len(good), value
 
 
-@claim(
+@result(
     id="small-coefficients-of-one-row",
     paper="Section 5, Discussion",
     sentence="some of the methods presented in Table 4 only have small coefficients for either d or c",
-    kind="result",
     statement="Some of the methods of Table 4 only have small coefficients for either d or c",
     threshold="for at least one set the coefficients of one row are small compared to the other: at most half as large",
     bound=2.0,

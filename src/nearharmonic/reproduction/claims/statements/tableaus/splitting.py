@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from fractions import Fraction
 from itertools import zip_longest
 from math import isnan
 
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.reproduction.claims.claim import Claim, Decide, Decision, claim, counted, each, either, tallied
+from nearharmonic.reproduction.claims.claim import Decide, Decision, background, counted, either, mathematics, tallied
 from nearharmonic.reproduction.claims.judging.definitions import APPROXIMATELY
 from nearharmonic.reproduction.claims.results import Results, short
 from nearharmonic.systems import System, henon_heiles, kepler, sho
 
 
-@claim(
+@background(
     id="negative-coefficients",
     paper="Section 1",
     sentence="Non-gradient splitting methods of orders higher than two always involve negative coefficients",
-    kind="background",
     statement="Splitting methods of orders higher than two always involve negative coefficients",
     threshold="at least one negative coefficient in each registered method of order above 2; it is a theorem "
     "(Sheng 1989, Suzuki 1991), which allows no exception",
@@ -30,12 +28,11 @@ def negative_coefficients(results: Results) -> Decision:
     return either(not without, f"{len(high) - len(without)} of {len(high)} registered methods of order above 2")
 
 
-@claim(
+@mathematics(
     id="sums-are-one",
     paper="Section 2, above Eq. 2",
     sentence="A set of real numbers exist (c₁, c₂, ..., c_k) and (d₁, d₂, ..., d_k), referred to as splitting "
     "coefficients, that satisfy Σ c_i = Σ d_i = 1",
-    kind="mathematics",
     statement="The coefficients c sum to 1, and so do the coefficients d",
     threshold="for every registered method both sums are 1 within a unit of the last decimal of its source for each "
     "coefficient, in exact arithmetic",
@@ -49,11 +46,10 @@ def sums_are_one(results: Results) -> Decision:
     return tallied(good, "methods", f"; worst sum off by {short(float(worst), 1)} per coefficient")
 
 
-@claim(
+@mathematics(
     id="even-orders",
     paper="Section 3, below Table 3",
     sentence="Symmetric coefficients omit odd order error terms",
-    kind="mathematics",
     statement="The order of a symmetric method is even",
     threshold="for every registered symmetric method the order, the order for quadratic T and the harmonic order of "
     "the energy are even, proved in exact arithmetic; what the paper concludes for Eq. 16 is another statement",
@@ -66,11 +62,10 @@ def even_orders(results: Results) -> Decision:
     return counted([not odd, len(odd) < len(rows)], f"{len(rows) - len(odd)} of {len(rows)} methods")
 
 
-@claim(
+@mathematics(
     id="table-1",
     paper="Table 1",
     sentence="Table 1 summarizes the symmetric structures of the ABA- and BAB-composition",
-    kind="mathematics",
     statement="ABA: d_i = d_(k-i), c_i = c_(k+1-i), d_k = 0; BAB: d_i = d_(k+1-i), c_i = c_(k-i), c_k = 0",
     threshold="for Ruth's method, equal in all decimals",
     needs=("tables/table1_structure.csv",),
@@ -98,51 +93,45 @@ def _within(measured: str, bound: str, word: str) -> Decide:
 
 
 STRUCTURE = (
-    Claim(
+    mathematics(
         id="time-reversible",
         paper="Section 2, below Eq. 3",
         sentence="SIs are time reversible if the symplectic coefficients are symmetric",
-        kind="mathematics",
         statement="Symmetric integrators are time reversible: z(0) → z(τ) can be exactly reverted",
         threshold="n steps forward and n steps back return to the start within n roundings of a step, times the growth "
         "of errors along the run",
         bound=1.0,
         needs=("tables/structure.csv",),
-        decide=_within("return error", "return bound", "return error"),
-    ),
-    Claim(
+    )(_within("return error", "return bound", "return error")),
+    background(
         id="symplectic",
         paper="Section 1",
         sentence="due to their structure-preserving properties",
-        kind="background",
         statement="The integrators preserve the symplectic structure",
         threshold="JᵀΩJ = Ω for the tangent map J of each run in double-double, within a random walk of its roundings",
         bound=1.0,
         needs=("tables/structure.csv",),
-        decide=_within("symplectic defect", "symplectic walk", "defect"),
-    ),
+    )(_within("symplectic defect", "symplectic walk", "defect")),
 )
 
 
-def _cost_a_stage_less(results: Results) -> Iterator[bool]:
-    for method in results.methods.values():
-        rows = [[Fraction(c) for c in row] for row in (method.kick, method.drift)]
-        if all(row == row[::-1] for row in rows):
-            k = max(map(len, rows))
-            yield gradients(method, steps=3) == 3 * (k - 1) + (len(method.kick) == k)
-
-
-first_same_as_last = Claim(
+@mathematics(
     id="first-same-as-last",
     paper="Section 2, above Table 1",
     sentence="The number of stages is defined as s = k - 1 for symmetric coefficients due to the first same as last "
     "property",
-    kind="mathematics",
     statement="A symmetric method of k pairs of coefficients costs s = k - 1 derivative evaluations a step",
     threshold="three steps of every registered symmetric method evaluate the gradient of V 3s times, and once more if "
     "a kick comes first, counted by a stepper that keeps the last gradient; k is the length of the longer row",
-    decide=each(_cost_a_stage_less, "methods"),
 )
+def first_same_as_last(results: Results) -> Decision:
+    good = []
+    for method in results.methods.values():
+        rows = [[Fraction(c) for c in row] for row in (method.kick, method.drift)]
+        if all(row == row[::-1] for row in rows):
+            k = max(map(len, rows))
+            good.append(gradients(method, steps=3) == 3 * (k - 1) + (len(method.kick) == k))
+    return tallied(good, "methods")
 
 
 def gradients(method: Tableau, steps: int) -> int:
@@ -161,12 +150,11 @@ def gradients(method: Tableau, steps: int) -> int:
     return count
 
 
-@claim(
+@background(
     id="cost-proportional-to-stages",
     paper="Section 2, above Table 1",
     sentence="The computational cost of SIs is approximately proportional to the number of derivative evaluations "
     "(stages)",
-    kind="background",
     statement="The operations of a step per stage are approximately equal for all ten methods",
     threshold="arithmetic operations of a step, divided by its stages: the largest of the ten methods at most 1.26 "
     f"times the smallest, on each system; {APPROXIMATELY.brief}",

@@ -10,7 +10,7 @@ import numpy as np
 
 from nearharmonic.math import pow
 from nearharmonic.numerics.types import Floats
-from nearharmonic.reproduction.claims.claim import Decision, claim, counted
+from nearharmonic.reproduction.claims.claim import Decision, background, counted
 from nearharmonic.reproduction.claims.judging.curves import rank_correlation
 from nearharmonic.reproduction.claims.results import Results, Undecided, label, require, short
 
@@ -96,12 +96,11 @@ def lead_of_trained(results: Results, names: Sequence[str], what: str) -> str:
     )
 
 
-@claim(
+@background(
     id="minimised-coefficients",
     paper="Section 1",
     sentence="To construct more efficient high order SIs it has been proposed that the absolute value of negative "
     "coefficients and the sum of positive coefficients should be minimized",
-    kind="background",
     statement="Methods with smaller negative coefficients and a smaller sum of positive ones have smaller errors",
     threshold="Spearman's rank correlation of the sum of absolute values of the coefficients with the mean error at "
     f"least {RELATED} at each τ/s, over all registered methods of order four or more without the force gradient, on "
