@@ -6,7 +6,17 @@ from fractions import Fraction
 
 import numpy as np
 
-from nearharmonic.reproduction.claims.claim import Decision, background, combined, counted, either, mathematics, result
+from nearharmonic.reproduction.claims.claim import (
+    Claim,
+    Decision,
+    background,
+    combined,
+    counted,
+    either,
+    mathematics,
+    result,
+    tallied,
+)
 from nearharmonic.reproduction.claims.judging.curves import curves_of
 from nearharmonic.reproduction.claims.judging.definitions import GREATLY, LARGE
 from nearharmonic.reproduction.claims.judging.slopes import (
@@ -15,7 +25,7 @@ from nearharmonic.reproduction.claims.judging.slopes import (
     judged,
     large_steps,
     local_slopes,
-    orders,
+    slopes_are,
     stretch,
 )
 from nearharmonic.reproduction.claims.results import Results, label, short
@@ -58,10 +68,8 @@ def henon_heiles_chaotic(results: Results, factor: float) -> Decision:
     last = cube["lyapunov_exponent"].isel(time=-1)
     exponent, regular = (float(last.sel(orbit=orbit)) for orbit in ("paper", "regular"))
     width = float(cube["lyapunov_exponent_interval"].sel(orbit="paper"))
-    value = (
-        f"{short(exponent, 2)} ± {short(width, 2)} up to t = {short(float(cube['time'][-1]))}, a factor e in "
-        f"{1 / exponent:.0f} units of time; regular {short(regular, 2)}"
-    )
+    until = f"up to t = {short(float(cube['time'][-1]))}, a factor e in {1 / exponent:.0f} units of time"
+    value = f"{short(exponent, 2)} ± {short(width, 2)} {until}; regular {short(regular, 2)}"
     return either(exponent - width >= factor * regular, value)
 
 
@@ -81,26 +89,26 @@ def henon_heiles_near_harmonic(_: Results) -> Decision:
         rest = system.V((x, y)) - harmonic
         scales = [Fraction(1, 2**n) for n in (1, 2, 3)]
         good += [system.V((e * x, e * y)) == e**2 * harmonic + e**3 * rest for e in scales]
-    depth = 2 / 3 * float(start[0])
-    return counted(
-        good,
-        f"{sum(good)} of {len(good)} equal; the term is at most 2/3 |q| of the oscillator's, {depth:.2g} at the start",
-    )
+    depth = f"{2 / 3 * float(start[0]):.2g} at the start"
+    return tallied(good, "equal", f"; the term is at most 2/3 |q| of the oscillator's, {depth}")
 
 
-@background(
-    id="fig-3-orders",
-    paper="Section 1, tried on Figure 3",
-    sentence="Nth order integrators have their integration error reduced by a factor k^N when the time step is "
-    "reduced by a factor k",
-    statement="For small steps the curves of Figure 3 have the order of the methods: six for Yosh s7o6 A, four for the "
-    "others",
-    threshold=SLOPE,
-    bound=BAND,
-    needs=CUBE,
-)
-def fig_3_orders(results: Results, band: float) -> Decision:
-    return orders(curves_of(results, "henon_heiles"), ORDERS, band)
+def orders_of_figure(number: int, system: str) -> Claim:
+    """Make the statement that the curves of a figure have the orders of the methods."""
+    return background(
+        id=f"fig-{number}-orders",
+        paper=f"Section 1, tried on Figure {number}",
+        sentence="Nth order integrators have their integration error reduced by a factor k^N when the time step is "
+        "reduced by a factor k",
+        statement=f"For small steps the curves of Figure {number} have the order of the methods: six for Yosh s7o6 A, "
+        "four for the others",
+        threshold=SLOPE,
+        bound=BAND,
+        needs=(f"cubes/{system}.h5",),
+    )(slopes_are(system, ORDERS))
+
+
+FIGURE_3 = orders_of_figure(3, "henon_heiles")
 
 
 @result(
@@ -122,10 +130,9 @@ def fig_3_descent(results: Results, band: float) -> Decision:
         inside = slopes[(curves.x >= found.low) & (curves.x <= found.high)]
         spread = f", slopes {inside.min():.1f} to {inside.max():.1f}" if inside.size else ""
         told.append(f"{label(name)} for {found.words(curves.unit)}{spread}")
-    beyond = np.nanmax([local_slopes(curves, name)[asked.asked] for name in DESCENDING])
-    return combined(
-        verdicts, f"{'; '.join(told)}; for larger steps ragged, up to {short(beyond, 2)}; large: {asked.words()}"
-    )
+    steepest = short(np.nanmax([local_slopes(curves, name)[asked.asked] for name in DESCENDING]), 2)
+    told += [f"for larger steps ragged, up to {steepest}", f"large: {asked.words()}"]
+    return combined(verdicts, "; ".join(told))
 
 
 @result(

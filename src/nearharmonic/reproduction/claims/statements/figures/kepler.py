@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from nearharmonic.math import cos, hypot, sin
-from nearharmonic.reproduction.claims.claim import Decision, background, either, mathematics, result
-from nearharmonic.reproduction.claims.judging.curves import Curves, curves_of, over, range_words
-from nearharmonic.reproduction.claims.judging.slopes import BAND, SLOPE, orders
+from nearharmonic.reproduction.claims.claim import Decide, Decision, background, either, mathematics, result
+from nearharmonic.reproduction.claims.judging.curves import MEASURES, Curves, curves_of, over, range_words
 from nearharmonic.reproduction.claims.results import Results, label, short
-from nearharmonic.reproduction.claims.statements.figures.henon_heiles import ORDERS
+from nearharmonic.reproduction.claims.statements.figures.henon_heiles import ORDERS, orders_of_figure
 from nearharmonic.systems import kepler
 
 CUBE = ("cubes/kepler.h5",)
@@ -77,59 +78,21 @@ def eq_20(_: Results, off: float) -> Decision:
     return either(bool(np.ptp(natural) < off), value)
 
 
-@background(
-    id="fig-5-orders",
-    paper="Section 1, tried on Figure 5",
-    sentence="Nth order integrators have their integration error reduced by a factor k^N when the time step is "
-    "reduced by a factor k",
-    statement="For small steps the curves of Figure 5 have the order of the methods: six for Yosh s7o6 A, four for the "
-    "others",
-    threshold=SLOPE,
-    bound=BAND,
-    needs=CUBE,
-)
-def fig_5_orders(results: Results, band: float) -> Decision:
-    return orders(curves_of(results, "kepler"), ORDERS, band)
-
-
-@result(
-    id="fig-5-best-maximum",
-    paper="Section 4.B, text to Figure 5",
-    sentence="ABA104 shows the best performance in regard to the maximum error",
-    statement="ABA104 shows the best performance in regard to the maximum error",
-    threshold=f"its maximum error below that of each of the other nine {range_words('ABA104')}",
-    bound=1.0,
-    needs=CUBE,
-)
-def fig_5_best_maximum(results: Results, ratio: float) -> Decision:
-    return _best(results, "aba104", "max_energy_error", ratio)
-
-
-@result(
-    id="fig-5-best-mean",
-    paper="Section 4.B, text to Figure 5",
-    sentence="BAB's9o7H shows the best performance in regard to the average error",
-    statement="BAB's9o7H shows the best performance in regard to the average error",
-    threshold="its mean error below that of each of the other nine " + range_words("BAB's9o7H"),
-    bound=1.0,
-    needs=CUBE,
-)
-def fig_5_best_mean(results: Results, ratio: float) -> Decision:
-    return _best(results, "babps9o7h", "mean_energy_error", ratio)
+FIGURE_5 = orders_of_figure(5, "kepler")
 
 
 #: The reference method of sixth order: what a statement is without it is told beside the verdict.
 SIXTH_ORDER = "yoshida_s7o6a"
 
 
-def _best(results: Results, name: str, variable: str, ratio: float) -> Decision:
-    curves = curves_of(results, "kepler")
-    verdict, value = _least(curves, name, variable, TEN, ratio)[:2]
-    if verdict == "holds":
-        return Decision(verdict, value)
-    without = _least(curves, name, variable, tuple(one for one in TEN if one != SIXTH_ORDER), ratio)
+def with_and_without_sixth_order(decide: Callable[[tuple[str, ...]], Decision]) -> Decision:
+    """Decide among the ten methods, and without that of sixth order as well if the statement does not hold."""
+    found = decide(TEN)
+    if found.verdict == "holds":
+        return found
+    without = decide(tuple(name for name in TEN if name != SIXTH_ORDER))
     said = f"without {label(SIXTH_ORDER)} it {without.verdict}: {without.value.partition(';')[0]}"
-    return Decision(verdict, f"{value}; {said}")
+    return found._replace(value=f"{found.value}; {said}")
 
 
 def _least(curves: Curves, name: str, variable: str, among: tuple[str, ...], ratio: float) -> Decision:
@@ -141,3 +104,30 @@ def _least(curves: Curves, name: str, variable: str, among: tuple[str, ...], rat
     beaten = dict.fromkeys(errors.argmin(axis=0)[asked.asked & ~good])
     elsewhere = ", ".join(label(others[i]) for i in beaten)
     return over(asked, good, f"elsewhere ahead: {elsewhere}" if elsewhere else "")
+
+
+def _best(name: str, variable: str) -> Decide:
+    """Judge of statements that a method has the smallest error of the ten."""
+
+    def decide(results: Results, ratio: float) -> Decision:
+        curves = curves_of(results, "kepler")
+        return with_and_without_sixth_order(lambda among: _least(curves, name, variable, among, ratio))
+
+    return decide
+
+
+BEST = tuple(
+    result(
+        id=f"fig-5-best-{measure}",
+        paper="Section 4.B, text to Figure 5",
+        sentence=f"{name} shows the best performance in regard to the {words} error",
+        statement=f"{name} shows the best performance in regard to the {words} error",
+        threshold=f"its {measure} error below that of each of the other nine {range_words(name)}",
+        bound=1.0,
+        needs=CUBE,
+    )(_best(method, MEASURES[measure]))
+    for measure, words, name, method in (
+        ("maximum", "maximum", "ABA104", "aba104"),
+        ("mean", "average", "BAB's9o7H", "babps9o7h"),
+    )
+)

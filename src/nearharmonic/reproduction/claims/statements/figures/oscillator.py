@@ -6,59 +6,56 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.reproduction.claims.claim import Decision, counted, either, mathematics, result
+from nearharmonic.reproduction.claims.claim import Decision, counted, either, mathematics, result, tallied
 from nearharmonic.reproduction.claims.judging.curves import curves_of, over
 from nearharmonic.reproduction.claims.judging.definitions import GENERALLY, GREATLY, LARGE, NOT_SUITABLE
-from nearharmonic.reproduction.claims.judging.slopes import BAND, SLOPE, large_steps, orders
-from nearharmonic.reproduction.claims.results import Results, Undecided, label, short
+from nearharmonic.reproduction.claims.judging.slopes import BAND, SLOPE, large_steps, slopes_are
+from nearharmonic.reproduction.claims.results import Results, label, require, short
 from nearharmonic.theory.oscillator import kappa, lambda_max, zeta
 
 CUBE = ("cubes/sho.h5",)
 TERMS = ("cubes/sho_terms.h5",)
+#: First moves of the ABA and of the BAB composition.
+COMPOSITIONS = ("drift", "kick")
 SIXTH = ("abas5o6h", "babs7o7h", "babps8o7h", "babps9o7h")
 FOURTH = ("ruth", "s5odr4", "aba104", "aba864", "aba1064")
+READS_ORDER = "The slopes of the lines read the integrator order"
 #: An error term that vanishes for the true coefficients is below this for the printed ones, and any other above it.
 VANISHED = 1e-30
 ZERO = "a term below 10⁻³⁰ vanishes: rounded decimals leave up to 10⁻⁷³ of one, and all others are above 10⁻⁴"
 
 
-@result(
-    id="fig-1-sixth-order",
-    paper="Section 4.B, text to Figure 1",
-    sentence="the integrators ABAs5o6H A, BABs7o7H, BAB's8o7H and BAB's9o7H behave as sixth order integrators",
-    statement="ABAs5o6H, BABs7o7H, BAB's8o7H and BAB's9o7H behave as sixth order integrators on the oscillator",
-    threshold=SLOPE,
-    bound=BAND,
-    needs=CUBE,
+FIGURE_1 = tuple(
+    result(
+        id=name,
+        paper="Section 4.B, text to Figure 1",
+        sentence=sentence,
+        statement=statement,
+        threshold=SLOPE,
+        bound=BAND,
+        needs=CUBE,
+    )(slopes_are("sho", orders))
+    for name, sentence, statement, orders in (
+        (
+            "fig-1-sixth-order",
+            "the integrators ABAs5o6H A, BABs7o7H, BAB's8o7H and BAB's9o7H behave as sixth order integrators",
+            "ABAs5o6H, BABs7o7H, BAB's8o7H and BAB's9o7H behave as sixth order integrators on the oscillator",
+            dict.fromkeys(SIXTH, 6),
+        ),
+        (
+            "fig-1-fourth-order",
+            READS_ORDER,
+            f"{READS_ORDER}: four for Ruth, s5odr4, ABA104, ABA864 and ABA1064",
+            dict.fromkeys(FOURTH, 4),
+        ),
+        (
+            "fig-1-yoshida",
+            READS_ORDER,
+            f"{READS_ORDER}: six for Yosh s7o6 A",
+            {"yoshida_s7o6a": 6},
+        ),
+    )
 )
-def fig_1_sixth_order(results: Results, band: float) -> Decision:
-    return orders(curves_of(results, "sho"), dict.fromkeys(SIXTH, 6), band)
-
-
-@result(
-    id="fig-1-fourth-order",
-    paper="Section 4.B, text to Figure 1",
-    sentence="The slopes of the lines read the integrator order",
-    statement="The slopes of the lines read the integrator order: four for Ruth, s5odr4, ABA104, ABA864 and ABA1064",
-    threshold=SLOPE,
-    bound=BAND,
-    needs=CUBE,
-)
-def fig_1_fourth_order(results: Results, band: float) -> Decision:
-    return orders(curves_of(results, "sho"), dict.fromkeys(FOURTH, 4), band)
-
-
-@result(
-    id="fig-1-yoshida",
-    paper="Section 4.B, text to Figure 1",
-    sentence="The slopes of the lines read the integrator order",
-    statement="The slopes of the lines read the integrator order: six for Yosh s7o6 A",
-    threshold=SLOPE,
-    bound=BAND,
-    needs=CUBE,
-)
-def fig_1_yoshida(results: Results, band: float) -> Decision:
-    return orders(curves_of(results, "sho"), {"yoshida_s7o6a": 6}, band)
 
 
 @mathematics(
@@ -72,7 +69,7 @@ def fig_1_yoshida(results: Results, band: float) -> Decision:
 )
 def kappa_1(results: Results, vanished: float) -> Decision:
     terms = results.cube("sho_terms")["kappa"].sel(order=1).values
-    zeroth = [abs(1 - zeta(m, first=first)[0]) for m in _methods(results) for first in ("drift", "kick")]
+    zeroth = [abs(1 - zeta(m, first=first)[0]) for m in _methods(results) for first in COMPOSITIONS]
     good = [*(term == 0 for term in zeroth), *(terms < vanished).ravel()]
     return counted(good, f"κ₀ = {short(float(max(zeroth)))}, κ₁ up to {short(float(terms.max()), 1)}")
 
@@ -83,22 +80,17 @@ def _methods(results: Results) -> list[Any]:
 
 def _terms(results: Results, name: str, first: str | None = None) -> Any:
     """The terms of one composition as far as they reach, the method's own by default; kappa_1 at index 0."""
-    return results.kept(("terms", name, first), lambda: _row(results, name, first or results.method(name).first))
-
-
-def _row(results: Results, name: str, first: str) -> Any:
     terms = results.cube("sho_terms")["kappa"]
-    if name not in terms["integrator"].values:
-        message = f"Figure 2 of these results does not have the method {name}"
-        raise Undecided(message)
-    row = terms.sel(integrator=name, first=first).values
+    require(name in terms["integrator"].values, f"Figure 2 of these results does not have the method {name}")
+    role = first or results.method(name).first
+    row = results.kept(("terms", name, role), lambda: terms.sel(integrator=name, first=role).values)
     return row[np.isfinite(row)]
 
 
 def _by_parity(results: Results) -> tuple[Any, Any, Any]:
     """The even terms of the ABA and of the BAB composition, and the odd ones of both."""
     terms = results.cube("sho_terms")["kappa"]
-    one, other = (terms.sel(first=first, order=terms["order"] % 2 == 0).values for first in ("drift", "kick"))
+    one, other = (terms.sel(first=first, order=terms["order"] % 2 == 0).values for first in COMPOSITIONS)
     return one, other, terms.sel(order=(terms["order"] % 2 == 1) & (terms["order"] > 3)).values
 
 
@@ -116,11 +108,8 @@ def fig_2_even_orders(results: Results, vanished: float) -> Decision:
     reached = np.isfinite(one) & np.isfinite(other)
     none = (one < vanished) & (other < vanished)
     same = (np.abs(one - other) <= np.spacing(np.maximum(np.abs(one), np.abs(other)))) | none
-    good = same[reached]
-    value = f"{int(good.sum())} of {good.size} even terms"
-    return counted(
-        list(good), f"{value}; odd ones differ, by up to {short(float(np.nanmax(np.abs(np.diff(odd, axis=1)))))}"
-    )
+    differ = short(float(np.nanmax(np.abs(np.diff(odd, axis=1)))))
+    return tallied(same[reached], "even terms", f"; odd ones differ, by up to {differ}")
 
 
 @result(
@@ -134,10 +123,8 @@ def fig_2_even_orders(results: Results, vanished: float) -> Decision:
 )
 def fig_2_more_terms(results: Results, vanished: float) -> Decision:
     names = [m.name for m in _methods(results) if m.first == "kick"]
-    counts = {name: [int((_terms(results, name, f) > vanished).sum()) for f in ("drift", "kick")] for name in names}
-    if not counts:
-        message = "Figure 2 of these results has no BAB method"
-        raise Undecided(message)
+    require(names, "Figure 2 of these results has no BAB method")
+    counts = {name: [int((_terms(results, name, f) > vanished).sum()) for f in COMPOSITIONS] for name in names}
     good = [aba > bab for aba, bab in counts.values()]
     return counted(good, ", ".join(f"{label(name)} {aba} against {bab}" for name, (aba, bab) in counts.items()))
 
@@ -194,10 +181,8 @@ def fig_2_yoshida_diverges(results: Results, factor: float) -> Decision:
     new = {name: float(_terms(results, name).max()) for name in SIXTH}
     worst = max(new, key=new.__getitem__)
     theirs = {"yoshida_s7o6a": float(_terms(results, "yoshida_s7o6a").max())}
-    for name in STAGE_OPTIMISED[1:]:
-        if name in results.methods:
-            method = results.method(name)
-            theirs[name] = float(max(kappa(method, lambda_max(method))))
+    for method in (results.methods[name] for name in STAGE_OPTIMISED[1:] if name in results.methods):
+        theirs[method.name] = float(max(kappa(method, lambda_max(method))))
     listed = ", ".join(f"{label(name)} {short(largest)}" for name, largest in theirs.items())
     value = f"{listed}, against at most {short(new[worst])}, of {label(worst)}"
     rapid = [largest >= factor * new[worst] for largest in theirs.values()]

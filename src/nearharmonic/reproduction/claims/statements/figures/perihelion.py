@@ -18,8 +18,8 @@ from nearharmonic.reproduction.claims.judging.curves import (
     rank_correlation,
 )
 from nearharmonic.reproduction.claims.judging.definitions import APPROXIMATELY, DOT, SIGNIFICANTLY
-from nearharmonic.reproduction.claims.results import Results, Undecided, label, short
-from nearharmonic.reproduction.claims.statements.figures.kepler import CUBE, SIXTH_ORDER, TEN
+from nearharmonic.reproduction.claims.results import Results, label, require, short
+from nearharmonic.reproduction.claims.statements.figures.kepler import CUBE, TEN, with_and_without_sixth_order
 
 COINCIDING = ("abas5o6h", "aba104", "babps8o7h")
 
@@ -80,12 +80,8 @@ def fig_4_intervals(results: Results, widest: float) -> Decision:
     advance, interval = _advance(curves, TEN)
     asked = curves.compared(curves.errors(TEN))
     share = (2 * interval / advance).max(axis=0)
-    low, high = share[asked.asked].min(), share[asked.asked].max()
-    return over(
-        asked,
-        share <= widest,
-        f"widest of the ten {short(100 * low, 2)} to {short(100 * high, 2)} % of the advance",
-    )
+    low, high = (short(100 * one, 2) for one in (share[asked.asked].min(), share[asked.asked].max()))
+    return over(asked, share <= widest, f"widest of the ten {low} to {high} % of the advance")
 
 
 @background(
@@ -130,10 +126,8 @@ def figure_of_the_precession(results: Results, dot: float) -> Decision:
         largest, least = errors.max(axis=0), errors.min(axis=0)
         verdicts.append(over(asked, largest <= dot * least).verdict)
         shown = largest[asked.asked] / least[asked.asked]
-        told.append(
-            f"{measure} {short(shown.min())} to {short(shown.max())}, coinciding at {int((shown <= dot).sum())} of "
-            f"{shown.size} step sizes"
-        )
+        coinciding = f"coinciding at {int((shown <= dot).sum())} of {shown.size} step sizes"
+        told.append(f"{measure} {short(shown.min())} to {short(shown.max())}, {coinciding}")
     return combined(verdicts, f"largest over least error of the three: {'; '.join(told)}. Figure 4 is meant")
 
 
@@ -150,12 +144,7 @@ def figure_of_the_precession(results: Results, dot: float) -> Decision:
 )
 def accumulated_and_mean(results: Results, ratio: float) -> Decision:
     curves = curves_of(results, "kepler")
-    found = _agreement(curves, TEN, ratio)
-    if found.verdict == "holds":
-        return found
-    without = _agreement(curves, tuple(one for one in TEN if one != SIXTH_ORDER), ratio)
-    said = f"without {label(SIXTH_ORDER)} it {without.verdict}: {without.value.partition(';')[0]}"
-    return found._replace(value=f"{found.value}; {said}")
+    return with_and_without_sixth_order(lambda names: _agreement(curves, names, ratio))
 
 
 def _agreement(curves: Curves, names: tuple[str, ...], ratio: float) -> Decision:
@@ -163,9 +152,8 @@ def _agreement(curves: Curves, names: tuple[str, ...], ratio: float) -> Decision
     advance, _ = _advance(curves, names)
     known = curves.compared(largest)
     asked = Range(known.x, known.asked & np.isfinite(advance).all(axis=0), known.unit)
-    if asked.asked.sum() < FEWEST:
-        message = f"the advances of the {len(names)} methods are known at fewer than three step sizes"
-        raise Undecided(message)
+    lacking = f"the advances of the {len(names)} methods are known at fewer than three step sizes"
+    require(asked.asked.sum() >= FEWEST, lacking)
     by_mean, by_largest = (rank_correlation(advance, other) for other in (mean, largest))
     told = (short(float(np.median(one[asked.asked])), 2) for one in (by_mean, by_largest))
     value = "median rank correlation {} with the mean and {} with the maximum error".format(*told)

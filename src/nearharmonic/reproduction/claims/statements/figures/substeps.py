@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from nearharmonic.math import hypot
-from nearharmonic.reproduction.claims.claim import Decision, counted, either, finding, mathematics, result
+from nearharmonic.reproduction.claims.claim import Decision, counted, either, finding, mathematics, result, tallied
 from nearharmonic.reproduction.claims.judging.definitions import GREATLY, STABLE
 from nearharmonic.reproduction.claims.results import Results, short
 from nearharmonic.theory.linear_stability import stability_limit
@@ -64,10 +64,8 @@ def fig_6_beside_the_plane(results: Results) -> Decision:
     start, left = cube["displacement"].values, cube["left_at"].values
     beside = left[start > 0].ravel()
     gone = beside[beside > 0]
-    value = f"{gone.size} of {beside.size} runs"
-    if gone.size:
-        value += f", at iterations {gone.min()} to {gone.max()}: rounding decides when"
-    return counted((beside > 0).tolist(), value)
+    when = f", at iterations {gone.min()} to {gone.max()}: rounding decides when" if gone.size else ""
+    return tallied(beside > 0, "runs", when)
 
 
 @result(
