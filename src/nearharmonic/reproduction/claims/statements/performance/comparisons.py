@@ -50,7 +50,7 @@ def _outperforms_ruth(system: str) -> Claim:
     return decide
 
 
-ruth_on_sho, ruth_on_henon_heiles, ruth_on_kepler = map(_outperforms_ruth, SYSTEMS)
+RUTH = tuple(map(_outperforms_ruth, SYSTEMS))
 
 
 @result(
@@ -112,8 +112,7 @@ def _outperforms(rival: str, system: str) -> Claim:
     return decide
 
 
-kahan_on_sho, kahan_on_henon_heiles, kahan_on_kepler = (_outperforms("kahan", system) for system in SYSTEMS)
-blanes_on_sho, blanes_on_henon_heiles, blanes_on_kepler = (_outperforms("blanes", system) for system in SYSTEMS)
+KAHAN_AND_BLANES = tuple(_outperforms(rival, system) for rival in RIVALS for system in SYSTEMS)
 
 
 def _favourable_to_yoshida(system: str) -> Claim:
@@ -145,7 +144,7 @@ def _favourable_to_yoshida(system: str) -> Claim:
     return decide
 
 
-yoshida_on_sho, yoshida_on_henon_heiles, yoshida_on_kepler = map(_favourable_to_yoshida, SYSTEMS)
+YOSHIDA = tuple(map(_favourable_to_yoshida, SYSTEMS))
 
 
 @result(

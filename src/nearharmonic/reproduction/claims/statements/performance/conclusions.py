@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
 from math import inf
 
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.reproduction.claims.claim import Decision, background, counted, either, result
+from nearharmonic.reproduction.claims.claim import Decision, background, counted, either, result, tallied
 from nearharmonic.reproduction.claims.judging.curves import LOST
 from nearharmonic.reproduction.claims.judging.definitions import GENERALLY, SEVERAL, SIGNIFICANTLY, SMALL
-from nearharmonic.reproduction.claims.results import Results, Undecided, label, short
+from nearharmonic.reproduction.claims.results import Results, label, require, short
 from nearharmonic.reproduction.claims.statements.performance.comparisons import NEW
-
-
-def _require(found: Collection[str], names: Iterable[str]) -> None:
-    for name in names:
-        if name not in found:
-            message = f"the results do not have the method {label(name)}"
-            raise Undecided(message)
 
 
 @result(
@@ -46,7 +38,8 @@ def t_not_quadratic(results: Results, least: float) -> Decision:
 def _by_roles(results: Results) -> dict[float, list[float]]:
     """Errors over those with the roles exchanged by amplitude, of Ruth's method and of the new ones."""
     cube = results.cube("kinetic_energy")
-    _require(cube["integrator"].values, ("ruth", *NEW))
+    for name in ("ruth", *NEW):
+        require(name in cube["integrator"].values, f"the results do not have the method {label(name)}")
     errors = cube["max_energy_error"].sel(tau_per_stage=0.05, method="nearest").sel(integrator=["ruth", *NEW])
     ratios = errors.sel(roles="own") / errors.sel(roles="exchanged")
     return {one: ratios.sel(amplitude=one, method="nearest").values.tolist() for one in (0.1, 1.0)}
@@ -69,14 +62,12 @@ EVALUATIONS, ROUND, CLOSE = 400, 0.2, 0.95
 )
 def close_encounters(results: Results, kept_below: float) -> Decision:
     cube = results.cube("stability_kepler")
-    of_orbits = cube["energy_error"].sel(eccentricity=[ROUND, CLOSE], method="nearest")
-    spent = cube["evaluations_per_orbit"].values
-    row = [int(abs(one - EVALUATIONS).argmin()) for one in spent]
-    errors = [of_orbits.values[i, j] for i, j in enumerate(row)]
-    good = [kept < kept_below and lost == inf for kept, lost in errors]
-    kept = [float(one) for one, _ in errors]
-    value = f"{sum(good)} of {len(good)} methods lose the orbit; energy error at eccentricity {ROUND} "
-    return counted(good, f"{value}{short(min(kept), 2)} to {short(max(kept), 2)}")
+    of_orbits = cube["energy_error"].sel(eccentricity=[ROUND, CLOSE], method="nearest").values
+    places = abs(cube["evaluations_per_orbit"].values - EVALUATIONS).argmin(axis=1)
+    kept, lost = zip(*(map(float, errors[place]) for errors, place in zip(of_orbits, places, strict=True)), strict=True)
+    good = [one < kept_below and other == inf for one, other in zip(kept, lost, strict=True)]
+    beside = f"; energy error at eccentricity {ROUND} {short(min(kept), 2)} to {short(max(kept), 2)}"
+    return tallied(good, "methods lose the orbit", beside)
 
 
 @background(
@@ -93,20 +84,14 @@ def close_encounters(results: Results, kept_below: float) -> Decision:
 )
 def high_order_negative(results: Results, share: float) -> Decision:
     high = {row["integrator"]: row for row in results.rows("integrators") if int(row["order"]) >= 6}
-    if not high:
-        message = "the table of methods has none of order 6"
-        raise Undecided(message)
+    require(high, "the table of methods has none of order 6")
     several = [int(row["negative coefficients"]) >= SEVERAL.number for row in high.values()]
     most = {name: _most_negative(results.method(name)) for name in high}
     large = [one < -SMALL.number for one in most.values()]
-    listed = ", ".join(
-        f"{label(name)} {high[name]['negative coefficients']} to {one:.2f}" for name, one in most.items()
-    )
+    listed = [f"{label(name)} {high[name]['negative coefficients']} to {one:.2f}" for name, one in most.items()]
     new = min(_most_negative(results.method(name)) for name in NEW)
-    value = (
-        f"several in {sum(several)} of {len(high)}, a large one in {sum(large)}; number and most negative: {listed}; "
-        f"new methods to {new:.2f}"
-    )
+    value = f"several in {sum(several)} of {len(high)}, a large one in {sum(large)}; number and most negative: "
+    value += f"{', '.join(listed)}; new methods to {new:.2f}"
     return counted([sum(good) > share * len(high) for good in (several, large)], value)
 
 
