@@ -13,14 +13,12 @@ from nearharmonic.output.table import Table
 from nearharmonic.reproduction.claims.claim import Claim
 from nearharmonic.reproduction.claims.results import Results
 from nearharmonic.reproduction.claims.statements.equations import decomposition, identities, misprints, search
-from nearharmonic.reproduction.claims.statements.figures import henon_heiles, kepler, oscillator, perihelion, substeps
-from nearharmonic.reproduction.claims.statements.performance import comparisons, conclusions, large_steps
+from nearharmonic.reproduction.claims.statements.figures import henon_heiles, kepler, oscillator, substeps
+from nearharmonic.reproduction.claims.statements.performance import comparisons, discussion
 from nearharmonic.reproduction.claims.statements.tableaus import (
-    background,
     coefficients,
     methods,
     roles,
-    rounding,
     sizes,
     splitting,
     trained,
@@ -28,8 +26,8 @@ from nearharmonic.reproduction.claims.statements.tableaus import (
 
 #: The groups in the order of the paper; a digest of the job follows these imports, so that an edit of one decides anew.
 GROUPS = (
-    background, splitting, decomposition, identities, misprints, search, coefficients, sizes, trained, roles, methods,
-    rounding, oscillator, henon_heiles, kepler, perihelion, substeps, comparisons, large_steps, conclusions,
+    splitting, decomposition, identities, misprints, search, coefficients, sizes, trained, roles, methods, oscillator,
+    henon_heiles, kepler, substeps, comparisons, discussion,
 )  # fmt: skip
 
 

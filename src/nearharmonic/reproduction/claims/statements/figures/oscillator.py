@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from nearharmonic.integrators.tableau import First
 from nearharmonic.reproduction.claims.claim import Decision, counted, either, mathematics, result, tallied
 from nearharmonic.reproduction.claims.judging.curves import curves_of, over
 from nearharmonic.reproduction.claims.judging.definitions import GENERALLY, GREATLY, LARGE, NOT_SUITABLE
@@ -16,7 +17,7 @@ from nearharmonic.theory.oscillator import kappa, lambda_max, zeta
 CUBE = ("cubes/sho.h5",)
 TERMS = ("cubes/sho_terms.h5",)
 #: First moves of the ABA and of the BAB composition.
-COMPOSITIONS = ("drift", "kick")
+COMPOSITIONS: tuple[First, ...] = ("drift", "kick")
 SIXTH = ("abas5o6h", "babs7o7h", "babps8o7h", "babps9o7h")
 FOURTH = ("ruth", "s5odr4", "aba104", "aba864", "aba1064")
 READS_ORDER = "The slopes of the lines read the integrator order"
