@@ -103,8 +103,7 @@ def two_product(a: Any, b: Any) -> Pair:
 
 
 def two_products(a: Any, b: Any) -> Pair:
-    """a * b = product + error exactly, for numpy arrays, which have no fma (Dekker 1971). Nothing may over- or
-    underflow.
+    """a * b = product + error exactly, for numpy arrays, without fma (Dekker 1971), if nothing over- or underflows.
     """
     halves = []
     for x in (a, b):
@@ -157,8 +156,7 @@ def dd_abs(a: Pair) -> Pair:
 
 
 def distilled(terms: Sequence[Any], count: int) -> tuple[Any, ...]:
-    """Return ``count`` numbers whose sum is that of ``terms``, each about 2^-53 times the previous one (Ogita et al.
-    2005).
+    """Return ``count`` numbers with the sum of ``terms``, each about 2^-53 times the previous (Ogita et al. 2005).
 
     Only the last number is rounded. The terms must be roughly in the order of their sizes. If leading terms cancel, the
     leading results are small, and a second call restores the order (doi:10.1137/030601818, VecSum).

@@ -57,7 +57,7 @@ def moving(rules: Rules) -> tuple[bool, ...]:
 
 
 def module_of(rules: Rules, lanes: int, needed: Container[str]) -> ir.Module:
-    """Return a module with the functions of a system that loops of its form call, for a number of lanes.
+    """Return a module with the functions of a system that loops of its form call.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ class _Formulas:
             return
         kinds = [self.kinds.of(letter) for letter in (f"{letters}C" if given else letters)]
         function = declare(self.module, f"{PREFIX}{name}", kinds, result)
-        if name == "energy" and self.rules.quick_energy:  # long and rarely run: as a call, it takes no registers from the loop
+        if name == "energy" and self.rules.quick_energy:  # a call of long code that runs rarely: it takes no registers
             function.attributes.discard("alwaysinline")
             function.attributes.add("noinline")
         builder = ir.IRBuilder(function.append_basic_block())
@@ -181,8 +181,7 @@ def _values(numbers: Any) -> Any:
 
 
 def maps_module(rules: Rules, maps: Any) -> ir.Module:
-    """Return a module with the functions of a regularised system that :func:`nearharmonic.core.loops.landing.land`
-    calls.
+    """Return a module with the functions that :func:`nearharmonic.core.loops.landing.land` calls.
 
     Parameters
     ----------

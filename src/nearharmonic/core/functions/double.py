@@ -158,7 +158,7 @@ def _pow(x: LLVMValue, y: LLVMValue) -> LLVMValue:
 def special_power(
     x: LLVMValue, y: LLVMValue, above: LLVMMask, unity: LLVMMask, kind: tuple[LLVMMask, LLVMMask], value: LLVMValue
 ) -> LLVMValue:
-    """Return x^y from ``value``, |x|^y for finite operands; masks tell if |x| is ``above`` 1, |x| is 1, y is odd."""
+    """Return x^y from ``value``, |x|^y for finite operands; ``kind`` is :func:`whole_and_odd` of y."""
     size = x.absolute()
     growing = above.choose(y, -y)
     value = (size.equals(0.0) | size.equals(inf) | y.absolute().equals(inf)).choose(

@@ -10,7 +10,7 @@ from nearharmonic.core.formulas.number import Constant
 
 #: Number of operations from which on their order is chosen to save registers.
 MANY_OPERATIONS = 200
-#: Time of an operation, in units of one that the processor can begin twice a cycle.
+#: Time for which an operation occupies the processor, in half cycles; others take 1.
 WORK = {"divide": 8, "root": 9}
 
 #: An operation: its name and its operands. An operand is the place of a result, or an exact constant.
@@ -29,7 +29,7 @@ class Program:
     chain : int
         Cycles of the longest chain of operations.
     work : int
-        Operations, weighted by the time that they occupy the processor.
+        Sum over the operations of the time for which each occupies the processor, in half cycles.
     """
 
     def __init__(self, operations: list[Operation], results: list[int], chain: int) -> None:

@@ -68,8 +68,7 @@ class _Writer:
         reachable = graph.reachable(roots)
         self.uses = Counter(child for i in reachable for child in children(graph.nodes[i]))
         self.uses.update(root.node for root in roots if root.node is not None)
-        #: Sums used once, in a sum, and products used once, in a product: their terms or factors join those of the
-        #: user.
+        #: Sums that are used once, in a sum, and products that are used once, in a product.
         self.joined = self._joined(reachable, displacements(graph, roots))
         self._inverses = self._negative_powers(reachable)
 
@@ -115,7 +114,7 @@ class _Writer:
         return self.write("constant", Constant(value))
 
     def _fusible(self, place: int) -> int:
-        """Cycle in which the operands of an addend are ready: a fused product need not be ready itself."""
+        """Cycle in which an addend is ready to be added; of a product, that of its operands, as it is fused."""
         operation = self.operations[place]
         return max(self.ready[x] for x in operation[1:]) if operation[0] == "multiply" else self.ready[place]
 
@@ -238,15 +237,13 @@ class _Writer:
         return self._scaled(c, top)
 
     def _is_quotient(self, node: int) -> bool:
-        """Return True if a node is a constant divided by a value: another constant can be multiplied into this
-        constant.
+        """Return True if a node is a constant divided by a value: another factor can be multiplied into the constant.
         """
         found = self.graph.nodes[node]
         return isinstance(found, Product) and all(e < 0 and n not in self._inverses for n, e in found.factors)
 
     def _power(self, base: int, e: Exact) -> list[int]:
-        """Factors whose product is a power of a node; they use the inverse of the node if several products divide by
-        it.
+        """Factors of a power of a node; the inverse of the node is a factor if several products divide by it.
         """
         x = self.value(1, base)
         if e < 0:
