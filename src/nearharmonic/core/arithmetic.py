@@ -103,8 +103,7 @@ def two_product(a: Any, b: Any) -> Pair:
 
 
 def two_products(a: Any, b: Any) -> Pair:
-    """a * b = product + error exactly, for numpy arrays, without fma (Dekker 1971), if nothing over- or underflows.
-    """
+    """a * b = product + error exactly, for numpy arrays, without fma (Dekker 1971), if nothing over- or underflows."""
     halves = []
     for x in (a, b):
         shifted = x * 134217729.0  # 2^27 + 1

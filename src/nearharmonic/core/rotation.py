@@ -77,8 +77,7 @@ def sheared(form: Form) -> Any:
 
 
 def row_loader(*, extended: bool) -> Any:
-    """Return ``load(moves, row)``: the kick, b, S, S k, S b, rest and b rest, and the shear, each a point but the kick.
-    """
+    """Return ``load(moves, row)``: the kick (a real), and b, S, S k, S b, the two rests and the shear (points)."""
     columns = tuple(linked(f"turn{column}", POINT) for column in range(6 if extended else TURNS))
     if extended:
         b, b_low, S, S_low, shear, shear_low = columns

@@ -78,8 +78,7 @@ def common_divisor(a: Polynomial, b: Polynomial) -> Polynomial:
 
 
 def by_parity(polynomial: Polynomial) -> tuple[Polynomial, Polynomial]:
-    """Two polynomials with simple roots: the roots of odd multiplicity, and the roots of even multiplicity.
-    """
+    """Two polynomials with simple roots: the roots of odd multiplicity, and the roots of even multiplicity."""
     odd: Polynomial = [1]
     even: Polynomial = [1]
     common = common_divisor(polynomial, derivative(polynomial))
@@ -120,8 +119,7 @@ def real_roots(polynomial: Polynomial, precision: int) -> list[Fraction]:
 
 
 def _bound(p: Polynomial) -> int:
-    """A power of 2 above all moduli of roots: 2 max |a_(n-k) / a_n|^(1/k) (Fujiwara 1916), rounded up.
-    """
+    """A power of 2 above all moduli of roots: 2 max |a_(n-k) / a_n|^(1/k) (Fujiwara 1916), rounded up."""
     degree, last = len(p) - 1, abs(p[-1]).bit_length()
     # |a| < 2^bits and |a_n| >= 2^(last - 1), so that a quotient is below 2^(bits - last + 1).
     bits = (-((last - 1 - abs(c).bit_length()) // (degree - n)) for n, c in enumerate(p[:-1]) if c)

@@ -114,8 +114,7 @@ def flags(dimensions: str | tuple[str, ...], words: Any, meanings: Sequence[str]
 
 
 def double_runs(cube: xr.Dataset) -> xr.Dataset:
-    """Return the runs of a cube in double, otherwise in its first precision, without the dimension ``precision``.
-    """
+    """Return the runs of a cube in double, otherwise in its first precision, without the dimension ``precision``."""
     if "precision" not in cube.dims:
         return cube
     names = cube["precision"].values.tolist()
@@ -161,8 +160,7 @@ def assembled(variables: Variables, coordinates: Collection[str], attributes: Ma
 
 @lru_cache(maxsize=64)
 def _template(layout: tuple[Any, ...], auxiliary: tuple[str, ...], counts: tuple[tuple[str, int], ...]) -> xr.Dataset:
-    """A dataset of zeros with the coordinates 0, 1, 2, ...; xarray takes longer to make it than a short run.
-    """
+    """A dataset of zeros with the coordinates 0, 1, 2, ...; xarray takes longer to make it than a short run."""
     import xarray as xr
 
     zeros = {name: (dims, np.broadcast_to(0.0, shape), dict(notes)) for name, dims, shape, *notes in layout}

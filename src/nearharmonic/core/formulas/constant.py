@@ -151,8 +151,7 @@ class Constant(Fraction):
     __slots__ = ()
 
     def __array_ufunc__(self, function: Any, method: str, *operands: Any, **more: Any) -> Any:
-        """Apply a numpy function: exactly with a scalar or a value of a formula, in floats with an array.
-        """
+        """Apply a numpy function: exactly with a scalar or a value of a formula, in floats with an array."""
         name = function.__name__
         if all(not getattr(x, "shape", ()) for x in operands):
             if name in _OPERATORS and method == "__call__":

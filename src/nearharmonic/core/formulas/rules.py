@@ -43,8 +43,7 @@ class Rules:
 
     @property
     def looks_ahead(self) -> bool:
-        """True if the new position does not wait for the new momentum: see :mod:`nearharmonic.core.step`.
-        """
+        """True if the new position does not wait for the new momentum: see :mod:`nearharmonic.core.step`."""
         known = self.physics.acceleration is not None or self.physics.turning is not None
         return known and not self.extended
 
@@ -66,8 +65,7 @@ class Rules:
         return tuple(DoubleDouble(*pair) if self.extended else Double(pair[0]) for pair in pairs)
 
     def flat(self, components: tuple[Any, ...], like: LLVMValue) -> Entries:
-        """The components of a vector as carriers, one or two each; a constant becomes a carrier like ``like``.
-        """
+        """The components of a vector as carriers, one or two each; a constant becomes a carrier like ``like``."""
         kind = DoubleDouble if self.extended else Double
         numbers: list[Any] = [kind.of(x, like) if isinstance(x, Constant) else x for x in components]
         if self.extended:

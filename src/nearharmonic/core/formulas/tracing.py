@@ -101,8 +101,7 @@ class Double(Number):
 
 
 class DoubleDouble(Number):
-    """An unevaluated sum high + low of about 32 digits; :mod:`nearharmonic.core.arithmetic` has the error bounds.
-    """
+    """An unevaluated sum high + low of about 32 digits; :mod:`nearharmonic.core.arithmetic` has the error bounds."""
 
     __slots__ = ("high", "low")
 

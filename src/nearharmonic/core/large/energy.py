@@ -141,8 +141,7 @@ class LoopedEnergy:
         return _totals(terms, self.levels[level - 1].size)
 
     def gradient_of(self, array: int) -> list[Totals]:
-        """The derivatives with respect to an array, with the places of their terms, stored by loops of higher levels.
-        """
+        """The derivatives for an array, with the places of their terms, which loops of higher levels store."""
         terms = [
             (places, self.offsets[f"derivative {k}", number, i] + np.arange(one.loop.count))
             for number, level in enumerate(self.work, start=1)

@@ -33,8 +33,7 @@ COORDINATES = 0
 
 
 class Entry(NamedTuple):
-    """A constant, its index among the data of a term if it may differ between terms, and the node beside it.
-    """
+    """A constant, its index among the data of a term if it may differ between terms, and the node beside it."""
 
     constant: Exact
     place: int | None

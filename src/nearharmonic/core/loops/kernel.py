@@ -238,8 +238,7 @@ def _form(rules: Rules, energy: str) -> Form:
 def _linked(
     entry: str, signature: Signature, choice: dict[str, Any], rules: Rules, width: int, energy: str = "every"
 ) -> tuple[str, bytes]:
-    """Name and object code of a function that numba compiles for some options, with the formulas of a system.
-    """
+    """Name and object code of a function that numba compiles for some options, with the formulas of a system."""
     from nearharmonic.core.formulas import emission as formulas
     from nearharmonic.core.machine import link, operations
 

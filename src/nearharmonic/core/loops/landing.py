@@ -79,8 +79,7 @@ def _radius(rows):  # type: ignore[no-untyped-def]
 
 
 def _coefficients(*, extended: bool) -> Any:
-    """``coefficients(lanes, moves, first, rows, scale)``: those of a step ``scale`` times as long.
-    """
+    """``coefficients(lanes, moves, first, rows, scale)``: those of a step ``scale`` times as long."""
 
     @compiled
     def coefficients(lanes, moves, first, rows, scale):  # type: ignore[no-untyped-def]
@@ -119,8 +118,7 @@ def _steps(advance, count, form, lanes, rows):  # type: ignore[no-untyped-def]
 
 @compiled
 def _approach(advance, form, target, tau, reach, look, control, rows, lanes, trial, trial_lanes):  # type: ignore[no-untyped-def]
-    """Make all steps before a target; return their number, that with trial steps, and if the run diverged.
-    """
+    """Make all steps before a target; return their number, that with trial steps, and if the run diverged."""
     stretch, measured = look
     limited = measured < SAMPLES or measured == NEVER
     at, made, size = 0, 0, 4 * _dimension()
@@ -153,8 +151,7 @@ def _approach(advance, form, target, tau, reach, look, control, rows, lanes, tri
 
 
 def _landing(coefficients: Any) -> Any:
-    """``land(...)``: one step from ``rows`` to the target, into ``trial``; return the number of trial steps.
-    """
+    """``land(...)``: one step from ``rows`` to the target, into ``trial``; return the number of trial steps."""
 
     @compiled
     def land(look, form, moves, first, count, scale, target, rows, trial, lanes):  # type: ignore[no-untyped-def]

@@ -129,8 +129,7 @@ def _fault(status: os.stat_result) -> str:
 
 
 def _warn(reason: str) -> None:
-    """Log ``reason`` once per process; a Python warning could end the run, where a filter makes it an error.
-    """
+    """Log ``reason`` once per process; a Python warning could end the run, where a filter makes it an error."""
     if not _WARNED:
         _WARNED.append(reason)
         logging.getLogger("nearharmonic").warning(

@@ -92,8 +92,7 @@ def _dependent(graph: Graph, root: Value, variables: Set[int]) -> set[int]:
 
 
 def _bound(graph: Graph, root: Value, variables: Set[int]) -> Exact:
-    """A bound on the degree: that of the polynomial before cancellation; 3 for all larger ones and other functions.
-    """
+    """A bound on the degree: that of the polynomial before cancellation; 3 for all larger ones and other functions."""
     degrees: dict[int, Exact] = {}
     for i in graph.reachable([root]):
         node = graph.nodes[i]
@@ -112,8 +111,7 @@ def _bound(graph: Graph, root: Value, variables: Set[int]) -> Exact:
 
 
 def _polynomials(graph: Graph, roots: Sequence[Value], kept: Set[int], most_terms: int) -> dict[int, Polynomial]:
-    """Every node below ``roots`` as a polynomial in the nodes ``kept`` and in nodes other than sums and products.
-    """
+    """Every node below ``roots`` as a polynomial in the nodes ``kept`` and in nodes other than sums and products."""
     found: dict[int, Polynomial] = {}
     for i in graph.reachable(roots):
         node = graph.nodes[i]

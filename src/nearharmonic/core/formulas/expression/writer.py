@@ -237,14 +237,12 @@ class _Writer:
         return self._scaled(c, top)
 
     def _is_quotient(self, node: int) -> bool:
-        """Return True if a node is a constant divided by a value: another factor can be multiplied into the constant.
-        """
+        """Return True if a node is a constant divided by a value: the constant can take up another factor."""
         found = self.graph.nodes[node]
         return isinstance(found, Product) and all(e < 0 and n not in self._inverses for n, e in found.factors)
 
     def _power(self, base: int, e: Exact) -> list[int]:
-        """Factors of a power of a node; the inverse of the node is a factor if several products divide by it.
-        """
+        """Factors of a power of a node; the inverse of the node is a factor if several products divide by it."""
         x = self.value(1, base)
         if e < 0:
             exponents = self._inverses[base]
