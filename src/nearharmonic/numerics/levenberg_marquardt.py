@@ -1,9 +1,9 @@
-"""Steps of the Levenberg-Marquardt iteration for at most as many equations as unknowns.
+"""Steps of the Levenberg-Marquardt iteration, for a number of equations not above that of the unknowns.
 
-From x the iteration goes by the shortest step that solves the damped equations, F residuals and J their Jacobian:
-J^T (J J^T + damping D)^-1 F, where D is the identity (Levenberg) or the diagonal of J J^T (Marquardt). A step that
-lowers the residuals is taken and the damping lowered; otherwise the damping is raised. The loops are in the searches,
-whose rules for the damping differ.
+An iteration from x subtracts the shortest step that solves the damped equations. With residuals F and their Jacobian J
+the step is J^T (J J^T + damping D)^-1 F, where D is the identity (Levenberg) or the diagonal of J J^T (Marquardt). If
+the step lowers the residuals it is taken, and the damping is lowered; otherwise the damping is raised. The loops are in
+the searches, which have different rules for the damping.
 
 K. Levenberg, Quart. Appl. Math. 2, 164 (1944); D. W. Marquardt, J. Soc. Indust. Appl. Math. 11, 431 (1963).
 """
@@ -20,7 +20,7 @@ FIRST_DAMPING = 1e-2
 
 @jit
 def levenberg_step(residuals: Floats, jacobian: Floats, damping: float, matrix: Floats, step: Floats) -> None:
-    """J^T (J J^T + damping)^-1 F by Cholesky's factorization, into ``step``; nan if that inverse does not exist.
+    """J^T (J J^T + damping)^-1 F by Cholesky factorization, into ``step``; NaN if the inverse does not exist.
 
     ``matrix`` (equation, equation + 1) is overwritten.
     """
@@ -49,7 +49,7 @@ def levenberg_step(residuals: Floats, jacobian: Floats, damping: float, matrix: 
 
 @jit
 def marquardt_step(residuals: Floats, jacobian: Floats, damping: float, matrix: Floats, step: Floats) -> bool:
-    """J^T (J J^T + damping diag(J J^T))^-1 F by elimination with pivots, into ``step``; False if that is singular.
+    """J^T (J J^T + damping diag(J J^T))^-1 F by pivoting, into ``step``; False if singular.
 
     ``matrix`` (equation, equation + 1) is overwritten.
     """
@@ -80,7 +80,7 @@ def marquardt_step(residuals: Floats, jacobian: Floats, damping: float, matrix: 
 
 @jit
 def _normal_equations(residuals: Floats, jacobian: Floats, matrix: Floats) -> None:
-    """J J^T, and behind it the right-hand side F."""
+    """J J^T, followed by the right-hand side F as the last column."""
     m, n = jacobian.shape
     for i in range(m):
         for j in range(i + 1):
@@ -93,7 +93,7 @@ def _normal_equations(residuals: Floats, jacobian: Floats, matrix: Floats) -> No
 
 @jit
 def _combined_rows(jacobian: Floats, matrix: Floats, step: Floats) -> None:
-    """J^T y, where y is the last column of ``matrix``."""
+    """J^T y, with y the last column of ``matrix``."""
     m, n = jacobian.shape
     for k in range(n):
         step[k] = 0.0

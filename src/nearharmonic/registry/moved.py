@@ -1,4 +1,4 @@
-"""Old names of modules: an import by one gives the module that has moved, and warns."""
+"""Old names of modules: an import by an old name gives the moved module and a warning."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any
 
-#: Old name below the package -> new one; what is below an old name has moved with it.
+#: Old name in the package -> new name; submodules of an old name have moved too.
 MOVED = {
     "answers": "output.answers",
     "claims": "reproduction.claims",
@@ -178,7 +178,7 @@ PACKAGE = "nearharmonic"
 
 
 def new_name(name: str) -> str | None:
-    """Return the new name of a module with its full old one; None if it has not moved."""
+    """Return the full new name of a module from its full old name; None if it has not moved."""
     rest = name.removeprefix(f"{PACKAGE}.")
     parts = rest.split(".")
     for count in range(len(parts), 0, -1):
@@ -189,13 +189,13 @@ def new_name(name: str) -> str | None:
 
 
 class Moved:
-    """A finder of modules by their old names, and the loader of what it finds."""
+    """Finder and loader of modules by their old names."""
 
     def __init__(self) -> None:
         self._specs: dict[str, Any] = {}
 
     def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
-        """Return the spec of a module that has moved; None leaves the name to the finders behind this one."""
+        """Return the spec of a moved module; None passes the name to the next finder."""
         if not name.startswith(f"{PACKAGE}.") or new_name(name) is None:
             return None
         return ModuleSpec(name, self)  # type: ignore[arg-type]
@@ -209,11 +209,11 @@ class Moved:
         return module
 
     def exec_module(self, module: ModuleType) -> None:
-        """Give the module its own spec back, which the import system has replaced: it has run already."""
+        """Restore the spec of the module, which the import system has replaced; the module has run already."""
         module.__spec__ = self._specs[module.__name__]
 
 
 def install() -> None:
-    """Find old names before any other finder does; once."""
+    """Insert the finder of old names before all others, once."""
     if not any(isinstance(finder, Moved) for finder in sys.meta_path):
         sys.meta_path.insert(0, Moved())

@@ -1,4 +1,4 @@
-"""Systems of users' files, or registered ones, with initial values and parameters of their own."""
+"""Systems of users: those of a file, or registered ones, with other initial values or parameters."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from nearharmonic.systems.definition.file import load_system
 
 @dataclass(frozen=True, kw_only=True)
 class SystemDefinition:
-    """A system of a file, or a registered one, with initial values and parameters of its own.
+    """A system of a file, or a registered system, with other initial values and parameters.
 
     Attributes
     ----------
     file : str or None
         The Python file that defines SYSTEM.
     base : str or None
-        Name of a registered system; given if there is no file.
+        Name of a registered system, if there is no file.
     label : str or None
         Name in titles, in place of the system's own.
     q0, p0 : tuple of str, or None
         Initial values in place of the system's own, as decimal strings.
     parameters : tuple of (str, str)
-        Names and values of those parameters that have others than the system's own.
+        Names and values of the parameters that differ from those of the system.
     """
 
     file: str | None = None
@@ -36,14 +36,14 @@ class SystemDefinition:
     parameters: tuple[tuple[str, str], ...] = ()
 
     def make(self, name: str) -> System:
-        """Return the system under the name that it has here.
+        """Return the system under the given name.
 
         Raises
         ------
         SystemDefinitionError
-            The file defines no system, or a number of initial values does not fit it.
+            The file defines no system, or the number of initial values is wrong.
         UnknownNameError
-            A parameter that the system does not have.
+            The system has no parameter of a given name.
         """
         original = load_system(self.file) if self.file is not None else systems[str(self.base)]
         values = {key: value for key in ("q0", "p0") if (value := getattr(self, key)) is not None}
@@ -56,7 +56,7 @@ class SystemDefinition:
 
 
 def _changed(system: System, values: Mapping[str, str]) -> Mapping[str, Parameter]:
-    """The parameters of ``system``, some of them with another value."""
+    """The parameters of ``system``, with new values for some of them."""
     for name in values:
         if name not in system.parameters:
             if not system.parameters:

@@ -1,4 +1,4 @@
-"""Arguments of the formulas of a system: their signatures, compared with how they are called."""
+"""Comparison of the signatures of formulas with the arguments of their calls."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ _POSITIONAL = (Argument.POSITIONAL_ONLY, Argument.POSITIONAL_OR_KEYWORD)
 
 
 def check_arguments(system: Members) -> None:
-    """Refuse formulas that cannot be called as they are, or that name the parameters in another order.
+    """Refuse formulas with other arguments than those of their calls, or with parameters in another order.
 
-    A formula without a signature, one written in C say, is left to its first call.
+    A formula without a signature, such as one written in C, is not checked.
 
     Raises
     ------
     SystemDefinitionError
-        It names the formula, what it takes, and how it is called.
+        The message holds the formula, its arguments, and the arguments of its calls.
     """
     for formula in ("V", "grad_V", "T", "grad_T"):
         function, parameters = given_function(getattr(system, formula)), tuple(system.parameters)

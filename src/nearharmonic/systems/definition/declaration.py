@@ -1,4 +1,4 @@
-"""Checks of what a system declares, member by member, before any of it is used."""
+"""Checks of the members of a system, before they are used."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from nearharmonic.errors import SystemDefinitionError, shown
 from nearharmonic.systems.definition.members import UNITS, Members
 from nearharmonic.systems.definition.quantities import is_extreme, is_list
 
-#: Variables that every result has, with their dimensions: names that no invariant or observable may have.
+#: Names of the variables and dimensions of every result; no invariant or observable may have such a name.
 VARIABLES = frozenset((
     "t", "q", "p", "q_low", "p_low", "tau", "tau_requested", "energy_error", "max_energy_error", "mean_energy_error",
     "initial_energy", "initial_energy_low", "clock", "clock_low", "clock_momentum", "clock_momentum_low", "steps",
@@ -23,12 +23,12 @@ VARIABLES = frozenset((
 
 
 def check_members(system: Members) -> None:
-    """Refuse members of a system that are of another type than they must be.
+    """Refuse members of a system that have a wrong type.
 
     Raises
     ------
     SystemDefinitionError
-        It names the member, its value, and what is allowed.
+        The message holds the member, its value, and the allowed values.
     """
     name = system.name
     if not isinstance(name, str) or not name:
@@ -85,12 +85,12 @@ def _check_functions(system: Members) -> None:
 
 
 def check_numbers(system: Members) -> None:
-    """Refuse initial values, parameters and times that no double holds.
+    """Refuse initial values, parameters and times that are not finite doubles.
 
     Raises
     ------
     SystemDefinitionError
-        It names the number, its value, and what is wrong.
+        The message holds the name of the number, its value, and the fault.
     """
     named: dict[str, Any] = {f"parameter {k}": v.value for k, v in system.parameters.items()}
     named |= {"t_end": system.t_end}
@@ -117,7 +117,8 @@ def written_frequencies(system: Members) -> tuple[Fraction | str, ...]:
     Raises
     ------
     SystemDefinitionError
-        Another number of them than of coordinates, or one that is no number of at least 0 and no parameter.
+        The numbers of frequencies and coordinates differ, or a frequency is neither a number of at least 0 nor a
+        parameter.
     """
     given: Any = system.frequencies
     if not is_list(given) or not hasattr(given, "__len__") or len(given) != system.dimension:

@@ -19,7 +19,7 @@ from nearharmonic.systems.numba.potential import NumbaEnergy, numba_potential
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Energies(Members):
-    """The energies of a system and what is known of its kinetic energy."""
+    """The energies of a system, and properties of its kinetic energy."""
 
     @cached_property
     def _potential(self) -> Energy:
@@ -36,17 +36,17 @@ class Energies(Members):
 
     @property
     def energies(self) -> tuple[Energy, Energy]:
-        """V, of the coordinates and of time if it depends on it, and T."""
+        """V and T. V is a function of the coordinates, and of time if it depends on time."""
         return self._potential, self._kinetic_energy
 
     @cached_property
     def quadratic_kinetic_energy(self) -> bool:
-        """True if T is a polynomial of degree at most 2 in the momenta, which Nystrom methods need."""
+        """True if T is a polynomial of degree at most 2 in the momenta, as Nystrom methods require."""
         return self.T is quadratic_T or isinstance(self.T, MassKineticEnergy) or self._kinetic_energy.is_quadratic
 
     @cached_property
     def unit_masses(self) -> bool:
-        """True if T = p.p / 2, so that forces are accelerations."""
+        """True if T = p.p / 2: accelerations are then minus grad_V."""
         return self.T is quadratic_T or self._kinetic_energy.is_half_square
 
     def energy(self, q: Vector, p: Vector, constants: Sequence[Any] = (), t: Any = None) -> Any:
@@ -55,16 +55,16 @@ class Energies(Members):
         Parameters
         ----------
         q, p : tuple of d numbers or arrays
-            State, of any one number type.
+            State, in any number type.
         constants : sequence of numbers
-            Parameters in that type, from :meth:`constants`.
+            Parameters in the same type, from :meth:`constants`.
         t : number or array
             Time, if V depends on it.
 
         Raises
         ------
         SystemDefinitionError
-            V depends on time, and none is given.
+            V depends on time, and ``t`` is not given.
         """
         if self.time_dependent and t is None:
             raise SystemDefinitionError(f"{self.name}: V depends on time, and its energy needs t")

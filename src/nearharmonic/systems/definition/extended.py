@@ -1,9 +1,9 @@
-"""Formulas of the extended phase space, and formulas that take arguments which they do not use.
+"""Formulas of the extended phase space, and adapters for formulas without parameters.
 
-A potential V(q, t) is that of an autonomous system whose last coordinate is the time t, with a momentum p_t conjugate
-to it: H = T(p) + p_t + V(q, t). Then dt/dt = 1, dp_t/dt = -dV/dt, and H is conserved; p_t starts at 0, so that -p_t is
-the energy that the system has received. T + p_t is of degree 2 in the momenta if T is. Source: Hairer, Lubich & Wanner
-(2006), Geometric Numerical Integration, Sec. VI.1 (extended phase space).
+A system with V(q, t) is extended to an autonomous system, whose last coordinate is the time t with the conjugate
+momentum p_t: H = T(p) + p_t + V(q, t). Then dt/dt = 1, dp_t/dt = -dV/dt, and H is conserved. p_t starts at 0, so that
+-p_t is the energy that the system has received. T + p_t has degree 2 in the momenta if T has. Source: Hairer, Lubich &
+Wanner (2006), Geometric Numerical Integration, Sec. VI.1 (extended phase space).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Vector = tuple[Any, ...]
 
 
 class DerivedGradient:
-    """The gradient of an energy, derived from it at the first call."""
+    """The gradient of an energy, derived at the first call."""
 
     def __init__(self, energy: Energy, time_dependent: bool = False) -> None:
         self.energy, self.time_dependent = energy, time_dependent
@@ -33,14 +33,14 @@ class DerivedGradient:
 
 
 def with_parameters(formula: Callable[..., Any], count: int) -> Callable[..., Any]:
-    """Return T or grad_T as a function of the momenta and the parameters, of which it may take none."""
+    """Return T or grad_T, which may take no parameters, as a function of momenta and parameters."""
     taken = not count or isinstance(formula, DerivedGradient) or takes_parameters(formula)
     return formula if taken else _WithoutParameters(formula)
 
 
 @dataclass(frozen=True)
 class _WithoutParameters:
-    """A function of the momenta alone, called with the parameters too."""
+    """A function of the momenta only, as a function of momenta and parameters."""
 
     formula: Callable[..., Any]
 
@@ -60,7 +60,7 @@ class ExtendedPotential:
 
 
 def _of_time(formula: Callable[..., Any], q: Vector, t: Any, *parameters: Any) -> Any:
-    """V or grad_V of the coordinates without the time, which errors do not count."""
+    """Call V or grad_V; error messages do not count the time as a coordinate."""
     try:
         return formula(q, t, *parameters)
     except IndexError as error:
@@ -71,7 +71,7 @@ def _of_time(formula: Callable[..., Any], q: Vector, t: Any, *parameters: Any) -
 
 @dataclass(frozen=True)
 class ExtendedForce:
-    """(dV/dq, dV/dt): the one given with the system, the other derived."""
+    """(dV/dq, dV/dt): dV/dq is given with the system, dV/dt is derived."""
 
     grad_V: Callable[..., Vector]
     potential: Energy

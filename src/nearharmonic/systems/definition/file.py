@@ -1,4 +1,4 @@
-"""Systems that Python files of users define."""
+"""Systems in Python files of users."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def load_system(place: str | os.PathLike[str]) -> System:
     Raises
     ------
     SystemDefinitionError
-        There is no such file, it cannot be run, or it defines no System of that name.
+        The file does not exist, fails when it is run, or defines no System of that name.
     """
     module = load(place, DECLARES, SystemDefinitionError)
     found = getattr(module, "SYSTEM", None)
@@ -31,19 +31,19 @@ def load_system(place: str | os.PathLike[str]) -> System:
 
 
 def system_at(place: str, registered: Collection[str]) -> System:
-    """Return the system of a file that is used by its path, under the name that it has there.
+    """Return the system of a file that is given by its path.
 
     Parameters
     ----------
     place : str
         The path.
     registered : collection of str
-        Names of the registered systems, none of which a file may use.
+        Names of the registered systems, which a file must not use.
 
     Raises
     ------
     SystemDefinitionError
-        As for :func:`load_system`, or its name is that of a registered system.
+        As for :func:`load_system`, or the system has the name of a registered system.
     """
     path, entry = split_path(place)
     if entry:

@@ -1,4 +1,4 @@
-"""Members of a system as its user gives them, written out in full, and their numbers."""
+"""Members of a system, completed from the short forms that a user may give, and their numbers."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ Scalar = TypeVar("Scalar")
 UNITS = ("q", "p", "t", "energy")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)  # formulas have no equality but identity
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)  # formulas are compared by identity only
 class Members:
-    """The members of a system, which :class:`~nearharmonic.systems.definition.system.System` describes."""
+    """The members of a system; :class:`~nearharmonic.systems.definition.system.System` documents them."""
 
     name: str
     label: str = ""
@@ -68,13 +68,13 @@ class Members:
         return tuple(map(kind, self.q0)), tuple(map(kind, self.p0))
 
     def extended_start(self, kind: Callable[[str], Scalar]) -> tuple[tuple[Scalar, ...], tuple[Scalar, ...]]:
-        """Return the initial values of what :meth:`formulas` are of: with t = 0 and p_t = 0 if V depends on time."""
+        """Return the initial values of the integrated system: with t = 0 and p_t = 0 if V depends on time."""
         more = (kind("0"),) if self.time_dependent else ()
         q0, p0 = self.start(kind)
         return (*q0, *more), (*p0, *more)
 
     def _write_out(self) -> None:
-        """Write out what was given in short: numbers, parameters and observables by themselves, no label."""
+        """Complete short forms of members: plain numbers, parameters and observables, and a missing label."""
         named = {
             key: value if isinstance(value, Parameter) else Parameter(value=value, meaning=key)
             for key, value in self.parameters.items()

@@ -20,61 +20,62 @@ from nearharmonic.systems.formulas.formulas import Formulas, formulas_of, regula
 from nearharmonic.systems.formulas.kinetic_energy import MassKineticEnergy, of_masses, quadratic_grad_T, quadratic_T
 from nearharmonic.systems.numba.potential import potential_of
 
-#: Members of a system that hold for its V and T alone.
+#: Members of a system that are valid only for its V and T.
 DECLARED = ("harmonic", "gravity", "exact_position", "position_t_end", "frequencies")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)  # formulas have no equality but identity
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)  # formulas are compared by identity only
 class System(Energies):
-    """A separable Hamiltonian with its standard initial value problem.
+    """A separable Hamiltonian with a standard initial value problem.
 
     ``V(q, *parameters)`` and ``T(p)`` or ``T(p, *parameters)`` return a scalar. They use only ``+ - * /``, powers,
-    ``abs`` and the functions of :mod:`nearharmonic.math`, never a branch on a value, so that one text serves floats,
-    numpy arrays, mpmath numbers and the kernels' scalars, SIMD lanes and double-doubles. Kernels take a float literal
-    for the shortest decimal that it prints as: 0.1 is one tenth in every precision, ``q[0] / 3`` more precise than
-    ``0.3333333333333333 * q[0]``, and a number of more digits a parameter.
+    ``abs`` and the functions of :mod:`nearharmonic.math`, and never branch on a value. The same code then works with
+    floats, numpy arrays, mpmath numbers, and the scalars, SIMD lanes and double-doubles of kernels. In kernels a float
+    literal means the shortest decimal that it prints as: 0.1 is one tenth in every precision, and ``q[0] / 3`` is more
+    precise than ``0.3333333333333333 * q[0]``. A number with more digits must be a parameter.
 
-    ``grad_V(q, *parameters)`` and ``grad_T(p)`` return a tuple as long as ``q``. If left out, they are derived; if
-    given, they are compared with V and T at first use. With ``time_dependent``, ``V(q, t, *parameters)`` and
-    ``grad_V(q, t, *parameters)`` depend on the time; :meth:`formulas` are those of the extended autonomous system.
+    ``grad_V(q, *parameters)`` and ``grad_T(p)`` return a tuple as long as ``q``. Gradients that are not given are
+    derived from V and T. Gradients that are given are compared with V and T at first use. With ``time_dependent=True``,
+    ``V(q, t, *parameters)`` and ``grad_V(q, t, *parameters)`` depend on the time, and :meth:`formulas` are those of the
+    extended autonomous system.
 
-    V and grad_V may both be functions decorated with ``numba.njit``, of a tuple or an array of floats: these may
-    branch, and are compiled as they are, for double precision. See :mod:`nearharmonic.systems.numba.potential`.
+    V and grad_V may both be functions decorated with ``numba.njit``, of a tuple or an array of floats. Such functions
+    may branch, and are compiled without tracing, for double precision only. See
+    :mod:`nearharmonic.systems.numba.potential`.
 
-    ``masses`` makes T = p.M^-1 p / 2, in place of T and grad_T: a tuple of d decimal strings, fractions or names of
-    parameters, or a constant symmetric positive definite matrix (d, d) of strings and fractions. Without ``masses`` and
-    T the masses are 1.
+    ``masses`` defines T = p.M^-1 p / 2, in place of T and grad_T. It is a tuple of d decimal strings, fractions or
+    names of parameters, or a constant symmetric positive definite matrix (d, d) of strings and fractions. Without
+    ``masses`` and T all masses are 1.
 
-    ``q0``, ``p0``, ``t_end`` and the parameters are decimal strings, exact, rounded once per precision; numbers mean
-    the decimals that they print as, and a parameter may be given by its value alone. ``units`` names the units of
-    ``q``, ``p``, ``t`` and ``energy``, "1" by default. ``invariants`` are conserved functions ``f(q, p, *parameters)``
-    besides the energy, an :class:`Observable` where their units matter; ``observables`` are recorded at the samples,
-    functions of the same arguments or each an :class:`Observable`; ``period(q, p, *parameters)`` is the period of the
-    exact orbit through floats q, p, if it has one. ``energy_scale`` is what energy errors are relative to, a decimal
-    string in the unit of energy; if None, |H0|, or that unit where H0 = 0.
-    ``surface_limit`` is the relative energy error beyond which a run has diverged; ``surface_reason`` says why.
+    ``q0``, ``p0``, ``t_end`` and the parameters are exact decimal strings, which are rounded once for each precision. A
+    float means the decimal that it prints as. A parameter may be given by its value alone. ``units`` holds the units of
+    ``q``, ``p``, ``t`` and ``energy``, "1" by default. ``invariants`` are functions ``f(q, p, *parameters)`` that are
+    conserved besides the energy, ``observables`` functions of the same arguments that are recorded at the samples. Both
+    may be an :class:`Observable`, which has a unit. ``period(q, p, *parameters)`` is the period of the exact orbit
+    through floats q, p, if it is periodic. Energy errors are relative to ``energy_scale``, a decimal string in the unit
+    of energy; if None, they are relative to |H0|, or absolute if H0 = 0. A run has diverged if its relative energy
+    error exceeds ``surface_limit``; ``surface_reason`` is the reason for the value of this limit.
 
-    ``regularisation`` makes V = -GM/|q| + R in two or three coordinates an oscillator: what is integrated, with a step
-    in a fictitious time, are the formulas of :mod:`nearharmonic.systems.formulas.regularisation`. States, times and
-    energies are mapped back.
+    ``regularisation`` transforms a system with V = -GM/|q| + R in two or three coordinates to an oscillator: the
+    formulas of :mod:`nearharmonic.systems.formulas.regularisation` are integrated with a step in a fictitious time.
+    States, times and energies are mapped back.
 
-    ``harmonic`` marks the unit oscillator H = (p^2 + q^2)/2, whose energy errors are known in closed form, ``gravity``
-    the potential V = -GM/|q|, for which other libraries have code of their own; both are compared with V at first use.
-    ``exact_position(system, t)`` returns the position at the mpmath number t on the exact orbit, in the working
-    precision of mpmath, or None if it has no closed form for the initial values and parameters of ``system``.
-    ``position_t_end`` is the end of the interval over which positions are compared, where ``t_end`` is too late for
-    that. ``frequencies`` are w_i of the oscillators p_i^2 / 2 + w_i^2 q_i^2 / 2 that ``split`` of a run solves exactly:
-    d decimal strings, fractions or names of parameters, "0" for a free coordinate.
-    A copy by :func:`dataclasses.replace` with another V or T drops those of these five that it does not change,
-    and derives anew what was derived; ``declared_for`` is how it knows, and is not to be set.
+    ``harmonic`` marks the unit oscillator H = (p^2 + q^2)/2, for which energy errors have a closed form. ``gravity``
+    marks the potential V = -GM/|q|, for which other libraries have special code. Both are compared with V at first use.
+    ``exact_position(system, t)`` returns the position at the time t, an mpmath number, on the exact orbit in the
+    working precision of mpmath, or None if there is no closed form for the initial values and parameters of ``system``.
+    ``position_t_end`` is the end of the interval over which positions are compared, if ``t_end`` is too late for that.
+    ``frequencies`` are w_i of the oscillators p_i^2 / 2 + w_i^2 q_i^2 / 2 that are solved exactly by a run with
+    ``split``: d decimal strings, fractions or names of parameters, "0" for a free coordinate. A copy by
+    :func:`dataclasses.replace` with another V or T resets those of these five members that are not replaced too, and
+    derives gradients again. ``declared_for`` records V and T for this purpose and must not be set.
 
     Raises
     ------
     SystemDefinitionError
-        Rows of different length, a string that is no number finite as a double, a unit missing, ``masses`` that make no
-        kinetic energy or beside a T, a formula that takes other arguments than it is called with or names the
-        parameters in another order, or ``harmonic`` or ``gravity`` where dimension, kinetic energy or parameters rule
-        it out.
+        q0 and p0 have different lengths; a string is not a finite double; a unit is missing; ``masses`` do not define a
+        kinetic energy, or are given together with T; a formula has wrong arguments or parameters in another order; or
+        ``harmonic`` or ``gravity`` contradicts the dimension, the kinetic energy or the parameters.
     """
 
     def __post_init__(self) -> None:
@@ -125,7 +126,7 @@ class System(Energies):
         return facts_table("System", self.facts)
 
     def _set_kinetic_energy(self) -> None:
-        """Make T of ``masses``, and grad_T if it is not given; in a copy these may be the original's."""
+        """Set T from ``masses``, and grad_T if it is not given; in a copy both may come from the original."""
         made = isinstance(self.grad_T, DerivedGradient) or isinstance(
             getattr(self.grad_T, "__self__", None), MassKineticEnergy
         )
@@ -143,7 +144,7 @@ class System(Energies):
             object.__setattr__(self, "grad_T", DerivedGradient(self._kinetic_energy))
 
     def _drop_declarations(self) -> None:
-        """Reset, in a copy with another V or T, what the original declared of its own."""
+        """Reset, in a copy with another V or T, the members that the original declared for its own V and T."""
         original = self.declared_for
         if original is not None and (original["V"], original["T"]) != (self.V, self.T):
             for name in DECLARED:
@@ -152,7 +153,7 @@ class System(Energies):
         object.__setattr__(self, "declared_for", {name: getattr(self, name) for name in ("V", "T", *DECLARED)})
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle a registered system by its name, that of a file by its path, another by its fields.
+        """Pickle a registered system by its name, the system of a file by its path, and any other by its fields.
 
         The functions in these fields must be importable.
         """
@@ -169,7 +170,7 @@ class System(Energies):
 
     @cached_property
     def parameters_at_run_time(self) -> bool:
-        """True if formulas can be called with parameters that are values, on which no branch may depend."""
+        """True if formulas work with parameters that are values of a kernel, so that no branch depends on them."""
         energies = (self._potential, self._kinetic_energy)
         return not self.parameters or (
             all(e.parameters_at_run_time for e in energies) and self._gradients_take_values()
@@ -181,7 +182,7 @@ class System(Energies):
         try:
             for name in ("grad_V", "grad_T"):
                 traced = name == "grad_T" or self._potential.traced
-                if traced and not isinstance(getattr(self, name), DerivedGradient):  # of an energy, which takes them
+                if traced and not isinstance(getattr(self, name), DerivedGradient):  # an energy takes such parameters
                     vector(formulas, name, values[: formulas.dimension], *values[formulas.dimension :])
         except SystemDefinitionError:
             return False
@@ -189,15 +190,15 @@ class System(Energies):
 
     @property
     def force_chain(self) -> Chain:
-        """The longest chain of operations from a position to the force there, in processor cycles.
+        """The longest chain of operations from a position to its force, in processor cycles.
 
-        It bounds the time of one trajectory: a stage takes as long as this and about seven cycles more.
+        It bounds the time of one trajectory: a stage takes about seven cycles more.
         """
         given = () if self.parameters_at_run_time else self.constants(Constant)
         return self.formulas().force_chain(given, len(self.parameters))
 
     def formulas(self) -> Formulas:
-        """Return what is integrated: the formulas, or those of the extended system if V depends on time."""
+        """Return the integrated formulas: those of the system, or of the extended system if V depends on time."""
         return self._formulas
 
     @cached_property
@@ -207,7 +208,7 @@ class System(Energies):
         return formulas_of(self, self._potential, self._kinetic_energy)
 
     def autonomous(self) -> System:
-        """Return the extended system as one of its own if V depends on time: a System of :meth:`formulas`."""
+        """Return the extended system as a separate System if V depends on time: that of :meth:`formulas`."""
         if not self.time_dependent:
             return self
         formulas, (q0, p0) = self.formulas(), self.extended_start(str)
@@ -221,9 +222,9 @@ class System(Energies):
         Parameters
         ----------
         q, direction : tuple of d numbers
-            Position, and a displacement, of any one number type.
+            Position, and a displacement, in the same number type.
         *others : numbers
-            What V takes behind q: the time if it depends on it, and the parameters.
+            Further arguments of V: the time if V depends on it, and the parameters.
         """
         if self.time_dependent:
             t, *parameters = others

@@ -26,15 +26,15 @@ Vector = tuple[Any, ...]
 
 @dataclass(frozen=True, kw_only=True)
 class Formulas:
-    """The formulas of an autonomous system of ``dimension`` coordinates, each with its parameters behind them.
+    """The formulas of an autonomous system of ``dimension`` coordinates.
 
-    ``V(q, *parameters)`` and ``T(p, *parameters)`` return a scalar, ``grad_V(q, *parameters)`` and
-    ``grad_T(p, *parameters)`` a tuple of ``dimension`` components. ``hessian_V_times(q, vector, *parameters)`` and
+    ``V(q, *parameters)`` and ``T(p, *parameters)`` return a scalar, ``grad_V(q, *parameters)`` and ``grad_T(p,
+    *parameters)`` a tuple of ``dimension`` components. ``hessian_V_times(q, vector, *parameters)`` and
     ``hessian_T_times(p, vector, *parameters)`` are derived from them. ``grad_V_and_V(q, *parameters)`` returns the
-    components of the gradient and V behind them, of shared operations, ``balanced_T(p, *parameters)`` is T in an order
-    that keeps chains of operations short. ``acceleration(force, *parameters)`` is the change of grad_T by a force, the
-    same at all momenta if T is quadratic. ``energies`` are V and T as expressions, ``regularised`` the maps of a
-    regularised system. ``name`` is that of the system, for errors.
+    components of the gradient followed by V, from shared operations. ``balanced_T(p, *parameters)`` is T in an order of
+    operations with short chains. ``acceleration(force, *parameters)`` is the change of grad_T by a force, which does
+    not depend on the momenta if T is quadratic. ``energies`` are V and T as expressions, and ``regularised`` holds the
+    maps of a regularised system. ``name`` is the name of the system, for errors.
     """
 
     name: str
@@ -72,14 +72,14 @@ class Formulas:
 
 
 def formulas_of(system: Energies, potential: Energy, kinetic_energy: Energy) -> Formulas:
-    """Return what is integrated of ``system``.
+    """Return the integrated formulas of ``system``.
 
     Parameters
     ----------
     system : System
-        Its gradients, or that they are derived.
+        The system; gradients that it does not have are derived.
     potential : Energy
-        V of the coordinates that are integrated, the time among them if V depends on it.
+        V as a function of the integrated coordinates, which include the time if V depends on it.
     kinetic_energy : Energy
         T of the momenta of the system.
     """
@@ -108,12 +108,12 @@ def formulas_of(system: Energies, potential: Energy, kinetic_energy: Energy) -> 
 
 
 def regularised_formulas(system: Energies) -> Formulas:
-    """Return the formulas of an oscillator that ``system``, whose ``regularisation`` is given, is mapped to.
+    """Return the formulas of the oscillator of ``system``, which has a ``regularisation``.
 
     Raises
     ------
     SystemDefinitionError
-        Another number of coordinates than 2 or 3, masses other than 1, V that depends on time, or no such parameter.
+        The system does not have 2 or 3 coordinates and masses of 1, V depends on time, or a parameter is missing.
     """
     given = system.regularisation
     assert given is not None
@@ -157,7 +157,7 @@ def regularised_formulas(system: Energies) -> Formulas:
 
 @dataclass(frozen=True)
 class _Acceleration:
-    """Acceleration in a system whose T is quadratic; the clock of an extended system has none."""
+    """Acceleration in a system whose T is quadratic; that of the time coordinate of an extended system is 0."""
 
     system: Energies
     kinetic_energy: Energy

@@ -1,6 +1,6 @@
-"""V as the oscillators that a system declares, and the rest: [p.p + sum (w_i q_i)^2] / 2 + [V - sum (w_i q_i)^2 / 2].
+"""V as declared oscillators and the rest: [p.p + sum (w_i q_i)^2] / 2 + [V - sum (w_i q_i)^2 / 2].
 
-The rest is formed with exact constants, so that the quadratic terms of V cancel as expressions, not as numbers.
+The rest has exact constants, so that the quadratic terms of V cancel as expressions, not as numbers.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Remainder:
 
 @cache
 def frequencies_of(system: System) -> tuple[tuple[Fraction, ...], tuple[int, ...]]:
-    """Return the distinct frequencies, and of each coordinate the place of its own among them.
+    """Return the distinct frequencies, and for each coordinate the index of its frequency.
 
     Raises
     ------
@@ -53,18 +53,18 @@ def frequencies_of(system: System) -> tuple[tuple[Fraction, ...], tuple[int, ...
 
 
 def frequency_parameters(system: System) -> list[int]:
-    """Return the places of the parameters that are frequencies."""
+    """Return the indices of the parameters that are frequencies."""
     named = written_frequencies(system)
     return [i for i, name in enumerate(system.parameters) if name in named]
 
 
 def check_oscillator(system: System, key: str = "split") -> None:
-    """Refuse a system whose oscillators cannot be solved exactly together with T, as a setting named ``key``.
+    """Raise an error about the setting ``key`` if the oscillators and T cannot be solved exactly together.
 
     Raises
     ------
     SettingError
-        It says what the system lacks.
+        The message holds the missing property of the system.
     """
     value = "exact_oscillator"
     if system.frequencies is None:
@@ -88,7 +88,7 @@ def check_oscillator(system: System, key: str = "split") -> None:
 
 @cache
 def remainder_formulas(system: System) -> Formulas:
-    """Return the formulas of ``system`` whose grad_V is that of V without its oscillators; V is the whole potential.
+    """Return the formulas of ``system`` with the grad_V of V without its oscillators; V is the full potential.
 
     Raises
     ------
