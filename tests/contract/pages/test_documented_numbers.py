@@ -4,27 +4,21 @@ from __future__ import annotations
 
 import contextlib
 import io
-import re
 from math import isclose
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import nearharmonic as nh
 from nearharmonic.cli import main
+from support.results.stated_numbers import ROOT, flat, numbers
 
-ROOT = Path(__file__).parents[3]
 SIXTH_ORDER = ("babs8o6_7h", "abas9o6_7h", "babs10o6_8h", "abas11o6_8h")
-SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 
 
 def stated(page, pattern):
     """The numbers that ``pattern`` finds in ``page``, where it occurs once; line breaks count as spaces."""
-    text = re.sub(r"\s+", " ", (ROOT / page).read_text(encoding="utf-8"))
-    (found,) = re.findall(pattern, text)
-    words = [found] if isinstance(found, str) else found
-    return [float(re.sub(r" × 10([⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)", lambda m: "e" + m[1].translate(SUPERSCRIPTS), w)) for w in words]
+    return numbers(flat(page), pattern)
 
 
 def decades(system, name, taus_per_stage):

@@ -11,6 +11,7 @@ from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.reproduction.claims.table import CLAIMS
 from support.results.changed_results import cell, put, together
 from support.results.sound_results import sound_results
+from support.results.stated_numbers import plain
 from support.results.threshold_results import (
     NEW,
     above_floor,
@@ -144,14 +145,9 @@ def test_the_verdict_turns_at_the_threshold(name):
         found.append(BY_ID[name].decision(results))
     assert [one.verdict for one in found] == [below, above]
     if "stable" not in name:  # whose step sizes are those of a grid, 6 % apart
-        ends = re.search(r"same verdict(?: from (\S+))?(?: up)?(?: (?:up )?to (\S+))?$", _plain(found[1].margin))
+        ends = re.search(r"same verdict(?: from (\S+))?(?: up)?(?: (?:up )?to (\S+))?$", plain(found[1].margin))
         bound = BY_ID[name].bound
         assert any(end and abs(float(end) / bound - 1) < 0.045 for end in ends.groups()), found[1].margin
-
-
-def _plain(text):
-    digits = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
-    return re.sub(r" × 10([⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)", lambda found: "e" + found[1].translate(digits), text)
 
 
 def test_thousands_are_two_of_them():
