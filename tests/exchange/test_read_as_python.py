@@ -82,7 +82,7 @@ def test_the_program_in_fortran_gives_our_states(name):
 
 @METHODS
 def test_the_table_of_sundials_gives_our_states(name):
-    """As sprkStep_TakeStep: a stage kicks with ahat, then drifts with a; tables are made of (stages, order, a, ahat)."""
+    """As sprkStep_TakeStep: a stage kicks with ahat, then drifts with a; a table is of (stages, order, a, ahat)."""
     text = unwrapped(export(nh.integrators[name], "sundials"))
     stages, order, *rows = re.search(r"ARKodeSPRKTable_Create\((.*)\)", text)[1].split(", ")
     drifts, kicks = (list(map(float, array(text, row))) for row in rows)
