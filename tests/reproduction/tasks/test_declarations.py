@@ -1,4 +1,4 @@
-"""Figures that two experiments declare beside each other: each has files and targets of its own, and its own function."""
+"""Figures of two experiments beside each other: each has files and targets of its own, and its own function."""
 
 from __future__ import annotations
 

@@ -221,10 +221,11 @@ def test_the_table_of_methods_tells_gains_and_losses(small):
         )
 
 
+LOGARITHMS = [[[-6, -4], [-6.5, -3]], [[-7, np.nan], [-8.25, np.nan]]]
 #: Two ensembles at two step sizes, the second of which has one alone; a published method and a trained one.
 BY_HAND = xr.Dataset(
     {
-        "mean_log_error": (("ensemble", "integrator", "point"), [[[-6, -4], [-6.5, -3]], [[-7, np.nan], [-8.25, np.nan]]]),
+        "mean_log_error": (("ensemble", "integrator", "point"), LOGARITHMS),
         "best_published": (("ensemble", "point"), [["a", "a"], ["a", ""]]),
         "best_trained": (("ensemble", "point"), [["b", "b"], ["b", ""]]),
         "gain": (("ensemble", "point"), [[0.5, -1], [1.25, np.nan]]),
