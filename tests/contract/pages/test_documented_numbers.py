@@ -79,7 +79,7 @@ def test_the_budget_of_a_recommendation_is_what_the_pages_say():
     (thousands,) = stated("README.md", r"reaches the error within (\d+) 000 evaluations")
     (again,) = stated("docs/own_systems.md", r"in a run that is recommended, (\d+) 000 by default")
     assert 1000 * thousands == 1000 * again == asked.budget
-    (top, bottom) = stated("docs/own_systems.md", r"whole numbers of steps, up to (\d)/(\d) of the budget")
+    (top, bottom) = stated("docs/own_systems.md", r"numbers of steps, up to (\d)/(\d) of the budget")
     assert asked.longest == asked.budget * top / bottom
     (word,) = [word for word in shown("recommend", "--help").split() if word.startswith("200000")]
     assert word == f"{asked.budget})"
