@@ -101,7 +101,7 @@ def test_what_the_page_says_of_modified_integrators_follows_from_their_errors():
 def test_the_leading_errors_of_two_methods_of_one_family_are_those_that_the_page_says():
     from nearharmonic.theory.order import leading_errors
 
-    ours, published = stated(PAGE, r"error of degree seven is least: (\S+), and (\S+) for the published one")
+    ours, published = stated(PAGE, r"smallest error of degree seven: (\S+), and (\S+) for the published member")
     for name, norm in (("abag5o6", ours), ("omelyan_g5o6", published)):
         assert float(f"{leading_errors(name).nystrom.norm:.2e}") == norm
 
