@@ -100,7 +100,7 @@ def test_the_leading_errors_of_two_methods_of_one_family_are_those_that_the_page
     from nearharmonic.theory.order import leading_errors
 
     norms = [float(f"{leading_errors(name).nystrom.norm:.2e}") for name in ("abag5o6", "omelyan_g5o6")]
-    assert states(PAGE, norms, "for the published one")
+    assert states(PAGE, norms, "for the published member")
 
 
 @pytest.mark.parametrize(
