@@ -25,10 +25,10 @@ from nearharmonic.exact.polynomials import (
     product,
     whole,
 )
+from nearharmonic.exact.step import StepPolynomials
 from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.theory.oscillator import (
     CLOSED_FORM_DIGITS,
-    StepPolynomials,
     stability_trace,
     step_polynomials,
     tableau_of,

@@ -1,7 +1,7 @@
 """Symmetric methods with kicks of a modified potential of a given order: their equations, and a search for solutions.
 
 A step is a product of exponentials of A, B and C = [B, [A, B]], whose coefficients on words are those of
-:mod:`nearharmonic.theory.word_sums`: with arrays, each entry is a start of the search; with mpmath numbers, Newton's
+:mod:`nearharmonic.exact.words`: with arrays, each entry is a start of the search; with mpmath numbers, Newton's
 method finds the digits. A symmetric step fulfils the conditions of even degree by itself. Where those
 of lower degree hold, one of odd degree n compares the coefficients on words with those of exp(A + B), which are 1/n!.
 """
@@ -21,9 +21,10 @@ from mpmath import mp, mpf
 from nearharmonic.exact.decimals import BigFloat, as_mpf
 from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.exact.newton import Limit, newton
+from nearharmonic.exact.step import Factor
+from nearharmonic.exact.words import word_sums
 from nearharmonic.integrators.tableau import First
 from nearharmonic.numerics.types import Floats
-from nearharmonic.theory.word_sums import Factor, word_sums
 
 #: An equation: weights of words, and what the weighted sum has to be.
 Equation = tuple[list[tuple[Fraction, str]], Fraction]

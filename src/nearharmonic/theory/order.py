@@ -9,23 +9,25 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import lru_cache
-from math import factorial, sqrt
+from itertools import zip_longest
+from math import sqrt
 from numbers import Integral
 from typing import NamedTuple
 
 from nearharmonic.errors import bad_setting
 from nearharmonic.exact.lie import conditions, lyndon_words
-from nearharmonic.exact.words import logarithm, product_of_exponentials
+from nearharmonic.exact.step import StepPolynomials, rotation
+from nearharmonic.exact.words import logarithm, words
 from nearharmonic.integrators.order_conditions import (
     errors_of,
     highest_of,
-    operators_of,
     proved_order,
+    step_of,
     tolerance,
     weighted,
 )
 from nearharmonic.integrators.tableau import First, Tableau
-from nearharmonic.theory.oscillator import StepPolynomials, step_polynomials, tableau_of
+from nearharmonic.theory.oscillator import step_polynomials, tableau_of
 
 #: Length of the words that a generalised order is looked for in first: most fail at their order already.
 _SHORT = 7
@@ -235,10 +237,9 @@ def _first_failure(tableau: Tableau, kicks: int, highest: int) -> int:
     """The order at which error terms with exactly ``kicks`` letters B appear, or ``highest`` if none does by then."""
     length = min(highest, _SHORT)
     while True:
-        step = product_of_exponentials(operators_of(tableau), length, kicks)
         # On words of even length the logarithm of a symmetric step vanishes.
-        wanted = [w for w in step.scaled if w.count("B") == kicks and (len(w) % 2 or not tableau.symmetric)]
-        found = logarithm(step, wanted)
+        wanted = [w for w in words(length, kicks) if w.count("B") == kicks and (len(w) % 2 or not tableau.symmetric)]
+        found = logarithm(step_of(tableau), wanted)
         failing = [len(word) - 1 for word in wanted if abs(found[word] - (word == "B")) > tolerance(tableau, len(word))]
         if failing or length == highest:
             return min(failing, default=highest)
@@ -267,12 +268,8 @@ def _harmonic_error(tableau: Tableau) -> ErrorTerm:
 def _matrix_errors(tableau: Tableau) -> StepPolynomials:
     """The step matrix minus the exact rotation, up to one power beyond the step's own, where it must fail."""
     K = step_polynomials(tableau)
-    powers = range(len(K.K11) + 2)
-    cos = [Fraction((1, 0, -1, 0)[n % 4], factorial(n)) for n in powers]
-    sin = [Fraction((0, 1, 0, -1)[n % 4], factorial(n)) for n in powers]
-    none = (Fraction(0), Fraction(0))
-    exact = (cos, sin, [-x for x in sin], cos)
-    differences = ([a - b for a, b in zip((*K[i], *none), exact[i], strict=True)] for i in range(4))
+    pairs = zip(K, rotation(len(K.K11) + 1), strict=True)
+    differences = ([a - b for a, b in zip_longest(own, exact, fillvalue=Fraction(0))] for own, exact in pairs)
     return StepPolynomials(*map(tuple, differences))
 
 

@@ -1,0 +1,32 @@
+"""Steps written out in words, factor by factor, from the definition."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+LETTERS = {"A": {"A": 1}, "B": {"B": 1}, "C": {"BAB": 2, "ABB": -1, "BBA": -1}}
+
+
+def series(step, length):
+    """Coefficients of exp(c1 X1) exp(c2 X2) ... on words of at most ``length`` letters, without those that are 0."""
+    total = {"": Fraction(1)}
+    for letter, c in step:
+        power = exponential = {"": Fraction(1)}
+        for k in range(1, length + 1):
+            power = times(power, {word: a * c / k for word, a in LETTERS[letter].items()}, length)
+            exponential = plus(exponential, power)
+        total = times(total, exponential, length)
+    return total
+
+
+def plus(x, y):
+    return {word: x.get(word, 0) + y.get(word, 0) for word in x | y}
+
+
+def times(x, y, length):
+    total = {}
+    for u, a in x.items():
+        for v, b in y.items():
+            if len(u) + len(v) <= length:
+                total[u + v] = total.get(u + v, 0) + a * b
+    return total
