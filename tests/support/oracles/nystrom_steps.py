@@ -12,7 +12,7 @@ def equations_of(tableau):
 
 
 def unknowns_of(tableau):
-    return equations_of(tableau).unknowns_of(tableau.outer, tableau.inner)
+    return equations_of(tableau).halved(tableau.outer, tableau.inner)
 
 
 def operators_of(tableau):

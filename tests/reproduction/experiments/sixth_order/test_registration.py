@@ -12,7 +12,7 @@ from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.nearharmonic_2026 import TABLEAUS
 from nearharmonic.reproduction.experiments.sixth_order.cascade import candidates_of
-from nearharmonic.reproduction.experiments.sixth_order.conditions import NystromEquations, alternating
+from nearharmonic.reproduction.experiments.sixth_order.conditions import NystromEquations
 from nearharmonic.reproduction.experiments.sixth_order.criterion import TAU_PER_STAGE
 from nearharmonic.reproduction.experiments.sixth_order.registration import (
     NotConvergedError,
@@ -22,6 +22,7 @@ from nearharmonic.reproduction.experiments.sixth_order.registration import (
 )
 from nearharmonic.theory.linear_stability import stability_limit
 from nearharmonic.theory.order import error_norm, harmonic_order_of
+from nearharmonic.theory.symmetric import alternating
 from support.oracles.nystrom_steps import equations_of, operators_of, unknowns_of, word_sum
 from support.oracles.reference_solutions import oscillator_step
 
