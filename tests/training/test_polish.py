@@ -14,8 +14,8 @@ from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.theory.order import harmonic_order_of, nystrom_order_of, order_of
 from nearharmonic.training.family import Family
 from nearharmonic.training.polish import DIGITS, NotConvergedError, polished, tableau_of
-from support.methods.family_members import FAMILIES, members, operators_of
-from support.oracles.word_series import series
+from support.methods.family_members import FAMILIES, members
+from support.oracles.word_series import operators_of, series
 
 
 @pytest.mark.parametrize("family", FAMILIES, ids=str)

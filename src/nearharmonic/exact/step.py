@@ -36,6 +36,21 @@ class StepPolynomials(NamedTuple):
     K21: tuple[Any, ...]
     K22: tuple[Any, ...]
 
+    @property
+    def trace(self) -> tuple[Any, ...]:
+        """K11 + K22: the oscillator is stable where it lies in [-2, 2]."""
+        return tuple(a + b for a, b in zip(self.K11, self.K22, strict=True))
+
+    @property
+    def defect(self) -> tuple[Any, ...]:
+        """K12 + K21, which vanishes if the step conserves a circle."""
+        return tuple(a + b for a, b in zip(self.K12, self.K21, strict=True))
+
+    @property
+    def difference(self) -> tuple[Any, ...]:
+        """K11 - K22, which vanishes if the step conserves a circle or is symmetric."""
+        return tuple(a - b for a, b in zip(self.K11, self.K22, strict=True))
+
 
 def composed(
     first: Literal["drift", "kick"], kicks: Iterable[Any], drifts: Iterable[Any], squares: Iterable[Any] = ()
@@ -91,11 +106,14 @@ def oscillator(step: Sequence[Factor]) -> StepPolynomials:
     )
 
 
-def rotation(highest: int) -> StepPolynomials:
-    """Return the matrix of the exact flow of the harmonic oscillator, up to tau^highest."""
-    cos = tuple(Fraction((1, 0, -1, 0)[n % 4], factorial(n)) for n in range(highest + 1))
-    sin = tuple(Fraction((0, 1, 0, -1)[n % 4], factorial(n)) for n in range(highest + 1))
-    return StepPolynomials(cos, sin, tuple(-x for x in sin), cos)
+def oscillator_errors(step: Sequence[Factor]) -> StepPolynomials:
+    """Return the matrix of a rational step less the exact rotation, two powers beyond its own, where it must fail."""
+    K = oscillator(step)
+    powers = range(len(K.K11) + 2)
+    cos = [Fraction((1, 0, -1, 0)[n % 4], factorial(n)) for n in powers]
+    sin = [Fraction((0, 1, 0, -1)[n % 4], factorial(n)) for n in powers]
+    pairs = zip(K, (cos, sin, [-x for x in sin], cos), strict=True)
+    return StepPolynomials(*(tuple(a - b for a, b in zip((*own, 0, 0), exact, strict=True)) for own, exact in pairs))
 
 
 def states(step: Sequence[Factor], highest: int) -> list[tuple[Powers, Powers]]:

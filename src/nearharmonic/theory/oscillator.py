@@ -217,11 +217,8 @@ class _ClosedForm(NamedTuple):
 @lru_cache(maxsize=256)
 def _closed_form(tableau: Tableau) -> _ClosedForm:
     K = _step_polynomials(tableau)
-    trace = [a + b for a, b in zip(K.K11, K.K22, strict=True)]
-    defect = [a + b for a, b in zip(K.K12, K.K21, strict=True)]
+    rows = (K.trace[0::2], K.K12[1::2], K.defect[1::2], K.difference[2::2] if any(K.difference) else ())
     with mp.workdps(CLOSED_FORM_DIGITS):
-        difference = [] if K.K11 == K.K22 else [a - b for a, b in zip(K.K11, K.K22, strict=True)]
-        rows = (trace[0::2], K.K12[1::2], defect[1::2], difference[2::2])
         return _ClosedForm(*(tuple(map(as_mpf, row)) for row in rows))
 
 

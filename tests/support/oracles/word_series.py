@@ -1,10 +1,21 @@
-"""Steps written out in words, factor by factor, from the definition."""
+"""Steps from the decimals of a method, and written out in words, factor by factor, from the definition."""
 
 from __future__ import annotations
 
 from fractions import Fraction
 
 LETTERS = {"A": {"A": 1}, "B": {"B": 1}, "C": {"BAB": 2, "ABB": -1, "BBA": -1}}
+
+
+def operators_of(tableau, number=Fraction):
+    """The operators of a step in their order, from the decimals: A drifts, B kicks, C kicks of the square."""
+    kicks = [[("B", number(text))] for text in tableau.kick]
+    for operators, text in zip(kicks, getattr(tableau, "square", ()), strict=False):
+        if number(text):
+            operators.append(("C", number(text)))
+    drifts = [[("A", number(text))] for text in tableau.drift]
+    rows = (kicks, drifts) if tableau.first == "kick" else (drifts, kicks)
+    return [x for i in range(tableau.stages + 1) for row in rows for operators in row[i : i + 1] for x in operators]
 
 
 def series(step, length):

@@ -12,7 +12,7 @@ from functools import cached_property
 from math import factorial
 
 from nearharmonic.exact.decimals import BigFloat
-from nearharmonic.exact.step import MOMENTUM, POSITION, Step, StepPolynomials, oscillator, rotation, slopes
+from nearharmonic.exact.step import MOMENTUM, POSITION, Step, StepPolynomials, oscillator, oscillator_errors, slopes
 from nearharmonic.exchange.composition import is_palindrome, size_of, symmetrised, uncertainty_of
 from nearharmonic.exchange.proof.residuals import ROUNDING, Residual, linear_allowance
 from nearharmonic.theory.linear_stability import gaps_of
@@ -79,7 +79,7 @@ class OscillatorStep:
 
     def _first_failing(self, combinations: Sequence[_Weights]) -> Residual:
         # One power beyond the last of the step, the exact flow has a term and the step has none.
-        for power in range(1, len(self.step) + 4):
+        for power in range(1, len(self.step) + 3):
             found = [self._residual(weights, power) for weights in combinations]
             failing = [one for one in found if not one.vanishes]
             if failing:
@@ -87,11 +87,8 @@ class OscillatorStep:
         raise AssertionError("a polynomial cannot be the cosine")
 
     def _residual(self, weights: _Weights, power: int) -> Residual:
-        m = len(self.step)
-        exact = [row[power] for row in self._exact]
-        entries = [row[power] if power <= m else Fraction(0) for row in self._entries]
-        value = sum((w * (a - b) for w, a, b in zip(weights, entries, exact, strict=True)), Fraction(0))
-        return Residual(power, value, self._allowed(weights, power) if power <= m else Fraction(0))
+        value = sum((w * row[power] for w, row in zip(weights, self._errors, strict=True)), Fraction(0))
+        return Residual(power, value, self._allowed(weights, power) if power <= len(self.step) else Fraction(0))
 
     def _allowed(self, weights: _Weights, power: int) -> Fraction:
         total = uncertainty_of(self.step)
@@ -110,12 +107,8 @@ class OscillatorStep:
         )
 
     @cached_property
-    def _exact(self) -> StepPolynomials:
-        return rotation(len(self.step) + 3)
-
-    @cached_property
-    def _entries(self) -> StepPolynomials:
-        return oscillator(self.step)
+    def _errors(self) -> StepPolynomials:
+        return oscillator_errors(self.step)
 
     @cached_property
     def _slopes(self) -> tuple[list[list[float]], list[list[float]]]:
