@@ -62,7 +62,7 @@ def word_sums(step: Sequence[Factor], needed: Iterable[str]) -> dict[str, Any]:
     if not is_exact(step):
         return _last(_sums(step, tuple(needed)))
     integers, unit = scaled(step)
-    found = _last(_sums(integers, tuple(needed)))
+    found = _last(_sums(integers, tuple(needed), integers=True))
     return {word: Fraction(x, factorial(len(word)) * unit ** len(word)) for word, x in found.items()}
 
 
@@ -75,7 +75,7 @@ def word_slopes(step: Sequence[Factor], needed: Iterable[str]) -> tuple[dict[str
     Parameters
     ----------
     step, needed
-        As for :func:`word_sums`; numbers that are not rational.
+        As for :func:`word_sums`, but for rational numbers, whose derivatives would be doubles.
     """
     needed, places = tuple(needed), _places(step)
     before = _sums(step, needed)
@@ -109,7 +109,7 @@ def logarithm(step: Sequence[Factor], wanted: Iterable[str]) -> dict[str, Any]:
     targets, unit, exact = tuple(wanted), 1, is_exact(step)
     if exact:
         step, unit = scaled(step)
-    X = _last(_sums(step, _parts(targets)))
+    X = _last(_sums(step, _parts(targets), integers=exact))
     if not exact:
         X = _times_factorials(X)
     common, brackets = _brackets(X, targets)
@@ -121,11 +121,11 @@ def logarithm(step: Sequence[Factor], wanted: Iterable[str]) -> dict[str, Any]:
 
 
 def logarithm_slopes(step: Sequence[Factor], wanted: Iterable[str]) -> dict[str, Array]:
-    """Return the derivatives (F, ...) of :func:`logarithm` by the numbers of a step, which are not rational."""
+    """Return the derivatives (F, ...) of :func:`logarithm` by each number of a step, which is not rational."""
     targets = tuple(wanted)
     X, dX = map(_times_factorials, word_slopes(step, _parts(targets)))
     common, brackets = _brackets(X, targets)
-    ends, none = _ends(targets), np.zeros(len(step))
+    ends, none = _ends(targets), np.zeros_like(next(iter(dX.values())))
     slopes = {word: none for word, _ in ends}
     for n, bracket in enumerate(brackets, start=1):
         slopes[""] = none
@@ -152,19 +152,19 @@ def _places(step: Sequence[Factor]) -> dict[str, list[int]]:
     return {name: rows for name, rows in found.items() if rows}
 
 
-def _sums(step: Sequence[Factor], needed: tuple[str, ...]) -> dict[str, Array]:
+def _sums(step: Sequence[Factor], needed: tuple[str, ...], *, integers: bool = False) -> dict[str, Array]:
     """Return, by needed word or beginning of one, coefficients in the products of the first 0, 1, ..., F factors.
 
-    Of integers, they are n! times those, and integers.
+    With ``integers`` for numbers they are those times n!, integers too.
     """
-    exact, places = is_exact(step), _places(step)
-    numbers = np.array([number for _, number in step], dtype=object if exact else None)
-    plan, highest = _plan("".join(places), needed, exact)
-    powers = {}  # the k-th power over k!, or that of an integer, 0 where another operator stands
+    places = _places(step)
+    numbers = np.array([number for _, number in step], dtype=object if integers else None)
+    plan, highest = _plan("".join(places), needed, integers)
+    powers = {}  # the k-th power, over k! but for integers, 0 where another operator stands
     for operator, rows in places.items():
         one = np.zeros_like(numbers)
         one[rows] = numbers[rows]
-        factors = (one if exact else one / k for k in range(2, highest + 1))
+        factors = (one if integers else one / k for k in range(2, highest + 1))
         powers[operator] = list(accumulate(factors, mul, initial=one))
     start = np.zeros_like(numbers, shape=(len(numbers) + 1, *numbers.shape[1:]))
     found = {"": start + 1}
@@ -185,7 +185,7 @@ def _total(arrays: Iterable[Array]) -> Array:
 
 
 @lru_cache(maxsize=64)
-def _plan(operators: str, needed: tuple[str, ...], exact: bool) -> tuple[list[tuple[str, list[_Term]]], int]:
+def _plan(operators: str, needed: tuple[str, ...], integers: bool) -> tuple[list[tuple[str, list[_Term]]], int]:
     """Return the terms that factors add to each needed word and its prefixes, shorter first, and the highest power."""
     wanted = sorted({word[:n] for word in needed for n in range(1, len(word) + 1)}, key=lambda word: (len(word), word))
     longest = max(map(len, wanted), default=0)
@@ -197,20 +197,12 @@ def _plan(operators: str, needed: tuple[str, ...], exact: bool) -> tuple[list[tu
             power = {word + end: a * b for word, a in power.items() for end, b in element.items()}
             ends += [(operator, word, k, a) for word, a in power.items()]
 
-    def weight(word: str, end: str, k: int) -> int:
-        return factorial(len(word)) // (factorial(len(word) - len(end)) * factorial(k)) if exact else 1
-
-    plan = [
-        (
-            word,
-            [
-                (name, k, a * weight(word, end, k), word.removesuffix(end))
-                for name, end, k, a in ends
-                if word.endswith(end)
-            ],
-        )
-        for word in wanted
-    ]
+    plan = []
+    for word in wanted:
+        n, terms = len(word), [one for one in ends if word.endswith(one[1])]
+        scales = [factorial(n) // (factorial(n - len(end)) * factorial(k)) if integers else 1 for _, end, k, _ in terms]
+        pairs = zip(terms, scales, strict=True)
+        plan.append((word, [(name, k, a * scale, word.removesuffix(end)) for (name, end, k, a), scale in pairs]))
     return plan, max((k for _, terms in plan for _, k, _, _ in terms), default=0)
 
 
