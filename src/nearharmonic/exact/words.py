@@ -1,11 +1,13 @@
-"""Coefficients of steps on words, and of their logarithms: power series in letters that do not commute.
+"""Coefficients of steps and of their logarithms on words: power series in letters that do not commute.
 
-A step is a product of exponentials exp(c X) of A, B and C = [B, [A, B]]: see :mod:`nearharmonic.exact.step`. Written
-out, it assigns a coefficient S(w) to each word w of letters A and B. What a factor adds to S(w) depends on shorter
-words alone: the coefficients of the first factor, of the first two and so on are a cumulative sum, whose arrays have a
-row for each factor. Numbers are rational, floats, arrays of floats, of a column for each step, or mpmath numbers.
+A step is a product of exponentials exp(c X) of A, B and C = [B, [A, B]], see :mod:`nearharmonic.exact.step`. As a
+series it has a coefficient S(w) for each word w of letters A and B. A factor adds to S(w) a sum over shorter words.
+The coefficients in the product of the first factor, of the first two, and so on are therefore a cumulative sum. Its
+arrays have a row for each factor. Numbers are rational, floats, arrays of floats (one column per step), or mpmath
+numbers.
 
-Rational ones are held as integers: with n letters and a common denominator ``unit``, n! unit^n S(w) is one.
+Rational numbers are computed as integers: for a word w of n letters and a common denominator ``unit``, n! unit^n S(w)
+is an integer, so that no fraction is ever reduced.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ from numpy.typing import NDArray
 from nearharmonic.exact.step import Factor, is_exact, scaled
 
 LETTERS = "AB"
-#: [B, [A, B]], written out.
+#: [B, [A, B]] as coefficients of words.
 SQUARE = {"BAB": 2, "ABB": -1, "BBA": -1}
 _ELEMENTS: dict[str, dict[str, int]] = {"A": {"A": 1}, "B": {"B": 1}, "C": SQUARE}
 
@@ -32,14 +34,14 @@ _ELEMENTS: dict[str, dict[str, int]] = {"A": {"A": 1}, "B": {"B": 1}, "C": SQUAR
 Array = NDArray[Any]
 #: Of a word: an operator, its power, the weight of the word in it, and the word in front.
 _Term = tuple[str, int, int, str]
-#: The ways to cut a word of n letters in two, the first part not empty: (n over its length, first part, second part).
+#: The splits of a word of n letters in two, the first part not empty: (n over its length, first part, second part).
 _Splits = tuple[tuple[int, str, str], ...]
 
 
 def words(length: int, kicks: int | None = None) -> list[str]:
     """All words of at most ``length`` letters with at most ``kicks`` letters B (None: any number), shorter ones first.
 
-    Every part of such a word is one itself.
+    Every part of such a word is such a word.
     """
     bound = length if kicks is None else kicks
     layers = [[""]]
@@ -97,7 +99,7 @@ def logarithm(step: Sequence[Factor], wanted: Iterable[str]) -> dict[str, Any]:
     """Return the coefficients of the logarithm of a step on the words ``wanted``.
 
     log(1 + X) = X (1 - X (1/2 - X (1/3 - ...))), and since X begins with words of one letter, the k-th bracket from
-    outside is needed for words of up to length - k letters only, and of these for the ends of those wanted.
+    outside is needed only for words of up to length - k letters that are ends of wanted words.
 
     Parameters
     ----------
@@ -244,5 +246,5 @@ def _brackets(X: Mapping[str, Any], targets: tuple[str, ...]) -> tuple[int, list
 
 
 def _convolution(X: Mapping[str, Any], Y: Mapping[str, Any], splits: _Splits) -> Any:
-    """Scaled coefficient, of the word with these splits, in the product of X, without its term 1, and Y."""
+    """Scaled coefficient of the word with these splits in the product of X - 1 and Y."""
     return sum(ways * X[first] * Y[second] for ways, first, second in splits)
