@@ -17,6 +17,7 @@ import numpy as np
 
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import First
+from nearharmonic.numerics.search.distinct import distinct
 from nearharmonic.reproduction.experiments.sixth_order.conditions import (
     NYSTROM_ORDER,
     STAGES,
@@ -158,7 +159,7 @@ def _cascade(
         equations = NystromEquations(stages, first, harmonic_order)
         found, solved = solve(system_of(equations), points, BOUND)
         hits = found[solved]
-        solutions, multiplicity = _merged(hits)
+        solutions, multiplicity = distinct(hits[np.lexsort(hits.T[::-1])], SAME)
         count = Count(stages, first, harmonic_order, equations.free, len(points), len(hits), len(solutions))
         if equations.free:
             solutions = _walked(equations, solutions, settings, random)
@@ -180,41 +181,15 @@ def _near(hits: Doubles, wanted: int, random: np.random.Generator) -> Doubles:
     return np.ascontiguousarray(near + noise)
 
 
-def _merged(hits: Doubles) -> tuple[Doubles, list[int]]:
-    """Distinct solutions in lexicographic order, each with the number of its hits."""
-    distinct: list[Any] = []
-    multiplicity: list[int] = []
-    for x in hits[np.lexsort(hits.T[::-1])]:
-        same = len(distinct) - 1
-        # In this order only the last few can be as close in the first unknown.
-        while same >= 0 and x[0] - distinct[same][0] < SAME and np.max(np.abs(x - distinct[same])) >= SAME:
-            same -= 1
-        if same >= 0 and x[0] - distinct[same][0] < SAME:
-            multiplicity[same] += 1
-        else:
-            distinct.append(x)
-            multiplicity.append(1)
-    return np.array(distinct).reshape(-1, hits.shape[1]), multiplicity
-
-
 def _walked(
     equations: NystromEquations, samples: Doubles, settings: SixthOrderSettings, random: np.random.Generator
 ) -> Doubles:
     """Return the distinct ends of walks from the best ``samples`` (solution, unknown) of a family."""
     values = assessed(equations, samples)[:, 4]
-    ends = _scattered(samples[np.argsort(values, kind="stable")], settings.walks)
+    ends, _ = distinct(samples[np.argsort(values, kind="stable")], APART, most=settings.walks)
     noise = random.normal(0, 1, (len(ends), settings.walk_steps, equations.unknowns))
     ends = descend(system_of(equations), criterion_of(equations.stages), BOUND, noise, ends)
-    return _scattered(ends[np.argsort(assessed(equations, ends)[:, 4], kind="stable")], settings.walks)
-
-
-def _scattered(points: Doubles, most: int) -> Doubles:
-    """Up to ``most`` of ``points``, each ``APART`` from all the ones before."""
-    kept: list[Any] = []
-    for x in points:
-        if len(kept) < most and all(np.max(np.abs(x - y)) > APART for y in kept):
-            kept.append(x)
-    return np.array(kept).reshape(-1, points.shape[1])
+    return distinct(ends[np.argsort(assessed(equations, ends)[:, 4], kind="stable")], APART)[0]
 
 
 def assessed(equations: NystromEquations, solutions: Doubles) -> Doubles:

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from nearharmonic.errors import bad_setting
+from nearharmonic.numerics.search.distinct import distinct
 from nearharmonic.reproduction.experiments.derivation.conditions import Equations
-from nearharmonic.reproduction.experiments.derivation.search.kernels import solve
+from nearharmonic.reproduction.experiments.derivation.search.kernels import Case, solve
 
 #: Solutions closer than this times their size are one: Newton leaves about 1e-12, distinct solutions lie 1e-2 apart.
 SAME = 1e-6
@@ -68,7 +69,7 @@ def search(
         key = "harmonic_order"
         raise bad_setting(key, equations.harmonic_order, f"{equations.stages + 1}, which leaves nothing free")
     points = sample(equations, starts=starts, seed=seed, box=box, bound=bound, report=report)
-    merged, hits = _merged(points)
+    merged, hits = distinct(points, SAME, relative=True)
     order = sorted(range(len(hits)), key=lambda i: (-hits[i], tuple(merged[i])))
     return SearchResult(merged[order], tuple(hits[i] for i in order), starts, len(points))
 
@@ -110,25 +111,12 @@ def sample(
         raise bad_setting(
             key, equations.harmonic_order, f"at most {equations.stages + 1} with {equations.stages} stages"
         )
+    case = Case(equations.stages, equations.harmonic_order, equations.first == "drift")
     generator, kept = np.random.default_rng(seed), []
     for done in range(0, starts, BATCH):
         points = generator.uniform(-box, box, (min(BATCH, starts - done), equations.unknowns))
-        converged = solve(equations.stages, equations.harmonic_order, equations.first == "drift", points)
-        kept.append(points[converged & (np.abs(points).max(axis=1) <= bound)])
+        ends, solved = solve(case, points, bound)
+        kept.append(ends[solved])
         name = f"{equations.stages} stages, harmonic order {equations.harmonic_order}"
         report(f"{name}: {done + len(points)} of {starts} starts, {sum(map(len, kept))} converged")
     return np.concatenate(kept)
-
-
-def _merged(points: Any) -> tuple[Any, list[int]]:
-    merged: list[Any] = []
-    hits: list[int] = []
-    for point in points:
-        for i, known in enumerate(merged):
-            if np.abs(point - known).max() <= SAME * max(1.0, np.abs(known).max()):
-                hits[i] += 1
-                break
-        else:
-            merged.append(point)
-            hits.append(1)
-    return np.array(merged).reshape(len(merged), points.shape[1]), hits
