@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from nearharmonic.core.layout import Flags, Floats
+from nearharmonic.core.layout import Floats
 from nearharmonic.core.machine.jit import generic, jit
 
 
