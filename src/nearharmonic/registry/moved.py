@@ -170,6 +170,7 @@ MOVED = {
     "systems.source": "systems.formulas.source",
     "systems.system": "systems.definition.system",
     "tableau": "integrators.tableau",
+    "theory.modified_search": "training.family",
     "training.tailor.start_file": "training.tailor.inputs.start_file",
     "training.tailor.starts": "training.tailor.inputs.starts",
     "user_module": "registry.user_module",
