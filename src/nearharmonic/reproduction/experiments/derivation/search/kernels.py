@@ -21,7 +21,7 @@ DAMPING = Damping(
 
 
 class Case(NamedTuple):
-    """Numbers that the kernels need of :class:`~nearharmonic.reproduction.experiments.derivation.conditions.Equations`."""
+    """Numbers that the kernels need of the equations of a case."""
 
     stages: int
     highest: int
