@@ -14,6 +14,7 @@ from nearharmonic.engine.runs.trajectory import sweep
 from nearharmonic.errors import SettingError, UnknownNameError
 from nearharmonic.exact.newton import rank_and_pivots
 from nearharmonic.integrators import integrators
+from nearharmonic.numerics.search.random_starts import RandomStarts
 from nearharmonic.reproduction.experiments.derivation import run
 from nearharmonic.reproduction.experiments.derivation.conditions import Equations, polish
 from nearharmonic.reproduction.experiments.derivation.elimination import eliminate
@@ -57,7 +58,7 @@ def test_the_rank_drops_where_two_unknowns_act_alike():
 
 
 def test_the_least_sum_of_a_family_is_not_where_its_printed_set_lies():
-    (ranking,) = rank_printed(["babs7o7h"], starts=1000, seed=SEED)
+    (ranking,) = rank_printed(["babs7o7h"], RandomStarts(1000, SEED, bound=5.0))
     assert ranking.members > 50
     # Numbers of the printed set itself, from its strings.
     tableau = integrators["babs7o7h"]
@@ -69,7 +70,7 @@ def test_the_least_sum_of_a_family_is_not_where_its_printed_set_lies():
 
 def test_members_of_a_family_solve_its_conditions():
     equations = Equations(8, 7)
-    members = sample(equations, starts=300, seed=SEED)
+    members = sample(equations, RandomStarts(300, SEED))
     assert len(members) > 30
     # Double precision: rounding of 1e-16 times 7! and coefficients up to 10.
     assert max(max(map(abs, equations.residuals(x))) for x in members.tolist()) < 1e-7
@@ -118,7 +119,7 @@ def test_a_simplex_that_runs_out_of_evaluations_gives_its_residual_and_no_digits
 
 
 def test_from_five_stages_on_every_stage_adds_one_harmonic_order_and_two_powers():
-    reached = reach(range(3, 8), starts=2000, seed=SEED)
+    reached = reach(range(3, 8), RandomStarts(2000, SEED, bound=20.0))
     assert [r.harmonic_order for r in reached] == [4, 4, 6, 7, 8]
     assert [r.lambda_max for r in reached] == [6, 8, 10, 12, 14]
     assert all(r.proved_largest for r in reached)
@@ -142,8 +143,8 @@ def test_the_same_seed_gives_the_same_table_and_progress_is_reported(twice):
     assert first == second
     assert {a.name: a.decimals for a in runs[0].agreements} == dict.fromkeys(UNIQUE, 60)
     assert any("starts" in line for line in lines)
-    other = search(Equations(5, 6), starts=300, seed=4)
-    assert other.hits != search(Equations(5, 6), starts=300, seed=3).hits
+    other = search(Equations(5, 6), RandomStarts(300, 4, box=2.5))
+    assert other.hits != search(Equations(5, 6), RandomStarts(300, 3, box=2.5)).hits
 
 
 def test_what_is_derived_is_tabulated_and_documented(twice, monkeypatch):
@@ -188,9 +189,12 @@ def test_the_fourth_solution_has_the_largest_errors_of_the_four(five):
     [
         (lambda: Equations(2, 3), r"stages = 2 is not allowed: an integer >= 3"),
         (lambda: Equations(5, 6, "both"), r"first = 'both' is not allowed: it is 'drift' or 'kick'"),
-        (lambda: search(Equations(5, 5), starts=10, seed=1), r"harmonic_order = 5 is not allowed: 6, which leaves"),
-        (lambda: sample(Equations(5, 7), starts=10, seed=1), r"harmonic_order = 7 is not allowed: at most 6"),
-        (lambda: sample(Equations(5, 5), starts=0, seed=1), r"starts = 0 is not allowed: an integer >= 1"),
+        (
+            lambda: search(Equations(5, 5), RandomStarts(10, 1, box=2.5)),
+            r"harmonic_order = 5 is not allowed: 6, which leaves",
+        ),
+        (lambda: sample(Equations(5, 7), RandomStarts(10, 1)), r"harmonic_order = 7 is not allowed: at most 6"),
+        (lambda: sample(Equations(5, 5), RandomStarts(0, 1)), r"starts = 0 is not allowed: an integer >= 1"),
         (lambda: eliminate(Equations(5, 5)), r"harmonic_order = 5 is not allowed: 6, which alone"),
     ],
 )

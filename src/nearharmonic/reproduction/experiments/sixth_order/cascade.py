@@ -17,6 +17,7 @@ import numpy as np
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import First
 from nearharmonic.numerics.search.distinct import distinct
+from nearharmonic.numerics.search.random_starts import RandomStarts
 from nearharmonic.reproduction.experiments.sixth_order.conditions import (
     NYSTROM_ORDER,
     STAGES,
@@ -27,14 +28,12 @@ from nearharmonic.reproduction.experiments.sixth_order.criterion import Merit, c
 from nearharmonic.reproduction.experiments.sixth_order.kernels import assess, descend, solve
 from nearharmonic.reproduction.experiments.sixth_order.settings import SixthOrderSettings
 
-#: The box of the random starts, and that of the solutions that are kept: longer substeps serve nobody.
-START_BOX, BOUND = 1.0, 2.0
+#: Bound of the solutions that are kept: longer substeps serve nobody.
+BOUND = 2.0
 #: Standard deviation of the points near a solution from which one of the next harmonic order is sought.
 NEAR = 0.1
 #: At most so many points near each.
 MOST_NEAR = 20
-#: Solutions closer than this, in every unknown, are one.
-SAME = 1e-6
 #: Walks along a family start from its best solutions that are this far apart, in the largest difference.
 APART = 0.05
 
@@ -152,13 +151,14 @@ def winners(findings: Findings, most: int = 4) -> tuple[Candidate, ...]:
 def _cascade(
     stages: int, first: First, settings: SixthOrderSettings, report: Callable[[str], None]
 ) -> Iterator[tuple[Count, list[Candidate]]]:
-    random = np.random.default_rng([settings.seed, stages, first == "kick"])
-    points = random.uniform(-START_BOX, START_BOX, (settings.starts, stages - 1))
+    starts = RandomStarts(settings.starts, (settings.seed, stages, first == "kick"), bound=BOUND)
+    random = starts.generator()
+    points = starts.points(random, stages - 1)
     for harmonic_order in range(NYSTROM_ORDER, stages):
         equations = NystromEquations(stages, first, harmonic_order)
-        found, solved = solve(system_of(equations), points, BOUND)
+        found, solved = solve(system_of(equations), points, starts.bound)
         hits = found[solved]
-        solutions, multiplicity = distinct(hits[np.lexsort(hits.T[::-1])], SAME)
+        solutions, multiplicity = distinct(hits[np.lexsort(hits.T[::-1])], starts.same)
         count = Count(stages, first, harmonic_order, equations.free, len(points), len(hits), len(solutions))
         if equations.free:
             solutions = _walked(equations, solutions, settings, random)
