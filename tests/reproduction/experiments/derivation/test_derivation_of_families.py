@@ -21,7 +21,12 @@ from nearharmonic.reproduction.experiments.derivation.elimination import elimina
 from nearharmonic.reproduction.experiments.derivation.families import PRINTED, UNIQUE, printed_point, rank_printed
 from nearharmonic.reproduction.experiments.derivation.isolated import reach
 from nearharmonic.reproduction.experiments.derivation.run import derivation, plain
-from nearharmonic.reproduction.experiments.derivation.search.simplex import _Objective, minimise, promising_starts
+from nearharmonic.reproduction.experiments.derivation.search.simplex import (
+    Simplex,
+    _Objective,
+    minimise,
+    promising_starts,
+)
 from nearharmonic.reproduction.experiments.derivation.search.starts import sample, search
 from nearharmonic.reproduction.experiments.derivation.settings import DerivationSettings
 from nearharmonic.reproduction.experiments.derivation.tables import compare
@@ -82,7 +87,7 @@ def test_members_of_a_family_solve_its_conditions():
 def test_the_simplex_reaches_the_root_that_newton_reaches():
     equations = Equations(5, 6)
     start = [float(c) + 0.03 for c in equations.tableau_unknowns(integrators["abas5o6h_c"])]
-    outcome = minimise(equations, start, seed=1, bits=256, digits=40, evaluations=20_000)
+    outcome = minimise(equations, start, seed=1, settings=Simplex(bits=256, digits=40, evaluations=20_000))
     assert outcome.converged
     assert outcome.kappa_max < mpf(10) ** -40
     exact = polish(equations, start, digits=60)
@@ -103,7 +108,7 @@ def test_the_simplex_descends_on_the_largest_of_the_errors(stages, order, first)
 def test_a_random_start_that_a_short_run_finds_promising_leads_the_simplex_to_a_root(five):
     """One in a few hundred random points; nothing of a root is known to the simplex."""
     (start, *_) = promising_starts(five.equations, starts=200, seed=1)
-    outcome = minimise(five.equations, start, seed=1, bits=192, digits=30, evaluations=40_000)
+    outcome = minimise(five.equations, start, seed=1, settings=Simplex(bits=192, digits=30, evaluations=40_000))
     assert outcome.converged
     roots = [five.equations.unknowns_of(root.outer, root.inner) for root in five.roots]
     apart = [max(abs(a - mpf(b)) for a, b in zip(outcome.unknowns, root, strict=True)) for root in roots]
@@ -111,7 +116,7 @@ def test_a_random_start_that_a_short_run_finds_promising_leads_the_simplex_to_a_
 
 
 def test_a_simplex_that_runs_out_of_evaluations_gives_its_residual_and_no_digits():
-    outcome = minimise(Equations(5, 6), [0.1, 0.2, 0.3, 0.4], seed=1, bits=128, evaluations=300)
+    outcome = minimise(Equations(5, 6), [0.1, 0.2, 0.3, 0.4], seed=1, settings=Simplex(bits=128, evaluations=300))
     assert not outcome.converged
     assert outcome.unknowns == ()
     assert outcome.kappa_max > mpf(10) ** -20

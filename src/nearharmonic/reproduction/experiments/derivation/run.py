@@ -27,7 +27,7 @@ from nearharmonic.reproduction.experiments.derivation.families import (
     rank_printed,
 )
 from nearharmonic.reproduction.experiments.derivation.isolated import CASES, IsolatedSolutions, Reach, reach, solve
-from nearharmonic.reproduction.experiments.derivation.search.simplex import SimplexRun, simplex_runs
+from nearharmonic.reproduction.experiments.derivation.search.simplex import Simplex, SimplexRun, simplex_runs
 from nearharmonic.reproduction.experiments.derivation.settings import DerivationSettings
 
 Report = Callable[[str], None]
@@ -107,11 +107,11 @@ def derivation(settings: DerivationSettings, *, digits: int = 128, report: Repor
             starts = RandomStarts(settings.starts, seed, box=2.5, bound=20.0)
             isolated.append(solve(equations, starts, digits=digits, report=report))
     simplex: list[SimplexRun] = []
-    budget = {"starts": settings.simplex_starts, "evaluations": settings.simplex_evaluations}
+    each = Simplex(digits=digits, evaluations=settings.simplex_evaluations)
     for case in isolated:
         if case.equations.stages in settings.simplex_stages:
             with part(f"simplex_{case.equations.stages}"):
-                simplex += simplex_runs(case, **budget, seed=seed, digits=digits, report=report)
+                simplex += simplex_runs(case, starts=settings.simplex_starts, seed=seed, settings=each, report=report)
     with part("printed"):
         printed = [printed_point(name, digits=digits) for name in PRINTED]
     with part("families"):
