@@ -38,7 +38,7 @@ __version__ = "0.1.0"
 
 install()
 
-#: Where the names are that are loaded when they are first asked for: numpy takes longer than a command that needs none.
+#: Modules of the names that are loaded lazily: numpy takes longer to load than a command without numpy runs.
 _MODULES = {
     "ModifiedTableau": "integrators.modified_tableau",
     "Observable": "systems.definition.quantities",

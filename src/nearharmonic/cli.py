@@ -1,4 +1,4 @@
-"""The command ``nearharmonic``: it finds the subcommands, reads the command line and prints one answer or one error."""
+"""The command ``nearharmonic``: it finds subcommands, parses the command line, and prints an answer or an error."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from nearharmonic.errors import NearharmonicError, SettingError, unknown_name
 from nearharmonic.reproduction import commands as of_the_record
 
 PROGRAM = "nearharmonic"
-#: Exit status of a process that the user has interrupted: 128 and the number of the signal.
+#: Exit status of a process that the user has interrupted: 128 plus the number of the signal.
 INTERRUPTED = 130
 
-#: The name of a column with a minus, which argparse would take for an option.
+#: The name of a column after a minus sign, which argparse would interpret as an option.
 _DESCENDING = re.compile(r"-[a-z_]\w{2,}")
 
 
 class _Parser(argparse.ArgumentParser):
-    """An argument parser that raises its complaints as errors of the package, for one message and one exit status."""
+    """An argument parser that raises errors of the package, for a common message format and exit status."""
 
     def error(self, message: str) -> NoReturn:
         given = re.match(r"unrecognized arguments: (--[\w-]+)", message)
@@ -35,7 +35,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def command_names() -> tuple[str, ...]:
-    """Return the names of the subcommands: those of the modules of the two packages of commands, sorted."""
+    """Return the sorted names of the subcommands: the modules in the two packages of commands."""
     return tuple(sorted(_packages()))
 
 
@@ -62,7 +62,7 @@ def _top_parser(words: Sequence[str]) -> argparse.ArgumentParser:
     top = _Parser(
         prog=PROGRAM,
         description="Near-harmonic symplectic integrators: which there are, and what their runs have shown.",
-        # Only who asks for help has every command imported.
+        # All commands are imported only for the help text.
         epilog=_overview() if {"-h", "--help"} & set(words[:1]) else None,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
@@ -86,7 +86,7 @@ def _parser_of(command: str) -> argparse.ArgumentParser:
 
 
 def _joined(words: Sequence[str]) -> list[str]:
-    """``words`` with ``--sort -column`` as ``--sort=-column``, the only form that argparse understands."""
+    """``words`` with ``--sort=-column`` in place of ``--sort -column``, which argparse does not understand."""
     joined: list[str] = []
     for word in words:
         if _DESCENDING.fullmatch(word) and joined and re.fullmatch(r"--[\w-]+", joined[-1]):
@@ -102,12 +102,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     arguments
-        Words after the name of the command; None takes those of the process.
+        Words after the name of the command; None: those of the process.
 
     Returns
     -------
     int
-        Exit status: 0 yes, 1 no, 2 bad input, of which one message is printed; 130 if the user interrupts.
+        Exit status: 0 for yes, 1 for no, 2 for bad input with a message, 130 for an interrupt by the user.
     """
     try:
         return _run(sys.argv[1:] if arguments is None else list(arguments))
@@ -147,12 +147,12 @@ def _run(words: Sequence[str]) -> int:
 
 
 def _write(text: str) -> None:
-    """Print ``text``; letters that the terminal does not have become question marks."""
+    """Print ``text``; letters that the terminal does not have are replaced by question marks."""
     encoding = sys.stdout.encoding or "utf-8"
     try:
         sys.stdout.write(text.encode(encoding, "replace").decode(encoding))
         sys.stdout.flush()
-    except BrokenPipeError:  # the reader, such as head, has seen enough
+    except BrokenPipeError:  # the reader, such as head, has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

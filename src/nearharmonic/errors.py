@@ -1,4 +1,4 @@
-"""One family of errors, and the one sentence they all speak: key, given value, what is allowed, nearest match."""
+"""Exception classes and their common message format: key, given value, allowed values, nearest match."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import re
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-#: Characters of a value that a message repeats in full.
+#: Largest number of characters of a value in a message.
 LONGEST_VALUE = 500
 
 
 class NearharmonicError(ValueError):
-    """Base of every error this package raises on purpose."""
+    """Base class of the errors of this package."""
 
 
 class TableauError(NearharmonicError):
@@ -25,7 +25,7 @@ class SystemDefinitionError(NearharmonicError):
 class UnknownNameError(NearharmonicError, KeyError):
     """A name that no registry holds; a KeyError as well, which makes ``get`` of a mapping return its default."""
 
-    __str__ = Exception.__str__  # that of KeyError puts the message in quotes
+    __str__ = Exception.__str__  # KeyError would put the message in quotes
 
 
 class SettingError(NearharmonicError):
@@ -37,15 +37,15 @@ class CompiledCodeError(NearharmonicError):
 
 
 class RefusedError(NearharmonicError):
-    """A request refused because its results are not what they ought to be: an answer, not a bad input."""
+    """A request that is refused because of its results: an answer, not a fault of the input."""
 
 
 class ResultFileError(NearharmonicError):
-    """A result file that is missing, truncated, or not one of ours."""
+    """A result file that is missing, truncated, or not of this package."""
 
 
 def unknown_name(kind: str, name: object, known: Iterable[str]) -> UnknownNameError:
-    """The error for ``name`` which is not among ``known``: says the nearest match and lists what is allowed."""
+    """Return the error for a ``name`` that is not in ``known``, with the nearest match and all allowed names."""
     names = sorted(known)
     nearest = get_close_matches(str(name), names, n=1, cutoff=0.4)
     hint = f" Did you mean {nearest[0]!r}?" if nearest else ""
@@ -53,15 +53,15 @@ def unknown_name(kind: str, name: object, known: Iterable[str]) -> UnknownNameEr
 
 
 def bad_setting(key: str, value: object, allowed: str) -> SettingError:
-    """The error for a ``value`` of ``key`` outside ``allowed``."""
+    """Return the error for a ``value`` of ``key`` that is not ``allowed``."""
     return SettingError(f"{key} = {shown(value)} is not allowed: {allowed}")
 
 
 def shown(value: object) -> str:
-    """Return a value as messages show it: on one line, and shortened."""
+    """Return the text of a value for a message: on one line, and shortened."""
     try:
         text = repr(value)
-    except ValueError:  # an integer of more digits than Python writes
+    except ValueError:  # an integer with more digits than Python can write
         return f"a number of type {type(value).__name__}"
-    text = re.sub(r"\s*\n\s*", " ", text)  # arrays are written over several lines
+    text = re.sub(r"\s*\n\s*", " ", text)  # arrays have several lines
     return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE // 2]}... ({len(text)} characters)"

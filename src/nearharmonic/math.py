@@ -1,12 +1,12 @@
-"""Functions for the formulas of a system: one text for floats, arrays, mpmath numbers and numbers traced into kernels.
+"""Functions for the formulas of a system, for floats, arrays, mpmath numbers and numbers of kernels.
 
-At most 1 ulp from the exact value in double precision, 2^-100 in double-double, over the whole range of arguments;
-floats, numpy arrays and compiled kernels have the same bits. What is outside of a function's domain is NaN, as IEEE
-754 has it, for floats and arrays.
+Errors are at most 1 ulp in double precision, and a relative 2^-100 in double-double, over the whole range of arguments.
+Results for floats, numpy arrays and compiled kernels are bitwise identical. For floats and arrays outside the domain of
+a function the result is NaN, as in IEEE 754.
 
-Not analytic, so that no integrator reaches its order across them: ``abs`` at 0, ``sqrt``, ``cbrt`` and ``pow`` at 0,
-``hypot`` and ``atan2`` where both arguments are 0. A trajectory that passes there needs softening: ``sqrt(x*x + y*y +
-eps*eps)`` for ``hypot(x, y)``, ``sqrt(x*x + eps*eps)`` for ``abs(x)``.
+Some functions are not analytic at a point: ``abs``, ``sqrt``, ``cbrt`` and ``pow`` at 0, ``hypot`` and ``atan2`` where
+both arguments are 0. No integrator has its order on a trajectory through such a point. Such a potential needs
+softening: ``sqrt(x*x + y*y + eps*eps)`` for ``hypot(x, y)``, ``sqrt(x*x + eps*eps)`` for ``abs(x)``.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ __all__ = [
     "tan", "tanh",
 ]  # fmt: skip
 
-_NUMBERS = {float, int}  # by their types: a subclass, as numpy's, takes longer to recognise
-#: pi to 1100 bits: exact enough for every precision. With constants and floats it makes constants, with arrays arrays.
+_NUMBERS = {float, int}  # exact types only: a check of subclasses, such as numpy's, takes longer
+#: pi to 1100 bits, enough for every precision. Operations with constants and floats give constants, with arrays arrays.
 pi = PI
 
 
 def array(components: Iterable[Any], *shape: int) -> Any:
-    """Return numbers of any one type as a numpy array, so that formulas can use slices, indices and ``reshape``.
+    """Return numbers as a numpy array, so that formulas can use slices, indices and ``reshape``.
 
     Parameters
     ----------
     components : iterable of n numbers
-        Coordinates or momenta as a formula is given them, or arrays of them, which stay together: each is an element.
+        Numbers of one type: the coordinates or momenta of a formula. If they are arrays, each array is one element.
     *shape : int
         Lengths of the axes, (n,) by default; one of them may be -1.
 
     Returns
     -------
     numpy.ndarray
-        Of objects. Operators, ``**``, ``abs``, the functions of this module and :func:`sum` take its elements one by
-        one.
+        Array of objects. Operators, ``**``, ``abs``, the functions of this module and :func:`sum` work element by
+        element.
     """
     import numpy as np
 
@@ -55,9 +55,9 @@ def array(components: Iterable[Any], *shape: int) -> Any:
 
 
 def sum(terms: Any) -> Any:
-    """Return the sum of numbers of any one type, or of all elements of an array, added in pairs; 0 if there are none.
+    """Return the pairwise sum of numbers of one type, or of all elements of an array; 0 if there are none.
 
-    Kernels of many coordinates compute terms of one form in one loop.
+    Kernels of many coordinates compute terms of the same form in a loop.
     """
     left = list(terms.ravel() if hasattr(terms, "ravel") else terms)
     while len(left) > 1:
@@ -92,12 +92,12 @@ def log(x: Any) -> Any:
 
 
 def cbrt(x: Any) -> Any:
-    """Cube root, of negative numbers as well; not analytic at 0."""
+    """Cube root of a real number, which may be negative; not analytic at 0."""
     return _value("cbrt", x)
 
 
 def pow(x: Any, y: Any) -> Any:
-    """Power x^y of a positive number; of a negative one for whole y alone. Not analytic at x = 0."""
+    """Power x^y for x > 0, or for x < 0 and integer y; not analytic at x = 0."""
     return _value("pow", x, y)
 
 
@@ -127,7 +127,7 @@ def erf(x: Any) -> Any:
 
 
 def hypot(x: Any, y: Any) -> Any:
-    """Root of x^2 + y^2, without overflow on the way; not analytic at the origin."""
+    """Root of x^2 + y^2 without intermediate overflow; not analytic at the origin."""
     return _value("hypot", x, y)
 
 
@@ -138,7 +138,7 @@ def _value(name: str, *operands: Any) -> Any:
     if any(issubclass(kind, Number) for kind in kinds):
         return applied(name, *operands)
     for x in operands:
-        if hasattr(x, "context"):  # mpmath numbers carry the context they were made in
+        if hasattr(x, "context"):  # an mpmath number belongs to a context
             return _in_multiprecision(name, x.context, operands)
     if Constant in kinds and not any(hasattr(x, "shape") and x.shape for x in operands):
         return applied(name, *operands)
@@ -154,7 +154,7 @@ def _of_numbers(name: str) -> Any:
 
 def _in_multiprecision(name: str, context: Any, operands: tuple[Any, ...]) -> Any:
     values = [context.mpf(x.numerator) / x.denominator if isinstance(x, Rational) else x for x in operands]
-    if name == "cbrt" and values[0] < 0:  # mpmath's is the root in the first quadrant
+    if name == "cbrt" and values[0] < 0:  # mpmath returns the root in the first quadrant
         return -context.cbrt(-values[0])
     return getattr(context, "power" if name == "pow" else name)(*values)
 

@@ -20,7 +20,7 @@ from nearharmonic import math
 from nearharmonic.core.formulas.number import Constant
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems import Parameter, System
-from nearharmonic.systems.formulas.formulas import DerivedGradient
+from nearharmonic.systems.definition.extended import DerivedGradient
 from nearharmonic.systems.formulas.gradients import Multiprecision, check_gradients
 from support.methods.own_systems import spring
 

@@ -1,4 +1,4 @@
-"""``nearharmonic export``: the coefficients of an integrator for another program, with a loop that runs."""
+"""``nearharmonic export``: coefficients of an integrator for another program, as data or as a running loop."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``nearharmonic list``: the integrators, those with kicks of a modified potential, and the systems that there are."""
+"""``nearharmonic list``: lists of the integrators, of those with kicks of a modified potential, and of the systems."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``nearharmonic new``: write a commented Python file of a system or an integrator, which runs and is to be changed."""
+"""``nearharmonic new``: writes a commented Python file of a system or an integrator, which runs and can be edited."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from nearharmonic.output.answers import Answer
 
 HELP = "write a commented file to fill in, of a system or an integrator"
 KINDS = ("system", "integrator")
-#: The files as they are written, but for the name, which is PLACEHOLDER.
+#: Templates of the files, with PLACEHOLDER in place of the name.
 TEMPLATES = Path(__file__).parent / "templates"
 PLACEHOLDER = "NAME"
-#: Commands that run the file as it stands.
+#: Commands that run the file without changes.
 EXAMPLES = {
     "system": "nearharmonic recommend {} --error 1e-6",
     "integrator": "nearharmonic recommend sho --error 1e-6 --methods {},ruth",
@@ -29,7 +29,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def answer(chosen: argparse.Namespace) -> Answer:
-    """Write the file, and return where it is and what runs it."""
+    """Write the file, and return its path and a command that runs it."""
     from nearharmonic.engine.settings import one_of
     from nearharmonic.output.atomic import write_text
 
@@ -48,7 +48,7 @@ def _target(name: str, output: str | None) -> Path:
     Raises
     ------
     SettingError
-        It exists, its name does not end in ``.py``, or its path cannot stand in the text of the file.
+        It exists, its name does not end in ``.py``, or its path cannot be written in the text of the file.
     """
     from nearharmonic.errors import bad_setting
 
@@ -62,12 +62,12 @@ def _target(name: str, output: str | None) -> Path:
 
 
 def _check_name(kind: str, name: str, place: Path) -> None:
-    """Refuse a name that could not be used, in a config either.
+    """Refuse a name that cannot be used in Python or in a config.
 
     Raises
     ------
     SettingError
-        It is no name, a registered system or integrator has it, or the file would hide a module of Python.
+        It is not a valid name, a registered system or integrator has it, or the file would hide a module of Python.
     """
     from nearharmonic.errors import bad_setting
     from nearharmonic.integrators import integrators
@@ -85,7 +85,7 @@ def _check_name(kind: str, name: str, place: Path) -> None:
 
 
 def _is_module(name: str, folder: Path) -> bool:
-    """Return True if ``import name`` finds a module other than one in ``folder`` itself."""
+    """Return True if ``import name`` finds a module outside ``folder``."""
     if name in sys.stdlib_module_names:
         return True
     found = importlib.util.find_spec(name) if name.isidentifier() else None

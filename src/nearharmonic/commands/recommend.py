@@ -1,4 +1,4 @@
-"""``nearharmonic recommend``: methods ranked by the time that they take to reach an error."""
+"""``nearharmonic recommend``: ranks methods by their time to reach an error."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from nearharmonic.output.answers import Answer
 if TYPE_CHECKING:
     from nearharmonic.recommendation.recommendation import Choice, Recommendation
 
-#: Where results are, as the workflow has it.
+#: Folder of the results of the workflow.
 RESULTS = Path("results")
 
 HELP = "rank methods by the time to reach an error"
@@ -36,7 +36,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def answer(chosen: argparse.Namespace) -> Answer:
-    """Return the ranking; its status is 1 if no method meets the error bound."""
+    """Return the ranking; the exit status is 1 if no method meets the error bound."""
     from nearharmonic.engine.settings import whole_number
     from nearharmonic.recommendation.choices import recommendation
     from nearharmonic.recommendation.question import question

@@ -1,4 +1,4 @@
-"""``nearharmonic tailor``: make a method for one system, and say what it gains over the published ones."""
+"""``nearharmonic tailor``: makes a method for one system, and tests its gain over the published methods."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def answer(chosen: argparse.Namespace) -> Answer:
-    """Return the test of the method that is found; the status is 1 if it gains nothing over published ones."""
+    """Return the test of the new method; the exit status is 1 if it has no gain over the published methods."""
     from nearharmonic.engine.settings import whole_number
     from nearharmonic.training.tailor.question import question
     from nearharmonic.training.tailor.tailoring import tailored
@@ -78,7 +78,7 @@ def _target(output: str) -> Path:
     Raises
     ------
     SettingError
-        It exists, its name is not that of a method in a Python file, or a registered method has that name.
+        It exists, its name is not a valid name of a method and a Python file, or a registered method has that name.
     """
     from nearharmonic.errors import bad_setting
     from nearharmonic.integrators import integrators
@@ -97,7 +97,7 @@ def _target(output: str) -> Path:
 
 
 def _written(found: Tailored, place: Path | None) -> str | None:
-    """The file that was written: none if there is no gain."""
+    """Write the file and return its path; return None if there is no gain."""
     if place is None or not found.has_gain:
         return None
     from nearharmonic.output.atomic import write_text

@@ -1,4 +1,4 @@
-"""``nearharmonic verify-tableau``: whether coefficients from anywhere are what their file claims."""
+"""``nearharmonic verify-tableau``: proves or refutes the claims of a file of coefficients."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def _residual(one: Residual) -> dict[str, Any]:
 
 
 def _order(proved: Order) -> dict[str, Any]:
-    """An order, the condition that ends it, and the largest residual below it in units of what the digits allow."""
+    """An order, the first condition that fails, and the largest residual of lower orders in units of the tolerance."""
     return {
         "order": proved.order,
         "failing": None if proved.failing is None else _residual(proved.failing),

@@ -1,1 +1,1 @@
-"""Compiled numerics: arrays in, arrays out; no files, no names, no plotting."""
+"""Compiled numerics on arrays, without files, registries and plots."""

@@ -1,10 +1,10 @@
-"""Error-free transforms and double-double arithmetic, written once for every carrier of a double.
+"""Error-free transforms and double-double arithmetic, for floats and for numbers that emit machine code.
 
 A carrier is anything with ``+ - * /``, unary minus and the functions :func:`fma`, :func:`sqrt`, :func:`absolute` and
-:func:`times_sign`: a Python float, or a value that emits machine code while a kernel is built. Every line below is one
-rounding; nothing here may be re-associated or contracted. Sources: Dekker (1971), doi:10.1007/BF01397083
-(quick_two_sum, Dekker's add); Knuth, TAOCP 2, 4.2.2 (two_sum); Hida, Li & Bailey (2001),
-doi:10.1109/ARITH.2001.930115 (double-double).
+:func:`times_sign`: a Python float, or a value that emits machine code while a kernel is built. Every line below rounds
+once, and no compiler may re-associate or contract the operations. Sources: Dekker (1971), doi:10.1007/BF01397083
+(quick_two_sum, Dekker's add); Knuth, TAOCP 2, 4.2.2 (two_sum); Hida, Li & Bailey (2001), doi:10.1109/ARITH.2001.930115
+(double-double).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Pair = tuple[Any, Any]
 
 
 def fma(x: Any, y: Any, z: Any) -> Any:
-    """x*y + z with one rounding where the carrier is a double; exact rational arithmetic serves Python floats."""
+    """x*y + z, rounded once if the carrier is a double; for Python floats by exact rational arithmetic."""
     fused = getattr(x, "fma", None)
     if fused is not None:
         return fused(y, z)
@@ -33,7 +33,7 @@ def sqrt(x: Any) -> Any:
     """Square root of a float, a numpy array, an mpmath number or a number of a formula."""
     if isinstance(x, float | int):
         return math.sqrt(x)
-    if hasattr(x, "context"):  # mpmath numbers carry the context they were made in
+    if hasattr(x, "context"):  # an mpmath number belongs to a context
         return x.context.sqrt(x)
     if hasattr(x, "sqrt"):
         return x.sqrt()
@@ -57,11 +57,11 @@ def times_sign(x: Any, y: Any) -> Any:
 
 
 def whole_pi(bits: int) -> int:
-    """Return the whole part of pi 2^bits, by Machin's formula."""
+    """Return the integer part of pi 2^bits, by Machin's formula."""
     guard = 64
 
     def inverse_tangent(n: int) -> int:
-        """Return arctan(1/n) 2^(bits + guard), wrong by less than its number of terms."""
+        """Return arctan(1/n) 2^(bits + guard), with an error below the number of its terms."""
         term = total = (1 << bits + guard) // n
         k = 1
         while term:
@@ -74,9 +74,9 @@ def whole_pi(bits: int) -> int:
 
 
 def rounded_pair(numerator: int, denominator: int) -> tuple[float, float]:
-    """The double nearest to a quotient of whole numbers, and the double nearest to the rest.
+    """The double nearest to a quotient of integers, and the double nearest to the remainder.
 
-    On whole numbers because reducing a Fraction of 80 digits costs ten times what rounding it does.
+    It works on integers because the reduction of a Fraction of 80 digits takes ten times as long as its rounding.
     """
     high = numerator / denominator
     top, bottom = high.as_integer_ratio()
@@ -103,7 +103,7 @@ def two_product(a: Any, b: Any) -> Pair:
 
 
 def two_products(a: Any, b: Any) -> Pair:
-    """The same for numpy arrays, which have no fma (Dekker 1971), where nothing over- or underflows."""
+    """a * b = product + error exactly, for numpy arrays, without fma (Dekker 1971), if nothing over- or underflows."""
     halves = []
     for x in (a, b):
         shifted = x * 134217729.0  # 2^27 + 1
@@ -150,15 +150,15 @@ def dd_sqrt(a: Pair) -> Pair:
 
 
 def dd_abs(a: Pair) -> Pair:
-    """Double-double modulus, exact: the sign is that of the high half."""
+    """Double-double modulus, exact: the high half has the sign of the number."""
     return absolute(a[0]), times_sign(a[1], a[0])
 
 
 def distilled(terms: Sequence[Any], count: int) -> tuple[Any, ...]:
-    """Return ``count`` numbers whose sum is that of ``terms``, each about 2^-53 of the one before (Ogita et al. 2005).
+    """Return ``count`` numbers with the sum of ``terms``, each about 2^-53 times the previous (Ogita et al. 2005).
 
-    Only the last is rounded. Terms come roughly in the order of their sizes; if leading terms cancel, so do leading
-    results, and a second call restores the order (doi:10.1137/030601818, VecSum).
+    Only the last number is rounded. The terms must be roughly in the order of their sizes. If leading terms cancel, the
+    leading results are small, and a second call restores the order (doi:10.1137/030601818, VecSum).
     """
     rest = list(terms)
     for first in range(count - 1):

@@ -1,6 +1,6 @@
-"""Arguments of compiled functions and layout of a kernel's arrays: known to callers and to compiled text alike.
+"""Arguments of compiled functions and layout of the arrays of a kernel, for callers and for compiled code.
 
-An :class:`Argument` is a number or an array, a :class:`Signature` is what a compiled function takes and returns.
+An :class:`Argument` is a number or an array. A :class:`Signature` holds the arguments and the result of a function.
 """
 
 from __future__ import annotations
@@ -19,35 +19,35 @@ Scalar = Literal["int64", "float64", "bool"]
 WORST, TOTAL, TOTAL_CARRY, LATEST, ENERGY, ENERGY_LOW, LIMIT, NEAR, CONDITION = range(9)
 TALLY = 9
 
-#: Entries of a row of coefficients: of the kick, of the drift behind it, their product, and by how much the product of
-#: the two as rounded exceeds it. In extended precision kick and drift are pairs, and that is all.
+#: Entries of a row of coefficients: of the kick, of the next drift, their product PRODUCT, and REST, the product of the
+#: rounded coefficients minus PRODUCT. In extended precision a row holds kick and drift, each as a pair.
 KICK, DRIFT, PRODUCT, REST = range(4)
-#: Doubles in such a row.
+#: Number of doubles in such a row.
 COLUMNS = 4
-#: Where the oscillator is solved exactly, a row is the kick and, from ``TURN`` on, ``TURNS`` coefficients for each
+#: If the oscillator is solved exactly, a row holds the kick and, from ``TURN`` on, ``TURNS`` coefficients for each
 #: distinct frequency: see :mod:`nearharmonic.core.rotation`.
 TURN, TURNS = 1, 7
-#: Where kicks are of a modified potential k V - m |grad V|^2, a row is k, the drift behind it and m, and whether the
-#: force behind both needs the gradient of the square, which costs more than the force.
+#: If kicks use a modified potential k V - m |grad V|^2, a row holds k, the next drift, m, and a flag: the next force
+#: needs the gradient of the square, which costs more than the force.
 SQUARE = 2
-#: Rows of coefficients: of a lane's next first move, of first moves but for the very first, of the other moves, and of
-#: the one that closes a step.
+#: Rows of coefficients: of the next first move of a lane, of the first moves of all steps but the first, of the other
+#: moves, and of the move that closes a step.
 OPENING, MERGED, INNER = range(3)
 
-#: When the energy is measured: at every step, every so many steps, at the samples alone, never.
+#: Times of energy measurements: at every step, after a fixed number of steps, only at the samples, never.
 EVERY_STEP, LOOKS, SAMPLES, NEVER = range(4)
-#: Entries of a control array: a number other than 0 stops a queue of runs; the steps done by then.
+#: Entries of a control array: STOP, where a number other than 0 stops a queue of runs, and PROGRESS, the steps done.
 STOP, PROGRESS = range(2)
 
 #: Doubles in a cache line.
 CACHE_LINE = 8
-#: More steps than any run has.
+#: A number of steps that no run reaches.
 FAR = np.iinfo(np.int64).max
 
 
 @dataclass(frozen=True)
 class Argument:
-    """A number, or a C-contiguous array of numbers, whose ``lengths`` have names: the same are equal."""
+    """A number, or a C-contiguous array of numbers with named ``lengths``; lengths of one name are equal."""
 
     name: str
     scalar: Scalar
@@ -63,8 +63,8 @@ class Argument:
 class Signature:
     """Arguments of a compiled function, and the type of its result, if it has one.
 
-    A ``packed`` function takes the address of a block of 8-byte slots that hold its arguments in order: for many
-    calls with the same arrays, the block is filled once.
+    A ``packed`` function takes the address of a block of 8-byte slots that hold its arguments in order. The block is
+    filled once for many calls with the same arrays.
     """
 
     arguments: tuple[Argument, ...]
@@ -99,11 +99,11 @@ ADVANCE = Signature(
     result="int64",
 )
 
-#: Arguments of ``begin``: a kernel's rows, whose tallies begin anew with the energy of their states as H0.
+#: Arguments of ``begin``: the rows of a kernel. It resets their tallies, with the energies of their states as H0.
 BEGIN = Signature((floats("rows", "numbers"),))
 
-#: Arguments of ``step``: a single step by itself, of arrays of d doubles that are changed in place. Unless sums are
-#: compensated the carries are neither read nor written.
+#: Arguments of ``step``, which makes one step on arrays of d doubles, in place. It reads and writes the carries only if
+#: sums are compensated.
 STEP = Signature(
     (
         integers("stages"),
@@ -127,15 +127,15 @@ RUN = Signature(
         integers("marks", "total_runs", "samples"),  # steps at which to sample, first 0, padded with -1
         integers("scheme", "total_runs"),  # row of the coefficient arrays
         floats("start", "total_runs", "size"),
-        floats("resumed", "resumptions", "running_rows"),  # states that run, of runs that go on, or none
-        floats("parameters", "parameter_sets", "parameter_columns"),  # both parts of each, for each run or once for all
+        floats("resumed", "resumptions", "running_rows"),  # running states of continued runs, or none
+        floats("parameters", "parameter_sets", "parameter_columns"),  # pairs, for each run or once for all runs
         floats("limit"),  # largest energy error, in units of ``scale``
-        floats("scale"),  # energy that errors are relative to; 0 for |H0|
-        floats("reference", "pair"),  # H0 as a pair for all runs; NaN for the energy of each start
-        integers("stretch"),  # most steps between looks at ``control``; with LOOKS, between looks at the energy
+        floats("scale"),  # reference of relative errors; 0 for |H0|
+        floats("reference", "pair"),  # H0 of all runs as a pair; NaN for the energy of each start
+        integers("stretch"),  # largest number of steps between looks at ``control``; with LOOKS, at the energy
         integers("stages"),
         flags("kick_first"),
-        floats("moves", "schemes", "move_rows", "columns"),  # with the step size multiplied in
+        floats("moves", "schemes", "move_rows", "columns"),  # coefficients times step size
         integers("control", "entries"),  # STOP and PROGRESS
         # Results, filled in place.
         floats("states", "total_runs", "samples", "size"),
@@ -143,8 +143,8 @@ RUN = Signature(
         floats("worst", "total_runs", "samples"),  # maximum and
         floats("total", "total_runs", "samples"),  # sum of |H - H0| over the steps since the last sample
         floats("energy", "total_runs", "pair"),  # H0
-        floats("running", "total_runs", "running_rows"),  # states that run at the end
-        integers("left_at", "total_runs"),  # the step at which a run left its energy surface, or 0
+        floats("running", "total_runs", "running_rows"),  # running states at the end
+        integers("left_at", "total_runs"),  # step at which a run diverged, or 0
         # The arrays of :func:`workspace`.
         floats("rows", "numbers"),
         floats("fresh", "numbers"),
@@ -157,11 +157,11 @@ RUN = Signature(
 )
 
 
-#: Arguments of ``land``, in physical space of d coordinates; what is not explained is as for ``run``.
+#: Arguments of ``land``, in physical space of d coordinates; others are as for ``run``.
 LAND = Signature(
     (
         integers("advance"),
-        integers("look"),  # the kernel that measures the energy where it lands
+        integers("look"),  # kernel that measures the energy at the landing
         integers("begin"),
         integers("measured"),
         integers("order", "queued"),
@@ -175,16 +175,16 @@ LAND = Signature(
         integers("stretch"),
         integers("stages"),
         flags("kick_first"),
-        floats("moves", "schemes", "move_rows", "columns"),  # pairs of kick, drift, product; last the step size
+        floats("moves", "schemes", "move_rows", "columns"),  # pairs of kick, drift, product; last row: step size
         integers("control", "entries"),
         floats("states", "total_runs", "samples", "size"),
         floats("energy_error", "total_runs", "samples"),
         floats("worst", "total_runs", "samples"),
         floats("total", "total_runs", "samples"),
         floats("energy", "total_runs", "pair"),
-        floats("ends", "total_runs", "running_rows"),  # steps of the run, and with the repeats of landing
+        floats("ends", "total_runs", "running_rows"),  # steps of the run, without and with those of the landings
         integers("left_at", "total_runs"),
-        # The state of a run and the coefficients of its steps, and of one that is tried.
+        # The states and the coefficients of a run and of a trial step.
         floats("rows", "numbers"),
         floats("lanes", "coefficient_count"),
         floats("trial", "numbers"),
@@ -195,32 +195,32 @@ LAND = Signature(
 
 
 def parameter_rows(parameters: int) -> int:
-    """Rows behind the tally that hold so many parameters: two doubles each, and one row that nobody reads if none."""
+    """Number of rows behind the tally for the parameters: two for each, and one unused row if there are none."""
     return max(1, 2 * parameters)
 
 
 def columns(frequencies: int) -> int:
-    """Doubles in a row of coefficients where the oscillator is solved exactly, with so many distinct frequencies."""
+    """Number of doubles in a row of coefficients for an oscillator that is solved exactly."""
     return TURN + TURNS * frequencies if frequencies else COLUMNS
 
 
 def modified_columns(parts: int) -> int:
-    """Doubles in a row where kicks are of a modified potential: three numbers of ``parts`` doubles, and a flag."""
+    """Number of doubles in a row for kicks of a modified potential: three numbers of ``parts`` doubles, and a flag."""
     return (SQUARE + 1) * parts + 1
 
 
 def running_rows(dimension: int) -> int:
-    """Rows of a state that runs: those of a state, and d that the next move is late by."""
+    """Number of rows of a running state: 4 d of the state, and d of the rest, which the next move adds."""
     return 5 * dimension
 
 
 def running_at(dimension: int, parameters: int) -> int:
-    """The first row of the state that runs, behind the state that is seen, the tally and the parameters."""
+    """The first row of the running state, behind the output state, the tally and the parameters."""
     return 4 * dimension + TALLY + parameter_rows(parameters)
 
 
 def split_results(results: Floats, runs: int, samples: int, d: int) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return ``states`` (R, S, 4 d), ``blocks`` (3, R, S), ``energy`` (R, 2) and ``running`` (R, 5 d) of one array.
+    """Return views ``states`` (R, S, 4 d), ``blocks`` (3, R, S), ``energy`` (R, 2), ``running`` (R, 5 d) of one array.
 
     ``blocks`` are ``energy_error``, ``worst`` and ``total`` of :data:`RUN`.
     """
@@ -237,9 +237,9 @@ def split_results(results: Floats, runs: int, samples: int, d: int) -> tuple[Flo
 def workspace(
     dimension: int, stages: int, *, parameters: int, width: int, room: int = 0, columns: int = COLUMNS
 ) -> tuple[NDArray[Any], ...]:
-    """The flat arrays that ``run`` works in: two row blocks, coefficients; and per lane its run, step and sample.
+    """The flat arrays of ``run``: two row blocks, coefficients, and for each lane its run, step and sample.
 
-    Each row block ends with ``room`` doubles that the kernel works in.
+    Each row block ends with ``room`` doubles of working memory.
     """
     rows = (running_at(dimension, parameters) + running_rows(dimension)) * width + room
     coefficients = (stages + 2) * columns * width
@@ -248,7 +248,7 @@ def workspace(
 
 
 def aligned_zeros(count: int) -> NDArray[np.float64]:
-    """Return so many zeros from a boundary of cache lines on: kernels that load across them take a fifth longer."""
+    """Return ``count`` zeros that begin at a cache line; otherwise kernels take a fifth longer."""
     room = np.zeros(count + CACHE_LINE - 1)
     skip = -room.ctypes.data // room.itemsize % CACHE_LINE
     return room[skip : skip + count]

@@ -1,6 +1,6 @@
-"""States that are points: what a step does to them, and their energies, for a form.
+"""States that are points: the moves of a step, and the energies, for a form.
 
-What a system and its lanes bring is linked by name: see :mod:`nearharmonic.core.formulas.emission`.
+Functions of a system and of its lanes are linked by name: see :mod:`nearharmonic.core.formulas.emission`.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from nearharmonic.core.machine.reals import (
     zero_like,
 )
 
-#: Rows: of coordinates, coefficients of a move, and the state that runs.
+#: Indices of rows: of coordinates, of the coefficients of a move, and of the running state.
 _dimension, _columns, _running = (linked_number(name) for name in ("dimension", "columns", "running"))
-#: ``_moved(new, old)``: the coordinates of the first that move, and those of the second that rest.
+#: ``_moved(new, old)``: coordinates that can move are taken from ``new``, the others from ``old``.
 _moved = linked("moved", POINT)
 
 
 def _rates(form: Form) -> Any:
-    """The type of forces and velocities."""
+    """Type of forces and velocities."""
     return types.UniTuple(POINT, 2) if form.extended else POINT
 
 
@@ -58,7 +58,7 @@ def _pair(moves, at):  # type: ignore[no-untyped-def]
 
 
 def row_loader(form: Form) -> Any:
-    """Return ``load(moves, row)``, the coefficients of a move as :mod:`nearharmonic.core.step` takes them."""
+    """Return ``load(moves, row)``, the coefficients of a move for :mod:`nearharmonic.core.step`."""
     if form.turning:
         return rotation.row_loader(extended=form.extended)
     if form.extended and form.modified:
@@ -106,7 +106,7 @@ def _move(form: Form) -> Any:
 
 
 def _closed(form: Form, move: Any) -> Any:
-    """``closed(state, row, f, parameters)``: the state at the end of a step, which is a move away."""
+    """``closed(state, row, f, parameters)``: the state at the end of a step, one move after ``state``."""
     sheared, turning = rotation.sheared(form), form.turning
     late_by = form.compensated and form.ahead
 
@@ -133,9 +133,9 @@ def _without(form: Form) -> Any:
 def _forces(form: Form) -> tuple[Any, Any, Any]:
     """``first(state, moves, parameters)`` and ``behind(state, moves, row, parameters)``: the forces that moves take.
 
-    The third function is ``behind`` that returns V as well.
-    Where no kick comes first the force does not matter, and need not exist. Behind a force of a modified potential
-    stands the gradient of its square, where a lane needs it.
+    The third function, ``last``, is ``behind`` with V as a second result. If no kick comes first, the first force has
+    no effect and need not exist. For kicks of a modified potential, the gradient of the square follows the force if a
+    lane needs it.
     """
     without = _without(form)
     force, square = linked("force", _rates(form)), linked("square", _rates(form))
@@ -184,9 +184,9 @@ def _forces(form: Form) -> tuple[Any, Any, Any]:
 
 
 def _opened(form: Form, row_of: Any, move: Any) -> Any:
-    """``opened(state, moves)``: the state behind a first move of its own, in the lanes that have one.
+    """``opened(state, moves)``: the state after a separate first move, in the lanes that have one.
 
-    Such a move has no kick by the force, and a shear behind it; it is done here, and nothing of it is left.
+    Such a move has no kick by the force, and ends with a shear. It is complete here: its coefficients are then reset.
     """
     if not form.turning:
         return compiled(lambda state, moves, parameters: state)
@@ -211,7 +211,7 @@ def _opened(form: Form, row_of: Any, move: Any) -> Any:
 
 
 def motion(form: Form) -> Motion:
-    """Return what :func:`nearharmonic.core.loops.advance.advance` calls, for states that are points."""
+    """Return the functions that :func:`nearharmonic.core.loops.advance.advance` calls, for states that are points."""
     move = _move(form)
     opened = _opened(form, row_loader(form), move)
     first, behind, last = _forces(form)

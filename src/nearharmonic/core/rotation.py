@@ -1,14 +1,14 @@
-"""The move of a system whose oscillator is solved exactly: a kick by the rest of V, and a rotation behind it.
+"""The move of a system with an exactly solved oscillator: a kick by the rest of V, then a rotation.
 
-A coordinate of frequency w turns by an angle x in its plane of phase space. A rotation is three shears: with
-T = w tan(x/2) and S = sin(x)/w, p -= T q, q += S p, p -= T q. The last of one move and the first of the next are at the
-same position, as the kick between them is: the three are one kick k f + b q with b = -(T + T'). So the move is a kick
-and a drift again, with a force that has a linear part. Coefficients as rounded make another map, but one of shears, and
-that is symplectic: the energy does not drift. The new position is (q + S p + S b q) + (S k) f, as
-:mod:`nearharmonic.core.step` looks ahead, and what S k and S b as rounded leave out is added one move late.
+A coordinate of frequency w rotates by an angle x in its phase plane. A rotation is three shears: with T = w tan(x/2)
+and S = sin(x)/w, p -= T q, q += S p, p -= T q. The last shear of one move, the kick, and the first shear of the next
+move are at the same position. Together they are one kick k f + b q with b = -(T + T'). The move is therefore a kick and
+a drift again, with a force that has a linear part. Rounded coefficients give a slightly different map. It still
+consists of shears and is symplectic, so the energy does not drift. The new position is (q + S p + S b q) + (S k) f, as
+in :mod:`nearharmonic.core.step`. The rounding errors of S k and S b are added one move later.
 
-Between moves the momentum lacks the shear that the next kick makes. The first move of a run, and the state that is seen
-at the end of a step, have a shear of their own.
+Between moves the momentum lacks the shear that is part of the next kick. The first move of a run and the output state
+at the end of a step have a separate shear.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def rotated(form: Form) -> Any:
 
 
 def sheared(form: Form) -> Any:
-    """Return ``sheared(state, row)``: the state with the shear p += ... q that a row has behind its move."""
+    """Return ``sheared(state, row)``: the state after the shear p += ... q that follows the move of a row."""
     update, extended = update_of(form), form.extended
 
     @compiled
@@ -77,9 +77,7 @@ def sheared(form: Form) -> Any:
 
 
 def row_loader(*, extended: bool) -> Any:
-    """Return ``load(moves, row)``: the kick; b, S, S k and S b, by how much the products of these as rounded exceed
-    them, and the shear, each a point. In double-double they are the kick, b, S and the shear, as pairs.
-    """
+    """Return ``load(moves, row)``: the kick (a real), and b, S, S k, S b, the two rests and the shear (points)."""
     columns = tuple(linked(f"turn{column}", POINT) for column in range(6 if extended else TURNS))
     if extended:
         b, b_low, S, S_low, shear, shear_low = columns

@@ -1,19 +1,19 @@
 """The definition of a step.
 
-A step is a sequence of kicks p -= k dV/dq and drifts q += e dT/dp. A kick and the drift behind it are one *move*, from
-the force at a position to the next position. If T is quadratic, dT/dp = v(p), with a(f) the acceleration by a force f,
-the new position is (q + e v(p)) + (e k) a(f): the sum in brackets is ready before the force is, so that one operation
-follows the force, and the chain of operations that bounds the time of one trajectory is shorter by that. The product
-e k is rounded once, and differs from the product of e and k as rounded. By that the map would not be symplectic and the
-energy would drift: what it leaves out, ``rest``, is added one move late. Double-double operations follow one another so
-closely that the chain does not bound them: there, and where T is not quadratic, the momentum comes first.
+A step is a sequence of kicks p -= k dV/dq and drifts q += e dT/dp. A kick and the next drift are one *move*, from the
+force at a position to the next position. If T is quadratic, with dT/dp = v(p) and the acceleration a(f) by a force f,
+the new position is (q + e v(p)) + (e k) a(f). The sum in brackets is ready before the force, so that only one operation
+follows the force. This shortens the chain of operations that bounds the time of one trajectory. The product e k is
+rounded once, and differs from the product of the rounded e and k. This rounding would break symplecticity and make the
+energy drift, so the difference, ``rest``, is added one move later. The chain does not bound the time of double-double
+operations. For these, and for T that is not quadratic, the momentum is computed first.
 
-A state is (q, q_low, p, p_low, late): positions and momenta, what lies below their last digits (carries of compensated
-sums, low halves of double-doubles), and what the next move is late by. All are points
-(:mod:`nearharmonic.core.machine.reals`). Coefficients of kicks carry the minus sign of dp/dt = -dV/dq.
+A state is (q, q_low, p, p_low, late): positions and momenta, their low parts (carries of compensated sums, low halves
+of double-doubles), and the rest that the next move adds. All are points (:mod:`nearharmonic.core.machine.reals`).
+Coefficients of kicks carry the minus sign of dp/dt = -dV/dq.
 
-The functions at the end return a ``move(state, row, force, parameters)`` for the formulas of a system: ``row`` has the
-coefficients of the move, and ``force`` is that at the position of the state.
+The functions at the end of this module return a ``move(state, row, force, parameters)`` for the formulas of a system:
+``row`` holds the coefficients of the move, and ``force`` is the force at the position of the state.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Move = Any
 
 @compiled
 def compensated(y: Any, carry: Any, c: Any, rate: Any) -> Any:
-    """y += c rate; what rounding leaves out goes into the carry (Kahan 1965, doi:10.1145/363707.363723)."""
+    """y += c rate; the rounding error goes into the carry (Kahan 1965, doi:10.1145/363707.363723)."""
     increment = fma(c, rate, carry)
     total = y + increment
     return total, increment + (y - total)
@@ -49,12 +49,12 @@ def double_double(y: Any, low: Any, c: Any, rate: Any) -> Any:
 
 
 def update_of(form: Form) -> Any:
-    """Return how a form adds: one of the three functions above."""
+    """Return the addition of a form: one of the three functions above."""
     return double_double if form.extended else compensated if form.compensated else plain
 
 
 def ahead_compensated(velocity: Any, acceleration: Any) -> Move:
-    """The position one operation behind the force, with compensated sums."""
+    """A move whose position is ready one operation after the force, with compensated sums."""
 
     @compiled
     def move(state, row, f, parameters):  # type: ignore[no-untyped-def]
@@ -68,7 +68,7 @@ def ahead_compensated(velocity: Any, acceleration: Any) -> Move:
 
 
 def ahead_plain(velocity: Any, acceleration: Any) -> Move:
-    """The position one operation behind the force, with plain sums."""
+    """A move whose position is ready one operation after the force, with plain sums."""
 
     @compiled
     def move(state, row, f, parameters):  # type: ignore[no-untyped-def]
@@ -80,7 +80,7 @@ def ahead_plain(velocity: Any, acceleration: Any) -> Move:
 
 
 def momentum_first(velocity: Any, update: Any) -> Move:
-    """Kick and drift one behind the other, by :func:`compensated`, :func:`plain` or :func:`double_double`."""
+    """A kick and then a drift, by :func:`compensated`, :func:`plain` or :func:`double_double`."""
 
     @compiled
     def move(state, row, f, parameters):  # type: ignore[no-untyped-def]
@@ -93,9 +93,9 @@ def momentum_first(velocity: Any, update: Any) -> Move:
 
 
 def modified(move: Move, ahead: bool) -> Move:
-    """A move with the pull k V' + m grad |V'|^2 for a force, rounded once a component.
+    """A move with the force k V' + m grad |V'|^2 of a modified potential, rounded once per component.
 
-    Momentum and position take this one number, so that the map is symplectic to the rounding of what is added.
+    Momentum and position use the same rounded number, so that the map is symplectic up to the rounding of the sums.
     """
 
     @compiled
@@ -108,7 +108,7 @@ def modified(move: Move, ahead: bool) -> Move:
 
 
 def modified_double_double(move: Move) -> Move:
-    """The same in double-double."""
+    """A move as that of :func:`modified`, in double-double."""
 
     @compiled
     def modified_move(state, row, forces, parameters):  # type: ignore[no-untyped-def]

@@ -1,1 +1,1 @@
-"""Exact and multiprecision mathematics that knows no integrator: polynomials, words, Lie algebras, roots and proofs."""
+"""Exact and multiprecision mathematics, independent of integrators: polynomials, words, Lie algebras, roots, proofs."""

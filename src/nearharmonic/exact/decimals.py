@@ -1,4 +1,4 @@
-"""Numbers in and out of multiprecision, and every way in which they are written as decimals."""
+"""Conversion of numbers to and from multiprecision, and their decimal formats."""
 
 from __future__ import annotations
 
@@ -9,33 +9,33 @@ from typing import Any
 from mpmath import inf, mpf, nstr
 from mpmath.libmp import to_rational
 
-#: A number of mpmath in its current precision, or what mixes with it: int, float, Fraction or an interval.
+#: A number of mpmath in its current precision, or an operand that mpmath accepts: int, float, Fraction or interval.
 BigFloat = Any
 
 
 def as_mpf(number: BigFloat) -> BigFloat:
-    """``number`` rounded to mpmath's current precision: a Fraction has no other way there."""
+    """``number`` rounded to the current precision of mpmath, also for a Fraction."""
     if isinstance(number, Fraction):
         return mpf(number.numerator) / number.denominator
     return mpf(number)
 
 
 def as_fraction(number: BigFloat) -> Fraction:
-    """The rational number that an mpf, a float or a decimal string stands for, without rounding."""
+    """The exact rational value of an mpf, a float or a decimal string."""
     if isinstance(number, mpf):
         return Fraction(*to_rational(number._mpf_))
     return Fraction(number)
 
 
 def fixed_point(number: BigFloat, places: int) -> str:
-    """``number`` rounded to ``places`` decimals, ties to even, all of them written; "inf" for infinity.
+    """``number`` rounded to ``places`` decimals, ties to even, with trailing zeros; "inf" for infinity.
 
     Parameters
     ----------
     number : mpf, Fraction, int, float or decimal string
-        What is written. Of an mpf every bit counts, whatever the current precision.
+        The number. All bits of an mpf are used, for any current precision of mpmath.
     places : int
-        Decimals behind the point, at least 1.
+        Number of decimals, at least 1.
     """
     if number == inf:
         return "inf"
@@ -45,21 +45,21 @@ def fixed_point(number: BigFloat, places: int) -> str:
 
 
 def significant(number: BigFloat, digits: int) -> str:
-    """``number`` with ``digits`` significant digits, all of them written; "0" and "inf" for these two."""
+    """``number`` with ``digits`` significant digits, with trailing zeros; "0" for 0 and "inf" for infinity."""
     if number == inf:
         return "inf"
     return str(nstr(number, digits, strip_zeros=False)) if number else "0"
 
 
 def decimals_in_common(printed: str, other: str, most: int | None = None) -> int:
-    """Decimals to which two numbers differ by less than one unit, however either is rounded.
+    """Number of decimals to which two numbers differ by less than one unit, independently of their rounding.
 
     Parameters
     ----------
     printed, other : str
         Two decimal numbers.
     most : int, optional
-        Decimals to look at; by default as many as ``printed`` has.
+        Largest number of decimals to compare; by default that of ``printed``.
     """
     places = -int(Decimal(printed).as_tuple().exponent) if most is None else most
     difference = abs(Fraction(printed) - Fraction(other))

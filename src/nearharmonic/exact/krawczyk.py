@@ -1,4 +1,4 @@
-"""An interval proof that a zero exists near a point, and that it is the only one there (Krawczyk 1969)."""
+"""Interval proof that a box about a point contains exactly one zero (Krawczyk 1969)."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ from mpmath import iv, matrix, mp, mpf
 from nearharmonic.exact.decimals import BigFloat
 from nearharmonic.exact.newton import Function, Jacobian
 
-#: Digits carried beyond those of the radius.
+#: Number of guard digits, beyond those of the radius.
 GUARD = 40
 
 
 @dataclass(frozen=True)
 class Proof:
-    """Result of the test that exactly one zero lies within ``radius`` of each unknown.
+    """Result of the test for exactly one zero in the box of half width ``radius``.
 
-    ``distance`` bounds how far from the point the zero is: the size of the Krawczyk image about the point.
+    ``distance`` is an upper bound of the distance between the point and the zero: the size of the Krawczyk image about
+    the point.
     """
 
     proved: bool
@@ -37,26 +38,25 @@ def prove(
 ) -> Proof:
     """Krawczyk's test on the box of half width ``radius`` about ``point``.
 
-    K = m - Y F(m) + (1 - Y J(X)) (X - m) in the interior of X proves one zero in X and no second: Y is the inverse of
-    the Jacobian at m, and F and J are evaluated in outward rounded intervals. With a Jacobian that is singular nothing
-    is proved.
+    If K = m - Y F(m) + (1 - Y J(X)) (X - m) is in the interior of X, then X contains exactly one zero. Y is the inverse
+    of the Jacobian at m, and F and J are evaluated in outward rounded intervals. A singular Jacobian proves nothing.
 
     Parameters
     ----------
     function, jacobian : callable
-        Values and derivatives (one row per value, one column per unknown) of mpmath's intervals.
+        Values, and derivatives (one row per value, one column per unknown), as functions of mpmath's intervals.
     point : sequence of int, Fraction or mpf
-        The middle of the box, one number per unknown.
+        The centre of the box, one number per unknown.
     radius : str
-        Half the width of the box, a decimal number.
+        Half width of the box, a decimal number.
     fixed : sequence of int
-        Indices of the unknowns that stay exactly at the point.
+        Indices of the unknowns that have exactly the value of the point.
     """
     moving = [j for j in range(len(point)) if j not in set(fixed)]
     digits = GUARD + max(0, -int(mp.floor(mp.log10(mpf(radius)))))
     with mp.workdps(digits), _interval_digits(digits):
         centre = [_interval(n) for n in point]
-        # The midpoint has to be exact for the fixed unknowns: an interval about it would prove a neighbouring problem.
+        # The fixed unknowns must be exact: a proof with intervals for them is a proof for neighbouring problems.
         spread = iv.mpf([-mpf(radius), mpf(radius)])
         box = [c + spread if j in moving else c for j, c in enumerate(centre)]
         middle = matrix([[mpf(c.mid) for c in row] for row in _columns(jacobian(centre), moving)])

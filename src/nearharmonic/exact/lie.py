@@ -1,12 +1,12 @@
-"""Order conditions as linear conditions on the logarithm of a step: a basis of the free Lie algebra and a quotient.
+"""Order conditions as linear conditions on the logarithm of a step, in the free Lie algebra and in a quotient of it.
 
 The logarithm of a product of exponentials is a Lie series. In degree n it has one coordinate for each Lyndon word of n
-letters (A < B): those in the *Lyndon basis*, where the word w = uv, v its longest proper suffix that is a Lyndon word,
-stands for the bracket [u, v]. Reutenauer (1993), Free Lie Algebras, chapter 5.
+letters (A < B), in the *Lyndon basis*. The basis element of a word w = uv, where v is the longest proper suffix of w
+that is a Lyndon word, is the bracket [u, v]. Reutenauer (1993), Free Lie Algebras, chapter 5.
 
-With kinetic energy T = p.p/2 some brackets vanish for every potential: V and the modified potentials that brackets
-[X, [Y, T]] of potentials X and Y give depend on q alone, and so commute. What these identities generate is an ideal,
-and the quotient is the Lie algebra of classical mechanics, McLachlan & Murua (2019), J. Comput. Dyn. 6, 345,
+For the kinetic energy T = p.p/2 some brackets vanish for every potential: V and the modified potentials [X, [Y, T]] of
+potentials X and Y depend only on q, and therefore commute. These identities generate an ideal. The quotient by this
+ideal is the Lie algebra of classical mechanics, McLachlan & Murua (2019), J. Comput. Dyn. 6, 345,
 doi:10.3934/jcd.2019017. The one identity [B, [B, [B, A]]] = 0 generates all of it up to degree 7, but not beyond.
 """
 
@@ -22,18 +22,18 @@ from typing import NamedTuple
 
 from nearharmonic.exact.words import LETTERS
 
-#: An element of the free Lie algebra, written out in words.
+#: An element of the free Lie algebra, as coefficients of words.
 Element = dict[str, int]
-#: A vector of which only the direction counts, so that its entries can be integers.
+#: A vector up to a positive factor, so that its entries can be integers.
 Components = list[int]
 
 
 class Condition(NamedTuple):
     """One independent order condition of a degree.
 
-    ``weights`` are numbers for the Lyndon words of the degree, in lexicographic order, of which the largest is 1 in
-    size: a step fulfils the condition if the coefficients of its logarithm on these words, so weighted, add up to 0.
-    ``scale`` is such that the squares of these sums, each divided by its scale, add up to the square of the norm.
+    ``weights`` are numbers for the Lyndon words of the degree, in lexicographic order; the largest modulus is 1. A step
+    fulfils the condition if the weighted sum of the coefficients of its logarithm on these words is 0. The squares of
+    these sums, each divided by its ``scale``, add up to the square of the norm.
     """
 
     weights: tuple[Fraction, ...]
@@ -49,7 +49,7 @@ def lyndon_words(length: int) -> tuple[str, ...]:
 
 @cache
 def bracketing(word: str) -> Element:
-    """The element of the Lyndon basis that the Lyndon ``word`` stands for."""
+    """The element of the Lyndon basis for the Lyndon ``word``."""
     if len(word) == 1:
         return {word: 1}
     split = next(k for k in range(1, len(word)) if word[k:] in lyndon_words(len(word) - k))
@@ -67,10 +67,10 @@ def bracket(x: Element, y: Element) -> Element:
 
 @cache
 def conditions(degree: int, *, quadratic: bool) -> tuple[Condition, ...]:
-    """The order conditions of ``degree``: for any separable H, or with ``quadratic`` kinetic energy alone.
+    """The order conditions of ``degree``: for any separable H, or only for ``quadratic`` kinetic energy.
 
-    Their norm is the Euclidean one of coordinates in the Lyndon basis; in the quotient, that of the representative for
-    which it is smallest.
+    Their norm is the Euclidean norm of the coordinates in the Lyndon basis. In the quotient it is the smallest norm of
+    all representatives.
     """
     to_basis = _to_basis(degree)
     ideal = [_matrix_vector(to_basis, _on_lyndon_words(x, degree)) for x in _ideal(degree)] if quadratic else []
@@ -93,7 +93,7 @@ def _on_lyndon_words(x: Element, degree: int) -> Components:
 def _to_basis(degree: int) -> list[Components]:
     """The matrix that turns coefficients on Lyndon words into coordinates in the Lyndon basis.
 
-    A bracketing begins with its own word, all others in it being larger: the inverse is unit triangular.
+    The smallest word of a bracketing is its own word, so the inverse is unit triangular.
     """
     size = len(lyndon_words(degree))
     rows = _units(size)
@@ -120,9 +120,9 @@ def _potentials(degree: int) -> tuple[Element, ...]:
 
 @cache
 def _ideal(degree: int) -> tuple[Element, ...]:
-    """A basis of what vanishes in ``degree`` for quadratic kinetic energy.
+    """A basis of the elements of ``degree`` that vanish for quadratic kinetic energy.
 
-    Brackets of A and B with what vanishes one degree below, and the commutators of potentials.
+    They are brackets of A and B with the vanishing elements one degree below, and commutators of potentials.
     """
     if degree < 2:
         return ()
@@ -135,7 +135,7 @@ def _ideal(degree: int) -> tuple[Element, ...]:
 
 
 def _independent(candidates: Sequence[Element], degree: int) -> list[Element]:
-    """Those of ``candidates`` that are no combination of the ones before."""
+    """The ``candidates`` that are not linear combinations of previous ones."""
     chosen: list[Element] = []
     echelon: list[tuple[int, Components]] = []
     for x in candidates:
@@ -151,7 +151,7 @@ def _independent(candidates: Sequence[Element], degree: int) -> list[Element]:
 
 
 def _orthogonal_complement(vectors: Sequence[Components], size: int) -> list[Components]:
-    """Orthogonal vectors that span all that is orthogonal to ``vectors``, by Gram and Schmidt, exact."""
+    """Orthogonal vectors that span the orthogonal complement of ``vectors``, by the exact Gram-Schmidt method."""
     if not vectors:
         return _units(size)
     found: list[tuple[Components, int]] = []

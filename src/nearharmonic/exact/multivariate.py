@@ -1,4 +1,4 @@
-"""Sparse polynomials in several variables with rational coefficients, and power series of them."""
+"""Sparse polynomials in several variables with rational coefficients, and power series with such coefficients."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def product(p: PowerSeries, q: PowerSeries, length: int) -> PowerSeries:
 
 
 def inverse(p: PowerSeries, length: int) -> PowerSeries:
-    """The first ``length`` coefficients of 1/p, for a ``p`` that starts with 1."""
+    """The first ``length`` coefficients of 1/p, if the first coefficient of ``p`` is 1."""
     total: PowerSeries = [p[0]]
     for i in range(1, length):
         value: Multivariate = {}
@@ -55,7 +55,7 @@ def inverse(p: PowerSeries, length: int) -> PowerSeries:
 
 
 def constants(numbers: Sequence[Fraction], variables: int) -> PowerSeries:
-    """The series with these numbers as coefficients, among polynomials in ``variables`` variables."""
+    """The series with these numbers as coefficients, which are polynomials in ``variables`` variables."""
     return [{(0,) * variables: c} if c else {} for c in numbers]
 
 

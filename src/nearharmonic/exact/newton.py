@@ -1,4 +1,4 @@
-"""Newton's method in multiprecision for any smooth function: the solution near a point, or how far it came."""
+"""Newton's method in multiprecision for smooth functions."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from nearharmonic.exact.decimals import BigFloat, as_mpf
 
 #: The values of a function at a point.
 Function = Callable[[Sequence[BigFloat]], Sequence[BigFloat]]
-#: Its derivatives there: one row per value, one column per unknown.
+#: The derivatives of a function at a point: one row per value, one column per unknown.
 Jacobian = Callable[[Sequence[BigFloat]], Sequence[Sequence[BigFloat]]]
 
-#: Digits carried beyond those asked for: conditions multiply rounding by up to lambda! times the coefficients' powers.
+#: Number of guard digits: conditions multiply rounding errors by up to lambda! times powers of the coefficients.
 GUARD = 30
-#: Newton doubles the digits: seven iterations lead from double to 2000 digits.
+#: Newton's method doubles the digits: seven iterations lead from double precision to 2000 digits.
 ITERATIONS = 15
 
 
 @dataclass(frozen=True)
 class Limit:
-    """The ``point`` (mpf) that Newton's method reached, and whether it is a solution.
+    """The last ``point`` (mpf) of Newton's method, with a flag that it is a solution.
 
-    ``residual`` is the size of the largest value of the function there and ``correction`` the largest step of the last
-    iteration.
+    ``residual`` is the largest modulus of the function values at the point, and ``correction`` the largest step of the
+    last iteration.
     """
 
     converged: bool
@@ -46,21 +46,21 @@ def newton(
 ) -> Limit:
     """The zero of ``function`` near ``start``.
 
-    With more unknowns left than values, each step is the shortest that the linearised function allows. It has converged
-    when a step and the residual fall below 10^-``digits``.
+    If there are more free unknowns than values, each step is the shortest solution of the linearised equations. The
+    iteration has converged when a step and the residual are below 10^-``digits``.
 
     Parameters
     ----------
     function, jacobian : callable
-        Values and derivatives at a point, in mpmath's current precision.
+        Values and derivatives at a point, in the current precision of mpmath.
     start : sequence of numbers
         One per unknown.
     digits : int
-        Decimals that the solution is wanted to.
+        Number of correct decimals of the solution.
     fixed : sequence of int
         Indices of the unknowns that keep their values.
     guard : int
-        Digits carried beyond ``digits``.
+        Number of guard digits, beyond ``digits``.
     """
     with mp.workdps(digits + guard):
         x = list(map(as_mpf, start))
@@ -81,9 +81,9 @@ def newton(
 
 
 def rank_and_pivots(jacobian: Jacobian, x: Sequence[BigFloat], *, digits: int = 60) -> tuple[int, tuple[int, ...]]:
-    """Rank of the Jacobian at ``x``, and the unknowns that the values fix best: elimination with full pivoting.
+    """Rank of the Jacobian at ``x``, and the unknowns of the pivots, by elimination with full pivoting.
 
-    A pivot counts as zero when it is below 10^-(``digits``/2) of the largest.
+    A pivot counts as zero if it is below 10^-(``digits``/2) times the largest.
     """
     with mp.workdps(digits):
         rows = [list(row) for row in jacobian(list(map(as_mpf, x)))]
@@ -105,7 +105,7 @@ def rank_and_pivots(jacobian: Jacobian, x: Sequence[BigFloat], *, digits: int = 
 def _shortest_step(
     values: Sequence[BigFloat], rows: Sequence[Sequence[BigFloat]], moving: Sequence[int]
 ) -> list[BigFloat] | None:
-    """The shortest solution of J step = -values among the ``moving`` unknowns; None where J has no full rank."""
+    """The shortest solution of J step = -values among the ``moving`` unknowns; None if J does not have full rank."""
     J = matrix([[row[j] for j in moving] for row in rows])
     try:
         if J.rows == J.cols:

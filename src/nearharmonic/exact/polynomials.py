@@ -1,8 +1,8 @@
-"""Polynomials in one variable with whole coefficients: common divisors, Sturm's chain, and real roots, all exact.
+"""Exact polynomials in one variable with integer coefficients: common divisors, Sturm's chain, and real roots.
 
 A polynomial is the list of its coefficients of x^0, x^1, ..., the last one not 0. Real roots are isolated by Descartes'
-rule of signs on intervals that are halved, and narrowed down on signs of exact values; Sturm's chain counts them
-independently of that. Every point at which a polynomial is evaluated is a whole number over a power of 2.
+rule of signs and bisection, and refined by the signs of exact values. Sturm's chain counts them independently.
+Polynomials are evaluated only at integers divided by a power of 2.
 
 Sources: Sturm (1829); Collins & Akritas (1976), doi:10.1145/800205.806346, for the isolation; Yun (1976),
 doi:10.1145/800205.806320, for multiple roots; Abbott (2014), doi:10.1145/2644288.2644291, for the narrowing.
@@ -18,15 +18,16 @@ from typing import NamedTuple
 
 Polynomial = list[int]
 
-#: Positive roots are narrowed down to a relative 2^-NARROW_BITS.
+#: Positive roots are refined to a relative width of 2^-NARROW_BITS.
 NARROW_BITS = 110
 
-#: Two polynomials without a common factor modulo a prime have none (if it does not divide the leading coefficient).
+#: Two polynomials without a common factor modulo a prime have no common factor, unless the prime divides both leading
+#: coefficients.
 _PRIME = 2**61 - 1
 
 
 class _Cell(NamedTuple):
-    """The interval from ``start`` to ``start + width``, in units of 2^-``bits``; a ``width`` of 0 is a root itself."""
+    """The interval from ``start`` to ``start + width``, in units of 2^-``bits``; a cell of ``width`` 0 is a root."""
 
     start: int
     width: int
@@ -34,7 +35,7 @@ class _Cell(NamedTuple):
 
 
 def whole(row: Sequence[Fraction]) -> Polynomial:
-    """``row`` times the positive number that makes it whole, without a common factor; [] for a row of zeros."""
+    """``row`` times a positive number, as integers without a common factor; [] for a row of zeros."""
     unit = lcm(*(c.denominator for c in row))
     return _primitive(_without_high_zeros([c.numerator * (unit // c.denominator) for c in row]))
 
@@ -49,7 +50,7 @@ def product(a: Polynomial, b: Polynomial) -> Polynomial:
 
 
 def derivative(polynomial: Polynomial) -> Polynomial:
-    """d/dx, times a positive number; [] for a constant."""
+    """The derivative times a positive number; [] for a constant."""
     return _primitive([n * c for n, c in enumerate(polynomial)][1:])
 
 
@@ -69,7 +70,7 @@ def real_root_count(chain: Sequence[Polynomial]) -> int:
 
 
 def common_divisor(a: Polynomial, b: Polynomial) -> Polynomial:
-    """The greatest common divisor of two polynomials, the second possibly [], as one with positive leading term."""
+    """The greatest common divisor of two polynomials, with a positive leading term; the second may be []."""
     if b and _coprime_modulo_prime(a, b):
         return [1]
     divisor = _remainders(a, b)[-1] if b else a
@@ -77,14 +78,14 @@ def common_divisor(a: Polynomial, b: Polynomial) -> Polynomial:
 
 
 def by_parity(polynomial: Polynomial) -> tuple[Polynomial, Polynomial]:
-    """Two polynomials with simple roots: those at which ``polynomial`` changes sign, and those it only touches."""
+    """Two polynomials with simple roots: the roots of odd multiplicity, and the roots of even multiplicity."""
     odd: Polynomial = [1]
     even: Polynomial = [1]
     common = common_divisor(polynomial, derivative(polynomial))
     rest, multiplicity = _quotient(polynomial, common), 1
     while len(rest) > 1:
         shared = common_divisor(rest, common)
-        exactly = _quotient(rest, shared)  # the roots of this multiplicity and no higher one
+        exactly = _quotient(rest, shared)  # the roots of exactly this multiplicity
         if multiplicity % 2:
             odd = product(odd, exactly)
         else:
@@ -94,12 +95,12 @@ def by_parity(polynomial: Polynomial) -> tuple[Polynomial, Polynomial]:
 
 
 def positive_roots(polynomial: Polynomial) -> list[Fraction]:
-    """The distinct roots above 0, ascending, each within a relative 2^-110 below its true value or at it."""
+    """The distinct positive roots, ascending, each at its true value or below it by a relative 2^-110 at most."""
     p, roots = _simple(polynomial), []
     for cell in _isolated(p, 0, 1 << _bound(p).bit_length()):
         start, width, bits = cell if cell.start else _away_from_zero(p, cell)
         if width:
-            # start/width is whole; with 111 bits and more it is at least 2^110 times as large as the width.
+            # start/width is an integer of at least 111 bits, so start is at least 2^110 times the width.
             missing = max(0, NARROW_BITS + 1 - (start // width).bit_length())
             start, width, bits = _narrowed(p, _Cell(start, width, bits), missing)
         roots.append(Fraction(start, 1 << bits))
@@ -107,7 +108,7 @@ def positive_roots(polynomial: Polynomial) -> list[Fraction]:
 
 
 def real_roots(polynomial: Polynomial, precision: int) -> list[Fraction]:
-    """The distinct real roots, ascending, each within 2^-``precision``."""
+    """The distinct real roots, ascending, each with an error of at most 2^-``precision``."""
     p, roots = _simple(polynomial), []
     bound = _bound(p)
     for cell in _isolated(p, -bound, bound):
@@ -118,7 +119,7 @@ def real_roots(polynomial: Polynomial, precision: int) -> list[Fraction]:
 
 
 def _bound(p: Polynomial) -> int:
-    """A power of 2 beyond all roots: 2 max |a_(n-k) / a_n|^(1/k) (Fujiwara 1916), rounded up."""
+    """A power of 2 above all moduli of roots: 2 max |a_(n-k) / a_n|^(1/k) (Fujiwara 1916), rounded up."""
     degree, last = len(p) - 1, abs(p[-1]).bit_length()
     # |a| < 2^bits and |a_n| >= 2^(last - 1), so that a quotient is below 2^(bits - last + 1).
     bits = (-((last - 1 - abs(c).bit_length()) // (degree - n)) for n, c in enumerate(p[:-1]) if c)
@@ -131,10 +132,11 @@ def _simple(polynomial: Polynomial) -> Polynomial:
 
 
 def _isolated(p: Polynomial, low: int, high: int) -> list[_Cell]:
-    """Cells that hold one root each, of all roots between ``low`` and ``high``, which are none; ``p`` has simple roots.
+    """Cells that isolate the roots between ``low`` and ``high``, which are not roots; all roots of ``p`` are simple.
 
-    Descartes: between 0 and 1 a polynomial q has as many roots as (1 + x)^n q(1 / (1 + x)) has changes of sign in its
-    coefficients, or fewer by an even number; with intervals halved often enough the changes become 0 or 1.
+    Descartes' rule: the number of roots of a polynomial q between 0 and 1 is the number of sign changes in the
+    coefficients of (1 + x)^n q(1 / (1 + x)), or less by an even number. After enough bisections the number of sign
+    changes is 0 or 1.
     """
     degree, found = len(p) - 1, []
     moved = [c * (high - low) ** n for n, c in enumerate(_shifted(p, low))]
@@ -162,13 +164,14 @@ def _away_from_zero(p: Polynomial, cell: _Cell) -> _Cell:
 
 
 def _narrowed(p: Polynomial, cell: _Cell, halvings: int) -> _Cell:
-    """The one of 2^``halvings`` equal parts of ``cell`` that holds its root, or the root itself if it is an end of one.
+    """The one of 2^``halvings`` equal parts of ``cell`` that contains its root, or the root if it is an end of a part.
 
-    Quadratic interval refinement: the secant says which of N equal steps to look at; while it is right N is squared.
+    Quadratic interval refinement: the secant predicts the one of N equal parts with the root. After a correct
+    prediction N is squared.
     """
     start, width, bits = cell.start << halvings, cell.width, cell.bits + halvings
     ends = [0, 1 << halvings]
-    # Where the cell begins at another root, the sign just above it is that of the derivative.
+    # If the cell begins at another root, the sign just above that root is the sign of the derivative.
     values = [
         _scaled_value(p, start, bits) or _sign(_scaled_value(derivative(p), start, bits)),
         _scaled_value(p, start + ends[1] * width, bits),
@@ -204,7 +207,7 @@ def _scaled_value(p: Polynomial, numerator: int, bits: int) -> int:
 
 def _shifted(p: Polynomial, by: int) -> Polynomial:
     """p(x + by)."""
-    if by == 1:  # of all shifts most are this one: sums from the highest term downwards, a term less each time
+    if by == 1:  # the most frequent shift: sums from the highest term downwards, one term fewer each time
         sums = p[::-1]
         for length in range(len(p), 1, -1):
             sums[:length] = accumulate(sums[:length])
@@ -217,7 +220,7 @@ def _shifted(p: Polynomial, by: int) -> Polynomial:
 
 
 def _remainders(a: Polynomial, b: Polynomial) -> list[Polynomial]:
-    """a, b, -(a mod b), ..., each times a positive number; the last one divides both."""
+    """a, b, -(a mod b), ..., each times a positive number; the last remainder divides both."""
     chain = [a, b]
     while len(chain[-1]) > 1:
         _, rest = _divided(chain[-2], chain[-1])
@@ -228,7 +231,7 @@ def _remainders(a: Polynomial, b: Polynomial) -> list[Polynomial]:
 
 
 def _coprime_modulo_prime(a: Polynomial, b: Polynomial) -> bool:
-    """Return True if the polynomials modulo a prime show that they have no common root; False proves nothing."""
+    """Return True if the polynomials modulo a prime prove that there is no common root; False proves nothing."""
     if a[-1] % _PRIME == 0:
         return False
     rows = [_without_high_zeros([c % _PRIME for c in row]) for row in (a, b)]
@@ -244,12 +247,12 @@ def _coprime_modulo_prime(a: Polynomial, b: Polynomial) -> bool:
 
 
 def _quotient(a: Polynomial, b: Polynomial) -> Polynomial:
-    """a / b, which leaves no rest, times a positive number."""
+    """a / b times a positive number; b must divide a."""
     return _primitive(_divided(a, b)[0])
 
 
 def _divided(a: Polynomial, b: Polynomial) -> tuple[Polynomial, Polynomial]:
-    """Quotient and rest of a positive multiple of ``a``, such that both are whole."""
+    """Quotient and remainder of a positive multiple of ``a``, both with integer coefficients."""
     rest, quotient = list(a), [0] * max(1, len(a) - len(b) + 1)
     factor, sign = abs(b[-1]), _sign(b[-1])
     while len(rest) >= len(b):
@@ -265,7 +268,7 @@ def _sign(number: int) -> int:
 
 
 def _changes(signs: Sequence[int]) -> int:
-    """Changes of sign along a row, zeros left out."""
+    """Number of sign changes along a row without its zeros."""
     return sum(a != b for a, b in pairwise(sign for sign in signs if sign))
 
 

@@ -1,4 +1,4 @@
-"""Exact linear algebra in the ring of polynomials modulo as many weighted conditions as variables."""
+"""Exact linear algebra in the ring of polynomials modulo weighted conditions, one per variable."""
 
 from __future__ import annotations
 
@@ -8,30 +8,30 @@ from itertools import product as cartesian
 
 from nearharmonic.exact.multivariate import Monomial, Multivariate
 
-#: Entries by place, zeros left out.
+#: Nonzero entries by index.
 SparseVector = dict[int, Fraction]
 
 
 def weight(monomial: Monomial) -> int:
-    """Weight of a monomial where y_i has weight i."""
+    """Weight of a monomial, if y_i has weight i."""
     return sum((i + 1) * exponent for i, exponent in enumerate(monomial))
 
 
 def monomials(variables: int, highest: int) -> list[Monomial]:
-    """All monomials up to a weight, the heaviest first."""
+    """All monomials up to a weight, the highest weight first."""
     ranges = [range(highest // (i + 1) + 1) for i in range(variables)]
     kept = [m for m in cartesian(*ranges) if weight(m) <= highest]
     return sorted(kept, key=lambda m: (-weight(m), m))
 
 
 class Echelon:
-    """Rows in echelon form with what they are made of: linear relations between vectors as they come."""
+    """Rows in echelon form with their combinations of inserted vectors; it finds linear relations between these."""
 
     def __init__(self) -> None:
         self._rows: dict[int, tuple[SparseVector, SparseVector]] = {}
 
     def insert(self, vector: SparseVector, label: int) -> SparseVector | None:
-        """Add a vector; the combination of labels that vanishes, if it depends on those before."""
+        """Add a vector; if it depends on previous vectors, return the vanishing combination by labels."""
         rest, made_of = self._reduced(vector)
         made_of[label] = Fraction(1)
         if not rest:
@@ -62,11 +62,12 @@ class Echelon:
 
 
 class Quotient:
-    """The ring of polynomials in y modulo the conditions, as vectors over the monomials that nothing reduces."""
+    """The ring of polynomials in y modulo the conditions, as vectors over the irreducible monomials."""
 
     def __init__(self, conditions: Sequence[Multivariate], weights: Sequence[int]) -> None:
         k = len(weights)
-        # Beyond the socle, the weight sum(w) - sum(i), every monomial is reducible; one more takes a product with y_1.
+        # Above the weight sum(w) - sum(i) of the socle every monomial is reducible; a product with y_1 adds one to a
+        # weight.
         socle = sum(weights) - k * (k + 1) // 2
         self._monomials = monomials(k, max(socle + 1, k))
         self._index = {m: i for i, m in enumerate(self._monomials)}

@@ -1,11 +1,11 @@
-"""Truncated power series in two letters that do not commute, exact: A for a drift, B for a kick.
+"""Exact truncated power series in two letters that do not commute: A for a drift, B for a kick.
 
-An operator of a step may also be C = [B, [A, B]], which is no letter: for quadratic T it is a kick too, that of a
-modified potential.
+An operator of a step may also be C = [B, [A, B]], which is not a letter. For quadratic T it is a kick of a modified
+potential.
 
-A series assigns a number to every word. Those here are products of exponentials exp(c A) and exp(c B), for which a word
-w of n letters has a coefficient S(w) that is a sum of products of n values c. With ``unit`` a common denominator of all
-c, n! unit^n S(w) is an integer: a :class:`Series` holds these integers, so that no fraction is ever reduced.
+A series assigns a number to every word. In a product of exponentials exp(c A) and exp(c B), a word w of n letters has a
+coefficient S(w) that is a sum of products of n values c. If ``unit`` is a common denominator of all c, n! unit^n S(w)
+is an integer. A :class:`Series` holds these integers, so that no fraction is ever reduced.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from itertools import product
 from math import comb, factorial, lcm
 
 LETTERS = "AB"
-#: [B, [A, B]], written out.
+#: [B, [A, B]] as coefficients of words.
 SQUARE = {"BAB": 2, "ABB": -1, "BBA": -1}
 
-#: An operator of a step: A, B or C, and the number it is multiplied with.
+#: An operator of a step: A, B or C, and its factor.
 Operator = tuple[str, Fraction]
 
 
 @dataclass(frozen=True)
 class Series:
-    """Coefficients of words of up to ``length`` letters, each times n! unit^n for a word of n letters.
+    """Coefficients of words of up to ``length`` letters, times n! unit^n for words of n letters.
 
-    ``scaled`` holds every word up to that length whose number of letters B does not exceed the bound it was made with.
+    ``scaled`` holds every word up to that length with at most the given number of letters B.
     """
 
     scaled: dict[str, int]
@@ -44,7 +44,7 @@ class Series:
 def words(length: int, kicks: int | None = None) -> list[str]:
     """All words of at most ``length`` letters with at most ``kicks`` letters B (None: any number), shorter ones first.
 
-    Every part of such a word is one itself, so that series truncated to them can be multiplied.
+    Every part of such a word is such a word, so that series truncated to them can be multiplied.
     """
     bound = length if kicks is None else kicks
     layers = [[""]]
@@ -67,7 +67,7 @@ def product_of_exponentials(operators: Sequence[Operator], length: int, kicks: i
             continue
         factor = int(c * unit)
         powers = [factor**k for k in range(length + 1)]
-        # In place: the words that a word draws on are shorter, and still those of the product so far.
+        # In place: the coefficient of a word depends on shorter words, which are updated later.
         for n, k, pairs in _endings(length, kicks, letter):
             weight = comb(n, k) * powers[k]
             for word, beginning in pairs:
@@ -76,10 +76,10 @@ def product_of_exponentials(operators: Sequence[Operator], length: int, kicks: i
 
 
 def logarithm(series: Series, wanted: Iterable[str]) -> dict[str, Fraction]:
-    """Coefficients of log(series) for the words ``wanted``, exact; the series has to begin with 1.
+    """Coefficients of log(series) for the words ``wanted``, exact; the constant term of the series must be 1.
 
     log(1 + X) = X (1 - X (1/2 - X (1/3 - ...))), and since X begins with words of one letter, the k-th bracket from
-    outside is needed for words of up to length - k letters only, and of these for the ends of those wanted.
+    outside is needed only for words of up to length - k letters that are ends of wanted words.
     """
     X, targets = series.scaled, tuple(wanted)
     length = max(map(len, targets), default=0)
@@ -95,8 +95,8 @@ def logarithm(series: Series, wanted: Iterable[str]) -> dict[str, Fraction]:
 
 
 def _multiply_by_square(scaled: dict[str, int], factor: int, length: int, kicks: int | None) -> None:
-    """Multiply a series, in place, by the exponential of C, which has three letters, times ``factor`` / unit^3."""
-    powers = {"": 1}  # C^k / k! with what its words are multiplied by
+    """Multiply a series, in place, by the exponential of C times ``factor`` / unit^3; C has three letters."""
+    powers = {"": 1}  # C^k / k!, with the factors of its words
     ends: list[tuple[str, Fraction]] = []
     for k in range(1, length // 3 + 1):
         powers = {word + end: a * b for word, a in powers.items() for end, b in SQUARE.items()}
@@ -110,7 +110,7 @@ def _multiply_by_square(scaled: dict[str, int], factor: int, length: int, kicks:
 
 @cache
 def _endings(length: int, kicks: int | None, letter: str) -> tuple[tuple[int, int, tuple[tuple[str, str], ...]], ...]:
-    """(n, k, words of n letters that end with k times ``letter``, each with what stands before), n descending."""
+    """(n, k, words of n letters that end with k times ``letter``, each with its beginning), n descending."""
     found: dict[tuple[int, int], list[tuple[str, str]]] = {}
     for word in words(length, kicks):
         for k in range(1, len(word) - len(word.rstrip(letter)) + 1):
@@ -118,7 +118,7 @@ def _endings(length: int, kicks: int | None, letter: str) -> tuple[tuple[int, in
     return tuple((n, k, tuple(pairs)) for (n, k), pairs in sorted(found.items(), reverse=True))
 
 
-#: The ways to cut a word of n letters in two, the first part not empty: (n over its length, first part, second part).
+#: The splits of a word of n letters in two, the first part not empty: (n over its length, first part, second part).
 _Splits = tuple[tuple[int, str, str], ...]
 
 
@@ -132,5 +132,5 @@ def _ends(wanted: tuple[str, ...]) -> tuple[tuple[str, _Splits], ...]:
 
 
 def _convolution(X: dict[str, int], Y: dict[str, int], splits: _Splits) -> int:
-    """Scaled coefficient, of the word with these splits, in the product of X, without its term 1, and Y."""
+    """Scaled coefficient of the word with these splits in the product of X - 1 and Y."""
     return sum(ways * X[first] * Y[second] for ways, first, second in splits)

@@ -1,1 +1,1 @@
-"""Numerical methods that know nothing of integrators."""
+"""Numerical methods that are independent of integrators."""

@@ -1,4 +1,4 @@
-"""Wall times that can be defended: one pinned thread, repeats that take turns, quartiles kept, the machine named."""
+"""Reproducible wall-clock measurements: one pinned thread, interleaved repetitions, quartiles, facts of the machine."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-#: What :func:`summary` gives, in this order.
+#: Names of the values of :func:`summary`, in this order.
 QUARTILES = ("min", "q1", "median", "q3")
 
 
@@ -21,8 +21,8 @@ QUARTILES = ("min", "q1", "median", "q3")
 class Patience:
     """Number of repetitions of a call.
 
-    A call is made ``most`` times, fewer if that takes over ``seconds``, but at least ``least`` times. If even these
-    take over ``longest`` seconds, it is made twice.
+    A call is repeated ``most`` times, fewer times if that takes over ``seconds``, but at least ``least`` times. If
+    these take over ``longest`` seconds, it is made twice.
     """
 
     least: int = 3
@@ -31,7 +31,7 @@ class Patience:
     longest: float = 0.03
 
     def goes_on(self, times: Sequence[float]) -> bool:
-        """Return True if a call with ``times`` behind it is to be repeated."""
+        """Return True if a call whose previous repetitions took ``times`` must be repeated."""
         spent = sum(times)
         if len(times) < self.least:
             return len(times) < 2 or spent < self.longest
@@ -43,9 +43,9 @@ STANDARD = Patience()
 
 @contextmanager
 def pinned() -> Iterator[int | None]:
-    """Keep this process on the last core it may use; yields that core, or None where the system cannot pin.
+    """Keep this process on the last core it may use; yields that core, or None if the system cannot pin processes.
 
-    A process that moves between cores loses its caches and its clock; the cores allowed before are restored.
+    A process that moves between cores loses its caches and its clock rate. The allowed cores are restored at the end.
     """
     if not hasattr(os, "sched_setaffinity"):
         yield None
@@ -60,9 +60,9 @@ def pinned() -> Iterator[int | None]:
 
 
 def interleaved(calls: Sequence[Callable[[], object]], patience: Patience = STANDARD) -> list[list[float]]:
-    """Seconds that each of ``calls`` took, once per round: a busy spell of the machine then hits all alike.
+    """Times of ``calls`` in seconds, one of each call per round, so that other load on the machine affects all equally.
 
-    Warm them up first: what a first call compiles or loads would be in its first time.
+    The caller must make each call once before: the first call compiles and loads code.
     """
     times: list[list[float]] = [[] for _ in calls]
     waiting = list(range(len(calls)))
@@ -84,7 +84,7 @@ def summary(times: Sequence[float]) -> tuple[float, float, float, float]:
 
 
 def machine(core: int | None) -> dict[str, str | float]:
-    """Facts that times depend on: processor, clock, the core in use, load, when."""
+    """Facts that times depend on: processor, clock, core, load, date."""
     clock = time.get_clock_info("perf_counter")
     return {
         "cpu": processor(),
@@ -98,7 +98,7 @@ def machine(core: int | None) -> dict[str, str | float]:
 
 
 def processor(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:
-    """Model of the processor, its clock rate if the system tells, and its widest vector unit."""
+    """Model of the processor, its clock rate if the system reports it, and its widest vector unit."""
     try:
         lines = [line.split(":", 1) for line in cpuinfo.read_text(encoding="utf-8").splitlines() if ":" in line]
     except OSError:

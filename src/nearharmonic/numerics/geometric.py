@@ -1,18 +1,18 @@
-"""Geometric progressions in decimal arithmetic, with the same bits on every processor; the plan needs no numpy.
+"""Geometric progressions in decimal arithmetic, bitwise identical on every processor, without numpy.
 
-Doubles stand for the shortest decimals that name them.
+A double means the shortest decimal that it prints as.
 """
 
 from __future__ import annotations
 
 from decimal import Decimal, localcontext
 
-#: Digits, so that a double rounded from them is correctly rounded but for one in 10^20.
+#: Digits of the arithmetic: a double rounded from them is correctly rounded, except for one in 10^20.
 DIGITS = 40
 
 
 def geometric(lowest: float, highest: float, count: int) -> list[float]:
-    """Return ``count`` numbers from ``lowest`` to ``highest``, evenly in the logarithm; ``lowest`` alone if it is 1."""
+    """Return ``count`` numbers from ``lowest`` to ``highest``, evenly in the logarithm, for ``count`` > 1."""
     with localcontext(prec=DIGITS):
         first, last = _decimal(lowest), _decimal(highest)
         inner = [float(first * (last / first) ** (Decimal(i) / (count - 1))) for i in range(1, count - 1)]

@@ -1,8 +1,8 @@
-"""Numerical functions whose results have the same bits on every processor, for all that reaches a result file.
+"""Numerical functions for result files, whose results are bitwise identical on every processor.
 
-numpy, BLAS, LAPACK and the C library choose their code by the processor, and their logarithms, sines, powers and matrix
-products round differently. Here, elementary functions are those of :mod:`nearharmonic.math`, sums are exact and rounded
-once, and all else is ``+ - * /`` and ``sqrt`` in a stated order.
+numpy, BLAS, LAPACK and the C library select their code by the processor, so the rounding of their logarithms, sines,
+powers and matrix products differs between processors. Here elementary functions are those of :mod:`nearharmonic.math`,
+sums are exact and rounded once, and all other operations are ``+ - * /`` and ``sqrt`` in a fixed order.
 """
 
 from __future__ import annotations
@@ -16,12 +16,13 @@ import numpy as np
 from nearharmonic.math import log
 from nearharmonic.numerics.types import Floats
 
-#: Sweeps of rotations, which square what is left off the diagonal, and the relative size at which none is left.
+#: Largest number of sweeps of rotations, each of which squares the off-diagonal elements, and their final relative
+#: size.
 SWEEPS, LEFT = 30, 2.0**-60
 
 
 def total(terms: Any) -> float:
-    """Return the exact sum of the elements of an array, rounded once; infinite or NaN if one of them is."""
+    """Return the exact sum of the elements of an array, rounded once; infinite or NaN if an element is."""
     values = np.asarray(terms, dtype=float)
     with np.errstate(invalid="ignore"):
         return fsum(values.ravel().tolist()) if np.isfinite(values).all() else float(values.sum())
@@ -38,7 +39,7 @@ def log10(x: Any) -> Any:
 
 
 def nearest_power_of_two(x: float) -> float:
-    """Return the power of two whose logarithm is nearest to that of a number above 0; what is not finite as it is."""
+    """Return the power of two whose logarithm is nearest to that of x > 0; x itself if it is not finite."""
     if not isfinite(x):
         return x
     mantissa, exponent = frexp(x)
@@ -46,7 +47,7 @@ def nearest_power_of_two(x: float) -> float:
 
 
 def product(rows: Floats, matrix: Floats) -> Floats:
-    """Return the matrix product of ``rows`` (..., n) with a matrix (n, m), added row of the matrix by row."""
+    """Return the matrix product of ``rows`` (..., n) with a matrix (n, m), summed in the order of its rows."""
     found = np.zeros((*rows.shape[:-1], matrix.shape[1]))
     for k, row in enumerate(matrix):
         found += rows[..., k, None] * row

@@ -1,6 +1,6 @@
-"""Fits to runs: slopes above the floor of rounding, trends and their intervals, Student's t, the jackknife.
+"""Statistics of runs: slopes above the round-off plateau, trends and their intervals, Student's t, the jackknife.
 
-All results reach result files, so they are computed by :mod:`nearharmonic.numerics.portable`.
+All results may be written to result files, so they are computed by :mod:`nearharmonic.numerics.portable`.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-#: A curve below this many times its lowest point may be round-off rather than truncation.
+#: Points of a curve below this multiple of its lowest point may be round-off errors rather than truncation errors.
 PLATEAU = 100.0
-#: Above this relative error the leading term no longer decides the slope.
+#: Above this relative error the leading term does not determine the slope.
 ASYMPTOTIC = 1e-4
-#: Largest number of points, taken from the smallest errors above the plateau, that a slope is fitted to: half a decade.
+#: Largest number of points of a slope fit, with the smallest errors above the plateau: half a decade.
 SLOPE_POINTS = 20
-#: Terms of the Cornish-Fisher series over z: coefficients of even powers of z, and a divisor.
+#: Terms of the Cornish-Fisher series, divided by z: coefficients of even powers of z, and a divisor.
 _CORNISH_FISHER = (
     ((1, 1), 4),
     ((3, 16, 5), 96),
@@ -36,15 +36,15 @@ _CORNISH_FISHER = (
 
 
 def observed_order(tau: xr.DataArray, error: xr.DataArray, dimension: str = "tau_per_stage") -> xr.DataArray:
-    """Return the slope of log(error) against log(tau) over the smallest errors that are truncation, not round-off.
+    """Return the slope of log(error) against log(tau) over the smallest truncation errors above round-off.
 
-    The plateau is left out: all points up to the largest step size whose error is within a factor of 100 of the
-    curve's lowest. So are errors above 1e-4.
+    The fit excludes the plateau, which are all points up to the largest step size whose error is within a factor of 100
+    of the lowest error of the curve. It also excludes errors above 1e-4.
 
     Parameters
     ----------
     tau, error : xarray.DataArray
-        Step sizes and errors, in any order of the points.
+        Step sizes and errors, with the points in any order.
     dimension : str
         Dimension of the points.
 
@@ -66,10 +66,10 @@ def observed_order(tau: xr.DataArray, error: xr.DataArray, dimension: str = "tau
 
 
 def truncation(tau: Floats, error: Floats) -> NDArray[np.intp]:
-    """Return the indices of the smallest errors that are truncation, by increasing step size, at most half a decade.
+    """Return the indices of the smallest truncation errors, by increasing step size, over at most half a decade.
 
-    Left out are all points up to the largest step size whose error is within a factor of 100 of the curve's lowest, and
-    errors above 1e-4.
+    They exclude all points up to the largest step size whose error is within a factor of 100 of the lowest error of the
+    curve, and errors above 1e-4.
 
     Parameters
     ----------
@@ -99,14 +99,15 @@ def power_law(x: Floats, y: Floats) -> tuple[float, float]:
 def linear_trend(t: Any, angle: Any) -> tuple[float, float]:
     """Return the slope of the unwrapped ``angle`` against ``t``, and the half width of its 95 % interval.
 
-    The residuals are periodic rather than independent, so over whole orbits the interval is cautious.
+    The residuals are periodic rather than independent, so over complete orbits the interval is too wide rather than too
+    narrow.
 
     Parameters
     ----------
     t : array of shape (n,)
-        Times; points at which either number is not finite are left out.
+        Times; points with a time or an angle that is not finite are excluded.
     angle : array of shape (n,)
-        Angles in rad, modulo a turn.
+        Angles in rad, modulo 2 pi.
 
     Returns
     -------
@@ -120,7 +121,7 @@ def linear_trend(t: Any, angle: Any) -> tuple[float, float]:
 
 
 def trend_linearity(t: Any, angle: Any) -> tuple[float, float]:
-    """Return two measures of how linear the unwrapped ``angle`` is in ``t``.
+    """Return two measures of the linearity of the unwrapped ``angle`` in ``t``.
 
     Parameters
     ----------
@@ -131,8 +132,8 @@ def trend_linearity(t: Any, angle: Any) -> tuple[float, float]:
     -------
     tuple of float
         Coefficient of determination R^2 of the fit of :func:`linear_trend`, and the slope fitted to the second half of
-        the points over the slope fitted to the first; of an odd number of points, both halves have the middle one. NaN
-        with fewer than three points, or where the denominator is zero.
+        the points divided by the slope fitted to the first half; for an odd number of points, both halves contain the
+        middle one. NaN with fewer than three points, or if a denominator is zero.
     """
     x, y = _unwrapped(t, angle)
     if x.size < 3:
@@ -148,13 +149,13 @@ def trend_linearity(t: Any, angle: Any) -> tuple[float, float]:
 
 
 def _unwrapped(t: Any, angle: Any) -> tuple[Floats, Floats]:
-    """``t`` and the unwrapped ``angle`` at the points at which both are finite."""
+    """``t`` and the unwrapped ``angle`` at the points where both are finite."""
     finite = np.isfinite(angle) & np.isfinite(t)
     return t[finite], np.unwrap(angle[finite])
 
 
 def _slope(x: Floats, y: Floats) -> float:
-    """Slope of ``y`` against abscissas of mean 0 by ordinary least squares."""
+    """Slope of ``y`` against abscissas ``x`` of mean 0, by ordinary least squares."""
     return dot(x, y) / dot(x, x)
 
 
@@ -166,7 +167,7 @@ def line_fit(x: Floats, y: Floats) -> tuple[float, float]:
     x : array of shape (n,)
         Abscissas of mean 0; the caller centres them.
     y : array of shape (n,)
-        Ordinates, n > 2. The interval takes their residuals as independent.
+        Ordinates, n > 2. The interval assumes independent residuals.
     """
     spread = dot(x, x)
     slope = dot(x, y) / spread
@@ -176,7 +177,7 @@ def line_fit(x: Floats, y: Floats) -> tuple[float, float]:
 
 
 def mean(x: Floats) -> float:
-    """Return the exact sum of an array over its size, rounded twice."""
+    """Return the mean of an array: its exact sum, rounded, divided by its size."""
     return total(x) / x.size
 
 
@@ -186,7 +187,7 @@ def jackknife_interval(without: Floats) -> float:
     Parameters
     ----------
     without : array of shape (n,)
-        The estimate without each of the samples in turn.
+        The estimates from all samples but one, for each of the samples.
     """
     n = len(without)
     distance = without - mean(without)
@@ -197,8 +198,8 @@ def jackknife_interval(without: Floats) -> float:
 def student_975(freedom: int) -> float:
     """Return the 97.5 % point of Student's t with ``freedom`` degrees of freedom.
 
-    By the Cornish-Fisher series (Abramowitz & Stegun 26.7.5), exact for 1 and 2. The relative error is below 2e-3 from
-    3 degrees of freedom on, and falls as their fifth power.
+    It is exact for 1 and 2 degrees of freedom, otherwise from the Cornish-Fisher series (Abramowitz & Stegun 26.7.5).
+    The relative error is below 2e-3 from 3 degrees of freedom on, and falls with their fifth power.
     """
     if freedom == 1:
         return 12.706204736174694  # tan(0.475 pi)
@@ -211,7 +212,7 @@ def student_975(freedom: int) -> float:
 
 
 def _polynomial(coefficients: Sequence[float], x: float) -> float:
-    """The polynomial with these coefficients, that of x^0 first, by Horner's rule."""
+    """The polynomial with these coefficients, the one of x^0 first, by Horner's rule."""
     value = 0.0
     for coefficient in reversed(coefficients):
         value = value * x + coefficient

@@ -1,1 +1,1 @@
-"""Files that the package writes, whatever their content."""
+"""Reading and writing of files, independent of their content."""

@@ -1,4 +1,4 @@
-"""Answers of commands, printed as aligned columns, as JSON, or as CSV."""
+"""Answers of commands, and their output as a table, as JSON, or as CSV."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from typing import Any
 from nearharmonic.output.table import check_rows
 
 FORMATS = ("table", "json", "csv")
-#: Significant digits of a float in a table: those that the step sizes of a grid have.
+#: Significant digits of a float in a table: as many as the step sizes of a grid have.
 SHOWN = 6
 
-#: Text, whole number, float, truth value, or None where there is nothing to say.
+#: Text, integer, float, truth value, or None for an empty cell.
 Cell = Any
 
 
@@ -29,24 +29,24 @@ class Answer:
     header : sequence of str
         Names of the columns.
     rows : sequence of sequences
-        Cells (text, whole numbers, floats, truth values, None), as many a row as the header has names.
+        Cells (text, integers, floats, truth values, None), one per name of the header in each row.
     document : object
-        What JSON shows: nested mappings, sequences and cells. If None, a list with an object for each row.
+        Content of the JSON output: nested mappings, sequences and cells. If None, a list with an object for each row.
     status : int
-        Exit status: 0 yes, an empty answer included; 1 no.
+        Exit status: 0 for yes, which includes an empty answer; 1 for no.
     title : str
         Line above the table, if any.
     notes : sequence of str
-        Lines below the table. JSON and CSV leave title and notes out.
+        Lines below the table. JSON and CSV have no title and notes.
     digits : int or None
-        Significant digits of the floats of the table, None for all; JSON and CSV keep them all.
+        Significant digits of the floats of the table, None for all digits; JSON and CSV have all digits.
     text : str, optional
-        What is printed in place of a table, as it stands.
+        Text that is printed in place of a table.
 
     Raises
     ------
     NearharmonicError
-        A row is not as long as the header.
+        A row and the header have different lengths.
     """
 
     header: Sequence[str]
@@ -63,7 +63,7 @@ class Answer:
 
 
 def printed(answer: Answer, form: str) -> str:
-    """Return the text of ``answer`` in one of :data:`FORMATS`, with a line end unless it is empty."""
+    """Return the text of ``answer`` in one of :data:`FORMATS`, with a final line feed unless it is empty."""
     text = {"table": _table, "json": _json, "csv": _csv}[form](answer)
     return text if text.endswith("\n") or not text else f"{text}\n"
 
@@ -93,7 +93,7 @@ def _is_number(cell: Cell) -> bool:
 
 
 def _shown(cell: Cell, digits: int | None) -> str:
-    """A cell for people: floats short, truth in words, a dash for nothing and for NaN."""
+    """Text of a cell: floats are shortened, truth values are words, None and NaN are a dash."""
     if cell is None or cell == "" or (isinstance(cell, float) and isnan(cell)):
         return "-"
     if isinstance(cell, bool):
@@ -115,7 +115,7 @@ def _json(answer: Answer) -> str:
 
 
 def _without_infinities(value: Any) -> Any:
-    """``value`` with null for every float that JSON has no word for."""
+    """``value`` with null for every float that JSON cannot express."""
     if isinstance(value, float):
         return value if isfinite(value) else None
     if isinstance(value, Mapping):

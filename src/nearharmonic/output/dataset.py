@@ -1,6 +1,6 @@
-"""Described variables: arrays with the names of their dimensions, their unit and their meaning, before they are a file.
+"""Described variables: arrays with names of dimensions, unit and meaning, from which datasets and files are made.
 
-They are plain tuples, so that code which computes needs neither xarray nor HDF5.
+They are plain tuples, so that computing code needs neither xarray nor HDF5.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from nearharmonic.integrators.tableau import Tableau
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Attributes of a variable of words (CF conventions, section 3.5): the words, and in a file the integers for them.
+#: Attributes of a variable of words (CF conventions, section 3.5): the words, and the integers for them in a file.
 FLAG_MEANINGS, FLAG_VALUES = "flag_meanings", "flag_values"
-#: Meanings of coordinates that count, where "number of the ..." would not do.
+#: Meanings of integer coordinates, if "number of the ..." does not fit.
 COUNTED = {"component": "number of the coordinate"}
 #: Attributes of a variable: ``units`` and ``long_name`` at least.
 Attributes = dict[str, str]
-#: One variable as xarray takes it: names of its dimensions, values, attributes.
+#: A variable as xarray accepts it: names of dimensions, values, attributes.
 Variable = tuple[tuple[str, ...], Any, Attributes]
 Variables = dict[str, Variable]
 
@@ -49,7 +49,7 @@ def variable(dimensions: str | tuple[str, ...], values: Any, long_name: str, uni
     dimensions : str or tuple of str
         Names of the dimensions; a single name stands for one dimension.
     values : array_like
-        As many axes as dimensions.
+        Values, with one axis per dimension.
     long_name : str
         Meaning of the variable.
     units : str
@@ -96,16 +96,16 @@ def _count(name: str, size: int) -> Variable:
 
 
 def flags(dimensions: str | tuple[str, ...], words: Any, meanings: Sequence[str], long_name: str) -> Variable:
-    """Return a described variable of words, each one of ``meanings``; a file keeps it as integers with these meanings.
+    """Return a described variable of words, each one of ``meanings``; a file stores integers with these meanings.
 
     Parameters
     ----------
     dimensions : str or tuple of str
-        As for :func:`variable`.
+        Names of the dimensions, as for :func:`variable`.
     words : array_like of str
         Values.
     meanings : sequence of str
-        All words that a value may be.
+        All possible words.
     long_name : str
         Meaning of the variable.
     """
@@ -114,7 +114,7 @@ def flags(dimensions: str | tuple[str, ...], words: Any, meanings: Sequence[str]
 
 
 def double_runs(cube: xr.Dataset) -> xr.Dataset:
-    """Return the runs of a cube in double precision, or in its first precision, without the dimension ``precision``."""
+    """Return the runs of a cube in double, otherwise in its first precision, without the dimension ``precision``."""
     if "precision" not in cube.dims:
         return cube
     names = cube["precision"].values.tolist()
@@ -129,8 +129,8 @@ def assembled(variables: Variables, coordinates: Collection[str], attributes: Ma
     variables : mapping
         Described variables by name.
     coordinates : collection of str
-        Names of auxiliary coordinates. A variable with the name of its dimension is a coordinate anyway, and a
-        dimension that has none counts from 0.
+        Names of auxiliary coordinates. A variable with the name of its dimension is always a coordinate. A dimension
+        without coordinate gets the coordinate 0, 1, 2, ....
     attributes : mapping
         Attributes of the dataset.
 
@@ -160,7 +160,7 @@ def assembled(variables: Variables, coordinates: Collection[str], attributes: Ma
 
 @lru_cache(maxsize=64)
 def _template(layout: tuple[Any, ...], auxiliary: tuple[str, ...], counts: tuple[tuple[str, int], ...]) -> xr.Dataset:
-    """A dataset of zeros with the coordinates 0, 1, 2, ..., which take longer to make than a short run takes."""
+    """A dataset of zeros with the coordinates 0, 1, 2, ...; xarray takes longer to make it than a short run."""
     import xarray as xr
 
     zeros = {name: (dims, np.broadcast_to(0.0, shape), dict(notes)) for name, dims, shape, *notes in layout}
@@ -172,8 +172,8 @@ def _template(layout: tuple[Any, ...], auxiliary: tuple[str, ...], counts: tuple
 class Contents:
     """Contents of one HDF5 file: variables of its root, attributes of the file, and groups of variables.
 
-    Each group has dimensions of its own. ``coordinates`` are the names of auxiliary coordinates. ``evaluations`` counts
-    the force evaluations that it took to make; it goes to the record of the run and not into the file.
+    Each group has its own dimensions. ``coordinates`` are the names of auxiliary coordinates. ``evaluations`` is the
+    number of force evaluations for the file; it is written to the record of the run, not to the file.
     """
 
     variables: Variables

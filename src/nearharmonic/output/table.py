@@ -1,4 +1,4 @@
-"""A table as CSV, Markdown and LaTeX; like a figure, it appears whole or not at all."""
+"""Tables as CSV, Markdown and LaTeX, written atomically."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from nearharmonic.output.atomic import write_text
 
 #: Endings of the files of a table.
 SUFFIXES = ("csv", "md", "tex")
-#: Digits that readers of Markdown and LaTeX see of a float; CSV keeps them all.
+#: Digits of a float in Markdown and LaTeX; CSV has all digits.
 SHOWN = 4
 
 Cell = Any
@@ -30,16 +30,16 @@ class Table:
     header : sequence of str
         Names of the columns.
     rows : sequence of sequences
-        Cells (strings, integers and floats), as many a row as the header has names.
+        Cells (strings, integers and floats), one per name of the header in each row.
     caption : str
         One sentence above the table in Markdown, and a comment in LaTeX.
     volatile : sequence of str
-        Columns of measured times, which differ from run to run.
+        Names of the columns of measured times, which differ from run to run.
 
     Raises
     ------
     NearharmonicError
-        A row is not as long as the header.
+        A row and the header have different lengths.
     """
 
     header: Sequence[str]
@@ -52,7 +52,7 @@ class Table:
 
 
 def check_rows(header: Sequence[str], rows: Sequence[Sequence[Cell]]) -> None:
-    """Raise NearharmonicError if a row is not as long as the header."""
+    """Raise NearharmonicError if a row and the header have different lengths."""
     for i, row in enumerate(rows):
         if len(row) != len(header):
             message = f"row {i} has {len(row)} cells under {len(header)} names: {list(row)}"
@@ -62,7 +62,7 @@ def check_rows(header: Sequence[str], rows: Sequence[Sequence[Cell]]) -> None:
 def save(table: Table, places: Sequence[str | os.PathLike[str]]) -> list[Path]:
     """Write ``table`` to each of ``places``, in the format of its ending.
 
-    CSV keeps every digit; Markdown and LaTeX show floats to four digits.
+    CSV has all digits; Markdown and LaTeX have four digits of a float.
 
     Returns
     -------
@@ -72,7 +72,7 @@ def save(table: Table, places: Sequence[str | os.PathLike[str]]) -> list[Path]:
     Raises
     ------
     NearharmonicError
-        An ending is none of :data:`SUFFIXES`.
+        An ending is not in :data:`SUFFIXES`.
     """
     texts = {".csv": _csv, ".md": _markdown, ".tex": _latex}
     paths = [Path(place) for place in places]

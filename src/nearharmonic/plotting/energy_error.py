@@ -1,4 +1,4 @@
-"""The benchmark profile of Figures 1, 3, 5 and of every other system: relative energy errors against tau/s."""
+"""Benchmark profile, as in Figures 1, 3 and 5: relative energy errors against tau/s."""
 
 from __future__ import annotations
 
@@ -32,29 +32,29 @@ PANELS = (
 )
 #: Dashes of a curve in extended precision.
 DASHES = (0, (4, 2))
-#: Columns of the legend. Rows of it have their place above the panels, for as many as ten methods.
+#: Number of columns of the legend. There is space above the panels for the rows of ten methods.
 COLUMNS, ROWS = 4, 3
-#: Height of a row of the legend, as a share of that of the figure.
+#: Height of a row of the legend relative to the height of the figure.
 ROW = 0.0195
 
 
 @dataclass(frozen=True, kw_only=True)
 class Profile:
-    """The energy errors of one method over step sizes per stage.
+    """The energy errors of one method as functions of the step size per stage.
 
     Attributes
     ----------
     integrator : str
-        Name of the method, which has a style.
+        Name of the method, which determines its style.
     tau_per_stage : array (n,)
         Step sizes per stage.
     errors : mapping
-        Arrays (n,) under the names of :data:`PANELS`. Infinite errors (diverged runs), NaN (not computed) and zeros
-        leave gaps.
+        Arrays (n,) with the names of :data:`PANELS` as keys. Infinite errors (diverged runs), NaN (not computed) and
+        zeros leave gaps.
     turn : tuple of int
-        Number of the method, and number of methods: they take turns with their markers.
+        Index of the method, and number of methods: their markers are at alternate points.
     look : mapping
-        Changes of the line's style.
+        Changes of the style of the line.
     """
 
     integrator: str
@@ -68,7 +68,7 @@ class Profile:
 def draw_profile(cube: xr.Dataset) -> Figure:
     """Draw ``max_energy_error`` (top) and ``mean_energy_error`` (bottom) of every method of ``cube``.
 
-    ``cube`` has dimensions (integrator, tau_per_stage), optionally led by ``precision`` with "double" (solid, marked)
+    ``cube`` has dimensions (integrator, tau_per_stage), optionally after ``precision`` with "double" (solid, marked)
     and "extended" (dashed). Infinite errors (diverged runs), NaN (not computed) and zeros leave gaps.
     """
     handles = method_handles(map(str, cube["integrator"].values), map(str, cube["label"].values))
@@ -94,7 +94,7 @@ def _profiles(cube: xr.Dataset) -> Iterator[Profile]:
 
 
 def dashed() -> dict[str, Any]:
-    """Return the look of a curve in extended precision."""
+    """Return the line style of extended precision."""
     return {"linestyle": DASHES, "marker": "none", "linewidth": 0.9, "zorder": 2}
 
 
@@ -106,20 +106,20 @@ def draw_profiles(
     attributes: Mapping[str, str],
     given: Sequence[xr.Dataset],
 ) -> Figure:
-    """Draw the largest (top) and the mean (bottom) energy errors of methods against step size per stage.
+    """Draw the maximum (top) and the mean (bottom) energy errors of methods against the step size per stage.
 
     Parameters
     ----------
     profiles : sequence of Profile
-        The curves, in the order in which they are drawn.
+        The curves, in drawing order.
     handles : sequence of Line2D
         Entries of the legend.
     unit : str
         Unit of the step sizes; "1" if they have none.
     attributes : mapping
-        Of the errors: what they are relative to, and what the maximum is over.
+        Attributes of the errors: the energy to which they are relative, and the range of the maximum.
     given : sequence of xarray.Dataset
-        Origin of the curves, which may have a floor of energy errors.
+        Datasets of the curves, which may have a floor of energy errors.
     """
     over = "over the samples" if "over the samples" in attributes.get("long_name", "") else "over all steps"
     drawn = new_figure(7, 8.2)
@@ -145,7 +145,7 @@ def draw_profiles(
 
 
 def say_if_empty(axes: Axes, errors: Iterable[Any]) -> bool:
-    """Say in the middle of ``axes`` why it is empty, if none of ``errors`` can be drawn; return whether none can."""
+    """Write the reason into the middle of ``axes`` if no error can be drawn; return True in that case."""
     values = np.concatenate([np.ravel(one) for one in errors])
     if np.any(np.isfinite(values) & (values > 0)):
         return False
@@ -165,7 +165,7 @@ def _draw(axes: Axes, variable: str, profiles: Iterable[Profile]) -> None:
 
 
 def _scale(axes: Axes) -> None:
-    """Make the axes, shared by both panels, logarithmic and wide enough for all that was drawn in either."""
+    """Make the shared axes of both panels logarithmic, with a range that covers the curves of both."""
     axes.margins(x=0.02, y=0.03)
     log_scale(axes, "xy")
     if axes.get_ylim()[1] > LARGEST_ERROR:
@@ -173,7 +173,7 @@ def _scale(axes: Axes) -> None:
 
 
 def _slope_guide(axes: Axes) -> None:
-    """Two short lines of slope 4 and 6 in the empty lower right corner: the order that a curve's slope reads."""
+    """Draw two short lines of slope 4 and 6 in the empty lower right corner, for comparison with curves."""
     start_x = axes.get_xlim()[1] / 12
     start_y = axes.get_ylim()[0] * 30
     for order in (4, 6):

@@ -1,4 +1,4 @@
-"""The line below which energy errors are the rounding of a potential that is computed in doubles."""
+"""Line of the energy error below which errors are the rounding of a potential in double precision."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
-#: The line is drawn where an error is at most so many times the floor: elsewhere it would only make the axis longer.
+#: The line is drawn if an error is at most this multiple of the floor; otherwise it would only extend the axis.
 SHOWN = 100.0
 
 
 def floor_near(given: Sequence[xr.Dataset], variable: str) -> float:
-    """Return the highest floor of results, or 0 if none of their errors is near it.
+    """Return the highest floor of results, or 0 if no error is near it.
 
     Parameters
     ----------
     given : sequence of xarray.Dataset
-        Results of ``integrate``, ``sweep`` or ``ensemble``, or cubes, whose attribute ``energy_floor`` is the floor.
+        Results of ``integrate``, ``sweep`` or ``ensemble``, or cubes; their attribute ``energy_floor`` is the floor.
     variable : str
         Name of the errors.
     """
@@ -31,12 +31,12 @@ def floor_near(given: Sequence[xr.Dataset], variable: str) -> float:
 
 
 def floor_name(floor: float) -> str:
-    """Return what stands beside the line."""
+    """Return the label of the line."""
     return f"rounding of V, {floor:.0e}"
 
 
 def draw_floor(axes: Axes, given: Sequence[xr.Dataset], variable: str) -> None:
-    """Draw :func:`floor_near`, unless it is 0, on axes that are logarithmic in energy errors."""
+    """Draw :func:`floor_near`, unless it is 0, on axes with logarithmic energy errors."""
     floor = floor_near(given, variable)
     if not floor:
         return

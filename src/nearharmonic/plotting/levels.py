@@ -1,4 +1,4 @@
-"""Levels that the printed and the interactive figures draw, apart from matplotlib, which is slow to load."""
+"""Levels in printed and interactive figures, separate from matplotlib, which is slow to load."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import re
 from collections.abc import Mapping
 from math import pi
 
-#: An error of ten times the energy is no trajectory any more; the axis ends there.
+#: Upper end of the axis: an error of ten times the energy belongs to a diverged run.
 LARGEST_ERROR = 10.0
 
-#: An error term below this is an order condition met to the digits of the coefficients: the least exact ones carry 39.
+#: An error term below this level is zero to the digits of the coefficients, of which there are at least 39.
 SATISFIED_BELOW = 1e-30
 
 #: Arcseconds per century, from general relativity: Nobili & Will (1986), doi:10.1038/320039a0.
@@ -25,9 +25,9 @@ def energy_error_label(attributes: Mapping[str, str], absolute: str, relative: s
     Parameters
     ----------
     attributes : mapping
-        ``long_name`` and ``units`` of the errors; without them, they are relative to |H0|.
+        ``long_name`` and ``units`` of the errors; without these attributes errors are relative to |H0|.
     absolute, relative : str
-        What stands for |H - H0| and for |H - H0|/|H0|.
+        Symbols of |H - H0| and of |H - H0|/|H0|.
     """
     meaning = attributes.get("long_name", "|H - H0|/|H0|")
     scale = re.search(r"\|H - H0\|/\((\S+) (.*?)\)(?: over|, |$)", meaning)
@@ -39,5 +39,5 @@ def energy_error_label(attributes: Mapping[str, str], absolute: str, relative: s
 
 
 def arcseconds_per_century(orbital_period: float) -> float:
-    """Return what 1 rad per orbit is in arcseconds per century, for a period in hours."""
+    """Return 1 rad per orbit in arcseconds per century, for a period in hours."""
     return _ARCSECONDS_PER_RADIAN * _HOURS_PER_CENTURY / orbital_period

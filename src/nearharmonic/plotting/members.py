@@ -1,4 +1,4 @@
-"""The energy errors of the members of ensembles: against the parameter that varies, or against the member."""
+"""Energy errors of the members of ensembles, against a varied parameter or the number of the member."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MEMBER = "member"
 
 
 def varying(given: Sequence[xr.Dataset]) -> str:
-    """Return the parameter, as ``parameter_<name>``, that alone varies in each ensemble, else :data:`MEMBER`."""
+    """Return ``parameter_<name>`` if it is the only varied parameter of each ensemble, else :data:`MEMBER`."""
     found = {
         tuple(name for name in one.variables if str(name).startswith("parameter_") and np.ptp(one[name].values) > 0)
         for one in given
@@ -35,18 +35,18 @@ def varying(given: Sequence[xr.Dataset]) -> str:
 def draw_members(
     given: Sequence[xr.Dataset], handles: Sequence[Line2D], looks: Sequence[Mapping[str, Any]], unit: str
 ) -> Figure:
-    """Draw the largest energy error of each member, a point each, and say how many members diverged.
+    """Draw the maximum energy error of each member as a point, and write the number of diverged members.
 
     Parameters
     ----------
     given : sequence of xarray.Dataset
-        Of ``ensemble``.
+        Datasets of ``ensemble``.
     handles : sequence of Line2D
         Entries of the legend.
     looks : sequence of mapping
         Changes of the style of each ensemble.
     unit : str
-        Unit of the parameter that varies; "1" if it has none.
+        Unit of the varied parameter; "1" if it has none.
     """
     against = varying(given)
     drawn = new_figure(7, 4.6)
@@ -70,7 +70,7 @@ def draw_members(
 
 
 def _says(given: Sequence[xr.Dataset]) -> str:
-    """Describe the points, and count the members without one."""
+    """Return a description of the points, and the number of members without a point."""
     over = (
         "over the samples"
         if "over the samples" in given[0]["max_energy_error"].attrs["long_name"]
@@ -82,7 +82,7 @@ def _says(given: Sequence[xr.Dataset]) -> str:
 
 
 def check_measured(given: Sequence[xr.Dataset]) -> None:
-    """Raise SettingError if the energy errors of a Dataset were not measured."""
+    """Raise SettingError if a Dataset has no measured energy errors."""
     if any(one.attrs.get("energy") == "none" for one in given):
         allowed = "there are no energy errors to draw; run with energy='every' or 'samples'"
         raise bad_setting("datasets", "energy='none'", allowed)

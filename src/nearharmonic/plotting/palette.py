@@ -1,8 +1,8 @@
-"""The colour and marker of each method, apart from matplotlib, which is slow to load.
+"""Colour and marker of each method, separate from matplotlib, which is slow to load.
 
-A method is told apart twice: by colour, and by marker with its filling for grey print and colour-blind readers. Filled
-markers are the methods of Nielsen (2015), hollow ones those it compares with. Line dashes are left free for each
-figure's own distinction (extended precision, composition).
+Methods differ in colour, and in marker and filling, for grey print and colour-blind readers. Methods of Nielsen (2015)
+have filled markers, and other methods of that paper have hollow markers. Dashes are free for other distinctions in a
+figure (extended precision, composition).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class Style:
     filled: bool = False
 
     def line(self, **changes: Any) -> dict[str, Any]:
-        """Keywords of ``Axes.plot`` for a curve of this method, some of them changed."""
+        """Keywords of ``Axes.plot`` for a curve of this method, with changes."""
         face = self.colour if self.filled else "white"
         return {"color": self.colour, "marker": self.marker, "markerfacecolor": face} | changes
 
@@ -30,8 +30,8 @@ class Style:
         return self.line(linestyle="none") | changes
 
 
-# Chosen by search: at least 3:1 contrast with white, and 13 CIELAB units between any two colours as a reader with
-# deuteranopia, protanopia or tritanopia sees them (Machado et al. 2009, doi:10.1109/TVCG.2009.113).
+# The colours were found by a search: they have a contrast of at least 3:1 with white, and any two differ by 13 CIELAB
+# units for readers with deuteranopia, protanopia or tritanopia (Machado et al. 2009, doi:10.1109/TVCG.2009.113).
 _STYLES = {
     "ruth": Style("#6b6b6b", "o"),
     "s5odr4": Style("#806515", "s"),
@@ -43,14 +43,14 @@ _STYLES = {
     "babs7o7h": Style("#0b3c8c", "s", filled=True),
     "babps8o7h": Style("#8b0000", "^", filled=True),
     "babps9o7h": Style("#000000", "D", filled=True),
-    # The rest of Nielsen's Table 4, which the paper's figures leave out.
+    # Other methods of Nielsen's Table 4, which are not in the figures of the paper.
     "abas5o6h_b": Style("#8a4b08", "P", filled=True),
     "abas5o6h_c": Style("#c1440e", "X", filled=True),
     "babs6o7h": Style("#2b5fa5", "P", filled=True),
     "babs6o5h": Style("#14746f", "X", filled=True),
     "babps6o5h": Style("#9d174d", "P", filled=True),
     "babps7o6h": Style("#5b21b6", "X", filled=True),
-    # Methods that the paper left out: a colour for the methods of a source or a kind, a marker for each of them.
+    # Methods that are not in the paper: a colour for the methods of a source or a kind, and a marker for each method.
     "leapfrog": Style("#707070", "<"),
     "blanes_moan_s6o4": Style("#3a3a9c", "<"),
     "srkn_b6": Style("#3a3a9c", ">"),
@@ -95,7 +95,7 @@ _STYLES = {
     "bcss_s3": Style("#8a6200", "<"),
     "bcss_s4": Style("#8a6200", ">"),
     "predescu_s3": Style("#8a6200", "d"),
-    # Trained on ensembles: from coarse to precise, then those for other problems.
+    # Trained on ensembles: from large to small errors, then methods for other problems.
     "trained_coarse": Style("#d6006e", "<"),
     "trained_light": Style("#d6006e", ">"),
     "trained_moderate": Style("#d6006e", "h"),
@@ -114,7 +114,7 @@ _SPARE_MARKERS = ("<", ">", "*", "h", "d", "8")
 
 
 def style_of(integrator: str) -> Style:
-    """The style of a method by its id; one that the table does not hold gets its own from a hash of the id."""
+    """The style of a method; a method without an entry in the table gets one from a hash of its name."""
     if integrator in _STYLES:
         return _STYLES[integrator]
     rest, colour = divmod(crc32(integrator.encode()), len(_SPARE_COLOURS))

@@ -1,4 +1,4 @@
-"""Drawings of what ``integrate`` and ``sweep`` return, and of cubes, in the style of the figures."""
+"""Plots of the results of ``integrate``, ``sweep`` and ``ensemble``, and of cubes, in the style of the figures."""
 
 from __future__ import annotations
 
@@ -26,28 +26,29 @@ ALLOWED = (
     "a Dataset of nearharmonic.integrate, nearharmonic.sweep or nearharmonic.ensemble, or a list of those of one of "
     "them, or the cube of a system"
 )
-#: Attributes that tell Datasets of one integrator apart, in the order of the legend.
+#: Attributes that distinguish Datasets of one integrator, in the order of the legend.
 TOLD = ("system", "precision", "summation", "first", "t_end", "split")
-#: Dashes of the second, third, ... Dataset of one integrator; those of a run in extended precision are the figures'.
+#: Dashes of the second, third, ... Dataset of one integrator; extended precision has the dashes of the figures.
 DASHES = ("solid", (0, (6, 2)), (0, (1, 1)), (0, (6, 2, 1, 2)))
-#: What a Dataset shows.
+#: Contents of the plot, by kind of Dataset.
 PROFILE, TRAJECTORY, CUBE, ENSEMBLE = "energy errors over tau", "a trajectory", "a cube", "an ensemble"
 
 
 def plot(datasets: xr.Dataset | Iterable[xr.Dataset]) -> Figure:
-    """Draw what the figures draw.
+    """Draw a result in the style of the figures.
 
-    - A Dataset of ``sweep``: largest and mean energy error against step size per stage.
+    - A Dataset of ``sweep``: maximum and mean energy error against step size per stage.
     - One of ``integrate``: the energy error over time, and the orbit: (q, p) of a system of one coordinate, the first
-      two coordinates of any other. Without energy errors (``energy="none"``) there is the orbit alone.
-    - One of ``ensemble``: the largest energy error of each member, against the parameter that varies if it is one
-      alone, else against the number of the member.
+      two coordinates of other systems. Without energy errors (``energy="none"``) only the orbit is drawn.
+    - One of ``ensemble``: the maximum energy error of each member, against the varied parameter if there is exactly
+      one, otherwise against the number of the member.
     - The cube of a system, as ``xarray.open_dataset`` returns it: its energy-error figure.
 
     Parameters
     ----------
     datasets : xarray.Dataset, or list of them
-        One or several of ``integrate``, of ``sweep`` or of ``ensemble``, each with an entry of the legend; or one cube.
+        One or several results of ``integrate``, of ``sweep`` or of ``ensemble``, each with an entry in the legend; or
+        one cube.
 
     Returns
     -------
@@ -57,8 +58,8 @@ def plot(datasets: xr.Dataset | Iterable[xr.Dataset]) -> Figure:
     Raises
     ------
     SettingError
-        Something else, Datasets of different kinds, step sizes or times in different units, energy errors that are
-        relative to different things, or none at all.
+        The argument is not such an object or is empty, Datasets have different kinds or different units of step sizes
+        or times, or energy errors are relative to different energies.
     """
     given: list[Any] = list(datasets) if isinstance(datasets, list | tuple) else [datasets]
     kinds = {_kind(one) for one in given}
@@ -76,7 +77,7 @@ def plot(datasets: xr.Dataset | Iterable[xr.Dataset]) -> Figure:
 
 
 def _kind(dataset: Any) -> str:
-    """Return the kind of a Dataset, "" if it is none of ours."""
+    """Return the kind of a Dataset, "" for a Dataset of another origin."""
     if not hasattr(dataset, "data_vars"):
         return ""
     if "integrator" in dataset.dims and "tau_per_stage" in dataset.dims and "max_energy_error" in dataset:
@@ -100,7 +101,7 @@ def _common_unit(given: Sequence[xr.Dataset], name: str) -> str:
 
 
 def _common_meaning(given: Sequence[xr.Dataset], name: str) -> None:
-    """Refuse energy errors that one axis cannot have: relative to different things, or in different units."""
+    """Refuse energy errors that cannot share an axis: relative to different energies, or in different units."""
     found = [one[name].attrs for one in given]
     meanings = sorted({f"{notes.get('long_name', name)}, in {notes.get('units', '1')}" for notes in found})
     if len(meanings) > 1:
@@ -115,13 +116,13 @@ def _members(given: Sequence[xr.Dataset]) -> Figure:
 
 
 def _in_brackets(unit: str) -> str:
-    """A unit behind the name of an axis; 1e6 as a power of ten."""
+    """A unit in brackets, for the label of an axis; 1e6 is a power of ten."""
     shown = re.sub(r"1e(-?[0-9]+)", r"$10^{\1}$", unit)
     return "" if unit == "1" else f"  ({shown})"
 
 
 def _labels(given: Sequence[xr.Dataset]) -> list[str]:
-    """An entry of the legend for each Dataset: its integrator, and what tells it from others."""
+    """A legend entry for each Dataset: its integrator, and the attributes that distinguish it from others."""
     varied = [key for key in TOLD if len({one.attrs.get(key) for one in given}) > 1]
     found = []
     for one in given:
@@ -149,7 +150,7 @@ def _told(dataset: xr.Dataset, key: str) -> str:
 
 
 def _looks(given: Sequence[xr.Dataset]) -> list[dict[str, Any]]:
-    """Changes of the line of each Dataset: those of one integrator differ in their dashes."""
+    """Line style of each Dataset: Datasets of one integrator have different dashes."""
 
     seen: dict[str, int] = {}
     looks = []
@@ -189,7 +190,7 @@ def _profiles(given: Sequence[xr.Dataset]) -> Figure:
 
 
 def _stages(dataset: xr.Dataset) -> int:
-    """Evaluations of the force a step, the one that opens the first step left out."""
+    """Evaluations of the force per step, without the evaluation that starts the first step."""
     done = np.where(dataset["diverged_at"] > 0, dataset["diverged_at"], dataset["steps"])
     return int((int(dataset["evaluations"][0]) - (dataset.attrs["first"] == "kick")) // done[0])
 

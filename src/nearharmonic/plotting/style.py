@@ -1,4 +1,4 @@
-"""House style of the figures: one look per method, axes that print, files with the same bytes every time."""
+"""Style of the figures: one style per method, readable axes, and bitwise reproducible files."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ __all__ = [
     "panel_letter", "save", "style_of",
 ]  # fmt: skip
 
-#: matplotlib settings of every figure: the fonts that matplotlib ships, so that all machines draw alike.
+#: matplotlib settings of every figure: the fonts that matplotlib ships, so that figures are identical on all machines.
 SETTINGS: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 9,
@@ -47,16 +47,16 @@ SETTINGS: Any = {
     "svg.hashsalt": "nearharmonic",
 }
 
-#: What a file says about its making must not hold the clock.
+#: Metadata of files, without a timestamp.
 _METADATA: dict[str, dict[str, Any]] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {}}
 
 
-#: Decorator: draw in the house style and leave the caller's matplotlib settings as they were.
+#: Decorator that draws in the style of the figures and restores the matplotlib settings of the caller.
 house_style = mpl.rc_context(SETTINGS)
 
 
 class NotebookFigure(Figure):
-    """A figure that a notebook shows without pyplot, which is slow to load."""
+    """A figure that a notebook displays without pyplot, which is slow to load."""
 
     def _repr_png_(self) -> bytes:
         picture = BytesIO()
@@ -66,22 +66,22 @@ class NotebookFigure(Figure):
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure of ``width`` x ``height`` inches on an Agg canvas; pyplot is not needed."""
+    """Return an empty figure of ``width`` x ``height`` inches on an Agg canvas, without pyplot."""
     figure = NotebookFigure(figsize=(width, height))
     FigureCanvasAgg(figure)
     return figure
 
 
 def panel_letter(axes: Axes, letter: str, says: str = "") -> None:
-    """Write ``letter`` in bold, and what the panel shows, above the upper left corner of ``axes``."""
+    """Write ``letter`` in bold, and the title of the panel, above the upper left corner of ``axes``."""
     axes.set_title(rf"$\mathbf{{{letter}}}$  {says}".rstrip(), loc="left", y=1.0, fontsize=9, pad=4)
 
 
 def log_scale(axes: Axes, directions: str) -> None:
-    """Make the x and/or y axis logarithmic: powers of ten labelled as far as they fit, ticks between them.
+    """Make the x and/or y axis logarithmic: powers of ten are labelled if there is space, with ticks between them.
 
-    Numbers that are not positive leave gaps: by default, matplotlib would draw a line to the lower edge and back. An
-    axis on which nothing positive was drawn still gets a range, so that an empty figure can be seen to be empty.
+    Numbers that are not positive leave gaps; by default, matplotlib would draw a line to the lower edge and back. An
+    axis without positive numbers gets a range too, so that the figure is visibly empty.
     """
     for direction in directions:
         if not isfinite(getattr(axes.dataLim, f"minpos{direction}")):
@@ -91,20 +91,20 @@ def log_scale(axes: Axes, directions: str) -> None:
 
 
 def log_ticks(axis: Axis) -> None:
-    """Label powers of ten as far as they fit, and tick between them, on an axis that is logarithmic already."""
+    """Label powers of ten if there is space, with ticks between them, on a logarithmic axis."""
     axis.set_major_locator(LogLocator(base=10, numticks=15))
     axis.set_minor_locator(LogLocator(base=10, subs="auto", numticks=40))
     axis.set_minor_formatter(NullFormatter())
 
 
 def mark_every(position: int, methods: int, points: int, marks: int = 12) -> tuple[int, int]:
-    """(first, step) of the points that carry a marker: about ``marks`` per curve, methods taking turns."""
+    """(first, step) of the points with a marker: about ``marks`` per curve, at alternate points for the methods."""
     step = max(1, points // marks)
     return position * step // max(1, methods), step
 
 
 def method_handles(integrators: Iterable[str], labels: Iterable[str], **changes: Any) -> list[Line2D]:
-    """Legend entries, one per method: its label beside its line and marker."""
+    """Legend entries, one per method, with label, line and marker."""
     return [
         Line2D([], [], label=label, **style_of(name).line(**changes))
         for name, label in zip(integrators, labels, strict=True)
@@ -114,8 +114,8 @@ def method_handles(integrators: Iterable[str], labels: Iterable[str], **changes:
 def save(figure: Figure, places: Sequence[str | os.PathLike[str]]) -> list[Path]:
     """Write ``figure`` to each of ``places``, in the format of its ending: .pdf, .svg or .png (200 dpi).
 
-    Each file is moved into place when it is complete. The same figure gives the same bytes: no date in the metadata,
-    element ids from a fixed salt.
+    Each file is written atomically. Equal figures give bitwise identical files: the metadata have no date, and ids of
+    elements have a fixed salt.
 
     Returns
     -------

@@ -1,1 +1,1 @@
-"""Registries of what there is, users' files, and objects in notebooks."""
+"""Registries of systems and methods, files of users, and display of objects in notebooks."""

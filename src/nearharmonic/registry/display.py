@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
-#: Characters of a cell, beyond which it is cut.
+#: Largest number of characters of a cell.
 LONGEST = 200
 
 
@@ -17,20 +17,20 @@ def line(kind: str, facts: Mapping[str, object]) -> str:
     kind : str
         Name of its class.
     facts : mapping
-        What there is to say, by name; the first is the name of the object, and the last, its source, is left out.
+        Facts by name; the first is the name of the object, and the last, its source, is omitted.
     """
     (_, name), *others, _ = facts.items()
     return f"<{kind} {name}: {', '.join(f'{key} {value}' for key, value in others if value not in ('', None))}>"
 
 
 def facts_table(kind: str, facts: Mapping[str, object]) -> str:
-    """Return what there is to say of an object as an HTML table, a row for each fact."""
+    """Return the facts of an object as an HTML table with a row for each fact."""
     rows = "".join(f"<tr><th>{_cell(key)}</th><td>{_cell(value)}</td></tr>" for key, value in facts.items())
     return f"<table><caption>{escape(kind)}</caption>{rows}</table>"
 
 
 def entries_table(entries: Sequence[Mapping[str, object]]) -> str:
-    """Return objects of one kind as an HTML table, a row for each."""
+    """Return objects of one kind as an HTML table with a row for each object."""
     header = dict.fromkeys(key for entry in entries for key in entry)
     rows = "".join(_row("td", (entry.get(key, "") for key in header)) for entry in entries)
     return f"<table><thead>{_row('th', header)}</thead><tbody>{rows}</tbody></table>"

@@ -1,4 +1,4 @@
-"""Old names of modules: an import by one gives the module that has moved, and warns."""
+"""Old names of modules: an import by an old name gives the moved module and a warning."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any
 
-#: Old name below the package -> new one; what is below an old name has moved with it.
+#: Old name in the package -> new name; submodules of an old name have moved too.
 MOVED = {
     "answers": "output.answers",
     "claims": "reproduction.claims",
@@ -27,21 +27,21 @@ MOVED = {
     "claims.page.tables": "reproduction.report.shown.tables",
     "claims.page.wording": "reproduction.report.shown.wording",
     "claims.slopes": "reproduction.claims.judging.slopes",
-    "claims.statements.background": "reproduction.claims.statements.tableaus.background",
+    "claims.statements.background": "reproduction.claims.statements.tableaus.splitting",
     "claims.statements.coefficients": "reproduction.claims.statements.tableaus.coefficients",
     "claims.statements.comparisons": "reproduction.claims.statements.performance.comparisons",
-    "claims.statements.conclusions": "reproduction.claims.statements.performance.conclusions",
+    "claims.statements.conclusions": "reproduction.claims.statements.performance.discussion",
     "claims.statements.decomposition": "reproduction.claims.statements.equations.decomposition",
     "claims.statements.henon_heiles": "reproduction.claims.statements.figures.henon_heiles",
     "claims.statements.identities": "reproduction.claims.statements.equations.identities",
     "claims.statements.kepler": "reproduction.claims.statements.figures.kepler",
-    "claims.statements.large_steps": "reproduction.claims.statements.performance.large_steps",
+    "claims.statements.large_steps": "reproduction.claims.statements.performance.discussion",
     "claims.statements.methods": "reproduction.claims.statements.tableaus.methods",
     "claims.statements.misprints": "reproduction.claims.statements.equations.misprints",
     "claims.statements.oscillator": "reproduction.claims.statements.figures.oscillator",
-    "claims.statements.perihelion": "reproduction.claims.statements.figures.perihelion",
+    "claims.statements.perihelion": "reproduction.claims.statements.figures.kepler",
     "claims.statements.roles": "reproduction.claims.statements.tableaus.roles",
-    "claims.statements.rounding": "reproduction.claims.statements.tableaus.rounding",
+    "claims.statements.rounding": "reproduction.claims.statements.tableaus.methods",
     "claims.statements.search": "reproduction.claims.statements.equations.search",
     "claims.statements.sizes": "reproduction.claims.statements.tableaus.sizes",
     "claims.statements.splitting": "reproduction.claims.statements.tableaus.splitting",
@@ -180,7 +180,7 @@ PACKAGE = "nearharmonic"
 
 
 def new_name(name: str) -> str | None:
-    """Return the new name of a module with its full old one; None if it has not moved."""
+    """Return the full new name of a module from its full old name; None if it has not moved."""
     rest = name.removeprefix(f"{PACKAGE}.")
     parts = rest.split(".")
     for count in range(len(parts), 0, -1):
@@ -191,13 +191,13 @@ def new_name(name: str) -> str | None:
 
 
 class Moved:
-    """A finder of modules by their old names, and the loader of what it finds."""
+    """Finder and loader of modules by their old names."""
 
     def __init__(self) -> None:
         self._specs: dict[str, Any] = {}
 
     def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
-        """Return the spec of a module that has moved; None leaves the name to the finders behind this one."""
+        """Return the spec of a moved module; None passes the name to the next finder."""
         if not name.startswith(f"{PACKAGE}.") or new_name(name) is None:
             return None
         return ModuleSpec(name, self)  # type: ignore[arg-type]
@@ -211,11 +211,11 @@ class Moved:
         return module
 
     def exec_module(self, module: ModuleType) -> None:
-        """Give the module its own spec back, which the import system has replaced: it has run already."""
+        """Restore the spec of the module, which the import system has replaced; the module has run already."""
         module.__spec__ = self._specs[module.__name__]
 
 
 def install() -> None:
-    """Find old names before any other finder does; once."""
+    """Insert the finder of old names before all others, once."""
     if not any(isinstance(finder, Moved) for finder in sys.meta_path):
         sys.meta_path.insert(0, Moved())

@@ -1,9 +1,8 @@
-"""Registries: packages of data files that are read-only mappings of what their files declare.
+"""Registries: packages of data files that are read-only mappings of the entries that their files declare.
 
-``nearharmonic.systems`` is a package and at the same time the mapping of its systems by name. A module that is more
-than a module is an exception in this project, with one reason: a registry shares its name with its folder. If
-``nearharmonic.systems`` were an object that hides the package, ``import nearharmonic.systems.kepler`` would fail or
-work depending on what was imported before.
+``nearharmonic.systems`` is a package and at the same time the mapping of its systems by name, because a registry has
+the name of its folder. If ``nearharmonic.systems`` were an object that hides the package, ``import
+nearharmonic.systems.kepler`` would succeed or fail depending on earlier imports.
 """
 
 from __future__ import annotations
@@ -26,10 +25,10 @@ Made_co = TypeVar("Made_co", covariant=True)
 
 
 class Definition(Protocol[Made_co]):
-    """User's definition of an entry under its own name, in a config say: all that another process needs to make it.
+    """A user's definition of a named entry, for example in a config: all data that another process needs to make it.
 
-    ``file`` is the Python file that it comes from, ``base`` the name of the registered entry that it changes; the other
-    one is None.
+    ``file`` is the Python file of the entry, or ``base`` is the name of the registered entry that it changes; the other
+    attribute is None.
     """
 
     @property
@@ -39,23 +38,22 @@ class Definition(Protocol[Made_co]):
     def base(self) -> str | None: ...
 
     def make(self, name: str) -> Made_co:
-        """Return the entry, which has this ``name``."""
+        """Return the entry with this ``name``."""
 
 
 class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
     """A package that maps names to the entries declared by its modules; :func:`make_registry` makes one.
 
-    The modules are imported at the first look-up of a key, in alphabetical order: importing the package stays cheap,
-    and a new entry takes a new file in the folder and nothing else. A module is imported also when it is looked up as
-    an attribute of the package.
+    The modules are imported lazily, at the first look-up of a key, in alphabetical order. A new entry needs only a new
+    file in the folder. A module is also imported when it is looked up as an attribute of the package.
 
-    A process can add entries by :meth:`define`, and the path of a Python file is a key as well: its value is what the
-    file declares. Paths are not among the keys that the mapping lists.
+    A process can add entries by :meth:`define`. The path of a Python file is a key too: its value is the entry that the
+    file declares. The mapping does not list paths among its keys.
 
     Raises
     ------
     UnknownNameError
-        On a look-up of a key that no module declares, that is not defined, and that is no path.
+        On a look-up of a key that is neither declared, nor defined, nor a path.
     """
 
     _kind: str
@@ -64,7 +62,7 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
     _entries: dict[str, Entry] | None
     _modules: dict[str, str]
     _covered: tuple[frozenset[str], frozenset[str]] | None
-    _read: Callable[[str], Entry] | None
+    _read: Callable[[str, Collection[str]], Entry] | None
     _definitions: dict[str, Definition[Entry]]
     _made: dict[str, Entry]
 
@@ -87,10 +85,10 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
         return self._entries
 
     def _may_declare(self, name: str) -> bool:
-        """Return True if a module assigns or imports the name that declares entries; other modules are not imported."""
+        """Return True if a module assigns or imports the name that declares entries, without importing it."""
         try:
             source = Path(self.__path__[0], f"{name}.py").read_bytes()
-        except OSError:  # a folder, or no file at all
+        except OSError:  # a folder, or a missing file
             return True
         return re.search(rb"^\s*(from\b.*\b)?%b\b" % self._declares.encode(), source, re.MULTILINE) is not None
 
@@ -106,7 +104,7 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
             message = f"{self._kind} {key!r} is looked up, but no digest of the task covers it: name it in the settings"
             raise NearharmonicError(message)
         if not is_named and self._read is not None:
-            return self._read(key)
+            return self._read(key, self.registered)
         if key in self._definitions and key not in self._made:
             self._made[key] = self._definitions[key].make(key)
         return self._made[key] if key in self._definitions else self._load()[key]
@@ -123,18 +121,18 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
 
     @property
     def definitions(self) -> Mapping[str, Definition[Entry]]:
-        """The entries that this process has defined beside the registered ones, by name."""
+        """The entries that this process has defined besides the registered ones, by name."""
         return dict(self._definitions)
 
     def define(self, definitions: Mapping[str, Definition[Entry]]) -> None:
-        """Add entries to the registered ones, in place of all that were defined before.
+        """Add entries to the registered ones, and remove all earlier definitions.
 
-        Each is made when it is first looked up.
+        Each entry is made lazily, at its first look-up.
 
         Raises
         ------
         NearharmonicError
-            A name is that of a registered entry.
+            A registered entry has one of the names.
         """
         for name in definitions:
             if name in self._load():
@@ -144,7 +142,7 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
 
     @contextmanager
     def defining(self, definitions: Mapping[str, Definition[Entry]]) -> Iterator[None]:
-        """Add entries as :meth:`define` does, inside the block alone."""
+        """Add entries as :meth:`define` does, only inside the block."""
         before, made = self._definitions, self._made
         try:
             self.define(definitions)
@@ -154,19 +152,19 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
 
     @contextmanager
     def restricted(self, names: Collection[str], modules: Collection[str]) -> Iterator[None]:
-        """Let only some entries be looked up inside the block.
+        """Allow look-ups of only some entries inside the block.
 
         Parameters
         ----------
         names
             Names of entries.
         modules
-            Dotted names of modules; the entries that they declare are allowed as well.
+            Dotted names of modules; the entries that they declare are allowed too.
 
         Raises
         ------
         NearharmonicError
-            Inside, on the look-up of any other entry.
+            Inside the block, on the look-up of any other entry.
         """
         self._covered = frozenset(names), frozenset(modules)
         try:
@@ -185,14 +183,14 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
         return len(self._load()) + len(self._definitions)
 
     def module_of(self, name: str) -> str | None:
-        """Dotted name of the module that declares ``name``, or the entry that it changes; None if a file defines it."""
+        """Dotted name of the module that declares ``name`` or its base; None if a file defines it."""
         if name not in self:
             raise unknown_name(self._kind, name, self)
         base = self._definitions[name].base if name in self._definitions else name
         return None if base is None else self._modules[base]
 
     def __getattr__(self, name: str) -> Any:
-        # Python asks modules for private names that they do not have, __path__ of a plain module among them.
+        # Python looks up private names that a module may not have, such as __path__ of a plain module.
         if not name.startswith("_") and name in self._files():
             return import_module(f"{self.__name__}.{name}")
         raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
@@ -208,21 +206,21 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
 
         return entries_table([cast("Any", entry).facts for entry in self.values()])
 
-    # The mapping of a package is equal to itself alone, and a module can be hashed: Mapping would compare contents.
+    # The mapping of a package is equal only to itself and can be hashed, like a module; Mapping would compare contents.
     __eq__ = object.__eq__
     __hash__ = object.__hash__
 
     def __reduce__(self) -> tuple[Callable[[str], ModuleType], tuple[str]]:
-        return import_module, (self.__name__,)  # a copy, or what a pickle is read into, is the package itself
+        return import_module, (self.__name__,)  # a copy, or a loaded pickle, is the package itself
 
 
 def is_path(name: object) -> bool:
-    """Return True if a name is the path of a Python file, with or without ``:`` and the name of an entry in it."""
+    """Return True if a name is the path of a Python file, optionally with ``:`` and the name of an entry in it."""
     return isinstance(name, str) and (name.endswith(".py") or ".py:" in name or "/" in name or os.sep in name)
 
 
 def split_path(place: str) -> tuple[str, str]:
-    """Return the path of a Python file, and the name of the entry in it that follows a colon, "" if none does."""
+    """Return the path of a Python file, and the name of the entry after a colon, "" without a colon."""
     path, colon, entry = place.rpartition(":")
     return (path, entry) if colon and path.endswith(".py") else (place, "")
 
@@ -232,27 +230,28 @@ def make_registry(
     kind: str,
     declares: str,
     entries_of: Callable[[ModuleType], Mapping[str, Entry]],
-    read: Callable[[str], Entry] | None = None,
+    read: Callable[[str, Collection[str]], Entry] | None = None,
 ) -> Registry[Entry]:
-    """Make an imported package the registry of what its modules declare.
+    """Make an imported package the registry of the entries that its modules declare.
 
     Parameters
     ----------
     package
         Dotted name of the package; its ``__init__`` calls this function.
     kind
-        What an entry is called in error messages, singular.
+        Singular noun for an entry in error messages.
     declares
-        What a module that declares entries calls them.
+        Name of the variable with the entries in a module.
     entries_of
-        Function of a module that returns its entries by name, an empty mapping if it declares none.
+        Function of a module that returns its entries by name; an empty mapping if it declares none.
     read
-        Function of the path of a user's file that returns the entry which it declares; without it, no path is a key.
+        Function that returns the entry of a user's file, given its path and the registered names;
+        without it, no path is a key.
 
     Returns
     -------
     Registry
-        The module itself, as it stands in ``sys.modules``.
+        The module itself, which is in ``sys.modules``.
     """
     module = sys.modules[package]
     module.__class__ = Registry

@@ -1,4 +1,4 @@
-"""Python files that users write, as modules: loaded once, and again after an edit of the file or of those beside it."""
+"""Python files of users as modules: loaded once, and again after an edit of the file or of modules that it imports."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from nearharmonic.errors import NearharmonicError
 
@@ -20,24 +21,24 @@ _LOADED: dict[Path, tuple[ModuleType, Files]] = {}
 
 
 def load(place: str | os.PathLike[str], declares: str, error: type[NearharmonicError]) -> ModuleType:
-    """Return the module of a Python file; the same one as long as no file that it was loaded from changes.
+    """Return the module of a Python file; it is loaded again if one of its files has changed.
 
-    The file may import modules that stand beside it. They are its own: two files in different folders may each import
-    another ``common``.
+    The file may import modules of its own folder. They are private: two files in different folders may import different
+    modules ``common``.
 
     Parameters
     ----------
     place : path
         The file.
     declares : str
-        What it is to hold, for the message if there is no such file.
+        Expected content of the file, for the message if it does not exist.
     error : type
         Class of the error.
 
     Raises
     ------
     NearharmonicError
-        Of this class: there is no such file, its name does not end in ``.py``, or it cannot be run.
+        Of the class ``error``: the file does not exist, its name does not end in ``.py``, or it fails when it is run.
     """
     path = Path(place)
     if not is_file(path):
@@ -53,7 +54,7 @@ def load(place: str | os.PathLike[str], declares: str, error: type[NearharmonicE
         message = f"{path} is no Python file: its name must end in .py"
         raise error(message)
     module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # dataclasses look up the module that they are defined in
+    sys.modules[spec.name] = module  # dataclasses look up their module
     files = {key: (0, 0)}
     try:
         with _own_modules(key.parent, files):
@@ -68,16 +69,16 @@ def load(place: str | os.PathLike[str], declares: str, error: type[NearharmonicE
 
 
 def near_miss(module: ModuleType, name: str, kind: type) -> str:
-    """Return why a module that should define ``name`` does not, for the end of a message.
+    """Return the reason why a module does not define ``name``, for the end of a message.
 
     Parameters
     ----------
     module : module
         A user's file.
     name : str
-        What it should define: of ``kind``, or a tuple of them.
+        Name that the module should define.
     kind : type
-        Class of what it should define.
+        Class of the value, or of the entries of a tuple.
     """
     if hasattr(module, name):
         return f": its {name} is of type {type(getattr(module, name)).__name__}"
@@ -91,20 +92,53 @@ def near_miss(module: ModuleType, name: str, kind: type) -> str:
 
 
 def place_of(name: str, value: object) -> Path | None:
-    """Return the file whose ``name`` is ``value``, if one was loaded."""
+    """Return the loaded file in which ``name`` is ``value``, if there is one."""
     return next((path for path, (module, _) in _LOADED.items() if getattr(module, name, None) is value), None)
 
 
+def pickled(package: str, name: str, entry: Any) -> tuple[Any, ...] | None:
+    """Return what a pickle holds of an entry that another process can look up, or None.
+
+    Parameters
+    ----------
+    package : str
+        Dotted name of the registry; an entry that it declares is looked up by its name.
+    name : str
+        Variable that a user's file assigns; an entry of such a file is looked up there.
+    entry : object
+        The entry.
+    """
+    registry: Any = sys.modules[package]
+    if entry.name in registry.registered and registry.get(entry.name) is entry:
+        return registry.__getitem__, (entry.name,)
+    place = place_of(name, entry)
+    return None if place is None else (declared_in, (str(place), name))
+
+
+def declared_in(place: str, name: str) -> Any:
+    """Return the value of the variable ``name`` of a user's file.
+
+    Raises
+    ------
+    NearharmonicError
+        The file cannot be loaded, or does not assign it.
+    """
+    module = load(place, f"It defined {name}", NearharmonicError)
+    if not hasattr(module, name):
+        raise NearharmonicError(f"{place} does not define {name} any more")
+    return getattr(module, name)
+
+
 def is_file(path: Path) -> bool:
-    """Return whether there is such a file; a path that no file can have is none."""
+    """Return True if the file exists; False for an impossible path too."""
     try:
         return path.is_file()
-    except (OSError, ValueError):  # a name that is too long, or no name at all
+    except (OSError, ValueError):  # a name that is too long or invalid
         return False
 
 
 def _state(files: Files) -> Files:
-    """``files`` as they are now; one that is gone is left out."""
+    """Present state of ``files``, without deleted ones."""
     found: Files = {}
     for path in files:
         try:
@@ -117,9 +151,12 @@ def _state(files: Files) -> Files:
 
 @contextmanager
 def _own_modules(folder: Path, files: Files) -> Iterator[None]:
-    """Let modules of ``folder`` be imported inside, add their files to ``files``, and forget them afterwards."""
+    """Allow imports of modules in ``folder`` inside the block, and add their files to ``files``."""
     before = set(sys.modules)
-    writes, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # a source edited twice in a second would look old
+    writes, sys.dont_write_bytecode = (
+        sys.dont_write_bytecode,
+        True,
+    )  # bytecode would hide a second edit in one second
     sys.path.insert(0, str(folder))
     importlib.invalidate_caches()
     try:

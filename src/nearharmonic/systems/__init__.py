@@ -4,22 +4,16 @@ This package is itself the mapping ``systems``: see :mod:`nearharmonic.registry.
 """
 
 from nearharmonic.registry.registry import Registry, make_registry
+from nearharmonic.systems.definition.file import system_at
 from nearharmonic.systems.definition.quantities import Observable, Parameter
 from nearharmonic.systems.definition.system import System
 
 __all__ = ["Observable", "Parameter", "System", "systems"]
-
-
-def _at(place: str) -> System:
-    from nearharmonic.systems.user_file import system_at
-
-    return system_at(place)
-
 
 systems: Registry[System] = make_registry(
     __name__,
     "system",
     "SYSTEM",
     lambda module: {s.name: s for s in [getattr(module, "SYSTEM", None)] if s is not None},
-    _at,
+    system_at,
 )

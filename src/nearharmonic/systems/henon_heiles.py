@@ -9,7 +9,7 @@ from nearharmonic.systems.definition.system import System
 
 
 def V(q: Vector) -> Any:
-    """V = (x^2 + y^2)/2 + x^2 y - y^3/3, written to take few operations: (x^2 + y^2)/2 + y (x^2 - y^2/3)."""
+    """V = (x^2 + y^2)/2 + x^2 y - y^3/3, in a form with few operations: (x^2 + y^2)/2 + y (x^2 - y^2/3)."""
     x, y = q
     xx, yy = x * x, y * y
     return (xx + yy) / 2 + y * (xx - yy / 3)
@@ -29,7 +29,8 @@ SYSTEM = System(
     q0=("0.3", "0"),
     p0=("0", "0.4"),
     t_end="500",
-    # Orbits are chaotic at H = 1/8: neighbours part by a factor e in 22 units of time, on average up to t = 1e7.
+    # Orbits are chaotic at H = 1/8: distances of neighbours grow by a factor e in 22 units of time (mean up to t =
+    # 1e7).
     position_t_end="20",
     frequencies=("1", "1"),
     units={"q": "1", "p": "1", "t": "1", "energy": "1"},

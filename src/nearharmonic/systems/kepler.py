@@ -21,7 +21,7 @@ def grad_V(q: Vector, GM: Any) -> Vector:
     """dV/dq = GM q / |q|^3."""
     x, y = q
     square = x * x + y * y
-    pull = GM / (square * square) * sqrt(square)  # the division beside the root: a shorter chain than one behind it
+    pull = GM / (square * square) * sqrt(square)  # the division does not wait for the root: a shorter chain
     return pull * x, pull * y
 
 
@@ -32,7 +32,7 @@ def angular_momentum(q: Vector, p: Vector, GM: Any) -> Any:
 
 
 def eccentricity_vector(q: Vector, p: Vector, GM: Any) -> Vector:
-    """Laplace-Runge-Lenz vector over GM (Nielsen 2015, Eq. 20 in units with GM = 1); it points to the perihelion."""
+    """Laplace-Runge-Lenz vector divided by GM (Nielsen 2015, Eq. 20 for GM = 1); it points to the perihelion."""
     (x, y), (u, v) = q, p
     L = x * v - y * u
     r = sqrt(x * x + y * y)
@@ -47,15 +47,15 @@ def orbital_period(q: Vector, p: Vector, GM: float) -> float:
 
 
 def perihelion_angle(q: Vector, p: Vector, GM: Any) -> Any:
-    """Angle of the Laplace-Runge-Lenz vector in (-pi, pi]; at rest on an exact orbit."""
+    """Angle of the Laplace-Runge-Lenz vector in (-pi, pi]; constant on an exact orbit."""
     x, y = eccentricity_vector(q, p, GM)
     return atan2(y, x)
 
 
 def exact_position(system: System, t: Any) -> Vector | None:
-    """Return Lagrange's f and g solution from the start, wherever on its ellipse that lies; None if it is unbound.
+    """Return Lagrange's f and g solution from any start on an ellipse; None if the orbit is unbound.
 
-    Newton's method on Kepler's equation for the change of the eccentric anomaly. Source: Battin (1999), Sec. 4.3.
+    Newton's method solves Kepler's equation for the change of the eccentric anomaly. Source: Battin (1999), Sec. 4.3.
     """
     from mpmath import cos, floor, mp, mpf, pi, sin, sqrt
 

@@ -1,8 +1,8 @@
 """The Sun-Mercury system of :mod:`nearharmonic.systems.kepler` as an oscillator (Levi-Civita), with a term -A/r^3.
 
-The term is that of general relativity to first order in 1/c^2, with A = GM L^2/c^2: the perihelion advances by
-6 pi GM/(c^2 a (1 - e^2)) an orbit. Source: Einstein (1915), Sitzungsber. Preuss. Akad. Wiss. 831; the potential in
-Goldstein (2002), Classical Mechanics, Sec. 12. A is 0 by default, so that the orbit is Kepler's.
+The term is that of general relativity to first order in 1/c^2, with A = GM L^2/c^2: the perihelion advances by 6 pi
+GM/(c^2 a (1 - e^2)) an orbit. Source: Einstein (1915), Sitzungsber. Preuss. Akad. Wiss. 831; the potential in Goldstein
+(2002), Classical Mechanics, Sec. 12. A is 0 by default, so that the orbit is a Kepler ellipse.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ def angular_momentum(q: Vector, p: Vector, GM: Any, A: Any) -> Any:
 
 
 def perihelion_angle(q: Vector, p: Vector, GM: Any, A: Any) -> Any:
-    """Angle of the Laplace-Runge-Lenz vector in (-pi, pi]; at rest on an exact orbit of Kepler's."""
+    """Angle of the Laplace-Runge-Lenz vector in (-pi, pi]; constant on an exact Kepler orbit."""
     return kepler.perihelion_angle(q, p, GM)
 
 
 def exact_position(system: System, t: Any) -> Vector | None:
-    """Return the position on Kepler's orbit; None if A is not 0."""
+    """Return the position on the Kepler orbit; None if A is not 0."""
     GM, A = system.parameters.values()
     if float(A.value) != 0:
         return None

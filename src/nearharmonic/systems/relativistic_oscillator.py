@@ -21,20 +21,20 @@ def grad_V(q: Vector) -> Vector:
 
 
 def T(p: Vector) -> Any:
-    """T = sqrt(1 + p^2) - 1, written p^2 / (1 + sqrt(1 + p^2)): nothing cancels at small p."""
+    """T = sqrt(1 + p^2) - 1, in the form p^2 / (1 + sqrt(1 + p^2)), which has no cancellation at small p."""
     (u,) = p
     square = u * u
     return square / (1 + sqrt(1 + square))
 
 
 def grad_T(p: Vector) -> Vector:
-    """dT/dp = p / sqrt(1 + p^2), the velocity, below 1."""
+    """dT/dp = p / sqrt(1 + p^2), the velocity; it is below 1."""
     (u,) = p
     return (u / sqrt(1 + u * u),)
 
 
-# The rest energy is left out: the energy error is then relative to the energy of the motion, as for "sho", which this
-# system becomes at small amplitudes.
+# H excludes the rest energy: the energy error is then relative to the energy of the motion, as for "sho", the limit of
+# this system for small amplitudes.
 SYSTEM = System(
     name="relativistic_oscillator",
     label="relativistic oscillator",

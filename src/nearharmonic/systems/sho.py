@@ -20,7 +20,7 @@ def grad_V(q: Vector) -> Vector:
 
 
 def exact_position(system: System, t: Any) -> Vector:
-    """q cos t + p sin t: a turn of phase space in 2 pi."""
+    """q cos t + p sin t, with the period 2 pi."""
     from mpmath import cos, mpf, sin
 
     (q,), (p,) = system.start(mpf)

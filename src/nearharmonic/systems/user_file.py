@@ -1,35 +1,31 @@
-"""Systems that users define: in Python files of their own, or as registered ones with other initial values."""
+"""Systems of users: those of a file, or registered ones, with other initial values or parameters."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from nearharmonic.errors import SystemDefinitionError, unknown_name
-from nearharmonic.registry.registry import split_path
-from nearharmonic.registry.user_module import load, near_miss
 from nearharmonic.systems import Parameter, System, systems
-
-DECLARES = "A system of your own is a Python file that defines SYSTEM"
+from nearharmonic.systems.definition.file import load_system
 
 
 @dataclass(frozen=True, kw_only=True)
 class SystemDefinition:
-    """A system of a file, or a registered one, with initial values and parameters of its own.
+    """A system of a file, or a registered system, with other initial values and parameters.
 
     Attributes
     ----------
     file : str or None
         The Python file that defines SYSTEM.
     base : str or None
-        Name of a registered system; given if there is no file.
+        Name of a registered system, if there is no file.
     label : str or None
         Name in titles, in place of the system's own.
     q0, p0 : tuple of str, or None
         Initial values in place of the system's own, as decimal strings.
     parameters : tuple of (str, str)
-        Names and values of those parameters that have others than the system's own.
+        Names and values of the parameters that differ from those of the system.
     """
 
     file: str | None = None
@@ -40,14 +36,14 @@ class SystemDefinition:
     parameters: tuple[tuple[str, str], ...] = ()
 
     def make(self, name: str) -> System:
-        """Return the system under the name that it has here.
+        """Return the system under the given name.
 
         Raises
         ------
         SystemDefinitionError
-            The file defines no system, or a number of initial values does not fit it.
+            The file defines no system, or the number of initial values is wrong.
         UnknownNameError
-            A parameter that the system does not have.
+            The system has no parameter of a given name.
         """
         original = load_system(self.file) if self.file is not None else systems[str(self.base)]
         values = {key: value for key in ("q0", "p0") if (value := getattr(self, key)) is not None}
@@ -60,7 +56,7 @@ class SystemDefinition:
 
 
 def _changed(system: System, values: Mapping[str, str]) -> Mapping[str, Parameter]:
-    """The parameters of ``system``, some of them with another value."""
+    """The parameters of ``system``, with new values for some of them."""
     for name in values:
         if name not in system.parameters:
             if not system.parameters:
@@ -71,39 +67,3 @@ def _changed(system: System, values: Mapping[str, str]) -> Mapping[str, Paramete
         name: replace(parameter, value=values[name]) if name in values else parameter
         for name, parameter in system.parameters.items()
     }
-
-
-def load_system(place: str | os.PathLike[str]) -> System:
-    """Return the ``SYSTEM`` that a Python file defines.
-
-    Raises
-    ------
-    SystemDefinitionError
-        There is no such file, it cannot be run, or it defines no System of that name.
-    """
-    module = load(place, DECLARES, SystemDefinitionError)
-    found = getattr(module, "SYSTEM", None)
-    if not isinstance(found, System):
-        why = near_miss(module, "SYSTEM", System)
-        message = f"{os.fspath(place)} does not define SYSTEM, a nearharmonic.System{why}"
-        raise SystemDefinitionError(message)
-    return found
-
-
-def system_at(place: str) -> System:
-    """Return the system of a file that is used by its path, under the name that it has there.
-
-    Raises
-    ------
-    SystemDefinitionError
-        As for :func:`load_system`, or its name is that of a registered system.
-    """
-    path, entry = split_path(place)
-    if entry:
-        message = f"{place}: a file defines one system, SYSTEM; give the path alone"
-        raise SystemDefinitionError(message)
-    found = load_system(path)
-    if found.name in systems.registered:
-        message = f"{path}: SYSTEM has the name of the registered system {found.name!r}; give it another name"
-        raise SystemDefinitionError(message)
-    return found

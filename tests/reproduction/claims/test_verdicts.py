@@ -9,7 +9,7 @@ import pytest
 from nearharmonic.integrators import integrators
 from nearharmonic.reproduction.claims.statements.equations import identities, misprints
 from nearharmonic.reproduction.claims.statements.figures import henon_heiles, kepler
-from nearharmonic.reproduction.claims.statements.tableaus import background, methods
+from nearharmonic.reproduction.claims.statements.tableaus import methods, splitting
 from nearharmonic.reproduction.claims.statements.tableaus.coefficients import FIVE_STAGES, UNIQUE
 from nearharmonic.reproduction.claims.table import CLAIMS
 from support.results.changed_results import (
@@ -48,9 +48,9 @@ HOLDS, EDGES, PART, FAILS, ERRATUM = "holds", "holds but for edges", "holds in p
 
 #: id -> verdict on sound results, what is changed, verdict then.
 TURNED = {
-    "every-even-order": (HOLDS, patched(background, "tripled", lambda _: integrators["ruth"]), PART),
+    "every-even-order": (HOLDS, patched(splitting, "tripled", lambda _: integrators["ruth"]), PART),
     "positive-force-gradient": (
-        HOLDS, patched(background, "FORCE_GRADIENT", (integrators["ruth"], *background.FORCE_GRADIENT)), PART,
+        HOLDS, patched(splitting, "FORCE_GRADIENT", (integrators["ruth"], *splitting.FORCE_GRADIENT)), PART,
     ),
     "cost-proportional-to-stages": (
         HOLDS, method("ruth", lambda _: stand_in("ruth", ("0.5",) * 20, ("0.5",) * 20, stages=1)), FAILS,

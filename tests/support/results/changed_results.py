@@ -12,7 +12,7 @@ from mpmath import mp, mpf
 from nearharmonic.exact.decimals import fixed_point
 from nearharmonic.integrators.tableau import Tableau, palindrome
 from nearharmonic.reproduction.claims.statements.equations import identities
-from nearharmonic.reproduction.claims.statements.figures import perihelion
+from nearharmonic.reproduction.claims.statements.figures import kepler
 
 
 def scaled(system, factor, *names, variable="max_energy_error"):
@@ -161,8 +161,8 @@ def quiet_substeps(results):
 
 def equal_errors(results):
     swap = results.cubes["kepler"]["max_energy_error"]
-    for name in perihelion.COINCIDING[1:]:
-        swap.loc[{"integrator": name}] = swap.sel(integrator=perihelion.COINCIDING[0])
+    for name in kepler.COINCIDING[1:]:
+        swap.loc[{"integrator": name}] = swap.sel(integrator=kepler.COINCIDING[0])
 
 
 def reversed_order(*steps):

@@ -13,7 +13,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from nearharmonic.output.store import read, write_dataset
-from nearharmonic.reproduction.claims.statements.performance.conclusions import CLOSE, ROUND
+from nearharmonic.reproduction.claims.statements.performance.discussion import CLOSE, ROUND
 from nearharmonic.reproduction.claims.statements.tableaus.trained import ENSEMBLES
 from nearharmonic.reproduction.claims.table import FILES
 

@@ -1,1 +1,1 @@
-"""Formulas of a system: traced once as numbers that are symbols, derived, and written as machine code."""
+"""Formulas of a system: traced once with symbolic numbers, differentiated, and written as machine code."""

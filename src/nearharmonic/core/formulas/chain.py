@@ -1,4 +1,4 @@
-"""The longest chain of operations in a formula: what bounds the time of one trajectory, however wide the processor."""
+"""The longest chain of operations in a formula: its latency bounds the time of one trajectory on every processor."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from nearharmonic.core.formulas.constant import Constant
 from nearharmonic.core.formulas.expression.writer import FUNCTION, LATENCY
 from nearharmonic.core.formulas.number import Number
 
-#: The last operation of a chain, the cycles at whose end it is done, and the chain before it.
+#: The last operation of a chain, the cycle in which it ends, and the chain before it.
 Link = tuple[str, int, "Link | None"]
 
 
@@ -22,8 +22,8 @@ class Chain:
     Attributes
     ----------
     operations : tuple of (str, int)
-        Names of its operations, in order, with the cycles that each takes on a current processor: a product that is
-        added is "fused", a square root "root".
+        Names of its operations, in order, with the cycles that each takes on a current processor. "fused" is a product
+        that is added to a number, "root" a square root.
     """
 
     operations: tuple[tuple[str, int], ...]
@@ -35,7 +35,7 @@ class Chain:
 
     @property
     def dominant(self) -> str:
-        """The operation in which most of these cycles are spent, "" if there is none."""
+        """The operation that takes most of these cycles, "" for an empty chain."""
         spent: Counter[str] = Counter()
         for name, cycles in self.operations:
             spent[name] += cycles
@@ -47,7 +47,7 @@ class Chain:
 
 
 class Chained(Number):
-    """A number that knows the chain of operations that led to it; products are fused as those of kernels are."""
+    """A number with the chain of operations that computes it; products are fused as in kernels."""
 
     __slots__ = ("_factors", "_link")
 
@@ -56,14 +56,14 @@ class Chained(Number):
 
     @property
     def link(self) -> Link | None:
-        """Its last operation, a pending product multiplied out."""
+        """The last operation; a pending product is multiplied out."""
         if self._factors is not None and self._link is None:
             self._link = _later("multiply", *self._factors)
         return self._link
 
     @property
     def ready(self) -> int:
-        """Cycles until it is known."""
+        """Cycles until the number is known."""
         return self.link[1] if self.link else 0
 
     def _of(self, other: Chained | Constant) -> Chained:
@@ -86,7 +86,7 @@ class Chained(Number):
     def __neg__(self) -> Chained:
         if self._factors is not None:
             return Chained(None, (-self._factors[0], self._factors[1]))
-        return Chained(self._link)  # the sign of an operand of an addition or of a fused product costs nothing
+        return Chained(self._link)  # additions and fused products take an operand of either sign at no cost
 
     def _divide(self, other: Chained | Constant) -> Chained:
         if isinstance(other, Constant) and other.denominator == 1 and other.numerator.bit_count() == 1:
@@ -118,7 +118,7 @@ def _later(name: str, *operands: Chained) -> Link:
 
 
 def longest_chain(results: Iterable[Any]) -> Chain:
-    """Return the longest chain that ends in one of ``results``, of which constants have none."""
+    """Return the longest chain that ends in one of ``results``; constants have no chain."""
     ends = [one.link for one in results if isinstance(one, Chained) and one.link]
     link = max(ends, key=lambda one: one[1], default=None)
     operations: list[tuple[str, int]] = []

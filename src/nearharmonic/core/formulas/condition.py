@@ -1,4 +1,4 @@
-"""Numbers that know how much rounding a formula has in double precision, for kernels to decide where it matters.
+"""Numbers with a bound of their rounding error in double precision, by which kernels choose a precision.
 
 ``size`` x u bounds, to first order in u = 2^-53, the change of ``value`` when every operand and result of the formula
 changes by a relative u (running error analysis: Higham, Accuracy and Stability of Numerical Algorithms, 3.3).
@@ -12,7 +12,7 @@ from typing import Any
 from nearharmonic.core.formulas.number import Constant, Number
 from nearharmonic.core.formulas.tracing import Double
 
-#: Change of a function of one argument from the sizes: of its value f, its argument x and the size s of that.
+#: Change of a function of one argument x: from its value f, from x, and from the size s of x.
 _INHERITED: Mapping[str, Callable[[Any, Any, Any], Any]] = {
     "sin": lambda f, x, s: s,
     "cos": lambda f, x, s: s,
@@ -28,7 +28,7 @@ _INHERITED: Mapping[str, Callable[[Any, Any, Any], Any]] = {
 
 
 class Conditioned(Number):
-    """A traced double with the condition of the formula that led to it."""
+    """A traced double with the condition of the formula that computes it."""
 
     __slots__ = ("size", "value")
 

@@ -1,7 +1,7 @@
-"""Exact constants of formulas: what a literal means, powers, roots and functions of it, and its meeting with numpy.
+"""Exact constants of formulas: meaning of literals, powers, roots, functions, and operations with numpy numbers.
 
-Apart from :mod:`nearharmonic.core.formulas.number` because constants are complete numbers, and numbers of a formula are
-not.
+The module is separate from :mod:`nearharmonic.core.formulas.number` because constants have values; numbers of a formula
+have none.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from nearharmonic.core.arithmetic import whole_pi
 
 #: Operations of a formula, as errors list them.
 OPERATIONS = "formulas use + - * / **, abs and the functions of nearharmonic.math"
-#: The functions of :mod:`nearharmonic.math` that a number has beside its operators, with their numbers of arguments.
+#: The functions of :mod:`nearharmonic.math` that a number has besides its operators, with their numbers of arguments.
 FUNCTIONS = {
     "sin": 1, "cos": 1, "tan": 1, "exp": 1, "log": 1, "cbrt": 1, "pow": 2, "atan2": 2, "tanh": 1, "sinh": 1, "cosh": 1,
     "erf": 1, "hypot": 2,
 }  # fmt: skip
-#: Largest whole power that is a product; a larger one is a matter of nearharmonic.math.pow.
+#: Largest integer power that is computed as a product; larger powers need nearharmonic.math.pow.
 LARGEST_POWER = 1024
 #: Bits of the largest constants.
 LARGEST_CONSTANT = 1 << 20
-#: Bits of the root of a constant that is no square: more than any precision in which formulas are evaluated.
+#: Bits of the root of a constant that is not a square: more than any precision in which formulas are evaluated.
 ROOT_BITS = 1024
 
 
@@ -36,15 +36,15 @@ class FormulaError(TypeError):
 
 
 class Value:
-    """Base class of ``Number``, which stands for a value while a formula is called."""
+    """Base class of ``Number``, which replaces a value while a formula is called."""
 
     __slots__ = ()
 
 
 def constant(value: Any) -> Constant | None:
-    """Return the exact number that a constant in a formula means, or None if ``value`` is no real number.
+    """Return the exact number that a constant in a formula means, or None if ``value`` is not a real number.
 
-    Integers and fractions mean themselves, floats (Python's and numpy's) the shortest decimal that they print as.
+    Integers and fractions are exact. A float of Python or numpy means the shortest decimal that it prints as.
 
     Raises
     ------
@@ -67,12 +67,12 @@ def constant(value: Any) -> Constant | None:
 def power(base: Any, exponent: Any) -> Any:
     """Return ``base`` (a :class:`Value` or :class:`Constant`) to a power.
 
-    Whole and half-integer powers are products and roots, others the function pow.
+    Integer and half-integer powers are products and roots; other powers are the function pow.
 
     Raises
     ------
     FormulaError
-        The exponent is no number of formulas, or a whole or half-integer one beyond :data:`LARGEST_POWER`.
+        The exponent is not a number of formulas, or an integer or half-integer beyond :data:`LARGEST_POWER`.
     """
     if isinstance(exponent, Value):
         return applied("pow", base, exponent)
@@ -95,12 +95,12 @@ def power(base: Any, exponent: Any) -> Any:
 
 
 def applied(function: str, *operands: Any) -> Any:
-    """Return a function of :data:`FUNCTIONS` of operands of formulas, numbers or constants.
+    """Return a function of :data:`FUNCTIONS` of operands that are numbers or constants of formulas.
 
     Raises
     ------
     FormulaError
-        An operand is neither, or numbers are of different types.
+        An operand is neither a number nor a constant, or numbers have different types.
     """
     numbers: list[Any] = [x for x in operands if isinstance(x, Value)]
     values: list[Any] = [x if isinstance(x, Value) else constant(x) for x in operands]
@@ -119,7 +119,7 @@ _OPERATORS: dict[str, Callable[..., Any]] = {
 
 
 def _object_of(value: Any) -> Any:
-    """A constant as a numpy array of no dimensions, which numpy takes for an object."""
+    """A constant as a numpy array of no dimensions, with the data type object."""
     if not isinstance(value, Constant):
         return value
     import numpy as np
@@ -130,7 +130,7 @@ def _object_of(value: Any) -> Any:
 
 
 def refusal(function: str) -> FormulaError:
-    """The error of a formula that calls a function of another library than ours."""
+    """The error for a formula that calls a function of another library."""
     return FormulaError(f"calls {function} of numpy or math: functions of formulas come from nearharmonic.math")
 
 
@@ -145,13 +145,13 @@ def _exact(operation: Callable[[Fraction, Fraction], Fraction]) -> Any:
 class Constant(Fraction):
     """An exact constant of a formula, such as a parameter of a system.
 
-    A ``Fraction`` would turn into a float as soon as it met one, and lose what lies below a double.
+    A ``Fraction`` would become a float in an operation with a float, and lose the digits below those of a double.
     """
 
     __slots__ = ()
 
     def __array_ufunc__(self, function: Any, method: str, *operands: Any, **more: Any) -> Any:
-        """Apply a numpy function: exactly beside a scalar or a value of a formula, in floats beside an array."""
+        """Apply a numpy function: exactly with a scalar or a value of a formula, in floats with an array."""
         name = function.__name__
         if all(not getattr(x, "shape", ()) for x in operands):
             if name in _OPERATORS and method == "__call__":
@@ -189,7 +189,7 @@ class Constant(Fraction):
         Raises
         ------
         ArithmeticError
-            The function has no value there, or one beyond 2^1048576 or its inverse.
+            The function has no value there, or its modulus is above 2^1048576 or below the inverse of that.
         """
         import gmpy2
 
@@ -206,7 +206,7 @@ class Constant(Fraction):
         return Constant(self.numerator**exponent, self.denominator**exponent)
 
     def sqrt(self) -> Constant:
-        """Return the square root: exact for the square of a fraction, else rounded to :data:`ROOT_BITS` bits."""
+        """Return the square root: exact for the square of a fraction, otherwise rounded to :data:`ROOT_BITS` bits."""
         top, bottom = self.numerator, self.denominator
         if top < 0:
             raise ArithmeticError(f"square root of the negative number {self}")

@@ -25,9 +25,9 @@ from nearharmonic.core.machine.operations import (
     write_numbers,
 )
 
-#: Formulas that a system may lack, with what they are made of.
+#: Formulas that a system may lack, with the functions that they are made of.
 _OPTIONAL = {"square": "modified", "acceleration": "acceleration"}
-#: Formulas that tell all others.
+#: Formulas that determine all others.
 _TELLING = frozenset(
     {"force", "square", "velocity", "acceleration", "energies", "force_and_potential", "kinetic", "rounding"}
 )
@@ -35,7 +35,7 @@ _TELLING = frozenset(
 
 @lru_cache(maxsize=64)
 def fingerprint(rules: Rules) -> str:
-    """Digest of the instructions that the formulas emit: the one thing about a system that compiled code depends on."""
+    """Digest of the instructions that the formulas emit; compiled code depends on nothing else of a system."""
     physics = rules.physics
     if physics.loops is not None:
         digests = " ".join(energy.digest for energy in physics.loops)
@@ -45,7 +45,7 @@ def fingerprint(rules: Rules) -> str:
 
 
 def moving(rules: Rules) -> tuple[bool, ...]:
-    """Return of each coordinate whether it ever moves: its dT/dp is not the constant 0."""
+    """Return True for each coordinate that can move: its dT/dp is not the constant 0."""
     d, builder = rules.physics.dimension, ir.IRBuilder()
     double = ir.DoubleType()
     kinds = [double] * (2 * d + parameter_rows(rules.physics.parameters))
@@ -57,12 +57,12 @@ def moving(rules: Rules) -> tuple[bool, ...]:
 
 
 def module_of(rules: Rules, lanes: int, needed: Container[str]) -> ir.Module:
-    """Return a module with what a system and a number of lanes bring to the loops of their form.
+    """Return a module with the functions of a system that loops of its form call.
 
     Parameters
     ----------
     rules : Rules
-        The system, and what its formulas are computed with.
+        The system, and the arithmetic of its formulas.
     lanes : int
         Lanes of the kernel.
     needed : container of str
@@ -96,7 +96,7 @@ class _Formulas:
     """Functions of one module."""
 
     def __init__(self, rules: Rules, kinds: Kinds, needed: Container[str]) -> None:
-        # A context of its own: a module shows all types of its context, and that of numba has more in some processes.
+        # The context is new: a module lists all types of its context, and numba's context has more in some processes.
         self.module, self.rules, self.kinds, self.needed = ir.Module("formulas", ir.Context()), rules, kinds, needed
         self.real, self.point = kinds.of("R"), kinds.of("P")
 
@@ -134,12 +134,12 @@ class _Formulas:
             ], given=False)  # fmt: skip
 
     def define(self, name: str, result: ir.Type, letters: str, body: Callable[..., Any], *, given: bool = True) -> None:
-        """A function of points and, if they are ``given``, of the parameters."""
+        """Write a function of points and, if they are ``given``, of the parameters."""
         if name not in self.needed or getattr(self.rules.physics, _OPTIONAL.get(name, "V")) is None:
             return
         kinds = [self.kinds.of(letter) for letter in (f"{letters}C" if given else letters)]
         function = declare(self.module, f"{PREFIX}{name}", kinds, result)
-        if name == "energy" and self.rules.quick_energy:  # long and seldom: it takes no registers from the loop
+        if name == "energy" and self.rules.quick_energy:  # a call of long code that runs rarely: it takes no registers
             function.attributes.discard("alwaysinline")
             function.attributes.add("noinline")
         builder = ir.IRBuilder(function.append_basic_block())
@@ -152,7 +152,7 @@ class _Formulas:
         builder.ret(packed(builder, _values(found), result))
 
     def coefficient(self, column: int) -> None:
-        """A function that loads a coefficient of each coordinate where an oscillator is solved exactly."""
+        """A function that loads one coefficient for each coordinate, for an oscillator that is solved exactly."""
         turning = self.rules.physics.turning
         assert turning is not None
         size, first = (6, 2 * TURN) if self.rules.extended else (TURNS, TURN)
@@ -164,7 +164,7 @@ class _Formulas:
 
 
 def _joined(numbers: Sequence[Entries]) -> Entries:
-    """The rows of a state, without the parameters behind it."""
+    """The rows of a state, without the parameters that follow them."""
     return [entry for point in numbers[:-1] for entry in point]
 
 
@@ -181,7 +181,7 @@ def _values(numbers: Any) -> Any:
 
 
 def maps_module(rules: Rules, maps: Any) -> ir.Module:
-    """Return a module with what a regularised system brings to :func:`nearharmonic.core.loops.landing.land`.
+    """Return a module with the functions that :func:`nearharmonic.core.loops.landing.land` calls.
 
     Parameters
     ----------
@@ -228,11 +228,11 @@ class _Memory:
         return LLVMValue(self.builder, self.builder.load(self.builder.gep(array, [INDEX(at)])))
 
     def pair(self, array: ir.Value, at: int) -> DoubleDouble:
-        """Return the number of two neighbours."""
+        """Return the number of two neighbouring doubles."""
         return DoubleDouble(self._double(array, at), self._double(array, at + 1))
 
     def pairs(self, array: ir.Value, at: int, count: int) -> tuple[DoubleDouble, ...]:
-        """High halves, and as many low ones behind them."""
+        """Return the numbers of ``count`` high halves and of the low halves behind them."""
         return tuple(
             DoubleDouble(self._double(array, at + k), self._double(array, at + count + k)) for k in range(count)
         )

@@ -1,8 +1,8 @@
-"""The arithmetic of formulas: the operations that a number in a formula has, and the meaning of its constants.
+"""The arithmetic of formulas: operations of a number in a formula, and the meaning of constants.
 
-Every number that stands for a value while a formula is called (traced into a kernel, written as source text, evaluated
-in multiprecision) is a :class:`Number`, so that all of them accept the same formulas and refuse the others in the same
-words. A constant in a formula is exact: a float literal means the shortest decimal that it prints as.
+Every number that replaces a value while a formula is called (traced into a kernel, written as source text, evaluated in
+multiprecision) is a :class:`Number`. All of them accept the same formulas, and refuse others with the same messages. A
+constant in a formula is exact: a float literal means the shortest decimal that it prints as.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ __all__ = [
 
 #: The largest double.
 LARGEST = int(float_info.max)
-#: What Python says of a tuple with too few components.
+#: Message of Python for a tuple with too few components.
 NO_SUCH_COMPONENT = "tuple index out of range"
-#: Why a formula has no branches, and what has.
+#: Message for a formula that branches.
 BRANCHES = (
     "a formula is called once, for all values, and must not branch; functions decorated with numba.njit may "
     "(docs/own_systems.md)"
@@ -44,14 +44,15 @@ _ARGUMENTS = re.compile(r"\(\) (takes|missing|got) |is not callable$")
 
 
 class Number(Value):
-    """A number that a formula is called with: its operators, in terms of the few that a subclass defines.
+    """A number that a formula is called with; its operators use a few operations that a subclass defines.
 
     A subclass defines ``_add``, ``_multiply`` and ``_divide`` of itself and another operand (of its own type or a
     :class:`Constant`), ``_divide_into`` a constant, ``__neg__``, ``__abs__`` and ``sqrt``.
     """
 
     __slots__ = ()
-    #: Above that of numpy's scalars, which then leave ``np.float64(0.1) * x`` to us, and below that of its arrays.
+    #: Above the priority of numpy's scalars, so that ``np.float64(0.1) * x`` calls this class, and below that of its
+    #: arrays.
     __array_priority__ = -1.0
 
     def _add(self, other: Any) -> Any:
@@ -81,13 +82,13 @@ class Number(Value):
         return self / abs(self)
 
     def apply(self, function: str, *others: Any) -> Any:
-        """Return the value of a function of :data:`FUNCTIONS`, whose further operands are of its type or constants."""
+        """Return the value of a function of :data:`FUNCTIONS`; further operands have this type or are constants."""
         raise NotImplementedError
 
     def _refused(self, *others: Any) -> NoReturn:
         raise FormulaError("calls a function of numpy: functions of formulas come from nearharmonic.math")
 
-    # numpy calls the method of an object that has the name of the function, and tells nobody of another error
+    # numpy calls the method of the object with the name of the function, and hides all other errors
     sin = cos = tan = exp = log = cbrt = arctan2 = tanh = sinh = cosh = hypot = _refused
     arcsin = arccos = arctan = arcsinh = arccosh = arctanh = exp2 = expm1 = log2 = log10 = log1p = _refused
 
@@ -138,8 +139,8 @@ class Number(Value):
         return NotImplemented if constant(base) is None else applied("pow", base, self)
 
     def whole_power(self, exponent: int) -> Any:
-        """Return the ``exponent``-th power, ``exponent`` >= 1, in few multiplications."""
-        if exponent <= 4:  # one factor after the other: for the fourth power one multiplication more, and one rounding
+        """Return the ``exponent``-th power, ``exponent`` >= 1, by few multiplications."""
+        if exponent <= 4:  # sequential products: the fourth power takes one multiplication and one rounding more
             result = self
             for _ in range(exponent - 1):
                 result = result * self
@@ -167,7 +168,7 @@ class Number(Value):
 
 
 class Formulas(Protocol):
-    """A system as its formulas are called: its name for errors, and what a formula returns."""
+    """A system with its name, for errors, and the number of components that its formulas return."""
 
     @property
     def name(self) -> str: ...
@@ -182,11 +183,11 @@ def call(system: Formulas, formula: str, function: Callable[..., Any], *argument
     Raises
     ------
     SystemDefinitionError
-        The function raises; its exception is the cause.
+        The function raises an exception, which is the cause of this one.
     """
     try:
         return function(*arguments)
-    except SystemDefinitionError:  # of the energy that a derived gradient is traced from
+    except SystemDefinitionError:  # from the energy that a derived gradient is traced from
         raise
     except FormulaError as error:
         raise SystemDefinitionError(f"{system.name}: {formula} {error}") from error
@@ -208,7 +209,7 @@ def _hint(system: Formulas, formula: str, error: Exception) -> str:
 
 
 def components(name: str, count: int) -> str:
-    """Return how many components a tuple has, for errors."""
+    """Return the number of components of a tuple, for error messages."""
     return f"{name} has {count} component{'' if count == 1 else 's'}"
 
 
@@ -226,7 +227,7 @@ def scalar(system: Formulas, formula: str, *arguments: Any) -> Any:
     Raises
     ------
     SystemDefinitionError
-        The formula raises, or returns something other than one number.
+        The formula raises an exception, or does not return one number.
     """
     result = call(system, formula, getattr(system, formula), *arguments)
     value = result if isinstance(result, Number) else call(system, formula, _constant, result)
@@ -238,7 +239,7 @@ def scalar(system: Formulas, formula: str, *arguments: Any) -> Any:
 
 
 def _constant(result: Any) -> Constant | None:
-    """A result that is a constant, if a double can hold it."""
+    """Return a constant result, if a double can hold it."""
     value = constant(result)
     if value is not None and abs(value) > LARGEST:
         raise FormulaError("is a constant larger than any double")
@@ -251,7 +252,7 @@ def vector(system: Formulas, formula: str, *arguments: Any) -> tuple[Any, ...]:
     Raises
     ------
     SystemDefinitionError
-        The formula raises, or returns something other than one number a coordinate.
+        The formula raises an exception, or does not return one number per coordinate.
     """
     result = call(system, formula, getattr(system, formula), *arguments)
     expected = f"expected a tuple of {system.dimension}, one number a coordinate"

@@ -1,4 +1,4 @@
-"""A Hamiltonian as the kernels need it."""
+"""Hamiltonian of a kernel, as functions of numbers of any type."""
 
 from __future__ import annotations
 
@@ -20,34 +20,34 @@ class Physics:
     Attributes
     ----------
     name : str
-        For errors.
+        Name of the system, for errors.
     V, grad_V, T, grad_T : callable
         Formulas ``f(q, *parameters)`` and ``f(p, *parameters)``.
     grad_V_and_V : callable
-        The components of grad_V and V behind them, of shared operations.
+        The components of grad_V, followed by V; both share operations.
     balanced_T : callable
-        T in an order that keeps chains of operations short.
+        T in an order of operations with short chains.
     acceleration : callable, or None
-        ``f(force, *parameters)``, dT/dp without what it is at p = 0, if T is quadratic.
+        ``f(force, *parameters)``, dT/dp minus its value at p = 0, if T is quadratic.
     parameters : int
-        Number of parameters that a run is given, in the rows behind its tally.
+        Number of parameters of a run, which are in the rows behind its tally.
     constants : tuple of Constant
-        Parameters that are compiled in, because a formula needs their values; there are none of the others then.
+        Parameters that are compiled in because a formula needs their values; ``parameters`` is then 0.
     dimension : int
         Number of coordinates.
     measured : callable, or None
-        ``f(q, p, *parameters)``, the kinetic and the potential energy to be measured in place of T and V.
+        ``f(q, p, *parameters)``, the kinetic and the potential energy that are measured instead of T and V.
     loops : tuple of LoopedEnergy, or None
-        V and T as loops, for many coordinates: then nothing of the formulas above is compiled.
+        V and T as loops, for many coordinates; the formulas above are then not compiled.
     unit_masses : bool
-        Whether T = p.p / 2.
+        True if T = p.p / 2.
     turning : tuple of int, or None
-        Where T and an oscillator are solved exactly together: of each coordinate, the place of its frequency among the
-        distinct ones. ``grad_V`` is then that of the rest of V, which the kick takes.
+        For T and an oscillator that are solved exactly together: the index of the frequency of each coordinate among
+        the distinct frequencies. ``grad_V`` is then the gradient of the rest of V, which kicks use.
     modified : callable, or None
-        ``f(q, *parameters)``, the gradient of the square of grad_V, where kicks are of a modified potential.
+        ``f(q, *parameters)``, the gradient of the square of grad_V, if kicks use a modified potential.
     numba : NumbaCode, or None
-        Code that V and grad_V call, where they are functions of numba: for one lane.
+        Code of V and grad_V that are functions of numba, for one lane.
     """
 
     name: str

@@ -13,9 +13,9 @@ from nearharmonic.core.layout import columns, modified_columns
 
 Entries = list[LLVMValue]
 
-#: Coordinates up to which the energy is measured in double-double at every step.
+#: Number of coordinates up to which the energy is measured in double-double at every step.
 FEW_COORDINATES = 8
-#: An energy error in double is used where it is at least so many times the bound of its rounding: to 4 digits.
+#: An energy error in double is used if it is at least this multiple of its rounding bound: it then has 4 digits.
 CERTAINTY = 2.0**12
 
 
@@ -23,9 +23,8 @@ CERTAINTY = 2.0**12
 class Rules:
     """A system with the arithmetic of its states and sums.
 
-    States are lists: positions, what is below their last digits, momenta, what is below theirs. Parameters are pairs,
-    high and low halves in turns. Vectors are the high halves of their components, in extended precision the low ones
-    behind them.
+    A state is a list: positions, their carries, momenta, their carries. Parameters are pairs, with high and low halves
+    interleaved. A vector is the list of the high halves of its components; in extended precision the low halves follow.
     """
 
     physics: Physics
@@ -34,16 +33,17 @@ class Rules:
 
     @property
     def quick_energy(self) -> bool:
-        """True if the energy is measured in double where its error is far above the rounding of doubles.
+        """True if the energy is measured in double wherever its error is far above the rounding of doubles.
 
-        In double-double at every step it would cost ten times a step of leapfrog where pairs of bodies attract.
+        For attracting pairs of bodies, an energy in double-double at every step would cost ten times a step of
+        leapfrog.
         """
         few = self.physics.dimension <= FEW_COORDINATES
-        return not (self.extended or few or self.physics.numba)  # a V in double has nothing to be measured against
+        return not (self.extended or few or self.physics.numba)  # no more precise value exists for a V in double
 
     @property
     def looks_ahead(self) -> bool:
-        """True if the new position is computed beside the new momentum: see :mod:`nearharmonic.core.step`."""
+        """True if the new position does not wait for the new momentum: see :mod:`nearharmonic.core.step`."""
         known = self.physics.acceleration is not None or self.physics.turning is not None
         return known and not self.extended
 
@@ -60,12 +60,12 @@ class Rules:
         return 2 if self.extended else 1
 
     def _numbers(self, entries: Entries, count: int) -> tuple[Any, ...]:
-        """The coordinates that a list begins with, their low halves behind them."""
+        """The first ``count`` entries of a list and their low halves, as numbers."""
         pairs = zip(entries[:count], entries[count : 2 * count], strict=True)
         return tuple(DoubleDouble(*pair) if self.extended else Double(pair[0]) for pair in pairs)
 
     def flat(self, components: tuple[Any, ...], like: LLVMValue) -> Entries:
-        """The components of a vector as carriers, one or two each; constants become carriers as ``like`` is."""
+        """The components of a vector as carriers, one or two each; a constant becomes a carrier like ``like``."""
         kind = DoubleDouble if self.extended else Double
         numbers: list[Any] = [kind.of(x, like) if isinstance(x, Constant) else x for x in components]
         if self.extended:
@@ -73,7 +73,7 @@ class Rules:
         return [n.carrier for n in numbers]
 
     def constants(self, parameters: Entries) -> tuple[Any, ...]:
-        """The parameters as the formulas of the state see them."""
+        """The parameters in the precision of the state."""
         halves = [*parameters[::2], *parameters[1::2]]
         return self.physics.constants or self._numbers(halves, self.physics.parameters)
 
@@ -85,16 +85,16 @@ class Rules:
     def force(self, position: Entries, parameters: Entries) -> Entries:
         """dV/dq."""
         together = self.physics.dimension > FEW_COORDINATES and self.physics.numba is None
-        if together:  # the same bits whether or not the energy is measured beside it
+        if together:  # bitwise identical with and without a measurement of the energy
             return self.force_and_potential(position, parameters)[: self.parts * self.physics.dimension]
         q = self._numbers(position, self.physics.dimension)
         return self.flat(vector(self.physics, "grad_V", q, *self.constants(parameters)), position[0])
 
     def square(self, position: Entries, parameters: Entries) -> Entries:
-        """grad |grad V|^2, by which a modified potential kicks.
+        """grad |grad V|^2, for kicks of a modified potential.
 
-        |grad V|^2 stands for the square a(V').V', with a the accelerations by forces V', which makes it the bracket
-        [B, [A, B]] of the drift A and the kick B.
+        |grad V|^2 denotes the square a(V').V', where a(V') is the acceleration by the force V'. It is the bracket [B,
+        [A, B]] of the drift A and the kick B.
         """
         assert self.physics.modified is not None
         q = self._numbers(position, self.physics.dimension)
@@ -107,12 +107,12 @@ class Rules:
         return vector(self.physics, "grad_T", p, *self.constants(parameters))
 
     def acceleration(self, force: Entries, parameters: Entries) -> Entries:
-        """dT/dp of a force, without what it is at p = 0."""
+        """The acceleration by a force: dT/dp of the force minus dT/dp at p = 0."""
         assert self.physics.acceleration is not None
         return self.flat(self.physics.acceleration(tuple(map(Double, force)), *self.constants(parameters)), force[0])
 
     def force_and_potential(self, position: Entries, parameters: Entries) -> Entries:
-        """dV/dq, and V in double behind it: what both formulas have in common is computed once."""
+        """dV/dq followed by V in double; operations that both formulas share are computed once."""
         q = self._numbers(position, self.physics.dimension)
         found = call(self.physics, "V", self.physics.grad_V_and_V, q, *self.constants(parameters))
         *gradient, V = (x if isinstance(x, Number) else constant(x) for x in found)
@@ -128,7 +128,7 @@ class Rules:
         return self.flat((scalar(self.physics, "balanced_T", p, *self.constants(parameters)),), momentum[0])
 
     def energies(self, state: Entries, parameters: Entries) -> Entries:
-        """H as a pair, T, and 0, of state + carry in double-double, whatever the precision of the run."""
+        """H as a pair, T, and 0, of state + carry, in double-double for every precision of the run."""
         half, d, constants = 2 * self.physics.dimension, self.physics.dimension, self.exact_constants(parameters)
         q, p = (tuple(map(DoubleDouble, x[:d], x[d : 2 * d])) for x in (state, state[half:]))
         if self.physics.measured is not None:
@@ -139,7 +139,7 @@ class Rules:
         return [H.high, H.low, kinetic.high, H.high.constant(0.0)]
 
     def rounding(self, state: Entries, parameters: Entries) -> Entries:
-        """The rounding of H in double: absolute, and relative to |T| + |V|."""
+        """The rounding error of H in double: absolute, and relative to |T| + |V|."""
         half, d, constants = 2 * self.physics.dimension, self.physics.dimension, self.constants(parameters)
         q, p = (tuple(map(Conditioned, self._numbers(x, d))) for x in (state, state[half:]))
         given = [x if isinstance(x, Constant) else Conditioned(x) for x in constants]
@@ -148,6 +148,6 @@ class Rules:
 
 
 def rounding_of(T: Conditioned, V: Conditioned) -> Entries:
-    """The rounding of T + V in double, :data:`CERTAINTY` times: absolute, and relative to |T| + |V|."""
+    """:data:`CERTAINTY` times the rounding error of T + V in double: absolute, and relative to |T| + |V|."""
     size = (T.size + V.size).carrier * (CERTAINTY * 2.0**-53)
     return [size, size / (abs(T.value) + abs(V.value)).carrier]

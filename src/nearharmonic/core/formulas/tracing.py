@@ -1,9 +1,9 @@
-"""Numbers that write machine code: a system's plain Python formulas, called once while a kernel is built.
+"""Numbers that write machine code when the Python formulas of a system are called, once for each kernel.
 
 :class:`LLVMValue` is one LLVM value (a double, or a vector of doubles in SIMD lanes); each operation on it is one
-instruction. :class:`Double` and :class:`DoubleDouble` are what the physics sees. Because the formulas are *called*,
-not parsed, they may use loops over components, ``sum`` and their own functions; operations on constants alone are
-exact. A formula cannot branch on a value.
+instruction. Formulas are called with numbers of :class:`Double` or :class:`DoubleDouble`. Because the formulas are
+*called*, not parsed, they may use loops over components, ``sum`` and their own functions. Operations on constants alone
+are exact. A formula cannot branch on a value.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ def _power_of_two(number: Constant) -> bool:
 
 
 class Double(Number):
-    """A double, or one per lane. A product that is added to something is fused (one rounding), always and everywhere.
+    """A double, or one per lane. A product that is added to a number is always fused: both are rounded once.
 
-    The contraction is made here, by rule, not by the compiler, so scalars, lanes and every processor agree to the bit.
+    This class makes the contraction, not the compiler, so that scalars, lanes and all processors agree bitwise.
     """
 
     __slots__ = ("_carrier", "_factors")
@@ -40,7 +40,7 @@ class Double(Number):
 
     @property
     def carrier(self) -> Any:
-        """The value itself; a pending product is multiplied out, once."""
+        """The value; a pending product is multiplied out once."""
         if self._carrier is None:
             assert self._factors is not None
             self._carrier = self._factors[0] * self._factors[1]
@@ -94,14 +94,14 @@ class Double(Number):
         return self._constant(number)
 
     def apply(self, function: str, *others: Double | Constant) -> Double:
-        from nearharmonic.core.functions import double  # with coefficients that most formulas do without
+        from nearharmonic.core.functions import double  # slow to load, and most formulas need no functions
 
         operands = [self, *(self.lifted(x) if isinstance(x, Constant) else x for x in others)]
         return Double(double.FUNCTIONS[function](*(x.carrier for x in operands)))
 
 
 class DoubleDouble(Number):
-    """An unevaluated sum high + low, about 32 digits; see :mod:`nearharmonic.core.arithmetic` for the error bounds."""
+    """An unevaluated sum high + low of about 32 digits; :mod:`nearharmonic.core.arithmetic` has the error bounds."""
 
     __slots__ = ("high", "low")
 

@@ -1,4 +1,4 @@
-"""Functions applied to arrays, element by element: the code that kernels contain, in a loop over lanes."""
+"""Elementwise functions of arrays: the code of kernels in a loop over lanes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from nearharmonic.core.layout import Signature, floats
 from nearharmonic.core.machine.native import code_key, native, object_code
 from nearharmonic.core.machine.values import LLVMValue
 
-#: (arguments, results): one row of doubles a part of an argument or result.
+#: (arguments, results): one row of doubles for each part of an argument or result.
 ELEMENTWISE = Signature((floats("arguments", "rows", "count"), floats("results", "results_rows", "count")))
 #: Lanes in which arrays are evaluated.
 LANES = 8
@@ -29,7 +29,7 @@ def elementwise(body: Body, rows: int, width: int, symbol: str = "elementwise") 
     Parameters
     ----------
     body : callable
-        (values) -> values, emitted once for ``width`` lanes and once for single numbers, the last of the array.
+        (values) -> values, emitted for ``width`` lanes, and for single numbers: the remainder of an array.
     rows : int
         Number of arguments of ``body``.
     width : int
@@ -41,7 +41,7 @@ def elementwise(body: Body, rows: int, width: int, symbol: str = "elementwise") 
 
 
 def loop(body: Body, rows: int, width: int, symbol: str) -> ir.Module:
-    """The module of :func:`elementwise`."""
+    """LLVM module of :func:`elementwise`."""
     module = ir.Module()
     word, double = ir.IntType(64), ir.DoubleType()
     pointer = double.as_pointer()
@@ -110,14 +110,14 @@ def of_numbers(name: str) -> Callable[..., float]:
         return name_in_c(name), object_code(binding.parse_assembly(str(module)))
 
     address = native(f"number-{name}-{code_key()}", signature, make).address
-    # called as it is: a signature's conversion of arguments takes ten times as long as a sine
+    # called without a signature, whose conversion of arguments takes ten times as long as a sine
     return ctypes.CFUNCTYPE(ctypes.c_double, *[ctypes.c_double] * count)(address)
 
 
 @cache
 def _of_arrays(name: str) -> Callable[..., None]:
     def make() -> tuple[str, bytes]:
-        from nearharmonic.core.functions import double  # takes longer to load than the compiled code that is kept
+        from nearharmonic.core.functions import double  # slower to load than the cached machine code
 
         return elementwise(lambda *x: [double.FUNCTIONS[name](*x)], FUNCTIONS[name], LANES, name_in_c(f"{name}s"))
 
@@ -125,7 +125,7 @@ def _of_arrays(name: str) -> Callable[..., None]:
 
 
 def name_in_c(name: str) -> str:
-    """Name of a compiled function: that of the C library's would be taken for it."""
+    """Name of a compiled function, other than the name of the function of the C library."""
     return f"nearharmonic_{name}"
 
 

@@ -1,7 +1,7 @@
 """Coefficients of polynomials, lowest first, and constants of reductions.
 
 Polynomials are near-minimax approximations on an interval: ``mpmath.chebyfit(f, interval, number of coefficients)`` in
-70 digits, each coefficient rounded to the nearest double. A test recomputes how far they are from their functions.
+70 digits, each coefficient rounded to the nearest double. A test recomputes the errors of the approximations.
 """
 
 #: pi/2 in parts of 53 bits each.
@@ -144,7 +144,7 @@ ERF = (
     1.3720064546777686e-08,
     -7.795898827002142e-10,
 )
-#: What the first two of them miss by rounding.
+#: Rounding errors of the first two of them.
 ERF_LOW = (7.975362179473361e-18, 2.4215378388298442e-17)
 #: exp(x^2) (1 - erf(x)) in powers of t = (x - 2.5) / (x + 2.5) for x from 1 to 6.
 ERFCX = (
@@ -234,8 +234,8 @@ ERFCX_EXTENDED = (
     (7.644886908118352e-12, 7.670862003320335e-28),
     (-3.4476237223862045e-12, 1.023316639039867e-28),
 )
-#: Factors that bring mantissas m near 1: m is below the first entry of one row and not of the row before; the
-#: factor, and minus its logarithm in three parts.
+#: Factors that bring mantissas m near 1. A row holds the upper end of an interval of m, which begins at the end of the
+#: row before, the factor, and minus its logarithm in three parts.
 LOG_FACTORS = (
     (0.77, 1.375, -0.3184537311185346, -2.7114779367326236e-17, 5.654849332876713e-34),
     (0.917, 1.1875, -0.17185025692665923, 6.0224538210113705e-18, 1.0382896674242226e-34),

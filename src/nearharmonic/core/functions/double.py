@@ -1,8 +1,8 @@
-"""Functions of doubles, at most one unit in the last place from the exact value, without branches that vectors lack.
+"""Functions of doubles with errors of at most one unit in the last place, without branches, which vectors lack.
 
 Each function takes carriers (:class:`nearharmonic.core.machine.values.LLVMValue`) and returns one. Every operation is
-one rounding, so scalars, lanes and all processors agree to the bit. The last operation of each function adds a
-correction to a leading term that is exact, or nearly so. Reductions follow Cody & Waite (1980), Software Manual for the
+rounded once, so scalars, lanes and all processors agree bitwise. The last operation of each function adds a correction
+to a leading term that is exact or nearly exact. Reductions follow Cody & Waite (1980), Software Manual for the
 Elementary Functions, with fused multiplications.
 """
 
@@ -40,7 +40,7 @@ def cos(x: LLVMValue) -> LLVMValue:
 
 
 def _turned(quarters: LLVMBits, high: LLVMValue, low: LLVMValue, more: int) -> LLVMValue:
-    """Sine of high + low and so many quarter turns, and ``more``."""
+    """Sine of high + low after ``quarters`` + ``more`` quarter turns."""
     sine, cosine = _sine(high, low), _cosine(high, low)
     odd = (quarters & 1).nonzero()
     sums = [cosine[0] + cosine[1], sine[0] + sine[1]]
@@ -144,7 +144,7 @@ def pow(x: LLVMValue, y: LLVMValue) -> LLVMValue:
 def _pow(x: LLVMValue, y: LLVMValue) -> LLVMValue:
     size = x.absolute()
     log_high, log_low = _precise_logarithm(size)
-    limited = clamped(y, -(2.0**80), 2.0**80)  # what is larger overflows or is 1 whatever its value
+    limited = clamped(y, -(2.0**80), 2.0**80)  # powers by larger y overflow, underflow or are 1
     high, error = two_product(limited, log_high)
     low = limited.fma(log_low, error)
     beyond = high.absolute().greater(800.0)
@@ -158,7 +158,7 @@ def _pow(x: LLVMValue, y: LLVMValue) -> LLVMValue:
 def special_power(
     x: LLVMValue, y: LLVMValue, above: LLVMMask, unity: LLVMMask, kind: tuple[LLVMMask, LLVMMask], value: LLVMValue
 ) -> LLVMValue:
-    """Return x^y where ``value`` is |x|^y for finite operands; |x| is ``above`` 1 or is ``unity``, y whole and odd."""
+    """Return x^y from ``value``, |x|^y for finite operands; ``kind`` is :func:`whole_and_odd` of y."""
     size = x.absolute()
     growing = above.choose(y, -y)
     value = (size.equals(0.0) | size.equals(inf) | y.absolute().equals(inf)).choose(
@@ -174,7 +174,7 @@ def special_power(
 
 
 def whole_and_odd(y: LLVMValue) -> tuple[LLVMMask, LLVMMask]:
-    """Return masks: y is an integer, infinities among them; y is odd."""
+    """Return two masks: y is an integer or infinite; y is odd."""
     size = y.absolute()
     large = size.at_least(2.0**52)
     fraction_free = clamped(size, 0.0, 2.0**52)
@@ -205,7 +205,7 @@ def _hyperbolic(x: LLVMValue, sign: float) -> tuple[LLVMValue, LLVMValue, LLVMBi
     top, rest = quick_two_sum(top, rest)
     inverse = 1.0 / top
     inverse_rest = (-inverse).fma(rest, (-inverse).fma(top, 1.0)) * inverse
-    # beyond 2^-80 the second exponential is lost
+    # below 2^-80 the second exponential does not change the sum
     ratio = power_of_two(n.at_most(40) * -2) * sign
     other = inverse * ratio
     total, error = two_sum(top, other)
@@ -246,7 +246,7 @@ def atan2(y: LLVMValue, x: LLVMValue) -> LLVMValue:
     rest = (-q).fma(denominator[0], numerator[0]) + (-q).fma(denominator[1], numerator[1])
     square = q * q
     correction = (q * square).fma(polynomial(square, table.ATAN), rest / denominator[0] * (1.0 - square))
-    # the angle is a multiple of pi/4 and +- that of the quotient
+    # the angle is a multiple of pi/4 plus or minus the angle of the quotient
     eighths = diagonal.choose(1.0, q.constant(0.0))
     eighths = steep.choose(2.0 - eighths, eighths)
     left = (x.bits() >> 63).nonzero()

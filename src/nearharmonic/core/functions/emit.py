@@ -1,4 +1,4 @@
-"""Functions of the module that is being built: what is long is emitted once for each number of lanes, and called."""
+"""Functions of the module that is being built: long code is emitted once for each number of lanes, and called."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ Body = Callable[..., Sequence[LLVMValue]]
 
 
 def called(name: str, body: Body, *arguments: LLVMValue) -> list[LLVMValue]:
-    """Return what ``body`` returns for ``arguments``, by a call of a function of the module, written at its first use.
+    """Return the results of ``body`` by a call of a function of the module, which is written at its first use.
 
     Parameters
     ----------
     name : str
-        Name of the function; it and the number of lanes stand for its body.
+        Name of the function; the name and the number of lanes must identify the body.
     body : callable
         (values) -> values, all of the type of the arguments.
     *arguments : LLVMValue
-        At least one.
+        At least one argument.
     """
     builder, kind = arguments[0].builder, arguments[0].value.type
     symbol = f"nearharmonic.{name}.{arguments[0].width}"
@@ -32,7 +32,7 @@ def called(name: str, body: Body, *arguments: LLVMValue) -> list[LLVMValue]:
 
 
 def _written(module: ir.Module, symbol: str, body: Body, kind: ir.Type, count: int) -> ir.Function:
-    # The number of results is known once the body is written, and the type of a function when it is made.
+    # The type of a function is fixed when it is created, but the number of results is known after the body is written.
     draft = ir.Function(ir.Module(), ir.FunctionType(ir.VoidType(), [kind] * count), symbol)
     results = len(_run(body, draft))
     returned = ir.LiteralStructType([kind] * results)
@@ -57,7 +57,7 @@ def _run(body: Body, function: ir.Function) -> Sequence[LLVMValue]:
 def where_needed(
     needed: LLVMMask, usual: Sequence[LLVMValue], rare: Callable[[], Sequence[LLVMValue]]
 ) -> list[LLVMValue]:
-    """``usual``, and in the lanes where ``needed`` is true what ``rare`` writes, which runs if any lane needs it."""
+    """``usual``, replaced by the values of ``rare`` in the lanes ``needed``; ``rare`` runs only if a lane needs it."""
     builder = needed.builder
     before = builder.block
     with builder.if_then(needed.anywhere().value, likely=False):

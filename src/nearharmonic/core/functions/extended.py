@@ -1,6 +1,6 @@
 """Functions of double-doubles, within 2^-100 of the exact value, for pairs of carriers.
 
-Series take as many terms as 2^-110 needs, the first in double-double and those that are small enough in double.
+Series have enough terms for 2^-110: the first terms in double-double, the small ones in double.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def sincos(high: LLVMValue, low: LLVMValue) -> list[LLVMValue]:
 
 
 def _with_bit(value: Pair, sign: LLVMBits) -> Pair:
-    """The pair with its signs turned where ``sign``, a sign bit, is set."""
+    """The pair with its signs changed where the sign bit ``sign`` is set."""
     return (value[0].bits() ^ sign).number(), (value[1].bits() ^ sign).number()
 
 
@@ -154,7 +154,7 @@ def pow(x: LLVMValue, x_low: LLVMValue, y: LLVMValue, y_low: LLVMValue) -> Pair:
     within = high.equals(exponent[0])
     value, n = _reduced_exponential((high, within.choose(exponent[1], 0.0), within.choose(exponent[2], 0.0)))
     value = scaled_pair(value, n)
-    # 1 plus what is too small for a double decides which way a power to infinity goes
+    # a low half beside 1 decides if a power to infinity is 0 or infinite
     above = size[0].greater(1.0) | (size[0].equals(1.0) & size[1].greater(0.0))
     unity = size[0].equals(1.0) & size[1].equals(0.0)
     kind = _, odd = _whole_and_odd(y, y_low)
@@ -166,8 +166,9 @@ def pow(x: LLVMValue, x_low: LLVMValue, y: LLVMValue, y_low: LLVMValue) -> Pair:
 def _exponent_of_power(logarithm: Triple, y: Pair) -> Triple:
     """Return y times a logarithm in three parts.
 
-    An exponent beyond 2^900 becomes smaller by 2^100 and its logarithm larger, up to where the result is sure to be out
-    of range: nothing overflows, and logarithms down to the smallest, of 1 and a low half, keep their digits.
+    An exponent y above 2^900 is multiplied by 2^-100 and the logarithm by 2^100, up to a size at which the result is
+    certainly out of range. Nothing overflows, and small logarithms, down to that of 1 and a low half, keep their
+    digits.
     """
     huge = y[0].absolute().at_least(2.0**900)
     shrunk, grown = (huge.choose(factor, y[0].constant(1.0)) for factor in (2.0**-100, 2.0**100))
@@ -229,7 +230,7 @@ def tanh(high: LLVMValue, low: LLVMValue) -> Pair:
 
 
 def atan2(y: LLVMValue, y_low: LLVMValue, x: LLVMValue, x_low: LLVMValue) -> Pair:
-    """Angle of the doubles, and what a rotation by it leaves of the angle."""
+    """Angle of the point: the angle of the doubles, corrected by the angle that remains after a rotation by it."""
     endless = x.absolute().equals(inf) | y.absolute().equals(inf)
     special = endless | (x.equals(0.0) & y.equals(0.0))
     one = x.constant(1.0)
@@ -244,7 +245,7 @@ def atan2(y: LLVMValue, y_low: LLVMValue, x: LLVMValue, x_low: LLVMValue) -> Pai
     across = dd_add(dd_mul(top, cosine), negative(dd_mul(bottom, sine)))
     along = bottom[0].fma(cosine[0], top[0] * sine[0])
     value = quick_two_sum(angle, across[0] / along)
-    # an angle of which low halves are near underflow is the quotient, made at a larger scale
+    # an angle whose low half is near underflow equals the quotient, which is computed at a larger scale
     small = (top[0].absolute() * 2.0**400).less(bottom[0]) & ~special
     quotient = dd_div(times(times((y, y_low), 2.0**300), scale), bottom)
     value = choose(small, times(quotient, 2.0**-300), value)

@@ -21,8 +21,8 @@ def inverses(numbers: Sequence[int]) -> Coefficients:
 def series(x: Pair, coefficients: Coefficients, in_double: int, largest: float) -> Pair:
     """Return the sum of coefficients[k] x^k for |x| up to ``largest``.
 
-    The terms from ``in_double`` on are so small that double will do. A coefficient that is more than twice the next
-    term takes the shorter sum, which needs operands in the order of their sizes that do not cancel.
+    The terms from ``in_double`` on are small enough for double precision. A coefficient that is more than twice the
+    next term is added by the shorter sum, whose operands must be in the order of their sizes and must not cancel.
     """
     high = polynomial(x[0], [c[0] for c in coefficients[in_double:]])
     result: Pair = (high, high.constant(0.0))
@@ -68,7 +68,7 @@ def scaled_pair(a: Pair, n: LLVMBits) -> Pair:
 
 
 def finite(value: Pair) -> Pair:
-    """The pair with 0 as the low half of what is not finite, where renormalisation left a NaN."""
+    """The pair; if it is not finite its low half is 0, in place of the NaN that renormalisation gives."""
     regular = value[0].absolute().less(inf)
     return value[0], regular.choose(value[1], 0.0)
 

@@ -1,7 +1,7 @@
 """Angles modulo pi/2, to full accuracy for every double and double-double.
 
-Up to :data:`MODERATE` the multiple of pi/2 is subtracted by fused multiplications; beyond, the fraction of x / (2 pi)
-is a product of whole numbers with the bits of 1 / (2 pi) that matter (Payne & Hanek 1983, doi:10.1145/1057600.1057602).
+Up to :data:`MODERATE` the multiple of pi/2 is subtracted by fused multiplications. For larger angles the fraction of x
+/ (2 pi) is an integer product with the relevant bits of 1 / (2 pi) (Payne & Hanek 1983, doi:10.1145/1057600.1057602).
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from nearharmonic.core.machine.values import LLVMBits, LLVMMask, LLVMValue
 
 #: Largest angle whose multiple of pi/2 is subtracted in floating point.
 MODERATE = 2.0**20
-#: Bits of the fraction of x / (2 pi): 53 are lost in the product, and a double-double may be as near as 2^-130 to a
-#: multiple of pi/2.
+#: Bits of the fraction of x / (2 pi): 53 are lost in the product, and the distance of a double-double from a multiple
+#: of pi/2 may be as small as 2^-130.
 FRACTION = 384
 #: Weight of the last bit of :data:`INVERSE`: the exponent of the largest double's last bit is 971.
 PLACES = 971 + FRACTION + 53
 
 
 def quarter_turns(x: LLVMValue) -> tuple[LLVMBits, LLVMValue, LLVMValue]:
-    """Return whole quarter turns (their last two bits) and the rest, at most pi/4 in size, as a pair.
+    """Return the integer number of quarter turns (its last two bits) and the rest, at most pi/4 in size, as a pair.
 
-    For moderate angles. All but the last operation are exact: the second part of pi/2 has 33 bits, so that its
-    multiple has no more than 53, and where the rest is small, so has the difference.
+    For moderate angles. All operations but the last are exact: the second part of pi/2 has 33 bits, so that its
+    multiple has at most 53; if the rest is small, the difference has at most 53 bits too.
     """
     shifted = x.fma(table.TWO_OVER_PI, ROUNDER)
     n = ROUNDER - shifted
@@ -43,8 +43,8 @@ def quarter_turns(x: LLVMValue) -> tuple[LLVMBits, LLVMValue, LLVMValue]:
 def for_all_angles(name: str, x: LLVMValue, body: Callable[[LLVMBits, LLVMValue, LLVMValue], LLVMValue]) -> LLVMValue:
     """Return ``body`` of the quarter turns of x and the rest.
 
-    For large angles it is called, as a function of the module with this ``name``: what follows the calculation of the
-    rest stays free of a branch, and so the registers stay where they are.
+    For large angles ``body`` is called as a function of the module with this ``name``. The code after the reduction
+    then has no branch, and values stay in their registers.
     """
 
     def of_large(x: LLVMValue) -> list[LLVMValue]:
@@ -61,7 +61,7 @@ def is_large(x: LLVMValue) -> LLVMMask:
 
 
 def extended_quarter_turns(x: LLVMValue, x_low: LLVMValue) -> list[LLVMValue]:
-    """Return a number whose bits end in those of the whole quarter turns, and the rest as a pair."""
+    """Return a number whose last bits are those of the number of quarter turns, and the rest as a pair."""
     shifted = x.fma(table.TWO_OVER_PI, ROUNDER)
     n = ROUNDER - shifted
     terms = [n.fma(table.HALF_PI[0], x), x_low]  # exact
@@ -91,7 +91,7 @@ def _reduced(*parts: LLVMValue) -> list[LLVMValue]:
     fraction = ir.Constant(wide, 0)
     for part in parts:
         fraction = builder.add(fraction, _fraction(builder, part))
-    # the nearest quarter: its number is in the two bits on top
+    # the nearest quarter turn: its number is in the two highest bits
     top = builder.lshr(builder.add(fraction, ir.Constant(wide, 1 << FRACTION - 3)), ir.Constant(wide, FRACTION - 2))
     rest = builder.sub(fraction, builder.shl(top, ir.Constant(wide, FRACTION - 2)))
     negative = builder.icmp_signed("<", rest, ir.Constant(wide, 0))
@@ -134,7 +134,7 @@ def _fraction(builder: ir.IRBuilder, x: LLVMValue) -> ir.Value:
 
 
 def _inverse_table(module: ir.Module) -> ir.Value:
-    """1 / (2 pi) in words of 64 bits, the least first, with zeros above."""
+    """1 / (2 pi) in words of 64 bits, the lowest first, with zeros above."""
     name = "nearharmonic.inverse_turn"
     if name in module.globals:
         return module.globals[name]

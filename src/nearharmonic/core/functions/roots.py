@@ -45,7 +45,7 @@ def cube_parts(x: LLVMValue) -> tuple[LLVMValue, LLVMValue, LLVMBits]:
 
 
 def cube_root(m: LLVMValue, guess: LLVMValue) -> LLVMValue:
-    """Cube root of m from a guess of its inverse that is good to 14 bits."""
+    """Cube root of m from an approximation of its inverse with 14 correct bits."""
     defect = 1.0 - m * guess * guess * guess
     inverse = guess.fma(defect * defect.fma(2 / 9, 1 / 3), guess)
     root = m * inverse * inverse

@@ -1,4 +1,4 @@
-"""Steps that functions have in common: polynomials, scaling by powers of two, exponents and mantissas."""
+"""Operations that functions share: polynomials, scaling by powers of two, exponents and mantissas."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 from nearharmonic.core.machine.values import LLVMBits, LLVMValue
 
-#: Adding this number rounds to a whole number, which then stands in the low bits.
+#: The sum with this number is rounded to an integer, which is in the low bits of the sum.
 ROUNDER = 1.5 * 2.0**52
 ROUNDER_BITS = 0x4338000000000000
 ONE_BITS = 0x3FF0000000000000
@@ -40,18 +40,18 @@ def horner(x: LLVMValue, coefficients: Sequence[float]) -> LLVMValue:
 
 
 def power_of_two(n: LLVMBits) -> LLVMValue:
-    """Return 2^n for whole numbers -1022 <= n <= 1023."""
+    """Return 2^n for integers -1022 <= n <= 1023."""
     return ((n + 1023) << 52).number()
 
 
 def scaled(x: LLVMValue, n: LLVMBits) -> LLVMValue:
-    """Return x 2^n for whole numbers -2000 < n < 2000, rounded once, in two multiplications."""
+    """Return x 2^n for integers -2000 < n < 2000, rounded once, by two multiplications."""
     half = ((n + 4096) >> 1) - 2048
     return x * power_of_two(half) * power_of_two(n - half)
 
 
 def nearest_whole(x: LLVMValue, factor: float) -> tuple[LLVMValue, LLVMBits]:
-    """Return the whole number nearest to x * factor, below 2^51 in size, as a double and as an integer."""
+    """Return the integer nearest to x * factor, below 2^51 in size, as a double and as an integer."""
     shifted = x.fma(factor, ROUNDER)
     return shifted - ROUNDER, shifted.bits() - ROUNDER_BITS
 
@@ -65,7 +65,7 @@ def exponent_and_mantissa(x: LLVMValue) -> tuple[LLVMValue, LLVMValue]:
 
 
 def clamped(x: LLVMValue, least: float, most: float) -> LLVMValue:
-    """x, or the bound that it passes; a NaN stays."""
+    """x, or the bound that it exceeds; a NaN stays a NaN."""
     x = x.less(least).choose(least, x)
     return x.greater(most).choose(most, x)
 
@@ -73,7 +73,7 @@ def clamped(x: LLVMValue, least: float, most: float) -> LLVMValue:
 def unit_scale(size: LLVMValue) -> tuple[LLVMValue, LLVMValue]:
     """Return a power of two that brings ``size``, positive and finite, near 1, and its inverse.
 
-    Those of numbers near under- and overflow are 2^1000 and 2^-1000: they bring them far enough.
+    For numbers near underflow and overflow the power is 2^1000 and 2^-1000, which is sufficient.
     """
     exponent = size.bits() >> 52
     forth, back = ((2046 - exponent) << 52).number(), (exponent << 52).number()

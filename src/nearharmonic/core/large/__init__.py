@@ -1,1 +1,1 @@
-"""Systems of many coordinates, which lie in memory: eight at a time, and sums over long ranges as loops."""
+"""Systems of many coordinates in memory: blocks of eight coordinates, and long sums as loops."""

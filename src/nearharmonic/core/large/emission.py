@@ -17,13 +17,13 @@ from nearharmonic.core.large.memory import Doubles, Index, LoopWriter, Planes, V
 from nearharmonic.core.large.tables import BLOCK, Places
 from nearharmonic.core.large.terms import COORDINATES
 
-#: What computes a block of numbers, of so many lanes, from the number of its first; and what loads it from an address.
+#: Computes a block of numbers from the index of its first number and its number of lanes; loads one from an address.
 Computed = Callable[[Index, int], Any]
 Loader = Callable[[ir.Value, Index, int], LLVMValue]
 
-#: Terms of a sum up to which they are written one after the other.
+#: Number of terms up to which a sum has no loop.
 FEW_TERMS = 8
-#: Terms of a sum from which on they are added in as many partial sums as a block has lanes.
+#: Number of terms from which on a sum has one partial sum for each lane of a block.
 MANY_TERMS = 32
 
 
@@ -33,17 +33,17 @@ class Emission:
     Parameters
     ----------
     writer : LoopWriter
-        Where to.
+        Writer of the function.
     energy : LoopedEnergy
-        What.
+        The energy.
     kind : Doubles
-        Numbers to compute with.
+        Type of the numbers.
     state : Planes
-        The coordinates, planes of values and of carries.
+        The coordinates: planes of values and of carries.
     kept : Planes
-        Room for what the loops keep.
+        Memory for the intermediate results of the loops.
     parameters : sequence of LLVMValue
-        High and low halves of the parameters in turns, scalars.
+        High and low halves of the parameters, interleaved, as scalars.
     """
 
     def __init__(
@@ -55,13 +55,13 @@ class Emission:
         self.parameters = list(zip(parameters[::2], parameters[1::2], strict=False))[: energy.parameters]
 
     def value(self) -> Any:
-        """Compute the energy, a number."""
+        """Compute the energy."""
         for level in range(1, len(self.energy.levels)):
             self._sums(level)
         return self._total([self._loop(len(self.energy.levels), i, False) for i in range(len(self.energy.work[-1]))])
 
     def gradient(self) -> Any:
-        """Keep the gradient, at the offset 0, and compute the energy."""
+        """Store the gradient at the offset 0, and compute the energy."""
         last = len(self.energy.levels)
         for level in range(1, last):
             self._sums(level)
@@ -84,7 +84,7 @@ class Emission:
             self._totals(totals, self.energy.offsets["gradient", array, 0])
 
     def _total(self, numbers: Sequence[Any]) -> Any:
-        if not numbers:  # V of free particles
+        if not numbers:  # free particles: V has no terms
             return self._number(Constant(0), 1)
         total, *rest = numbers
         for number in rest:
@@ -92,7 +92,7 @@ class Emission:
         return total
 
     def _loop(self, level: int, number: int, with_derivatives: bool) -> Any:
-        """Write one loop: what it keeps is kept, the sum of its values in the last level is returned."""
+        """Write one loop, which stores its results; in the last level, return the sum of its values."""
         work, offsets = self.energy.work[level - 1][number], self.energy.offsets
         last, count = level == len(self.energy.levels), work.loop.count
         program = work.both if with_derivatives else work.value
@@ -114,7 +114,7 @@ class Emission:
         return self.kind.constant(value, self.writer.zero(width)) if isinstance(value, Constant) else value
 
     def _operands(self, work: Work, level: int) -> Callable[[Index, int, bool], list[Any]]:
-        """Return a reader of the arguments of a block; tables are written once, before the loop."""
+        """Return a function that reads the arguments of a block; tables are written once, before the loop."""
         loop = work.loop
         operands = [self._reader(operand.array, operand.places) for operand in loop.operands]
         data = [self._data(column) for column in loop.data]
@@ -129,7 +129,7 @@ class Emission:
         return read
 
     def _reader(self, array: int, places: Places, gradient: bool = False) -> Computed:
-        """Return a reader of numbers of an array, by the number of the repetition."""
+        """Return a function of the index of a repetition that reads its number from an array."""
         load = self._loader(places)
         if array == COORDINATES:
             addresses = [self.state.address, self.writer.place(self.state.address, self.state.stride)]
@@ -141,7 +141,7 @@ class Emission:
         return [self.writer.place(self.kept.address, offset + k * self.kept.stride) for k in range(self.kind.planes)]
 
     def _loader(self, places: Places) -> Loader:
-        """Return a loader of the doubles of ``places`` behind an address."""
+        """Return a function that loads the doubles at ``places`` behind an address."""
         writer = self.writer
         if is_constant(places):
             return lambda address, _, width: writer.broadcast(
@@ -155,7 +155,7 @@ class Emission:
         return lambda address, first, width: writer.gather(address, writer.looked_up(table, first, width))
 
     def _data(self, column: Sequence[Any]) -> Computed:
-        """Return a reader of constants."""
+        """Return a function that reads constants."""
         pairs = np.array([arithmetic.rounded_pair(c.numerator, c.denominator) for c in column])
         addresses = [self.writer.table(np.ascontiguousarray(plane)) for plane in pairs.T]
         writer = self.writer
@@ -168,7 +168,7 @@ class Emission:
             self.writer.store(value, self.writer.place(address, first))
 
     def _accumulate(self, totals: Sequence[Variable], number: Any, again: int) -> None:
-        """Add a block to running sums, without its first results if a block before it has them."""
+        """Add a block to running sums, without those first results that the previous block has added."""
         if again:
             new = self.writer.last_lanes(again)
             number = self.kind.read([new.choose(plane, 0.0) for plane in self.kind.written(number)])
@@ -178,12 +178,12 @@ class Emission:
             room.value = value
 
     def _joined(self, totals: Sequence[Variable]) -> Any:
-        """The sum of the lanes of a running sum."""
+        """The sum over the lanes of a running sum."""
         planes = [room.value.lanes() for room in totals]
         return _pairwise([self.kind.read(lane) for lane in zip(*planes, strict=True)])
 
     def _totals(self, totals: Totals, offset: int) -> None:
-        """Write the sums of what was kept."""
+        """Write the sums of stored results."""
         count, terms = totals.sources.shape
         if terms == 0:
             self._put(totals.targets, offset, lambda _, width: self._number(Constant(0), width))
@@ -197,7 +197,7 @@ class Emission:
             self._put(totals.targets, offset, self._across(totals.sources))
 
     def _put(self, targets: Places, offset: int, computed: Computed) -> None:
-        """Write numbers to the targets, computed by the number of the first of a block and the width."""
+        """Write to the targets the numbers that ``computed`` returns for each block."""
         table = None if is_consecutive(targets) or len(targets) == 1 else self.writer.table(targets)
         addresses = self._planes(offset if table is not None else offset + int(targets[0]))
         for first, width, _ in self.writer.blocks(len(targets)):
@@ -213,11 +213,11 @@ class Emission:
         return self.kind.read([load(address, first, width) for address in self._planes(0)])
 
     def _in_turn(self, loaders: Sequence[Loader]) -> Computed:
-        """Sums of few terms."""
+        """Sums of few terms, one after the other."""
         return lambda first, width: self._total([self._read(load, first, width) for load in loaders])
 
     def _across(self, sources: Places) -> Computed:
-        """Sums of many terms, as many sums side by side as a block has lanes."""
+        """Sums of many terms, one sum in each lane of a block."""
         count, terms = sources.shape
         table = self.writer.table(np.ascontiguousarray(sources.T))
 
@@ -235,7 +235,7 @@ class Emission:
         return computed
 
     def _along(self, sources: Places) -> Any:
-        """One sum of many terms, in as many partial sums as a block has lanes."""
+        """One sum of many terms, with a partial sum in each lane of a block."""
         load, terms = self._loader(sources), len(sources)
         totals = [self.writer.variable(self.writer.zero(BLOCK)) for _ in range(self.kind.planes)]
         for first, width, again in self.writer.blocks(terms):
@@ -248,7 +248,7 @@ def _width(count: int) -> int:
 
 
 def _pairwise(numbers: Sequence[Any]) -> Any:
-    """The sum of a number of numbers that is a power of two, in pairs."""
+    """The pairwise sum of numbers, whose count is a power of two."""
     while len(numbers) > 1:
         half = len(numbers) // 2
         numbers = [a + b for a, b in zip(numbers[:half], numbers[half:], strict=True)]

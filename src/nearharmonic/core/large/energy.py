@@ -1,8 +1,8 @@
-"""An energy and its gradient as loops: what each loop computes, where results are kept, and how they are summed.
+"""An energy and its gradient as loops: their computations, the places of results, and sums of results.
 
-A loop over the terms of a sum keeps the derivatives of each term with respect to its operands. Each component of the
-gradient is then the sum of those that belong to it, in the order of the loops: no result is added to twice at a time,
-so a block of repetitions can be computed side by side.
+A loop over the terms of a sum stores the derivatives of each term with respect to its operands. Each component of the
+gradient is then the sum of its derivatives, in the order of the loops. No repetition changes a result of another, so a
+block of repetitions can be computed in SIMD lanes.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from nearharmonic.core.large.terms import COORDINATES
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """A loop with what it computes: ``value`` alone, or ``both``, the derivatives kept and the value behind them.
+    """A loop with its programs: ``value``, and ``both``, which returns the stored derivatives and then the value.
 
     Attributes
     ----------
     kept : tuple of (int, Places)
-        For each derivative in ``both``, the array whose gradient it belongs to, and the places in it.
+        For each derivative in ``both``, the array of its gradient, and its places in that array.
     scaled : int or None
-        Level whose adjoints multiply the derivatives; a variable behind all others stands for them. None in the last.
+        Level whose adjoints multiply the derivatives, as the last variable of ``both``. None in the last level.
     """
 
     loop: Loop
@@ -46,7 +46,7 @@ class Work:
 
 @dataclass(frozen=True, eq=False)
 class Totals:
-    """Sums of kept numbers: ``targets`` (n,) of an array, and the ``sources`` (n, terms) that each is the sum of."""
+    """Sums of stored numbers: ``targets`` (n,) in an array, and the ``sources`` (n, terms) of their terms."""
 
     targets: Places
     sources: Places
@@ -78,7 +78,7 @@ class LoopedEnergy:
 
     @property
     def operations(self) -> int:
-        """Operations of all patterns with their derivatives, each pattern once: what takes time to compile."""
+        """Operations of all patterns with their derivatives, each pattern once: the size of the code."""
         return sum(operations_of(name) for level in self.work for work in level for name, *_ in work.both.operations)
 
     @property
@@ -88,7 +88,7 @@ class LoopedEnergy:
 
     @cached_property
     def digest(self) -> str:
-        """Digest of what is computed: the operations of all loops, and their tables."""
+        """Digest of the operations of all loops and of their tables."""
         text = sha256(f"{self.dimension} {self.parameters}".encode())
         for level in self.work:
             for work in level:
@@ -101,7 +101,7 @@ class LoopedEnergy:
 
     @cached_property
     def offsets(self) -> dict[tuple[str, int, int], int]:
-        """Offsets of the kept numbers.
+        """Offsets of the stored numbers.
 
         Keys are ("gradient", array, 0), ("value", level, 0) for sums, and for loops ("term", level, loop) and
         ("derivative 0", level, loop), ...; ("end", 0, 0) is the total number.
@@ -112,7 +112,7 @@ class LoopedEnergy:
         def keep(key: tuple[str, int, int], count: int) -> None:
             nonlocal at
             found[key] = at
-            at += -(-count // BLOCK) * BLOCK  # blocks that cross cache lines take twice the time to store
+            at += -(-count // BLOCK) * BLOCK  # blocks across cache lines take twice as long to store
 
         keep(("gradient", COORDINATES, 0), self.dimension)
         for number, (level, work) in enumerate(zip(self.levels, self.work, strict=True), start=1):
@@ -129,11 +129,11 @@ class LoopedEnergy:
 
     @property
     def room(self) -> int:
-        """Numbers that are kept."""
+        """Number of stored numbers."""
         return self.offsets["end", 0, 0]
 
     def values_of(self, level: int) -> list[Totals]:
-        """The sums of a level other than the last, of their terms."""
+        """The sums of a level other than the last, with the places of their terms."""
         terms = [
             (one.loop.sums, self.offsets["term", level, i] + np.arange(one.loop.count))
             for i, one in enumerate(self.work[level - 1])
@@ -141,7 +141,7 @@ class LoopedEnergy:
         return _totals(terms, self.levels[level - 1].size)
 
     def gradient_of(self, array: int) -> list[Totals]:
-        """The derivatives with respect to an array, of those that loops of higher levels keep."""
+        """The derivatives for an array, with the places of their terms, which loops of higher levels store."""
         terms = [
             (places, self.offsets[f"derivative {k}", number, i] + np.arange(one.loop.count))
             for number, level in enumerate(self.work, start=1)
@@ -161,7 +161,7 @@ def _work(loop: Loop, scaled: int | None) -> Work:
         scaled_value = graph.multiply(graph.variables(variables + 1)[-1].value, value)
     operands = [x.value for x in graph.variables(len(loop.operands))]
     derivatives = gradient(graph, scaled_value, operands)
-    # What does not depend on an operand, though it occurs, as in x - x, adds nothing.
+    # A term that does not depend on its operand, such as x - x, adds nothing.
     kept = [k for k, derivative in enumerate(derivatives) if derivative.coefficient]
     both = shortest_program(graph, [*(derivatives[k] for k in kept), value], value)
     where = tuple((loop.operands[k].array, loop.operands[k].places) for k in kept)

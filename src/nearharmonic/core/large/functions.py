@@ -1,6 +1,7 @@
-"""The formulas of many coordinates as functions of LLVM: they read the rows of a kernel and keep gradients behind them.
+"""Formulas of many coordinates as functions of LLVM that read the rows of a kernel and store gradients behind them.
 
-:mod:`nearharmonic.core.large.state` calls them. The rows end with room for what the loops keep, see :func:`room`.
+:mod:`nearharmonic.core.large.state` calls them. The rows end with memory for intermediate results of the loops, see
+:func:`room`.
 """
 
 from __future__ import annotations
@@ -20,17 +21,17 @@ from nearharmonic.core.machine.operations import DOUBLE, INDEX, PREFIX, Kinds, d
 
 
 def room(V: LoopedEnergy, T: LoopedEnergy, extended: bool) -> int:
-    """Return the doubles behind the state that runs in which the loops of a kernel keep numbers."""
+    """Return the number of doubles behind the running state that the loops of a kernel store results in."""
     return BLOCK + _planes(V, T, extended) * (V.room + T.room)
 
 
 def _planes(V: LoopedEnergy, T: LoopedEnergy, extended: bool) -> int:
-    """Planes of the numbers that are kept: two where energies of several levels are computed in double-double."""
+    """Planes of the stored numbers: two if energies of several levels are computed in double-double."""
     return 2 if extended or max(len(V.levels), len(T.levels)) > 1 else 1
 
 
 def module_of(rules: Rules, kinds: Kinds, needed: Container[str]) -> ir.Module:
-    """Return a module with what a system of many coordinates brings to the loops of its form."""
+    """Return a module with the functions of a system of many coordinates that loops of its form call."""
     d = rules.physics.dimension
     written = _Functions(rules, kinds, needed)
     write_numbers(written.module, {
@@ -56,7 +57,7 @@ class _Functions:
         self.module = ir.Module("formulas")
 
     def write(self) -> None:
-        """The formulas of the system, of the state that runs or of the one that is seen."""
+        """Write the formulas of the system, for the running state or for the output state."""
         real, nothing = self.kinds.of("R"), ir.VoidType()
         number, exact = self.number, DoubleDoubles()
 
@@ -90,7 +91,7 @@ class _Functions:
             self._define("rounding", ir.ArrayType(real, 2), rounding)
 
     def _define(self, name: str, result: ir.Type, body: Callable[..., Any], *more: ir.Type) -> None:
-        """A function of the rows, which is long, and therefore called."""
+        """Write a function of the rows; it is long, and therefore not inlined."""
         if name not in self.needed:
             return
         function = declare(self.module, f"{PREFIX}{name}", [DOUBLE.as_pointer(), *more], result)
@@ -108,7 +109,7 @@ class _Functions:
     def _emission(
         self, writer: LoopWriter, rows: ir.Value, energy: LoopedEnergy, kind: Doubles, state: Any = 0
     ) -> Emission:
-        """Return the writer of an energy of the state in the rows from ``state`` on."""
+        """Return the writer of an energy for the state in the rows from ``state`` on."""
         physics, d = self.rules.physics, self.rules.physics.dimension
         first = writer.place(writer.place(rows, state), 2 * d if energy is self.T else 0)
         at = self.force_at if energy is self.V else self.velocity_at

@@ -1,4 +1,4 @@
-"""Numbers in memory as compiled loops see them: arrays of doubles or double-doubles, tables, and loops themselves."""
+"""Numbers in memory for compiled loops: arrays of doubles or double-doubles, tables, and writers of loops."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ PLACE = ir.IntType(32)
 
 
 class Doubles:
-    """Doubles, in memory one plane of them."""
+    """Doubles, one plane in memory."""
 
     planes = 1
 
     def read(self, planes: Sequence[LLVMValue]) -> Any:
-        """The number of its planes in memory."""
+        """The number whose planes in memory are given."""
         return Double(planes[0])
 
     def of_state(self, high: LLVMValue, low: LLVMValue) -> Any:
-        """The number that a coordinate and its carry are."""
+        """A coordinate and its carry as one number."""
         return Double(high)
 
     def written(self, number: Any) -> list[LLVMValue]:
@@ -62,7 +62,7 @@ class DoubleDoubles(Doubles):
 
 
 class ConditionedDoubles(Doubles):
-    """Doubles with the condition of the formula that led to them: a plane of values and one of sizes."""
+    """Doubles with the condition of the formula that computes them: a plane of values and one of sizes."""
 
     planes = 2
 
@@ -83,14 +83,14 @@ class ConditionedDoubles(Doubles):
 
 @dataclass(frozen=True)
 class Planes:
-    """Numbers in memory: the address of the first double, and the doubles from one plane to the next."""
+    """Numbers in memory: the address of the first double, and the distance from one plane to the next in doubles."""
 
     address: ir.Value
     stride: int
 
 
 class Index:
-    """A 64-bit whole number."""
+    """A 64-bit integer."""
 
     def __init__(self, builder: ir.IRBuilder, value: ir.Value) -> None:
         self.builder, self.value = builder, value
@@ -106,7 +106,7 @@ class Index:
 
 
 class Variable:
-    """A value of a function that changes."""
+    """A variable of a function that is written."""
 
     def __init__(self, builder: ir.IRBuilder, initial: LLVMValue) -> None:
         self._builder = builder
@@ -135,7 +135,7 @@ class LoopWriter:
         return Index(self.builder, INDEX(number))
 
     def variable(self, initial: LLVMValue) -> Variable:
-        """A variable with its first value."""
+        """A variable with an initial value."""
         return Variable(self.builder, initial)
 
     @contextmanager
@@ -161,7 +161,7 @@ class LoopWriter:
         return LLVMValue(self.builder, ir.Constant(kind, 0.0 if width == 1 else [0.0] * width))
 
     def place(self, address: ir.Value, offset: Index | int) -> ir.Value:
-        """The address of the double ``offset`` behind another."""
+        """The address ``offset`` doubles behind another."""
         return self.builder.gep(address, [self.index(offset).value if isinstance(offset, int) else offset.value])
 
     def load(self, address: ir.Value, width: int) -> LLVMValue:
@@ -183,15 +183,15 @@ class LoopWriter:
         return self.zero(width).from_lanes([value] * width)
 
     def gather(self, address: ir.Value, places: Sequence[Index]) -> LLVMValue:
-        """The doubles at some places, one a lane."""
+        """The doubles at ``places``, one per lane."""
         scalars = [self.load(self.place(address, place), 1) for place in places]
         return self.zero(len(scalars)).from_lanes(scalars)
 
     def blocks(self, count: int) -> Iterator[tuple[Index, int, int]]:
-        """Blocks of ``count`` results, whose code the caller writes at each turn of a loop over this.
+        """Blocks of ``count`` results; the caller writes their code in a loop over this generator.
 
-        Yields the first of a block, its length, and how many of it a block before it has: the last block ends with the
-        last result.
+        Yields the index of the first result of a block, its length, and the number of its results that the previous
+        block has too: the last block ends with the last result.
         """
         if count < BLOCK:
             with self.repeated(count) as i:
@@ -203,7 +203,7 @@ class LoopWriter:
             yield self.index(count - BLOCK), BLOCK, BLOCK - count % BLOCK
 
     def last_lanes(self, skipped: int) -> LLVMMask:
-        """The lanes of a block but the first ones."""
+        """The mask of the lanes of a block after the first ``skipped``."""
         lanes = [int(i >= skipped) for i in range(BLOCK)]
         return LLVMMask(self.builder, ir.Constant(ir.VectorType(ir.IntType(1), BLOCK), lanes))
 
@@ -231,10 +231,10 @@ class LoopWriter:
 
 
 def is_consecutive(places: NDArray[np.int64]) -> bool:
-    """Return True if places ascend by 1."""
+    """Return True if ``places`` ascend by 1."""
     return len(places) > 1 and bool((np.diff(places) == 1).all())
 
 
 def is_constant(places: NDArray[np.int64]) -> bool:
-    """Return True if all places are equal."""
+    """Return True if all ``places`` are equal."""
     return bool((places == places[0]).all())

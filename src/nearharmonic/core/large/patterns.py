@@ -1,7 +1,7 @@
-"""Loops over terms of one pattern: a chain of a thousand sites has a thousand terms, each of two neighbours.
+"""Loops over the terms of one pattern, such as the thousand terms of two neighbours in a chain of a thousand sites.
 
 A hundred bodies have 4950 pairs of one pattern, each of six coordinates and a product of masses. A :class:`Loop` is a
-pattern with the tables of what its repetitions use; sums that terms of other sums depend on come first, in levels of
+pattern with the tables of its operands and data. Sums on which the terms of other sums depend come first, in levels of
 their own.
 """
 
@@ -21,7 +21,7 @@ from nearharmonic.core.large.terms import Entry, LongSums, Term
 
 @dataclass(frozen=True, eq=False)
 class Operand:
-    """Values of a variable of a pattern, one for each repetition: the ``places`` (count,) of an array."""
+    """Values of a variable of a pattern, one for each repetition, at ``places`` (count,) of an array."""
 
     array: int
     places: Places
@@ -34,7 +34,7 @@ class Loop:
     Attributes
     ----------
     graph, value
-        The pattern. Its variables are, in this order, the operands, the data and the parameters.
+        The pattern. Its variables are the operands, the data and the parameters, in this order.
     operands : tuple of Operand
         Coordinates and sums.
     data : tuple of tuples of exact numbers
@@ -42,7 +42,7 @@ class Loop:
     parameters : int
         Number of parameters.
     sums : array of int, (count,)
-        Places of the sums that the repetitions are terms of, among those of one level.
+        Indices, in their level, of the sums to which the repetitions belong.
     """
 
     graph: Graph
@@ -60,14 +60,14 @@ class Loop:
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """Sums that depend on coordinates and on sums of lower levels alone: their number, and the loops that make them."""
+    """Sums that depend only on coordinates and on sums of lower levels: their number and their loops."""
 
     size: int
     loops: tuple[Loop, ...]
 
 
 def levels(graph: Graph, root: Value, dimension: int, parameters: int) -> tuple[Level, ...]:
-    """Return the loops that compute ``root``, which is the one sum of the last level.
+    """Return the loops that compute ``root``, the only sum of the last level.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def levels(graph: Graph, root: Value, dimension: int, parameters: int) -> tuple[
     Raises
     ------
     FormulaError
-        Terms are of so many patterns that they take too long to compile.
+        The terms have so many patterns that they take too long to compile.
     """
     sums = LongSums(graph, root, dimension)
     return tuple(_level(sums, sums.terms(level), parameters) for level in range(1, sums.levels + 2))
@@ -100,9 +100,9 @@ def _level(sums: LongSums, terms: Sequence[Sequence[Term]], parameters: int) -> 
 
 
 def _loops(sums: LongSums, group: Sequence[tuple[int, Term]], parameters: int) -> Iterator[Loop]:
-    """The loops of one pattern: one for each run of neighbouring places, and one for the others.
+    """The loops of one pattern: one for each run of neighbouring places, and one for all other places.
 
-    The terms of a sum are in the order of their places, however the sum was written.
+    The terms of a sum are in the order of their places, not in the order of the formula.
     """
     group = sorted(group, key=lambda pair: (pair[0], [sums.operand(node)[1] for node in pair[1].operands]))
     terms, targets = [term for _, term in group], np.array([place for place, _ in group], np.int64)
@@ -120,7 +120,7 @@ def _loops(sums: LongSums, group: Sequence[tuple[int, Term]], parameters: int) -
 
 
 def _pattern(sums: LongSums, term: Term, columns: Sequence[Sequence[Exact]], parameters: int) -> tuple[Graph, Value]:
-    """A graph with the first term of a group, and variables for what differs between the terms."""
+    """A graph with the first term of a group, in which operands and data are variables."""
     graph = Graph()
     differs = [len(set(column)) > 1 for column in columns]
     count = len(term.operands)
@@ -145,7 +145,7 @@ def _pattern(sums: LongSums, term: Term, columns: Sequence[Sequence[Exact]], par
             parts.append(part if child is None else graph.multiply(part, values[child]))
         return parts[0] if isinstance(found, Literal) else _sum(graph, parts)
 
-    # An index is larger than those of the nodes that it is made of.
+    # A node has a larger index than its children.
     for node in sorted(_nodes(sums.graph, term)):
         found = sums.graph.nodes[node]
         if isinstance(found, Variable):
@@ -156,7 +156,7 @@ def _pattern(sums: LongSums, term: Term, columns: Sequence[Sequence[Exact]], par
 
 
 def _nodes(graph: Graph, term: Term) -> set[int]:
-    """The nodes that a term is made of, parameters among them, but for its operands."""
+    """The nodes of a term, parameters included and operands excluded."""
     found = {child for entries in term.nodes.values() for _, _, child in entries if child is not None}
     return found - set(term.operands)
 

@@ -1,7 +1,7 @@
-"""States of many coordinates, which lie in memory and advance eight coordinates at a time.
+"""States of many coordinates in memory, which advance eight coordinates at a time.
 
-The state is the address of the rows. Where masses are not 1, a move is the kick, the velocity and the drift one after
-the other: such states are bound by what there is to compute, not by the time of a chain of operations.
+The state is the address of the rows. If masses are not 1, a move computes the kick, the velocity and the drift one
+after the other: the number of operations bounds the time of such states, not the longest chain.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def _of_extended_momenta(p, low, parameters):  # type: ignore[no-untyped-def]
 
 @compiled
 def _put(rows, at, first, value):  # type: ignore[no-untyped-def]
-    """Replace a block of coordinates, or those that are left over behind the whole blocks."""
+    """Replace a block of coordinates, or the coordinates behind the last full block."""
     if first + BLOCK <= _dimension():
         store(rows, at + first, value)
     else:
@@ -58,20 +58,20 @@ def _put(rows, at, first, value):  # type: ignore[no-untyped-def]
 
 @compiled
 def _load(rows, first):  # type: ignore[no-untyped-def]
-    """A block of the state that runs."""
+    """A block of the running state."""
     at = _running() + first
     return (*load_state(rows, at), load_point(rows, at + 4 * _dimension()))
 
 
 def _kept(at: Any, plane: Any, *, extended: bool) -> Any:
-    """Return ``load(rows, i)``, a block of rates that are kept from a place on."""
+    """Return ``load(rows, i)``, which loads a block of rates that are stored from ``at`` on."""
     if extended:
         return compiled(lambda rows, i: (load_point(rows, at() + i), load_point(rows, at() + plane() + i)))
     return compiled(lambda rows, i: load_point(rows, at() + i))
 
 
 def _move_of_unit_masses(form: Form) -> Any:
-    """``moved(rows, row, to)``: a move from the state that runs to the rows from ``to`` on."""
+    """``moved(rows, row, to)``: a move from the running state to the rows from ``to`` on."""
     if form.ahead:
         move = (step.ahead_compensated if form.compensated else step.ahead_plain)(_of_coordinates, _of_coordinates)
     elif form.extended:
@@ -99,7 +99,7 @@ def _move_of_unit_masses(form: Form) -> Any:
 
 
 def _move_of_masses(form: Form) -> Any:
-    """The same where velocities are computed from all momenta."""
+    """``moved(rows, row, to)`` as above, for velocities that depend on all momenta."""
     update = step.update_of(form)
     force = _kept(_force_at, _force_plane, extended=form.extended)
     velocity = _kept(_velocity_at, _velocity_plane, extended=form.extended)
@@ -124,7 +124,7 @@ def _move_of_masses(form: Form) -> Any:
 
 
 def motion(form: Form) -> Motion:
-    """Return what :func:`nearharmonic.core.loops.advance.advance` calls, for states in memory."""
+    """Return the functions that :func:`nearharmonic.core.loops.advance.advance` calls, for states in memory."""
     moved = _move_of_unit_masses(form) if form.unit_masses else _move_of_masses(form)
     force, force_and_potential = linked("force", types.void), linked("force_and_potential", REAL)
     parts = form.parts
@@ -170,7 +170,7 @@ def motion(form: Form) -> Motion:
 
 
 def measured() -> Measured:
-    """Return the energies that are measured of states in memory."""
+    """Return the energies of states in memory."""
     pair = types.UniTuple(REAL, 2)
     found = {
         "energy": pair, "energies": types.UniTuple(REAL, 4), "rounding": pair, "potential": REAL, "kinetic": REAL,

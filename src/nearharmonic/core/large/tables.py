@@ -1,4 +1,4 @@
-"""Tables of places: where they follow a rule, numbers are loaded side by side; elsewhere each place is looked up."""
+"""Tables of places: neighbouring places are loaded as a block, any others are looked up one by one."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 Places = NDArray[np.int64]
 
-#: Repetitions that are computed side by side: the doubles of the widest registers. Sums are in an order that depends
-#: on it, so it is the same on every processor.
+#: Number of repetitions in SIMD lanes: the doubles of the widest registers. The order of sums depends on it, so it is
+#: the same on every processor.
 BLOCK = 8
-#: Runs of neighbouring places that get a loop of their own; with more of them, all places are looked up.
+#: Largest number of runs of neighbouring places with a loop each; if there are more, all places are looked up.
 MOST_RUNS = 4
 
 

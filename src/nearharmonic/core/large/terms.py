@@ -1,6 +1,6 @@
-"""The long sums of an expression and their terms, written down so that terms of one pattern are told by one key.
+"""The long sums of an expression and their terms; terms of one pattern have the same key.
 
-A few terms of a sum that use the same coordinates are taken together: d^2/2 + d^4/40 of one distance is one term.
+A few terms of a sum that use the same coordinates form one term: d^2/2 + d^4/40 of one distance is one term.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from nearharmonic.core.formulas.expression.nodes import (
     modulus,
 )
 
-#: Terms from which on a sum is computed in loops, and not as a part of what it occurs in.
+#: Number of terms from which on a sum is computed in loops, and not as a part of another term.
 LONG_SUM = 16
-#: Terms of the same coordinates up to which they are taken together: of more, as of a Fourier series, there are loops.
+#: Largest number of terms of the same coordinates that form one term; more terms, as in a Fourier series, have loops.
 MOST_TOGETHER = 8
-#: The array of the coordinates; those of the sums have the numbers of their levels, from 1 on.
+#: Number of the array of the coordinates; an array of sums has the number of its level, from 1 on.
 COORDINATES = 0
 
 
 class Entry(NamedTuple):
-    """A constant, its place among the data of a term if it may differ between terms, and the node beside it."""
+    """A constant, its index among the data of a term if it may differ between terms, and the node beside it."""
 
     constant: Exact
     place: int | None
@@ -47,13 +47,13 @@ class Term:
     Attributes
     ----------
     key : tuple
-        Equal for terms that differ in the places of their operands and in their data alone.
+        Equal for terms that differ only in the places of their operands and in their data.
     nodes : dict
-        What the nodes of the term are made of, by their indices in the graph; ``None`` stands for the term itself.
+        Children of the nodes of the term, by the index of the node in the graph; ``None`` is the term itself.
     operands : tuple of int
-        The coordinates and long sums that it uses, by their nodes.
+        Nodes of the coordinates and long sums that the term uses.
     data : tuple of exact numbers
-        Its constants other than 0, 1 and -1, without their signs.
+        Moduli of the constants of the term other than 0, 1 and -1.
     """
 
     key: tuple[object, ...]
@@ -68,9 +68,9 @@ class LongSums:
     Parameters
     ----------
     graph : Graph
-        Its variables are ``dimension`` coordinates, and parameters behind them.
+        The graph; its variables are ``dimension`` coordinates and then the parameters.
     root : Value
-        The value; it is a sum itself, of one term at least.
+        The value; it counts as a sum, if necessary of one term.
     dimension : int
         Number of coordinates.
     """
@@ -79,12 +79,12 @@ class LongSums:
         self.graph, self.root, self.dimension = graph, root, dimension
         reachable = graph.reachable([root])
         self._uses = Counter(child for i in reachable for child in children(graph.nodes[i]))
-        #: The level of each long sum but the root's, and its place among the sums of that level.
+        #: Level of each long sum except the root, and its index among the sums of that level.
         self.place: dict[int, tuple[int, int]] = {}
         self._terms: dict[int, tuple[Exact, dict[int, Exact]]] = {}
         self._orders: dict[int, list[int]] = {}
         self._find(reachable)
-        #: Levels below that of the root.
+        #: Number of levels below that of the root.
         self.levels = max((level for level, _ in self.place.values()), default=0)
 
     def _find(self, reachable: Sequence[int]) -> None:
@@ -109,7 +109,7 @@ class LongSums:
             of_node[i] = level
 
     def _flat(self, value: Value) -> tuple[Exact, dict[int, Exact]]:
-        """The constant and the terms of a sum, with those of the sums that are a part of no other."""
+        """The constant and the terms of a sum; sums that occur only in it are split into their terms."""
         constant: Exact = 0
         terms: dict[int, Exact] = {}
         pending = [value]
@@ -126,7 +126,7 @@ class LongSums:
         return constant, {node: c for node, c in terms.items() if c}
 
     def terms(self, level: int) -> list[list[Term]]:
-        """Return the terms of each sum of a level, from 1 on; the one of the last level is the root."""
+        """Return the terms of each sum of a level, from 1 on; the only sum of the last level is the root."""
         if level > self.levels:
             return [self._together(*self._flat(self.root))]
         return [self._together(*self._terms[node]) for node, (of, _) in self.place.items() if of == level]
@@ -157,7 +157,7 @@ class LongSums:
         return node in self.place or (isinstance(found, Variable) and found.place < self.dimension)
 
     def _below(self, roots: Iterable[int]) -> list[int]:
-        """The nodes down to operands and parameters, in an order that depends on nothing but the pattern."""
+        """The nodes down to operands and parameters, in an order that depends only on the pattern."""
         found = dict.fromkeys(roots)
         order = list(found)
         for node in order:
@@ -168,7 +168,7 @@ class LongSums:
         return order
 
     def _children(self, node: int) -> Sequence[int]:
-        """Children, those of sums and products in the order of their shapes and constants."""
+        """Children of a node; in sums and products they are in the order of their shapes and constants."""
         order = self._orders.get(node)
         if order is None:
             found = self.graph.nodes[node]
@@ -223,7 +223,7 @@ class LongSums:
 
 
 def _entries(values: Iterable[Value], data: list[Exact]) -> tuple[Entry, ...]:
-    """Values as entries, whose constants become data unless they are 0, 1 or -1."""
+    """Values as entries; constants other than 0, 1 and -1 become data."""
     entries = []
     for c, node in values:
         place = None
@@ -235,7 +235,7 @@ def _entries(values: Iterable[Value], data: list[Exact]) -> tuple[Entry, ...]:
 
 
 def _described(entries: Iterable[Entry], number: dict[int, int]) -> tuple[object, ...]:
-    """Entries without their data, with nodes by their numbers in the term."""
+    """Entries without their data; nodes are replaced by their numbers in the term."""
     return tuple(
         (c if place is None else "+" if c > 0 else "-", None if child is None else number[child])
         for c, place, child in entries

@@ -1,1 +1,1 @@
-"""Loops around a step: one trajectory, a queue of runs through the lanes, landing at times, and their kernels."""
+"""Loops over steps: one trajectory, a queue of runs for SIMD lanes, samples at physical times, and kernels."""

@@ -1,7 +1,7 @@
-"""The loops of the inner kernel: steps of one trajectory, or of one in each lane, and the energy behind each step.
+"""The loops of the inner kernel: steps of one trajectory, or of one in each lane, and the energy after each step.
 
-:func:`advance` and :func:`begin` make the functions of :data:`nearharmonic.core.layout.ADVANCE` and ``BEGIN`` for a
-:class:`~nearharmonic.core.loops.shape.Form`. States are :mod:`~nearharmonic.core.points`, or lie in memory
+:func:`advance` and :func:`begin` return the functions of :data:`nearharmonic.core.layout.ADVANCE` and ``BEGIN`` for a
+:class:`~nearharmonic.core.loops.shape.Form`. States are :mod:`~nearharmonic.core.points` or in memory
 (:mod:`nearharmonic.core.large.state`). Rows of arrays are described in :mod:`nearharmonic.core.loops.kernel`.
 """
 
@@ -43,13 +43,13 @@ from nearharmonic.core.machine.reals import (
 
 #: Rows: of coefficients of a move; the first of the tally, and of the parameters.
 _columns, _tally, _parameters = (linked_number(name) for name in ("columns", "tally", "parameters"))
-#: Whether the energy is measured, and whether behind every step or behind the last one.
+#: 1 if the energy is measured, else 0; 1 if it is measured after every step, 0 if after the last one.
 _measuring, _at_every_step = linked_number("measuring"), linked_number("at_every_step")
 
 
 @compiled
 def _load_tally(rows, at):  # type: ignore[no-untyped-def]
-    """Errors so far, H0 as a pair, the rounding of H in double, and the limit."""
+    """The errors up to now, H0 as a pair, the rounding error of H in double, and the limit."""
     errors = load_real(rows, at + WORST), load_real(rows, at + TOTAL), load_real(rows, at + TOTAL_CARRY)
     H0 = load_real(rows, at + ENERGY), load_real(rows, at + ENERGY_LOW)
     rounding = load_real(rows, at + NEAR), load_real(rows, at + CONDITION)
@@ -66,7 +66,7 @@ def _store_errors(rows, at, worst, total, carry, latest):  # type: ignore[no-unt
 
 @compiled
 def _tallied(worst, total, carry, latest):  # type: ignore[no-untyped-def]
-    """The largest, and the sum, of energy errors with one more."""
+    """The maximum and the sum of the energy errors, updated by the latest one."""
     size = absolute(latest)
     carried = carry + size
     new = total + carried
@@ -74,9 +74,9 @@ def _tallied(worst, total, carry, latest):  # type: ignore[no-untyped-def]
 
 
 def _measure(form: Form, given: Measured) -> Any:
-    """``measure(seen, height, kick_first, H0, rounding, parameters)``: H - H0, in double where that is certain.
+    """``measure(seen, height, kick_first, H0, rounding, parameters)``: H - H0, in double if that is accurate enough.
 
-    ``height`` is V at the position of the last force, which is that of the end if the step ends with a kick.
+    ``height`` is V at the position of the last force: the final position if the step ends with a kick.
     """
     energy, potential, kinetic = given.energy, given.potential, given.kinetic
 

@@ -1,15 +1,16 @@
-"""The one kernel: every tableau, every system, every precision, one trajectory or many in SIMD lanes.
+"""The kernel for all tableaus, systems and precisions, and for one trajectory or many in SIMD lanes.
 
 :func:`build` turns a system's formulas into compiled code for one choice of ``precision``, ``summation`` and lane
 ``width``. The tableau is data (coefficient arrays), so one compilation serves all methods.
 
-Layout of a lane's row block, ``width`` doubles a row: d positions, their d carries, d momenta, their d carries; then
-the tally: largest and summed |H - H0| of the block, the sum's carry, the latest H - H0, H0 as a pair, the largest |H -
-H0| allowed, and by how much the rounding of doubles changes H (:func:`nearharmonic.core.formulas.rules.rounding_of`);
-then each parameter as a pair; then the state that runs, laid out as the first 4 d rows, and the d numbers that its next
-move is late by (:mod:`nearharmonic.core.step`). In extended precision the carries are the low halves of double-doubles.
+The row block of the lanes has ``width`` doubles in a row. Its rows are: d positions, their d carries, d momenta, their
+d carries; then the tally: maximum and sum of |H - H0| over the block, the carry of the sum, the latest H - H0, H0 as a
+pair, the largest |H - H0| allowed, and two bounds of the rounding error of H
+(:func:`nearharmonic.core.formulas.rules.rounding_of`); then each parameter as a pair; then the running state, laid out
+as the first 4 d rows, and the d rests that its next move adds (:mod:`nearharmonic.core.step`). In extended precision
+the carries are the low halves of double-doubles.
 
-Formulas of many coordinates are compiled as loops (:mod:`nearharmonic.core.large`), for one lane.
+Formulas of many coordinates are compiled as loops, for one lane (:mod:`nearharmonic.core.large`).
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from nearharmonic.core.layout import ADVANCE, BEGIN, LAND, RUN, STEP, Signature,
 from nearharmonic.core.loops.shape import Form
 from nearharmonic.core.machine.native import NativeFunction, PreparedCall, code_key, native
 
-#: Instructions of a function of numba in a unit of cost, where none is repeated.
+#: Instructions of a function of numba per unit of cost; loops in it are counted once.
 INSTRUCTIONS = 8
 
 __all__ = ["Kernel", "Physics", "build", "build_landing", "build_step", "cost", "room"]
@@ -33,19 +34,19 @@ __all__ = ["Kernel", "Physics", "build", "build_landing", "build_step", "cost", 
 
 @dataclass(frozen=True)
 class Kernel:
-    """Compiled code for one system, precision and width, with the layout its arrays must have.
+    """Compiled code for one system, precision and width, with the layout of its arrays.
 
-    ``advance()`` compiles the inner kernel by itself, for benchmarks and ensembles that schedule their own lanes:
+    ``advance()`` compiles the inner kernel alone, for benchmarks and ensembles that schedule their own lanes:
     ``advance()(count, stages, kick_first, moves, rows) -> steps done``: ``moves`` is float64 (stages + 2, columns,
-    width), the rows of coefficients, of which the first is replaced by the second; ``rows`` float64 (4 d +
-    :data:`TALLY` + :func:`parameter_rows` + 5 d, width), changed in place, and ``room`` more behind them. It returns
-    before ``count`` when a lane's energy error passes its limit.
+    width), the rows of coefficients; the kernel replaces the first row by the second. ``rows`` is float64 (4 d +
+    :data:`TALLY` + :func:`parameter_rows` + 5 d, width), changed in place, with ``room`` more doubles behind them. It
+    returns before ``count`` steps if the energy error of a lane exceeds its limit.
 
-    ``begin`` is the address of the function that begins tallies, 0 if the energy is never measured.
+    ``begin`` is the address of the function that resets tallies, 0 if the energy is never measured.
 
-    ``prepared`` passes a queue of runs through the lanes, as often as what it returns is called: its arguments are
-    :data:`nearharmonic.core.layout.RUN` without the addresses in front and without the workspace at the end, which
-    belongs to the call that it returns.
+    ``prepared`` returns a call that passes a queue of runs through the lanes and can be repeated. Its arguments are
+    :data:`nearharmonic.core.layout.RUN` without the addresses at the beginning and without the workspace at the end,
+    which belongs to the returned call.
     """
 
     width: int
@@ -71,11 +72,11 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
     physics : Physics
         The system.
     extended, compensated : bool
-        Arithmetic of the state, and of the sums.
+        ``extended``: states are double-doubles. ``compensated``: sums are compensated.
     width : int
         Number of SIMD lanes.
     energy : {"every", "samples", "none"}
-        Whether the energy is measured at every step, at the end of each stretch of steps, or never.
+        Measurement of the energy at every step, at the end of each stretch of steps, or never.
     """
     rules, more = Rules(physics, extended, compensated), room(physics, extended=extended)
 
@@ -122,7 +123,7 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
 def build_landing(
     physics: Physics, maps: Any, *, extended: bool, compensated: bool, energy: str
 ) -> Callable[..., PreparedCall]:
-    """Load the function that passes runs of a regularised system through their steps, or compile it into the cache.
+    """Load the function that integrates runs of a regularised system from the cache, or compile it into the cache.
 
     Parameters
     ----------
@@ -134,8 +135,8 @@ def build_landing(
     Returns
     -------
     callable
-        Prepares a call, from the arguments of :data:`nearharmonic.core.layout.LAND` without the three addresses in
-        front and the arrays of one state behind.
+        Returns a prepared call. Its arguments are :data:`nearharmonic.core.layout.LAND` without the three addresses at
+        the beginning and the arrays of one state at the end.
     """
     from nearharmonic.core.formulas import emission as formulas
 
@@ -157,7 +158,7 @@ def build_landing(
         loops = link.kept("land", f"{extended} {compensated}", compiled)
         return link.linked(*loops, module, formulas.kinds_of(rules, 1))
 
-    # The formulas of the steps do not tell the maps: the text of these does.
+    # The formulas of the steps do not determine the maps, so the key covers the code of the maps.
     land = native(f"land-{code_key(str(module), f'{extended} {compensated}')}", LAND, make)
 
     def prepared(measured: int, *others: Any) -> PreparedCall:
@@ -176,9 +177,9 @@ def build_step(physics: Physics, *, compensated: bool) -> NativeFunction:
     Parameters
     ----------
     physics : Physics
-        The system, whose formulas are not loops.
+        The system; its formulas must not be loops.
     compensated : bool
-        Arithmetic of the sums.
+        True if sums are compensated.
     """
     rules = Rules(physics, False, compensated)
     return native(
@@ -186,12 +187,12 @@ def build_step(physics: Physics, *, compensated: bool) -> NativeFunction:
     )
 
 
-#: Place of the number of stages among the arguments of :data:`LAND` from the queue on.
+#: Index of the number of stages among the arguments of :data:`LAND`, counted from the queue.
 _STAGES = [argument.name for argument in LAND.arguments].index("stages") - 4
 
 
 def room(physics: Physics, *, extended: bool) -> int:
-    """Return the doubles behind the rows that a kernel of ``physics`` works in."""
+    """Return the number of doubles of working memory behind the rows of a kernel of ``physics``."""
     if physics.loops is None:
         return 0
     from nearharmonic.core.large import functions
@@ -200,13 +201,13 @@ def room(physics: Physics, *, extended: bool) -> int:
 
 
 def cost(physics: Physics, *, extended: bool) -> int:
-    """Return the time that a force takes, in units of a few nanoseconds at most: without loops, that of all pairs."""
+    """Return the time of a force in units of at most a few nanoseconds; without loops, that of all pairs."""
     if physics.loops is None:
         force = physics.dimension * (physics.dimension + 4) // 2
         if physics.numba is not None:
             return force + physics.numba.instructions // INSTRUCTIONS
         return force if physics.modified is None else 2 * force
-    # A double-double operation takes about 16 of doubles.
+    # A double-double operation takes about 16 operations on doubles.
     return 1 + sum(energy.work_of_loops for energy in physics.loops) * (16 if extended else 1) // 50
 
 
@@ -237,7 +238,7 @@ def _form(rules: Rules, energy: str) -> Form:
 def _linked(
     entry: str, signature: Signature, choice: dict[str, Any], rules: Rules, width: int, energy: str = "every"
 ) -> tuple[str, bytes]:
-    """Name and object code of a function that numba compiles for a choice, with the formulas of a system."""
+    """Name and object code of a function that numba compiles for some options, with the formulas of a system."""
     from nearharmonic.core.formulas import emission as formulas
     from nearharmonic.core.machine import link, operations
 

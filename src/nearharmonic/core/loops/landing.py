@@ -1,12 +1,12 @@
-"""Runs in a fictitious time, one after the other, whose samples land on given physical times.
+"""Sequential runs in a fictitious time, with samples at given physical times.
 
 A regularised system (:mod:`nearharmonic.systems.formulas.regularisation`) is integrated in equal steps of a fictitious
-time s. A sample at the time t is one shorter step from the last step before t, whose length Newton's method finds from
-dt/ds = r. The run itself does not take that step, but for the last one.
+time s. A sample at the time t is the end of one shorter step from the last state before t. Newton's method finds the
+length of this step from dt/ds = r. The run itself does not take this step, except for the last sample.
 
-States come and go as physical positions and momenta, mapped in double-double. The step sizes are those of physical time
-over the semi-major axis of each start, so that an orbit takes as many steps as in physical time. There is one lane, so
-that a row is a number; the last row of ``moves`` is the step size.
+States at the start and at samples are physical positions and momenta, mapped in double-double. The step in s is the
+physical step size over the semi-major axis of the start, so that an orbit takes as many steps as in physical time.
+There is one lane, so that a row is a number. The last row of ``moves`` is the step size.
 """
 
 from __future__ import annotations
@@ -35,22 +35,24 @@ from nearharmonic.core.layout import (
 from nearharmonic.core.loops.scheduler import begin_tally, latest_error, measure_alone, record_errors
 from nearharmonic.core.machine.reals import at_address, compiled, linked, linked_number, types
 
-#: Repeats of Newton's method, which ends before where no repeat comes nearer: four in double, six in double-double.
+#: Largest number of Newton iterations. Four suffice in double, six in double-double; they end when no iteration comes
+#: nearer.
 MOST_REPEATS = 12
-#: Part of the way to a sample that is gone at once: the apoapsis of a perturbed orbit may be farther than the start's.
+#: Fraction of the way to a sample that is advanced at once: a perturbed orbit may have a farther apoapsis than the
+#: start's.
 SAFETY = 0.98
-#: Over so many steps time grows, unless a method with negative coefficients is far beyond its stability.
+#: Number of steps over which time grows, unless a method with negative coefficients is far beyond its stability limit.
 ADVANCING = 8
 #: Doubles in a row of coefficients: pairs of the kick, the drift and their product, for a step of scale 1.
 PIECES = 6
-#: More steps than are made at once.
+#: A number of steps that no call makes.
 MANY = 2.0**52
 
 _advance_at, _begin_at = at_address(ADVANCE), at_address(BEGIN)
-#: Coordinates of the regularised system, and the first row of its state that runs.
+#: Number of coordinates of the regularised system, and the first row of its running state.
 _dimension, _running = linked_number("dimension"), linked_number("running")
-#: ``_departed(start, first, rows, to)``: the state x, y of a physical start, the scale of its steps as a pair, and the
-#: largest |dt/ds| times a step of scale 1. ``_physical(state, to, first)``: the physical state.
+#: ``_departed(start, first, rows, to)`` computes the state x, y of a physical start, the scale of its steps as a pair,
+#: and the largest |dt/ds| times a step of scale 1. ``_physical(state, to, first)``: the physical state.
 _departed, _physical = linked("departed", types.void), linked("physical", types.void)
 
 
@@ -62,7 +64,7 @@ def _copy(source, to, count):  # type: ignore[no-untyped-def]
 
 @compiled
 def _gap(rows, target):  # type: ignore[no-untyped-def]
-    """The time from a state to a target, over 4: its conjugate momentum is -t/4."""
+    """The time from a state to a target, divided by 4: the last momentum of a state is -t/4."""
     D = _dimension()
     return (rows[3 * D - 1] + target[0]) + (rows[4 * D - 1] + target[1])
 
@@ -77,7 +79,7 @@ def _radius(rows):  # type: ignore[no-untyped-def]
 
 
 def _coefficients(*, extended: bool) -> Any:
-    """``coefficients(lanes, moves, first, rows, scale)``: those of a step ``scale`` times that of ``moves``."""
+    """``coefficients(lanes, moves, first, rows, scale)``: those of a step ``scale`` times as long."""
 
     @compiled
     def coefficients(lanes, moves, first, rows, scale):  # type: ignore[no-untyped-def]
@@ -95,7 +97,7 @@ def _coefficients(*, extended: bool) -> Any:
 
 @compiled
 def _set_out(start, first, parameters, row, count, rows, numbers, trial, keep):  # type: ignore[no-untyped-def]
-    """Fill the rows at the start of a run; the scale of its steps, and the largest |dt/ds| times the step."""
+    """Fill the rows at the start of a run; return the scale of its steps, and the largest |dt/ds| times the step."""
     D, running = _dimension(), _running()
     for k in range(numbers):
         rows[k] = 0.0
@@ -116,7 +118,7 @@ def _steps(advance, count, form, lanes, rows):  # type: ignore[no-untyped-def]
 
 @compiled
 def _approach(advance, form, target, tau, reach, look, control, rows, lanes, trial, trial_lanes):  # type: ignore[no-untyped-def]
-    """All steps before a target, and none behind it: how many, how many with those tried, and whether the run left."""
+    """Make all steps before a target; return their number, that with trial steps, and if the run diverged."""
     stretch, measured = look
     limited = measured < SAMPLES or measured == NEVER
     at, made, size = 0, 0, 4 * _dimension()
@@ -130,7 +132,7 @@ def _approach(advance, form, target, tau, reach, look, control, rows, lanes, tri
         if steps > 0:
             moved = _steps(advance, min(steps, stretch), form, lanes, rows)
             made += moved
-        else:  # one step, unless it passes the target; what is no number does not: the run has left
+        else:  # one step, unless it passes the target; a NaN does not pass it, and the run has diverged
             _copy(rows, trial, form[3])
             _copy(lanes, trial_lanes, form[2])
             made += _steps(advance, 1, form, trial_lanes, trial)
@@ -142,14 +144,14 @@ def _approach(advance, form, target, tau, reach, look, control, rows, lanes, tri
         at += moved
         control[PROGRESS] += moved
         left = limited and not latest_error(rows, 0, 1, size, measured) <= rows[size + LIMIT]
-        # A run that does not come nearer would never arrive.
+        # A run that does not approach the target never reaches it.
         if left or (moved >= ADVANCING and not direction * _gap(rows, target) < gap):
             return at, made, True
     return at, made, False
 
 
 def _landing(coefficients: Any) -> Any:
-    """``land(...)``: the state ``trial`` at the target, one step of the right length from ``rows``; the steps tried."""
+    """``land(...)``: one step from ``rows`` to the target, into ``trial``; return the number of trial steps."""
 
     @compiled
     def land(look, form, moves, first, count, scale, target, rows, trial, lanes):  # type: ignore[no-untyped-def]
@@ -176,7 +178,7 @@ def _landing(coefficients: Any) -> Any:
 def land(*, extended: bool, compensated: bool) -> Callable[..., None]:
     """Return the function of :data:`nearharmonic.core.layout.LAND`, to be compiled.
 
-    What a regularised system brings to it is :func:`nearharmonic.core.formulas.emission.maps_module`.
+    :func:`nearharmonic.core.formulas.emission.maps_module` writes the functions of the regularised system.
     """
     coefficients, keep = _coefficients(extended=extended), 1.0 if compensated else 0.0
     land_on = _landing(coefficients)

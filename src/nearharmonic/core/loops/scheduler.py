@@ -1,6 +1,6 @@
-"""A queue of runs through the lanes of a kernel: a lane that is done takes the next run.
+"""Scheduler: feeds a queue of runs to the SIMD lanes of a kernel; an idle lane takes the next run.
 
-One compilation serves all kernels, which are called by address. Rows of lanes are described in
+The scheduler is compiled once for all kernels and calls them by address. Rows of lanes are described in
 :mod:`nearharmonic.core.loops.kernel`.
 """
 
@@ -28,9 +28,9 @@ from nearharmonic.core.layout import (
 )
 from nearharmonic.core.machine.reals import at_address, compiled
 
-#: An energy below this part of the kinetic energy is 0 to the rounding of double-doubles.
+#: An energy below this fraction of the kinetic energy is 0 within the rounding of double-doubles.
 NEGLIGIBLE = 2.0**-98
-#: In place of a lane's run: it takes the next one; the queue is empty.
+#: States of a lane without a run: it takes the next run; the queue is empty.
 FREE, IDLE = -1, -2
 
 advance_at, begin_at = at_address(ADVANCE), at_address(BEGIN)
@@ -38,9 +38,9 @@ advance_at, begin_at = at_address(ADVANCE), at_address(BEGIN)
 
 @compiled
 def begin_tally(rows, fresh, lane, width, size, limit, scale, reference):  # type: ignore[no-untyped-def]
-    """Begin the tally of a lane with that of ``fresh``; its limit becomes absolute.
+    """Start the tally of a lane with that of ``fresh``, and make its limit absolute.
 
-    It is relative to |H0|, to |T| if H0 = 0, or to ``scale`` if that is not 0.
+    The given limit is relative to |H0|, to |T| if H0 = 0, or to ``scale`` if that is not 0.
     """
     at = size * width + lane
     for entry in range(TALLY):
@@ -58,7 +58,7 @@ def begin_tally(rows, fresh, lane, width, size, limit, scale, reference):  # typ
 
 @compiled
 def latest_error(rows, lane, width, size, measured):  # type: ignore[no-untyped-def]
-    """|H - H0| of a lane; where no energy is measured 0, or NaN for a state that is not finite."""
+    """|H - H0| of a lane; if no energy is measured, 0, or NaN for a state that is not finite."""
     if measured != NEVER:
         return abs(rows[(size + LATEST) * width + lane])
     found = 0.0
@@ -69,7 +69,7 @@ def latest_error(rows, lane, width, size, measured):  # type: ignore[no-untyped-
 
 @compiled
 def measure_alone(rows, lane, width, size, latest):  # type: ignore[no-untyped-def]
-    """The tally where the energy is measured at the samples alone: a block of one."""
+    """Set the tally to the latest error, if the energy is measured only at the samples."""
     at = size * width + lane
     rows[at + WORST * width] = rows[at + TOTAL * width] = latest
     rows[at + TOTAL_CARRY * width] = 0.0
@@ -77,7 +77,7 @@ def measure_alone(rows, lane, width, size, latest):  # type: ignore[no-untyped-d
 
 @compiled
 def record_errors(rows, lane, width, size, at, latest, energy_error, worst, total):  # type: ignore[no-untyped-def]
-    """Record what the block of steps since the last sample came to, and begin another."""
+    """Record the errors of the block of steps since the last sample, and start a new block."""
     first = size * width + lane
     energy_error[at] = latest
     worst[at] = rows[first + WORST * width]
@@ -96,7 +96,7 @@ def _record(rows, lane, width, size, at, states, energy_error, worst, total):  #
 
 @compiled
 def _place(rows, lane, shape, start, r, parameters, row):  # type: ignore[no-untyped-def]
-    """A lane takes up the state and the parameters of a run."""
+    """Load the state and the parameters of a run into a lane."""
     width, size, running_rows, first, parameter_columns = shape
     for k in range(running_rows):
         rows[(first + k) * width + lane] = 0.0
@@ -111,7 +111,7 @@ def _place(rows, lane, shape, start, r, parameters, row):  # type: ignore[no-unt
 
 @compiled
 def _resume(rows, lanes, lane, shape, resumed, r, merged, columns):  # type: ignore[no-untyped-def]
-    """A lane goes on with a state that ran, and the coefficients of a first move that is not the very first."""
+    """Load the running state of a continued run into a lane, with the coefficients of a merged first move."""
     width, _, running_rows, first, _ = shape
     for k in range(running_rows):
         rows[(first + k) * width + lane] = resumed[r * running_rows + k]
@@ -121,7 +121,7 @@ def _resume(rows, lanes, lane, shape, resumed, r, merged, columns):  # type: ign
 
 @compiled
 def _steps_to_next_sample(runs, at, mark, width, marks, samples):  # type: ignore[no-untyped-def]
-    """Return the fewest steps of a lane to its next sample; :data:`FAR` if all lanes are idle."""
+    """Return the smallest number of steps of a lane to its next sample; :data:`FAR` if all lanes are idle."""
     count = FAR
     for lane in range(width):
         if runs[lane] >= 0:
@@ -137,8 +137,8 @@ def run(  # type: ignore[no-untyped-def]  # noqa: PLR0912 (what a lane goes thro
 ):  # fmt: skip
     """The function of :data:`nearharmonic.core.layout.RUN`, to be compiled.
 
-    An idle lane stands still at a regular point, the start of the first run: a NaN in it would stop the others. A run
-    leaves when its energy is beyond its limit; where none is measured, when its state is not finite.
+    An idle lane stays at a regular point, the start of the first run: a NaN in it would stop the other lanes. A run has
+    diverged when its energy error exceeds its limit; if no energy is measured, when its state is not finite.
     """
     taken, per_run, first = 0, move_rows * columns, size + TALLY + max(1, parameter_columns)
     shape = width, size, running_rows, first, parameter_columns
@@ -182,7 +182,7 @@ def run(  # type: ignore[no-untyped-def]  # noqa: PLR0912 (what a lane goes thro
             control[PROGRESS] += done
             sample, over = r * samples + mark[lane], False
             due = at[lane] >= marks[sample]
-            # What is measured at the samples alone must not depend on when the neighbours of a lane are sampled.
+            # An energy that is measured only at the samples must not depend on the sample times of other lanes.
             if due or measured < SAMPLES:
                 latest = latest_error(rows, lane, width, size, measured)
                 if not latest <= rows[(size + LIMIT) * width + lane]:

@@ -1,4 +1,4 @@
-"""Forms of compiled loops: systems of one form share them, whatever their coordinates and lanes."""
+"""Forms of compiled loops: systems of one form share the loops, for all numbers of coordinates and lanes."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ class Form:
     Attributes
     ----------
     extended, compensated : bool
-        Arithmetic of states and of sums.
+        ``extended``: states are double-doubles. ``compensated``: sums are compensated.
     ahead : bool
-        Whether the position is ready one operation behind the force.
+        True if the position is ready one operation after the force.
     modified : bool
-        Whether kicks are of a modified potential.
+        True if kicks use a modified potential.
     turning : bool
-        Whether an oscillator is solved exactly.
+        True if an oscillator is solved exactly.
     resting : bool
-        Whether there are coordinates that never move, and are left alone.
+        True if some coordinates never move; they are not updated.
     quick : bool
-        Whether energies are measured in double where that is certain.
+        True if energies are measured in double wherever that is accurate enough.
     large : bool
-        Whether states lie in memory.
+        True if states are in memory.
     unit_masses : bool
-        Whether T = p.p / 2, for states in memory.
+        True if T = p.p / 2, for states in memory.
     """
 
     extended: bool = False
@@ -42,17 +42,18 @@ class Form:
 
     @property
     def parts(self) -> int:
-        """Doubles of a number."""
+        """Number of doubles of a number."""
         return 2 if self.extended else 1
 
 
 class Motion(NamedTuple):
-    """Functions that the loops of a form call; f are forces, whatever the moves take.
+    """Functions that the loops of a form call; f denotes the forces that moves take.
 
-    ``load(rows, moves, parameters)`` returns the state that runs and the one that was seen, ``first(state, moves,
+    ``load(rows, moves, parameters)`` returns the running state and the output state, ``first(state, moves,
     parameters)`` the forces of the first move, ``move(state, row, f, parameters)`` the next state, ``behind(state,
-    moves, row, parameters)`` the forces behind the move of a row, ``last`` of the same arguments these and V,
-    ``closed(state, row, f, parameters)`` the state at the end of a step; ``save(rows, state, seen)`` puts both back.
+    moves, row, parameters)`` the forces after the move of a row, ``last(state, moves, row, parameters)`` these forces
+    and V, ``closed(state, row, f, parameters)`` the state at the end of a step. ``save(rows, state, seen)`` stores both
+    states.
     """
 
     load: Any
@@ -65,10 +66,10 @@ class Motion(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """Energies of a state that is seen, each ``f(seen, parameters)``.
+    """Energies of an output state, each ``f(seen, parameters)``.
 
-    ``energy`` is H as a pair; ``energies`` are H as a pair, T, and 0; ``rounding`` is that of H in double, absolute and
-    relative; ``potential`` and ``kinetic`` are V and T in double.
+    ``energy`` is H as a pair; ``energies`` are H as a pair, T, and 0; ``rounding`` is the rounding error of H in
+    double, absolute and relative; ``potential`` and ``kinetic`` are V and T in double.
     """
 
     energy: Any

@@ -1,1 +1,1 @@
-"""Machine code: types of numba for reals, operations in LLVM, linking, and compiled code kept on disk."""
+"""Machine code: numba types for reals, operations in LLVM, linking, and the on-disk cache of compiled code."""

@@ -1,8 +1,8 @@
-"""The folder of compiled code: where it is, whether its files are trusted, and how they are read and written.
+"""The folder of compiled code: its path, the trust in its files, and their reading and writing.
 
-Whoever can write to the folder decides what this process executes. A folder or file that belongs to another user, or
-that others can change, is not used unless ``NEARHARMONIC_SHARED_CACHE=1``. Where nothing can be kept, a process logs
-one warning and compiles for itself.
+A user who can write to the folder can make this process execute any code. A folder or file that belongs to another
+user, or that others can change, is not used unless ``NEARHARMONIC_SHARED_CACHE=1``. If nothing can be kept, a process
+logs one warning and compiles its own code.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ _WARNED: list[str] = []
 
 
 def cache_folder() -> Path:
-    """Return the folder of compiled code: ``NEARHARMONIC_CACHE_DIR`` if set, else one in the user's cache folder.
+    """Return the folder of compiled code: ``NEARHARMONIC_CACHE_DIR`` if set, else a folder in the user's cache folder.
 
     Raises
     ------
     RuntimeError
-        The user has no home folder.
+        The user has no home folder, and the variable is not set.
     """
     chosen = os.environ.get("NEARHARMONIC_CACHE_DIR")
     if chosen:
@@ -35,13 +35,13 @@ def cache_folder() -> Path:
 
 
 def place_of(key: str) -> Path | None:
-    """Return the path of the file for ``key``; None, with a warning, if there is no folder that can be trusted."""
+    """Return the path of the file for ``key``; None, with a warning, if no folder can be trusted."""
     folder = _trusted()
     return folder / f"{key}.kernel" if folder else None
 
 
 def folder_of(name: str) -> Path | None:
-    """Return the folder ``name`` in that of compiled code; None, with a warning, if nothing can be kept there."""
+    """Return the subfolder ``name`` of the folder of compiled code; None, with a warning, if it is not writable."""
     folder = _trusted() and _trusted(name)
     if folder and not os.access(folder, os.W_OK):
         _warn(f"{folder} cannot be written to")
@@ -50,7 +50,7 @@ def folder_of(name: str) -> Path | None:
 
 
 def _trusted(name: str = "") -> Path | None:
-    """Return the folder of compiled code, or the one ``name`` in it; None, with a warning, if it cannot be trusted."""
+    """Return the folder of compiled code, or its subfolder ``name``; None, with a warning, if it cannot be trusted."""
     try:
         folder = cache_folder() / name
         for path in reversed([folder, *folder.parents]):
@@ -69,7 +69,7 @@ def _trusted(name: str = "") -> Path | None:
 def read(place: Path) -> tuple[str, bytes] | None:
     """Return the symbol and the object code in the file ``place``, or None if it is absent.
 
-    A file that is damaged, or that another user may have changed, is deleted and counts as absent.
+    A file that is damaged, or that another user may have changed, is deleted, and the result is None.
     """
     try:
         with place.open("rb") as file:
@@ -85,9 +85,9 @@ def read(place: Path) -> tuple[str, bytes] | None:
 
 
 def write(place: Path, name: str, code: bytes) -> None:
-    """Keep the symbol ``name`` and its object ``code`` in the file ``place``; log a warning if that fails."""
+    """Write the symbol ``name`` and its object ``code`` to the file ``place``; log a warning if that fails."""
     rest = f"{name}\n".encode() + code
-    # Unique among the hosts that share a file system, and among processes and threads.
+    # Unique among the hosts that share a file system, their processes and threads.
     prefix = f"{place.stem}.{platform.node()}.{os.getpid()}."
     try:
         descriptor, part = tempfile.mkstemp(dir=place.parent, prefix=prefix, suffix=".part")
@@ -105,13 +105,13 @@ def write(place: Path, name: str, code: bytes) -> None:
 
 
 def discard(place: Path) -> None:
-    """Delete the file ``place`` if that is possible; if not, each process makes its code anew."""
+    """Delete the file ``place`` if possible; otherwise each process compiles its code again."""
     with suppress(OSError):
         place.unlink()
 
 
 def _digest(place: Path, rest: bytes) -> bytes:
-    """Return the first line of the file ``place``: a digest of its name and of all that follows that line."""
+    """Return the first line of the file ``place``: a digest of its name and of all following bytes."""
     return sha256(f"{place.name}\n".encode() + rest).hexdigest().encode()
 
 
@@ -120,7 +120,7 @@ def _shared() -> bool:
 
 
 def _fault(status: os.stat_result) -> str:
-    """Return why a file or folder of this status is not trusted, or nothing."""
+    """Return the reason to distrust a file or folder of this status, or an empty text."""
     if _shared() or not hasattr(os, "geteuid"):  # Windows has no such owners and modes
         return ""
     if status.st_uid != os.geteuid():
@@ -129,7 +129,7 @@ def _fault(status: os.stat_result) -> str:
 
 
 def _warn(reason: str) -> None:
-    """Log ``reason`` once per process. It is no Python warning: a filter that makes those errors would end the run."""
+    """Log ``reason`` once per process; a Python warning could end the run, where a filter makes it an error."""
     if not _WARNED:
         _WARNED.append(reason)
         logging.getLogger("nearharmonic").warning(

@@ -1,6 +1,6 @@
-"""Decorators of functions that numba compiles: flags, and the folder of their machine code.
+"""Decorators of functions that numba compiles: flags, and the folder of the machine code.
 
-Separate because loading numba takes longer than most runs: only searches import this module.
+The module is separate because numba takes longer to load than most runs take; only searches import it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def jit(function: Function) -> Function:
 
     fastmath stays off because it changes numbers. ``error_model="numpy"`` omits the tests for division by zero, which
     slow loops down. ``nogil`` lets searches run in threads. numba compiles a function again after an edit of its own
-    file, but not of a file that a callee or a constant comes from. The name of the folder is therefore a digest of
+    file, but not after an edit of the file of a callee or a constant. The name of the folder is therefore a digest of
     ``core``, of the modules beside the function, and of those beside the compiled functions that its module imports:
     callees and constants come from these only.
     """

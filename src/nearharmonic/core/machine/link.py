@@ -1,6 +1,6 @@
-"""Kernels: loops that numba compiled for a form, and the formulas of a system, linked and optimised as one.
+"""Kernels: loops that numba compiled for a form, linked with the formulas of a system and optimised together.
 
-What numba made of a form is kept, in LLVM's language, so that a new system needs no numba where its form is known.
+The loops of a form are cached as LLVM text, so that a new system of a known form does not need numba.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from nearharmonic.core.machine.native import object_code, run_passes, source_key
 from nearharmonic.core.machine.operations import INDEX, PLACEHOLDERS, PREFIX, Kinds, argument_types, define, result_type
 from nearharmonic.errors import CompiledCodeError
 
-#: Types of numbers, and operations on them, in the text of loops: declared, and to be defined.
+#: Letters of the placeholder types in the LLVM text of loops.
 _LETTERS = {f"ptr addrspace({space})": letter for letter, space in PLACEHOLDERS.items()}
-#: Such a type, and a zero behind it or in a choice by where one comes from.
+#: A placeholder type with or without null, a phi instruction of one, and declarations of operations and of formulas.
 _TYPE = re.compile(rf"({'|'.join(map(re.escape, _LETTERS))})( null)?")
 _CHOICE = re.compile(rf"= phi ({'|'.join(map(re.escape, _LETTERS))}) .*")
 _OPERATION = re.compile(rf"^declare (.+) @({re.escape(PREFIX)}\w+\.\w+)\(", re.MULTILINE)
@@ -29,9 +29,9 @@ _MADE: dict[str, tuple[str, bytes]] = {}
 
 
 def kept(name: str, choice: str, make: Callable[[], tuple[str, bytes]]) -> tuple[str, bytes]:
-    """Return the loops of a name and a choice from the cache, or what ``make`` returns, which is put there.
+    """Return the loops of a name and of options from the cache, or call ``make`` and put its result there.
 
-    Where nothing can be kept on disk, they are made once in a process.
+    If nothing can be kept on disk, each process makes them once.
     """
     key = f"loops-{source_key(name, choice)}"
     place = disk.place_of(key)
@@ -44,15 +44,15 @@ def kept(name: str, choice: str, make: Callable[[], tuple[str, bytes]]) -> tuple
 
 
 def loops(function: Callable[..., Any], signature: Signature) -> tuple[str, bytes]:
-    """Return the name and the text, in LLVM's language, of a function compiled by numba.
+    """Return the name and the LLVM text of a function compiled by numba.
 
-    It takes what it names of the signature: numbers, arrays as addresses, and lengths of arrays. Nothing is optimised:
-    the size of a number is not known yet.
+    The function takes those arguments of the signature that it names: numbers, addresses of arrays, and lengths of
+    arrays. The code is not optimised, because the size of a number is not known yet.
 
     Raises
     ------
     CompiledCodeError
-        numba is told not to compile.
+        An environment variable disables the compiler of numba.
     """
     from numba.core import config, registry
     from numba.core.compiler_lock import global_compiler_lock
@@ -65,10 +65,10 @@ def loops(function: Callable[..., Any], signature: Signature) -> tuple[str, byte
         argument = by_name.get(name)
         scalar = SCALARS[argument.scalar] if argument else types.int64
         kinds.append(types.CPointer(scalar) if argument and argument.dimensions else scalar)
-    # At the first use, numba settles how it optimises all other code of the process.
+    # At its first use, numba fixes the optimisation level of all other code of the process.
     registry.cpu_target.target_context.refresh()
     with global_compiler_lock:
-        config.reload_config()  # or the compiler would, and forget the level, after a change of the environment
+        config.reload_config()  # or the compiler reloads it after a change of the environment
         if config.DISABLE_JIT:
             raise CompiledCodeError("NUMBA_DISABLE_JIT is set, so that kernels cannot be compiled: unset it")
         level, config.OPT = config.OPT, config._OptLevel(0)
@@ -88,7 +88,7 @@ def loops(function: Callable[..., Any], signature: Signature) -> tuple[str, byte
 
 
 def _make_one(module: Any, name: str) -> None:
-    """Make the functions that ``name`` calls part of it, but for those that are declared alone or kept apart."""
+    """Inline the functions that ``name`` calls, except those that are only declared or marked noinline."""
     for function in module.functions:
         if not function.is_declaration and function.name != name:
             function.linkage = "internal"
@@ -98,19 +98,19 @@ def _make_one(module: Any, name: str) -> None:
 
 
 def _shorten(module: Any) -> None:
-    """Drop what serves numba's variables, which would be dropped anew each time that loops are linked."""
+    """Remove code for numba's variables once, instead of each time that loops are linked."""
     run_passes(module, "sroa", "simplify_cfg", "aggressive_dce", "simplify_cfg")
 
 
 def needed(loops: bytes) -> frozenset[str]:
-    """Names of the functions that loops call and do not have, operations aside."""
+    """Names of the functions that loops call and do not define, without operations."""
     return frozenset(_FORMULA.findall(loops.decode()))
 
 
 def linked(name: str, loops: bytes, written: ir.Module, kinds: Kinds, given: str = "") -> tuple[str, bytes]:
-    """Name and object code of loops with what is ``written`` of a system, for some lanes.
+    """Name and object code of loops linked with the module ``written`` of a system, for a number of lanes.
 
-    ``given`` is the text of functions that the formulas call, which become part of them where LLVM finds that good.
+    ``given`` is the LLVM text of functions that the formulas call; LLVM may inline them.
     """
     zero = "zeroinitializer"
     text = _CHOICE.sub(lambda found: found[0].replace("[ null,", f"[ {zero},"), loops.decode())
@@ -127,7 +127,7 @@ def linked(name: str, loops: bytes, written: ir.Module, kinds: Kinds, given: str
 
 
 def alone(name: str, loops: bytes) -> tuple[str, bytes]:
-    """Name and object code of loops that call nothing."""
+    """Name and object code of loops that call no other function."""
     return linked(name, loops, ir.Module(), Kinds(1, 1, 1))
 
 
@@ -140,7 +140,7 @@ def _add(module: Any, given: str) -> None:
 
 
 def _entry(name: str, entry: str, signature: Signature, taken: Sequence[str]) -> ir.Module:
-    """A module with a C function that calls numba's: this returns a status and, by an address, its result."""
+    """A module with a C function that calls numba's function, which returns a status, and its result by an address."""
     module = ir.Module()
     names = [name for argument in signature.arguments for name in (argument.name, *argument.lengths)]
     kinds, result = argument_types(signature), result_type(signature)
@@ -162,5 +162,5 @@ def _entry(name: str, entry: str, signature: Signature, taken: Sequence[str]) ->
 
 
 def _slot(builder: ir.IRBuilder, block: ir.Value, number: int, kind: ir.Type) -> ir.Value:
-    """An argument in a block of them, 8 bytes each."""
+    """An argument in a block of arguments of 8 bytes each."""
     return builder.load(builder.bitcast(builder.gep(block, [INDEX(number)]), kind.as_pointer()))

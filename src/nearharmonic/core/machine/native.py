@@ -1,7 +1,7 @@
-"""Machine code that is kept on disk and called without the compiler.
+"""On-disk cache of compiled object code, which is called without the compiler.
 
-Loading numba takes longer than the integrations of a figure. A file's key covers the sources of this folder, the
-versions of the compilers, the processor, and what the caller names, so a file is never stale.
+numba takes longer to load than the integrations of a figure take. The key of a file covers the sources of ``core``, the
+versions of the compilers, the processor, and the parts that the caller names, so that a file is never stale.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def native(key: str, signature: Signature, make: Callable[[], tuple[str, bytes]]
     Parameters
     ----------
     key : str
-        Name of its file, without suffix. It covers everything that the machine code depends on.
+        Name of its file, without suffix. It must cover everything that the machine code depends on.
     signature : Signature
         Arguments and result of the function.
     make : callable
@@ -50,7 +50,7 @@ def native(key: str, signature: Signature, make: Callable[[], tuple[str, bytes]]
     Raises
     ------
     CompiledCodeError
-        Code that was just made cannot be loaded.
+        New code cannot be loaded.
     """
     place = disk.place_of(key)
     kept = disk.read(place) if place else None
@@ -69,7 +69,7 @@ def native(key: str, signature: Signature, make: Callable[[], tuple[str, bytes]]
 
 @contextmanager
 def _announced() -> Iterator[None]:
-    """Say on a terminal what takes so long, if the block takes more than two seconds."""
+    """Print a message to a terminal if the block takes more than two seconds."""
 
     def say() -> None:
         print("nearharmonic: compiling a kernel, which is kept for later runs", file=sys.stderr, flush=True)
@@ -85,7 +85,7 @@ def _announced() -> Iterator[None]:
 
 
 def loaded(name: str, code: bytes, signature: Signature) -> NativeFunction:
-    """Load the function of this symbol from an object file, which is not kept.
+    """Load the function of this symbol from object code, without writing it to disk.
 
     Raises
     ------
@@ -104,13 +104,13 @@ def code_key(*parts: str, sources: Iterable[Path] = ()) -> str:
 
 
 def source_key(*parts: str) -> str:
-    """Digest of ``parts`` and of what text in LLVM's language depends on, which serves every processor."""
+    """Digest of ``parts`` and of the dependencies of LLVM text, which is the same for every processor."""
     return sha256(" ".join([_source_digest(), *parts]).encode()).hexdigest()
 
 
 @cache
 def core_digest() -> str:
-    """Digest of the sources in this folder, of the compilers' versions and of the processor."""
+    """Digest of the sources of ``core``, of the versions of the compilers and of the processor."""
     return sha256(f"{_source_digest()} {processor()}".encode()).hexdigest()
 
 
@@ -124,7 +124,7 @@ def _source_digest() -> str:
 
 @cache
 def processor() -> tuple[str, str]:
-    """Name and features of the processor that code is made for; numba's own environment variables override them."""
+    """Name and features of the target processor; numba's own environment variables override them."""
     name = os.environ.get("NUMBA_CPU_NAME") or binding.get_host_cpu_name()
     features = os.environ.get("NUMBA_CPU_FEATURES")
     if features is None:
@@ -133,7 +133,7 @@ def processor() -> tuple[str, str]:
 
 
 def target_machine() -> Any:
-    """A fresh LLVM code generator for :func:`processor`; an engine takes it over."""
+    """A new LLVM code generator for :func:`processor`; an engine becomes its owner."""
     binding.initialize_native_target()
     binding.initialize_native_asmprinter()
     name, features = processor()
@@ -141,7 +141,7 @@ def target_machine() -> Any:
 
 
 def run_passes(module: Any, *names: str) -> None:
-    """Run passes of LLVM on a module, by their names."""
+    """Run the named passes of LLVM on a module."""
     passes = binding.create_new_module_pass_manager()
     for name in names:
         getattr(passes, f"add_{name}_pass")()
@@ -151,7 +151,7 @@ def run_passes(module: Any, *names: str) -> None:
 def object_code(module: Any) -> bytes:
     """Optimise a module and return its object code.
 
-    No arithmetic is re-ordered. Loops are not made vectors of: what is computed side by side is written so.
+    Arithmetic is not re-ordered, and loops are not vectorised: the code has explicit vectors.
     """
     module.verify()
     machine = target_machine()
@@ -167,7 +167,7 @@ def _address(name: str, code: bytes) -> int:
     try:
         engine = binding.create_mcjit_compiler(binding.parse_assembly(""), target_machine())
         file = binding.ObjectFileRef.from_data(code)
-        if not file:  # LLVM crashes if it is given this
+        if not file:  # LLVM crashes on such a file
             raise CompiledCodeError(f"no object file of {len(code)} bytes")
         engine.add_object_file(file)
         engine.finalize_object()
@@ -176,12 +176,12 @@ def _address(name: str, code: bytes) -> int:
         raise CompiledCodeError(f"LLVM cannot load {name!r}: {error}") from error
     if not address:
         raise CompiledCodeError(f"no symbol {name!r} in the object file")
-    _ENGINES.append(engine)  # code lives as long as its engine
+    _ENGINES.append(engine)  # the code lives as long as its engine
     return address
 
 
 class NativeFunction:
-    """A C function at an address. It takes what its signature describes."""
+    """A C function at an address, with the arguments of its signature."""
 
     def __init__(self, address: int, signature: Signature) -> None:
         self.address, self._packed = address, signature.packed
@@ -200,25 +200,25 @@ class NativeFunction:
         Raises
         ------
         TypeError
-            An array of another type or number of dimensions, or one that is not contiguous.
+            An array has another type or number of dimensions, or is not contiguous.
         """
         if self._packed:
             return self.prepared(*given)()
         return self._function(*_converted(zip(self._arguments, given, strict=True)))
 
     def prepared(self, *given: Any) -> PreparedCall:
-        """Return a call of a packed function with these arguments, to be made as often as wanted.
+        """Return a repeatable call of a packed function with these arguments.
 
         Raises
         ------
         TypeError
-            As for a call.
+            As for a call of this object.
         """
         return PreparedCall(self._function, _converted(zip(self._arguments, given, strict=True)), given)
 
 
 class PreparedCall:
-    """A call of a packed function, whose arguments were converted once: converting them takes 10 microseconds."""
+    """A call of a packed function with converted arguments; the conversion takes 10 microseconds."""
 
     def __init__(self, function: Any, slots: list[Any], given: tuple[Any, ...]) -> None:
         numbers = {i: slot for i, slot in enumerate(slots) if type(slot) is float}
@@ -227,7 +227,7 @@ class PreparedCall:
         for i, number in numbers.items():
             doubles[i] = number
         self._function, self._place = function, block.ctypes.data
-        self._alive = block, given  # the block holds addresses of these
+        self._alive = block, given  # the block holds the addresses of these arrays
 
     def __call__(self) -> Any:
         """Call the function."""
@@ -235,7 +235,7 @@ class PreparedCall:
 
 
 def _converted(pairs: Iterable[tuple[tuple[Argument, Any], Any]]) -> list[Any]:
-    """Arguments with their kinds and values, as C takes them: a number, or an address and the lengths of an array."""
+    """Arguments in C form, with kinds and values: a number, or the address and the lengths of an array."""
     flat: list[Any] = []
     for (argument, kind), value in pairs:
         if not argument.dimensions:
@@ -249,7 +249,7 @@ def _converted(pairs: Iterable[tuple[tuple[Argument, Any], Any]]) -> list[Any]:
 
 
 def _place(array: NDArray[Any]) -> int:
-    """Address of the first number: ``array.ctypes`` takes four times as long, and a short run passes twenty arrays."""
+    """Address of the first number; ``array.ctypes`` takes four times as long, and a short run passes twenty arrays."""
     if array.flags.writeable and array.size:
         return ctypes.addressof(ctypes.c_char.from_buffer(array))  # type: ignore[arg-type]
     return int(array.ctypes.data)

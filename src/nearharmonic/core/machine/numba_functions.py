@@ -1,8 +1,7 @@
-"""Potentials that are functions of numba: their code in LLVM's language, and its calls in the formulas of a system.
+"""Potentials that are functions of numba: their LLVM code, and calls of it in the formulas of a system.
 
-They may branch, loop and read arrays, and nothing of them is traced. Their code is linked to the loops of
-:mod:`nearharmonic.core.loops.advance` as traced formulas are. This module is separate because it needs numba, which a
-process that has such a function has imported.
+Such functions may branch, loop and read arrays. They are not traced. Their code is linked to the loops of
+:mod:`nearharmonic.core.loops.advance` as traced formulas are. This module is separate because it imports numba.
 """
 
 from __future__ import annotations
@@ -29,18 +28,18 @@ types: Any = numba_types
 _REAL = (types.Float, types.Integer, types.Boolean)
 _COMPILED = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
-#: Coordinates up to which a function is offered them as a tuple first; code for long tuples is slow to compile.
+#: Number of coordinates up to which a tuple is tried before an array; code for long tuples is slow to compile.
 LONGEST_TUPLE = 8
 #: Formulas and the names of their functions in generated code.
 SYMBOLS = {"V": f"{PREFIX}given.V", "grad_V": f"{PREFIX}given.grad_V"}
 _POINTER, _STATUS, _INDEX = DOUBLE.as_pointer(), ir.IntType(32), ir.IntType(32)
-#: Names in LLVM's language; pickled exceptions of numba, which hold the lines of files; debug information.
+#: Names in LLVM text; pickled exceptions of numba, which contain line numbers of files; debug information.
 _NAME = re.compile(r'@("[^"]*"|[\w.$-]+)')
 _PICKLED = re.compile(r"^@\.const\.pickle\w+\..*\n", re.MULTILINE)
 _DEBUG = re.compile(r"^!.*\n|,? !\w+ !\d+", re.MULTILINE)
-#: Lines of numba's messages that say where it was, and not what is wrong.
+#: Lines of numba's messages about its own state, not about the fault.
 _FRAMES = ("During", "Failed in", "- Resolution", "- Of which")
-#: Names that numba gives to addresses of this process, and to functions that it finds when they are first called.
+#: Names that numba gives to addresses of this process, and to functions that are located at their first call.
 _ADDRESS, _RECURSION = "numba.dynamic.globals", ".numba.unresolved$"
 
 
@@ -53,9 +52,9 @@ class NumbaCode:
     """Code of a potential and its gradient.
 
     ``text`` is a module of LLVM with the functions :data:`SYMBOLS`, each ``void (double *q, double *parameters, double
-    *result)``. The result is NaN where numba's function raises an exception. ``digest`` is a digest of ``text`` without
-    what differs between processes, ``instructions`` the number of its instructions. ``takes_tuple`` tells whether the
-    functions take the coordinates as a tuple, and not as an array.
+    *result)``. The result is NaN if numba's function raises an exception. ``digest`` is a digest of ``text`` without
+    the names that differ between processes, and ``instructions`` the number of its instructions. ``takes_tuple`` is
+    True if the functions take the coordinates as a tuple, False for an array.
     """
 
     text: str
@@ -77,7 +76,7 @@ def compiled_code(V: Any, grad_V: Any, dimension: int, parameters: int) -> Numba
     Raises
     ------
     NumbaFunctionError
-        numba cannot compile a function for doubles, it returns something else than it must, or its code holds an
+        numba cannot compile a function for doubles, a function returns a value of a wrong type, or its code contains an
         address of this process.
     """
     takes_tuple, returned = _types(V, grad_V, dimension, parameters)
@@ -99,7 +98,7 @@ def compiled_code(V: Any, grad_V: Any, dimension: int, parameters: int) -> Numba
 
 
 def _types(V: Any, grad_V: Any, dimension: int, parameters: int) -> tuple[bool, dict[str, Any]]:
-    """Tell whether both functions compile for a tuple, tried first, or else for an array; and what they return."""
+    """Try both functions with a tuple, then with an array; return True for a tuple, and the types of the results."""
     tried = {False: types.Array(types.float64, 1, "C")}
     if dimension <= LONGEST_TUPLE:
         tried = {True: types.UniTuple(types.float64, dimension)} | tried
@@ -117,7 +116,7 @@ def _types(V: Any, grad_V: Any, dimension: int, parameters: int) -> tuple[bool, 
 
 
 def _result(formula: str, function: Any, given: tuple[Any, ...]) -> Any:
-    """The type that a function returns for arguments of these types."""
+    """Return the type of the result of a function for arguments of these types."""
     try:
         context = registry.cpu_target.typing_context
         context.refresh()
@@ -134,7 +133,7 @@ def _kind(given: tuple[Any, ...]) -> str:
 
 
 def _essence(error: Exception) -> str:
-    """The sentence of a message of numba that says what is wrong, and the line of the user's file."""
+    """The sentence of numba's message about the fault, and the line of the user's file."""
     lines = [re.sub(r"\x1b\[\d*m", "", line).strip() for line in str(error).splitlines()]
     said = [line.removeprefix(">>> ") for line in lines if line and not line.startswith(_FRAMES)]
     told = " ".join(said[: 2 if said and said[0].endswith(":") else 1]) or type(error).__name__
@@ -156,7 +155,7 @@ def _check_types(returned: dict[str, Any], dimension: int) -> None:
 
 
 def _wrapped(function: Any, dimension: int, parameters: int, takes_tuple: bool, write: Any) -> Any:
-    """A function of the addresses of coordinates, parameters and results."""
+    """Return a function of the addresses of coordinates, parameters and results."""
     array = _COMPILED(lambda address, length: numba.carray(address, (length,)))
     if takes_tuple:
         coordinates = _COMPILED(lambda q: to_fixed_tuple(array(q, dimension), dimension))
@@ -199,7 +198,7 @@ def _writer(kind: Any, count: int) -> Any:
 
 
 def _compiled(formula: str, wrapped: Any) -> tuple[str, str]:
-    """The name and the text of a function of addresses that numba compiles."""
+    """Return the name and the LLVM text of a function of addresses that numba compiles."""
     pointer = types.CPointer(types.float64)
     try:
         wrapped.compile((pointer,) * 3)
@@ -220,7 +219,7 @@ def _compiled(formula: str, wrapped: Any) -> tuple[str, str]:
 
 
 def _entry(symbol: str, name: str, count: int) -> ir.Module:
-    """A C function that calls numba's ``name``, and makes results NaN if that returns an error."""
+    """Return a C function that calls numba's function ``name``, and sets results to NaN if it returns an error."""
     module = ir.Module()
     byte = ir.IntType(8).as_pointer()
     inner = ir.FunctionType(_STATUS, [byte.as_pointer(), byte.as_pointer(), _POINTER, _POINTER, _POINTER])
@@ -236,7 +235,7 @@ def _entry(symbol: str, name: str, count: int) -> ir.Module:
 
 
 def _keep_entries(module: Any) -> None:
-    """Drop everything that the two entries do not need, and make the rest invisible for other modules."""
+    """Remove all code that the two entries do not need, and hide the rest from other modules."""
     for thing in (*module.functions, *module.global_variables):
         if not thing.is_declaration and thing.name not in SYMBOLS.values():
             thing.linkage = "internal"
@@ -245,7 +244,7 @@ def _keep_entries(module: Any) -> None:
 
 
 def _check_symbols(module: Any) -> None:
-    """Refuse what is found at no address when a kernel is loaded: a call of it would crash the process."""
+    """Raise an error for symbols without an address, as a call of them in a kernel would crash the process."""
     for thing in (*module.functions, *module.global_variables):
         if not thing.is_declaration or thing.name.startswith("llvm."):
             continue
@@ -256,7 +255,7 @@ def _check_symbols(module: Any) -> None:
 
 
 def _digest(text: str) -> str:
-    """Digest of code whose own names, which hold counters of a process, are replaced by their places."""
+    """Digest of code in which generated names, which contain counters of a process, are replaced by their order."""
     text = _DEBUG.sub("", _PICKLED.sub("", text))
     outside = set(re.findall(r"^declare .*?" + _NAME.pattern, text, re.MULTILINE))
     places: dict[str, str] = {}
@@ -292,6 +291,6 @@ def called(formula: str, count: int, q: Sequence[LLVMValue], parameters: Sequenc
 
 
 def _array(builder: ir.IRBuilder, count: int) -> ir.Value:
-    """Doubles on the stack; they belong to the function, not to one of its loops."""
+    """Allocate doubles on the stack once in a function, outside its loops."""
     with builder.goto_entry_block():
         return builder.alloca(DOUBLE, _INDEX(count))

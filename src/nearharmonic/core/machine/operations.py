@@ -1,9 +1,9 @@
-"""Operations on reals and points in LLVM's language, for a number of coordinates and of lanes.
+"""LLVM operations on reals and points, for given numbers of coordinates and lanes.
 
 Compiled loops (:mod:`nearharmonic.core.machine.reals`) call them by names that tell their operands, as in
-``nearharmonic.fma.RPP``: R is a real, P a point, D a double that is the same in every lane, C the parameters, I a whole
-number, A an array of doubles; of results, B is a truth value and V is none. An operation is one instruction a
-coordinate, rounded once, whatever the number of lanes.
+``nearharmonic.fma.RPP``: R is a real, P a point, D a double that is the same in every lane, C the parameters, I an
+integer, A an array of doubles. A result may also be B, a truth value, or V, none. An operation is one instruction per
+coordinate, rounded once, for any number of lanes.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from nearharmonic.core.layout import Signature
 
 PREFIX = "nearharmonic."
 DOUBLE, INDEX, TRUTH = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
-#: Address spaces of pointers that stand for a real, a point and the parameters until loops are linked. As there is
-#: nothing behind such pointers, LLVM leaves them as they are.
+#: Address spaces of pointers that replace a real, a point and the parameters until loops are linked. LLVM does not
+#: change such pointers, as they point to nothing.
 PLACEHOLDERS = {"R": 1001, "P": 1002, "C": 1003}
-#: Numbers of a :class:`nearharmonic.core.layout.Signature`.
+#: LLVM types of the numbers of a :class:`nearharmonic.core.layout.Signature`.
 SCALARS: dict[str, ir.Type] = {"int64": INDEX, "float64": DOUBLE, "bool": ir.IntType(8)}
 
 
 def argument_types(signature: Signature) -> list[ir.Type]:
-    """Types of a C function's arguments: numbers, and arrays as the address of the first number and the lengths."""
+    """Types of the arguments of a C function; an array is the address of its first number, followed by its lengths."""
     found: list[ir.Type] = []
     for argument in signature.arguments:
         kind = SCALARS[argument.scalar]
@@ -35,12 +35,12 @@ def argument_types(signature: Signature) -> list[ir.Type]:
 
 
 def result_type(signature: Signature) -> ir.Type:
-    """Type of a C function's result."""
+    """Type of the result of a C function."""
     return SCALARS[signature.result] if signature.result else ir.VoidType()
 
 
 def _called(name: str) -> Callable[..., ir.Value]:
-    """An intrinsic function of LLVM."""
+    """Return a writer of a call of an intrinsic function of LLVM."""
 
     def emit(builder: ir.IRBuilder, *values: ir.Value) -> ir.Value:
         kind, module = values[0].type, builder.module
@@ -71,7 +71,7 @@ ELEMENTWISE: dict[str, Callable[..., ir.Value]] = {
     "where_greater": _where(">"),
     "where_zero": lambda b, x, yes, no: _where("==")(b, x, _zero(x.type), yes, no),
 }
-#: Truth values of a real and another, for one lane; of all lanes together.
+#: Comparisons of a real with another in one lane; over all lanes.
 ALL: dict[str, Callable[..., ir.Value]] = {
     "all_within": lambda b, x, y: b.not_(b.fcmp_unordered(">", x, y)),
     "all_greater": lambda b, x, y: b.fcmp_ordered(">", x, y),
@@ -86,14 +86,14 @@ class Kinds:
     dimension: int
     parameters: int
     lanes: int
-    block: int = 0  # coordinates that are side by side in memory, of which a point is so many; 0 for all, one by one
+    block: int = 0  # coordinates of a point that are neighbours in memory; 0: all coordinates, one by one
 
     @property
     def real(self) -> ir.Type:
         return DOUBLE if self.lanes == 1 else ir.VectorType(DOUBLE, self.lanes)
 
     def of(self, letter: str) -> ir.Type:
-        """The type of a letter."""
+        """Type for a letter."""
         if letter == "P" and self.block:
             return ir.LiteralStructType([ir.VectorType(DOUBLE, self.block)])
         points = {"P": self.dimension, "C": self.parameters, "R": 1}
@@ -103,7 +103,7 @@ class Kinds:
 
 
 def define(module: ir.Module, symbol: str, kinds: Kinds, result: str) -> None:
-    """Write the operation of this name into a module."""
+    """Define the operation of this name in a module."""
     _, name, letters = symbol.split(".")
     function = declare(module, symbol, [kinds.of(letter) for letter in letters], kinds.of(result))
     builder = ir.IRBuilder(function.append_basic_block())
@@ -130,7 +130,7 @@ def define(module: ir.Module, symbol: str, kinds: Kinds, result: str) -> None:
 
 
 def declare(module: ir.Module, symbol: str, kinds: Sequence[ir.Type], result: ir.Type) -> ir.Function:
-    """Return a new function that is always made part of its caller."""
+    """Return a new function that is always inlined."""
     function = ir.Function(module, ir.FunctionType(result, kinds), symbol)
     function.attributes.add("alwaysinline")
     function.attributes.add("nounwind")
@@ -138,7 +138,7 @@ def declare(module: ir.Module, symbol: str, kinds: Sequence[ir.Type], result: ir
 
 
 def _coordinates(builder: ir.IRBuilder, value: ir.Value, kind: ir.Type) -> list[ir.Value]:
-    """The coordinates of a value, or one number as often as a value of ``kind`` has them."""
+    """The coordinates of a value; a single number is repeated for each coordinate of a value of ``kind``."""
     numbers = (
         [value] if value.type == DOUBLE else [builder.extract_value(value, i) for i in range(len(value.type.elements))]
     )
@@ -156,7 +156,7 @@ def _in_every_lane(builder: ir.IRBuilder, double: ir.Value, vector: ir.Type) -> 
 
 
 def packed(builder: ir.IRBuilder, numbers: Any, kind: ir.Type) -> ir.Value:
-    """A number, or nested sequences of numbers, as a value of this type."""
+    """Pack a number, or nested sequences of numbers, into a value of this type."""
     if isinstance(numbers, ir.Value):
         return numbers
     value = ir.Constant(kind, ir.Undefined)
@@ -181,7 +181,7 @@ def write_load(
     kind: ir.Type,
     rows: Sequence[int] | None = None,
 ) -> None:
-    """Return the numbers in the rows from ``row`` on, or in ``rows`` counted from there."""
+    """Return the numbers in the rows from ``row`` on, or in the rows ``row`` + ``rows``."""
     found = []
     for behind, element in zip(range(len(kind.elements)) if rows is None else rows, kind.elements, strict=True):
         found.append(builder.load(_place(builder, array, row, behind, kinds, element)))
@@ -192,7 +192,7 @@ def write_load(
 def _write_store(
     builder: ir.IRBuilder, array: ir.Value, row: ir.Value, value: ir.Value, kinds: Kinds, *, rest: bool
 ) -> None:
-    """Replace rows by a value, or by the coordinates that whole blocks leave over."""
+    """Store a value in rows, or only the coordinates behind the last full block."""
     numbers = [builder.extract_value(value, i) for i in range(len(value.type.elements))]
     if rest:
         numbers = [builder.extract_element(numbers[0], ir.IntType(32)(i)) for i in range(kinds.dimension % kinds.block)]
@@ -202,7 +202,7 @@ def _write_store(
 
 
 def write_numbers(module: ir.Module, numbers: Mapping[str, int]) -> None:
-    """Write functions that return whole numbers."""
+    """Define functions that return integers."""
     for name, number in numbers.items():
         function = declare(module, f"{PREFIX}{name}", [], INDEX)
         ir.IRBuilder(function.append_basic_block()).ret(INDEX(int(number)))

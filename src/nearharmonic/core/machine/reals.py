@@ -1,8 +1,8 @@
-"""Types of numba for the core: reals, one or one a lane, and points, as many of them as there are coordinates.
+"""Numba types of the core: a real is a number, or one per lane; a point is one real per coordinate.
 
-What numba compiles knows neither how many coordinates nor how many lanes there are, nor the system: an operation on
-reals and points calls a function (:mod:`nearharmonic.core.machine.operations`), and so does a formula of a system. The
-functions are linked to the compiled loops, and made part of them, for a system and a number of lanes.
+Code that numba compiles does not depend on the number of coordinates, the number of lanes, or the system. An operation
+on reals and points is a call of a function (:mod:`nearharmonic.core.machine.operations`), and so is a formula of a
+system. These functions are linked to the compiled loops, and inlined, for a system and a number of lanes.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from nearharmonic.core.layout import Signature
 from nearharmonic.core.machine.operations import PLACEHOLDERS, PREFIX, TRUTH, argument_types, result_type
 
 types: Any = numba_types
-#: Numbers of a :class:`nearharmonic.core.layout.Signature`.
+#: Numba types of the numbers of a :class:`nearharmonic.core.layout.Signature`.
 SCALARS = {"int64": types.int64, "float64": types.float64, "bool": types.boolean}
 
 
 def compiled(function: Callable[..., Any]) -> Any:
-    """A function of the core, to be called by others; it allocates nothing and raises nothing."""
+    """Compile a function of the core, which allocates no memory and raises no exceptions, for calls by others."""
     flags = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     return numba.njit(error_model="numpy", nogil=True, boundscheck=False, **flags)(function)
 
@@ -52,7 +52,7 @@ class _Model(models.PrimitiveModel):  # type: ignore[misc]
 
 def _call(context: Any, builder: Any, name: str, result: Any, values: Any) -> Any:
     symbol, nothing = PREFIX + name, result == types.void
-    binding.add_symbol(symbol, 1)  # numba makes machine code of it at once, which nobody calls
+    binding.add_symbol(symbol, 1)  # numba generates machine code for it immediately; nothing calls that code
     returned = ir.VoidType() if nothing else context.get_value_type(result)
     kind = ir.FunctionType(returned, [value.type for value in values])
     found = builder.call(cgutils.get_or_insert_function(builder.module, kind, symbol), values)
@@ -64,7 +64,7 @@ def _letter(kind: Any) -> str:
 
 
 def _operation(name: str) -> Any:
-    """Code that calls an operation."""
+    """Return a generator of code that calls an operation."""
 
     def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         letters = "".join(map(_letter, signature.args))
@@ -74,7 +74,7 @@ def _operation(name: str) -> Any:
 
 
 def _common(*kinds: Any) -> Any:
-    """The type of an operation's result, a point if there is one among its operands; None if there is no real."""
+    """The type of the result of an operation: a point if an operand is a point; None if no operand is a real."""
     if not all(kind in (REAL, POINT, types.float64) for kind in kinds):
         return None
     return POINT if POINT in kinds else REAL if REAL in kinds else None
@@ -116,7 +116,7 @@ def _fma(typing, x, y, z):  # type: ignore[no-untyped-def]
 
 @overload(arithmetic.fma)
 def _fma_of_reals(x, y, z):  # type: ignore[no-untyped-def]
-    return lambda x, y, z: _fma(x, y, z)  # noqa: PLW0108 (its names count)
+    return lambda x, y, z: _fma(x, y, z)  # noqa: PLW0108 (numba compares the names)
 
 
 for _transform in (
@@ -152,7 +152,7 @@ def where_zero(typing, x, yes, no):  # type: ignore[no-untyped-def]
 
 @intrinsic
 def all_within(typing, x, bound):  # type: ignore[no-untyped-def]
-    """True if x <= bound in every lane; a NaN is not."""
+    """True if x <= bound in every lane; False for a NaN."""
     return types.boolean(x, bound), _operation("all_within")
 
 
@@ -189,29 +189,29 @@ def _loader(kind: Numbers) -> Any:
     return load
 
 
-#: ``load_...(array, row)``: the numbers in the rows from this one on.
+#: ``load_...(array, row)`` returns the numbers in the rows from ``row`` on.
 load_real, load_point, load_parameters = map(_loader, (REAL, POINT, PARAMETERS))
 
 
 @intrinsic
 def store(typing, array, row, value):  # type: ignore[no-untyped-def]
-    """Replace the rows from ``row`` on by a value."""
+    """Store a value in the rows from ``row`` on."""
     return types.void(array, types.int64, value), _operation("store")
 
 
 @intrinsic
 def store_rest(typing, array, row, value):  # type: ignore[no-untyped-def]
-    """The same by the coordinates that whole blocks of them leave over."""
+    """Store only the coordinates of a value behind the last full block."""
     return types.void(array, types.int64, value), _operation("store_rest")
 
 
 def _star(given: Any) -> Any:
-    """Types of the arguments of an intrinsic function that takes any number of them."""
+    """Types of the arguments of a variadic intrinsic function."""
     return given[0] if len(given) == 1 and isinstance(given[0], tuple) else given
 
 
 def linked(name: str, result: Any) -> Any:
-    """Return a function that is linked later, with this result: a formula of a system, or what depends on its shape."""
+    """Return a function with this result that is linked later: a formula, or a function of the shape of a system."""
 
     @intrinsic
     def call(typing, *given):  # type: ignore[no-untyped-def]
@@ -227,7 +227,7 @@ def linked(name: str, result: Any) -> Any:
 
 
 def linked_number(name: str) -> Any:
-    """Return a function without arguments that is linked later: a whole number."""
+    """Return a function without arguments that is linked later and returns an integer."""
 
     @intrinsic
     def call(typing):  # type: ignore[no-untyped-def]
@@ -237,7 +237,7 @@ def linked_number(name: str) -> Any:
 
 
 def at_address(signature: Signature) -> Any:
-    """Return ``call(address, ...)``, a call of the C function at an address; behind an array stand its lengths."""
+    """Return ``call(address, ...)``, which calls a C function; the lengths of an array follow the array."""
     kinds = argument_types(signature)
     pointer = ir.FunctionType(result_type(signature), kinds).as_pointer()
 

@@ -1,4 +1,4 @@
-"""Values that emit machine code: doubles, their bit patterns and truth values, each a scalar or one per SIMD lane.
+"""Values that emit machine code: doubles, bit patterns and truth values, as scalars or one per SIMD lane.
 
 An operation on :class:`LLVMValue`, :class:`LLVMBits` or :class:`LLVMMask` is one instruction of the function that is
 being built. A Python number beside one of them is the same in every lane.
@@ -53,7 +53,7 @@ class LLVMMask:
 
 
 class LLVMBits:
-    """The 64 bits of a double as a whole number, or one per lane; sums wrap around."""
+    """The 64 bits of a double as an integer, or one per lane; sums wrap around."""
 
     __slots__ = ("builder", "value")
 
@@ -93,7 +93,7 @@ class LLVMBits:
         return LLVMBits(self.builder, self.builder.shl(self.value, self._operand(count)))
 
     def __rshift__(self, count: int) -> LLVMBits:
-        """Shift right, zeros moving in."""
+        """Shift right; the high bits become 0."""
         return LLVMBits(self.builder, self.builder.lshr(self.value, self._operand(count)))
 
     def nonzero(self) -> LLVMMask:
@@ -181,7 +181,7 @@ class LLVMValue:
         return LLVMMask(self.builder, self.builder.fcmp_ordered(relation, self.value, self._operand(other)))
 
     def less(self, other: LLVMValue | float) -> LLVMMask:
-        """self < other; false for a NaN, as is every comparison but :meth:`undefined`."""
+        """self < other; every comparison except :meth:`undefined` is false for a NaN."""
         return self._compare("<", other)
 
     def greater(self, other: LLVMValue | float) -> LLVMMask:
@@ -222,6 +222,6 @@ class LLVMValue:
         return LLVMValue(self.builder, self.builder.select(negative, self.builder.fneg(self.value), self.value))
 
     def larger(self, other: LLVMValue) -> LLVMValue:
-        """self where self > other, else other: a NaN in self is dropped, so finiteness needs a test of its own."""
+        """self where self > other, else other: a NaN in self is lost, so finiteness needs a separate test."""
         where = self.builder.fcmp_ordered(">", self.value, other.value)
         return LLVMValue(self.builder, self.builder.select(where, self.value, other.value))

@@ -1,1 +1,1 @@
-"""A step by itself, for functions of numba."""
+"""A single step for functions of numba."""

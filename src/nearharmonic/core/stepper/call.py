@@ -1,7 +1,7 @@
 """Functions of numba that advance arrays by one step, for use inside other functions of numba.
 
-They call the machine code of kernels by its address. They work on the stack or in memory of their own, so that threads
-may call them at once. Separate because this module imports numba, which takes longer to load than most runs.
+They call the machine code of kernels by its address. They use the stack or memory of their own, so that threads may
+call them concurrently. The module is separate because it imports numba, which takes longer to load than most runs take.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from nearharmonic.core.machine.reals import at_address
 from nearharmonic.core.stepper.recent_moves import empty_slots, recall
 
 types: Any = numba_types
-#: Arrays whose addresses are in machine code.
+#: Arrays whose addresses are constants in machine code.
 _KEPT: list[Floats] = []
 
 
@@ -32,19 +32,19 @@ class Step:
     Attributes
     ----------
     name : str
-        Of the system, for errors.
+        Name of the system, for errors.
     address : int
-        Of machine code: that of :data:`~nearharmonic.core.layout.STEP` or :data:`~nearharmonic.core.layout.ADVANCE`.
+        Address of machine code for :data:`~nearharmonic.core.layout.STEP` or :data:`~nearharmonic.core.layout.ADVANCE`.
     signature : Signature
-        Which of the two.
+        STEP or ADVANCE.
     dimension : int
-        Coordinates d.
+        Number of coordinates d.
     room : int
-        Doubles behind the rows of ADVANCE.
+        Number of doubles behind the rows of ADVANCE.
     compensated : bool
-        Whether there are carries.
+        True if sums are compensated: arrays then have carries.
     kick_first : bool
-        Whether a step begins with a kick.
+        True if a step begins with a kick.
     table, flags, power
         Coefficients of the moves: see :func:`nearharmonic.core.stepper.products.fill`.
     parameters : (2 P,) array of float
@@ -67,9 +67,9 @@ class Step:
 def stepper(steps: Step) -> Any:
     """Return ``step(q, p, tau)``, or ``step(q, p, carry_q, carry_p, tau)`` if sums are compensated, compiled by numba.
 
-    numba counts references to arrays by atomic operations, which take longer than a step of the leapfrog. The function
-    makes none, as it is compiled without the counters and passes addresses on. All is compiled at once: a function that
-    is compiled for a caller takes over options such as ``fastmath`` of that caller.
+    numba counts references to arrays by atomic operations, which take longer than a step of leapfrog. The function is
+    compiled without these counters and passes addresses. It is compiled here, not for a caller, whose options such as
+    ``fastmath`` would then apply to it.
     """
     advance, d = _with_moves(steps), steps.dimension
     message = f"step of {steps.name}: expected arrays of {d} number{'s' if d > 1 else ''}"
@@ -82,7 +82,7 @@ def stepper(steps: Step) -> Any:
         advance(_data(q), _data(q), _data(p), _data(p), float(tau))
 
     def compensated_step(q, p, carry_q, carry_p, tau):  # type: ignore[no-untyped-def]
-        """Advance positions, momenta and what their sums have left out by one step of size tau, in place."""
+        """Advance positions, momenta and their carries by one step of size tau, in place."""
         check(tau, q, p, carry_q, carry_p)
         if q.size != d or p.size != d or carry_q.size != d or carry_p.size != d:
             raise ValueError(message)
@@ -121,7 +121,7 @@ def _with_moves(step: Step) -> Any:
 
 
 def check(tau: Any, *arrays: Any) -> None:
-    """Raise TypingError for other types than a step takes, when the caller is compiled."""
+    """Raise TypingError for wrong types of arguments when the caller is compiled."""
 
 
 @overload(check)
@@ -151,7 +151,7 @@ def _at_once(step: Step) -> Any:
 
 
 def _in_memory(step: Step) -> Any:
-    """Return ``advanced`` as above, which calls a kernel whose state is in rows."""
+    """Return ``advanced(moves, q, carry_q, p, carry_p)``, which calls a kernel whose state is in rows."""
     call, code, d = at_address(step.signature), _fixed(step.address, types.int64), step.dimension
     stages, coefficients, kick_first = len(step.flags) - 2, COLUMNS * len(step.flags), step.kick_first
     parameters, compensated = step.parameters, step.compensated
@@ -177,7 +177,7 @@ def _in_memory(step: Step) -> Any:
 
 
 def _stack(count: int) -> Any:
-    """Return a function that returns the address of so many doubles on the stack of its caller."""
+    """Return a function that returns the address of ``count`` doubles on the stack of its caller."""
 
     @intrinsic
     def room(typing):  # type: ignore[no-untyped-def]
@@ -191,13 +191,13 @@ def _stack(count: int) -> Any:
 
 
 def address_of(array: Floats) -> Any:
-    """Return a function that returns the address of an array, which then lives as long as the process."""
+    """Return a function that returns the address of an array, and keep the array until the process ends."""
     _KEPT.append(array)
     return _fixed(array.ctypes.data, types.CPointer(types.float64))
 
 
 def _fixed(address: int, kind: Any) -> Any:
-    """Return a function that returns an address of this process, so that numba does not keep its callers on disk."""
+    """Return a function that returns an address of this process; numba then does not cache its callers on disk."""
 
     @intrinsic
     def place(typing):  # type: ignore[no-untyped-def]

@@ -1,11 +1,12 @@
-"""Products of exact coefficients and powers of a step size that is given at run time, each rounded once.
+"""Products of exact coefficients and powers of a run-time step size, each rounded once.
 
-A coefficient is a rational number, held as a sum of doubles of falling size. Its product with a power of tau is
-computed in double-double. Where the error of that leaves open which of two neighbouring doubles is the nearest, an
-exact sum of all doubles decides. This is not as rare as it seems: 7 tau / 24 is half-way between two doubles for many
-tau, and its decimals of 76 digits are just beside that.
+A coefficient is a rational number, stored as a sum of doubles of decreasing size. Its product with a power of tau is
+computed in double-double. If the error of this product leaves two candidates for the nearest double, an exact sum of
+all doubles decides. This is not rare: 7 tau / 24 is half-way between two doubles for many tau, and for a coefficient
+with 76 decimals in place of 7/24 the product is very near to half-way.
 
-Separate from :mod:`nearharmonic.core.stepper` because these functions know no system, and are compiled once.
+The module is separate from :mod:`nearharmonic.core.stepper.call` because these functions do not depend on a system and
+are compiled once.
 """
 
 from __future__ import annotations
@@ -20,29 +21,30 @@ from nearharmonic.core.arithmetic import fma, two_product, two_sum
 from nearharmonic.core.layout import COLUMNS, DRIFT, KICK, PRODUCT, REST, SQUARE, Floats
 from nearharmonic.core.machine.jit import jit
 
-#: Bits that a double of a sum adds at least.
+#: Smallest number of bits that a double of a sum adds.
 BITS = 53
-#: Most doubles of a coefficient, for decimals of 100 digits and their products: the next would underflow.
+#: Largest number of doubles of a coefficient, for decimals of 100 digits and their products: the next double would
+#: underflow.
 MOST_DOUBLES = 18
-#: Bound of the relative error of a product in double-double: four roundings of at most 2^-104, and terms of less than
-#: 2^-104 that are left out.
+#: Bound of the relative error of a product in double-double: four roundings of at most 2^-104, and omitted terms below
+#: 2^-104.
 UNCERTAIN = 2.0**-101
-#: Columns of a table: kick, drift, and their product or the coefficient of the square.
+#: Number of columns of a table: kick, drift, and their product or the coefficient of the square.
 KINDS = 3
 
 
 def table_of(rows: Sequence[Sequence[Fraction]], powers: Sequence[int]) -> Floats:
-    """Return coefficients (doubles, KINDS, rows) as sums of doubles, as many as decide every rounding.
+    """Return coefficients (doubles, KINDS, rows) as sums of doubles, enough to decide every rounding.
 
-    k tau^n and a number half-way between two doubles are equal, or differ by more than 2^-b of them, where b is the
-    larger of 54 + log2(denominator of k) and 53 n + log2(numerator of k).
+    k tau^n and a number half-way between two doubles are equal, or their relative difference exceeds 2^-b, where b is
+    the larger of 54 + log2(denominator of k) and 53 n + log2(numerator of k).
 
     Parameters
     ----------
     rows : sequence of KINDS Fraction each
         Coefficients of the moves.
     powers : (KINDS,) sequence of int
-        Power n of tau that each is multiplied by.
+        Power n of tau for each column.
     """
     bits = max(
         max(BITS + 1 + k.denominator.bit_length(), BITS * n + abs(k.numerator).bit_length())
@@ -74,7 +76,7 @@ def _power(tau: float, n: int) -> tuple[float, float]:
 
 @jit
 def _neighbours(c: float, c_low: float, high: float, low: float) -> tuple[float, float]:
-    """Return the double nearest to a product of pairs, twice; or the two doubles of which one is the nearest."""
+    """Return the double nearest to a product of pairs twice, or the two candidates if the error leaves two."""
     product, error = two_product(c, high)
     rest = fma(c, low, fma(c_low, high, error))
     bound = abs(product) * UNCERTAIN
@@ -92,7 +94,7 @@ def _added(terms: Floats, count: int, x: float) -> int:
 
 @jit
 def _nearest(table: Floats, kind: int, row: int, tau: float, n: int, below: float, above: float) -> float:
-    """Return which of two neighbouring doubles is nearest to k tau^n; the even one if both are."""
+    """Return the one of two neighbouring doubles that is nearest to k tau^n; the even one in a tie."""
     mantissa, exponent = frexp(tau)
     lower, upper = ldexp(below, -n * exponent), ldexp(above, -n * exponent)
     half = (upper - lower) / 2
@@ -122,7 +124,7 @@ def _nearest(table: Floats, kind: int, row: int, tau: float, n: int, below: floa
 
 @jit
 def _settle(table: Floats, n: int, tau: float, moves: Floats) -> None:
-    """Fill in the moves again, by :func:`_nearest` where the error of double-double leaves the rounding open."""
+    """Fill in the moves again, by :func:`_nearest` where the error of double-double leaves two candidates."""
     rows = table.shape[2]
     for i in range(rows):
         for kind in range(KINDS):
@@ -142,14 +144,14 @@ def fill(table: Floats, flags: Floats, n: int, tau: float, moves: Floats) -> Non
     table : (doubles, KINDS, rows) array of float
         Coefficients.
     flags : (rows,) array of float
-        Last column where kicks are of a modified potential.
+        Last column of the moves, for kicks of a modified potential.
     n : {2, 3}
-        Power of tau in the third column: 2 for the product of kick and drift, behind which REST comes, 3 for the
-        coefficient of the square.
+        Power of tau in the third column: 2 for the product of kick and drift, which REST follows, 3 for the coefficient
+        of the square.
     tau : float
         Step size.
     moves : (rows COLUMNS,) array of float
-        Is filled.
+        Output.
     """
     high, low = _power(tau, n)
     rows, doubtful = table.shape[2], False

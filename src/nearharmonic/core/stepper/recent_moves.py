@@ -1,9 +1,9 @@
-"""Moves of recent step sizes, which threads share without waiting for each other.
+"""Cache of the moves of recent step sizes, shared by threads without locks.
 
-The multiplication of coefficients by tau takes longer than a step of the leapfrog, and most steps have the tau of the
-step before. Each of SLOTS slots holds the moves of one tau and a counter, to which a thread adds 1 before it writes and
-1 behind. A reader copies the moves, and uses them if the counter was even and has not changed: a sequence lock (Boehm
-2012, doi:10.1145/2247684.2247688). Otherwise it computes them.
+The multiplication of coefficients by tau takes longer than a step of leapfrog, and most steps have the same tau as the
+previous step. Each of SLOTS slots holds the moves of one tau and a counter. A thread adds 1 to the counter before it
+writes and 1 after. A reader copies the moves, and uses them if the counter was even and has not changed: a sequence
+lock (Boehm 2012, doi:10.1145/2247684.2247688). Otherwise the reader computes the moves.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from nearharmonic.core.layout import Floats, aligned_zeros
 from nearharmonic.core.machine.jit import jit
 from nearharmonic.core.stepper.products import fill
 
-#: Slots, a power of two: threads that use step sizes of their own seldom share one.
+#: Number of slots, a power of two: threads with different step sizes seldom share a slot.
 SLOTS_BITS = 6
 SLOTS = 1 << SLOTS_BITS
-#: Doubles in front of the moves: the counter, and tau.
+#: Number of doubles before the moves: the counter, and tau.
 HEAD = 2
-#: Multiplier of the hash: 2^64 over the golden ratio (Knuth, TAOCP 3, 6.4).
+#: Multiplier of the hash: 2^64 divided by the golden ratio (Knuth, TAOCP 3, 6.4).
 GOLDEN = 0x9E3779B97F4A7C15
 
 types: Any = numba_types
@@ -33,7 +33,7 @@ _WORD = ir.IntType(64)
 
 
 def empty_slots(count: int) -> Floats:
-    """Return slots for ``count`` doubles of moves each, all of them empty."""
+    """Return empty slots for ``count`` doubles of moves each."""
     return aligned_zeros(SLOTS * (HEAD + count))
 
 
@@ -66,7 +66,7 @@ def _behind_reading(typing, slots, at):  # type: ignore[no-untyped-def]
 
 @intrinsic
 def _may_write(typing, slots, at, counter):  # type: ignore[no-untyped-def]
-    """Add 1 to the counter, unless another thread has changed it; return whether that is done."""
+    """Add 1 to the counter unless another thread has changed it; return True if it was added."""
 
     def codegen(context, builder, signature, values):  # type: ignore[no-untyped-def]
         odd = builder.add(values[2], _WORD(1))
@@ -88,12 +88,12 @@ def _written(typing, slots, at, counter):  # type: ignore[no-untyped-def]
 
 @jit
 def recall(slots: Floats, table: Floats, flags: Floats, n: int, tau: float, moves: Floats) -> None:
-    """Fill in the moves of a step, from a slot if they are there: see :func:`nearharmonic.core.stepper.products.fill`.
+    """Fill in the moves of a step, from a slot if it holds them: see :func:`nearharmonic.core.stepper.products.fill`.
 
     Parameters
     ----------
     slots : pointer to doubles
-        From :func:`empty_slots`, for moves of this table alone.
+        Slots of :func:`empty_slots`, used for this table only.
     table, flags, n, tau, moves
         As for :func:`nearharmonic.core.stepper.products.fill`.
     """

@@ -1,4 +1,4 @@
-"""A single step, without energy or samples, of arrays that the caller holds.
+"""A single step on arrays of the caller, without energy or samples.
 
 It makes the moves of :mod:`nearharmonic.core.loops.advance`, and is bitwise identical to a run of one step.
 """
@@ -43,7 +43,7 @@ def _store_plain(arrays, state):  # type: ignore[no-untyped-def]
 def step(form: Form) -> Callable[..., Any]:
     """Return the function of :data:`nearharmonic.core.layout.STEP`, to be compiled.
 
-    A run computes a force at its start even if it drifts first, and drops it; a step does not.
+    A run computes a force at its start even if it drifts first, and does not use it; a step does not compute it.
     """
     row_of, steps = row_loader(form), motion(form)
     move, closed, first_force, force_behind = steps.move, steps.closed, steps.first, steps.behind

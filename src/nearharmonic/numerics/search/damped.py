@@ -1,12 +1,12 @@
-"""A damped Newton iteration by shortest steps, from many points, for at most as many equations as unknowns.
+"""Levenberg-Marquardt iteration, for a number of equations not above that of the unknowns.
 
-From x the iteration goes by the shortest step that solves the damped equations, F residuals and J their Jacobian:
-J^T (J J^T + damping D)^-1 F, where D is the identity (Levenberg) or the diagonal of J J^T (Marquardt). A step that
-lowers the residuals is taken and the damping lowered; otherwise the damping is raised. Without damping, and with every
-step taken, the iteration is a projection on the solutions by Newton's method.
+An iteration from x subtracts the shortest step that solves the damped equations. With residuals F and their Jacobian J
+the step is J^T (J J^T + damping D)^-1 F, where D is the identity (Levenberg) or the diagonal of J J^T (Marquardt). If
+the step lowers the residuals it is taken, and the damping is lowered; otherwise the damping is raised. Without damping,
+and with every step taken, the iteration is a projection on the solutions by Newton's method.
 
-A problem comes as two compiled functions: ``residuals(problem, x)`` returns F, its size, and what ``slopes(problem, x,
-that)`` makes J from.
+A problem is two compiled functions: ``residuals(problem, x)`` returns F, its size, and intermediate results, which
+``slopes(problem, x, intermediate)`` reuses for J.
 
 K. Levenberg, Quart. Appl. Math. 2, 164 (1944); D. W. Marquardt, J. Soc. Indust. Appl. Math. 11, 431 (1963).
 """
@@ -106,9 +106,9 @@ def within(x: Floats, bound: float) -> bool:
 
 @jit
 def levenberg_step(residuals: Floats, jacobian: Floats, damping: float, matrix: Floats, step: Floats) -> bool:
-    """J^T (J J^T + damping)^-1 F by Cholesky's factorization, into ``step``; nan if that inverse does not exist.
+    """J^T (J J^T + damping)^-1 F by Cholesky factorization, into ``step``; NaN if the inverse does not exist.
 
-    ``matrix`` (equation, equation + 1) is overwritten. True, as a step of nan lowers no residuals.
+    ``matrix`` (equation, equation + 1) is overwritten. Always True: a step of NaN lowers no residuals.
     """
     m = len(residuals)
     _normal_equations(residuals, jacobian, matrix)
@@ -136,7 +136,7 @@ def levenberg_step(residuals: Floats, jacobian: Floats, damping: float, matrix: 
 
 @jit
 def marquardt_step(residuals: Floats, jacobian: Floats, damping: float, matrix: Floats, step: Floats) -> bool:
-    """J^T (J J^T + damping diag(J J^T))^-1 F by elimination with pivots, into ``step``; False if that is singular.
+    """J^T (J J^T + damping diag(J J^T))^-1 F by pivoting, into ``step``; False if singular.
 
     ``matrix`` (equation, equation + 1) is overwritten.
     """
@@ -167,7 +167,7 @@ def marquardt_step(residuals: Floats, jacobian: Floats, damping: float, matrix: 
 
 @jit
 def _normal_equations(residuals: Floats, jacobian: Floats, matrix: Floats) -> None:
-    """J J^T, and behind it the right-hand side F."""
+    """J J^T, followed by the right-hand side F as the last column."""
     m, n = jacobian.shape
     for i in range(m):
         for j in range(i + 1):
@@ -180,7 +180,7 @@ def _normal_equations(residuals: Floats, jacobian: Floats, matrix: Floats) -> No
 
 @jit
 def _combined_rows(jacobian: Floats, matrix: Floats, step: Floats) -> None:
-    """J^T y, where y is the last column of ``matrix``."""
+    """J^T y, with y the last column of ``matrix``."""
     m, n = jacobian.shape
     for k in range(n):
         step[k] = 0.0

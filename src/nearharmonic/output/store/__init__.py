@@ -1,4 +1,4 @@
-"""Result files, the only room that opens HDF5: netCDF-4 conventions, the same bytes for the same numbers."""
+"""Result files in HDF5 with netCDF-4 conventions, bitwise identical for identical numbers."""
 
 from nearharmonic.output.store.files import attributes_of, groups_of
 from nearharmonic.output.store.reader import read, read_precisions

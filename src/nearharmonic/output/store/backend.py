@@ -1,6 +1,7 @@
-"""Result files as xarray reads them: a backend for ``xarray.open_dataset``.
+"""Backend of ``xarray.open_dataset`` for result files.
 
-The engine h5netcdf finds the same, but takes 3 ms for each variable, ten times as long, and words stay integers.
+The engine h5netcdf reads the same data, but takes 3 ms for each variable, ten times as long, and does not convert
+integers to words.
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ from nearharmonic.output.store.remake import unusable
 
 #: Attribute that names auxiliary coordinates (CF conventions, section 5).
 COORDINATES = "coordinates"
-#: What the HDF5 library raises on a file that it cannot read.
+#: Exceptions of the HDF5 library for a file that it cannot read.
 UNREADABLE = (OSError, KeyError, ValueError, RuntimeError)
 
 
 class ResultFiles(xr.backends.BackendEntrypoint):
-    """Backend that compares the digest of a file before it opens it, and has words in place of flags.
+    """Backend that checks the digest of a file before it opens the file, and converts flags to words.
 
-    Variables are loaded. The attributes of the file come with each of its groups.
+    Variables are loaded into memory. Each group has the attributes of the file.
     """
 
     open_dataset_parameters = ("filename_or_obj", "drop_variables", "group")

@@ -1,4 +1,4 @@
-"""HDF5 files that are opened once their digest has been compared, and what they say of themselves."""
+"""HDF5 files that are opened after a check of their digest, and their attributes and groups."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from typing import Any
 from nearharmonic.output.store.remake import unusable
 from nearharmonic.output.store.seal import FORMAT, FORMAT_KEY, complaint
 
-#: Attributes that make dimension scales of HDF5 datasets.
+#: Attributes of HDF5 dimension scales.
 SCALES = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST"}
 
 
 def checked(path: str | os.PathLike[str]) -> Any:
-    """Open an HDF5 file whose bytes are those that were written.
+    """Open an HDF5 file after a check that its bytes have not changed.
 
     Raises
     ------
     ResultFileError
-        The file is missing, truncated, damaged or not one of this package; the message holds the command that makes it
-        again.
+        The file is missing, truncated, damaged or not one of this package; the message contains the command that makes
+        it again.
     """
     import h5py
 
@@ -35,9 +35,9 @@ def checked(path: str | os.PathLike[str]) -> Any:
 
 
 def attributes_in(member: Any) -> dict[str, Any]:
-    """Return the attributes of an open file, group or variable, those of HDF5 and netCDF themselves left out."""
+    """Return the attributes of an open file, group or variable, without those of HDF5 and netCDF."""
     named = {name: value for name, value in member.attrs.items() if not name.startswith("_") and name not in SCALES}
-    # netCDF keeps every number as an array; one of length 1 is the number.
+    # netCDF stores every number as an array; an array of length 1 is the number.
     return {name: value.item() if getattr(value, "size", 0) == 1 else value for name, value in named.items()}
 
 

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def read(path: str | os.PathLike[str], group: str | None = None, *, leave_out: Collection[str] = ()) -> xr.Dataset:
-    """Load the root of a file, or one of its groups; the attributes of the file come with either.
+    """Load the root of a file, or one of its groups, with the attributes of the file.
 
     Parameters
     ----------
@@ -25,13 +25,13 @@ def read(path: str | os.PathLike[str], group: str | None = None, *, leave_out: C
     Returns
     -------
     xarray.Dataset
-        As ``xarray.open_dataset(path, engine="h5netcdf", group=group)`` has it, but for variables with
-        ``flag_meanings``, whose integers are words here.
+        The dataset of ``xarray.open_dataset(path, engine="h5netcdf", group=group)``, with words in place of the
+        integers of variables with ``flag_meanings``.
 
     Raises
     ------
     ResultFileError
-        The file is missing, truncated or not one of this package, or lacks the group; the message holds the command
+        The file is missing, truncated or not one of this package, or lacks the group; the message contains the command
         that makes it again.
     """
     import xarray as xr
@@ -42,7 +42,7 @@ def read(path: str | os.PathLike[str], group: str | None = None, *, leave_out: C
 
 
 def read_precisions(path: str | os.PathLike[str], *, leave_out: Collection[str] = ()) -> dict[str, xr.Dataset]:
-    """Load the runs of a file by precision: double in its root, another in the group of its name.
+    """Load the runs of a file by precision: double is in the root, another precision in the group of its name.
 
     Parameters
     ----------
@@ -61,5 +61,5 @@ def read_precisions(path: str | os.PathLike[str], *, leave_out: Collection[str] 
     from nearharmonic.output.store.backend import ResultFiles
 
     groups = xr.open_groups(path, engine=ResultFiles, drop_variables=list(leave_out), cache=False)
-    # Without runs in double precision the root is empty.
+    # The root of a file without runs in double precision is empty.
     return {group.strip("/") or "double": runs for group, runs in groups.items() if runs.data_vars}

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from nearharmonic.errors import ResultFileError
 
-#: The config of ``snakemake`` without ``--configfile``.
+#: Config of ``snakemake`` without ``--configfile``.
 DEFAULT_CONFIG = "config/config.yaml"
 
 
@@ -18,12 +18,12 @@ def unusable(path: str | os.PathLike[str], complaint: str) -> ResultFileError:
 
 
 def command_for(path: str | os.PathLike[str]) -> str:
-    """Return the command that makes a result file again, with the config that ``results/<name>`` is named by."""
+    """Return the command that makes a result file again, with the config for ``results/<name>``."""
     return f"{workflow_command(path)} --force {path}"
 
 
 def workflow_command(path: str | os.PathLike[str]) -> str:
-    """Return the command that brings the results up to date to which a file belongs, with their config."""
+    """Return the command that updates the results of a file, with their config."""
     parts = Path(path).parts
     if "results" not in parts[:-1]:
         return "snakemake -j2"
@@ -33,7 +33,7 @@ def workflow_command(path: str | os.PathLike[str]) -> str:
 
 
 def _config_of(folder: Path) -> str:
-    """The config file that the results in ``folder`` were made with, or else the one that their name points to."""
+    """The config file of the results in ``folder``, or the config file of their name if theirs is unknown."""
     guess = DEFAULT_CONFIG if folder.name == "paper" else f"config/{folder.name}.yaml"
     try:
         said = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))["configfiles"]

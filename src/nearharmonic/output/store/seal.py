@@ -1,7 +1,7 @@
 """The last line of a result file: the SHA-256 of all bytes before it.
 
-HDF5 ignores bytes behind its own end of file. The digest is compared before a file is opened: on a damaged file the
-HDF5 library may fail anywhere, return other numbers, or never end.
+HDF5 ignores bytes after its own end of file. The digest is checked before a file is opened: with a damaged file the
+HDF5 library may crash, return wrong numbers, or never end.
 """
 
 from __future__ import annotations
@@ -10,14 +10,14 @@ import os
 from hashlib import file_digest, sha256
 from pathlib import Path
 
-#: The attribute that tells a result file of this package from any other HDF5 file, and its value.
+#: Name and value of the attribute that identifies the result files of this package.
 FORMAT_KEY, FORMAT = "format", "nearharmonic 2"
 #: First bytes of any HDF5 file.
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
-#: Beginning of the last line; the digest and a line feed follow.
+#: Beginning of the last line, before the digest and a line feed.
 SEAL = b"\nnearharmonic sha256 "
 SEALED = len(SEAL) + 2 * sha256().digest_size + len(b"\n")
-#: Bytes that are hashed at a time.
+#: Number of bytes per update of the digest.
 PIECE = 2**20
 
 
@@ -29,7 +29,7 @@ def seal(path: Path) -> None:
 
 
 def complaint(path: Path) -> str:
-    """Return the reason why a file must not be opened, empty if there is none; nothing is read as HDF5."""
+    """Return the reason why a file must not be opened, empty if there is none, without the HDF5 library."""
     try:
         with path.open("rb") as file:
             signed = file.read(len(SIGNATURE)) == SIGNATURE

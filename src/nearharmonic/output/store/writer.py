@@ -1,7 +1,6 @@
-"""Writer of result files: whole or not at all, and without timestamps.
+"""Writer of result files: atomic, and without timestamps.
 
-It works on described variables, so that jobs that integrate write their files without loading xarray, which would take
-a third of their time.
+It writes described variables, so that integration jobs need not load xarray, which would take a third of their time.
 """
 
 from __future__ import annotations
@@ -20,11 +19,11 @@ from nearharmonic.output.store.seal import FORMAT, FORMAT_KEY, seal
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Level 1 is as small as 4 within a percent on trajectories, whose low bits are noise, and half the time.
+#: For trajectories, whose low bits are noise, level 1 compresses as well as level 4 within a percent, in half the time.
 GZIP_LEVEL = 1
-#: Bytes: below this compression costs more room (chunk index) than it saves.
+#: Bytes: below this size compression costs more (a chunk index) than it saves.
 WORTH_COMPRESSING = 1024
-#: Bytes: HDF5 caches chunks up to this size; larger ones are unpacked again at every partial read.
+#: Bytes: HDF5 caches chunks up to this size; larger chunks are decompressed again at every partial read.
 LARGEST_CHUNK = 2**20
 
 
@@ -41,22 +40,22 @@ def write(
     Parameters
     ----------
     path : path
-        The file to make or to replace; it appears whole or not at all.
+        The file to create or to replace, atomically.
     variables : Variables
-        Dimensions, values and attributes of each variable, by name. A text variable whose attributes name its possible
-        words (``flag_meanings``) is kept as integers with ``flag_values`` (CF conventions, section 3.5).
+        Dimensions, values and attributes of each variable, by name. A text variable whose attributes list its possible
+        words (``flag_meanings``) is stored as integers with ``flag_values`` (CF conventions, section 3.5).
     attributes : mapping
-        Attributes of the file, beside its format and conventions.
+        Attributes of the file, besides its format and conventions.
     groups : mapping of str to Variables, optional
         Variables of each group, by its name.
     coordinates : collection of str
         Names of the auxiliary coordinates, in the root and in groups (CF conventions, section 5). A variable with the
-        name of its dimension is a coordinate anyway, and a dimension that has none counts from 0.
+        name of its dimension is always a coordinate. A dimension without coordinate gets the coordinate 0, 1, 2, ....
 
     Raises
     ------
     NearharmonicError
-        A variable without units or long_name, or lengths that contradict a dimension.
+        A variable has no units or no long_name, or its lengths contradict a dimension.
     """
     import h5netcdf
 
@@ -69,7 +68,7 @@ def write(
 
 
 def write_dataset(path: str | os.PathLike[str], dataset: xr.Dataset, attributes: Mapping[str, Any]) -> None:
-    """Write ``dataset`` to ``path`` as :func:`write` does, with ``attributes`` beside its own."""
+    """Write ``dataset`` to ``path`` as :func:`write` does, with ``attributes`` besides its own."""
     variables = {str(name): (tuple(map(str, v.dims)), v.values, v.attrs) for name, v in dataset.variables.items()}
     auxiliary = [str(name) for name in dataset.coords if name not in dataset.dims]
     write(path, variables, {**dataset.attrs, **attributes}, coordinates=auxiliary)
@@ -110,7 +109,7 @@ def _checked_sizes(variables: Variables, arrays: Mapping[str, np.ndarray]) -> di
 def _coordinates_of(
     name: str, dims: tuple[str, ...], variables: Variables, coordinates: Collection[str]
 ) -> Iterator[str]:
-    """Names of the auxiliary coordinates of a variable, those whose dimensions it has."""
+    """Names of the auxiliary coordinates whose dimensions a variable has."""
     if name not in coordinates and name not in dims:
         for other in coordinates:
             if set(variables[other][0]) <= set(dims):
@@ -118,7 +117,7 @@ def _coordinates_of(
 
 
 def _flags(name: str, values: np.ndarray, notes: dict[str, Any]) -> tuple[np.ndarray, dict[str, Any]]:
-    """Words as the integers that stand for them."""
+    """Convert words to integers."""
     words = notes[FLAG_MEANINGS].split()
     codes = np.array([words.index(word) if word in words else -1 for word in values.ravel().tolist()], np.int8)
     if (codes < 0).any():
@@ -134,7 +133,7 @@ def _text_type() -> Any:
 
 
 def _filters(values: np.ndarray) -> dict[str, Any]:
-    """A checksum, and compression for arrays that gain by it; chunks keep the trailing axes whole."""
+    """HDF5 filters: a checksum, and compression for large arrays; chunks contain complete trailing axes."""
     if values.nbytes < WORTH_COMPRESSING:
         return _checksum(values.shape)
     row = values.nbytes // values.shape[0]
@@ -144,5 +143,5 @@ def _filters(values: np.ndarray) -> dict[str, Any]:
 
 
 def _checksum(chunk: tuple[int, ...]) -> dict[str, Any]:
-    """The checksum of HDF5 over each chunk; single numbers and empty arrays have no chunks."""
+    """HDF5 checksum of each chunk; single numbers and empty arrays have no chunks."""
     return {"fletcher32": True, "chunks": chunk} if chunk and all(chunk) else {}

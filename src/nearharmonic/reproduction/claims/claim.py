@@ -1,13 +1,15 @@
 """A statement of the paper that numbers decide, and what they say of it.
 
-A statement is a function below :func:`claim` in a file of its group; nothing else lists it.
+A statement is a :class:`Claim` in a file of its group; nothing else lists it. It is made by the decorator of its kind,
+:data:`result` for example, which takes its words, from the function that decides it. Statements that are decided alike
+are rows of a tuple: ``result(...)(judge)``, where a function with the parameters of the row returns the judge.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.output.store import workflow_command
@@ -34,6 +36,13 @@ class Decision(NamedTuple):
 #: Takes the results, and the threshold if the statement has one that is a number.
 Decide = Callable[..., Decision]
 
+#: Targets of the workflow other than ``all``, and the beginnings of the names of their files.
+TARGETS = {
+    "derive": ("derived/", "tables/derived_", "tables/table4_derived"),
+    "stability": ("cubes/kinetic_energy", "cubes/stability_", "tables/structure"),
+    "trained_proof": ("cubes/trained",),
+}
+
 
 @dataclass(frozen=True, kw_only=True)
 class Claim:
@@ -58,8 +67,6 @@ class Claim:
         bounds with the same verdict.
     needs : tuple of str
         Result files that it is decided on, relative to the folder of results.
-    target : str
-        Target of the workflow that makes these files.
     also : tuple of str
         Result files of other targets. Where they are there, the value tells something from them; the verdict does not
         depend on them.
@@ -73,11 +80,16 @@ class Claim:
     kind: Kind
     statement: str
     threshold: str
-    needs: tuple[str, ...]
-    target: str
     decide: Decide
     bound: float | None = None
+    needs: tuple[str, ...] = ()
     also: tuple[str, ...] = ()
+
+    @property
+    def target(self) -> str:
+        """Target of the workflow that makes the files it needs."""
+        made = (target for target, names in TARGETS.items() if any(one.startswith(names) for one in self.needs))
+        return next(made, "all")
 
     def decision(self, results: Results) -> Decision:
         """Decide the statement on ``results``; what is not there leaves it undecided.
@@ -114,27 +126,13 @@ class Claim:
         return found._replace(verdict="erratum") if wrong else found
 
 
-def claim(
-    *,
-    id: str,
-    paper: str,
-    sentence: str,
-    kind: Kind,
-    statement: str,
-    threshold: str,
-    bound: float | None = None,
-    needs: Sequence[str] = (),
-    target: str = "all",
-    also: Sequence[str] = (),
-) -> Callable[[Decide], Claim]:
-    """Make the decorated function a statement; arguments are the attributes of :class:`Claim`."""
+def _statements(kind: Kind) -> Callable[..., Callable[[Decide], Claim]]:
+    """Return the decorator of functions that decide statements of one kind; it takes the other attributes."""
+    return lambda **attributes: lambda decide: Claim(kind=kind, decide=decide, **attributes)
 
-    def decorate(decide: Decide) -> Claim:
-        told: dict[str, Any] = {"id": id, "paper": paper, "sentence": sentence, "kind": kind, "statement": statement}
-        asked: dict[str, Any] = {"threshold": threshold, "bound": bound, "target": target}
-        return Claim(**told, **asked, needs=tuple(needs), also=tuple(also), decide=decide)
 
-    return decorate
+result, mathematics, misprint = _statements("result"), _statements("mathematics"), _statements("misprint")
+attribution, background, finding = _statements("attribution"), _statements("background"), _statements("finding")
 
 
 def either(good: bool, value: str) -> Decision:
@@ -145,6 +143,12 @@ def either(good: bool, value: str) -> Decision:
 def counted(good: Sequence[bool], value: str) -> Decision:
     """Say that a statement of several things holds, holds in part or fails: all, some or none of them are good."""
     return Decision("holds" if all(good) else "holds in part" if any(good) else "fails", value)
+
+
+def tallied(good: Iterable[bool], things: str, beside: str = "") -> Decision:
+    """Decide as :func:`counted`; the value is the number of good things, of all, and the text ``beside``."""
+    found = list(good)
+    return counted(found, f"{sum(found)} of {len(found)} {things}{beside}")
 
 
 def combined(verdicts: Iterable[Verdict], value: str) -> Decision:

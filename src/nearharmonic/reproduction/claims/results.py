@@ -7,7 +7,7 @@ import io
 import os
 import tomllib
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from functools import cache, cached_property
+from functools import cached_property
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,7 +25,26 @@ class Undecided(Exception):
     """The results lack what a statement is about; the message says what."""
 
 
-class Results:
+def require(known: object, lacking: str) -> None:
+    """Raise :class:`Undecided` with the message ``lacking`` if what is ``known`` is false or empty."""
+    if not known:
+        raise Undecided(lacking)
+
+
+class Memory:
+    """Values that are computed once."""
+
+    def __init__(self) -> None:
+        self._kept: dict[Hashable, Any] = {}
+
+    def kept(self, key: Hashable, make: Callable[[], Any]) -> Any:
+        """Return what ``make`` returns, called at the first use of ``key``."""
+        if key not in self._kept:
+            self._kept[key] = make()
+        return self._kept[key]
+
+
+class Results(Memory):
     """A folder of results.
 
     Parameters
@@ -37,12 +56,10 @@ class Results:
     """
 
     def __init__(self, folder: str | os.PathLike[str], methods: Mapping[str, Tableau] | None = None) -> None:
+        super().__init__()
         self.folder = Path(folder)
         self._texts = Texts(self.folder)
         self.methods: Mapping[str, Tableau] = integrators if methods is None else methods
-        self._cubes: dict[str, xr.Dataset] = {}
-        self._rows: dict[str, list[dict[str, str]]] = {}
-        self._kept: dict[Hashable, Any] = {}
 
     def has(self, name: str) -> bool:
         """Return True if the file ``name``, relative to the folder, exists."""
@@ -56,15 +73,16 @@ class Results:
         ResultFileError
             It is missing or damaged.
         """
-        if stem not in self._cubes:
-            cube = self._read_cube(stem)
-            if "integrator" in cube.dims:
-                cube = cube.isel(integrator=[str(name) in self.methods for name in cube["integrator"].values])
-            self._cubes[stem] = cube
-        return self._cubes[stem]
+        cube: xr.Dataset = self.kept(("cube", stem), lambda: self._known_methods(self._read_cube(stem)))
+        return cube
 
     def _read_cube(self, stem: str) -> xr.Dataset:
         return read(self.folder / f"cubes/{stem}.h5")
+
+    def _known_methods(self, cube: xr.Dataset) -> xr.Dataset:
+        if "integrator" not in cube.dims:
+            return cube
+        return cube.isel(integrator=[str(name) in self.methods for name in cube["integrator"].values])
 
     def rows(self, stem: str) -> list[dict[str, str]]:
         """Return the rows of the table of this name, each cell a text by the name of its column.
@@ -76,10 +94,9 @@ class Results:
         ResultFileError
             It is missing, has no row, or one with more or fewer cells than the header.
         """
-        if stem not in self._rows:
-            rows = self._read_rows(stem)
-            self._rows[stem] = [row for row in rows if row.get("integrator", "") in {"", *self.methods}]
-        return self._rows[stem]
+        known = {"", *self.methods}
+        rows: list[dict[str, str]] = self.kept(("rows", stem), lambda: self._read_rows(stem))
+        return [row for row in rows if row.get("integrator", "") in known]
 
     def _read_rows(self, stem: str) -> list[dict[str, str]]:
         name = f"tables/{stem}.csv"
@@ -106,12 +123,6 @@ class Results:
         except ValueError as error:
             raise self._texts.unusable(name, "is no TOML") from error
 
-    def kept(self, key: Hashable, make: Callable[[], Any]) -> Any:
-        """Return what ``make`` returns, called at the first use of ``key``."""
-        if key not in self._kept:
-            self._kept[key] = make()
-        return self._kept[key]
-
     def method(self, name: str) -> Tableau:
         """Return a method by its name.
 
@@ -120,17 +131,15 @@ class Results:
         Undecided
             It is not among the methods.
         """
-        if name not in self.methods:
-            message = f"the method {name} is not among those that are looked at"
-            raise Undecided(message)
+        require(name in self.methods, f"the method {name} is not among those that are looked at")
         return self.methods[name]
 
-    @cache  # noqa: B019 - there is one object for each job
     def panels(self) -> dict[str, xr.Dataset]:
         """Return the panels of Figure 6, by letter."""
         from nearharmonic.reproduction.experiments.paper.orbits.substeps import paper_panels
 
-        return paper_panels()
+        panels: dict[str, xr.Dataset] = self.kept("panels", paper_panels)
+        return panels
 
 
 def only(rows: Sequence[Mapping[str, str]], key: str, value: str) -> Mapping[str, str]:
@@ -142,9 +151,7 @@ def only(rows: Sequence[Mapping[str, str]], key: str, value: str) -> Mapping[str
         There is none.
     """
     found = [row for row in rows if row[key] == value]
-    if not found:
-        message = f"the table has no {key} {value}"
-        raise Undecided(message)
+    require(found, f"the table has no {key} {value}")
     return found[0]
 
 

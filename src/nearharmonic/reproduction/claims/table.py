@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from types import ModuleType
 from typing import Any
 
 from nearharmonic.integrators import integrators as registered
@@ -12,14 +13,12 @@ from nearharmonic.output.table import Table
 from nearharmonic.reproduction.claims.claim import Claim
 from nearharmonic.reproduction.claims.results import Results
 from nearharmonic.reproduction.claims.statements.equations import decomposition, identities, misprints, search
-from nearharmonic.reproduction.claims.statements.figures import henon_heiles, kepler, oscillator, perihelion, substeps
-from nearharmonic.reproduction.claims.statements.performance import comparisons, conclusions, large_steps
+from nearharmonic.reproduction.claims.statements.figures import henon_heiles, kepler, oscillator, substeps
+from nearharmonic.reproduction.claims.statements.performance import comparisons, discussion
 from nearharmonic.reproduction.claims.statements.tableaus import (
-    background,
     coefficients,
     methods,
     roles,
-    rounding,
     sizes,
     splitting,
     trained,
@@ -27,11 +26,19 @@ from nearharmonic.reproduction.claims.statements.tableaus import (
 
 #: The groups in the order of the paper; a digest of the job follows these imports, so that an edit of one decides anew.
 GROUPS = (
-    background, splitting, decomposition, identities, misprints, search, coefficients, sizes, trained, roles, methods,
-    rounding, oscillator, henon_heiles, kepler, perihelion, substeps, comparisons, large_steps, conclusions,
+    splitting, decomposition, identities, misprints, search, coefficients, sizes, trained, roles, methods, oscillator,
+    henon_heiles, kepler, substeps, comparisons, discussion,
 )  # fmt: skip
 
-CLAIMS: tuple[Claim, ...] = tuple(one for group in GROUPS for one in vars(group).values() if isinstance(one, Claim))
+
+def _claims(group: ModuleType) -> Iterator[Claim]:
+    """The statements of a module in their order, those in tuples among them."""
+    for value in vars(group).values():
+        rows = value if isinstance(value, tuple) else (value,)
+        yield from (one for one in rows if isinstance(one, Claim))
+
+
+CLAIMS: tuple[Claim, ...] = tuple(one for group in GROUPS for one in _claims(group))
 
 #: Result files that a statement may need or tell of, relative to the folder of results.
 FILES: tuple[str, ...] = tuple(sorted({name for one in CLAIMS for name in (*one.needs, *one.also)}))

@@ -1,31 +1,29 @@
-"""Arguments of the formulas of a system: their signatures, compared with how they are called."""
+"""Comparison of the signatures of formulas with the arguments of their calls."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from inspect import Parameter as Argument
 from inspect import Signature, signature
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from nearharmonic.errors import SystemDefinitionError
+from nearharmonic.systems.definition.members import Members
 from nearharmonic.systems.formulas.kinetic_energy import takes_parameters
 from nearharmonic.systems.numba.potential import given_function
-
-if TYPE_CHECKING:
-    from nearharmonic.systems.definition.system import System
 
 _POSITIONAL = (Argument.POSITIONAL_ONLY, Argument.POSITIONAL_OR_KEYWORD)
 
 
-def check_arguments(system: System) -> None:
-    """Refuse formulas that cannot be called as they are, or that name the parameters in another order.
+def check_arguments(system: Members) -> None:
+    """Refuse formulas with other arguments than those of their calls, or with parameters in another order.
 
-    A formula without a signature, one written in C say, is left to its first call.
+    A formula without a signature, such as one written in C, is not checked.
 
     Raises
     ------
     SystemDefinitionError
-        It names the formula, what it takes, and how it is called.
+        The message holds the formula, its arguments, and the arguments of its calls.
     """
     for formula in ("V", "grad_V", "T", "grad_T"):
         function, parameters = given_function(getattr(system, formula)), tuple(system.parameters)
@@ -49,7 +47,7 @@ def _signature(function: Callable[..., Any], *, follow_wrapped: bool) -> Signatu
 
 
 def _check_count(
-    system: System, formula: str, taken: Signature, given: tuple[str, ...], parameters: tuple[str, ...]
+    system: Members, formula: str, taken: Signature, given: tuple[str, ...], parameters: tuple[str, ...]
 ) -> None:
     called = (*given, *parameters)
     try:
@@ -62,7 +60,7 @@ def _check_count(
         raise SystemDefinitionError(message) from None
 
 
-def _reason(system: System, taken: list[Argument], given: tuple[str, ...]) -> str:
+def _reason(system: Members, taken: list[Argument], given: tuple[str, ...]) -> str:
     behind = [x.name for x in taken if x.default is Argument.empty][len(given) :]
     unknown = [name for name in behind if name not in system.parameters]
     if given == ("q",) and "t" in unknown:
@@ -74,7 +72,7 @@ def _reason(system: System, taken: list[Argument], given: tuple[str, ...]) -> st
     return "it takes all parameters, those that only masses or T use too"
 
 
-def _check_order(system: System, formula: str, taken: Signature, given: int) -> None:
+def _check_order(system: Members, formula: str, taken: Signature, given: int) -> None:
     names = [x.name for x in taken.parameters.values() if x.kind in _POSITIONAL][given:]
     parameters = list(system.parameters)
     if names != parameters and sorted(names) == sorted(parameters):

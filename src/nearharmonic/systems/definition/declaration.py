@@ -1,22 +1,19 @@
-"""Checks of what a system declares, member by member, before any of it is used."""
+"""Checks of the members of a system, before they are used."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from decimal import Decimal, InvalidOperation
+from fractions import Fraction
 from math import isinf
 from numbers import Real
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from nearharmonic.errors import SystemDefinitionError, shown
-from nearharmonic.systems.definition.quantities import is_extreme
+from nearharmonic.systems.definition.members import UNITS, Members
+from nearharmonic.systems.definition.quantities import is_extreme, is_list
 
-if TYPE_CHECKING:
-    from nearharmonic.systems.definition.system import System
-
-#: What a system has units of.
-UNITS = ("q", "p", "t", "energy")
-#: Variables that every result has, with their dimensions: names that no invariant or observable may have.
+#: Names of the variables and dimensions of every result; no invariant or observable may have such a name.
 VARIABLES = frozenset((
     "t", "q", "p", "q_low", "p_low", "tau", "tau_requested", "energy_error", "max_energy_error", "mean_energy_error",
     "initial_energy", "initial_energy_low", "clock", "clock_low", "clock_momentum", "clock_momentum_low", "steps",
@@ -25,13 +22,13 @@ VARIABLES = frozenset((
 ))  # fmt: skip
 
 
-def check_members(system: System) -> None:
-    """Refuse members of a system that are of another type than they must be.
+def check_members(system: Members) -> None:
+    """Refuse members of a system that have a wrong type.
 
     Raises
     ------
     SystemDefinitionError
-        It names the member, its value, and what is allowed.
+        The message holds the member, its value, and the allowed values.
     """
     name = system.name
     if not isinstance(name, str) or not name:
@@ -47,13 +44,13 @@ def check_members(system: System) -> None:
         raise SystemDefinitionError(f"{name}: surface_limit = {limit!r} is not allowed: a number above 0")
 
 
-def _check_mapping(system: System, key: str) -> None:
+def _check_mapping(system: Members, key: str) -> None:
     value = getattr(system, key)
     if not isinstance(value, Mapping) or not all(isinstance(entry, str) for entry in value):
         raise SystemDefinitionError(f"{system.name}: {key} = {value!r} is not allowed: a mapping of names")
 
 
-def _check_names(system: System) -> None:
+def _check_names(system: Members) -> None:
     name = system.name
     for key in UNITS:
         if key not in system.units:
@@ -72,7 +69,7 @@ def _check_names(system: System) -> None:
             raise SystemDefinitionError(f"{name}: parameters has {key!r}, which is not allowed: {allowed}")
 
 
-def _check_functions(system: System) -> None:
+def _check_functions(system: Members) -> None:
     name = system.name
     for key in ("V", "grad_V", "T", "grad_T"):
         function = getattr(system, key)
@@ -87,13 +84,13 @@ def _check_functions(system: System) -> None:
                 raise SystemDefinitionError(f"{name}: {key}[{entry!r}] = {function!r} is not allowed: {allowed}")
 
 
-def check_numbers(system: System) -> None:
-    """Refuse initial values, parameters and times that no double holds.
+def check_numbers(system: Members) -> None:
+    """Refuse initial values, parameters and times that are not finite doubles.
 
     Raises
     ------
     SystemDefinitionError
-        It names the number, its value, and what is wrong.
+        The message holds the name of the number, its value, and the fault.
     """
     named: dict[str, Any] = {f"parameter {k}": v.value for k, v in system.parameters.items()}
     named |= {"t_end": system.t_end}
@@ -112,3 +109,35 @@ def check_numbers(system: System) -> None:
             raise SystemDefinitionError(f"{system.name}: {key} = {text!r} is smaller than any double above 0")
     if system.energy_scale is not None and Decimal(system.energy_scale) <= 0:
         raise SystemDefinitionError(f"{system.name}: energy_scale = {system.energy_scale!r} is not positive")
+
+
+def written_frequencies(system: Members) -> tuple[Fraction | str, ...]:
+    """Return the frequencies that ``system`` declares: exact numbers, and names of parameters.
+
+    Raises
+    ------
+    SystemDefinitionError
+        The numbers of frequencies and coordinates differ, or a frequency is neither a number of at least 0 nor a
+        parameter.
+    """
+    given: Any = system.frequencies
+    if not is_list(given) or not hasattr(given, "__len__") or len(given) != system.dimension:
+        allowed = f"{system.dimension} frequencies, one a coordinate, 0 for one that is free"
+        raise SystemDefinitionError(f"{system.name}: frequencies = {given!r} is not allowed: {allowed}")
+    return tuple(_frequency(system, i, value) for i, value in enumerate(given))
+
+
+def _frequency(system: Members, i: int, value: Any) -> Fraction | str:
+    if isinstance(value, str) and value in system.parameters:
+        return value
+    try:
+        number = None if isinstance(value, bool | float) or is_extreme(value) else Fraction(value)
+        usable = number is not None and number >= 0 and float(number) < float("inf")
+    except (ValueError, TypeError, ZeroDivisionError, OverflowError):
+        usable = False
+    if not usable:
+        names = f", or the name of a parameter: {', '.join(system.parameters)}" if system.parameters else ""
+        what = f"a decimal string or a fraction of at least 0{names}"
+        raise SystemDefinitionError(f"{system.name}: frequencies[{i}] = {value!r} is not allowed: it must be {what}")
+    assert number is not None
+    return number

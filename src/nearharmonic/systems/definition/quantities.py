@@ -1,4 +1,4 @@
-"""Quantities that a system is declared with: its parameters and observables, and numbers as decimals."""
+"""Parameters and observables of a system, and decimal numbers."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from typing import Any
 
 #: A coordinate tuple of any number type: float, numpy array, mpf, or a number traced into a kernel.
 Vector = tuple[Any, ...]
-#: Decimal exponents beyond this are outside the range of doubles, and slow to make fractions of.
+#: Decimals with larger exponents are outside the range of doubles, and their conversion to fractions is slow.
 LARGEST_EXPONENT = 400
-#: Digits of a fraction that is no decimal: three times those of double-double.
+#: Digits of a fraction that is not a finite decimal: three times those of double-double.
 DIGITS = 100
 
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """One constant of a system: exact decimal ``value`` with its ``unit``, "1" for none, and ``meaning``.
+    """A constant of a system: exact decimal ``value``, ``unit`` ("1" for none), and ``meaning``.
 
-    A number as ``value`` means the decimal that it prints as.
+    A float as ``value`` means the decimal that it prints as.
     """
 
     value: str
@@ -41,14 +41,14 @@ class Observable:
     meaning: str
 
     def __call__(self, q: Vector, p: Vector, *parameters: Any) -> Any:
-        """Its value, or its values, at states of any number type."""
+        """Return the value, or a sequence of values, at states of any number type."""
         return self.function(q, p, *parameters)
 
 
 def decimal(value: Any) -> Any:
-    """Return a number as the shortest decimal that it prints as, and anything else as it is.
+    """Return the shortest decimal that a number prints as; return other objects unchanged.
 
-    A fraction that is no decimal is rounded to :data:`DIGITS` digits.
+    A fraction that is not a finite decimal is rounded to :data:`DIGITS` digits.
     """
     if isinstance(value, bool) or not isinstance(value, Real):
         return value
@@ -60,7 +60,7 @@ def decimal(value: Any) -> Any:
 
 
 def is_extreme(value: Any) -> bool:
-    """Return True if a decimal is far outside the range of doubles, so that its fraction has very many digits."""
+    """Return True if a decimal is far outside the range of doubles: its fraction then has very many digits."""
     try:
         number = Decimal(value) if isinstance(value, str | Decimal) else Decimal(1)
     except InvalidOperation:
@@ -69,11 +69,11 @@ def is_extreme(value: Any) -> bool:
 
 
 def is_list(values: Any) -> bool:
-    """Return whether iterating over ``values`` gives numbers in an order: not for text, bytes, mappings and sets."""
+    """Return True if ``values`` is an ordered collection of numbers: not text, bytes, a mapping or a set."""
     other = isinstance(values, str | bytes | bytearray | memoryview | Mapping | AbstractSet)
     return isinstance(values, Iterable) and not other and getattr(values, "ndim", 1) > 0
 
 
 def sequence(values: Any) -> Any:
-    """Return a value that is no list as a tuple of this value alone."""
+    """Return a list of values as it is, and a single value as a tuple of one entry."""
     return values if is_list(values) else (values,)

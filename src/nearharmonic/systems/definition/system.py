@@ -2,120 +2,81 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any
 
+from nearharmonic.core.formulas.chain import Chain
 from nearharmonic.core.formulas.expression.graph import Graph
 from nearharmonic.core.formulas.number import Constant, vector
 from nearharmonic.errors import SystemDefinitionError
+from nearharmonic.registry.user_module import pickled
 from nearharmonic.systems.definition.arguments import check_arguments
-from nearharmonic.systems.definition.declaration import UNITS, check_members, check_numbers
-from nearharmonic.systems.definition.quantities import Observable, Parameter, Vector, decimal, sequence
-from nearharmonic.systems.formulas.energy import Energy
-from nearharmonic.systems.formulas.formulas import (
-    DerivedGradient,
-    ExtendedPotential,
-    Formulas,
-    formulas_of,
-    regularised_formulas,
-    with_parameters,
-)
+from nearharmonic.systems.definition.declaration import check_members, check_numbers, written_frequencies
+from nearharmonic.systems.definition.energies import Energies
+from nearharmonic.systems.definition.extended import DerivedGradient
+from nearharmonic.systems.definition.quantities import Vector
+from nearharmonic.systems.formulas.formulas import Formulas, formulas_of, regularised_formulas
 from nearharmonic.systems.formulas.kinetic_energy import MassKineticEnergy, of_masses, quadratic_grad_T, quadratic_T
-from nearharmonic.systems.formulas.oscillator import written_frequencies
-from nearharmonic.systems.formulas.regularisation import Regularisation
-from nearharmonic.systems.numba.potential import NumbaEnergy, numba_potential, potential_of
+from nearharmonic.systems.numba.potential import potential_of
 
-if TYPE_CHECKING:
-    from nearharmonic.core.formulas.chain import Chain
-
-Scalar = TypeVar("Scalar")
-
-#: Members of a system that hold for its V and T alone.
+#: Members of a system that are valid only for its V and T.
 DECLARED = ("harmonic", "gravity", "exact_position", "position_t_end", "frequencies")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)  # formulas have no equality but identity
-class System:
-    """A separable Hamiltonian with its standard initial value problem.
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)  # formulas are compared by identity only
+class System(Energies):
+    """A separable Hamiltonian with a standard initial value problem.
 
     ``V(q, *parameters)`` and ``T(p)`` or ``T(p, *parameters)`` return a scalar. They use only ``+ - * /``, powers,
-    ``abs`` and the functions of :mod:`nearharmonic.math`, never a branch on a value, so that one text serves floats,
-    numpy arrays, mpmath numbers and the kernels' scalars, SIMD lanes and double-doubles. Kernels take a float literal
-    for the shortest decimal that it prints as: 0.1 is one tenth in every precision, ``q[0] / 3`` more precise than
-    ``0.3333333333333333 * q[0]``, and a number of more digits a parameter.
+    ``abs`` and the functions of :mod:`nearharmonic.math`, and never branch on a value. The same code then works with
+    floats, numpy arrays, mpmath numbers, and the scalars, SIMD lanes and double-doubles of kernels. In kernels a float
+    literal means the shortest decimal that it prints as: 0.1 is one tenth in every precision, and ``q[0] / 3`` is more
+    precise than ``0.3333333333333333 * q[0]``. A number with more digits must be a parameter.
 
-    ``grad_V(q, *parameters)`` and ``grad_T(p)`` return a tuple as long as ``q``. If left out, they are derived; if
-    given, they are compared with V and T at first use. With ``time_dependent``, ``V(q, t, *parameters)`` and
-    ``grad_V(q, t, *parameters)`` depend on the time; :meth:`formulas` are those of the extended autonomous system.
+    ``grad_V(q, *parameters)`` and ``grad_T(p)`` return a tuple as long as ``q``. Gradients that are not given are
+    derived from V and T. Gradients that are given are compared with V and T at first use. With ``time_dependent=True``,
+    ``V(q, t, *parameters)`` and ``grad_V(q, t, *parameters)`` depend on the time, and :meth:`formulas` are those of the
+    extended autonomous system.
 
-    V and grad_V may both be functions decorated with ``numba.njit``, of a tuple or an array of floats: these may
-    branch, and are compiled as they are, for double precision. See :mod:`nearharmonic.systems.numba.potential`.
+    V and grad_V may both be functions decorated with ``numba.njit``, of a tuple or an array of floats. Such functions
+    may branch, and are compiled without tracing, for double precision only. See
+    :mod:`nearharmonic.systems.numba.potential`.
 
-    ``masses`` makes T = p.M^-1 p / 2, in place of T and grad_T: a tuple of d decimal strings, fractions or names of
-    parameters, or a constant symmetric positive definite matrix (d, d) of strings and fractions. Without ``masses`` and
-    T the masses are 1.
+    ``masses`` defines T = p.M^-1 p / 2, in place of T and grad_T. It is a tuple of d decimal strings, fractions or
+    names of parameters, or a constant symmetric positive definite matrix (d, d) of strings and fractions. Without
+    ``masses`` and T all masses are 1.
 
-    ``q0``, ``p0``, ``t_end`` and the parameters are decimal strings, exact, rounded once per precision; numbers mean
-    the decimals that they print as, and a parameter may be given by its value alone. ``units`` names the units of
-    ``q``, ``p``, ``t`` and ``energy``, "1" by default. ``invariants`` are conserved functions ``f(q, p, *parameters)``
-    besides the energy, an :class:`Observable` where their units matter; ``observables`` are recorded at the samples,
-    functions of the same arguments or each an :class:`Observable`; ``period(q, p, *parameters)`` is the period of the
-    exact orbit through floats q, p, if it has one. ``energy_scale`` is what energy errors are relative to, a decimal
-    string in the unit of energy; if None, |H0|, or that unit where H0 = 0.
-    ``surface_limit`` is the relative energy error beyond which a run has diverged; ``surface_reason`` says why.
+    ``q0``, ``p0``, ``t_end`` and the parameters are exact decimal strings, which are rounded once for each precision. A
+    float means the decimal that it prints as. A parameter may be given by its value alone. ``units`` holds the units of
+    ``q``, ``p``, ``t`` and ``energy``, "1" by default. ``invariants`` are functions ``f(q, p, *parameters)`` that are
+    conserved besides the energy, ``observables`` functions of the same arguments that are recorded at the samples. Both
+    may be an :class:`Observable`, which has a unit. ``period(q, p, *parameters)`` is the period of the exact orbit
+    through floats q, p, if it is periodic. Energy errors are relative to ``energy_scale``, a decimal string in the unit
+    of energy; if None, they are relative to |H0|, or absolute if H0 = 0. A run has diverged if its relative energy
+    error exceeds ``surface_limit``; ``surface_reason`` is the reason for the value of this limit.
 
-    ``regularisation`` makes V = -GM/|q| + R in two or three coordinates an oscillator: what is integrated, with a step
-    in a fictitious time, are the formulas of :mod:`nearharmonic.systems.formulas.regularisation`. States, times and
-    energies are mapped back.
+    ``regularisation`` transforms a system with V = -GM/|q| + R in two or three coordinates to an oscillator: the
+    formulas of :mod:`nearharmonic.systems.formulas.regularisation` are integrated with a step in a fictitious time.
+    States, times and energies are mapped back.
 
-    ``harmonic`` marks the unit oscillator H = (p^2 + q^2)/2, whose energy errors are known in closed form, ``gravity``
-    the potential V = -GM/|q|, for which other libraries have code of their own; both are compared with V at first use.
-    ``exact_position(system, t)`` returns the position at the mpmath number t on the exact orbit, in the working
-    precision of mpmath, or None if it has no closed form for the initial values and parameters of ``system``.
-    ``position_t_end`` is the end of the interval over which positions are compared, where ``t_end`` is too late for
-    that. ``frequencies`` are w_i of the oscillators p_i^2 / 2 + w_i^2 q_i^2 / 2 that ``split`` of a run solves exactly:
-    d decimal strings, fractions or names of parameters, "0" for a free coordinate.
-    A copy by :func:`dataclasses.replace` with another V or T drops those of these five that it does not change,
-    and derives anew what was derived; ``declared_for`` is how it knows, and is not to be set.
+    ``harmonic`` marks the unit oscillator H = (p^2 + q^2)/2, for which energy errors have a closed form. ``gravity``
+    marks the potential V = -GM/|q|, for which other libraries have special code. Both are compared with V at first use.
+    ``exact_position(system, t)`` returns the position at the time t, an mpmath number, on the exact orbit in the
+    working precision of mpmath, or None if there is no closed form for the initial values and parameters of ``system``.
+    ``position_t_end`` is the end of the interval over which positions are compared, if ``t_end`` is too late for that.
+    ``frequencies`` are w_i of the oscillators p_i^2 / 2 + w_i^2 q_i^2 / 2 that are solved exactly by a run with
+    ``split``: d decimal strings, fractions or names of parameters, "0" for a free coordinate. A copy by
+    :func:`dataclasses.replace` with another V or T resets those of these five members that are not replaced too, and
+    derives gradients again. ``declared_for`` records V and T for this purpose and must not be set.
 
     Raises
     ------
     SystemDefinitionError
-        Rows of different length, a string that is no number finite as a double, a unit missing, ``masses`` that make no
-        kinetic energy or beside a T, a formula that takes other arguments than it is called with or names the
-        parameters in another order, or ``harmonic`` or ``gravity`` where dimension, kinetic energy or parameters rule
-        it out.
+        q0 and p0 have different lengths; a string is not a finite double; a unit is missing; ``masses`` do not define a
+        kinetic energy, or are given together with T; a formula has wrong arguments or parameters in another order; or
+        ``harmonic`` or ``gravity`` contradicts the dimension, the kinetic energy or the parameters.
     """
-
-    name: str
-    label: str = ""
-    V: Callable[..., Any]
-    grad_V: Callable[..., Vector] = None  # type: ignore[assignment]  # never None once built
-    q0: tuple[str, ...]
-    p0: tuple[str, ...]
-    t_end: str
-    units: Mapping[str, str] = field(default_factory=lambda: dict.fromkeys(UNITS, "1"))
-    source: str = "defined by its user"
-    T: Callable[..., Any] = quadratic_T
-    grad_T: Callable[..., Vector] = None  # type: ignore[assignment]
-    masses: Sequence[Any] | None = None
-    time_dependent: bool = False
-    regularisation: Regularisation | None = None
-    parameters: Mapping[str, Parameter] = field(default_factory=dict)
-    invariants: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
-    observables: Mapping[str, Observable] = field(default_factory=dict)
-    period: Callable[..., float] | None = None
-    harmonic: bool = False
-    gravity: bool = False
-    exact_position: Callable[[System, Any], Vector | None] | None = None
-    position_t_end: str | None = None
-    frequencies: Sequence[Any] | None = None
-    declared_for: Mapping[str, Any] | None = None
-    energy_scale: str | None = None
-    surface_limit: float = 1.0
-    surface_reason: str = "the energy error is as large as the energy itself"
 
     def __post_init__(self) -> None:
         check_members(self)
@@ -165,7 +126,7 @@ class System:
         return facts_table("System", self.facts)
 
     def _set_kinetic_energy(self) -> None:
-        """Make T of ``masses``, and grad_T if it is not given; in a copy these may be the original's."""
+        """Set T from ``masses``, and grad_T if it is not given; in a copy both may come from the original."""
         made = isinstance(self.grad_T, DerivedGradient) or isinstance(
             getattr(self.grad_T, "__self__", None), MassKineticEnergy
         )
@@ -183,7 +144,7 @@ class System:
             object.__setattr__(self, "grad_T", DerivedGradient(self._kinetic_energy))
 
     def _drop_declarations(self) -> None:
-        """Reset, in a copy with another V or T, what the original declared of its own."""
+        """Reset, in a copy with another V or T, the members that the original declared for its own V and T."""
         original = self.declared_for
         if original is not None and (original["V"], original["T"]) != (self.V, self.T):
             for name in DECLARED:
@@ -191,37 +152,14 @@ class System:
                     object.__setattr__(self, name, getattr(System, name))
         object.__setattr__(self, "declared_for", {name: getattr(self, name) for name in ("V", "T", *DECLARED)})
 
-    def _write_out(self) -> None:
-        """Write out what was given in short: numbers, parameters and observables by themselves, no label."""
-        named = {
-            key: value if isinstance(value, Parameter) else Parameter(value=value, meaning=key)
-            for key, value in self.parameters.items()
-        }
-        observed = {
-            key: f if isinstance(f, Observable) else Observable(function=f, unit="unknown", meaning=key)
-            for key, f in self.observables.items()
-        }
-        rows = {key: tuple(map(decimal, sequence(getattr(self, key)))) for key in ("q0", "p0")}
-        rows |= {key: decimal(getattr(self, key)) for key in ("t_end", "position_t_end", "energy_scale")}
-        written = {"label": self.label or self.name, "parameters": named, "observables": observed, **rows}
-        for key, value in written.items():
-            object.__setattr__(self, key, value)
-
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle a registered system by its name, that of a file by its path, another by its fields.
+        """Pickle a registered system by its name, the system of a file by its path, and any other by its fields.
 
         The functions in these fields must be importable.
         """
-        from nearharmonic.systems import systems
-
-        if self.name in systems.registered and systems.get(self.name) is self:
-            return systems.__getitem__, (self.name,)
-        from nearharmonic.registry.user_module import place_of
-        from nearharmonic.systems.user_file import load_system
-
-        place = place_of("SYSTEM", self)
-        if place is not None:
-            return load_system, (str(place),)
+        elsewhere = pickled("nearharmonic.systems", "SYSTEM", self)
+        if elsewhere is not None:
+            return elsewhere
         kept = {x.name: getattr(self, x.name) for x in fields(self) if x.name != "declared_for"}
         for name in ("grad_V", "grad_T"):
             if isinstance(kept[name], DerivedGradient) or (self.masses is not None and name == "grad_T"):
@@ -230,42 +168,9 @@ class System:
             del kept["T"]
         return _rebuilt, (kept,)
 
-    @property
-    def dimension(self) -> int:
-        """Number of coordinates."""
-        return len(self.q0)
-
-    @cached_property
-    def _potential(self) -> Energy:
-        numba = numba_potential(self)
-        if numba is not None:
-            return NumbaEnergy(numba, self.constants(Constant))
-        V = ExtendedPotential(self.V) if self.time_dependent else self.V
-        return Energy(self.name, "V", V, self.dimension + self.time_dependent, self.constants(Constant))
-
-    @cached_property
-    def _kinetic_energy(self) -> Energy:
-        T = with_parameters(self.T, len(self.parameters))
-        return Energy(self.name, "T", T, self.dimension, self.constants(Constant))
-
-    @property
-    def energies(self) -> tuple[Energy, Energy]:
-        """V, of the coordinates and of time if it depends on it, and T."""
-        return self._potential, self._kinetic_energy
-
-    @cached_property
-    def quadratic_kinetic_energy(self) -> bool:
-        """True if T is a polynomial of degree at most 2 in the momenta, which Nystrom methods need."""
-        return self.T is quadratic_T or isinstance(self.T, MassKineticEnergy) or self._kinetic_energy.is_quadratic
-
-    @cached_property
-    def unit_masses(self) -> bool:
-        """True if T = p.p / 2, so that forces are accelerations."""
-        return self.T is quadratic_T or self._kinetic_energy.is_half_square
-
     @cached_property
     def parameters_at_run_time(self) -> bool:
-        """True if formulas can be called with parameters that are values, on which no branch may depend."""
+        """True if formulas work with parameters that are values of a kernel, so that no branch depends on them."""
         energies = (self._potential, self._kinetic_energy)
         return not self.parameters or (
             all(e.parameters_at_run_time for e in energies) and self._gradients_take_values()
@@ -277,7 +182,7 @@ class System:
         try:
             for name in ("grad_V", "grad_T"):
                 traced = name == "grad_T" or self._potential.traced
-                if traced and not isinstance(getattr(self, name), DerivedGradient):  # of an energy, which takes them
+                if traced and not isinstance(getattr(self, name), DerivedGradient):  # an energy takes such parameters
                     vector(formulas, name, values[: formulas.dimension], *values[formulas.dimension :])
         except SystemDefinitionError:
             return False
@@ -285,15 +190,15 @@ class System:
 
     @property
     def force_chain(self) -> Chain:
-        """The longest chain of operations from a position to the force there, in processor cycles.
+        """The longest chain of operations from a position to its force, in processor cycles.
 
-        It bounds the time of one trajectory: a stage takes as long as this and about seven cycles more.
+        It bounds the time of one trajectory: a stage takes about seven cycles more.
         """
         given = () if self.parameters_at_run_time else self.constants(Constant)
         return self.formulas().force_chain(given, len(self.parameters))
 
     def formulas(self) -> Formulas:
-        """Return what is integrated: the formulas, or those of the extended system if V depends on time."""
+        """Return the integrated formulas: those of the system, or of the extended system if V depends on time."""
         return self._formulas
 
     @cached_property
@@ -303,7 +208,7 @@ class System:
         return formulas_of(self, self._potential, self._kinetic_energy)
 
     def autonomous(self) -> System:
-        """Return the extended system as one of its own if V depends on time: a System of :meth:`formulas`."""
+        """Return the extended system as a separate System if V depends on time: that of :meth:`formulas`."""
         if not self.time_dependent:
             return self
         formulas, (q0, p0) = self.formulas(), self.extended_start(str)
@@ -317,56 +222,14 @@ class System:
         Parameters
         ----------
         q, direction : tuple of d numbers
-            Position, and a displacement, of any one number type.
+            Position, and a displacement, in the same number type.
         *others : numbers
-            What V takes behind q: the time if it depends on it, and the parameters.
+            Further arguments of V: the time if V depends on it, and the parameters.
         """
         if self.time_dependent:
             t, *parameters = others
             return self._potential.hessian_times((*q, t), (*direction, t * 0), *parameters)[:-1]
         return self._potential.hessian_times(tuple(q), tuple(direction), *others)
-
-    def constants(self, kind: Callable[[str], Scalar]) -> tuple[Scalar, ...]:
-        """Return the parameters as numbers of one kind.
-
-        Parameters
-        ----------
-        kind : callable
-            Number type, called with each decimal string: ``float``, ``Fraction``, ``mpmath.mpf``.
-        """
-        return tuple(kind(parameter.value) for parameter in self.parameters.values())
-
-    def start(self, kind: Callable[[str], Scalar]) -> tuple[tuple[Scalar, ...], tuple[Scalar, ...]]:
-        """Return the initial values (q0, p0) as numbers of one kind, see :meth:`constants`."""
-        return tuple(map(kind, self.q0)), tuple(map(kind, self.p0))
-
-    def extended_start(self, kind: Callable[[str], Scalar]) -> tuple[tuple[Scalar, ...], tuple[Scalar, ...]]:
-        """Return the initial values of what :meth:`formulas` are of: with t = 0 and p_t = 0 if V depends on time."""
-        more = (kind("0"),) if self.time_dependent else ()
-        q0, p0 = self.start(kind)
-        return (*q0, *more), (*p0, *more)
-
-    def energy(self, q: Vector, p: Vector, constants: Sequence[Any] = (), t: Any = None) -> Any:
-        """Return H = T(p) + V(q), or T(p) + V(q, t).
-
-        Parameters
-        ----------
-        q, p : tuple of d numbers or arrays
-            State, of any one number type.
-        constants : sequence of numbers
-            Parameters in that type, from :meth:`constants`.
-        t : number or array
-            Time, if V depends on it.
-
-        Raises
-        ------
-        SystemDefinitionError
-            V depends on time, and none is given.
-        """
-        if self.time_dependent and t is None:
-            raise SystemDefinitionError(f"{self.name}: V depends on time, and its energy needs t")
-        time = (t,) if self.time_dependent else ()
-        return self._kinetic_energy.function(p, *constants) + self.V(q, *time, *constants)
 
 
 def _rebuilt(fields: dict[str, Any]) -> System:

@@ -1,6 +1,6 @@
-"""The energies of a system as expressions: their derivatives, on numbers of any type, and what is proved of them.
+"""The energies of a system as expressions, with derivatives for numbers of any type, and proved properties.
 
-A formula is traced at its first use, and a gradient or a Hessian is derived when it is first called.
+A formula is traced at its first use. A gradient or a Hessian is derived at its first call.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Vector = tuple[Any, ...]
 
 
 class _Traced(NamedTuple):
-    """An energy as a value of a graph, with its coordinates; ``V`` and ``T`` are names of the formula for errors."""
+    """An energy as a value of a graph, with its coordinates."""
 
     graph: Graph
     value: Value
@@ -54,7 +54,7 @@ class Energy:
     Attributes
     ----------
     traced : bool
-        Whether there is an expression: not of a function of numba.
+        True: the energy has an expression, unlike a function of numba.
     """
 
     traced = True
@@ -68,11 +68,11 @@ class Energy:
         self._programs: dict[Any, Program] = {}
         self._loops: dict[Any, LoopedEnergy] = {}
         self._at_run_time: bool | None = None
-        self._lock = RLock()  # a graph grows while it is differentiated, and systems are used from several threads
+        self._lock = RLock()  # differentiation adds nodes to the graph, and threads may share a system
 
     @property
     def parameters_at_run_time(self) -> bool:
-        """True if the formula can be called with parameters that are values, on which no branch may depend."""
+        """True if the formula works with parameters that are values of a kernel, so that no branch depends on them."""
         with self._lock:
             if self._at_run_time is None:
                 try:
@@ -81,19 +81,19 @@ class Energy:
                 except SystemDefinitionError:
                     if not self.parameters:
                         raise
-                    self._trace(self.parameters)  # a formula that fails with constants as well fails here
+                    self._trace(self.parameters)  # raises the error of a formula that fails with constants too
                     self._at_run_time = False
             return self._at_run_time
 
     def trace(self) -> None:
-        """Call the formula, if it was not yet.
+        """Trace the formula, unless it was traced before.
 
         Raises
         ------
         SystemDefinitionError
-            It fails, or takes too many operations to be compiled.
+            The formula fails, or has too many operations to be compiled.
         """
-        _ = self._standard  # raises what the formula does
+        _ = self._standard  # raises the error of the formula
         if self.is_long:
             looped = call(_Named(self), self.formula, self.looped, self.parameters_at_run_time)
             call(_Named(self), self.formula, check_size, looped.operations)
@@ -108,12 +108,12 @@ class Energy:
         return becomes_loops(self.dimension, operations(graph, [value]))
 
     def _trace(self, parameters: tuple[Constant, ...] | None) -> _Traced:
-        """The expression, with parameters that are variables or these constants."""
+        """The expression; its parameters are variables, or the given constants."""
         if parameters not in self._traced:
             graph, d = Graph(), self.dimension
             variables = graph.variables(d if parameters is not None else d + len(self.parameters))
             result = scalar(_Named(self), self.formula, variables[:d], *(parameters or variables[d:]))
-            call(_Named(self), self.formula, variables[0].__add__, result)  # fails for the value of another call
+            call(_Named(self), self.formula, variables[0].__add__, result)  # fails for a value of an earlier call
             self._traced[parameters] = _Traced(graph, value_of(result), tuple(x.value for x in variables[:d]))
         return self._traced[parameters]
 
@@ -122,8 +122,8 @@ class Energy:
         return self._trace(None if self.parameters_at_run_time else self.parameters)
 
     def looped(self, parameters_at_run_time: bool) -> LoopedEnergy:
-        """Return the energy as loops, with parameters that are values or the system's own."""
-        from nearharmonic.core.large.energy import LoopedEnergy  # which most systems do without
+        """Return the energy as loops; its parameters are values of a kernel or the constants of the system."""
+        from nearharmonic.core.large.energy import LoopedEnergy  # most systems do not need it
 
         parameters = None if parameters_at_run_time else self.parameters
         with self._lock:
@@ -135,7 +135,7 @@ class Energy:
 
     @property
     def is_quadratic(self) -> bool:
-        """True if the energy is a polynomial of degree at most 2 in its coordinates, however it is written."""
+        """True if the energy is a polynomial of degree at most 2 in its coordinates, in any form."""
         from nearharmonic.core.formulas.expression.polynomial import is_quadratic
 
         graph, value, coordinates = self._standard
@@ -143,7 +143,7 @@ class Energy:
 
     @property
     def is_half_square(self) -> bool:
-        """True if the energy is x.x / 2, however it is written."""
+        """True if the energy is x.x / 2, in any form."""
         from nearharmonic.core.formulas.expression.polynomial import polynomial_of
 
         graph, value, coordinates = self._standard
@@ -151,15 +151,15 @@ class Energy:
         return self.is_quadratic and polynomial_of(graph, value) == half
 
     def gradient(self, x: Vector, *parameters: Any) -> Vector:
-        """Return the derivatives (d) with respect to the coordinates ``x`` (d), numbers of any one type."""
+        """Return the derivatives (d) with respect to the coordinates ``x`` (d), in any number type."""
         return self._evaluated("gradient", (), x, parameters)
 
     def gradient_and_value(self, x: Vector, *parameters: Any) -> Vector:
-        """Return the derivatives (d) and the energy behind them, from operations that they share."""
+        """Return the derivatives (d) followed by the energy; both share operations."""
         return self._evaluated("both", (), x, parameters)
 
     def balanced(self, x: Vector, *parameters: Any) -> Any:
-        """Return the energy by the operations of its expression, where long sums are short chains."""
+        """Return the energy by the operations of its expression, in which long sums have short chains."""
         (value,) = self._evaluated("value", (), x, parameters)
         return value
 
@@ -169,7 +169,7 @@ class Energy:
         return derivative
 
     def hessian_times(self, x: Vector, vector: Vector, *parameters: Any) -> Vector:
-        """Return the Hessian at ``x`` (d) times ``vector`` (d), numbers of any one type."""
+        """Return the Hessian at ``x`` (d) times ``vector`` (d), in any number type."""
         return self._evaluated("hessian", vector, x, parameters)
 
     def _evaluated(self, wanted: Any, vector: Vector, x: Vector, parameters: Sequence[Any]) -> Vector:
@@ -194,7 +194,7 @@ class Energy:
 
         graph, value, coordinates = traced
         if wanted == "hessian":
-            # The components of the vector are arguments behind all others.
+            # The components of the vector follow all other arguments.
             behind = max((node.place for node in graph.nodes if isinstance(node, Variable)), default=-1) + 1
             vector = [v.value for v in graph.variables(behind + self.dimension)[behind:]]
             return shortest_program(graph, hessian_vector(graph, value, coordinates, vector), value)
@@ -207,7 +207,7 @@ class Energy:
 
 
 class _Named:
-    """An energy as :mod:`nearharmonic.core.formulas.number` calls it."""
+    """Name and number of components of an energy, for :mod:`nearharmonic.core.formulas.number`."""
 
     def __init__(self, energy: Energy) -> None:
         self.name, self.dimension = energy.name, energy.dimension
@@ -215,7 +215,7 @@ class _Named:
 
 
 def _as_constant(parameter: Any) -> Constant:
-    """A parameter that a formula must know as a constant."""
+    """A parameter as a constant, for a formula that needs its value."""
     if hasattr(parameter, "man_exp"):
         mantissa, exponent = parameter.man_exp
         return Constant(int(mantissa) * Fraction(2) ** int(exponent))
@@ -226,7 +226,7 @@ def _as_constant(parameter: Any) -> Constant:
 
 
 def evaluate(program: Program, arguments: Sequence[Any]) -> Vector:
-    """Return the results of a program on numbers of one type, with constants as exact as that type has them."""
+    """Return the results of a program on numbers of one type; constants are as exact as this type allows."""
     results = program.run(arguments, constants_beside(arguments), _function)
     arrays = [x for x in arguments if hasattr(x, "shape") and x.shape]
     if arrays and not all(hasattr(result, "shape") for result in results):  # a derivative that is constant
@@ -235,7 +235,7 @@ def evaluate(program: Program, arguments: Sequence[Any]) -> Vector:
 
 
 def constants_beside(arguments: Sequence[Any]) -> Callable[[Constant], Any]:
-    """Return what makes numbers of the type of ``arguments`` of exact constants."""
+    """Return a function that converts exact constants to the type of ``arguments``."""
     scalars = [x.flat[0] if getattr(getattr(x, "dtype", None), "kind", "") == "O" and x.size else x for x in arguments]
     if any(isinstance(x, Number) for x in scalars):
         return lambda c: c
@@ -253,7 +253,7 @@ def constants_beside(arguments: Sequence[Any]) -> Callable[[Constant], Any]:
 
 
 def _function(name: str, x: Any, *others: Any) -> Any:
-    """A function of formulas, on numbers of any type."""
+    """Return the value of a function of formulas, for a number of any type."""
     if name == "root":
         return arithmetic.sqrt(x)
     if name == "sign":

@@ -1,7 +1,7 @@
-"""Comparison of a system's formulas with each other and with what it declares, in multiprecision, at its first use.
+"""Comparison of the formulas and declarations of a system in multiprecision, at its first use.
 
-Integrators see gradients alone: one that contradicts its potential gives wrong orbits of another system, not an error.
-The numbers are decimals of the standard library because mpmath takes longer to load than a kernel.
+Integrators use only gradients: a gradient that contradicts its potential gives orbits of another system without an
+error. The numbers are decimals of the standard library, because mpmath takes longer to load than a kernel.
 """
 
 from __future__ import annotations
@@ -17,32 +17,33 @@ from nearharmonic.core.formulas.expression.graph import Graph, value_of
 from nearharmonic.core.formulas.expression.size import check_size, operations
 from nearharmonic.core.formulas.number import Constant, Number, call, scalar, vector
 from nearharmonic.errors import SystemDefinitionError
+from nearharmonic.systems.definition.extended import DerivedGradient
 from nearharmonic.systems.definition.system import System
-from nearharmonic.systems.formulas.formulas import DerivedGradient, Formulas
+from nearharmonic.systems.formulas.formulas import Formulas
 from nearharmonic.systems.formulas.kinetic_energy import MassKineticEnergy, quadratic_grad_T, quadratic_T
+from nearharmonic.systems.numba.gradients import SMALL, bisected, check_numba_gradient
 from nearharmonic.systems.numba.potential import numba_potential
 
-# Sizes below are relative to the coordinates. A point lies at a displacement r from the start, so that lengths on which
-# a formula changes are hardly shorter than r (singularities, the width of a zero). A central difference over a step h
-# then has a relative truncation error of (h/r)^2 / 6 < 1e-84 for the smallest r. Its rounding error, 1e-DIGITS of the
-# terms of V over h, is 1e-140 of V's slope if V's terms are as large as that slope times the coordinate, and is allowed
-# for if they are larger. Neither matters beside TOLERANCE.
+# Sizes below are relative to the coordinates. A point has a displacement r from the start, so that length scales of a
+# formula (singularities, the width of a zero) are hardly shorter than r. A central difference over a step h then has a
+# relative truncation error of (h/r)^2 / 6 < 1e-84 for the smallest r. Its rounding error is 1e-DIGITS of the terms of
+# V, divided by h. If the terms of V are as large as its slope times the coordinate, this is 1e-140 of the slope; for
+# larger terms the comparison allows a larger error. Both errors are negligible compared with TOLERANCE.
 DIGITS = 200
 STEP = Decimal("1e-60")
-#: Distances of the points from the start: none is the start itself, where gradients vanish, and formulas may fail.
+#: Distances of the points from the start. No point is the start itself, where gradients may vanish and formulas may
+#: fail.
 DISPLACEMENTS = tuple(Decimal(2) ** -k for k in (4, 10, 30, 60))
-#: Largest difference, relative to the sum of the moduli of a gradient's terms. A literal of 16 digits, as
-#: 0.3333333333333333 for 1/3, changes a term by up to 1e-16 of it.
+#: Largest difference, relative to the sum of the moduli of a gradient's terms. A literal of 16 digits, such as
+#: 0.3333333333333333 for 1/3, changes a term by a relative 1e-16 at most.
 TOLERANCE = Decimal("1e-12")
-#: Number of coordinates up to which each component is compared; beyond, the slope along random directions.
-SMALL = 12
 
 _VALUES = Context(prec=DIGITS, Emax=MAX_EMAX, Emin=MIN_EMIN, traps=[DivisionByZero, InvalidOperation, Overflow])
 _SIZES = Context(prec=9, Emax=MAX_EMAX, Emin=MIN_EMIN, traps=[DivisionByZero, InvalidOperation, Overflow])
 
 
 class Multiprecision(Number):
-    """A number of :data:`DIGITS` digits with the condition of the formula that led to it.
+    """A number of :data:`DIGITS` digits with the condition of the formula that computes it.
 
     ``size`` x u bounds, to first order in u, the change of ``value`` when every operand and result of the formula
     changes by a relative u (running error analysis: Higham, Accuracy and Stability of Numerical Algorithms, 3.3).
@@ -109,7 +110,7 @@ class Multiprecision(Number):
 
 
 class _Slope(NamedTuple):
-    """Slope of an energy along a direction: by its gradient, by a difference, and how far these may be apart."""
+    """Slope of an energy along a direction: by its gradient, by a difference, and the allowed difference of both."""
 
     gradient: Decimal
     difference: Decimal
@@ -121,7 +122,7 @@ class _Slope(NamedTuple):
 
 
 class _Pair(NamedTuple):
-    """An energy and its gradient, as formulas of a system with constants."""
+    """An energy and its gradient, as formulas of a system with constant parameters."""
 
     system: System
     formulas: Formulas
@@ -141,7 +142,7 @@ class _Pair(NamedTuple):
         return Multiprecision.of(value) if isinstance(value, Constant) else value
 
     def check_size(self) -> None:
-        """Refuse a gradient that takes too many operations to be compiled, if it is."""
+        """Refuse a gradient that will be compiled and takes too many operations."""
         if self.formulas.are_loops:
             return
         graph = Graph()
@@ -151,7 +152,7 @@ class _Pair(NamedTuple):
         call(self.formulas, self.gradient, check_size, count)
 
     def slope(self, point: Sequence[Decimal], gradient: Sequence[Multiprecision], along: Sequence[Decimal]) -> _Slope:
-        """Both slopes at ``point`` (d,) in the direction ``along`` (d,), whose length is that of the coordinates."""
+        """Both slopes at ``point`` (d,) in the direction ``along`` (d,), whose size is that of the coordinates."""
         ahead, behind = (
             self.energy_at([_VALUES.fma(sign * STEP, w, x) for x, w in zip(point, along, strict=True)])
             for sign in (1, -1)
@@ -165,7 +166,7 @@ class _Pair(NamedTuple):
         return _Slope(slope, difference, _SIZES.add(allowed, rounding))
 
 
-#: The potentials that a system may declare to have.
+#: The potentials that a system may declare.
 POTENTIALS: Mapping[str, Callable[..., Any]] = {
     "harmonic": lambda q: q[0] * q[0] / 2,
     "gravity": lambda q, GM: -GM / sqrt(sum(x * x for x in q)),
@@ -174,17 +175,17 @@ POTENTIALS: Mapping[str, Callable[..., Any]] = {
 
 @cache
 def check_gradients(system: System) -> None:
-    """Compare the gradients that are given with V and T, and V with the potential that is declared, near the start.
+    """Compare given gradients with V and T, and V with a declared potential, at points near the start.
 
-    What was compared once is not compared again, and what is derived not at all.
+    Each comparison is made once. Derived gradients are not compared.
 
-    A point at which a formula divides by zero or takes the root of a negative number is left out.
+    A point at which a formula divides by zero or takes the root of a negative number is skipped.
 
     Raises
     ------
     SystemDefinitionError
-        A component differs from the derivative of its energy, V from the potential declared, a formula takes too many
-        operations to be compiled, or fails for another reason.
+        A component differs from the derivative of its energy, V differs from the declared potential, a formula takes
+        too many operations to be compiled, or a formula fails for another reason.
     """
     formulas, constants = system.formulas(), system.constants(Constant)
     q0, p0 = system.extended_start(Decimal)
@@ -196,8 +197,6 @@ def check_gradients(system: System) -> None:
                 raise
     numba = numba_potential(system)
     if numba is not None:
-        from nearharmonic.systems.numba.gradients import check_numba_gradient
-
         check_numba_gradient(numba, *(tuple(map(float, numbers)) for numbers in (q0, constants)))
     given = numba is None and not isinstance(system.grad_V, DerivedGradient)
     with localcontext(_VALUES):
@@ -216,7 +215,7 @@ def check_gradients(system: System) -> None:
 def _compare(pair: _Pair, letter: str, start: Sequence[Decimal]) -> None:
     random = Random(1)  # the same points in every process
     largest = max(map(abs, start)) or Decimal(1)
-    scales = [abs(x) or largest for x in start]  # nothing else says how long a coordinate is that starts at 0
+    scales = [abs(x) or largest for x in start]  # a coordinate that starts at 0 has no other length scale
     if pair.energy == "V" and pair.system.time_dependent:
         scales[-1] = abs(Decimal(pair.system.t_end)) or Decimal(1)
     for displacement in DISPLACEMENTS:
@@ -254,7 +253,7 @@ def _check_declared(pair: _Pair, point: Sequence[Decimal]) -> None:
 def _contradiction(
     pair: _Pair, point: Sequence[Decimal], gradient: Sequence[Multiprecision], scales: Sequence[Decimal], random: Random
 ) -> tuple[int, Decimal] | None:
-    """A component that contradicts its energy, with the derivative that it should be; None if there is none."""
+    """A component that contradicts its energy, with the correct derivative; None if there is none."""
 
     def slope(indices: range, weights: Sequence[Decimal]) -> _Slope:
         along = [w if i in indices else Decimal(0) for i, w in enumerate(weights)]
@@ -271,19 +270,6 @@ def _contradiction(
         if single.contradiction:
             return i, _VALUES.divide(single.difference, scales[i])
     return None
-
-
-def bisected(contradicts: Callable[[range], bool], indices: range) -> Iterator[int]:
-    """The index among ``indices`` that contradicts, if the sum over all of them does.
-
-    If a sum is off by more than the sum of what is allowed, so is one of its halves.
-    """
-    if not contradicts(indices):
-        return
-    while len(indices) > 1:
-        left, right = indices[: len(indices) // 2], indices[len(indices) // 2 :]
-        indices = left if contradicts(left) else right
-    yield indices[0]
 
 
 def _shown(point: Sequence[Decimal]) -> str:

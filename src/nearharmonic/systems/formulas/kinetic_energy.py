@@ -1,4 +1,4 @@
-"""Kinetic energies p.M^-1 p / 2: of unit masses, of masses, and of a constant mass matrix, inverted exactly."""
+"""Kinetic energies p.M^-1 p / 2: for unit masses, for masses, and for a constant mass matrix with exact inverse."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def quadratic_grad_T(p: Vector) -> Vector:
 
 
 class MassKineticEnergy:
-    """T = p.M^-1 p / 2 of masses that are numbers or names of parameters, or of a constant matrix M.
+    """T = p.M^-1 p / 2 for masses that are numbers or names of parameters, or for a constant matrix M.
 
     Parameters
     ----------
@@ -46,12 +46,12 @@ class MassKineticEnergy:
     Raises
     ------
     SystemDefinitionError
-        Another shape, an entry that is no number, a mass that is not positive, a matrix that is not symmetric or not
+        The shape is wrong, an entry is not a number, a mass is not positive, or a matrix is not symmetric or not
         positive definite.
     """
 
     def __init__(self, masses: Sequence[Any], dimension: int, parameters: Collection[str]) -> None:
-        #: What it is made of.
+        #: The arguments.
         self.given = (masses, tuple(parameters))
         if not is_list(masses) or not hasattr(masses, "__len__"):
             raise SystemDefinitionError(f"masses = {masses!r} is no tuple of {dimension} masses")
@@ -83,21 +83,21 @@ class MassKineticEnergy:
 def of_masses(
     masses: Sequence[Any] | None, T: Callable[..., Any], dimension: int, parameters: tuple[str, ...], *, alone: bool
 ) -> Callable[..., Any]:
-    """Return the kinetic energy of a system: that of ``masses``, or T where there are none.
+    """Return the kinetic energy of a system: that of ``masses``, or T if there are no masses.
 
     Parameters
     ----------
     masses, dimension, parameters
-        As for :class:`MassKineticEnergy`; None for masses that are not given.
+        As for :class:`MassKineticEnergy`; ``masses`` is None if they are not given.
     T : callable
-        What the system has; in a copy it may be made of the masses of the original.
+        Kinetic energy of the system; in a copy it may come from the masses of the original.
     alone : bool
-        Whether no gradient of T is given.
+        True if no gradient of T is given.
 
     Raises
     ------
     SystemDefinitionError
-        Masses beside a T or a gradient of it, or masses that make no kinetic energy.
+        Masses are given together with T or its gradient, or they do not define a kinetic energy.
     """
     made = T if isinstance(T, MassKineticEnergy) else None
     if masses is None:
@@ -110,12 +110,12 @@ def of_masses(
 
 
 def takes_parameters(T: Callable[..., Any]) -> bool:
-    """Return whether T is a function of the momenta and the parameters, by its signature."""
+    """Return True if T is a function of the momenta and the parameters, by its signature."""
     if isinstance(T, MassKineticEnergy):
         return True
     try:
         arguments = signature(T).parameters.values()
-    except (TypeError, ValueError):  # what is written in C has no signature
+    except (TypeError, ValueError):  # functions written in C have no signature
         return False
     needed = [x for x in arguments if x.default is Argument.empty]
     positional = sum(x.kind in (Argument.POSITIONAL_ONLY, Argument.POSITIONAL_OR_KEYWORD) for x in needed)
@@ -123,12 +123,12 @@ def takes_parameters(T: Callable[..., Any]) -> bool:
 
 
 def _number(key: str, value: Any) -> Fraction:
-    """An entry of ``masses`` as the fraction that it means.
+    """An entry of ``masses`` as a fraction.
 
     Raises
     ------
     SystemDefinitionError
-        It is none, or none that a double can hold.
+        It is not a number, or not a finite double.
     """
     try:
         number = Fraction(value) if not (isinstance(value, float) or is_extreme(value)) else None
@@ -143,7 +143,7 @@ def _number(key: str, value: Any) -> Fraction:
 
 
 def _mass(i: int, mass: Any, names: list[str]) -> int | Constant:
-    """A mass, or the place of the parameter that it is."""
+    """A mass, or the index of its parameter."""
     if mass in names:
         return names.index(mass)
     try:
@@ -177,7 +177,7 @@ def _matrix(rows: Sequence[Sequence[Any]]) -> list[list[Fraction]]:
 def _inverse(M: list[list[Fraction]]) -> tuple[tuple[Constant, ...], ...]:
     """The inverse of a symmetric positive definite matrix, by elimination in the order of the coordinates.
 
-    Its pivots are positive for a positive definite matrix, and for no other symmetric one.
+    A symmetric matrix is positive definite if and only if all pivots are positive.
     """
     d = len(M)
     rows = [[*row, *(Fraction(i == j) for j in range(d))] for i, row in enumerate(M)]

@@ -1,4 +1,4 @@
-"""The gradient of the square of a force: what kicks of a modified potential take beside the force."""
+"""The gradient of the square of a force, for kicks of a modified potential."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from nearharmonic.systems.formulas.formulas import Formulas
 class SquareGradient:
     """grad |grad V|^2 as a function of the coordinates and the parameters.
 
-    |grad V|^2 is the square by inverse masses, a(f).f for the accelerations a by forces f = grad V. Its gradient is
-    derived in reverse mode.
+    |grad V|^2 denotes the square a(f).f with inverse masses, where a(f) is the acceleration by the force f = grad V.
+    Its gradient is derived in reverse mode.
 
     Parameters
     ----------
     formulas : Formulas
-        Of d coordinates and quadratic T.
+        Formulas of d coordinates with quadratic T.
     parameters : int
         Number of parameters.
     """
@@ -37,7 +37,7 @@ class SquareGradient:
         self._lock = RLock()
 
     def __call__(self, q: Vector, *parameters: Any) -> Vector:
-        """Return the gradient (d) at ``q`` (d), numbers of any one type."""
+        """Return the gradient (d) at ``q`` (d), in any number type."""
         compiled_in = bool(parameters) and all(isinstance(k, Constant) for k in parameters)
         constants = parameters if compiled_in else None
         with self._lock:

@@ -1,4 +1,4 @@
-"""Values and slopes of the functions of formulas in decimals, by MPFR."""
+"""Values and slopes of the functions of formulas as decimals, computed by MPFR."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any
 
 @cache
 def slopes() -> dict[str, Callable[..., tuple[Any, ...]]]:
-    """Return the first derivatives with respect to each argument, given the arguments and the value."""
-    import gmpy2  # takes as long as numpy, and the registry imports every module of this folder
+    """Return, by function, the first derivatives for each argument, as functions of the arguments and the value."""
+    import gmpy2  # as slow to load as numpy, and the registry imports every module of this folder
 
     return {
         "sin": lambda x, v: (gmpy2.cos(x),),

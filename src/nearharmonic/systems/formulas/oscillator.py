@@ -1,6 +1,6 @@
-"""V as the oscillators that a system declares, and the rest: [p.p + sum (w_i q_i)^2] / 2 + [V - sum (w_i q_i)^2 / 2].
+"""V as declared oscillators and the rest: [p.p + sum (w_i q_i)^2] / 2 + [V - sum (w_i q_i)^2 / 2].
 
-The rest is formed with exact constants, so that the quadratic terms of V cancel as expressions, not as numbers.
+The rest has exact constants, so that the quadratic terms of V cancel as expressions, not as numbers.
 """
 
 from __future__ import annotations
@@ -8,16 +8,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from nearharmonic.core.formulas.number import Constant
-from nearharmonic.errors import SystemDefinitionError, bad_setting
-from nearharmonic.systems.definition.quantities import Vector, is_extreme, is_list
+from nearharmonic.errors import bad_setting
+from nearharmonic.systems.definition.declaration import written_frequencies
+from nearharmonic.systems.definition.quantities import Vector
+from nearharmonic.systems.definition.system import System
 from nearharmonic.systems.formulas.energy import Energy, constants_beside
 from nearharmonic.systems.formulas.formulas import Formulas
-
-if TYPE_CHECKING:
-    from nearharmonic.systems.definition.system import System
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,40 +36,9 @@ class Remainder:
         return self.system.V(q, *parameters) - rest
 
 
-def written_frequencies(system: System) -> tuple[Fraction | str, ...]:
-    """Return the frequencies that ``system`` declares: exact numbers, and names of parameters.
-
-    Raises
-    ------
-    SystemDefinitionError
-        Another number of them than of coordinates, or one that is no number of at least 0 and no parameter.
-    """
-    given: Any = system.frequencies
-    if not is_list(given) or not hasattr(given, "__len__") or len(given) != system.dimension:
-        allowed = f"{system.dimension} frequencies, one a coordinate, 0 for one that is free"
-        raise SystemDefinitionError(f"{system.name}: frequencies = {given!r} is not allowed: {allowed}")
-    return tuple(_frequency(system, i, value) for i, value in enumerate(given))
-
-
-def _frequency(system: System, i: int, value: Any) -> Fraction | str:
-    if isinstance(value, str) and value in system.parameters:
-        return value
-    try:
-        number = None if isinstance(value, bool | float) or is_extreme(value) else Fraction(value)
-        usable = number is not None and number >= 0 and float(number) < float("inf")
-    except (ValueError, TypeError, ZeroDivisionError, OverflowError):
-        usable = False
-    if not usable:
-        names = f", or the name of a parameter: {', '.join(system.parameters)}" if system.parameters else ""
-        what = f"a decimal string or a fraction of at least 0{names}"
-        raise SystemDefinitionError(f"{system.name}: frequencies[{i}] = {value!r} is not allowed: it must be {what}")
-    assert number is not None
-    return number
-
-
 @cache
 def frequencies_of(system: System) -> tuple[tuple[Fraction, ...], tuple[int, ...]]:
-    """Return the distinct frequencies, and of each coordinate the place of its own among them.
+    """Return the distinct frequencies, and for each coordinate the index of its frequency.
 
     Raises
     ------
@@ -85,18 +53,18 @@ def frequencies_of(system: System) -> tuple[tuple[Fraction, ...], tuple[int, ...
 
 
 def frequency_parameters(system: System) -> list[int]:
-    """Return the places of the parameters that are frequencies."""
+    """Return the indices of the parameters that are frequencies."""
     named = written_frequencies(system)
     return [i for i, name in enumerate(system.parameters) if name in named]
 
 
 def check_oscillator(system: System, key: str = "split") -> None:
-    """Refuse a system whose oscillators cannot be solved exactly together with T, as a setting named ``key``.
+    """Raise an error about the setting ``key`` if the oscillators and T cannot be solved exactly together.
 
     Raises
     ------
     SettingError
-        It says what the system lacks.
+        The message holds the missing property of the system.
     """
     value = "exact_oscillator"
     if system.frequencies is None:
@@ -120,7 +88,7 @@ def check_oscillator(system: System, key: str = "split") -> None:
 
 @cache
 def remainder_formulas(system: System) -> Formulas:
-    """Return the formulas of ``system`` whose grad_V is that of V without its oscillators; V is the whole potential.
+    """Return the formulas of ``system`` with the grad_V of V without its oscillators; V is the full potential.
 
     Raises
     ------

@@ -1,13 +1,15 @@
 """Kepler's problem as a perturbed oscillator: the regularisations of Levi-Civita and of Kustaanheimo and Stiefel.
 
-For H = |p|^2/2 - GM/r + R(q) with H = -w < 0, coordinates u with q = L(u) u and r = |u|^2, and a fictitious time s with
-dt = r ds, the momenta v = du/ds make r (H + w) / 4 = |v|^2/2 + w |u|^2/4 + |u|^2 R/4 - GM/4: an oscillator of frequency
-sqrt(w/2), perturbed by |u|^2 R/4. It is separable, and quadratic in the momenta. Time and -H are one more pair: the
-position w, on which T does not depend, and the momentum -t/4, since dV/dw = |u|^2/4.
+For H = |p|^2/2 - GM/r + R(q) with H = -w < 0, let u be coordinates with q = L(u) u and r = |u|^2, s a fictitious time
+with dt = r ds, and v = du/ds the momenta. Then r (H + w) / 4 = |v|^2/2 + w |u|^2/4 + |u|^2 R/4 - GM/4. This is an
+oscillator of frequency sqrt(w/2), perturbed by |u|^2 R/4. It is separable, and quadratic in the momenta. Energy and
+time are one more conjugate pair: the position w = -H, on which T does not depend, and the momentum -t/4, since dV/dw =
+|u|^2/4.
 
-L(u) is a matrix of orthogonal columns: in the plane that of Levi-Civita (1920), doi:10.1007/BF02404404, where q = u^2
-of complex numbers; in space that of Kustaanheimo & Stiefel (1965), doi:10.1515/crll.1965.218.204, of four coordinates,
-whose bilinear relation the start satisfies. Both: Stiefel & Scheifele (1971), Linear and Regular Celestial Mechanics.
+L(u) is a matrix with orthogonal columns. In the plane it is the matrix of Levi-Civita (1920), doi:10.1007/BF02404404,
+where q = u^2 as complex numbers. In space it is the matrix of Kustaanheimo & Stiefel (1965),
+doi:10.1515/crll.1965.218.204, with four coordinates; the start satisfies their bilinear relation. Source of both:
+Stiefel & Scheifele (1971), Linear and Regular Celestial Mechanics.
 """
 
 from __future__ import annotations
@@ -30,9 +32,9 @@ class Regularisation:
     gravity : str
         Name of the parameter GM.
     perturbation : callable, optional
-        R as ``f(q, r, *parameters)``, with r = |q| at hand, so that even powers of r need no root.
+        R as ``f(q, r, *parameters)``. The argument r = |q| is known, so that R need not compute a root.
     strength : str, optional
-        Name of a parameter without which R is 0: where it is 0, R is not computed.
+        Name of a parameter that is a factor of R: if it is 0, R is not computed.
     """
 
     gravity: str
@@ -42,19 +44,18 @@ class Regularisation:
 
 @dataclass(frozen=True)
 class RegularisedFormulas:
-    """The formulas of a regularised system, and its maps; numbers are of any one type.
+    """The formulas and the maps of a regularised system, for numbers of any type.
 
-    ``u`` are 2 coordinates in the plane and 4 in space, and w behind them is one more; ``v`` their momenta, and -t/4
-    behind them.
+    Positions are ``u``, 2 coordinates in the plane and 4 in space, followed by w. Momenta are ``v`` followed by -t/4.
 
     Parameters
     ----------
     regularisation : Regularisation
         GM and the perturbation.
     gravity : int
-        Place of GM among the parameters.
+        Index of GM among the parameters.
     dimension : int
-        Of physical space: 2 or 3.
+        Dimension of physical space: 2 or 3.
     """
 
     regularisation: Regularisation
@@ -63,7 +64,7 @@ class RegularisedFormulas:
 
     @property
     def coordinates(self) -> int:
-        """Number of coordinates, w among them."""
+        """Number of coordinates, including w."""
         return 3 if self.dimension == 2 else 5
 
     def V(self, x: Vector, *parameters: Any) -> Any:
@@ -112,18 +113,18 @@ class RegularisedFormulas:
         return self._position(u), tuple(2 * sum(a * b for a, b in zip(row, v, strict=True)) / r for row in rows)
 
     def inverse_axis(self, x: Vector, *parameters: Any) -> Any:
-        """Return 1/a = 2 w/GM, with the semi-major axis a: what an orbit takes of its period in fictitious time."""
+        """Return 1/a = 2 w/GM with the semi-major axis a: the period of an orbit in s over its period in t."""
         return 2 * x[-1] / parameters[self.gravity]
 
     def largest_radius(self, x: Vector, y: Vector, *parameters: Any) -> Any:
-        """Return the distance a (1 + e) of the unperturbed orbit's apoapsis."""
+        """Return the distance a (1 + e) of the apoapsis of the unperturbed orbit."""
         u, v, GM = x[:-1], y[:-1], parameters[self.gravity]
         a = GM / (2 * x[-1])
         cosine, sine = 1 - _square(u) / a, 2 * sum(b * c for b, c in zip(u, v, strict=True))
         return a * (1 + sqrt(cosine * cosine + sine * sine / (GM * a)))
 
     def _root(self, q: Vector, r: Any) -> Vector:
-        """u with L(u) u = q: from the larger of two choices, so that nothing cancels."""
+        """u with L(u) u = q: from the larger of two possible roots, so that nothing cancels."""
         right = (1 + _sign(q[0])) / 2
         large = sqrt((r + abs(q[0])) / 2)
         small = [c / (2 * large) for c in q[1:]]
@@ -135,7 +136,7 @@ class RegularisedFormulas:
 
 
 def _swapped(right: Any, a: Any, b: Any) -> tuple[Any, Any]:
-    """(a, b) if ``right`` is 1, (b, a) if it is 0: without a branch, and exact."""
+    """(a, b) if ``right`` is 1, (b, a) if it is 0: exact, and without a branch."""
     left = 1 - right
     return right * a + left * b, left * a + right * b
 
@@ -149,7 +150,7 @@ def _square(x: Any) -> Any:
 
 
 def _matrix(u: Vector) -> tuple[Vector, ...]:
-    """L(u), whose rows are orthogonal and of length |u|."""
+    """L(u), whose rows are orthogonal and have the length |u|."""
     if len(u) == 2:
         return (u[0], -u[1]), (u[1], u[0])
     a, b, c, d = u

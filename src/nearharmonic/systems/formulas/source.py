@@ -1,4 +1,4 @@
-"""A system's equations of motion as the text of a Python function, for libraries that compile or differentiate it."""
+"""Equations of motion as the text of a Python function, for libraries that compile or differentiate it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from nearharmonic.systems.definition.system import System
 class SourceTracer(Number):
     """A symbolic number that records each arithmetic operation as one line of Python source.
 
-    ``name`` is a variable, to which the last of ``lines`` or an argument of the function gives its value.
+    ``name`` is a variable: the last of ``lines`` assigns its value, or it is an argument of the function.
     """
 
     __slots__ = ("lines", "name")
@@ -27,7 +27,7 @@ class SourceTracer(Number):
         return type(self)(name, self.lines)
 
     def _add(self, other: SourceTracer | Constant) -> SourceTracer:
-        # sum() begins with 0; a line for it would be a line that no user writes.
+        # sum() begins with 0; no user would write a line for that addition.
         return self if isinstance(other, Constant) and not other else self._line(f"{self.name} + {_text(other)}")
 
     def __sub__(self, other: Any) -> Any:
@@ -79,13 +79,13 @@ def _function(name: str, arguments: str, lines: list[str], results: list[str]) -
 def velocity_text(system: System) -> str:
     """Return the text of ``velocity(q0, .., p0, ..)`` -> (dq0/dt, .., dp0/dt, ..).
 
-    Coordinates are those of ``system.formulas()``: of a regularised system (u, w), with derivatives by the fictitious
-    time. It calls ``abs``, ``sqrt`` and the functions of :mod:`nearharmonic.math` by their names.
+    Coordinates are those of ``system.formulas()``. For a regularised system they are (u, w), with derivatives by the
+    fictitious time. The text calls ``abs``, ``sqrt`` and the functions of :mod:`nearharmonic.math` by their names.
 
     Raises
     ------
     SystemDefinitionError
-        A formula fails or uses what formulas cannot.
+        A formula fails, or uses an operation that formulas do not have.
     """
     lines: list[str] = []
     formulas, constants = system.formulas(), system.constants(Constant)
@@ -99,11 +99,11 @@ def velocity_text(system: System) -> str:
 
 
 def velocity(system: System, functions: Mapping[str, Callable[..., Any]] | None = None) -> Callable[..., Any]:
-    """The function that :func:`velocity_text` writes, with ``functions`` (math's by default) for what it calls."""
+    """The function of :func:`velocity_text`; it calls ``functions``, by default those of the module math."""
     import numpy as np
 
     space: dict[str, Any] = {name: getattr(math, name) for name in ("sqrt", *FUNCTIONS) if name != "cbrt"}
-    space |= {"cbrt": np.cbrt, **(functions or {})}  # numba knows numpy's alone
+    space |= {"cbrt": np.cbrt, **(functions or {})}  # numba supports only that of numpy
     exec(compile(velocity_text(system), f"<{system.name}>", "exec"), space)
     made: Callable[..., Any] = space["velocity"]
     return made

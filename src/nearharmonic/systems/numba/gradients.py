@@ -1,11 +1,11 @@
-"""Checks of functions of numba in double precision: a gradient against differences of V, and the rounding noise of V.
+"""Checks of functions of numba in double precision: comparison of grad_V with differences of V, rounding noise of V.
 
-Apart from :mod:`nearharmonic.systems.formulas.gradients`, whose formulas are evaluated in 200 digits.
+The module is separate from :mod:`nearharmonic.systems.formulas.gradients`, which evaluates formulas in 200 digits.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from math import comb
 from typing import TYPE_CHECKING, Any
 
@@ -18,33 +18,37 @@ if TYPE_CHECKING:
     from nearharmonic.systems.numba.potential import NumbaPotential
 
 
+#: Number of coordinates up to which each component is compared; beyond, the slope along random directions.
+SMALL = 12
 #: Relative distances of random points from the start; 1 is the box of the initial values.
 DISPLACEMENTS = (2.0**-10, 2.0**-4, *[1.0] * 6)
 #: Steps of differences, relative to the coordinates. Extrapolated differences have a truncation error of order 4 and a
-#: rounding error like 1/step; the best of these steps is used at each point, so kinks of a gradient only shorten it.
+#: rounding error like 1/step; the best of these steps is used at each point, so a kink of a gradient only leads to a
+#: shorter step.
 STEPS = 2.0 ** -np.arange(3, 22)
-#: A gradient contradicts V if it differs by more than so many times the estimated error of the difference: near the
-#: best step the estimate is the difference of two roundings, which may be small by chance.
+#: A gradient contradicts V if it differs by more than this multiple of the estimated error of the difference. Near the
+#: best step the estimate is the difference of two rounding errors, which may be small by chance.
 DOUBTS = 16.0
-#: Rounding errors of a gradient itself, relative to its components: some thousand roundings.
+#: Rounding error of a gradient relative to its components: that of some thousand operations.
 ROUNDING = 2.0**-40
-#: Rounding noise is the deviation of V at so many points on a line from a polynomial, by their differences of this
-#: order: Moré & Wild (2011), Estimating computational noise, doi:10.1137/100786125. Over the relative distance of
-#: neighbours, V is a polynomial to 2^-100, and roundings are independent in single precision too.
+#: Number of points on a line, and order of their differences, which estimate rounding noise as the deviation of V from
+#: a polynomial: Moré & Wild (2011), Estimating computational noise, doi:10.1137/100786125. The relative distance of
+#: neighbouring points is such that V is a polynomial to 2^-100, and rounding errors are independent even if V is
+#: computed in single precision.
 LINE, ORDER, APART = 12, 6, 2.0**-18
-#: Largest difference of two roundings, over the standard deviation of one: sqrt(12) if these are uniform.
+#: Largest difference of two rounding errors over their standard deviation: sqrt(12) for a uniform distribution.
 EXTREME = 4.0
-#: Points at which the noise is sampled, of which the highest share is dropped: at the start or by chance, a point may
-#: be where a gradient jumps. Lines through each point.
+#: Number of points at which the noise is sampled, and number of lines through each point. A share of the points with
+#: the highest noise is dropped, because a gradient may be discontinuous at a point.
 POINTS, DROPPED, LINES = 30, 0.1, 3
-#: Largest distances of these points from the start, in turns, relative to the coordinates.
+#: Largest distances of these points from the start, used alternately, relative to the coordinates.
 BOXES = (2.0**-6, 2.0**-3, 0.5, 2.0)
 
 
 def check_numba_gradient(potential: NumbaPotential, start: Sequence[float], parameters: Sequence[float]) -> None:
     """Compare a gradient with differences of V at random points near the start and in the box of the initial values.
 
-    A point at which V or the gradient is no number is left out, but for the start.
+    A point other than the start is skipped if V or the gradient is NaN there.
 
     Raises
     ------
@@ -72,7 +76,7 @@ def check_numba_gradient(potential: NumbaPotential, start: Sequence[float], para
 
 
 def _check_start(potential: NumbaPotential, q0: Floats, parameters: Sequence[float]) -> None:
-    """Refuse functions that raise at the start, in a kernel only a NaN, and a gradient of another length."""
+    """Refuse functions that raise an exception at the start, and gradients of a wrong length."""
     for formula in ("V", "grad_V"):
         given = tuple(q0.tolist()) if potential.code.takes_tuple else q0.copy()
         try:
@@ -86,7 +90,7 @@ def _check_start(potential: NumbaPotential, q0: Floats, parameters: Sequence[flo
 
 
 def _scales(q0: Floats) -> Floats:
-    """Lengths of the coordinates; nothing else says how long one is that starts at 0."""
+    """Length scales of the coordinates; a coordinate that starts at 0 gets the largest."""
     largest = np.abs(q0).max() or 1.0
     return np.where(q0 == 0, largest, np.abs(q0))
 
@@ -99,8 +103,7 @@ def _contradiction(
     noise: float,
     parameters: Sequence[float],
 ) -> int | None:
-    """A component that contradicts V: each is compared if there are few, else halves of a sum that does."""
-    from nearharmonic.systems.formulas.gradients import SMALL, bisected
+    """A component that contradicts V: found by comparison of each if there are few, otherwise by bisection."""
 
     def contradicts(indices: range) -> bool:
         along = np.zeros_like(point)
@@ -114,6 +117,19 @@ def _contradiction(
     return next((i for i in candidates if contradicts(range(i, i + 1))), None)
 
 
+def bisected(contradicts: Callable[[range], bool], indices: range) -> Iterator[int]:
+    """The index among ``indices`` that contradicts, if the sum over all of them does.
+
+    If a sum is off by more than the sum of what is allowed, so is one of its halves.
+    """
+    if not contradicts(indices):
+        return
+    while len(indices) > 1:
+        left, right = indices[: len(indices) // 2], indices[len(indices) // 2 :]
+        indices = left if contradicts(left) else right
+    yield indices[0]
+
+
 def _slope(
     potential: NumbaPotential, point: Floats, along: Floats, noise: float, parameters: Sequence[float]
 ) -> tuple[float, float]:
@@ -121,7 +137,7 @@ def _slope(
     steps = STEPS[:, None]
     ahead, behind = (_values(potential, point + s * steps * along, parameters) for s in (1, -1))
     central = (ahead - behind) / (2 * STEPS)
-    extrapolated = (4 * central[1:] - central[:-1]) / 3  # Richardson's, of the steps 2 h and h
+    extrapolated = (4 * central[1:] - central[:-1]) / 3  # Richardson extrapolation from the steps 2 h and h
     rounding = noise + np.maximum(np.abs(ahead), np.abs(behind)) * 2.0**-53
     errors = np.abs(np.diff(extrapolated)) + (2 * rounding / STEPS)[2:]
     if not np.isfinite(errors).any():
@@ -131,7 +147,7 @@ def _slope(
 
 
 def _values(potential: NumbaPotential, points: Floats, parameters: Sequence[float]) -> Floats:
-    """V at points (N, d)."""
+    """V (N,) at points (N, d)."""
     return np.asarray(potential.value(tuple(points.T), *parameters))
 
 
@@ -150,10 +166,10 @@ def _noise(
 def rounding_noise(
     potential: NumbaPotential, start: Sequence[float], parameters: Sequence[float], highest: float
 ) -> float:
-    """Return the largest rounding error of V, in its unit: the energy error that no method can show to be smaller.
+    """Return the largest rounding error of V, in its unit; smaller energy errors cannot be measured.
 
-    It is the largest difference of two rounding errors and the change of V by the rounding of its arguments to doubles,
-    at random points around the start where V <= ``highest``, a tenth of them left out.
+    It is the maximum of the difference of two rounding errors and of the change of V by the rounding of its arguments
+    to doubles, over random points around the start where V <= ``highest``, without the highest tenth.
 
     Parameters
     ----------
@@ -164,7 +180,7 @@ def rounding_noise(
     parameters : sequence of float
         Parameters.
     highest : float
-        The energy, which V does not exceed on the orbit.
+        The energy, an upper bound of V on the orbit.
     """
     q0, random = np.array(start), np.random.default_rng(2)
     scales, found = _scales(q0), []

@@ -1,6 +1,6 @@
-"""Potentials that are functions decorated with ``numba.njit``: evaluation, and what stands in for their expression.
+"""Potentials that are functions decorated with ``numba.njit``: evaluation, and substitutes for an expression.
 
-Nothing of them is traced, so everything that needs an expression of V is refused here or by its caller.
+Such functions are not traced, so operations that need an expression of V raise an error.
 """
 
 from __future__ import annotations
@@ -13,15 +13,16 @@ from typing import TYPE_CHECKING, Any
 
 from nearharmonic.core.formulas.constant import Constant, Value
 from nearharmonic.errors import SystemDefinitionError
+from nearharmonic.systems.definition.members import Members
 from nearharmonic.systems.formulas.energy import Energy, Vector
 
 if TYPE_CHECKING:
     from nearharmonic.core.machine.numba_functions import NumbaCode
-    from nearharmonic.systems.definition.system import System
 
-#: Step of a difference of gradients, relative to the coordinates: its truncation is as large as its rounding.
+#: Step of a difference of gradients, relative to the coordinates: truncation and rounding errors are then equally
+#: large.
 DIFFERENCE = 2.0**-17
-#: Coordinates of a system, at most: its kernel takes 0.5 s to compile for 9, 2 s for 64 and 18 s for 256.
+#: Largest number of coordinates: a kernel takes 0.5 s to compile for 9, 2 s for 64 and 18 s for 256.
 MOST_COORDINATES = 256
 
 
@@ -52,7 +53,7 @@ class NumbaPotential:
         Raises
         ------
         SystemDefinitionError
-            numba cannot compile them for doubles, or they return something else than they must.
+            numba cannot compile them for doubles, or they return wrong types.
         """
         from nearharmonic.core.machine.numba_functions import NumbaFunctionError, compiled_code
 
@@ -62,7 +63,7 @@ class NumbaPotential:
             raise SystemDefinitionError(f"{self.name}: {error}") from error
 
     def value(self, q: Vector, *parameters: Any) -> Any:
-        """Return V in double precision: a number, an array of numbers, or a value of the kernel that is built."""
+        """Return V in double precision: a number, an array of numbers, or a value of a kernel."""
         (V,) = self._evaluated("V", 1, q, parameters)
         return V
 
@@ -90,17 +91,17 @@ class NumbaPotential:
         return tuple(x.reshape(shape) if shape else float(x[0]) for x in found)
 
     def _at(self, function: Any, row: Any) -> Any:
-        """A value at one point; NaN where the function raises, as in a kernel."""
+        """A value at one point; NaN if the function raises an exception, as in a kernel."""
         q, parameters = row[: self.dimension], row[self.dimension :].tolist()
         given = tuple(q.tolist()) if self.code.takes_tuple else q.copy()
         try:
             return function(given, *parameters)
-        except Exception:  # whichever its author raises
+        except Exception:  # of any type
             return nan if function is self.V else [nan] * self.dimension
 
 
 def _emitted(formula: str, count: int, q: Vector, parameters: Vector) -> Vector | None:
-    """Results of a call in the kernel that is built, in double precision; None if the numbers are not of a kernel."""
+    """Results of a call in a kernel, in double precision; None if the arguments are not values of a kernel."""
     from nearharmonic.core.formulas.tracing import Double, DoubleDouble
     from nearharmonic.core.machine.numba_functions import called
 
@@ -119,7 +120,7 @@ def _emitted(formula: str, count: int, q: Vector, parameters: Vector) -> Vector 
 
 
 class NumbaEnergy(Energy):
-    """V of numba in place of an expression: its gradient is given, its Hessian is taken by differences.
+    """V of numba in place of an expression: its gradient is given, its Hessian is computed by differences.
 
     Parameters
     ----------
@@ -137,7 +138,7 @@ class NumbaEnergy(Energy):
         self.potential = potential
 
     def trace(self) -> None:
-        """Compile the functions, if they were not yet."""
+        """Compile the functions, unless they are compiled already."""
         _ = self.potential.code
 
     def gradient(self, x: Vector, *parameters: Any) -> Vector:
@@ -158,18 +159,18 @@ class NumbaEnergy(Energy):
 
 
 def is_numba_function(function: object) -> bool:
-    """Return whether ``function`` is decorated with ``numba.njit``; numba is not imported for that."""
+    """Return True if ``function`` is decorated with ``numba.njit``, without importing numba."""
     dispatcher = sys.modules.get("numba.core.dispatcher")
     return dispatcher is not None and isinstance(function, dispatcher.Dispatcher)
 
 
-def potential_of(system: System) -> NumbaPotential | None:
+def potential_of(system: Members) -> NumbaPotential | None:
     """Return V and grad_V of ``system`` if they are functions of numba, else None.
 
     Raises
     ------
     SystemDefinitionError
-        One of them alone is a function of numba, T is, or the system declares what holds for expressions alone.
+        Only one of them is a function of numba, T is one, or the system declares a property of expressions.
     """
     V, grad_V = given_function(system.V), given_function(system.grad_V)
     for formula in ("T", "grad_T"):
@@ -206,7 +207,7 @@ def potential_of(system: System) -> NumbaPotential | None:
     return NumbaPotential(system.name, *wanted)
 
 
-#: How a gradient is given.
+#: Message for a missing gradient.
 _HOW = (
     "V is a function of numba, whose gradient is not derived: give grad_V, which returns one number a coordinate, as "
     "@numba.njit above def grad_V(q, k): return (k * q[0],) for V = k q[0]^2 / 2"
@@ -214,14 +215,14 @@ _HOW = (
 
 
 def given_function(function: Any) -> Any:
-    """Return the function of numba that a formula of a system was made of, and any other formula as it is."""
+    """Return the function of numba behind a formula of a system; return any other formula unchanged."""
     owner = getattr(function, "__self__", None)
     if isinstance(owner, NumbaPotential):
         return owner.V if function == owner.value else owner.grad_V
     return function
 
 
-def numba_potential(system: System) -> NumbaPotential | None:
-    """Return the functions of numba of a system that was built, or None."""
+def numba_potential(system: Members) -> NumbaPotential | None:
+    """Return the functions of numba of a complete system, or None."""
     owner = getattr(system.V, "__self__", None)
     return owner if isinstance(owner, NumbaPotential) else None

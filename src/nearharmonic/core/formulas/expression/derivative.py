@@ -1,7 +1,7 @@
-"""Derivatives of expressions: the gradient in reverse mode, and the Hessian times a vector, its derivative along it.
+"""Derivatives of expressions: the gradient in reverse mode, and the Hessian times a vector.
 
-In reverse mode a gradient takes a small multiple of the operations of the formula, whatever its number of variables.
-Source: Griewank & Walther, Evaluating Derivatives (2008), doi:10.1137/1.9780898717761, Sections 3.2 and 5.2.
+In reverse mode a gradient takes a small multiple of the operations of the formula, for any number of variables. Source:
+Griewank & Walther, Evaluating Derivatives (2008), doi:10.1137/1.9780898717761, Sections 3.2 and 5.2.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def gradient(graph: Graph, root: Value, variables: Sequence[Value]) -> tuple[Val
 def hessian_vector(
     graph: Graph, root: Value, variables: Sequence[Value], directions: Sequence[Value]
 ) -> tuple[Value, ...]:
-    """Return the Hessian of ``root`` times ``directions``: the gradient of the slope along them."""
+    """Return the Hessian of ``root`` times ``directions``: the gradient of the directional derivative."""
     slope = ZERO
     for derivative, direction in zip(gradient(graph, root, variables), directions, strict=True):
         slope = graph.add(slope, graph.multiply(derivative, direction))
@@ -57,7 +57,7 @@ def _partials(graph: Graph, node: int) -> list[tuple[int, Value]]:
     if isinstance(found, Application):
         operands = [_operand(graph, child) for child in found.operands]
         partials = DERIVATIVES[found.function](graph, Value(1, node), *operands)
-        # A function of the same node twice, as hypot(x, x), has two partials for it.
+        # A function of the same node twice, such as hypot(x, x), has two partial derivatives for it.
         return list(zip(found.operands, partials, strict=True))
     return []
 
@@ -99,7 +99,7 @@ def _cbrt(graph: Graph, value: Value, _: Value) -> tuple[Value, ...]:
 def _pow(graph: Graph, value: Value, x: Value, y: Value) -> tuple[Value, ...]:
     """y x^(y-1), which is finite at 0 where y >= 1, and x^y log x."""
     slope = graph.multiply(y, graph.apply("pow", x, graph.add(y, Value(-1, None))))
-    # Of a constant nobody asks the derivative, and the logarithm of a negative one does not exist.
+    # The derivative for a constant x is not needed, and the logarithm of a negative x does not exist.
     return slope, (ZERO if y.node is None else graph.multiply(value, graph.apply("log", x)))
 
 
@@ -138,7 +138,7 @@ def _sign(_: Graph, __: Value, ___: Value) -> tuple[Value, ...]:
     return (ZERO,)
 
 
-#: The derivatives of f(x, ...) with respect to its operands, from its value and them.
+#: The derivatives of f(x, ...) with respect to its operands, as functions of its value and of the operands.
 DERIVATIVES: dict[str, Callable[..., tuple[Value, ...]]] = {
     "sin": _sin, "cos": _cos, "tan": _tan, "exp": _exp, "log": _log, "cbrt": _cbrt, "pow": _pow, "atan2": _atan2,
     "tanh": _tanh, "sinh": _sinh, "cosh": _cosh, "erf": _erf, "hypot": _hypot, "abs": _abs, "sign": _sign,

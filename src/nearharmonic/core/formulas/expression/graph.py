@@ -1,9 +1,9 @@
 """Expressions of formulas: a directed acyclic graph in which equal subexpressions are one node.
 
-A formula that is called with the variables of a :class:`Graph` writes itself down. Nodes are tuples in a list and refer
-to earlier ones by their index, so that the order of the list is one in which they can be evaluated, and no depth of a
-formula meets Python's recursion limit. Every value is a coefficient times a node; nodes carry no factor of their own,
-and the first coefficient of a sum is positive, so that a - b and b - a share a node.
+A formula that is called with the variables of a :class:`Graph` records its operations there. Nodes are tuples in a list
+and refer to earlier nodes by their index. Nodes can therefore be evaluated in the order of the list, and a deep formula
+does not reach Python's recursion limit. Every value is a coefficient times a node. A node has no constant factor, and
+the first coefficient of a sum is positive, so that a - b and b - a share a node.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from nearharmonic.core.formulas.expression.nodes import (
 )
 from nearharmonic.core.formulas.number import FUNCTIONS, Constant, FormulaError, Number
 
-#: Most nodes of a formula: those of three hundred bodies, which take half a minute and 650 megabytes to compile.
+#: Largest number of nodes: that of three hundred bodies, which take half a minute and 650 megabytes to compile.
 MOST_NODES = 500_000
-#: Largest power of a coefficient that is multiplied out.
+#: Largest power of a coefficient that is computed.
 MOST_POWER = 64
 
 
@@ -47,12 +47,12 @@ class Graph:
         return tuple(Expression(self, Value(1, self.place(Variable(i)))) for i in range(count))
 
     def place(self, node: Node) -> int:
-        """Return the index of ``node``, which is appended if there is none like it.
+        """Return the index of ``node``, which is appended if no node is equal to it.
 
         Raises
         ------
         FormulaError
-            There are :data:`MOST_NODES` already.
+            The graph has :data:`MOST_NODES` nodes already.
         """
         key = (type(node), *node)
         found = self._places.get(key)
@@ -64,7 +64,7 @@ class Graph:
         return found
 
     def node_of(self, value: Value) -> int:
-        """Return a node for a value with its coefficient, as operands of functions are."""
+        """Return a node for a value with its coefficient, as an operand of a function."""
         if value.node is None:
             return self.place(Literal(value.coefficient))
         return value.node if value.coefficient == 1 else self.place(Sum(0, ((value.node, value.coefficient),)))
@@ -82,7 +82,7 @@ class Graph:
         return Value(1, self.place(Sum(constant, tuple(left))))
 
     def terms(self, value: Value) -> tuple[Exact, dict[int, Exact]]:
-        """Return the constant and the terms of a value, those of a sum written out."""
+        """Return the constant and the terms of a value; a sum is split into its terms."""
         c, node = value
         if node is None:
             return c, {}
@@ -92,22 +92,22 @@ class Graph:
         return 0, {node: c}
 
     def add(self, a: Value, b: Value) -> Value:
-        """Return a + b; the sums that a and b are stay nodes of their own unless something cancels or collects."""
+        """Return a + b. If a or b is a sum, it stays a node of its own unless terms cancel or can be collected."""
         (constant_a, terms_a), (constant_b, terms_b) = self.terms(a), self.terms(b)
         if a.node is not None and b.node is not None:
             if a.node == b.node:
                 c = exact(a.coefficient + b.coefficient)
                 return Value(c, a.node) if c else ZERO
             merged = _collected(terms_a, terms_b)
-            # Only where it takes fewer operations: sums such as the distance of two coordinates are small
-            # where their terms are large, and (x - y) - (z - x) is more accurate than 2 x - y - z.
+            # Terms are joined only if that takes fewer operations: a sum such as the distance of two coordinates may be
+            # small while its terms are large, and (x - y) - (z - x) is more accurate than 2 x - y - z.
             if sum(map(bool, merged.values())) > max(len(terms_a), len(terms_b)):
                 return self.combination(0, {a.node: a.coefficient, b.node: b.coefficient})
             return self.combination(exact(constant_a + constant_b), merged)
         return self.combination(exact(constant_a + constant_b), _collected(terms_a, terms_b))
 
     def times(self, factor: Exact, value: Value) -> Value:
-        """Return an exact multiple of ``value``; the factor of a lone term becomes part of the coefficient."""
+        """Return an exact multiple of ``value``; the factor of a single term becomes part of the coefficient."""
         c, node = exact(factor * value.coefficient), value.node
         if not c or node is None:
             return Value(c, None)
@@ -117,7 +117,7 @@ class Graph:
         return Value(c, node)
 
     def factors(self, node: int) -> dict[int, Exact]:
-        """Return the powers of nodes whose product ``node`` is."""
+        """Return the factors of the product ``node``, as powers of nodes."""
         found = self.nodes[node]
         return dict(found.factors) if isinstance(found, Product) else {node: 1}
 
@@ -142,7 +142,7 @@ class Graph:
                     factors[x] = exact(factors.get(x, 0) + 1)
 
     def multiply(self, a: Value, b: Value) -> Value:
-        """Return a b; the products that a and b are stay nodes of their own unless they share a factor."""
+        """Return a b. If a or b is a product, it stays a node of its own unless both share a factor."""
         c = exact(a.coefficient * b.coefficient)
         if a.node is None or b.node is None or not c:
             return self.times(c, Value(1, b.node if a.node is None else a.node)) if c else ZERO
@@ -158,9 +158,9 @@ class Graph:
         return isinstance(found, Application) and found.function == "sign"
 
     def power(self, value: Value, exponent: Exact) -> Value:
-        """Return a value, not a constant, to a whole or half-integer power.
+        """Return a value that is not constant to an integer or half-integer power.
 
-        The root of a square stays what it is: it is a modulus.
+        The root of a square is not simplified: it is a modulus.
         """
         c, node = value
         if node is None:
@@ -172,7 +172,7 @@ class Graph:
             c, node = 1, self.node_of(value)
             root = 1
         scale = exact(Fraction(root) ** (int(exponent) if whole else int(2 * exponent)))
-        # (b^e)^k = b^(e k) for whole k; a product stays one factor, which others may share.
+        # (b^e)^k = b^(e k) for integers k; a product stays one factor, which others may share.
         factors = self.factors(node)
         if whole and len(factors) == 1:
             ((base, e),) = factors.items()
@@ -186,7 +186,7 @@ class Graph:
         return Value(1, self.place(Application(function, tuple(map(self.node_of, operands)))))
 
     def reachable(self, roots: Iterable[Value]) -> list[int]:
-        """Return the nodes that ``roots`` need, ascending: each after those that it refers to."""
+        """Return the nodes that ``roots`` need, ascending: each node comes after the nodes that it refers to."""
         found, pending = set(), [root.node for root in roots if root.node is not None]
         while pending:
             node = pending.pop()
@@ -269,7 +269,7 @@ def value_of(number: Expression | Constant) -> Value:
 
 
 def displacements(graph: Graph, roots: Sequence[Value]) -> frozenset[int]:
-    """Return the sums of variables and constants in ``roots``: they may be small where their terms are large."""
+    """Return the sums of variables and constants in ``roots``: such a sum may be small while its terms are large."""
     return frozenset(
         i
         for i in graph.reachable(roots)

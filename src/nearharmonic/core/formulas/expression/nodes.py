@@ -1,4 +1,4 @@
-"""Nodes of expressions, and exact numbers beside them."""
+"""Nodes of expressions, and their exact numbers."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from collections.abc import Iterable
 from fractions import Fraction
 from typing import NamedTuple
 
-#: An exact number; whole ones are ``int``, whose arithmetic is the faster one.
+#: An exact number. Integers are of type ``int``, whose arithmetic is faster than that of ``Fraction``.
 Exact = int | Fraction
 
 
 def exact(value: Fraction | int) -> Exact:
-    """Return ``value`` as an int if it is whole."""
+    """Return ``value`` as an int if it is an integer."""
     return value.numerator if value.denominator == 1 else Fraction(value.numerator, value.denominator)
 
 
@@ -21,7 +21,7 @@ def modulus(value: Exact) -> Exact:
 
 
 class Variable(NamedTuple):
-    """An argument of a formula, by its place."""
+    """An argument of a formula, by its position."""
 
     place: int
 
@@ -33,14 +33,14 @@ class Literal(NamedTuple):
 
 
 class Sum(NamedTuple):
-    """``constant`` + sum of coefficient * node over ``terms``, ascending in their nodes."""
+    """``constant`` + sum of coefficient * node over ``terms``, sorted by node."""
 
     constant: Exact
     terms: tuple[tuple[int, Exact], ...]
 
 
 class Product(NamedTuple):
-    """Product of node ** exponent over ``factors``, ascending in their nodes; exponents are whole or half-integers."""
+    """Product of node ** exponent over ``factors``, sorted by node; exponents are integers or half-integers."""
 
     factors: tuple[tuple[int, Exact], ...]
 

@@ -1,4 +1,4 @@
-"""Expressions as polynomials: multiplied out where that takes fewer operations, and their degree in some variables."""
+"""Expressions as polynomials: expansion where it takes fewer operations, and degree in some variables."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from nearharmonic.core.formulas.expression.nodes import Exact, Product, Sum, Val
 from nearharmonic.core.formulas.expression.program import Program
 from nearharmonic.core.formulas.expression.writer import program
 
-#: A product of powers of nodes, ascending in the nodes.
+#: A product of powers of nodes, sorted by node.
 Monomial = tuple[tuple[int, Exact], ...]
 Polynomial = dict[Monomial, Exact]
 
-#: Most terms of a polynomial that replaces an expression: those of larger ones take more operations than they save.
+#: Largest number of terms of a polynomial that replaces an expression: larger polynomials take more operations.
 MOST_TERMS = 64
-#: Most factors of a term.
+#: Largest number of factors of a term.
 MOST_FACTORS = 64
-#: Most terms in the proof that a polynomial's degree is low.
+#: Largest number of terms in the proof that a polynomial has a low degree.
 MOST_TERMS_OF_PROOF = 100_000
 
 
@@ -27,17 +27,17 @@ class _TooLargeError(Exception):
 
 
 def shortest_program(graph: Graph, roots: Sequence[Value], formula: Value) -> Program:
-    """Return operations that compute ``roots``, multiplied out if that takes fewer operations and no longer a chain.
+    """Return operations that compute ``roots``, expanded if that takes fewer operations and no longer chain.
 
     Parameters
     ----------
     graph : Graph
-        Where the values are.
+        The graph of the values.
     roots : sequence of Value
-        What to compute: derivatives of ``formula``.
+        Values to compute: derivatives of ``formula``.
     formula : Value
-        Sums of variables and constants in it are displacements, which are small where their terms are large: these are
-        never multiplied out.
+        The energy. Sums of variables and constants in it are displacements, which may be small while their terms are
+        large; they are never expanded.
     """
     plain = program(graph, roots)
     try:
@@ -49,7 +49,7 @@ def shortest_program(graph: Graph, roots: Sequence[Value], formula: Value) -> Pr
 
 
 def is_quadratic(graph: Graph, root: Value, variables: Set[int]) -> bool:
-    """Return whether ``root`` is a polynomial of degree at most 2 in the nodes ``variables``, however it is written."""
+    """Return True if ``root``, in whatever form, is a polynomial of degree at most 2 in the nodes ``variables``."""
     if root.node is None:
         return True
     if _bound(graph, root, variables) <= 2:
@@ -72,7 +72,7 @@ def is_quadratic(graph: Graph, root: Value, variables: Set[int]) -> bool:
 
 
 def polynomial_of(graph: Graph, root: Value) -> Polynomial:
-    """Return a polynomial by its coefficients; the empty one if it has too many terms."""
+    """Return a polynomial by its coefficients; an empty one if it has too many terms."""
     if root.node is None:
         return {(): root.coefficient} if root.coefficient else {}
     try:
@@ -92,7 +92,7 @@ def _dependent(graph: Graph, root: Value, variables: Set[int]) -> set[int]:
 
 
 def _bound(graph: Graph, root: Value, variables: Set[int]) -> Exact:
-    """A bound on the degree, that of the polynomial as it is written; infinite (3) for other functions."""
+    """A bound on the degree: that of the polynomial before cancellation; 3 for all larger ones and other functions."""
     degrees: dict[int, Exact] = {}
     for i in graph.reachable([root]):
         node = graph.nodes[i]
@@ -111,7 +111,7 @@ def _bound(graph: Graph, root: Value, variables: Set[int]) -> Exact:
 
 
 def _polynomials(graph: Graph, roots: Sequence[Value], kept: Set[int], most_terms: int) -> dict[int, Polynomial]:
-    """Every node below ``roots`` as a polynomial in those that are neither sums nor products, and those ``kept``."""
+    """Every node below ``roots`` as a polynomial in the nodes ``kept`` and in nodes other than sums and products."""
     found: dict[int, Polynomial] = {}
     for i in graph.reachable(roots):
         node = graph.nodes[i]
@@ -178,6 +178,6 @@ def _as_value(graph: Graph, polynomials: dict[int, Polynomial], root: Value) -> 
         if product.node is None:
             constant = exact(constant + root.coefficient * c)
         else:
-            # Two monomials may be one product: |x| sign(x) is x.
+            # Two monomials may be equal as products: |x| sign(x) is x.
             terms[product.node] = exact(terms.get(product.node, 0) + root.coefficient * c * product.coefficient)
     return graph.combination(constant, terms)

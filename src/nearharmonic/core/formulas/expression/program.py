@@ -1,4 +1,4 @@
-"""Sequences of operations, which are run on numbers of any type."""
+"""Sequences of operations that run on numbers of any type."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Any
 
 from nearharmonic.core.formulas.number import Constant
 
-#: Operations from which on their order is chosen for the registers.
+#: Number of operations from which on their order is chosen to save registers.
 MANY_OPERATIONS = 200
-#: Operations in a processor's time for one that it can begin twice a cycle.
+#: Time for which an operation occupies the processor, in half cycles; others take 1.
 WORK = {"divide": 8, "root": 9}
 
-#: An operation: its name, and its operands, which are places of results, or exact constants.
+#: An operation: its name and its operands. An operand is the place of a result, or an exact constant.
 Operation = tuple[Any, ...]
 
 
@@ -29,7 +29,7 @@ class Program:
     chain : int
         Cycles of the longest chain of operations.
     work : int
-        Operations, weighted by the time that they occupy the processor.
+        Sum over the operations of the time for which each occupies the processor, in half cycles.
     """
 
     def __init__(self, operations: list[Operation], results: list[int], chain: int) -> None:
@@ -60,9 +60,9 @@ class Program:
         Parameters
         ----------
         arguments : sequence of numbers
-            The variables, of any one type that has + - * / and abs.
+            The variables, all of one type with + - * / and abs.
         constant : callable
-            Makes a number of that type of an exact constant.
+            Converts an exact constant to a number of that type.
         function : callable
             ``function(name, x, ...)`` is the value of a function of formulas, of "root" or of "sign".
         """
@@ -95,7 +95,7 @@ def _places(operation: Operation) -> tuple[int, ...]:
 
 
 def _used_soon(operations: list[Operation], kept: Sequence[int]) -> list[int]:
-    """An order of the places ``kept`` in which a result is used soon after it is computed, so registers suffice."""
+    """An order of the places ``kept`` in which each result is used soon after its computation, to save registers."""
     missing = {place: len(set(_places(operations[place]))) for place in kept}
     users: dict[int, list[int]] = {}
     for place in kept:

@@ -1,4 +1,4 @@
-"""Size of expressions in operations, the limit above which they become loops, and the largest size compiled."""
+"""Size of expressions in operations: the limit above which they become loops, and the largest size."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ from nearharmonic.core.formulas.expression.graph import Graph
 from nearharmonic.core.formulas.expression.nodes import Application, Node, Product, Sum, Value
 from nearharmonic.core.formulas.number import FUNCTIONS, FormulaError
 
-#: Coordinates and operations up to which formulas are written out in a kernel, which takes 5 to 20 ms an operation to
-#: compile; larger ones become loops.
+#: Coordinates and operations up to which a kernel has no loops over coordinates. It takes 5 to 20 ms per operation to
+#: compile; larger formulas become loops.
 MOST_UNROLLED, MOST_OPERATIONS_UNROLLED = 50, 1000
-#: Most operations of a kernel of loops, each pattern counted once.
+#: Largest number of operations of a kernel of loops, each pattern counted once.
 MOST_OPERATIONS = 4000
-#: Operations that a function is counted as: it takes as long to compile.
+#: Number of operations that take as long to compile as one function.
 OPERATIONS_OF_A_FUNCTION = 10
 
 
 def operations(graph: Graph, roots: Sequence[Value]) -> int:
-    """Return how many operations the values take."""
+    """Return the number of operations that the values take."""
     return sum(_operations(graph.nodes[node]) for node in graph.reachable(roots))
 
 
 def operations_of(name: str) -> int:
-    """Return how many operations one of this name is counted as."""
+    """Return the weight of an operation of this name, in operations."""
     return OPERATIONS_OF_A_FUNCTION if name in FUNCTIONS else 1
 
 
 def becomes_loops(dimension: int, operations: int) -> bool:
-    """Return whether a formula of so many coordinates and operations is compiled as loops."""
+    """Return True if a formula of so many coordinates and operations is compiled as loops."""
     return dimension > MOST_UNROLLED or operations > MOST_OPERATIONS_UNROLLED
 
 
@@ -38,7 +38,7 @@ def check_size(operations: int) -> None:
     Raises
     ------
     FormulaError
-        They take more than :data:`MOST_OPERATIONS`.
+        The formulas take more than :data:`MOST_OPERATIONS`.
     """
     if operations > MOST_OPERATIONS:
         raise FormulaError(

@@ -1,7 +1,8 @@
-"""The operations that compute expressions, in the order that keeps chains of operations short.
+"""The operations that compute expressions, in an order with short chains of operations.
 
-One trajectory is bound by the latency of the longest chain from the coordinates to the force. The processor's latencies
-decide the order of sums and products: what is ready late comes last, and a product that is added is fused.
+One trajectory is bound by the latency of the longest chain from the coordinates to the force. The latencies of the
+processor decide the order of sums and products: operands that are ready late come last, and a product that is added is
+fused.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from nearharmonic.core.formulas.expression.nodes import (
 from nearharmonic.core.formulas.expression.program import Operation, Program
 from nearharmonic.core.formulas.number import Constant
 
-#: Cycles from an operand to a result on current processors; a function's are those of a polynomial of degree ten.
+#: Cycles from an operand to a result on current processors; a function is counted as a polynomial of degree ten.
 LATENCY = {
     "add": 3,
     "subtract": 3,
@@ -41,7 +42,7 @@ LATENCY = {
     "sign": 2,
 }
 FUNCTION = 50
-#: Terms from which on a sum is added in groups, and the terms of a group.
+#: Number of terms from which on a sum is added in groups, and number of terms of a group.
 LONG_SUM, GROUP = 12, 4
 
 
@@ -67,7 +68,7 @@ class _Writer:
         reachable = graph.reachable(roots)
         self.uses = Counter(child for i in reachable for child in children(graph.nodes[i]))
         self.uses.update(root.node for root in roots if root.node is not None)
-        #: Sums and products of one use, in a sum or product: their terms or factors are the user's own.
+        #: Sums that are used once, in a sum, and products that are used once, in a product.
         self.joined = self._joined(reachable, displacements(graph, roots))
         self._inverses = self._negative_powers(reachable)
 
@@ -113,7 +114,7 @@ class _Writer:
         return self.write("constant", Constant(value))
 
     def _fusible(self, place: int) -> int:
-        """When the operands of an addend are ready: before the product itself, which is fused."""
+        """Cycle in which an addend is ready to be added; of a product, that of its operands, as it is fused."""
         operation = self.operations[place]
         return max(self.ready[x] for x in operation[1:]) if operation[0] == "multiply" else self.ready[place]
 
@@ -129,7 +130,7 @@ class _Writer:
         return place
 
     def _written(self, c: Exact, node: int, found: Node) -> int:
-        if c != -1 or self.uses[node] == 1:  # a force and its reaction differ in a sign
+        if c != -1 or self.uses[node] == 1:  # a force and its reaction differ in sign
             if isinstance(found, Product):
                 return self._product(c, self._factors(node))
             if isinstance(found, Sum) and modulus(c) == 1:
@@ -143,7 +144,7 @@ class _Writer:
         return self.write("variable", found.place) if isinstance(found, Variable) else self.constant(found.value)
 
     def _terms(self, c: Exact, node: int) -> tuple[Exact, list[tuple[int, Exact]]]:
-        """The constant and the terms of a sum times ``c``, with those of the sums that are joined to it."""
+        """The constant and the terms of a sum times ``c``, with the terms of the sums that are joined to it."""
         constant: Exact = 0
         terms, pending = [], [(node, c)]
         while pending:
@@ -163,7 +164,7 @@ class _Writer:
         return self._added(parts)
 
     def _collected(self, terms: list[tuple[int, Exact]]) -> list[tuple[int, int]]:
-        """The parts of a long sum, with each factor that several terms share taken out of them."""
+        """The parts of a long sum; a factor that several terms share is taken out of them."""
         groups: dict[Exact, list[tuple[int, Exact]]] = {}
         for node, c in terms:
             groups.setdefault(modulus(c), []).append((node, c))
@@ -177,7 +178,7 @@ class _Writer:
         return parts
 
     def _added(self, parts: list[tuple[int, int]]) -> int:
-        """The sum of places with their signs: one after the other, a long one in groups, for a shorter chain."""
+        """The sum of places with their signs: sequential, or in groups if it is long, for a shorter chain."""
         while len(parts) > LONG_SUM:
             parts = [(1, self._added(parts[i : i + GROUP])) for i in range(0, len(parts), GROUP)]
         parts.sort(key=lambda part: (self._fusible(part[1]), self.operations[part[1]][0] == "multiply"))
@@ -195,11 +196,11 @@ class _Writer:
         return total
 
     def _term(self, c: Exact, node: int) -> tuple[int, int]:
-        """A term's sign and the place of its modulus."""
+        """The sign of a term, and the place of its modulus."""
         return (1 if c > 0 else -1), self.value(modulus(c), node)
 
     def _factors(self, node: int) -> dict[int, Exact]:
-        """The factors of a product, with those of the products that are joined to it."""
+        """The factors of a product, with the factors of the products that are joined to it."""
         factors: dict[int, Exact] = {}
         pending: list[tuple[int, Exact]] = [(node, 1)]
         while pending:
@@ -216,7 +217,7 @@ class _Writer:
         bottom: list[int] = []
         for base, e in factors.items():
             if e < 0 and base not in self._inverses:
-                # The division runs beside the root: s^(-3/2) = sqrt(s) / s^2.
+                # The division runs at the same time as the root: s^(-3/2) = sqrt(s) / s^2.
                 whole = -int(e // 1)
                 bottom.append(self._whole_power(self.value(1, base), whole))
                 if e.denominator == 2:
@@ -236,12 +237,12 @@ class _Writer:
         return self._scaled(c, top)
 
     def _is_quotient(self, node: int) -> bool:
-        """Return True if a node divides a constant, into which another constant may be multiplied."""
+        """Return True if a node is a constant divided by a value: the constant can take up another factor."""
         found = self.graph.nodes[node]
         return isinstance(found, Product) and all(e < 0 and n not in self._inverses for n, e in found.factors)
 
     def _power(self, base: int, e: Exact) -> list[int]:
-        """Factors that make a power of a node, by its inverse if several divide by it."""
+        """Factors of a power of a node; the inverse of the node is a factor if several products divide by it."""
         x = self.value(1, base)
         if e < 0:
             exponents = self._inverses[base]
@@ -277,7 +278,7 @@ class _Writer:
         return self._multiplied([self.write("negate", first), *rest])
 
     def _multiplied(self, factors: list[int]) -> int:
-        """Return a product, each time of the two factors that are ready first."""
+        """Return a product: each multiplication takes the two factors that are ready first."""
         left = [(self.ready[x], i, x) for i, x in enumerate(factors)]
         heapify(left)
         while len(left) > 1:

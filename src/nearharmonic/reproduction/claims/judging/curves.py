@@ -8,7 +8,7 @@ passes :data:`LOST`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from math import sqrt
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -19,7 +19,7 @@ from nearharmonic.numerics.types import Bools, Floats
 from nearharmonic.output.dataset import double_runs
 from nearharmonic.reproduction.claims.claim import Decision, Verdict
 from nearharmonic.reproduction.claims.judging.definitions import EDGES, RANGE
-from nearharmonic.reproduction.claims.results import Results, Undecided, label, short
+from nearharmonic.reproduction.claims.results import Memory, Results, label, require, short
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -77,7 +77,7 @@ def _pieces(x: Floats, chosen: Bools) -> Iterator[tuple[float, float]]:
         yield float(x[start]), float(x[stop - 1])
 
 
-class Curves:
+class Curves(Memory):
     """The runs of one system over step sizes.
 
     Parameters
@@ -87,8 +87,8 @@ class Curves:
     """
 
     def __init__(self, cube: xr.Dataset) -> None:
+        super().__init__()
         self.cube = double_runs(cube)
-        self._kept: dict[Hashable, Any] = {}
         self.x: Floats = cube["tau_per_stage"].values
         unit = cube["tau_per_stage"].attrs.get("units", "1")
         self.unit = "" if unit == "1" else f" {unit}"
@@ -102,16 +102,8 @@ class Curves:
         Undecided
             The cube has no such method.
         """
-        if name not in self.names:
-            message = f"the results do not have the method {label(name)}"
-            raise Undecided(message)
+        require(name in self.names, f"the results do not have the method {label(name)}")
         return self.kept((name, variable), lambda: self.cube[variable].values[self.names.index(name)])
-
-    def kept(self, key: Hashable, make: Callable[[], Any]) -> Any:
-        """Return what ``make`` returns, called at the first use of ``key``."""
-        if key not in self._kept:
-            self._kept[key] = make()
-        return self._kept[key]
 
     def errors(self, names: Sequence[str], variable: str = "max_energy_error") -> Floats:
         """Return a row of errors for each method; infinite where the run diverged."""
@@ -133,9 +125,9 @@ class Curves:
         low = self.x[(every < PLATEAU * floors).any(axis=0)].max(initial=0.0)
         high = self.x[(np.atleast_2d(every if kept is None else kept) > LOST).any(axis=0)].min(initial=np.inf)
         asked = (self.x > low) & (self.x < high)
-        if asked.sum() < FEWEST:
-            message = "the results have fewer than three step sizes at which all curves are truncation"
-            raise Undecided(message)
+        require(
+            asked.sum() >= FEWEST, "the results have fewer than three step sizes at which all curves are truncation"
+        )
         return Range(self.x, asked, self.unit)
 
 

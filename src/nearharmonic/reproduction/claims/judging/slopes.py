@@ -15,10 +15,10 @@ import numpy as np
 from nearharmonic.numerics import portable
 from nearharmonic.numerics.statistics import power_law
 from nearharmonic.numerics.types import Bools, Floats
-from nearharmonic.reproduction.claims.claim import Decision, Verdict, combined
-from nearharmonic.reproduction.claims.judging.curves import FEWEST, LOST, Curves, Range
+from nearharmonic.reproduction.claims.claim import Decide, Decision, Verdict, combined
+from nearharmonic.reproduction.claims.judging.curves import FEWEST, LOST, Curves, Range, curves_of
 from nearharmonic.reproduction.claims.judging.definitions import SLOPES
-from nearharmonic.reproduction.claims.results import Undecided, label, short
+from nearharmonic.reproduction.claims.results import label, require, short
 
 #: Decades on either side of a step size over which its local slope is fitted: five step sizes, forty a decade.
 WINDOW = 0.05
@@ -87,6 +87,11 @@ def judged(found: Stretch) -> Verdict:
     return "holds in part" if found.decades >= SHORT - _ROUNDED else "fails"
 
 
+def slopes_are(system: str, expected: Mapping[str, int]) -> Decide:
+    """Judge of statements about the orders of methods that a figure of one system shows."""
+    return lambda results, band: orders(curves_of(results, system), expected, band)
+
+
 def orders(curves: Curves, expected: Mapping[str, int], band: float) -> Decision:
     """Decide whether each method has its order as a slope."""
     verdicts, told = [], []
@@ -107,7 +112,6 @@ def large_steps(curves: Curves, *names: str) -> Range:
     """
     end = curves.x[(curves.errors(names) > LOST).any(axis=0)].min(initial=np.inf)
     asked = (curves.x > end / 10) & (curves.x < end)
-    if asked.sum() < FEWEST or not np.isfinite(end):
-        message = "the results have fewer than three step sizes in the decade below an error of 1 %"
-        raise Undecided(message)
+    known = asked.sum() >= FEWEST and np.isfinite(end)
+    require(known, "the results have fewer than three step sizes in the decade below an error of 1 %")
     return Range(curves.x, asked, curves.unit)

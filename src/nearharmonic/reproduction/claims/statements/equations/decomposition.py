@@ -7,7 +7,7 @@ from fractions import Fraction
 
 from nearharmonic.exact.polynomials import real_root_count, sturm_chain
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.reproduction.claims.claim import Decision, claim, counted, either
+from nearharmonic.reproduction.claims.claim import Decision, counted, either, mathematics, result
 from nearharmonic.reproduction.claims.judging.definitions import NOT_SUITABLE, SIGNIFICANTLY
 from nearharmonic.reproduction.claims.results import Results, short
 from nearharmonic.theory.oscillator import step_polynomials
@@ -33,12 +33,11 @@ ROUNDED = 1e-14
 ROUNDING = "equal to 10⁻¹⁴: the tables hold doubles, rounded to 10⁻¹⁶, of sums with terms up to 3"
 
 
-@claim(
+@result(
     id="eq-6-rounding",
     paper="Section 3, below Eq. 6",
     sentence="Eq. 6 yields significantly larger truncation errors than Eq. 5 and is therefore not suitable for "
     "practical implementation",
-    kind="result",
     statement="Eq. 6 yields significantly larger errors than Eq. 5 and is not suitable for practical implementation",
     threshold="the largest energy error of Eq. 6 at least ten times that of Eq. 5: 1000 steps of BABs7o7H on the "
     "oscillator at τ/s = 0.003, where its truncation is below rounding, in doubles without compensation; "
@@ -46,22 +45,18 @@ ROUNDING = "equal to 10⁻¹⁴: the tables hold doubles, rounded to 10⁻¹⁶,
     bound=NOT_SUITABLE.number,
 )
 def eq_6_rounding(results: Results, factor: float) -> Decision:
-    shears, eliminated = results.kept("eq_6", lambda: _both_errors(results.method("babs7o7h").role("kick")))
+    method = results.method("babs7o7h").role("kick")
+    shears, eliminated = results.kept("eq_6", lambda: [_largest_error(method, by) for by in (_by_eq_5, _by_eq_6)])
     value = f"{short(eliminated)} against {short(shears)} of Eq. 5"
     return either(eliminated >= factor * shears, value)
-
-
-def _both_errors(method: Tableau) -> tuple[float, float]:
-    tau = 0.003 * method.stages
-    return _largest_error(method, tau, _by_eq_5), _largest_error(method, tau, _by_eq_6)
 
 
 State = tuple[float, float]
 
 
-def _largest_error(method: Tableau, tau: float, step: Callable[[Tableau, float, State], State]) -> float:
+def _largest_error(method: Tableau, step: Callable[[Tableau, float, State], State]) -> float:
     """The largest |H - H0|/H0 of 1000 steps from (q, p) = (1, -1)."""
-    state, largest = (1.0, -1.0), 0.0
+    state, largest, tau = (1.0, -1.0), 0.0, 0.003 * method.stages
     for _ in range(1000):
         state = step(method, tau, state)
         largest = max(largest, abs((state[0] * state[0] + state[1] * state[1]) / 2 - 1))
@@ -87,11 +82,10 @@ def _by_eq_6(method: Tableau, tau: float, state: State) -> State:
     return q, (q - before) / (tau * drifts[-1]) - tau * kicks[-1] * q
 
 
-@claim(
+@mathematics(
     id="table-2",
     paper="Table 2",
     sentence="consider the three stage decomposition expressed by the entries Q_(h,λ) in Table 2",
-    kind="mathematics",
     statement="The entries of Table 2 are right, up to τ⁶",
     threshold="each of the 16 entries is that of the recursion of Eq. 6; with Ruth's coefficients the last row is the "
     f"product of his kicks and drifts, {ROUNDING}",
@@ -99,25 +93,20 @@ def _by_eq_6(method: Tableau, tau: float, state: State) -> State:
     needs=("tables/table2_recursion.csv", "tables/table2_values.csv"),
 )
 def table_2(results: Results, rounded: float) -> Decision:
-    ours = results.rows("table2_recursion")
-    same = [
-        cell == row.get(f"tau^{power}")
-        for printed, row in zip(TABLE_2, ours, strict=False)
-        for power, cell in enumerate(printed)
-    ]
+    same: list[bool] = []
+    for printed, row in zip(TABLE_2, results.rows("table2_recursion"), strict=False):
+        same += [cell == row.get(f"tau^{power}") for power, cell in enumerate(printed)]
     last = results.rows("table2_values")[len(TABLE_2) - 1]
     K = step_polynomials(results.method("ruth").role("kick"))
-    right = [
-        abs(float(last[f"tau^{power}"]) - float((K.K12 if power % 2 else K.K11)[power])) < rounded for power in range(7)
-    ]
+    terms = [(K.K12 if power % 2 else K.K11)[power] for power in range(7)]
+    right = [abs(float(last[f"tau^{power}"]) - float(term)) < rounded for power, term in enumerate(terms)]
     return counted([*same, *right], f"{sum(same)} of {len(same)} entries, {sum(right)} of {len(right)} numbers")
 
 
-@claim(
+@mathematics(
     id="eq-14-only-solution",
     paper="Eq. 14",
     sentence="It is readily found that the only real solution satisfying Eq. 14 is the one originally found by [Ruth]",
-    kind="mathematics",
     statement="The only real solution of Eq. 14, given that c and d sum to 1, is the one found by Ruth",
     threshold="with both sums 1, Eq. 14 leaves 6c³ - 12c² + 6c - 1 = 0 for c₁: one real root by Sturm's theorem, which "
     "is Ruth's c₁ within its 76 decimals",
@@ -132,12 +121,11 @@ def eq_14(results: Results, rounded: float) -> Decision:
     return either(count == 1 and left < Fraction(rounded), value)
 
 
-@claim(
+@mathematics(
     id="harmonic-four-is-four",
     paper="Section 3, below Eq. 16",
     sentence="splitting coefficients satisfying Eq. 10 to at least fourth order also satisfy Eq. 2 to at least fourth "
     "order",
-    kind="mathematics",
     statement="Coefficients that solve the oscillator to fourth order are of fourth order for any separable H",
     threshold="every registered symmetric method whose position has harmonic order 4 or more has order 4 or more, "
     "proved in the free Lie algebra; for symmetric sets both ask for two independent conditions",

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from mpmath import mp, mpf
 
 from nearharmonic.integrators.tableau import Tableau, palindrome
-from nearharmonic.reproduction.claims.claim import Decision, claim, counted, either
+from nearharmonic.reproduction.claims.claim import Decision, counted, either, mathematics, misprint, tallied
 from nearharmonic.reproduction.claims.results import Results, short
 from nearharmonic.theory.order import order_of
 from nearharmonic.theory.oscillator import kappa
@@ -69,11 +69,10 @@ def _ruth(results: Results) -> Drawn:
     return Drawn([Fraction(d) for d in method.kick[:-1]], [Fraction(c) for c in method.drift])
 
 
-@claim(
+@misprint(
     id="c-n-below-eq-6",
     paper="Section 3, below Eq. 6",
     sentence="where C_n = c_(n+1)/c_n and D_n = -c_n d_n",
-    kind="misprint",
     statement="C_n = c_(n+1)/c_n in the recursion of Eq. 6",
     threshold=f"the recursion gives the position of Eq. 5, {DRAWN}; with c_(s+1) = c₁ of the next step, or 0 as in "
     "Table 1",
@@ -103,11 +102,10 @@ def _off(coefficients: Drawn, ratios: Row) -> Any:
     return max(abs(a - b) for a, b in zip(now, exact, strict=True))
 
 
-@claim(
+@mathematics(
     id="eq-6-p-row",
     paper="Eq. 6",
     sentence="p_(s+1) = m (q_s - q_(s-1))/(τ c_s) - τ d_(s+1) ∂V/∂q(q_s)",
-    kind="mathematics",
     statement="The last row of Eq. 6 gives the momentum after the step",
     threshold=f"equal to the momentum of Eq. 5 on the oscillator with m = 2, k = 3 and τ = 1/3, {DRAWN}",
 )
@@ -130,11 +128,10 @@ def last_row(m: Any, q: tuple[Any, Any], drift: Any, kick: Any) -> Any:
     return m * (q[1] - q[0]) / drift - kick * q[1]
 
 
-@claim(
+@mathematics(
     id="eq-13",
     paper="Eq. 13",
     sentence="the following identities must be true for symmetric fourth order splitting coefficients",
-    kind="mathematics",
     statement="The formulas of Eq. 13 for ζ₁ to ζ₄ of three stages are right",
     threshold=f"equal to the terms of the position after a step, multiplied out kick by drift, {DRAWN}, symmetric ones",
 )
@@ -149,7 +146,7 @@ def eq_13(_: Results) -> Decision:
             c1 * d2 * (2 * c1 * d1 + 2 * c2 * d1 + c2 * d2),
         )
         good += [a == b for a, b in zip(formulas, position_terms(one)[-1][1:5], strict=True)]
-    return counted(good, f"{sum(good)} of {len(good)} terms equal")
+    return tallied(good, "terms equal")
 
 
 def closed_form() -> tuple[Any, Any, Any, Any]:
@@ -167,11 +164,10 @@ def eq_14(c1: Any, c2: Any, d1: Any, d2: Any) -> tuple[Any, Any, Any]:
     )
 
 
-@claim(
+@mathematics(
     id="eq-15",
     paper="Eq. 15",
     sentence="the only real solution satisfying Eq. 14 is the one originally found by [Ruth]",
-    kind="mathematics",
     statement="d₁ = 1/(2(2 - 2^(1/3))) = 1/2 - d₂ and c₁ = 1/(2 - 2^(1/3)) = (1 - c₂)/2 solve Eq. 14",
     threshold=f"both sides of the three equations equal to 10⁻⁸⁰, in {DIGITS} digits",
     bound=ROUNDED,
@@ -196,24 +192,22 @@ def _tau4(one: Drawn, h: int, limit: int) -> Any:
 SUMS = f"equal to the terms of the position after h drifts, multiplied out kick by drift, {DRAWN}, with five stages"
 
 
-@claim(
+@mathematics(
     id="table-3",
     paper="Table 3",
     sentence="τ² and τ⁴ separations can be expressed as in Table 3",
-    kind="mathematics",
     statement="The sums of the τ² column are right for every h",
     threshold=SUMS,
 )
 def table_3(_: Results) -> Decision:
     good = [_tau2(one, h) == row[2] for one in drawn(5) for h, row in enumerate(position_terms(one))]
-    return counted(good, f"{sum(good)} of {len(good)} sums equal")
+    return tallied(good, "sums equal")
 
 
-@claim(
+@misprint(
     id="table-3-inner-limit",
     paper="Table 3",
     sentence="τ² and τ⁴ separations can be expressed as in Table 3",
-    kind="misprint",
     statement="The sums of the τ⁴ column are right, with an inner sum that runs to h - 1",
     threshold=SUMS,
 )
@@ -225,11 +219,10 @@ def table_3_inner_limit(results: Results) -> Decision:
     return either(all(good), f"{value}. Eq. 16, where the sum runs to h, is right")
 
 
-@claim(
+@mathematics(
     id="eq-16",
     paper="Eq. 16",
     sentence="the following identities must be true to satisfy the fourth conditions for the SHO",
-    kind="mathematics",
     statement="The sums of Eq. 16 for ζ₂ and ζ₄ are right, with an inner sum that runs to h",
     threshold=SUMS,
 )
@@ -238,18 +231,17 @@ def eq_16(_: Results) -> Decision:
     for one in drawn(5):
         exact = position_terms(one)[-1]
         good += [_tau2(one, 5) == exact[2], _tau4(one, 5, 5) == exact[4]]
-    return counted(good, f"{sum(good)} of {len(good)} sums equal")
+    return tallied(good, "sums equal")
 
 
 #: a, b, m and k below Eq. 17.
 CONSTANTS = (1, -1, 1, 1)
 
 
-@claim(
+@mathematics(
     id="initial-values-below-eq-17",
     paper="Section 3, below Eq. 17",
     sentence="a = -b = 1 and m = k = 1 corresponding to the initial conditions q_a = -p_a = 1",
-    kind="mathematics",
     statement="q = a cos t + b sin t with a = -b = 1 begins with q = 1, p = -1",
     threshold="exactly, from q and p = m dq/dt of Eq. 12 at t = 0",
 )
@@ -270,11 +262,10 @@ def counterexample() -> Tableau:
     )  # fmt: skip
 
 
-@claim(
+@mathematics(
     id="eq-16-general",
     paper="Section 3, below Eq. 16",
     sentence="It has previously been shown that Eq. 16 is in fact general second and fourth order criteria",
-    kind="mathematics",
     statement="Symmetric coefficients that solve Eq. 16 are of fourth order for any separable H",
     threshold="no symmetric coefficients that sum to 1 solve Eq. 16, to 10⁻⁷⁰, and are of lower order, proved in the "
     "free Lie algebra; one example refutes the statement",

@@ -5,143 +5,120 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
-from nearharmonic.reproduction.claims.claim import Decision, claim, counted, either
+from nearharmonic.reproduction.claims.claim import Decision, counted, either, result, tallied
 from nearharmonic.reproduction.claims.judging.definitions import GENERALLY, SMALL
-from nearharmonic.reproduction.claims.results import Results, Undecided, short
+from nearharmonic.reproduction.claims.results import Results, require, short
 
 DOCUMENT = ("derived/coefficients.toml",)
 #: What the paper's minimisation asks of the largest kappa.
 ASKED = 1e-128
 
 
-@claim(
+@result(
     id="growth-of-lambda-h",
     paper="Section 3, below Eq. 17",
     sentence="for λ_H > 5 every additional stage yields two increments of λ_max and a single increment of λ_H for "
     "which at least one real solution exists",
-    kind="result",
     statement="Every additional stage yields two increments of λ_max and one of the λ_H that a real solution has",
     threshold="with each number of stages s from five on λ_max = 2s, and a real solution with λ_H = s + 1 is found; "
     "the paper says that experiments suggest it, so no proof is asked that λ_H cannot be larger",
     needs=("tables/derived_orders.csv",),
-    target="derive",
 )
 def growth_of_lambda_h(results: Results) -> Decision:
     rows = [row for row in results.rows("derived_orders") if int(row["stages"]) >= 5]
-    if len(rows) < 2:
-        message = "the table of reached orders has fewer than two numbers of stages from five on"
-        raise Undecided(message)
-    reached = [
-        (int(r["lambda_max"]), int(r["harmonic order reached"])) == (2 * int(r["stages"]), int(r["stages"]) + 1)
-        for r in rows
-    ]
+    require(len(rows) > 1, "the table of reached orders has fewer than two numbers of stages from five on")
+    found = [[int(row[name]) for name in ("stages", "lambda_max", "harmonic order reached")] for row in rows]
+    reached = [(highest, order) == (2 * stages, stages + 1) for stages, highest, order in found]
     proved = [row["stages"] for row in rows if row["proved largest"] == "yes"]
     stages = f"s = {rows[0]['stages']} to {rows[-1]['stages']}"
     value = f"s + 1 reached for {sum(reached)} of {len(rows)}, {stages}; proved largest for s = {', '.join(proved)}"
     return either(all(reached), value)
 
 
-@claim(
+@result(
     id="kappa-below-1e-128",
     paper="Section 3, last paragraph",
     sentence="Solutions are provided in the following section with minimization criteria κ_max < 1e-128",
-    kind="result",
     statement="Solutions have κ_max < 10⁻¹²⁸",
     threshold="below 10⁻¹²⁸, the paper's number, for each derived set, the printed ones among them",
     bound=ASKED,
     needs=DOCUMENT,
-    target="derive",
 )
 def kappa_below(results: Results, asked: float) -> Decision:
     found = [float(root["residual"]) for case in results.derived["isolated"] for root in case["roots"]]
     found += [float(one["continued"]["residual"]) for one in results.derived["printed"]]
-    good = [residual < asked for residual in found]
-    return counted(good, f"{sum(good)} of {len(good)} solutions; largest {short(max(found), 2)}")
+    return tallied((residual < asked for residual in found), "solutions", f"; largest {short(max(found), 2)}")
 
 
-@claim(
+@result(
     id="simplex-reaches",
     paper="Section 3, last paragraph",
     sentence="The minimization is performed using an adaptive simplex method minimizing only one objective κ_max",
-    kind="result",
     statement="An adaptive simplex in 2048 bits that minimises κ_max alone reaches 10⁻¹²⁸",
     threshold="κ_max below 10⁻¹²⁸, the paper's number, from at least one random start",
     bound=ASKED,
     needs=("tables/derived_routes.csv",),
-    target="derive",
 )
 def simplex_reaches(results: Results, asked: float) -> Decision:
     rows = [row for row in results.rows("derived_routes") if row["route"].startswith("adaptive simplex")]
-    rows = [row for row in rows if row["start"].startswith("random")]
-    if not rows:
-        message = "the config asks for no simplex"
-        raise Undecided(message)
-    good = [float(row["largest kappa"]) < asked for row in rows]
-    worst = max(float(row["largest kappa"]) for row in rows)
+    found = [float(row["largest kappa"]) for row in rows if row["start"].startswith("random")]
+    require(found, "the config asks for no simplex")
+    good, worst = [kappa < asked for kappa in found], max(found)
     told = f"{sum(good)} of {len(good)} promising random starts"
     return either(any(good), told if all(good) else f"{told}; the others stall at a κ_max of up to {short(worst, 2)}")
 
 
-@claim(
+@result(
     id="picked-by-sum-and-next-term",
     paper="Section 3, last paragraph",
     sentence="picked among thousands of solutions based on the sum of the absolute values of the splitting "
     "coefficients and higher order SHO errors",
-    kind="result",
     statement="The sets that are not unique have a small sum of absolute values and small next terms in their families",
     threshold="no member found of the same family is better by each of the criteria: then some weighting of them leads "
     "to the choice",
     needs=("tables/derived_families.csv",),
-    target="derive",
 )
 def picked_by_sum(results: Results) -> Decision:
-    better = {row["set"]: int(row["members better in all"]) for row in results.rows("derived_families")}
-    good = [count == 0 for count in better.values()]
-    return counted(good, f"{sum(good)} of {len(good)} sets; members that are better by each: " + _listed(better))
+    rows = results.rows("derived_families")
+    better = [int(row["members better in all"]) for row in rows]
+    listed = _listed(rows, "members better in all")
+    return tallied((count == 0 for count in better), "sets", f"; members that are better by each: {listed}")
 
 
-@claim(
+@result(
     id="picked-among-thousands",
     paper="Section 3, last paragraph",
     sentence="The non-unique solutions are picked among thousands of solutions",
-    kind="result",
     statement="The non-unique solutions are picked among thousands of solutions",
     threshold="for each of these sets at least one free parameter, and at least 2000 members of the family found",
     bound=2000.0,
     needs=("tables/derived_families.csv",),
-    target="derive",
 )
 def picked_among_thousands(results: Results, thousands: float) -> Decision:
     rows = results.rows("derived_families")
-    good = [int(row["free parameters"]) >= 1 and int(row["members found"]) >= thousands for row in rows]
-    members = {row["set"]: int(row["members found"]) for row in rows}
+    good = (int(row["free parameters"]) >= 1 and int(row["members found"]) >= thousands for row in rows)
     parameters = ", ".join(sorted({row["free parameters"] for row in rows}))
-    return counted(
-        good, f"{sum(good)} of {len(good)} sets, of {parameters} parameters; members found: {_listed(members)}"
-    )
+    listed = _listed(rows, "members found")
+    return tallied(good, "sets", f", of {parameters} parameters; members found: {listed}")
 
 
-def _listed(counts: dict[str, int]) -> str:
-    return ", ".join(f"{name} {count}" for name, count in counts.items())
+def _listed(rows: Sequence[Mapping[str, str]], column: str) -> str:
+    return ", ".join(f"{row['set']} {int(row[column])}" for row in rows)
 
 
-@claim(
+@result(
     id="above-seven-more-negative",
     paper="Section 6, Conclusion",
     sentence="harmonic order conditions higher than seven often introduce more negative splitting coefficients",
-    kind="result",
     statement="Harmonic order conditions higher than seven often introduce more negative coefficients",
     threshold="more than half of the real solutions of harmonic order eight with seven stages have more negative "
     f"coefficients than BABs7o7H, of harmonic order seven with seven stages; {GENERALLY.brief}",
     bound=GENERALLY.number,
     needs=DOCUMENT,
-    target="derive",
 )
 def above_seven(results: Results, share: float) -> Decision:
     cases = [case for case in results.derived["isolated"] if case["equations"]["harmonic_order"] == 8]
-    if not cases:
-        message = "no solutions of harmonic order eight were looked for"
-        raise Undecided(message)
+    require(cases, "no solutions of harmonic order eight were looked for")
     method = results.method("babs7o7h")
     before = _negative([*method.kick, *method.drift])
     counts = [_negative([*root["outer"], *root["inner"]]) for root in cases[0]["roots"]]
@@ -154,26 +131,22 @@ def _negative(coefficients: Sequence[str]) -> int:
     return sum(text.startswith("-") for text in coefficients)
 
 
-@claim(
+@result(
     id="more-stages-more-inappropriate",
     paper="Section 6, Conclusion",
     sentence="A larger number of stages presents more degrees of freedom resulting in more inappropriate solutions",
-    kind="result",
     statement="With more stages there are more free parameters, and more solutions with a substep that is not small",
     threshold="each number above that of one stage less: free parameters at harmonic order seven with six to nine "
     f"stages, isolated real solutions with a coefficient above 1 with five to seven; {SMALL.brief}",
     bound=SMALL.number,
     needs=(*DOCUMENT, "tables/derived_families.csv"),
-    target="derive",
 )
 def more_inappropriate(results: Results, small: float) -> Decision:
     families = [row for row in results.rows("derived_families") if row["harmonic order"] == "7"]
     free = {6: 0} | {int(row["stages"]): int(row["free parameters"]) for row in families}
     cases = {case["equations"]["stages"]: case["roots"] for case in results.derived["isolated"]}
     long = {stages: sum(_longest(root) > small for root in roots) for stages, roots in cases.items()}
-    if min(len(free), len(long)) < 2:
-        message = "solutions of fewer than two numbers of stages were looked for"
-        raise Undecided(message)
+    require(min(len(free), len(long)) > 1, "solutions of fewer than two numbers of stages were looked for")
     good = [numbers[b] > numbers[a] for numbers in (free, long) for a, b in pairwise(sorted(numbers))]
     told = (", ".join(f"{numbers[s]} with {s}" for s in sorted(numbers)) for numbers in (free, long))
     return counted(good, "free parameters {} stages; isolated solutions with a coefficient above 1: {}".format(*told))

@@ -6,7 +6,17 @@ from fractions import Fraction
 
 import numpy as np
 
-from nearharmonic.reproduction.claims.claim import Decision, claim, combined, counted, either
+from nearharmonic.reproduction.claims.claim import (
+    Claim,
+    Decision,
+    background,
+    combined,
+    counted,
+    either,
+    mathematics,
+    result,
+    tallied,
+)
 from nearharmonic.reproduction.claims.judging.curves import curves_of
 from nearharmonic.reproduction.claims.judging.definitions import GREATLY, LARGE
 from nearharmonic.reproduction.claims.judging.slopes import (
@@ -15,7 +25,7 @@ from nearharmonic.reproduction.claims.judging.slopes import (
     judged,
     large_steps,
     local_slopes,
-    orders,
+    slopes_are,
     stretch,
 )
 from nearharmonic.reproduction.claims.results import Results, label, short
@@ -29,11 +39,10 @@ ORDERS = {
 }  # fmt: skip
 
 
-@claim(
+@mathematics(
     id="henon-heiles-energy",
     paper="Section 4.B, below Eq. 18",
     sentence="in this case H = 1/8, inside the chaotic domain",
-    kind="mathematics",
     statement="H = 1/8 for q = (0.3, 0), p = (0, 0.4)",
     threshold="exact, in rational arithmetic, from the initial values that are integrated",
 )
@@ -44,11 +53,10 @@ def henon_heiles_energy(_: Results) -> Decision:
     return either(energy == Fraction(1, 8), f"H = {energy}")
 
 
-@claim(
+@result(
     id="henon-heiles-chaotic",
     paper="Section 4.B, below Eq. 18",
     sentence="in this case H = 1/8, inside the chaotic domain",
-    kind="result",
     statement="The orbit of the paper is chaotic",
     threshold="the largest Lyapunov exponent, at the lower end of its 95 % interval, at least ten times that of a "
     "regular orbit, of H = 1/128, after the same time",
@@ -60,18 +68,15 @@ def henon_heiles_chaotic(results: Results, factor: float) -> Decision:
     last = cube["lyapunov_exponent"].isel(time=-1)
     exponent, regular = (float(last.sel(orbit=orbit)) for orbit in ("paper", "regular"))
     width = float(cube["lyapunov_exponent_interval"].sel(orbit="paper"))
-    value = (
-        f"{short(exponent, 2)} ± {short(width, 2)} up to t = {short(float(cube['time'][-1]))}, a factor e in "
-        f"{1 / exponent:.0f} units of time; regular {short(regular, 2)}"
-    )
+    until = f"up to t = {short(float(cube['time'][-1]))}, a factor e in {1 / exponent:.0f} units of time"
+    value = f"{short(exponent, 2)} ± {short(width, 2)} {until}; regular {short(regular, 2)}"
     return either(exponent - width >= factor * regular, value)
 
 
-@claim(
+@mathematics(
     id="henon-heiles-near-harmonic",
     paper="Section 4.B, text to Figure 3",
     sentence="The Hénon Heiles system can be considered as a perturbed SHO for small values of q_x and q_y",
-    kind="mathematics",
     statement="V is that of the oscillator plus a term of third degree, which vanishes beside it for small q",
     threshold="V(εq) = ε²|q|²/2 + ε³ (V(q) - |q|²/2) exactly, for ε = 1/2, 1/4 and 1/8, at the initial position and "
     "at (2/7, -3/5)",
@@ -84,34 +89,32 @@ def henon_heiles_near_harmonic(_: Results) -> Decision:
         rest = system.V((x, y)) - harmonic
         scales = [Fraction(1, 2**n) for n in (1, 2, 3)]
         good += [system.V((e * x, e * y)) == e**2 * harmonic + e**3 * rest for e in scales]
-    depth = 2 / 3 * float(start[0])
-    return counted(
-        good,
-        f"{sum(good)} of {len(good)} equal; the term is at most 2/3 |q| of the oscillator's, {depth:.2g} at the start",
-    )
+    depth = f"{2 / 3 * float(start[0]):.2g} at the start"
+    return tallied(good, "equal", f"; the term is at most 2/3 |q| of the oscillator's, {depth}")
 
 
-@claim(
-    id="fig-3-orders",
-    paper="Section 1, tried on Figure 3",
-    sentence="Nth order integrators have their integration error reduced by a factor k^N when the time step is "
-    "reduced by a factor k",
-    kind="background",
-    statement="For small steps the curves of Figure 3 have the order of the methods: six for Yosh s7o6 A, four for the "
-    "others",
-    threshold=SLOPE,
-    bound=BAND,
-    needs=CUBE,
-)
-def fig_3_orders(results: Results, band: float) -> Decision:
-    return orders(curves_of(results, "henon_heiles"), ORDERS, band)
+def orders_of_figure(number: int, system: str) -> Claim:
+    """Make the statement that the curves of a figure have the orders of the methods."""
+    return background(
+        id=f"fig-{number}-orders",
+        paper=f"Section 1, tried on Figure {number}",
+        sentence="Nth order integrators have their integration error reduced by a factor k^N when the time step is "
+        "reduced by a factor k",
+        statement=f"For small steps the curves of Figure {number} have the order of the methods: six for Yosh s7o6 A, "
+        "four for the others",
+        threshold=SLOPE,
+        bound=BAND,
+        needs=(f"cubes/{system}.h5",),
+    )(slopes_are(system, ORDERS))
 
 
-@claim(
+FIGURE_3 = orders_of_figure(3, "henon_heiles")
+
+
+@result(
     id="fig-3-sixth-order-descent",
     paper="Section 4.B, text to Figure 3",
     sentence="especially BAB's8o7H and BAB's9o7H exhibit a sixth order descent of error for large τ",
-    kind="result",
     statement="BAB's8o7H and BAB's9o7H exhibit a sixth order descent of the maximum error for large τ",
     threshold=f"{SLOPE}; among large step sizes, {LARGE.brief}",
     bound=BAND,
@@ -127,17 +130,15 @@ def fig_3_descent(results: Results, band: float) -> Decision:
         inside = slopes[(curves.x >= found.low) & (curves.x <= found.high)]
         spread = f", slopes {inside.min():.1f} to {inside.max():.1f}" if inside.size else ""
         told.append(f"{label(name)} for {found.words(curves.unit)}{spread}")
-    beyond = np.nanmax([local_slopes(curves, name)[asked.asked] for name in DESCENDING])
-    return combined(
-        verdicts, f"{'; '.join(told)}; for larger steps ragged, up to {short(beyond, 2)}; large: {asked.words()}"
-    )
+    steepest = short(np.nanmax([local_slopes(curves, name)[asked.asked] for name in DESCENDING]), 2)
+    told += [f"for larger steps ragged, up to {steepest}", f"large: {asked.words()}"]
+    return combined(verdicts, "; ".join(told))
 
 
-@claim(
+@result(
     id="fig-3-steepest",
     paper="Section 4.B, text to Figure 3",
     sentence="especially BAB's8o7H and BAB's9o7H exhibit a sixth order descent of error for large τ",
-    kind="result",
     statement="Especially these two: no other fourth order method keeps a sixth order descent as long",
     threshold=f"more decades of large step sizes with local slopes within {BAND} of 6 than each of the other seven "
     f"methods of fourth order; {LARGE.brief}",

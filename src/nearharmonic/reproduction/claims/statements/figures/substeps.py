@@ -5,17 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from nearharmonic.math import hypot
-from nearharmonic.reproduction.claims.claim import Decision, claim, counted, either
+from nearharmonic.reproduction.claims.claim import Decision, counted, either, finding, mathematics, result, tallied
 from nearharmonic.reproduction.claims.judging.definitions import GREATLY, STABLE
 from nearharmonic.reproduction.claims.results import Results, short
 from nearharmonic.theory.linear_stability import stability_limit
 
 
-@claim(
+@result(
     id="fig-6-c-unstable",
     paper="Figure 6, caption",
     sentence="(C) shows an unstable integration where H is not conserved",
-    kind="result",
     statement="(C), Yosh s7o6 A on the Hénon-Heiles system, shows an unstable integration",
     threshold=f"the relative energy error passes 1 within 1000 iterations; {STABLE.brief}",
 )
@@ -29,11 +28,10 @@ def fig_6_c(results: Results) -> Decision:
 DISPLACED = ("cubes/substeps_displaced.h5",)
 
 
-@claim(
+@result(
     id="fig-6-others-stable",
     paper="Figure 6, caption",
     sentence="(A) (B) and (D) show stable integrations which preserve H indefinitely",
-    kind="result",
     statement="(A), (B) and (D) are stable, (D) in the plane q_x = p_x = 0 of the caption",
     threshold="(A) and (B) for ever, as τ = π/4 is below the proved linear limits of both methods, and in 1000 "
     f"iterations; (D) in 100000 iterations, with compensated and with plain sums; {STABLE.brief}",
@@ -52,11 +50,10 @@ def fig_6_others(results: Results) -> Decision:
     return counted(good, f"largest energy errors {told}, (D) {short(plane)} in {iterations} iterations in its plane")
 
 
-@claim(
+@finding(
     id="fig-6-beside-the-plane",
     paper="Figure 6, caption",
     sentence="(A) (B) and (D) show stable integrations which preserve H indefinitely",
-    kind="finding",
     statement="(D) is unstable from starts beside its plane, which the paper does not show",
     threshold="the relative energy error passes 1 within 100000 iterations from each start with q_x from 10⁻¹² to "
     f"10⁻², with compensated and with plain sums; {STABLE.brief}",
@@ -67,17 +64,14 @@ def fig_6_beside_the_plane(results: Results) -> Decision:
     start, left = cube["displacement"].values, cube["left_at"].values
     beside = left[start > 0].ravel()
     gone = beside[beside > 0]
-    value = f"{gone.size} of {beside.size} runs"
-    if gone.size:
-        value += f", at iterations {gone.min()} to {gone.max()}: rounding decides when"
-    return counted((beside > 0).tolist(), value)
+    when = f", at iterations {gone.min()} to {gone.max()}: rounding decides when" if gone.size else ""
+    return tallied(beside > 0, "runs", when)
 
 
-@claim(
+@result(
     id="fig-6-large-substeps",
     paper="Section 5, Discussion",
     sentence="Yosh s7o6 A (A) (C) performs large forward and backward steps compared to BABs7o7H (B) (D)",
-    kind="result",
     statement="Yosh s7o6 A performs large forward and backward steps compared to BABs7o7H",
     threshold="its longest substep in phase space, a pair of a drift and a kick, longer than that of BABs7o7H on both "
     "systems, forward and, with a negative coefficient, backward",
@@ -97,12 +91,11 @@ def fig_6_substeps(results: Results, ratio: float) -> Decision:
     return counted(good, f"longest substep {'; '.join(told)}")
 
 
-@claim(
+@mathematics(
     id="substeps-are-no-evolution",
     paper="Section 2, below Eq. 3",
     sentence="the intermediate steps (q_j, p_j), j = 1, 2, ..., k - 1, referred to as substeps, do not represent the "
     "time evolution of (q₀, p₀)",
-    kind="mathematics",
     statement="Substeps are not points of the orbit: their energy is far off",
     threshold="in each panel of Figure 6 the largest energy error at substeps at least ten times that after the two "
     "iterations",

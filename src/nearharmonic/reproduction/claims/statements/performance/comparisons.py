@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from nearharmonic.reproduction.claims.claim import Claim, Decision, Verdict, claim, combined, counted
+from nearharmonic.reproduction.claims.claim import Claim, Decision, Verdict, combined, counted, result
 from nearharmonic.reproduction.claims.judging.curves import MEASURES, curves_of, for_larger_steps, over, range_words
 from nearharmonic.reproduction.claims.judging.definitions import (
     GENERALLY,
@@ -28,12 +28,11 @@ RIVALS = {"kahan": (KAHAN, "of Kahan", "s5odr4"), "blanes": (BLANES, "of Blanes"
 
 
 def _outperforms_ruth(system: str) -> Claim:
-    @claim(
+    @result(
         id=f"outperform-ruth-{system.replace('_', '-')}",
         paper="Section 5, Discussion",
         sentence="the new schemes outperforms the acclaimed stage-optimized integrator Ruth by several orders of "
         "magnitude",
-        kind="result",
         statement=f"The new schemes outperform Ruth by several orders of magnitude, on the {SYSTEMS[system]}",
         threshold="Ruth's maximum error at least 100 times that of each of the four new methods in the figures "
         f"{range_words('a new one')}; {SEVERAL_ORDERS.brief}; {PERFORMANCE.brief}",
@@ -51,14 +50,13 @@ def _outperforms_ruth(system: str) -> Claim:
     return decide
 
 
-ruth_on_sho, ruth_on_henon_heiles, ruth_on_kepler = map(_outperforms_ruth, SYSTEMS)
+RUTH = tuple(map(_outperforms_ruth, SYSTEMS))
 
 
-@claim(
+@result(
     id="outperform-ruth",
     paper="Section 6, Conclusion",
     sentence="the obtained integrators outperform the three stage fourth order integrator by R. Ruth",
-    kind="result",
     statement="Each of the four new methods of the figures has a smaller error than Ruth's at equal cost",
     threshold="Ruth's maximum and mean error above those of each of the four new methods in the figures, on each "
     f"system, {range_words('a new one')}; {PERFORMANCE.brief}",
@@ -84,12 +82,11 @@ def outperform_ruth(results: Results, factor: float) -> Decision:
 def _outperforms(rival: str, system: str) -> Claim:
     names, whose, labels = RIVALS[rival]
 
-    @claim(
+    @result(
         id=f"outperform-{rival}-{system.replace('_', '-')}",
         paper="Section 6, Conclusion",
         sentence="the obtained integrators outperform the three stage fourth order integrator by R. Ruth as well as "
         "the more optimized integrators by W. Kahan and S. Blanes",
-        kind="result",
         statement=f"The obtained integrators outperform the more optimized ones {whose}, on the {SYSTEMS[system]}",
         threshold="maximum and mean error of each of the four new methods in the figures below those of "
         f"{labels} {range_words()}; in part: also for some of the four, or for one of the two errors; "
@@ -115,17 +112,15 @@ def _outperforms(rival: str, system: str) -> Claim:
     return decide
 
 
-kahan_on_sho, kahan_on_henon_heiles, kahan_on_kepler = (_outperforms("kahan", system) for system in SYSTEMS)
-blanes_on_sho, blanes_on_henon_heiles, blanes_on_kepler = (_outperforms("blanes", system) for system in SYSTEMS)
+KAHAN_AND_BLANES = tuple(_outperforms(rival, system) for rival in RIVALS for system in SYSTEMS)
 
 
 def _favourable_to_yoshida(system: str) -> Claim:
-    @claim(
+    @result(
         id=f"yoshida-moderate-steps-{system.replace('_', '-')}",
         paper="Section 6, Conclusion",
         sentence="The obtained integrators also compare favorably with higher order integrators by H. Yoshida for "
         "moderate time steps",
-        kind="result",
         statement=f"The new methods compare favorably with Yosh s7o6 A for moderate steps, on the {SYSTEMS[system]}",
         threshold="maximum and mean error of each of the four new methods in the figures below those of Yosh s7o6 A at "
         "the end of the range of comparison, which is where the maximum error of a new one passes 1 %; "
@@ -149,14 +144,13 @@ def _favourable_to_yoshida(system: str) -> Claim:
     return decide
 
 
-yoshida_on_sho, yoshida_on_henon_heiles, yoshida_on_kepler = map(_favourable_to_yoshida, SYSTEMS)
+YOSHIDA = tuple(map(_favourable_to_yoshida, SYSTEMS))
 
 
-@claim(
+@result(
     id="best-performance",
     paper="Section 6, Conclusion",
     sentence="The best performance is generally achieved by the methods BAB's9o7H, BAB's8o7H and ABAs5o6H A",
-    kind="result",
     statement="The best performance is generally achieved by BAB's9o7H, BAB's8o7H and ABAs5o6H",
     threshold="the smallest maximum error of the ten is that of one of the three at more than half of the step sizes "
     "of the range of comparison, up to where that of one of the three passes 1 %, on each system; and likewise the "
@@ -182,12 +176,11 @@ def best_performance(results: Results, share: float) -> Decision:
     return counted(good, f"best at step sizes, by maximum and mean error: {', '.join(told)}{beside}")
 
 
-@claim(
+@result(
     id="significantly-better",
     paper="Abstract",
     sentence="Numerical tests indicate that the integrators obtained in this paper perform significantly better than "
     "previous integrators for common Hamiltonian systems",
-    kind="result",
     statement="Each of the four new methods of the figures is significantly better than each of the six previous ones, "
     "on each of the three systems",
     threshold="in each of the 24 pairs the error of the new method is smaller by a tenth of a decade at more than half "
@@ -210,12 +203,11 @@ def significantly_better(results: Results, factor: float) -> Decision:
     return counted(good, f"pairs with the new method ahead, by maximum and mean error: {', '.join(told)}")
 
 
-@claim(
+@result(
     id="greatly-and-consistently",
     paper="Section 5, Discussion",
     sentence="All numerical tests suggest that the obtained integrators in spite of an increased number of stages "
     "greatly and consistently improve the integration accuracy and stability",
-    kind="result",
     statement="All tests suggest that the obtained integrators greatly and consistently improve the accuracy",
     threshold="Ruth's maximum and mean error, to which the next sentence compares, at least ten times those of each of "
     f"the four new methods in the figures, on each system, {range_words('a new one')}; {GREATLY.brief}; stability is "

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from nearharmonic.reproduction.claims.claim import Decision, claim, counted
+from nearharmonic.reproduction.claims.claim import Decision, counted, misprint, result
 from nearharmonic.reproduction.claims.judging.definitions import DOT, GREATLY
-from nearharmonic.reproduction.claims.results import Results, Undecided, label, short
+from nearharmonic.reproduction.claims.results import Results, label, require, short
 from nearharmonic.reproduction.claims.statements.tableaus.coefficients import FIVE_STAGES
 
 TABLES = ("tables/derived_errors.csv", "tables/derived_solutions.csv")
@@ -14,11 +14,10 @@ TABLES = ("tables/derived_errors.csv", "tables/derived_solutions.csv")
 PRINTED_D1 = {"abas5o6h": "0.15585935", "abas5o6h_b": "0.40201960", "abas5o6h_c": "0.18685656"}
 
 
-@claim(
+@misprint(
     id="table-4-columns",
     paper="Section 2, above Table 1, and Table 4",
     sentence="the c and d coefficients are consistently used in connection with the ∂T/∂p and ∂V/∂q term respectively",
-    kind="misprint",
     statement="In Table 4 c always multiplies ∂T/∂p and d always ∂V/∂q",
     threshold="d(1) is the first kick of each ABA set. By Table 1 an ABA method has one c more than d; the sets with "
     "five stages are printed with six d and five c",
@@ -29,34 +28,31 @@ def table_4_columns(results: Results) -> Decision:
     return counted(good, f"in {sum(good)} of {len(good)} sets: as ABA they have {len(rows['abas5o6h'])} kicks, not six")
 
 
-@claim(
+@result(
     id="roles-switched",
     paper="Section 5, Discussion",
     sentence="the integrator performance may change drastically if the roles of T and V are switched",
-    kind="result",
     statement="The performance may change drastically if the roles of T and V are switched",
     threshold="maximum error of ABAs5o6H on the Hénon-Heiles system at least ten times larger with T and V exchanged, "
     f"at each of three τ/s; {GREATLY.brief}",
     bound=GREATLY.number,
     needs=TABLES,
-    target="derive",
 )
 def roles_switched(results: Results, factor: float) -> Decision:
     ratios = _kick_over_drift(results, "abas5o6h")
-    return counted([ratio >= factor for ratio in ratios.values()], _listed(ratios))
+    listed = ", ".join(f"{short(ratio)} at τ/s = {tau}" for tau, ratio in ratios.items())
+    return counted([ratio >= factor for ratio in ratios.values()], listed)
 
 
-@claim(
+@result(
     id="performance-depends-on-scheme",
     paper="Section 4.A",
     sentence="the performance of the presented solutions depends on the applied scheme",
-    kind="result",
     statement="The performance of unique solutions depends on the applied scheme",
     threshold="maximum errors of ABAs5o6H A, B and C on the Hénon-Heiles system a tenth of a decade apart or more as "
     "ABA and as BAB, at each of three τ/s: visible in a figure",
     bound=DOT,
     needs=TABLES,
-    target="derive",
 )
 def depends_on_scheme(results: Results, dot: float) -> Decision:
     good, told = [], []
@@ -75,16 +71,10 @@ def _kick_over_drift(results: Results, name: str) -> dict[str, float]:
         for row in results.rows("derived_solutions")
         if row["stages"] == "5" and row["half of the outer row"].startswith(start)
     ]
-    if not found:
-        message = f"the derived solutions lack {label(name)}"
-        raise Undecided(message)
+    require(found, f"the derived solutions lack {label(name)}")
     errors = {
         (row["first"], row["tau/s"]): float(row["max error, Henon-Heiles"])
         for row in results.rows("derived_errors")
         if row["solution"] == found[0]
     }
     return {tau: errors["kick", tau] / error for (first, tau), error in errors.items() if first == "drift"}
-
-
-def _listed(ratios: dict[str, float]) -> str:
-    return ", ".join(f"{short(ratio)} at τ/s = {tau}" for tau, ratio in ratios.items())

@@ -2,43 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.reproduction.claims.claim import Decision, claim, counted, either
+from nearharmonic.reproduction.claims.claim import Decision, counted, either, result
 from nearharmonic.reproduction.claims.judging.definitions import GENERALLY, SMALL
 from nearharmonic.reproduction.claims.results import Results, label, short
 from nearharmonic.reproduction.claims.statements.tableaus.coefficients import sets
 
 
-def _largest(row: Sequence[str]) -> float:
-    return max(abs(float(c)) for c in row)
+def _largest(*coefficients: str) -> float:
+    return max(abs(float(c)) for c in coefficients)
 
 
 def _size(tableau: Tableau) -> float:
-    return max(_largest(tableau.kick), _largest(tableau.drift))
+    return _largest(*tableau.kick, *tableau.drift)
 
 
-@claim(
+near_forward = result(
     id="near-forward",
     paper="Section 1, last paragraph",
     sentence="The presented splitting coefficients generally have small absolute values and are therefore referred "
     "to as near-forward SIs",
-    kind="result",
     statement="The presented coefficients generally have small absolute values",
     threshold=f"more than half of the ten sets have no coefficient above 1; {SMALL.brief}; {GENERALLY.brief}",
     bound=SMALL.number,
-)
-def near_forward(results: Results, small: float) -> Decision:
-    return either(*_small(results, small))
+)(lambda results, small: either(*_small(results, small)))
 
 
-@claim(
+@result(
     id="small-near-forward-steps",
     paper="Section 5, Discussion",
     sentence="BABs7o7H and other splitting coefficients obtained in this paper generally perform small near-forward "
     "steps",
-    kind="result",
     statement="BABs7o7H and the other sets generally perform small substeps",
     threshold=f"BABs7o7H and more than half of the ten sets have no coefficient above 1; {SMALL.brief}; "
     f"{GENERALLY.brief}",
@@ -59,11 +53,10 @@ def _small(results: Results, small: float) -> tuple[bool, str]:
     return sum(good) > GENERALLY.number * len(good), value
 
 
-@claim(
+@result(
     id="small-coefficients-of-one-row",
     paper="Section 5, Discussion",
     sentence="some of the methods presented in Table 4 only have small coefficients for either d or c",
-    kind="result",
     statement="Some of the methods of Table 4 only have small coefficients for either d or c",
     threshold="for at least one set the coefficients of one row are small compared to the other: at most half as large",
     bound=2.0,
@@ -71,7 +64,7 @@ def _small(results: Results, small: float) -> tuple[bool, str]:
 def small_of_one_row(results: Results, ratio: float) -> Decision:
     told = []
     for t in sets(results):
-        d, c = _largest(t.outer), _largest(t.inner)
+        d, c = _largest(*t.outer), _largest(*t.inner)
         if max(c, d) >= ratio * min(c, d):
             told.append(f"{t.label} {'c' if c > d else 'd'} by {short(max(c, d) / min(c, d), 2)}")
     return either(bool(told), f"{len(told)} sets, larger in: {', '.join(told)}" if told else "no set")

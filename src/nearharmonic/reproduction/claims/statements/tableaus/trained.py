@@ -10,9 +10,9 @@ import numpy as np
 
 from nearharmonic.math import pow
 from nearharmonic.numerics.types import Floats
-from nearharmonic.reproduction.claims.claim import Decision, claim, counted
+from nearharmonic.reproduction.claims.claim import Decision, background, counted
 from nearharmonic.reproduction.claims.judging.curves import rank_correlation
-from nearharmonic.reproduction.claims.results import Results, Undecided, label, short
+from nearharmonic.reproduction.claims.results import Results, Undecided, label, require, short
 
 CUBE = "cubes/trained.h5"
 #: The ensembles of random potentials whose strengths span the widest band, as the cube names them.
@@ -64,9 +64,7 @@ def errors_on_random_potentials(results: Results) -> Errors:
     """
     cube = results.cube("trained")
     for name in ENSEMBLES:
-        if name not in cube["ensemble"].values:
-            message = f"the results do not have the random potentials {name}"
-            raise Undecided(message)
+        require(name in cube["ensemble"].values, f"the results do not have the random potentials {name}")
     # Methods with modified potentials, which spend gradients on small coefficients, are not among those looked at.
     both = cube.sel(ensemble=list(ENSEMBLES))
     tau = both["tau_per_stage"].values[0]
@@ -98,12 +96,11 @@ def lead_of_trained(results: Results, names: Sequence[str], what: str) -> str:
     )
 
 
-@claim(
+@background(
     id="minimised-coefficients",
     paper="Section 1",
     sentence="To construct more efficient high order SIs it has been proposed that the absolute value of negative "
     "coefficients and the sum of positive coefficients should be minimized",
-    kind="background",
     statement="Methods with smaller negative coefficients and a smaller sum of positive ones have smaller errors",
     threshold="Spearman's rank correlation of the sum of absolute values of the coefficients with the mean error at "
     f"least {RELATED} at each τ/s, over all registered methods of order four or more without the force gradient, on "
@@ -112,7 +109,6 @@ def lead_of_trained(results: Results, names: Sequence[str], what: str) -> str:
     "absolute values rank the methods alike",
     bound=RELATED,
     needs=(CUBE,),
-    target="trained_proof",
 )
 def minimised_coefficients(results: Results, related: float) -> Decision:
     found, said = results.kept("correlations", lambda: _correlations(results))
@@ -126,9 +122,8 @@ def _correlations(results: Results) -> tuple[Floats, list[str]]:
     """The correlation at each step size, and what is told of it."""
     errors = errors_on_random_potentials(results).of_order_four_or_more(results)
     x = errors.tau_per_stage
-    if len(errors.names) < FEWEST_METHODS or not x.size:
-        message = f"the results have fewer than {FEWEST_METHODS} methods of order four or more, or no step size"
-        raise Undecided(message)
+    known = len(errors.names) >= FEWEST_METHODS and x.size
+    require(known, f"the results have fewer than {FEWEST_METHODS} methods of order four or more, or no step size")
     methods = [results.methods[name] for name in errors.names]
     sums = np.array([sum(abs(float(c)) for c in (*one.kick, *one.drift)) for one in methods])
     found, fourth = _correlation(sums, errors.mean_log), np.array([one.order == 4 for one in methods])

@@ -1,0 +1,56 @@
+"""Systems in Python files of users."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection
+
+from nearharmonic.errors import SystemDefinitionError
+from nearharmonic.registry.registry import split_path
+from nearharmonic.registry.user_module import load, near_miss
+from nearharmonic.systems.definition.system import System
+
+DECLARES = "A system of your own is a Python file that defines SYSTEM"
+
+
+def load_system(place: str | os.PathLike[str]) -> System:
+    """Return the ``SYSTEM`` that a Python file defines.
+
+    Raises
+    ------
+    SystemDefinitionError
+        The file does not exist, fails when it is run, or defines no System of that name.
+    """
+    module = load(place, DECLARES, SystemDefinitionError)
+    found = getattr(module, "SYSTEM", None)
+    if not isinstance(found, System):
+        why = near_miss(module, "SYSTEM", System)
+        message = f"{os.fspath(place)} does not define SYSTEM, a nearharmonic.System{why}"
+        raise SystemDefinitionError(message)
+    return found
+
+
+def system_at(place: str, registered: Collection[str]) -> System:
+    """Return the system of a file that is given by its path.
+
+    Parameters
+    ----------
+    place : str
+        The path.
+    registered : collection of str
+        Names of the registered systems, which a file must not use.
+
+    Raises
+    ------
+    SystemDefinitionError
+        As for :func:`load_system`, or the system has the name of a registered system.
+    """
+    path, entry = split_path(place)
+    if entry:
+        message = f"{place}: a file defines one system, SYSTEM; give the path alone"
+        raise SystemDefinitionError(message)
+    found = load_system(path)
+    if found.name in registered:
+        message = f"{path}: SYSTEM has the name of the registered system {found.name!r}; give it another name"
+        raise SystemDefinitionError(message)
+    return found
