@@ -24,16 +24,31 @@ from nearharmonic.core.machine.jit import generic, jit
 
 
 class Damping(NamedTuple):
-    """Settings of an iteration; by default every step that lowers the residuals is a step of Newton's method.
+    """Settings of an iteration. By default it takes steps of Newton's method while they lower the residuals.
 
-    An iteration ends after ``iterations`` steps, at residuals of size ``enough``, not below ``lost``, with a damping
-    beyond ``most``, and outside the bound if ``bounded``. Its end is a solution within the bound if the residuals are
-    below ``solved``, or if a step with a damping below ``undamped`` moved no unknown by more than ``rest`` times the
-    largest one, or 1.
-
-    ``first`` is the damping at the start, times the size of the residuals where that is below 1 and ``by_residual``.
-    A step that is taken multiplies it by the fraction ``fall``, one that is not by ``rise``, each down to ``lowest``.
-    Only steps that lower the residuals are taken if ``monotone``.
+    Attributes
+    ----------
+    iterations : int
+        Most steps.
+    enough, lost : float
+        The iteration ends at residuals of at most size ``enough``, or of ``lost`` or more.
+    solved : float
+        Its end is a solution if the residuals are smaller than this,
+    rest, undamped : float
+        or if a step with a damping below ``undamped`` moved no unknown by more than ``rest`` times the largest one, or
+        times 1 if that is larger. The iteration ends there.
+    first, most : float
+        Damping at the start, and the damping beyond which the iteration ends.
+    fall, rise : pair of float and float
+        Factors of the damping after a step that is taken, as a fraction, and after one that is not.
+    lowest : pair of float
+        Least damping after a step that is taken, and after one that is not.
+    by_residual : bool
+        Whether the damping of a step is multiplied by the size of the residuals, where that is below 1.
+    bounded : bool
+        Whether the iteration ends where it leaves the bound.
+    monotone : bool
+        Whether only steps that lower the residuals are taken.
     """
 
     iterations: int
@@ -55,8 +70,8 @@ class Damping(NamedTuple):
 def iteration(residuals: Any, slopes: Any, step_of: Any) -> Callable[[Any, Floats, float, Damping], bool]:
     """Return the iteration by steps of ``step_of``, one of the two below, for the compiled functions of a problem.
 
-    Of a problem, a point (unknown,), a bound and a damping, it moves the point in place, and returns True if that is a
-    solution in [-bound, bound] then.
+    It takes a problem, a point (unknown,), a bound and a damping. It moves the point in place, and returns True if the
+    end is a solution in [-bound, bound].
     """
 
     @generic
