@@ -14,11 +14,9 @@ import nearharmonic as nh
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import OUTSIDE
 from nearharmonic.training.search import (
-    AROUND_FOUND,
-    AROUND_KNOWN,
     Effort,
-    Findings,
     Found,
+    Searcher,
     Start,
     descend,
     search,
@@ -44,8 +42,8 @@ class Distance:
         return np.where(inside, found, OUTSIDE)
 
 
-def found(value, unknowns, trials=1):
-    return Found(value=value, unknowns=np.array(unknowns), origin="here", trials=trials)
+def found(value, unknowns, family=FAMILY):
+    return Found(family=family, value=value, unknowns=np.array(unknowns), origin="here", trials=1)
 
 
 def names(starts):
@@ -58,7 +56,7 @@ def test_methods_of_the_same_shape_are_starts_and_those_of_a_stage_less_are_grow
     known = [nh.integrators[name] for name in all_names.split()]
     starts = list(starts_of(FAMILY, known, [], replace(EFFORT, random=3)))
     assert names(starts) == ["babs6o7h"] * 2 + ["srkn_b6"] * 2 + ["mclachlan_s5, grown"] + ["random"] * 3
-    assert [start.spread for start in starts[:4]] == [*AROUND_KNOWN, *AROUND_KNOWN]
+    assert [start.spread for start in starts[:4]] == [0.01, 0.003] * 2
     for start in starts[:5]:
         assert len(start.point) == FAMILY.unknowns
     assert starts[0].point == pytest.approx(FAMILY.unknowns_of(nh.integrators["babs6o7h"]))
@@ -71,19 +69,19 @@ def test_methods_of_the_same_shape_are_starts_and_those_of_a_stage_less_are_grow
 
 def test_the_best_of_a_stage_less_is_grown_and_that_of_no_other_family():
     smaller = replace(FAMILY, stages=5)
-    x = members(smaller, 2)
+    x = members(smaller, 1)[0]
     before = [
-        Findings(replace(FAMILY, stages=4), [found(-9.0, [0.1] * 3)]),
-        Findings(smaller, [found(-1.0, x[0]), found(-2.0, x[1])]),
-        Findings(replace(smaller, harmonic_order=5), [found(-9.0, x[0])]),
-        Findings(replace(smaller, first="drift"), [found(-9.0, x[0])]),
+        found(-9.0, [0.1] * 3, replace(FAMILY, stages=4)),
+        found(-2.0, x, smaller),
+        found(-9.0, x, replace(smaller, harmonic_order=5)),
+        found(-9.0, x, replace(smaller, first="drift")),
     ]
     starts = list(starts_of(FAMILY, [], before, replace(EFFORT, random=0)))
     assert names(starts) == ["grown"] * 3
-    assert [start.spread for start in starts] == list(AROUND_FOUND)
+    assert [start.spread for start in starts] == [0.003, 0.01, 0.03]
     for start in starts:
-        assert start.point == pytest.approx(smaller.grown(x[1])[1])
-    assert list(starts_of(FAMILY, [], [Findings(smaller)], replace(EFFORT, random=0))) == []
+        assert start.point == pytest.approx(smaller.grown(x)[1])
+    assert list(starts_of(FAMILY, [], [], replace(EFFORT, random=0))) == []
 
 
 def test_methods_with_squares_are_starts_of_families_that_have_these_squares():
@@ -124,18 +122,17 @@ def test_a_search_finds_again_what_it_found_and_counts_it():
 
 
 def test_another_minimum_of_the_same_value_and_a_worse_one_at_the_same_place_are_not_the_same():
-    findings = Findings(
-        FAMILY,
-        [
-            found(-1.0, [0.1, 0.2]),
-            found(-0.99, [0.11, 0.19]),
-            found(-0.99, [0.1, 0.3]),
-            found(-0.9, [0.1, 0.2]),
-            found(25.0, [np.nan, 0.2]),
-        ],
-    )
+    findings = Searcher(EFFORT, 1)
+    findings.found = [
+        found(-1.0, [0.1, 0.2]),
+        found(-0.99, [0.11, 0.19]),
+        found(-0.99, [0.1, 0.3]),
+        found(-0.9, [0.1, 0.2]),
+        found(25.0, [np.nan, 0.2]),
+        found(-1.0, [0.1, 0.2], replace(FAMILY, harmonic_order=5)),
+    ]
     assert findings.again == 2
-    assert findings.trials == 5
+    assert findings.trials == 6
     assert findings.best is findings.found[0]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mpmath import mp, mpf, nstr
@@ -16,7 +16,7 @@ from nearharmonic.training.family import Family
 
 #: Decimals that a polished tableau guarantees.
 DIGITS = 60
-#: Largest change of an unknown: doubles that meet the equations to 1e-10 are nearer.
+#: Largest change of an unknown by default: doubles that meet the equations to 1e-10 are nearer.
 NEAREST = 1e-8
 
 
@@ -24,7 +24,14 @@ class NotConvergedError(NearharmonicError):
     """Newton's method did not reach a member of the family next to the point; the text says where it ended."""
 
 
-def polished(family: Family, unknowns: Sequence[float], digits: int = DIGITS) -> list[BigFloat]:
+def polished(
+    family: Family,
+    unknowns: Sequence[float],
+    digits: int = DIGITS,
+    *,
+    fixed: Mapping[int, str] | None = None,
+    nearest: float = NEAREST,
+) -> list[BigFloat]:
     """Return the member of a family next to a point, as mpf.
 
     Parameters
@@ -35,25 +42,39 @@ def polished(family: Family, unknowns: Sequence[float], digits: int = DIGITS) ->
         The point.
     digits : int
         Decimals of the solution.
+    fixed : mapping of int to str, optional
+        Decimal values of unknowns that stay as they are, by their index.
+    nearest : float
+        Largest change of an unknown.
 
     Raises
     ------
     NotConvergedError
-        The equations have no solution within :data:`NEAREST`.
+        The equations have no solution within ``nearest``.
     """
-    start = [mpf(float(x)) for x in unknowns]
-    limit = newton(family.residuals, family.slopes, start, digits=digits)
+    values = dict(fixed or {})
+    with mp.workdps(2 * digits + 20):
+        start = [mpf(values.get(i, float(x))) for i, x in enumerate(unknowns)]
+    limit = newton(family.residuals, family.slopes, start, digits=digits, fixed=tuple(values))
     moved = max((abs(a - b) for a, b in zip(limit.point, start, strict=True)), default=mpf(0))
-    if not limit.converged or moved > NEAREST:
+    if not limit.converged or moved > nearest:
         message = (
             f"{family}: Newton's method ends at a residual of {nstr(limit.residual, 3)}, {nstr(moved, 3)} away; wanted "
-            f"1e-{digits} within {NEAREST:g}"
+            f"1e-{digits} within {nearest:g}"
         )
         raise NotConvergedError(message)
     return list(limit.point)
 
 
-def tableau_of(family: Family, unknowns: Sequence[float], *, digits: int = DIGITS, **about: Any) -> Tableau:
+def tableau_of(
+    family: Family,
+    unknowns: Sequence[float],
+    *,
+    digits: int = DIGITS,
+    fixed: Mapping[int, str] | None = None,
+    nearest: float = NEAREST,
+    **about: Any,
+) -> Tableau:
     """Return the tableau of the member next to ``unknowns``.
 
     Parameters
@@ -64,6 +85,8 @@ def tableau_of(family: Family, unknowns: Sequence[float], *, digits: int = DIGIT
         A point next to one of its members.
     digits : int
         Decimals that the tableau guarantees; coefficients have two more.
+    fixed, nearest
+        As for :func:`polished`.
     **about
         Fields of :class:`Tableau`: name, label, source, note.
 
@@ -73,7 +96,7 @@ def tableau_of(family: Family, unknowns: Sequence[float], *, digits: int = DIGIT
         As for :func:`polished`.
     """
     with mp.workdps(2 * digits + 20):
-        kicks, drifts, squares = family.rows(polished(family, unknowns, digits + 10))
+        kicks, drifts, squares = family.rows(polished(family, unknowns, digits + 10, fixed=fixed, nearest=nearest))
         rows = {"kick": _texts(kicks, digits), "drift": _texts(drifts, digits)}
         given: dict[str, Any] = {"first": family.first, "digits": digits, **rows, **about}
         if family.squares:

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -21,36 +22,50 @@ from nearharmonic.numerics.types import Floats
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import OUTSIDE, Objective
 
-#: First standard deviations of the search: around a known method, around what a search has found, at random.
-AROUND_KNOWN, AROUND_FOUND, AT_RANDOM = (0.01, 0.003), (0.003, 0.01, 0.03), (0.03,)
-#: Random points of which the best is a start; their mean and spread in units of 1/s.
-RANDOM_POINTS, MEAN, SPREAD = 400, 1.0, 1.0
-#: Restarts whose objective comes this near to the best have found the same, if their unknowns do too.
-SAME_VALUE, SAME_UNKNOWNS = 0.02, 0.02
-#: Change of the objective, and of the unknowns, at which an iteration ends.
-SMALL_VALUE, SMALL_STEP = 1e-4, 1e-8
-
 
 @dataclass(frozen=True, kw_only=True)
 class Effort:
-    """Search effort for one family.
+    """Settings of searches.
 
     Attributes
     ----------
     trials : int
         Members tried from each start.
     random : int
-        Random starts.
+        Random starts in each family.
     refinements : int
         Searches around the best found so far.
     population : int
         Members tried at a time.
+    around_known, around_found, at_random : tuple of float
+        First standard deviations around a known method, around what a search has found, and at random, in turn.
+    random_points, mean, spread : int and float
+        Random points of which the best is a start; their mean and standard deviation in units of 1/s.
+    same_value, same_unknowns : float
+        A search whose end differs by less in the objective and in all unknowns from the best has found the same.
+    small_value, small_step : float
+        Change of the objective, and of the unknowns, at which a search ends.
     """
 
     trials: int
-    random: int
-    refinements: int
+    random: int = 0
+    refinements: int = 0
     population: int = 20
+    around_known: tuple[float, ...] = (0.01, 0.003)
+    around_found: tuple[float, ...] = (0.003, 0.01, 0.03)
+    at_random: tuple[float, ...] = (0.03,)
+    random_points: int = 400
+    mean: float = 1.0
+    spread: float = 1.0
+    same_value: float = 0.02
+    same_unknowns: float = 0.02
+    small_value: float = 1e-4
+    small_step: float = 1e-8
+
+    def same(self, one: Found, best: Found) -> bool:
+        """Return True if two searches have found the same."""
+        near = one.family == best.family and one.value < best.value + self.same_value
+        return near and bool(np.abs(one.unknowns - best.unknowns).max(initial=0) < self.same_unknowns)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,18 +81,27 @@ class Start:
 class Found:
     """Result of a search: the objective and the unknowns of the best, its origin, and the number of trials."""
 
+    family: Family
     value: float
     unknowns: Floats
     origin: str
     trials: int
 
 
-@dataclass
-class Findings:
-    """All that was found of one family, in the order of the search."""
+class Searcher:
+    """Searches one after another, with random numbers of one generator, and what they found.
 
-    family: Family
-    found: list[Found] = field(default_factory=list)
+    Parameters
+    ----------
+    effort : Effort
+        Settings of each search.
+    seed : int or sequence of int
+        Of all random numbers.
+    """
+
+    def __init__(self, effort: Effort, seed: int | Sequence[int]) -> None:
+        self.effort, self._random = effort, np.random.default_rng(seed)
+        self.found: list[Found] = []
 
     @property
     def best(self) -> Found:
@@ -92,15 +116,33 @@ class Findings:
     @property
     def again(self) -> int:
         """Number of searches that ended at the best, itself included."""
-        best = self.best
-        return sum(
-            one.value < best.value + SAME_VALUE
-            and bool(np.abs(one.unknowns - best.unknowns).max(initial=0) < SAME_UNKNOWNS)
-            for one in self.found
-        )
+        return sum(self.effort.same(one, self.best) for one in self.found)
+
+    def search(self, objective: Objective, start: Start, trials: int | None = None) -> Found:
+        """Search from a start, with as many ``trials`` or those of the settings."""
+        before, seed = objective.trials, int(self._random.integers(1, 2**31))
+        effort = self.effort if trials is None else replace(self.effort, trials=trials)
+        value, unknowns = descend(objective, start, effort, seed)
+        self.found.append(
+            Found(
+                family=objective.family, value=value, unknowns=unknowns, origin=start.origin,
+                trials=objective.trials - before,
+            )
+        )  # fmt: skip
+        return self.found[-1]
+
+    def near(self, best: Found, turn: int, origin: str) -> Start:
+        """Return a start near a member, whose distance changes by ``turn``."""
+        spread = self.spread(turn)
+        point = best.unknowns + spread * self._random.normal(size=len(best.unknowns))
+        return Start(origin=origin, point=point, spread=spread)
+
+    def spread(self, turn: int) -> float:
+        """Standard deviation around what was found, by ``turn``."""
+        return self.effort.around_found[turn % len(self.effort.around_found)]
 
 
-def starts_of(family: Family, known: Sequence[Tableau], before: Sequence[Findings], effort: Effort) -> Iterator[Start]:
+def starts_of(family: Family, known: Sequence[Tableau], before: Sequence[Found], effort: Effort) -> Iterator[Start]:
     """Yield where to search a family from: known methods, the best of a stage less, random points.
 
     Parameters
@@ -109,31 +151,31 @@ def starts_of(family: Family, known: Sequence[Tableau], before: Sequence[Finding
         What is searched.
     known : sequence of Tableau
         Published methods; symmetric ones of the family's shape are starts, and grown ones of a stage less.
-    before : sequence of Findings
-        What was found of other families; that of a stage less is grown.
+    before : sequence of Found
+        The best of other families; that of a stage less is grown.
     effort : Effort
-        Number of random starts.
+        Number of random starts, and standard deviations.
     """
     for one in known:
         if _has_shape(one, family):
-            yield from (Start(origin=one.name, point=family.unknowns_of(one), spread=s) for s in AROUND_KNOWN)
+            yield from (Start(origin=one.name, point=family.unknowns_of(one), spread=s) for s in effort.around_known)
     smaller = _a_stage_less(family)
     for one in known:
         if smaller and _has_shape(one, smaller):
             point = smaller.grown(smaller.unknowns_of(one))[1]
-            yield Start(origin=f"{one.name}, grown", point=point, spread=AROUND_KNOWN[0])
-    for findings in before:
-        if findings.family == smaller and findings.found:
-            point = findings.family.grown(findings.best.unknowns)[1]
-            yield from (Start(origin="grown", point=point, spread=s) for s in AROUND_FOUND)
+            yield Start(origin=f"{one.name}, grown", point=point, spread=effort.around_known[0])
+    for found in before:
+        if found.family == smaller:
+            point = found.family.grown(found.unknowns)[1]
+            yield from (Start(origin="grown", point=point, spread=s) for s in effort.around_found)
     for i in range(effort.random):
-        yield Start(origin="random", point=None, spread=AT_RANDOM[i % len(AT_RANDOM)])
+        yield Start(origin="random", point=None, spread=effort.at_random[i % len(effort.at_random)])
 
 
 def search(
     objective: Objective, starts: Iterator[Start], effort: Effort, seed: int, report: Callable[[Found], None] | None
-) -> Findings:
-    """Return what is found from all ``starts``, and around the best of them.
+) -> Searcher:
+    """Search from all ``starts``, and around the best that they lead to.
 
     Parameters
     ----------
@@ -148,24 +190,13 @@ def search(
     report : callable, optional
         Is told of each search that has ended.
     """
-    findings, random = Findings(objective.family), np.random.default_rng(seed)
-
-    def one(start: Start) -> None:
-        before = objective.trials
-        value, unknowns = descend(objective, start, effort, int(random.integers(1, 2**31)))
-        findings.found.append(
-            Found(value=value, unknowns=unknowns, origin=start.origin, trials=objective.trials - before)
-        )
+    searcher = Searcher(effort, seed)
+    refined = (searcher.near(searcher.best, turn, "refined") for turn in range(effort.refinements) if searcher.found)
+    for start in chain(starts, refined):
+        found = searcher.search(objective, start)
         if report is not None:
-            report(findings.found[-1])
-
-    for start in starts:
-        one(start)
-    for i in range(effort.refinements if findings.found else 0):
-        spread = AROUND_FOUND[i % len(AROUND_FOUND)]
-        near = findings.best.unknowns + spread * random.normal(size=objective.family.unknowns)
-        one(Start(origin="refined", point=near, spread=spread))
-    return findings
+            report(found)
+    return searcher
 
 
 def descend(objective: Objective, start: Start, effort: Effort, seed: int) -> tuple[float, Floats]:
@@ -173,13 +204,14 @@ def descend(objective: Objective, start: Start, effort: Effort, seed: int) -> tu
     family, point = objective.family, start.point
     random = np.random.default_rng(seed)
     if point is None:
-        points = random.normal(MEAN / family.stages, SPREAD / family.stages, (RANDOM_POINTS, family.unknowns))
-        points[:, family.stages - 1 :] *= 1 / family.stages**2  # squares are coefficients of tau^3
+        stages, shape = family.stages, (effort.random_points, family.unknowns)
+        points = random.normal(effort.mean / stages, effort.spread / stages, shape)
+        points[:, stages - 1 :] *= 1 / stages**2  # squares are coefficients of tau^3
         point = points[objective(points).argmin()]
     cma = library()
     options = {
-        "verbose": -9, "maxfevals": effort.trials, "popsize": effort.population, "tolfun": SMALL_VALUE,
-        "tolx": SMALL_STEP, "CMA_stds": _scales(family),
+        "verbose": -9, "maxfevals": effort.trials, "popsize": effort.population, "tolfun": effort.small_value,
+        "tolx": effort.small_step, "CMA_stds": _scales(family),
         # With its own seed, cma would seed the generator that all of NumPy shares.
         "seed": np.nan, "randn": lambda *shape: random.standard_normal(shape),
     }  # fmt: skip

@@ -35,7 +35,8 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.setattr(disk, "_WARNED", [])
     monkeypatch.setattr(sys, "dont_write_bytecode", True)  # of an edit within a second, Python would not notice
     monkeypatch.syspath_prepend(tmp_path)
-    (tmp_path / "callee_of_a_test.py").write_text(CALLEE, encoding="utf-8")
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.syspath_prepend(tmp_path / "elsewhere")
     (tmp_path / "caller_of_a_test.py").write_text(CALLER, encoding="utf-8")
     return tmp_path
 
@@ -48,9 +49,12 @@ def loaded_anew():
     return caller(1.0), sum(caller.stats.cache_hits.values())
 
 
-def test_an_edit_of_a_callees_constant_compiles_the_caller_again(folder):
+@pytest.mark.parametrize("place", [".", "elsewhere"])
+def test_an_edit_of_a_callees_constant_compiles_the_caller_again(folder, place):
+    callee = folder / place / "callee_of_a_test.py"
+    callee.write_text(CALLEE, encoding="utf-8")
     assert [loaded_anew() for _ in range(2)] == [(3.0, 0), (3.0, 1)]
-    (folder / "callee_of_a_test.py").write_text(CALLEE.replace("2.0", "3.0"), encoding="utf-8")
+    callee.write_text(CALLEE.replace("2.0", "3.0"), encoding="utf-8")
     assert loaded_anew() == (4.0, 0)
 
 

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
+from nearharmonic.training import search as module
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import Objective, mean_errors
 from nearharmonic.training.tailor import budget as budget_module
-from nearharmonic.training.tailor import search as module
 from nearharmonic.training.tailor.budget import Budget, BudgetSpentError
 from nearharmonic.training.tailor.orbit import orbit_of
 from nearharmonic.training.tailor.published import contenders, published, step_sizes, window_at
 from nearharmonic.training.tailor.question import question
-from nearharmonic.training.tailor.search import TailorSearch, families
+from nearharmonic.training.tailor.search import Rounds, TailorSearch, families
 from nearharmonic.training.tailor.tailoring import ensembles
 
 
@@ -30,11 +30,11 @@ def problems():
     return first, second, methods, taus, mean_errors(first, methods, taus.tolist())
 
 
-def searched(problems, trials, seed=0, stages=(6,)):
+def searched(problems, trials, seed=0, stages=(6,), **more):
     ensemble, _, methods, taus, errors = problems
     budget = Budget(None, trials)
     return TailorSearch(
-        ensemble, taus, errors.min(axis=0), methods, stages=stages, quadratic=True, budget=budget, seed=seed
+        ensemble, taus, errors.min(axis=0), methods, stages=stages, quadratic=True, budget=budget, seed=seed, **more
     )
 
 
@@ -81,7 +81,7 @@ def test_the_best_third_goes_on_with_three_times_as_many_trials(problems, monkey
     asked = []
 
     def descend(objective, start, effort, seed):
-        if effort.trials == module.AROUND_BEST:
+        if effort.trials == Rounds().around_best:
             raise BudgetSpentError("enough")
         asked.append((objective.family, start.origin, effort.trials))
         return float(len(asked)) - 100, np.zeros(objective.family.unknowns)
@@ -90,22 +90,30 @@ def test_the_best_third_goes_on_with_three_times_as_many_trials(problems, monkey
     search = searched(problems, 10**6, stages=(7, 8))
     starts = search._branches()
     search.run()
-    rounds = [[a for a in asked if a[2] == module.FIRST * 3**k] for k in range(4)]
+    rounds = [[a for a in asked if a[2] == Rounds().trials * 3**k] for k in range(4)]
     assert [len(r) for r in rounds] == [len(starts), -(-len(starts) // 3), -(-len(starts) // 9), 0]
-    assert 9 < len(starts) <= module.MOST_STARTS
+    assert 9 < len(starts) <= Rounds().most_starts
     # the first of a round are the best of it, as their values rise
     assert [a[:2] for a in rounds[1]] == [a[:2] for a in rounds[0][: len(rounds[1])]]
 
 
 def test_starts_are_published_methods_in_the_order_of_their_objective(problems):
     branches = searched(problems, 10**6, stages=(8,))._branches()
-    values = [one.value for one in branches]
+    values = [one.best.value for one in branches]
     assert values == sorted(values)
-    assert max(values) < values[0] + module.FAR_BEHIND
+    assert max(values) < values[0] + Rounds().far_behind
     assert {one.start.origin for one in branches} >= {"babps8o7h", "nystrom_6a8", "babs7o7h, grown"}
     several = searched(problems, 10**6, stages=(6, 8, 11))._branches()
-    assert [one.family.stages for one in several[:3]] != [8, 8, 8]
-    assert {one.family.stages for one in several[:3]} == {6, 8, 11}
+    assert [one.best.family.stages for one in several[:3]] != [8, 8, 8]
+    assert {one.best.family.stages for one in several[:3]} == {6, 8, 11}
+
+
+def test_settings_of_the_rounds_are_those_asked_for(problems):
+    found = searched(problems, 300, rounds=Rounds(most_starts=2, trials=40, around_best=30)).run()
+    # Two in the first round, one around the best; the random points behind it spend the budget.
+    assert found.searches == 3
+    few = searched(problems, 10**6, stages=(8,), rounds=Rounds(far_behind=0.1))._branches()
+    assert 0 < len(few) < len(searched(problems, 10**6, stages=(8,))._branches())
 
 
 def test_a_budget_in_time_ends_by_itself(monkeypatch):

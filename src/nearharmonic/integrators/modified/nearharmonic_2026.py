@@ -1,8 +1,9 @@
 """Methods of order six for quadratic T with five stages and kicks of a modified potential, found by our own search.
 
-:mod:`nearharmonic.theory.modified_search` has the equations, eight for nine unknowns, and finds the digits. Of the
-family of ABA methods, the one here has the least norm of the error terms of degree seven to five digits; its second
-kick is a parameter. Of the BAB methods, the one with two innermost kicks of V alone and the smallest coefficients.
+:mod:`nearharmonic.training.family` has the equations, six for seven unknowns, and :mod:`nearharmonic.training.polish`
+finds the digits. Of the family of ABA methods, the one here has the least norm of the error terms of degree seven to
+five digits; its second kick is a parameter. Of the BAB methods, the one with two innermost kicks of V alone and the
+smallest coefficients.
 """
 
 from nearharmonic.integrators.modified_tableau import ModifiedTableau

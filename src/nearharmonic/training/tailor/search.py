@@ -8,7 +8,7 @@ one is searched around, in turns with random starts, until time or trials are sp
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, NoReturn
 
 import numpy as np
@@ -19,55 +19,50 @@ from nearharmonic.numerics.types import Floats
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import OUTSIDE, Objective
 from nearharmonic.training.population import Ensemble
-from nearharmonic.training.search import (
-    AROUND_FOUND,
-    SAME_UNKNOWNS,
-    SAME_VALUE,
-    Effort,
-    Start,
-    descend,
-    starts_of,
-)
+from nearharmonic.training.search import Effort, Found, Searcher, Start, starts_of
 from nearharmonic.training.tailor.budget import Budget, BudgetSpentError
 
-#: Methods tried at a time; trials of the first round from each start; starts that it has at most.
-POPULATION, FIRST, MOST_STARTS = 20, 200, 24
-#: A start whose objective is so much above that of the best of as many stages is left out.
-FAR_BEHIND = 3.0
-#: The part of the searches that goes on, and how many times the trials that it has: this number, and its inverse.
-THIRD = 3
-#: Trials of a search around the best, and of one from a random start, when the rounds are over.
-AROUND_BEST, FROM_RANDOM = 3000, 1500
 #: Orders that families have beyond four: (order, harmonic order, whether T has to be quadratic).
 CONDITIONS = ((4, 4, False), (4, 6, False), (6, 6, True))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Best:
+class Rounds(Effort):
+    """Settings of the search; ``trials`` are those of the first round from each start.
+
+    Attributes
+    ----------
+    most_starts : int
+        Starts that the first round has at most.
+    far_behind : float
+        A start whose objective is so much above that of the best of as many stages is left out.
+    third : int
+        The inverse of the part of the searches that goes on, and how many times the trials that part has.
+    around_best, from_random : int
+        Trials of a search around the best, and of one from a random start, when the rounds are over.
+    """
+
+    trials: int = 200
+    most_starts: int = 24
+    far_behind: float = 3.0
+    third: int = 3
+    around_best: int = 3000
+    from_random: int = 1500
+
+
+@dataclass(frozen=True, kw_only=True)
+class Best(Found):
     """The best member of all families so far.
 
     Attributes
     ----------
-    value : float
-        Its objective.
-    family : Family or None
-        Its family; None if no member was found.
-    unknowns : (n,) array of float
-        The member.
-    origin : str
-        Where its search began.
     advanced : float
         Objective after the last advance by more than searches that found the same differ by.
     trials, seconds : int and float
         When that was.
     """
 
-    value: float = OUTSIDE
-    family: Family | None = None
-    unknowns: Floats = field(default_factory=lambda: np.zeros(0))
-    origin: str = ""
     advanced: float = OUTSIDE
-    trials: int = 0
     seconds: float = 0.0
 
 
@@ -75,17 +70,20 @@ class Best:
 class Record:
     """The best so far, exchanged as a whole: Ctrl-C may come at any time."""
 
-    best: Best = field(default_factory=Best)
+    best: Best | None = None
+
+    @property
+    def value(self) -> float:
+        """Its objective."""
+        return OUTSIDE if self.best is None else self.best.value
 
 
 @dataclass
 class Branch:
-    """A start in a family, and how far its search has come."""
+    """A start in a family, and the best that its searches have found."""
 
-    family: Family
     start: Start
-    value: float
-    unknowns: Floats
+    best: Found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,27 +113,28 @@ class SearchResult:
 class _Watched(Objective):
     """An objective that keeps the best member at every call, so that a search may be stopped at any time."""
 
-    def __init__(self, record: Record, budget: Budget, family: Family, *others: Any, **settings: Any) -> None:
-        super().__init__(family, *others, **settings)
-        self._record, self._budget = record, budget
+    def __init__(self, record: Record, budget: Budget, same: float, family: Family, *others: Any, **more: Any) -> None:
+        super().__init__(family, *others, **more)
+        self._record, self._budget, self._same = record, budget, same
         self.origin = ""
 
     def __call__(self, points: Floats) -> Floats:
         values = super().__call__(points)
         i = int(values.argmin())
-        if values[i] < self._record.best.value:
+        if values[i] < self._record.value:
             self._record.best = self._better(float(values[i]), points[i : i + 1], len(points))
-        self._budget.spend(len(points), self._record.best.value)
+        self._budget.spend(len(points), self._record.value)
         return values
 
     def _better(self, value: float, point: Floats, trials: int) -> Best:
         before, unknowns = self._record.best, self.family.project(point)[0][0]
-        found = replace(before, value=value, family=self.family, unknowns=unknowns, origin=self.origin)
-        if value < before.advanced - SAME_VALUE:
-            found = replace(
-                found, advanced=value, trials=self._budget.trials + trials, seconds=self._budget.seconds
-            )  # fmt: skip
-        return found
+        when = (OUTSIDE, 0, 0.0) if before is None else (before.advanced, before.trials, before.seconds)
+        if value < when[0] - self._same:
+            when = value, self._budget.trials + trials, self._budget.seconds
+        return Best(
+            value=value, family=self.family, unknowns=unknowns, origin=self.origin,
+            advanced=when[0], trials=when[1], seconds=when[2],
+        )  # fmt: skip
 
 
 class TailorSearch:
@@ -159,16 +158,21 @@ class TailorSearch:
         When it ends.
     seed : int
         Of all random numbers.
+    rounds : Rounds, optional
+        Settings.
     """
 
     def __init__(
         self, ensemble: Ensemble, tau_per_stage: Floats, reference: Floats, known: Sequence[Tableau], *,
-        stages: Sequence[int], quadratic: bool, budget: Budget, seed: int,
+        stages: Sequence[int], quadratic: bool, budget: Budget, seed: int, rounds: Rounds = Rounds(),
     ) -> None:  # fmt: skip
-        self._known, self._budget, self._random = known, budget, np.random.default_rng([seed, 2])
-        self.record, self._ends = Record(), list[Branch]()
+        self._known, self._budget, self._rounds = known, budget, rounds
+        self.record, self._searcher = Record(), Searcher(rounds, [seed, 2])
+        #: The best of its branch when each search had ended.
+        self._ends: list[Found] = []
+        same, size = rounds.same_value, rounds.population
         self._objectives = {
-            family: _Watched(self.record, budget, family, [ensemble], tau_per_stage, [reference], size=POPULATION)
+            family: _Watched(self.record, budget, same, family, [ensemble], tau_per_stage, [reference], size=size)
             for family in families(stages, quadratic=quadratic)
         }
 
@@ -185,11 +189,12 @@ class TailorSearch:
         except BudgetSpentError:
             stopped = "spent"
         except KeyboardInterrupt:
-            if self.record.best.family is None:
+            if self.record.best is None:
                 raise
             stopped = "Ctrl-C"
         best = self.record.best
-        again = sum(_is_same(one, best) for one in self._ends)
+        assert best is not None  # published methods are starts
+        again = sum(self._rounds.same(one, best) for one in self._ends)
         return SearchResult(
             best=best, trials=self._budget.trials, searches=len(self._ends), again=again,
             seconds=self._budget.seconds, stopped=stopped,
@@ -197,67 +202,57 @@ class TailorSearch:
 
     def _search(self) -> NoReturn:
         """Search until the budget is spent, which an error tells."""
-        branches, trials, turn = self._branches(), FIRST, 0
+        branches, trials, turn, third = self._branches(), self._rounds.trials, 0, self._rounds.third
         while len(branches) > 1:
             for branch in branches:
                 self._go_on(branch, trials)
-            branches = sorted(branches, key=lambda one: one.value)[: -(-len(branches) // THIRD)]
-            trials, turn = THIRD * trials, turn + 1
+            branches = sorted(branches, key=lambda one: one.best.value)[: -(-len(branches) // third)]
+            trials, turn = third * trials, turn + 1
             for branch in branches:
-                spread = AROUND_FOUND[turn % len(AROUND_FOUND)]
-                branch.start = Start(origin=branch.start.origin, point=branch.unknowns, spread=spread)
+                branch.start = replace(branch.start, point=branch.best.unknowns, spread=self._searcher.spread(turn))
         everywhere = list(self._objectives)
         while True:
             turn += 1
-            self._go_on(self._around_best(AROUND_FOUND[turn % len(AROUND_FOUND)]), AROUND_BEST)
-            family = everywhere[turn % len(everywhere)]
-            start = Start(origin="random", point=None, spread=AROUND_FOUND[-1])
-            self._go_on(Branch(family, start, OUTSIDE, np.zeros(family.unknowns)), FROM_RANDOM)
-
-    def _around_best(self, spread: float) -> Branch:
-        best = self.record.best
-        assert best.family is not None
-        point = best.unknowns + spread * self._random.normal(size=best.family.unknowns)
-        return Branch(best.family, Start(origin=best.origin, point=point, spread=spread), OUTSIDE, point)
+            best = self.record.best
+            assert best is not None
+            start = self._searcher.near(best, turn, best.origin)
+            self._go_on(_branch(best.family, start), self._rounds.around_best)
+            start = Start(origin="random", point=None, spread=self._rounds.at_random[0])
+            self._go_on(_branch(everywhere[turn % len(everywhere)], start), self._rounds.from_random)
 
     def _branches(self) -> list[Branch]:
         """The better ones of the methods that are known: in turns the best of each number of stages, then the next."""
         found: dict[int, list[Branch]] = {}
-        effort = Effort(trials=FIRST, random=0, refinements=0)
         for family, objective in self._objectives.items():
-            starts = {start.origin: start for start in starts_of(family, self._known, [], effort)}
+            starts = {start.origin: start for start in starts_of(family, self._known, [], self._rounds)}
             if starts:
                 objective.origin = "a published method"
                 points = np.array([start.point for start in starts.values()])
-                parts = zip(starts.values(), objective(points).tolist(), points, strict=True)
-                found.setdefault(family.stages, []).extend(Branch(family, *part) for part in parts)
+                parts = zip(starts.values(), objective(points).tolist(), strict=True)
+                found.setdefault(family.stages, []).extend(_branch(family, *part) for part in parts)
         ranked: list[tuple[int, float, Branch]] = []
         for branches in found.values():
-            branches.sort(key=lambda one: one.value)
-            near = [one for one in branches if one.value < min(branches[0].value + FAR_BEHIND, OUTSIDE)]
-            ranked += [(rank, one.value, one) for rank, one in enumerate(near)]
+            branches.sort(key=lambda one: one.best.value)
+            farthest = min(branches[0].best.value + self._rounds.far_behind, OUTSIDE)
+            near = [one for one in branches if one.best.value < farthest]
+            ranked += [(rank, one.best.value, one) for rank, one in enumerate(near)]
         ranked.sort(key=lambda one: one[:2])
-        return [branch for *_, branch in ranked[:MOST_STARTS]]
+        return [branch for *_, branch in ranked[: self._rounds.most_starts]]
 
     def _go_on(self, branch: Branch, trials: int) -> None:
         """Search from where a branch is."""
-        objective = self._objectives[branch.family]
+        objective = self._objectives[branch.best.family]
         objective.origin = branch.start.origin
-        effort = Effort(trials=trials, random=0, refinements=0, population=POPULATION)
-        seed = int(self._random.integers(1, 2**31))
-        value, unknowns = descend(objective, branch.start, effort, seed)
-        if value < branch.value:
-            branch.value, branch.unknowns = value, unknowns
-        self._ends.append(replace(branch))  # it may go on
+        branch.best = min(
+            branch.best, self._searcher.search(objective, branch.start, trials), key=lambda one: one.value
+        )
+        self._ends.append(branch.best)
 
 
-def _is_same(branch: Branch, best: Best) -> bool:
-    """Return True if a search ended at the best."""
-    return (
-        branch.family == best.family
-        and branch.value < best.value + SAME_VALUE
-        and bool(np.abs(branch.unknowns - best.unknowns).max(initial=0) < SAME_UNKNOWNS)
-    )
+def _branch(family: Family, start: Start, value: float = OUTSIDE) -> Branch:
+    """A branch that no search has begun from."""
+    point = np.zeros(family.unknowns) if start.point is None else start.point
+    return Branch(start, Found(family=family, value=value, unknowns=point, origin=start.origin, trials=0))
 
 
 def families(stages: Sequence[int], *, quadratic: bool) -> list[Family]:

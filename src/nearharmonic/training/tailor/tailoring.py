@@ -178,7 +178,6 @@ def tested(
 ) -> Tailored:  # fmt: skip
     """Return what a search found as a tableau, beside ``others`` and those that were trained on ensembles."""
     (ensemble, held_out), best, taus = ensembles, search.best, step_sizes(window, between=True)
-    assert best.family is not None
     stages, label = best.family.stages, asked.system.label
     name = f"tailored_{asked.system.name}_{stages}"
     tableau = tableau_of(best.family, best.unknowns.tolist(), name=name, label=f"{label}, {stages} stages", source="-")

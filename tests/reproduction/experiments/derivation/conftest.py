@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from nearharmonic.numerics.search.random_starts import RandomStarts
 from nearharmonic.reproduction.experiments.derivation.conditions import Equations
 from nearharmonic.reproduction.experiments.derivation.isolated import solve
 
@@ -12,9 +13,9 @@ SEED = 20150106
 
 @pytest.fixture(scope="session")
 def five():
-    return solve(Equations(5, 6), starts=4000, seed=SEED)
+    return solve(Equations(5, 6), RandomStarts(4000, SEED, box=2.5, bound=20.0))
 
 
 @pytest.fixture(scope="session")
 def six():
-    return solve(Equations(6, 7), starts=8000, seed=SEED)
+    return solve(Equations(6, 7), RandomStarts(8000, SEED, box=2.5, bound=20.0))

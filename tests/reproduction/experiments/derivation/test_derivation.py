@@ -15,6 +15,7 @@ from mpmath import cbrt, mp, mpf
 
 from nearharmonic.exact.krawczyk import prove
 from nearharmonic.integrators import integrators
+from nearharmonic.numerics.search.random_starts import RandomStarts
 from nearharmonic.reproduction.experiments.derivation.conditions import Equations, agreeing_decimals, polish
 from nearharmonic.reproduction.experiments.derivation.elimination import eliminate, reduced_system
 from nearharmonic.reproduction.experiments.derivation.families import PRINTED, UNIQUE, agreement
@@ -126,7 +127,7 @@ def test_four_sets_of_the_print_are_fixed_by_their_conditions_and_six_are_not():
 
 
 def test_three_stages_give_ruth_and_nothing_else():
-    only = solve(Equations(3, 4), starts=200, seed=SEED)
+    only = solve(Equations(3, 4), RandomStarts(200, SEED, box=2.5, bound=20.0))
     assert only.complete
     assert (only.complex_solutions, only.real_solutions) == (3, 1)
     with mp.workdps(140):
@@ -148,7 +149,7 @@ def test_six_stages_have_three_real_solutions_of_fifteen_complex_ones(six):
 
 
 def test_seven_stages_have_nine_real_solutions_of_thirty_five_complex_ones():
-    seven = solve(Equations(7, 8), starts=4096, seed=SEED)
+    seven = solve(Equations(7, 8), RandomStarts(4096, SEED, box=2.5, bound=20.0))
     assert (seven.complex_solutions, seven.real_solutions, len(seven.roots), seven.complete) == (35, 9, 9, True)
 
 
@@ -198,7 +199,7 @@ def test_the_eliminant_has_the_real_roots_that_a_root_finder_sees():
 def test_elimination_and_search_find_the_same_solutions_for_both_roles(first):
     equations = Equations(6, 7, first)
     # The drift-first case has eight real solutions; rarely hit ones need some thousand starts.
-    found = search(equations, starts=20000, seed=SEED, bound=20.0)
+    found = search(equations, RandomStarts(20000, SEED, box=2.5, bound=20.0))
     exact = np.array([[float(c) for c in start] for start in eliminate(equations).starts])
     distances = np.abs(found.points[:, None, :] - exact[None, :, :]).max(axis=2)
     assert distances.shape[0] <= distances.shape[1]
@@ -208,17 +209,17 @@ def test_elimination_and_search_find_the_same_solutions_for_both_roles(first):
 
 
 def test_solutions_come_most_often_hit_first():
-    found = search(Equations(5, 6), starts=2000, seed=SEED)
+    found = search(Equations(5, 6), RandomStarts(2000, SEED, box=2.5))
     assert list(found.hits) == sorted(found.hits, reverse=True)
-    assert sum(found.hits) == found.converged == len(sample(Equations(5, 6), starts=2000, seed=SEED, box=2.5))
+    assert sum(found.hits) == found.converged == len(sample(Equations(5, 6), RandomStarts(2000, SEED, box=2.5)))
 
 
 def test_a_solution_that_is_counted_but_not_found_leaves_the_set_incomplete(monkeypatch):
     exact = eliminate(Equations(5, 6))
     more = replace(exact, real_solutions=exact.real_solutions + 1)
     monkeypatch.setattr("nearharmonic.reproduction.experiments.derivation.isolated.eliminate", lambda _: more)
-    assert not solve(Equations(5, 6), starts=500, seed=SEED).complete
-    assert not solve(Equations(5, 6), starts=500, seed=SEED, exact=False).complete
+    assert not solve(Equations(5, 6), RandomStarts(500, SEED, box=2.5, bound=20.0)).complete
+    assert not solve(Equations(5, 6), RandomStarts(500, SEED, box=2.5, bound=20.0), exact=False).complete
 
 
 # --- proofs and digits -----------------------------------------------------------------------------------------------

@@ -14,13 +14,19 @@ from nearharmonic.engine.runs.trajectory import sweep
 from nearharmonic.errors import SettingError, UnknownNameError
 from nearharmonic.exact.newton import rank_and_pivots
 from nearharmonic.integrators import integrators
+from nearharmonic.numerics.search.random_starts import RandomStarts
 from nearharmonic.reproduction.experiments.derivation import run
 from nearharmonic.reproduction.experiments.derivation.conditions import Equations, polish
 from nearharmonic.reproduction.experiments.derivation.elimination import eliminate
 from nearharmonic.reproduction.experiments.derivation.families import PRINTED, UNIQUE, printed_point, rank_printed
 from nearharmonic.reproduction.experiments.derivation.isolated import reach
 from nearharmonic.reproduction.experiments.derivation.run import derivation, plain
-from nearharmonic.reproduction.experiments.derivation.search.simplex import _Objective, minimise, promising_starts
+from nearharmonic.reproduction.experiments.derivation.search.simplex import (
+    Simplex,
+    _Objective,
+    minimise,
+    promising_starts,
+)
 from nearharmonic.reproduction.experiments.derivation.search.starts import sample, search
 from nearharmonic.reproduction.experiments.derivation.settings import DerivationSettings
 from nearharmonic.reproduction.experiments.derivation.tables import compare
@@ -57,7 +63,7 @@ def test_the_rank_drops_where_two_unknowns_act_alike():
 
 
 def test_the_least_sum_of_a_family_is_not_where_its_printed_set_lies():
-    (ranking,) = rank_printed(["babs7o7h"], starts=1000, seed=SEED)
+    (ranking,) = rank_printed(["babs7o7h"], RandomStarts(1000, SEED, bound=5.0))
     assert ranking.members > 50
     # Numbers of the printed set itself, from its strings.
     tableau = integrators["babs7o7h"]
@@ -69,7 +75,7 @@ def test_the_least_sum_of_a_family_is_not_where_its_printed_set_lies():
 
 def test_members_of_a_family_solve_its_conditions():
     equations = Equations(8, 7)
-    members = sample(equations, starts=300, seed=SEED)
+    members = sample(equations, RandomStarts(300, SEED))
     assert len(members) > 30
     # Double precision: rounding of 1e-16 times 7! and coefficients up to 10.
     assert max(max(map(abs, equations.residuals(x))) for x in members.tolist()) < 1e-7
@@ -81,7 +87,7 @@ def test_members_of_a_family_solve_its_conditions():
 def test_the_simplex_reaches_the_root_that_newton_reaches():
     equations = Equations(5, 6)
     start = [float(c) + 0.03 for c in equations.tableau_unknowns(integrators["abas5o6h_c"])]
-    outcome = minimise(equations, start, seed=1, bits=256, digits=40, evaluations=20_000)
+    outcome = minimise(equations, start, seed=1, settings=Simplex(bits=256, digits=40, evaluations=20_000))
     assert outcome.converged
     assert outcome.kappa_max < mpf(10) ** -40
     exact = polish(equations, start, digits=60)
@@ -102,7 +108,7 @@ def test_the_simplex_descends_on_the_largest_of_the_errors(stages, order, first)
 def test_a_random_start_that_a_short_run_finds_promising_leads_the_simplex_to_a_root(five):
     """One in a few hundred random points; nothing of a root is known to the simplex."""
     (start, *_) = promising_starts(five.equations, starts=200, seed=1)
-    outcome = minimise(five.equations, start, seed=1, bits=192, digits=30, evaluations=40_000)
+    outcome = minimise(five.equations, start, seed=1, settings=Simplex(bits=192, digits=30, evaluations=40_000))
     assert outcome.converged
     roots = [five.equations.halved(root.outer, root.inner) for root in five.roots]
     apart = [max(abs(a - mpf(b)) for a, b in zip(outcome.unknowns, root, strict=True)) for root in roots]
@@ -110,7 +116,7 @@ def test_a_random_start_that_a_short_run_finds_promising_leads_the_simplex_to_a_
 
 
 def test_a_simplex_that_runs_out_of_evaluations_gives_its_residual_and_no_digits():
-    outcome = minimise(Equations(5, 6), [0.1, 0.2, 0.3, 0.4], seed=1, bits=128, evaluations=300)
+    outcome = minimise(Equations(5, 6), [0.1, 0.2, 0.3, 0.4], seed=1, settings=Simplex(bits=128, evaluations=300))
     assert not outcome.converged
     assert outcome.unknowns == ()
     assert outcome.kappa_max > mpf(10) ** -20
@@ -118,7 +124,7 @@ def test_a_simplex_that_runs_out_of_evaluations_gives_its_residual_and_no_digits
 
 
 def test_from_five_stages_on_every_stage_adds_one_harmonic_order_and_two_powers():
-    reached = reach(range(3, 8), starts=2000, seed=SEED)
+    reached = reach(range(3, 8), RandomStarts(2000, SEED, bound=20.0))
     assert [r.harmonic_order for r in reached] == [4, 4, 6, 7, 8]
     assert [r.lambda_max for r in reached] == [6, 8, 10, 12, 14]
     assert all(r.proved_largest for r in reached)
@@ -142,8 +148,8 @@ def test_the_same_seed_gives_the_same_table_and_progress_is_reported(twice):
     assert first == second
     assert {a.name: a.decimals for a in runs[0].agreements} == dict.fromkeys(UNIQUE, 60)
     assert any("starts" in line for line in lines)
-    other = search(Equations(5, 6), starts=300, seed=4)
-    assert other.hits != search(Equations(5, 6), starts=300, seed=3).hits
+    other = search(Equations(5, 6), RandomStarts(300, 4, box=2.5))
+    assert other.hits != search(Equations(5, 6), RandomStarts(300, 3, box=2.5)).hits
 
 
 def test_what_is_derived_is_tabulated_and_documented(twice, monkeypatch):
@@ -188,9 +194,12 @@ def test_the_fourth_solution_has_the_largest_errors_of_the_four(five):
     [
         (lambda: Equations(2, 3), r"stages = 2 is not allowed: an integer >= 3"),
         (lambda: Equations(5, 6, "both"), r"first = 'both' is not allowed: it is 'drift' or 'kick'"),
-        (lambda: search(Equations(5, 5), starts=10, seed=1), r"harmonic_order = 5 is not allowed: 6, which leaves"),
-        (lambda: sample(Equations(5, 7), starts=10, seed=1), r"harmonic_order = 7 is not allowed: at most 6"),
-        (lambda: sample(Equations(5, 5), starts=0, seed=1), r"starts = 0 is not allowed: an integer >= 1"),
+        (
+            lambda: search(Equations(5, 5), RandomStarts(10, 1, box=2.5)),
+            r"harmonic_order = 5 is not allowed: 6, which leaves",
+        ),
+        (lambda: sample(Equations(5, 7), RandomStarts(10, 1)), r"harmonic_order = 7 is not allowed: at most 6"),
+        (lambda: sample(Equations(5, 5), RandomStarts(0, 1)), r"starts = 0 is not allowed: an integer >= 1"),
         (lambda: eliminate(Equations(5, 5)), r"harmonic_order = 5 is not allowed: 6, which alone"),
     ],
 )

@@ -16,7 +16,7 @@ from nearharmonic.reproduction.experiments.sixth_order import run, tables
 from nearharmonic.reproduction.experiments.sixth_order.cascade import candidates_of, find_solutions, winners
 from nearharmonic.reproduction.experiments.sixth_order.conditions import NystromEquations, WordTable
 from nearharmonic.reproduction.experiments.sixth_order.criterion import criterion_of, system_of
-from nearharmonic.reproduction.experiments.sixth_order.kernels import descend, solve, word_sums
+from nearharmonic.reproduction.experiments.sixth_order.kernels import coefficients, descend, solve, word_sums
 from nearharmonic.reproduction.experiments.sixth_order.kernels import jacobian as derivatives
 from nearharmonic.reproduction.experiments.sixth_order.registration import (
     registered,
@@ -84,7 +84,8 @@ def test_a_start_beyond_the_bound_is_given_up_where_it_stands():
 def test_derivatives_agree_with_multiprecision_differences(first):
     equations = NystromEquations(9, first, 8)
     x = np.random.default_rng(4).uniform(-0.5, 0.5, 8)
-    found = derivatives(system_of(equations), x)
+    system = system_of(equations)
+    found = derivatives(system, x, coefficients(system, x))
     # Terms of up to 5000 in units of kappa_7, with some roundings each.
     assert found == pytest.approx(np.array(equations.slopes(list(map(mpf, x))), dtype=float), rel=1e-10, abs=1e-10)
 

@@ -18,6 +18,7 @@ from nearharmonic.exact.newton import rank_and_pivots
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.nielsen_2015 import TABLEAUS
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.search.random_starts import RandomStarts
 from nearharmonic.reproduction.experiments.derivation.conditions import (
     Equations,
     PolishedSolution,
@@ -159,15 +160,9 @@ def printed_point(name: str, *, digits: int = 128) -> PrintedPoint:
 
 
 def rank_printed(
-    names: Sequence[str],
-    *,
-    starts: int,
-    seed: int,
-    box: float = 1.0,
-    bound: float = 5.0,
-    report: Callable[[str], None] = lambda _: None,
+    names: Sequence[str], starts: RandomStarts, report: Callable[[str], None] = lambda _: None
 ) -> list[Ranking]:
-    """Rank printed sets among the members of their families, of which random starts in [-box, box] give a sample.
+    """Rank printed sets among the members of their families, of which random starts give a sample.
 
     The sample is not a uniform one. Sets of one family share it.
 
@@ -175,10 +170,8 @@ def rank_printed(
     ----------
     names : sequence of str
         Names of the sets.
-    starts, seed : int
-        Number of random starts in each family, and their seed.
-    box, bound : float
-        Half the width of the box of the starts, and the largest absolute value of an unknown of a member.
+    starts : RandomStarts
+        Where the search of each family begins.
     report : callable
         Is told of the progress.
 
@@ -186,17 +179,15 @@ def rank_printed(
     ------
     UnknownNameError
         No integrator has one of these names.
-    SettingError
-        ``starts`` is no integer >= 1.
     """
     families: dict[Equations, Any] = {}
     rankings = []
     for name in names:
         equations = equations_of(integrators[name])
         if equations not in families:
-            points = sample(equations, starts=starts, seed=seed, box=box, bound=bound, report=report)
+            points = sample(equations, starts, report)
             families[equations] = points, np.array([_criteria(equations, x) for x in points.tolist()])
-        rankings.append(_ranking(name, equations, starts, *families[equations]))
+        rankings.append(_ranking(name, equations, starts.count, *families[equations]))
     return rankings
 
 

@@ -6,7 +6,7 @@ How far the harmonic order goes with the number of stages (the remark on Eq. 17 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from typing import Any
 
@@ -16,6 +16,7 @@ from nearharmonic.exact.decimals import fixed_point
 from nearharmonic.exact.krawczyk import prove
 from nearharmonic.exact.newton import rank_and_pivots
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.search.random_starts import RandomStarts
 from nearharmonic.reproduction.experiments.derivation.conditions import Equations, polish
 from nearharmonic.reproduction.experiments.derivation.elimination import eliminate, reduced_system
 from nearharmonic.reproduction.experiments.derivation.search.starts import sample, search
@@ -24,6 +25,8 @@ from nearharmonic.reproduction.experiments.derivation.search.starts import sampl
 CASES = ((5, 6), (6, 7), (7, 8))
 #: Stages up to which elimination takes seconds; 9 stages have a ring of 126 dimensions and take minutes.
 ELIMINABLE_STAGES = 8
+#: Starts of a search for any solution of an order, and the bound of its unknowns.
+FEW, NEAR = 500, 10.0
 #: Unknowns near a solution, how many random starts led there, and whether elimination finds it.
 Candidate = tuple[tuple[Any, ...], int, bool]
 #: A higher kappa of a solution proved to 100 digits that is above this is no zero.
@@ -114,11 +117,8 @@ class Reach:
 
 def solve(
     equations: Equations,
+    starts: RandomStarts,
     *,
-    starts: int,
-    seed: int,
-    box: float = 2.5,
-    bound: float = 20.0,
     digits: int = 128,
     exact: bool | None = None,
     report: Callable[[str], None] = lambda _: None,
@@ -129,10 +129,10 @@ def solve(
     ----------
     equations : Equations
         The case.
-    starts, seed, digits : int
-        Number of random starts, their seed, and decimals of the solutions.
-    box, bound : float
-        Half the width of the box of the starts, and the largest absolute value of an unknown that the search keeps.
+    starts : RandomStarts
+        Where the search begins.
+    digits : int
+        Decimals of the solutions.
     exact : bool, optional
         Whether to eliminate; by default up to 8 stages.
     report : callable
@@ -141,9 +141,9 @@ def solve(
     Raises
     ------
     SettingError
-        A case with free parameters, or no start.
+        A case with free parameters.
     """
-    found = search(equations, starts=starts, seed=seed, box=box, bound=bound, report=report)
+    found = search(equations, starts, report)
     eliminable = equations.stages <= ELIMINABLE_STAGES if exact is None else exact
     elimination = eliminate(equations) if eliminable else None
     candidates = [(tuple(point.tolist()), hits, False) for point, hits in zip(found.points, found.hits, strict=True)]
@@ -158,17 +158,16 @@ def solve(
         complete=complete,
         starts=found.starts,
         converged=found.converged,
-        box=box,
-        bound=bound,
+        box=starts.box,
+        bound=starts.bound,
         unfinished=tuple(unfinished),
     )
 
 
 def reach(
     stages: Sequence[int],
+    starts: RandomStarts,
     *,
-    starts: int,
-    seed: int,
     known: Mapping[int, IsolatedSolutions] | None = None,
     report: Callable[[str], None] = lambda _: None,
 ) -> list[Reach]:
@@ -181,8 +180,8 @@ def reach(
     ----------
     stages : sequence of int
         The numbers of stages.
-    starts, seed : int
-        Number of random starts for each of them, and their seed.
+    starts : RandomStarts
+        Where the search begins for each of them.
     known : mapping of int to IsolatedSolutions, optional
         Cases of order s + 1 solved before, by their stages.
     report : callable
@@ -191,26 +190,24 @@ def reach(
     Raises
     ------
     SettingError
-        Fewer than 3 stages, or no start.
+        Fewer than 3 stages.
     """
     results = []
     for s in stages:
         equations = Equations(s, s + 1)
-        case = (known or {}).get(s) or solve(
-            equations, starts=starts, seed=seed, box=1.0, exact=s <= ELIMINABLE_STAGES, report=report
-        )
-        results.append(_reach_of(case, starts, seed))
+        case = (known or {}).get(s) or solve(equations, starts, exact=s <= ELIMINABLE_STAGES, report=report)
+        results.append(_reach_of(case, starts))
         report(f"{s} stages: harmonic order {results[-1].harmonic_order}")
     return results
 
 
-def _reach_of(case: IsolatedSolutions, starts: int, seed: int) -> Reach:
+def _reach_of(case: IsolatedSolutions, starts: RandomStarts) -> Reach:
     """The largest harmonic order, from the solutions of order s + 1."""
     s = case.equations.stages
     if case.roots:
         highest, settled = s + 1, case.complete and all(root.higher[0] > NOT_ZERO for root in case.roots)
     else:
-        highest = s if _exists(Equations(s, s), starts, seed) else 0
+        highest = s if _exists(Equations(s, s), starts) else 0
         settled = case.complete and highest > 0
     return Reach(
         stages=s,
@@ -276,9 +273,9 @@ def _root(equations: Equations, start: Sequence[Any], digits: int, hits: int, el
     )
 
 
-def _exists(equations: Equations, starts: int, seed: int) -> bool:
+def _exists(equations: Equations, starts: RandomStarts) -> bool:
     """Return True if a random start leads to a solution that is then proved."""
-    for x in sample(equations, starts=min(starts, 500), seed=seed)[:10].tolist():
+    for x in sample(equations, replace(starts, count=min(starts.count, FEW), bound=NEAR))[:10].tolist():
         _, pivots = rank_and_pivots(equations.jacobian, x)
         fixed = [j for j in range(equations.unknowns) if j not in pivots]
         polished = polish(equations, x, digits=50, fixed=fixed)

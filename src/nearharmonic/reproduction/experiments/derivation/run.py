@@ -11,6 +11,7 @@ from typing import Any
 
 from mpmath import mp, mpf
 
+from nearharmonic.numerics.search.random_starts import RandomStarts
 from nearharmonic.output.table import Table
 from nearharmonic.reproduction.experiments.derivation import tables
 from nearharmonic.reproduction.experiments.derivation.conditions import Equations
@@ -26,7 +27,7 @@ from nearharmonic.reproduction.experiments.derivation.families import (
     rank_printed,
 )
 from nearharmonic.reproduction.experiments.derivation.isolated import CASES, IsolatedSolutions, Reach, reach, solve
-from nearharmonic.reproduction.experiments.derivation.search.simplex import SimplexRun, simplex_runs
+from nearharmonic.reproduction.experiments.derivation.search.simplex import Simplex, SimplexRun, simplex_runs
 from nearharmonic.reproduction.experiments.derivation.settings import DerivationSettings
 
 Report = Callable[[str], None]
@@ -103,20 +104,22 @@ def derivation(settings: DerivationSettings, *, digits: int = 128, report: Repor
     for stages, order in CASES:
         with part(f"isolated_{stages}"):
             equations = Equations(stages, order)
-            isolated.append(solve(equations, starts=settings.starts, seed=seed, digits=digits, report=report))
+            starts = RandomStarts(settings.starts, seed, box=2.5, bound=20.0)
+            isolated.append(solve(equations, starts, digits=digits, report=report))
     simplex: list[SimplexRun] = []
-    budget = {"starts": settings.simplex_starts, "evaluations": settings.simplex_evaluations}
+    each = Simplex(digits=digits, evaluations=settings.simplex_evaluations)
     for case in isolated:
         if case.equations.stages in settings.simplex_stages:
             with part(f"simplex_{case.equations.stages}"):
-                simplex += simplex_runs(case, **budget, seed=seed, digits=digits, report=report)
+                simplex += simplex_runs(case, starts=settings.simplex_starts, seed=seed, settings=each, report=report)
     with part("printed"):
         printed = [printed_point(name, digits=digits) for name in PRINTED]
     with part("families"):
-        rankings = rank_printed(PRINTED, starts=settings.family_starts, seed=seed, report=report)
+        rankings = rank_printed(PRINTED, RandomStarts(settings.family_starts, seed, bound=5.0), report)
     known = {case.equations.stages: case for case in isolated}
     with part("growth"):
-        reaches = reach(settings.growth_stages, starts=settings.growth_starts, seed=seed, known=known, report=report)
+        starts = RandomStarts(settings.growth_starts, seed, bound=20.0)
+        reaches = reach(settings.growth_stages, starts, known=known, report=report)
     return Derivation(
         seed=seed,
         digits=digits,

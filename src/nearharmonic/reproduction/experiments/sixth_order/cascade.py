@@ -11,12 +11,13 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
 
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import First
+from nearharmonic.numerics.search.distinct import distinct
+from nearharmonic.numerics.search.random_starts import RandomStarts
 from nearharmonic.reproduction.experiments.sixth_order.conditions import (
     NYSTROM_ORDER,
     STAGES,
@@ -27,14 +28,12 @@ from nearharmonic.reproduction.experiments.sixth_order.criterion import Merit, c
 from nearharmonic.reproduction.experiments.sixth_order.kernels import assess, descend, solve
 from nearharmonic.reproduction.experiments.sixth_order.settings import SixthOrderSettings
 
-#: The box of the random starts, and that of the solutions that are kept: longer substeps serve nobody.
-START_BOX, BOUND = 1.0, 2.0
+#: Bound of the solutions that are kept: longer substeps serve nobody.
+BOUND = 2.0
 #: Standard deviation of the points near a solution from which one of the next harmonic order is sought.
 NEAR = 0.1
 #: At most so many points near each.
 MOST_NEAR = 20
-#: Solutions closer than this, in every unknown, are one.
-SAME = 1e-6
 #: Walks along a family start from its best solutions that are this far apart, in the largest difference.
 APART = 0.05
 
@@ -152,13 +151,14 @@ def winners(findings: Findings, most: int = 4) -> tuple[Candidate, ...]:
 def _cascade(
     stages: int, first: First, settings: SixthOrderSettings, report: Callable[[str], None]
 ) -> Iterator[tuple[Count, list[Candidate]]]:
-    random = np.random.default_rng([settings.seed, stages, first == "kick"])
-    points = random.uniform(-START_BOX, START_BOX, (settings.starts, stages - 1))
+    starts = RandomStarts(settings.starts, (settings.seed, stages, first == "kick"), bound=BOUND)
+    random = starts.generator()
+    points = starts.points(random, stages - 1)
     for harmonic_order in range(NYSTROM_ORDER, stages):
         equations = NystromEquations(stages, first, harmonic_order)
-        found, solved = solve(system_of(equations), points, BOUND)
+        found, solved = solve(system_of(equations), points, starts.bound)
         hits = found[solved]
-        solutions, multiplicity = _merged(hits)
+        solutions, multiplicity = distinct(hits[np.lexsort(hits.T[::-1])], starts.same)
         count = Count(stages, first, harmonic_order, equations.free, len(points), len(hits), len(solutions))
         if equations.free:
             solutions = _walked(equations, solutions, settings, random)
@@ -180,41 +180,15 @@ def _near(hits: Doubles, wanted: int, random: np.random.Generator) -> Doubles:
     return np.ascontiguousarray(near + noise)
 
 
-def _merged(hits: Doubles) -> tuple[Doubles, list[int]]:
-    """Distinct solutions in lexicographic order, each with the number of its hits."""
-    distinct: list[Any] = []
-    multiplicity: list[int] = []
-    for x in hits[np.lexsort(hits.T[::-1])]:
-        same = len(distinct) - 1
-        # In this order only the last few can be as close in the first unknown.
-        while same >= 0 and x[0] - distinct[same][0] < SAME and np.max(np.abs(x - distinct[same])) >= SAME:
-            same -= 1
-        if same >= 0 and x[0] - distinct[same][0] < SAME:
-            multiplicity[same] += 1
-        else:
-            distinct.append(x)
-            multiplicity.append(1)
-    return np.array(distinct).reshape(-1, hits.shape[1]), multiplicity
-
-
 def _walked(
     equations: NystromEquations, samples: Doubles, settings: SixthOrderSettings, random: np.random.Generator
 ) -> Doubles:
     """Return the distinct ends of walks from the best ``samples`` (solution, unknown) of a family."""
     values = assessed(equations, samples)[:, 4]
-    ends = _scattered(samples[np.argsort(values, kind="stable")], settings.walks)
+    ends, _ = distinct(samples[np.argsort(values, kind="stable")], APART, most=settings.walks)
     noise = random.normal(0, 1, (len(ends), settings.walk_steps, equations.unknowns))
     ends = descend(system_of(equations), criterion_of(equations.stages), BOUND, noise, ends)
-    return _scattered(ends[np.argsort(assessed(equations, ends)[:, 4], kind="stable")], settings.walks)
-
-
-def _scattered(points: Doubles, most: int) -> Doubles:
-    """Up to ``most`` of ``points``, each ``APART`` from all the ones before."""
-    kept: list[Any] = []
-    for x in points:
-        if len(kept) < most and all(np.max(np.abs(x - y)) > APART for y in kept):
-            kept.append(x)
-    return np.array(kept).reshape(-1, points.shape[1])
+    return distinct(ends[np.argsort(assessed(equations, ends)[:, 4], kind="stable")], APART)[0]
 
 
 def assessed(equations: NystromEquations, solutions: Doubles) -> Doubles:

@@ -10,7 +10,7 @@ import numpy as np
 
 from nearharmonic.core.layout import Flags
 from nearharmonic.core.machine.jit import jit
-from nearharmonic.numerics.levenberg_marquardt import FIRST_DAMPING, levenberg_step
+from nearharmonic.numerics.search.damped import Damping, iteration, levenberg_step
 from nearharmonic.reproduction.experiments.sixth_order.conditions import NYSTROM_ORDER, Doubles, Integers
 from nearharmonic.reproduction.experiments.sixth_order.criterion import (
     ANHARMONICITY,
@@ -22,48 +22,25 @@ from nearharmonic.reproduction.experiments.sixth_order.criterion import (
     System,
 )
 
-#: Norms of the residuals at which an iteration ends, and below which it has solved its equations. They are in units of
-#: kappa, of which rounding leaves about 1e-13.
-ENOUGH, SOLVED = 1e-12, 1e-10
-#: Factors of the damping after a step that is taken and after one that is not; damping and steps to give up at.
-LESS, MORE = 0.15, 4.0
-MOST_DAMPING, ITERATIONS = 1e10, 150
+#: Norms of the residuals are in units of kappa, of which rounding leaves about 1e-13.
+DAMPING = Damping(
+    iterations=150, enough=1e-12, solved=1e-10, first=1e-2, fall=(0.15, 1.0), rise=4.0, most=1e10, by_residual=True,
+    bounded=True,
+)  # fmt: skip
+#: Steps of Newton's method to the solution next to a point.
+PROJECTION = Damping(iterations=7, enough=1e-12, solved=1e-12, lost=1.0, monotone=False)
 
-#: Descent: length of the first random step, the factors after success and failure, and Newton steps per projection.
+#: Descent: length of the first random step, and the factors after success and failure.
 FIRST_LENGTH, LONGER, SHORTER = 0.05, 1.6, 0.85
-MOST_PROJECTIONS = 8
 
 
 @jit
 def solve(system: System, starts: Doubles, bound: float) -> tuple[Doubles, Flags]:
-    """Iterate by damped steps from ``starts`` (start, unknown); return the ends, and which of them are solutions.
-
-    An iteration that leaves [-bound, bound] is given up.
-    """
-    solutions, solved = starts.copy(), np.zeros(len(starts), np.bool_)
-    equations, unknowns = len(system.wanted), starts.shape[1]
-    matrix, step, moved = np.empty((equations, equations + 1)), np.empty(unknowns), np.empty(unknowns)
+    """Iterate from ``starts`` (start, unknown); return the ends, and which of them are solutions in [-bound, bound]."""
+    ends, solved = starts.copy(), np.zeros(len(starts), np.bool_)
     for start in range(len(starts)):
-        x, damping = solutions[start], FIRST_DAMPING
-        F, size = residuals(system, x)
-        J = jacobian(system, x)
-        for _ in range(ITERATIONS):
-            if not size > ENOUGH or damping > MOST_DAMPING or not within(x, bound):
-                break
-            # Damping that falls with the residuals does not spoil the quadratic end.
-            levenberg_step(F, J, damping * min(size, 1.0), matrix, step)
-            for u in range(unknowns):
-                moved[u] = x[u] - step[u]
-            trial_F, trial_size = residuals(system, moved)
-            if trial_size < size:
-                for u in range(unknowns):
-                    x[u] = moved[u]
-                F, J, size = trial_F, jacobian(system, x), trial_size
-                damping *= LESS
-            else:
-                damping *= MORE
-        solved[start] = size < SOLVED and within(x, bound)
-    return solutions, solved
+        solved[start] = iterate(system, ends[start], bound, DAMPING)
+    return ends, solved
 
 
 @jit
@@ -80,7 +57,7 @@ def descend(system: System, criterion: Criterion, bound: float, noise: Doubles, 
             for u in range(len(x)):
                 trial[u] = x[u] + length * noise[walk, step, u]
             better = False
-            if project(system, trial) and within(trial, bound):
+            if iterate(system, trial, bound, PROJECTION):
                 value = merit(system, criterion, trial)[4]
                 better = value < least
             if better:
@@ -106,50 +83,24 @@ def assess(system: System, criterion: Criterion, solutions: Doubles) -> Doubles:
 
 
 @jit
-def project(system: System, x: Doubles) -> bool:
-    """Move ``x`` to the solution next to it, by Newton's method with the shortest steps; return success."""
-    equations = len(system.wanted)
-    matrix, step = np.empty((equations, equations + 1)), np.empty(len(x))
-    for _ in range(MOST_PROJECTIONS):
-        F, size = residuals(system, x)
-        if size < ENOUGH:
-            return True
-        if not size < 1.0:
-            break
-        levenberg_step(F, jacobian(system, x), 0.0, matrix, step)
-        for u in range(len(x)):
-            x[u] -= step[u]
-    return False
-
-
-@jit
-def within(x: Doubles, bound: float) -> bool:
-    """Tell whether ``x`` is in [-bound, bound]."""
-    inside = True
-    for u in range(len(x)):
-        inside = inside and abs(x[u]) <= bound
-    return inside
-
-
-@jit
-def residuals(system: System, x: Doubles) -> tuple[Doubles, float]:
-    """Residuals (equation,) at ``x``, and their norm."""
-    weights, wanted = system.weights, system.wanted
-    sums = word_sums(system.parent, system.letter, system.letters, coefficients(system, x))
+def residuals(system: System, x: Doubles) -> tuple[Doubles, float, Doubles]:
+    """Residuals (equation,) at ``x``, their norm, and the coefficients of the step."""
+    weights, wanted, c = system.weights, system.wanted, coefficients(system, x)
+    sums = word_sums(system.parent, system.letter, system.letters, c)
     F, square = -wanted, 0.0
     for e in range(len(F)):
         for w in range(len(sums)):
             if weights[e, w] != 0.0:
                 F[e] += weights[e, w] * sums[w]
         square += F[e] * F[e]
-    return F, np.sqrt(square)
+    return F, np.sqrt(square), c
 
 
 @jit
-def jacobian(system: System, x: Doubles) -> Doubles:
-    """Derivatives of the residuals (equation, unknown) at ``x``."""
+def jacobian(system: System, x: Doubles, c: Doubles) -> Doubles:
+    """Derivatives of the residuals (equation, unknown) at ``x``, for the coefficients of the step there."""
     weights = system.weights
-    slopes = word_slopes(system, coefficients(system, x))
+    slopes = word_slopes(system, c)
     J = np.zeros((len(weights), len(x)))
     for e in range(len(weights)):
         for w in range(len(slopes)):
@@ -262,3 +213,6 @@ def word_slopes(system: System, c: Doubles) -> Doubles:
                 for u in range(unknowns):
                     slopes[w, u] += directions[i, u] * sums[parent[w]]
     return slopes
+
+
+iterate = iteration(residuals, jacobian, levenberg_step)

@@ -26,7 +26,7 @@ from nearharmonic.training.objective import Objective, mean_errors
 from nearharmonic.training.polish import DIGITS, tableau_of
 from nearharmonic.training.population import Ensemble
 from nearharmonic.training.published import published_methods
-from nearharmonic.training.search import Effort, Findings, Found, search, starts_of
+from nearharmonic.training.search import Effort, Found, Searcher, search, starts_of
 
 SOURCE = "trained by nearharmonic.reproduction.experiments.trained"
 #: Of the searches of each family, how many methods are compared on the validation set.
@@ -105,15 +105,15 @@ def _all_findings(
     published: Sequence[Tableau],
     begun: Sequence[Tableau],
     report: Callable[[str], None],
-) -> list[Findings]:
+) -> list[Searcher]:
     """Return the findings of each family, each chain from its first."""
     judge = _Judge(goal, settings, published, TRAINING)
     effort = Effort(trials=settings.trials, random=settings.random, refinements=settings.refinements)
-    found: list[Findings] = []
+    found: list[Searcher] = []
     for chain in goal.chains:
-        before: list[Findings] = []
+        before: list[Searcher] = []
         for family in chain.families():
-            starts = starts_of(family, begun, before, effort)
+            starts = starts_of(family, begun, [one.best for one in before if one.found], effort)
             before.append(search(judge.objective(family, effort.population), starts, effort, settings.seed, None))
             if not before[-1].found:  # no published method has its shape, and random starts are not asked for
                 continue
@@ -159,19 +159,19 @@ def _method(place: Path) -> Tableau:
     return Tableau(**about, **rows, source=SOURCE)
 
 
-def _short_list(findings: Findings, validation: _Judge) -> list[Candidate]:
+def _short_list(findings: Searcher, validation: _Judge) -> list[Candidate]:
     """The best few of a family, each on the validation set."""
     ranked = sorted(findings.found, key=lambda one: one.value)[:SHORT_LIST]
-    objective = validation.objective(findings.family, SHORT_LIST)
+    objective = validation.objective(findings.best.family, SHORT_LIST)
     values = objective(np.stack([one.unknowns for one in ranked])).tolist()
     return [
-        Candidate(family=findings.family, found=one, validation=value)
+        Candidate(family=findings.best.family, found=one, validation=value)
         for one, value in zip(ranked, values, strict=True)
     ]
 
 
-def _row(findings: Findings, short: Sequence[Candidate], test: _Judge) -> list[Any]:
-    family, best = findings.family, findings.best
+def _row(findings: Searcher, short: Sequence[Candidate], test: _Judge) -> list[Any]:
+    family, best = findings.best.family, findings.best
     own = min((one for one in short if one.family == family), key=lambda one: one.validation)
     gains = test.gains(family, own.found)
     return [

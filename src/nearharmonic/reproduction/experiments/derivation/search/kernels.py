@@ -1,73 +1,54 @@
-"""The compiled part of the search: a damped Gauss-Newton iteration from many points, and the conditions in doubles.
+"""The compiled part of the search: the conditions in doubles and their derivatives, and the iteration from many points.
 
-A case comes as its numbers of ``stages`` s and of the ``highest`` harmonic order, and whether its outer row drifts. The
-states of a step are series in tau, by powers from 0 to ``highest``.
+A case has its number s of stages, its highest harmonic order, and whether its outer row drifts. The states of a step
+are series in tau, by powers from 0 to the highest order.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
 from nearharmonic.core.layout import Flags, Floats
 from nearharmonic.core.machine.jit import jit
-from nearharmonic.numerics.levenberg_marquardt import FIRST_DAMPING, marquardt_step
+from nearharmonic.numerics.search.damped import Damping, iteration, marquardt_step
 
-#: Steps after which a start is given up; those that converge do so in 10 to 60.
-ITERATIONS = 200
-#: A start has converged when a full step moves no unknown by more than this times its size, or 1.
-STEP = 1e-10
-#: Damping below which a step is full, and beyond which a start is given up.
-UNDAMPED, MOST_DAMPING = 1e-10, 1e12
+#: Starts that converge do so in 10 to 60 steps, to full steps that move no unknown.
+DAMPING = Damping(
+    iterations=200, rest=1e-10, undamped=1e-10, first=1e-2, fall=(1.0, 10.0), rise=8.0, lowest=(1e-16, 1e-12), most=1e12
+)
 
 
-@jit
-def solve(stages: int, highest: int, drift_first: bool, points: Floats) -> Flags:
-    """Move ``points`` (start, unknown), in place, to solutions; return at which of them the iteration came to rest."""
-    converged = np.zeros(len(points), np.bool_)
-    equations, unknowns = highest - 2, points.shape[1]
-    matrix, step, moved = np.empty((equations, equations + 1)), np.empty(unknowns), np.empty(unknowns)
-    for start in range(len(points)):
-        x, damping, at_rest = points[start], FIRST_DAMPING, False
-        rows = expand(stages, x)
-        q, p = states(stages, highest, drift_first, rows)
-        F, size = residuals(highest, q)
-        J = slopes(stages, highest, drift_first, rows, q, p)
-        for _ in range(ITERATIONS):
-            if at_rest or np.isnan(size) or damping > MOST_DAMPING:
-                break
-            if not marquardt_step(F, J, damping, matrix, step):
-                break
-            farthest, length = 0.0, 0.0
-            for k in range(unknowns):
-                farthest = max(farthest, abs(x[k]))
-                length = max(length, abs(step[k]))
-                moved[k] = x[k] - step[k]
-            rows = expand(stages, moved)
-            q, p = states(stages, highest, drift_first, rows)
-            trial_F, trial_size = residuals(highest, q)
-            at_rest = length <= STEP * max(1.0, farthest) and damping < UNDAMPED
-            if trial_size < size or at_rest:
-                for k in range(unknowns):
-                    x[k] = moved[k]
-                F, size = trial_F, trial_size
-                J = slopes(stages, highest, drift_first, rows, q, p)
-                damping = max(damping / 10.0, 1e-16)
-            else:
-                damping = max(damping * 8.0, 1e-12)
-        converged[start] = at_rest
-    return converged
+class Case(NamedTuple):
+    """Numbers that the kernels need of the equations of a case."""
+
+    stages: int
+    highest: int
+    drift_first: bool
 
 
 @jit
-def residuals(highest: int, q: Floats) -> tuple[Floats, float]:
-    """The signed kappa_3 ... kappa_highest, and the sum of their squares."""
-    F = np.empty(highest - 2)
+def solve(case: Case, starts: Floats, bound: float) -> tuple[Floats, Flags]:
+    """Iterate from ``starts`` (start, unknown); return the ends, and which of them are solutions in [-bound, bound]."""
+    ends, solved = starts.copy(), np.zeros(len(starts), np.bool_)
+    for start in range(len(starts)):
+        solved[start] = iterate(case, ends[start], bound, DAMPING)
+    return ends, solved
+
+
+@jit
+def residuals(case: Case, x: Floats) -> tuple[Floats, float, tuple[Floats, Floats, Floats]]:
+    """The signed kappa_3 ... kappa_highest, the sum of their squares, and the coefficients and states of the step."""
+    rows = expand(case.stages, x)
+    q, p = states(case, rows)
+    F = np.empty(case.highest - 2)
     scale, size = 2.0, 0.0
-    for n in range(3, highest + 1):
+    for n in range(3, case.highest + 1):
         scale *= n
         F[n - 3] = (1.0 if n % 4 in (0, 3) else -1.0) - scale * q[-1, n]
         size += F[n - 3] * F[n - 3]
-    return F, size
+    return F, size, (rows, q, p)
 
 
 @jit
@@ -93,8 +74,9 @@ def expand(stages: int, x: Floats) -> Floats:
 
 
 @jit
-def states(stages: int, highest: int, drift_first: bool, rows: Floats) -> tuple[Floats, Floats]:
+def states(case: Case, rows: Floats) -> tuple[Floats, Floats]:
     """Positions and momenta (2s + 2, power of tau) between the operators of a step from q = -p = 1."""
+    stages, highest, drift_first = case
     q, p = np.zeros((2 * stages + 2, highest + 1)), np.zeros((2 * stages + 2, highest + 1))
     q[0, 0], p[0, 0] = 1.0, -1.0
     for k in range(2 * stages + 1):
@@ -110,8 +92,10 @@ def states(stages: int, highest: int, drift_first: bool, rows: Floats) -> tuple[
 
 
 @jit
-def slopes(stages: int, highest: int, drift_first: bool, rows: Floats, q: Floats, p: Floats) -> Floats:
-    """The derivatives of kappa_3 ... kappa_highest (equation, unknown)."""
+def slopes(case: Case, x: Floats, step: tuple[Floats, Floats, Floats]) -> Floats:
+    """The derivatives of kappa_3 ... kappa_highest (equation, unknown), for the coefficients and states of ``step``."""
+    stages, highest, drift_first = case
+    rows, q, p = step
     jacobian = np.zeros((highest - 2, stages - 1))
     # The new position is alpha q + beta p of the state before an operator, followed backwards.
     alpha, beta = np.zeros(highest + 1), np.zeros(highest + 1)
@@ -143,3 +127,6 @@ def slopes(stages: int, highest: int, drift_first: bool, rows: Floats, q: Floats
             else:
                 alpha[n] -= rows[k] * beta[n - 1]
     return jacobian
+
+
+iterate = iteration(residuals, slopes, marquardt_step)

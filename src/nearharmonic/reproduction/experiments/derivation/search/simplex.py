@@ -24,14 +24,38 @@ from nearharmonic.reproduction.experiments.derivation.isolated import IsolatedSo
 
 Vertex = tuple[int, list[int]]
 
-#: A simplex has collapsed when its values agree to this many bits.
-COLLAPSED_BITS = 12
-#: Edges of a fresh simplex: 1/20, or this many times the objective if that is less; a solution lies within that many
-#: times the objective where the conditions are as badly scaled as those of the sets in Table 4.
-EDGE_FACTOR = 10_000
-LONGEST_EDGE = (1, 20)
-#: Evaluations and bits of the short run that tells whether a random start is worth a long one.
-SHORT_RUN, SHORT_BITS = 800, 192
+
+@dataclass(frozen=True, kw_only=True)
+class Simplex:
+    """Settings of the simplex.
+
+    Attributes
+    ----------
+    bits : int
+        Precision of the arithmetic.
+    digits : int
+        Decimals to which kappa vanishes at a solution.
+    evaluations : int
+        Most evaluations of the objective from one point.
+    collapsed_bits : int
+        A simplex has collapsed when its values agree to this many bits.
+    longest_edge : int
+        The inverse of the edges of a fresh simplex.
+    edge_factor : int
+        Edges are at most this many times the objective: a solution lies within that many times the objective where the
+        conditions are as badly scaled as those of the sets in Table 4.
+    """
+
+    bits: int = 2048
+    digits: int = 128
+    evaluations: int = 40_000
+    collapsed_bits: int = 12
+    longest_edge: int = 20
+    edge_factor: int = 10_000
+
+
+#: The short run that tells whether a random start is worth a long one.
+SHORT = Simplex(bits=192, digits=4, evaluations=800)
 
 
 @dataclass(frozen=True)
@@ -68,26 +92,24 @@ def minimise(
     start: Sequence[float],
     *,
     seed: int,
-    bits: int = 2048,
-    digits: int = 128,
-    evaluations: int = 40_000,
+    settings: Simplex = Simplex(),
     report: Callable[[str], None] = lambda _: None,
 ) -> Minimum:
-    """The simplex from ``start`` until kappa_max < 10^-digits, or until the ``evaluations`` are used up."""
+    """The simplex from ``start`` until kappa_max < 10^-digits, or until the evaluations are used up."""
+    bits, evaluations = settings.bits, settings.evaluations
     clock, generator, one = perf_counter(), random.Random(seed), mpz(1) << bits
     objective = _Objective(equations, bits)
     x = [mpz(round(c * 2**52)) << (bits - 52) for c in start]
     best: Vertex = objective(x), x
-    tolerance, restarts = one // 10**digits, -1
-    longest = one * LONGEST_EDGE[0] // LONGEST_EDGE[1]
+    tolerance, restarts = one // 10**settings.digits, -1
     while best[0] >= tolerance and objective.calls < evaluations:
-        edge = min(longest, best[0] * EDGE_FACTOR)
+        edge = min(one // settings.longest_edge, best[0] * settings.edge_factor)
         simplex = [best]
         for i in range(equations.unknowns):
             vertex = list(best[1])
             vertex[i] += edge if generator.random() < 0.5 else -edge
             simplex.append((objective(vertex), vertex))
-        best = _collapse(simplex, objective, tolerance, evaluations, bits)
+        best = _collapse(simplex, objective, tolerance, settings)
         restarts += 1
         report(f"simplex: {objective.calls} evaluations, kappa_max {_decimal_exponent(best[0], bits)}")
     converged = best[0] < tolerance
@@ -107,7 +129,7 @@ def promising_starts(
     generator, found = random.Random(seed), []
     for number in range(starts):
         start = [generator.uniform(-box, box) for _ in range(equations.unknowns)]
-        if minimise(equations, start, seed=number, bits=SHORT_BITS, digits=4, evaluations=SHORT_RUN).converged:
+        if minimise(equations, start, seed=number, settings=SHORT).converged:
             found.append(start)
             report(f"simplex: {len(found)} of {number + 1} random starts lead near a root")
     return found
@@ -118,8 +140,7 @@ def simplex_runs(
     *,
     starts: int,
     seed: int,
-    evaluations: int,
-    digits: int,
+    settings: Simplex,
     report: Callable[[str], None] = lambda _: None,
 ) -> list[SimplexRun]:
     """Solve a case by the route of the paper, from every random point that a short run finds promising.
@@ -130,18 +151,16 @@ def simplex_runs(
         The case, with the roots to compare with.
     starts, seed : int
         Number of random points, and the seed of these and of the simplex.
-    evaluations : int
-        Most evaluations of the objective from one point.
-    digits : int
-        Decimals to which kappa vanishes at a solution.
+    settings : Simplex
+        Of each run.
     report : callable
         Is told of the progress.
     """
     promising = promising_starts(case.equations, starts=starts, seed=seed, report=report)
     runs = []
     for start in promising:
-        outcome = minimise(case.equations, start, seed=seed, digits=digits, evaluations=evaluations, report=report)
-        reached, distance = _nearest_root(case, outcome, digits)
+        outcome = minimise(case.equations, start, seed=seed, settings=settings, report=report)
+        reached, distance = _nearest_root(case, outcome, settings.digits)
         stages = case.equations.stages
         runs.append(SimplexRun(stages, starts, len(promising), tuple(start), outcome, reached, distance))
     return runs
@@ -159,16 +178,17 @@ def _nearest_root(case: IsolatedSolutions, outcome: Minimum, digits: int) -> tup
 
 
 def _collapse(
-    simplex: list[Vertex], objective: Callable[[list[int]], int], tolerance: int, evaluations: int, bits: int
+    simplex: list[Vertex], objective: Callable[[list[int]], int], tolerance: int, settings: Simplex
 ) -> Vertex:
     """The best vertex when the simplex has collapsed, converged, or used up the evaluations."""
-    n, one = len(simplex) - 1, mpz(1) << bits
+    n, bits = len(simplex) - 1, settings.bits
+    one = mpz(1) << bits
     expansion, contraction = one + 2 * one // n, 3 * one // 4 - one // (2 * n)
     shrinkage = one - one // n
     simplex = sorted(simplex, key=_first)
-    while simplex[0][0] >= tolerance and objective.calls < evaluations:  # type: ignore[attr-defined]
+    while simplex[0][0] >= tolerance and objective.calls < settings.evaluations:  # type: ignore[attr-defined]
         (lowest, best), (highest, worst) = simplex[0], simplex[-1]
-        if (highest - lowest) << COLLAPSED_BITS < lowest:
+        if (highest - lowest) << settings.collapsed_bits < lowest:
             break
         centroid = [sum(column) // n for column in zip(*(x for _, x in simplex[:-1]), strict=True)]
         reflected = _moved(objective, centroid, worst, one, bits)

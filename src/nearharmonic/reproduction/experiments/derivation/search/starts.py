@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from nearharmonic.errors import bad_setting
+from nearharmonic.numerics.search.distinct import distinct
+from nearharmonic.numerics.search.random_starts import RandomStarts
+from nearharmonic.numerics.types import Floats
 from nearharmonic.reproduction.experiments.derivation.conditions import Equations
-from nearharmonic.reproduction.experiments.derivation.search.kernels import solve
+from nearharmonic.reproduction.experiments.derivation.search.kernels import Case, solve
 
-#: Solutions closer than this times their size are one: Newton leaves about 1e-12, distinct solutions lie 1e-2 apart.
-SAME = 1e-6
 #: Starts per call of the kernel, between two reports.
 BATCH = 4096
 
@@ -22,35 +22,21 @@ BATCH = 4096
 class SearchResult:
     """Solutions in double, most often hit first: ``points`` (solution, unknown), ``hits`` how many starts led there."""
 
-    points: Any
+    points: Floats
     hits: tuple[int, ...]
     starts: int
     converged: int
 
 
-def search(
-    equations: Equations,
-    *,
-    starts: int,
-    seed: int,
-    box: float = 2.5,
-    bound: float = 10.0,
-    report: Callable[[str], None] = lambda _: None,
-) -> SearchResult:
-    """Return the isolated solutions that ``starts`` random points lead to, with duplicates merged.
+def search(equations: Equations, starts: RandomStarts, report: Callable[[str], None] = lambda _: None) -> SearchResult:
+    """Return the isolated solutions that random points lead to, with duplicates merged.
 
     Parameters
     ----------
     equations : Equations
         As many conditions as unknowns.
-    starts : int
-        Number of random points, at least 1.
-    seed : int
-        The same seed gives the same solutions in the same order.
-    box : float
-        Unknowns, which are pure numbers, start uniformly in [-box, box].
-    bound : float
-        Solutions with an unknown beyond it in absolute value are dropped.
+    starts : RandomStarts
+        The points; solutions are the same if they agree relative to their largest unknown.
     report : callable
         Takes a line on the progress, after each batch of starts.
 
@@ -62,73 +48,44 @@ def search(
     Raises
     ------
     SettingError
-        Less than one start, or no isolated solutions: a free parameter is left.
+        No isolated solutions: a free parameter is left.
     """
     if equations.free_parameters != 0:
         key = "harmonic_order"
         raise bad_setting(key, equations.harmonic_order, f"{equations.stages + 1}, which leaves nothing free")
-    points = sample(equations, starts=starts, seed=seed, box=box, bound=bound, report=report)
-    merged, hits = _merged(points)
+    points = sample(equations, starts, report)
+    merged, hits = distinct(points, starts.same, relative=True)
     order = sorted(range(len(hits)), key=lambda i: (-hits[i], tuple(merged[i])))
-    return SearchResult(merged[order], tuple(hits[i] for i in order), starts, len(points))
+    return SearchResult(merged[order], tuple(hits[i] for i in order), starts.count, len(points))
 
 
-def sample(
-    equations: Equations,
-    *,
-    starts: int,
-    seed: int,
-    box: float = 1.0,
-    bound: float = 10.0,
-    report: Callable[[str], None] = lambda _: None,
-) -> Any:
-    """Return points where the conditions hold, one per start that converged within ``bound``.
+def sample(equations: Equations, starts: RandomStarts, report: Callable[[str], None] = lambda _: None) -> Floats:
+    """Return points (solution, unknown) where the conditions hold, one per start that converged, in their order.
 
     With free parameters left, a start goes to a point near it by steps of least length: dense where the solution set
     faces the box, and no uniform sample of it.
 
     Parameters
     ----------
-    equations, starts, seed, box, bound, report
+    equations, starts, report
         As for :func:`search`, but free parameters may be left.
-
-    Returns
-    -------
-    (solution, unknown) array of float
-        The points, in the order of their starts.
 
     Raises
     ------
     SettingError
-        ``starts`` is no integer >= 1, or more conditions than unknowns.
+        More conditions than unknowns.
     """
-    if isinstance(starts, bool) or not isinstance(starts, int) or starts < 1:
-        key = "starts"
-        raise bad_setting(key, starts, "an integer >= 1")
     if equations.free_parameters < 0:
         key = "harmonic_order"
         raise bad_setting(
             key, equations.harmonic_order, f"at most {equations.stages + 1} with {equations.stages} stages"
         )
-    generator, kept = np.random.default_rng(seed), []
-    for done in range(0, starts, BATCH):
-        points = generator.uniform(-box, box, (min(BATCH, starts - done), equations.unknowns))
-        converged = solve(equations.stages, equations.harmonic_order, equations.first == "drift", points)
-        kept.append(points[converged & (np.abs(points).max(axis=1) <= bound)])
+    case = Case(equations.stages, equations.harmonic_order, equations.first == "drift")
+    generator, kept = starts.generator(), list[Floats]()
+    for done in range(0, starts.count, BATCH):
+        points = starts.points(generator, equations.unknowns, min(BATCH, starts.count - done))
+        ends, solved = solve(case, points, starts.bound)
+        kept.append(ends[solved])
         name = f"{equations.stages} stages, harmonic order {equations.harmonic_order}"
-        report(f"{name}: {done + len(points)} of {starts} starts, {sum(map(len, kept))} converged")
+        report(f"{name}: {done + len(points)} of {starts.count} starts, {sum(map(len, kept))} converged")
     return np.concatenate(kept)
-
-
-def _merged(points: Any) -> tuple[Any, list[int]]:
-    merged: list[Any] = []
-    hits: list[int] = []
-    for point in points:
-        for i, known in enumerate(merged):
-            if np.abs(point - known).max() <= SAME * max(1.0, np.abs(known).max()):
-                hits[i] += 1
-                break
-        else:
-            merged.append(point)
-            hits.append(1)
-    return np.array(merged).reshape(len(merged), points.shape[1]), hits
