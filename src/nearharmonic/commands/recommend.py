@@ -81,7 +81,7 @@ def ranking(found: Recommendation) -> Answer:
         rows=[_row(rank, choice, best[0], found) for rank, choice in enumerate(best, start=1)],
         document=_document(found),
         status=0 if best else 1,
-        title=f"{interval}: {asked.quantity} <= {asked.error:g}",
+        caption=f"{interval}: {asked.quantity} <= {asked.error:g}",
         notes=list(_notes(found)),
         digits=3,
     )

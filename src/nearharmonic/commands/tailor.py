@@ -66,7 +66,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
         rows=list(_rows(found.test)),
         document=_document(found, written),
         status=0 if found.has_gain else 1,
-        title=_title(found),
+        caption=_title(found),
         notes=[*_notes(found), *_outcome(found, place, written)],
         digits=3,
     )

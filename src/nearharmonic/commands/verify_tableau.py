@@ -38,7 +38,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
         rows=[list(claim) for claim in found.claims],
         document=_document(found),
         status=1 if failing else 0,
-        title=f"{found.file.label}: {words}",
+        caption=f"{found.file.label}: {words}",
         notes=list(_notes(found)),
     )
 

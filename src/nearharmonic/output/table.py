@@ -1,12 +1,13 @@
-"""Tables as CSV, Markdown and LaTeX, written atomically."""
+"""Tables as CSV, Markdown, LaTeX and text, written atomically, and tables read from CSV."""
 
 from __future__ import annotations
 
 import csv
 import io
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from math import isnan
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ SUFFIXES = ("csv", "md", "tex")
 #: Digits of a float in Markdown and LaTeX; CSV has all digits.
 SHOWN = 4
 
+#: Text, integer, float, truth value, or None for an empty cell.
 Cell = Any
 
 
@@ -30,9 +32,9 @@ class Table:
     header : sequence of str
         Names of the columns.
     rows : sequence of sequences
-        Cells (strings, integers and floats), one per name of the header in each row.
+        Cells, one per name of the header in each row.
     caption : str
-        One sentence above the table in Markdown, and a comment in LaTeX.
+        One sentence above the table in Markdown and in text, and a comment in LaTeX.
     volatile : sequence of str
         Names of the columns of measured times, which differ from run to run.
 
@@ -44,19 +46,103 @@ class Table:
 
     header: Sequence[str]
     rows: Sequence[Sequence[Cell]]
-    caption: str
+    caption: str = ""
     volatile: Sequence[str] = ()
 
     def __post_init__(self) -> None:
-        check_rows(self.header, self.rows)
+        for i, row in enumerate(self.rows):
+            if len(row) != len(self.header):
+                message = f"row {i} has {len(row)} cells under {len(self.header)} names: {list(row)}"
+                raise NearharmonicError(message)
+
+    def records(self) -> list[dict[str, Cell]]:
+        """Return each row as the cells by the names of their columns."""
+        return [dict(zip(self.header, row, strict=True)) for row in self.rows]
+
+    def csv(self) -> str:
+        """Return the header and the rows as CSV, with every digit."""
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerows([self.header, *self.rows])
+        return text.getvalue()
+
+    def markdown(self) -> str:
+        """Return the caption and the table in Markdown, floats to four digits."""
+        return f"{self.caption}\n\n{self._tabulated('github')}\n"
+
+    def latex(self) -> str:
+        """Return the caption and the table in LaTeX, floats to four digits."""
+        return f"% {self.caption}\n{self._tabulated('latex_booktabs')}\n"
+
+    def _tabulated(self, form: str) -> str:
+        cells = [[f"{cell:.{SHOWN}g}" if isinstance(cell, float) else str(cell) for cell in row] for row in self.rows]
+        return _tabulate(self.header, cells, form)
+
+    def lines(self, digits: int | None = None) -> list[str]:
+        """Return the caption and the rows as lines of aligned columns for a terminal; no header above no rows.
+
+        Parameters
+        ----------
+        digits : int, optional
+            Significant digits of a float; all by default.
+        """
+        caption = [self.caption] if self.caption else []
+        if not self.rows:
+            return caption
+        cells = [[_in_words(cell, digits) for cell in row] for row in self.rows]
+        sides = ["right" if all(map(_is_number, column)) else "left" for column in zip(*self.rows, strict=True)]
+        aligned = _tabulate(self.header, cells, "plain", colalign=sides)
+        return [*caption, *(line.rstrip() for line in aligned.splitlines())]
 
 
-def check_rows(header: Sequence[str], rows: Sequence[Sequence[Cell]]) -> None:
-    """Raise NearharmonicError if a row and the header have different lengths."""
-    for i, row in enumerate(rows):
-        if len(row) != len(header):
-            message = f"row {i} has {len(row)} cells under {len(header)} names: {list(row)}"
-            raise NearharmonicError(message)
+def _tabulate(header: Sequence[str], cells: Sequence[Sequence[str]], form: str, **options: Any) -> str:
+    from tabulate import tabulate
+
+    return str(tabulate(cells, list(header), tablefmt=form, disable_numparse=True, **options))
+
+
+def _is_number(cell: Cell) -> bool:
+    return cell is None or (isinstance(cell, int | float) and not isinstance(cell, bool))
+
+
+def _in_words(cell: Cell, digits: int | None) -> str:
+    """Text of a cell: floats are shortened, truth values are words, None and NaN are a dash."""
+    if cell is None or cell == "" or (isinstance(cell, float) and isnan(cell)):
+        return "-"
+    if isinstance(cell, bool):
+        return "yes" if cell else "no"
+    return f"{cell:.{digits}g}" if isinstance(cell, float) and digits else str(cell)
+
+
+def pipes(header: Sequence[str], rows: Iterable[Sequence[Cell]], align: str = "l") -> list[str]:
+    """Return lines of Markdown without padding, as pages have them.
+
+    Parameters
+    ----------
+    header : sequence of str
+        Names of the columns.
+    rows : iterable of sequences
+        Cells, written by ``str``.
+    align : str
+        ``l`` or ``r`` for each column; the last letter holds for all further columns.
+    """
+    marks = ["---:" if align[min(i, len(align) - 1)] == "r" else "---" for i in range(len(header))]
+    return [f"| {' | '.join(header)} |", f"|{'|'.join(marks)}|", *(f"| {' | '.join(map(str, row))} |" for row in rows)]
+
+
+def from_csv(text: str) -> Table:
+    """Return the table whose CSV is ``text``, every cell a text.
+
+    Raises
+    ------
+    NearharmonicError
+        It has no header, a row of another length, or is no CSV.
+    """
+    try:
+        header, *rows = csv.reader(io.StringIO(text))
+    except (ValueError, csv.Error) as error:
+        message = "there is no table"
+        raise NearharmonicError(message) from error
+    return Table(header=header, rows=rows)
 
 
 def save(table: Table, places: Sequence[str | os.PathLike[str]]) -> list[Path]:
@@ -74,13 +160,13 @@ def save(table: Table, places: Sequence[str | os.PathLike[str]]) -> list[Path]:
     NearharmonicError
         An ending is not in :data:`SUFFIXES`.
     """
-    texts = {".csv": _csv, ".md": _markdown, ".tex": _latex}
+    texts = {".csv": table.csv, ".md": table.markdown, ".tex": table.latex}
     paths = [Path(place) for place in places]
     for path in paths:
         if path.suffix not in texts:
             message = f"{path}: a table is written as {', '.join(SUFFIXES)}"
             raise NearharmonicError(message)
-        write_text(path, texts[path.suffix](table))
+        write_text(path, texts[path.suffix]())
     return paths
 
 
@@ -89,27 +175,3 @@ def save_document(document: Mapping[str, Any], path: str | os.PathLike[str]) -> 
     import tomli_w
 
     write_text(path, tomli_w.dumps(document))
-
-
-def _csv(table: Table) -> str:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows([table.header, *table.rows])
-    return text.getvalue()
-
-
-def _shown(table: Table) -> list[list[str]]:
-    return [[f"{cell:.{SHOWN}g}" if isinstance(cell, float) else str(cell) for cell in row] for row in table.rows]
-
-
-def _tabulated(table: Table, form: str) -> str:
-    from tabulate import tabulate
-
-    return str(tabulate(_shown(table), list(table.header), tablefmt=form, disable_numparse=True))
-
-
-def _markdown(table: Table) -> str:
-    return f"{table.caption}\n\n{_tabulated(table, 'github')}\n"
-
-
-def _latex(table: Table) -> str:
-    return f"% {table.caption}\n{_tabulated(table, 'latex_booktabs')}\n"

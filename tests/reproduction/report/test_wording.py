@@ -109,12 +109,12 @@ def test_the_place_of_a_claim_links_to_what_it_names_or_else_to_what_shows_its_f
 
 def test_an_axis_holds_all_numbers_and_does_without_those_that_it_cannot_show():
     one = span([[0.0, -1.0, float("nan"), 1e-9], [float("inf"), 1e-3]], logarithmic=True)
-    assert one["start"] < 1e-9
-    assert 1e-3 < one["end"] < 1
-    assert span([[1e-9, 1e9]], logarithmic=True, highest=10)["end"] == 10
-    assert span([], logarithmic=True)["start"] > 0
+    assert one.start < 1e-9
+    assert 1e-3 < one.end < 1
+    assert span([[1e-9, 1e9]], logarithmic=True, highest=10).end == 10
+    assert span([], logarithmic=True).start > 0
     flat = span([[3.0, 3.0]], logarithmic=False)
-    assert flat["start"] < 3 < flat["end"]
+    assert flat.start < 3 < flat.end
 
 
 @pytest.mark.parametrize("name", ["page.html", "page.css", "page.js"])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 import tomllib
 from collections.abc import Callable, Hashable, Mapping, Sequence
@@ -100,12 +98,10 @@ class Results(Memory):
 
     def _read_rows(self, stem: str) -> list[dict[str, str]]:
         name = f"tables/{stem}.csv"
-        text = self._texts.read(name)
-        try:
-            header, first, *rest = csv.reader(io.StringIO(text))
-            return [dict(zip(header, row, strict=True)) for row in (first, *rest)]
-        except (csv.Error, TypeError, ValueError) as error:
-            raise self._texts.unusable(name, "holds no table") from error
+        rows = self._texts.table(name).records()
+        if not rows:
+            raise self._texts.unusable(name, "holds no row")
+        return rows
 
     @cached_property
     def derived(self) -> dict[str, Any]:

@@ -51,7 +51,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
         rows=[_row(difference) for difference in found.differences],
         document=document,
         status=0 if found.identical else 1,
-        title="" if found.identical else f"a: {a}, b: {b}",
+        caption="" if found.identical else f"a: {a}, b: {b}",
         notes=_notes(found),
     )
 

@@ -54,7 +54,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
         header=("field", "value", "unit"),
         rows=_rows(run, files),
         document=document,
-        title=_title(run, float(chosen.tau), per_stage=chosen.per_stage),
+        caption=_title(run, float(chosen.tau), per_stage=chosen.per_stage),
         notes=[*_remarks(run, folder, told), "", *lines],
         digits=None,
     )

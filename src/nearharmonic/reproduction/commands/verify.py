@@ -74,7 +74,7 @@ def _answer(result: str, found: list[dict[str, Any]], notes: list[str]) -> Answe
         rows=[list(fault.values()) for fault in found],
         document={"result": result, "faults": found, "notes": notes},
         status=1 if found else 0,
-        title=f"{result}: {_counted(len(found), 'fault')}",
+        caption=f"{result}: {_counted(len(found), 'fault')}",
         notes=notes,
     )
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from nearharmonic.output.atomic import write_text
+from nearharmonic.output.table import pipes
 from nearharmonic.reproduction.config.reading import adapter
 
 #: The generated files, from the root of the project.
@@ -48,12 +49,11 @@ def _inlined(member: Any, definitions: Mapping[str, Any]) -> Any:
 
 def key_table(described: Mapping[str, Any]) -> str:
     """Return the keys of the schema ``described`` as a Markdown table, one line a key."""
-    lines = ["| key | default | allowed | unit | meaning |", "|---|---|---|---|---|"]
+    rows = []
     for key, member, required in _keys(described, ""):
         default = "required" if required else str(member.get("default", "")).replace("'", "")
-        cells = (f"`{key}`", default, member["allowed"], member.get("unit", ""), member["description"])
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+        rows.append((f"`{key}`", default, member["allowed"], member.get("unit", ""), member["description"]))
+    return "\n".join(pipes(["key", "default", "allowed", "unit", "meaning"], rows))
 
 
 def _keys(described: Mapping[str, Any], above: str) -> Iterator[tuple[str, Mapping[str, Any], bool]]:

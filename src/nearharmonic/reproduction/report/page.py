@@ -161,7 +161,7 @@ def page(folder: str | os.PathLike[str], run: str | None = None, **_: Any) -> di
     if any(one.get("duration") is not None for one in results.finished):
         plots["history-chart"] = durations(results.finished)[0].plot
     for name, plot in plots.items():
-        plot["name"] = name  # by which the script of the page finds it
+        plot.name = name  # by which the script of the page finds it
     document, ids = models.document(list(plots.values()))
     asked = run or os.environ.get(RUN)
     sections = [section.of(results) for section in OPTIONAL]

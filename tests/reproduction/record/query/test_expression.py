@@ -125,6 +125,11 @@ def test_a_division_by_zero_is_no_error():
         ("(" * 500 + "steps" + ")" * 500 + " > 1", "nested"),
         ("-" * 5000 + "steps > 1", "nested"),
         ("steps > 1\0", "cannot be read"),
+        ("steps > @limit", "cannot be read"),
+        ("`steps` > 1", "cannot be read"),
+        ("Timestamp > 1", "unknown column 'Timestamp'"),
+        ("constant_0 > 1", "unknown column 'constant_0'"),
+        ("index > 1", "unknown column 'index'"),
     ],
 )
 def test_anything_else_is_refused_with_its_place(text, says):
@@ -136,6 +141,17 @@ def test_anything_else_is_refused_with_its_place(text, says):
 
 def test_a_backslash_in_a_text_is_no_warning():
     assert not rows_where(r"status == '\d'", COLUMNS).any()
+
+
+@pytest.mark.parametrize("word", ["@steps", "`steps`", "a#b", "x' or steps > 0 or 'x", "{steps}", "ok\nok"])
+def test_a_text_is_compared_as_it_stands(word):
+    columns = {"status": np.array(["ok", word])}
+    assert rows_where(f"status == {word!r}", columns).tolist() == [False, True]
+
+
+@pytest.mark.parametrize("name", ["index", "constant_0", "inf", "datetime", "sin"])
+def test_a_column_may_have_a_name_that_pandas_knows(name):
+    assert rows_where(f"{name} > 3", {name: np.array([1, 5])}).tolist() == [False, True]
 
 
 def test_an_unknown_column_gets_its_nearest_match():

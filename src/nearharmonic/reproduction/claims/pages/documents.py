@@ -17,6 +17,7 @@ from pathlib import Path
 from textwrap import wrap
 
 from nearharmonic.output.atomic import write_text
+from nearharmonic.output.table import pipes
 from nearharmonic.reproduction.claims.judging.definitions import MEANINGS
 from nearharmonic.reproduction.claims.pages.in_short import SYSTEMS, by_system, in_short
 from nearharmonic.reproduction.claims.pages.summary import (
@@ -80,7 +81,7 @@ statements that need another target which it is. This page is generated from [cl
 def verdict_table(entries: Sequence[Entry]) -> str:
     """Return README's table of verdicts, a row a statement, and the sentences below it."""
     by_id = {entry["id"]: entry for entry in entries}
-    lines = ["| of | the paper says | verdict | measured |", "|---|---|---|---|"]
+    rows = []
     for of, words, ids in SHOWN:
         if isinstance(ids, str):
             found = [by_id[f"{ids}-{system}"] for system in SYSTEMS]
@@ -91,8 +92,9 @@ def verdict_table(entries: Sequence[Entry]) -> str:
         else:
             (entry,) = (by_id[name] for name in ids)
             told = (words, f"**{entry['verdict']}**", in_short(entry["id"], entry["value"]))
-        lines.append(f"| {of} | {' | '.join(map(_cell, told))} |")
+        rows.append([of, *map(_cell, told)])
     below = f"{tally(entries)}: [{PAGE}]({PAGE}). {failures_in_words(entries)}"
+    lines = pipes(["of", "the paper says", "verdict", "measured"], rows)
     return "\n".join([*lines, "", *wrap(below, _WIDTH, break_on_hyphens=False), "", ""])
 
 
@@ -121,11 +123,8 @@ def page(entries: Sequence[Entry]) -> str:
 
 def _table_of_sums(entries: Sequence[Entry]) -> list[str]:
     shown = [verdict for verdict in VERDICTS if any(entry["verdict"] == verdict for entry in of_the_paper(entries))]
-    lines = [f"| kind | statements | {' | '.join(VERDICTS[verdict] for verdict in shown)} |"]
-    lines.append("|---|" + "---:|" * (len(shown) + 1))
-    for kind, count, found in sums(entries):
-        lines.append(f"| {kind} | {count} | {' | '.join(str(found[verdict] or '') for verdict in shown)} |")
-    return [*lines, ""]
+    rows = [[kind, count, *(found[verdict] or "" for verdict in shown)] for kind, count, found in sums(entries)]
+    return [*pipes(["kind", "statements", *(VERDICTS[verdict] for verdict in shown)], rows, align="lr"), ""]
 
 
 #: The section in which an equation, table or figure stands, by its kind and the last number of each.

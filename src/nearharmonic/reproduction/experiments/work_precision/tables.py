@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass, fields
 from math import isfinite
 
-from nearharmonic.output.table import Table
+from nearharmonic.output.table import Table, pipes
 from nearharmonic.recommendation.curve import (
     NAMES,
     TARGETS,
@@ -148,16 +148,15 @@ def _basis(facts: Mapping[str, object]) -> list[str]:
 
 
 def _table(measure: str, curves: Sequence[Curve]) -> list[str]:
-    head = "".join(f" {target:.0e} ms | lanes | evaluations |" for target in TARGETS)
-    lines = [f"| method |{head}", "|---|" + "---:|---:|---:|" * len(TARGETS)]
+    rows = []
     for curve, _ in ranking(curves, measure, TARGETS[2]):
-        cells = []
+        cells = [f"*{curve.label}*" if curve.kind == "peer" else curve.label]
         for target in TARGETS:
             found, lanes = crossing(curve, measure, target), crossing(curve, measure, target, "lanes")
             cells += [milliseconds(found), milliseconds(lanes), count(found.evaluations)]
-        name = f"*{curve.label}*" if curve.kind == "peer" else curve.label
-        lines.append(f"| {name} | {' | '.join(cells)} |")
-    return lines
+        rows.append(cells)
+    columns = [name for target in TARGETS for name in (f"{target:.0e} ms", "lanes", "evaluations")]
+    return pipes(["method", *columns], rows, align="lr")
 
 
 def milliseconds(found: Crossing) -> str:
@@ -191,11 +190,11 @@ def _winners(measure: str, curves: Sequence[Curve]) -> list[str]:
 
 
 def _speeds(curves: Sequence[Curve]) -> list[str]:
-    lines = ["| method | one trajectory | each of an ensemble | energy at every step | a call, us | whole sweep, ms |"]
-    lines.append("|---|---:|---:|---:|---:|---:|")
+    columns = ["one trajectory", "each of an ensemble", "energy at every step", "a call, us", "whole sweep, ms"]
+    rows = []
     for curve in curves:
         numbers = [ns_per_evaluation(curve, mode) for mode in ("trajectory", "lanes", "energy")]
         numbers += [1e6 * curve.setup, 1e3 * curve.sweep]
         if any(map(isfinite, numbers)):
-            lines.append(f"| {curve.label} | {' | '.join(f'{x:.3g}' if isfinite(x) else '-' for x in numbers)} |")
-    return lines
+            rows.append([curve.label, *(f"{x:.3g}" if isfinite(x) else "-" for x in numbers)])
+    return pipes(["method", *columns], rows, align="lr")

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import PurePosixPath
 
+from nearharmonic.output.table import pipes
 from nearharmonic.reproduction.record.archive.metadata import Member, Run
 
 #: What stands where in an archive; folders and files that it does not hold are not named.
@@ -42,7 +43,7 @@ def readme(result: str, members: Sequence[Member], runs: Sequence[Run], left_out
     counts = Counter(PurePosixPath(member.path).parts[0] for member in members)
     folders = {PurePosixPath(member.path).parts[0] for member in members if "/" in member.path}
     rows = [
-        f"| `{name}/` (files: {counts[name]}) | {words} |" if name in folders else f"| `{name}` | {words} |"
+        (f"`{name}/` (files: {counts[name]})" if name in folders else f"`{name}`", words)
         for name, words in PLACES.items()
         if name in counts
     ]
@@ -53,9 +54,7 @@ def readme(result: str, members: Sequence[Member], runs: Sequence[Run], left_out
         f"Results of the nearharmonic workflow (runs: {len(runs)}). The newest run started at {newest['start']} "
         f"(commit {newest['commit'] or 'unknown'}).",
         "",
-        "| file | content |",
-        "| --- | --- |",
-        *rows,
+        *pipes(["file", "content"], rows),
         "",
         "The archive is an RO-Crate 1.1 with the profile Process Run Crate 0.5. `ro-crate-metadata.json` gives the "
         "size and the SHA-256 of each file, and for each run its settings, its software and its files.",

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Collection, Iterator, Sequence
 from decimal import Decimal, InvalidOperation
 from math import inf, isfinite
@@ -34,7 +32,8 @@ def table_differences(name: str, a: Texts, b: Texts, leave_out: Collection[str])
     ResultFileError
         A file that is damaged, or no table.
     """
-    (header_a, rows_a), (header_b, rows_b) = _read(a, name), _read(b, name)
+    tables = a.table(name), b.table(name)
+    (header_a, rows_a), (header_b, rows_b) = ((table.header, table.rows) for table in tables)
     for column in [*header_a, *(column for column in header_b if column not in header_a)]:
         if column not in leave_out and (column not in header_a or column not in header_b):
             yield missing(f"{name}: {column}", in_a=column in header_a)
@@ -52,17 +51,6 @@ def table_differences(name: str, a: Texts, b: Texts, leave_out: Collection[str])
         found = _column_difference(f"{name}: {column}", [(one[j][i], other[k][i]) for j, k in pairs], at)
         if found:
             yield found
-
-
-def _read(texts: Texts, name: str) -> tuple[list[str], Rows]:
-    text = texts.read(name)
-    try:
-        header, *rows = csv.reader(io.StringIO(text))
-    except (ValueError, csv.Error) as error:
-        raise texts.unusable(name, "is no table") from error
-    if any(len(row) != len(header) for row in rows):
-        raise texts.unusable(name, "has rows of other lengths than its header")
-    return header, rows
 
 
 def _is_number(text: str) -> bool:

@@ -7,8 +7,9 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from nearharmonic.errors import ResultFileError
+from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.output.store import command_for
+from nearharmonic.output.table import Table, from_csv
 from nearharmonic.reproduction.record.files import manifest
 
 
@@ -47,6 +48,20 @@ class Texts:
             raise self.unusable(name, "does not exist") from None
         except (OSError, UnicodeDecodeError) as error:
             raise self.unusable(name, "cannot be read") from error
+
+    def table(self, name: str) -> Table:
+        """Return the table in the CSV file ``name``, relative to the folder.
+
+        Raises
+        ------
+        ResultFileError
+            As for :meth:`read`; also a file that holds no table.
+        """
+        text = self.read(name)
+        try:
+            return from_csv(text)
+        except NearharmonicError as error:
+            raise self.unusable(name, "holds no table") from error
 
     def unusable(self, name: str, complaint: str) -> ResultFileError:
         """The error for the file ``name``."""

@@ -1,48 +1,33 @@
-"""Conditions on columns, written as Python comparisons, parsed by ``ast`` and evaluated on whole arrays.
+"""Conditions on columns, written as Python comparisons: parsed by ``ast``, checked, and evaluated by pandas.
 
 Allowed are comparisons (chained ones too), ``and``, ``or``, ``not``, parentheses, ``+ - * /``, numbers, texts, names
-of columns, ``inf``, and ``in`` with a list of numbers or texts. Nothing is ever called or executed.
+of columns, ``inf``, and ``in`` with a list of numbers or texts. Pandas gets a text that is written anew from these
+alone, so that no call and no attribute reaches it.
 """
 
 from __future__ import annotations
 
 import ast
-import operator
 import re
 import warnings
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+from math import inf
 from typing import Any, NoReturn
 
 import numpy as np
+import pandas as pd
 
 from nearharmonic.errors import SettingError, unknown_name
 
 NUMBER, TEXT, TRUTH = "a number", "a text", "a condition"
 
-_COMPARISONS: dict[type[ast.cmpop], Any] = {
-    ast.Eq: operator.eq,
-    ast.NotEq: operator.ne,
-    ast.Lt: operator.lt,
-    ast.LtE: operator.le,
-    ast.Gt: operator.gt,
-    ast.GtE: operator.ge,
-}
-_ARITHMETIC: dict[type[ast.operator], Any] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-}
+_SIGNS: dict[type[ast.AST], str] = {
+    ast.And: "&", ast.Or: "|", ast.Not: "~", ast.UAdd: "+", ast.USub: "-",
+    ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/",
+    ast.Eq: "==", ast.NotEq: "!=", ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=",
+}  # fmt: skip
 _ALLOWED = "comparisons, and, or, not, + - * /, numbers, texts in quotes, columns and in [...]"
-
-
-@dataclass(frozen=True)
-class _Operand:
-    """The values of a part of an expression, and which of NUMBER, TEXT and TRUTH they are."""
-
-    values: Any
-    kind: str
 
 
 def rows_where(text: str, columns: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -68,14 +53,16 @@ def rows_where(text: str, columns: Mapping[str, np.ndarray]) -> np.ndarray:
         A name that is no column.
     """
     source = " ".join(text.split())
+    condition = _Condition(source, columns)
     try:
-        found = _Condition(source, columns).evaluated(_parsed(source))
+        kind, written = condition.written(_parsed(source))
+        if kind != TRUTH:
+            raise SettingError(f"where = {source!r} is {kind}, not a condition; allowed are {_ALLOWED}")
+        with np.errstate(all="ignore"):
+            found = pd.eval(written, engine="python", local_dict=condition.operands)
     except (RecursionError, MemoryError):  # the parser's, or ours where it went deeper
         raise SettingError("where is too deeply nested") from None
-    if found.kind != TRUTH:
-        raise SettingError(f"where = {source!r} is {found.kind}, not a condition; allowed are {_ALLOWED}")
-    rows = len(next(iter(columns.values()))) if columns else 0
-    return np.broadcast_to(np.asarray(found.values, dtype=bool), (rows,))
+    return np.asarray(found, dtype=bool)
 
 
 def _parsed(source: str) -> ast.expr:
@@ -92,115 +79,91 @@ def _parsed(source: str) -> ast.expr:
 
 
 class _Condition:
-    """A parsed condition and the columns that it is about."""
+    """Checks a parsed condition on columns and writes it for pandas."""
 
     def __init__(self, source: str, columns: Mapping[str, np.ndarray]) -> None:
         self._source = source
         self._columns = columns
+        #: Columns and constants, each as long as a column, by the names that stand for them in the written text.
+        self._rows = range(len(next(iter(columns.values()))) if columns else 0)
+        self.operands: dict[str, Any] = {}
 
-    def evaluated(self, node: ast.expr) -> _Operand:
-        rules = {
-            ast.BoolOp: self._joined,
-            ast.UnaryOp: self._signed,
-            ast.BinOp: self._computed,
-            ast.Compare: self._compared,
-            ast.Name: self._named,
-            ast.Constant: self._constant,
-        }
-        rule: Any = rules.get(type(node))
-        if rule is None:
-            self._refuse(node, f"allowed are {_ALLOWED}")
-        with np.errstate(all="ignore"):
-            return rule(node)  # type: ignore[no-any-return]
+    def written(self, node: ast.expr) -> tuple[str, str]:
+        """Return the kind of a part (NUMBER, TEXT or TRUTH) and the text that pandas evaluates."""
+        match node:
+            case ast.BoolOp():
+                text = f" {_SIGNS[type(node.op)]} ".join(self._of_kind(value, TRUTH) for value in node.values)
+                kind = TRUTH
+            case ast.UnaryOp(op=ast.Not() | ast.UAdd() | ast.USub()):
+                kind = TRUTH if isinstance(node.op, ast.Not) else NUMBER
+                text = f"{_SIGNS[type(node.op)]}{self._of_kind(node.operand, kind)}"
+            case ast.BinOp(op=ast.Add() | ast.Sub() | ast.Mult() | ast.Div()):
+                kind, sign = NUMBER, _SIGNS[type(node.op)]
+                text = f"{self._of_kind(node.left, NUMBER)} {sign} {self._of_kind(node.right, NUMBER)}"
+            case ast.Compare():
+                kind, pairs = TRUTH, zip(node.ops, pairwise([node.left, *node.comparators]), strict=True)
+                text = " & ".join(self._compared(left, sign, right) for sign, (left, right) in pairs)
+            case _:
+                kind, text = self._operand(node)
+        return kind, f"({text})"
 
-    def _joined(self, node: ast.BoolOp) -> _Operand:
-        parts = [self._of_kind(value, TRUTH) for value in node.values]
-        join = np.logical_and if isinstance(node.op, ast.And) else np.logical_or
-        found = parts[0]
-        for part in parts[1:]:
-            found = join(found, part)
-        return _Operand(found, TRUTH)
-
-    def _signed(self, node: ast.UnaryOp) -> _Operand:
-        if isinstance(node.op, ast.Not):
-            return _Operand(np.logical_not(self._of_kind(node.operand, TRUTH)), TRUTH)
-        if isinstance(node.op, ast.Invert):
-            self._refuse(node, f"allowed are {_ALLOWED}")
-        value = self._of_kind(node.operand, NUMBER)
-        return _Operand(-value if isinstance(node.op, ast.USub) else value, NUMBER)
-
-    def _computed(self, node: ast.BinOp) -> _Operand:
-        if type(node.op) not in _ARITHMETIC:
-            self._refuse(node, f"allowed are {_ALLOWED}")
-        left, right = self._of_kind(node.left, NUMBER), self._of_kind(node.right, NUMBER)
-        return _Operand(_ARITHMETIC[type(node.op)](left, right), NUMBER)
-
-    def _compared(self, node: ast.Compare) -> _Operand:
-        found: Any = np.True_
-        left = node.left
-        for comparison, right in zip(node.ops, node.comparators, strict=True):
-            found = found & self._pair(left, comparison, right)
-            left = right
-        return _Operand(found, TRUTH)
-
-    def _pair(self, left: ast.expr, comparison: ast.cmpop, right: ast.expr) -> Any:
-        """Compare ``left`` with ``right`` by ``comparison``; false where either is NaN."""
-        if isinstance(comparison, ast.In | ast.NotIn):
-            return self._member(left, right, negated=isinstance(comparison, ast.NotIn))
-        if type(comparison) not in _COMPARISONS:
+    def _compared(self, left: ast.expr, sign: ast.cmpop, right: ast.expr) -> str:
+        """Write a comparison that is false where one side is NaN."""
+        if isinstance(sign, ast.Is | ast.IsNot):
             self._refuse(right, f"allowed are {_ALLOWED}")
-        one, other = self.evaluated(left), self.evaluated(right)
-        self._check_alike(left, one, right, other)
-        found = _COMPARISONS[type(comparison)](one.values, other.values)
-        if one.kind == NUMBER and isinstance(comparison, ast.NotEq):
-            return found & ~np.isnan(one.values) & ~np.isnan(other.values)
-        return found
+        kind, one = self.written(left)
+        if isinstance(sign, ast.In | ast.NotIn):
+            found = " | ".join(f"({one} == {member})" for member in self._members(left, kind, right))
+            negated = f"~({found})" + (f" & ({one} == {one})" if kind == NUMBER else "")
+            return f"({found})" if isinstance(sign, ast.In) else f"({negated})"
+        other = self._alike(left, kind, right)
+        if kind == NUMBER and isinstance(sign, ast.NotEq):
+            return f"(({one} < {other}) | ({one} > {other}))"
+        return f"({one} {_SIGNS[type(sign)]} {other})"
 
-    def _member(self, left: ast.expr, right: ast.expr, *, negated: bool) -> Any:
+    def _members(self, left: ast.expr, kind: str, right: ast.expr) -> Iterator[str]:
         if not isinstance(right, ast.List | ast.Tuple | ast.Set) or not right.elts:
             self._refuse(right, "in takes a list of numbers or texts, such as ['ruth', 'aba104']")
-        one = self.evaluated(left)
-        members = [self.evaluated(member) for member in right.elts]
-        found: Any = np.False_
-        for node, member in zip(right.elts, members, strict=True):
-            if isinstance(node, ast.Name) and node.id in self._columns:
-                self._refuse(node, "in takes a list of numbers or texts, no columns")
-            self._check_alike(left, one, node, member)
-            found = found | (one.values == member.values)
-        if not negated:
-            return found
-        return ~found & ~np.isnan(one.values) if one.kind == NUMBER else ~found
+        for member in right.elts:
+            if isinstance(member, ast.Name) and member.id in self._columns:
+                self._refuse(member, "in takes a list of numbers or texts, no columns")
+            yield self._alike(left, kind, member)
 
-    def _named(self, node: ast.Name) -> _Operand:
-        if node.id not in self._columns:
-            if node.id == "inf":
-                return _Operand(np.float64(np.inf), NUMBER)
-            raise unknown_name("column", node.id, self._columns)
-        values = self._columns[node.id]
-        # Whole numbers as floats: their products and quotients are those of the numbers, not of 64 bits.
-        return _Operand(values, TEXT) if values.dtype.kind == "U" else _Operand(values.astype(np.float64), NUMBER)
+    def _alike(self, left: ast.expr, kind: str, right: ast.expr) -> str:
+        """Write ``right``, which has to be of the kind of ``left``."""
+        its_kind, written = self.written(right)
+        if TRUTH in {kind, its_kind}:
+            self._refuse(left if kind == TRUTH else right, "a condition cannot be compared")
+        if kind != its_kind:
+            self._refuse(right, f"it is {its_kind}, and {self._words(left)} is {kind}")
+        return written
 
-    def _constant(self, node: ast.Constant) -> _Operand:
-        if isinstance(node.value, str):
-            return _Operand(node.value, TEXT)
-        if isinstance(node.value, bool) or not isinstance(node.value, int | float):
-            self._refuse(node, f"allowed are {_ALLOWED}")
+    def _operand(self, node: ast.expr) -> tuple[str, str]:
+        """Keep a column or a constant as a series of numbers or texts and return its kind and the name for it."""
+        match node:
+            case ast.Name(id=name):
+                if name not in self._columns and name != "inf":
+                    raise unknown_name("column", name, self._columns)
+                value = self._columns.get(name, inf)
+            case ast.Constant(value=str() | int() | float() as value) if not isinstance(value, bool):
+                pass
+            case _:
+                self._refuse(node, f"allowed are {_ALLOWED}")
+        kind = TEXT if np.asarray(value).dtype.kind == "U" else NUMBER
         try:
-            return _Operand(np.float64(node.value), NUMBER)
+            # Integers as floats: their products and quotients are those of the numbers, not of 64 bits.
+            series = pd.Series(value, self._rows, dtype=object if kind == TEXT else float)
         except OverflowError:
             self._refuse(node, "it is larger than any number of a column")
+        text = f"operand_{len(self.operands)}"
+        self.operands[text] = series
+        return kind, text
 
-    def _of_kind(self, node: ast.expr, kind: str) -> Any:
-        found = self.evaluated(node)
-        if found.kind != kind:
-            self._refuse(node, f"it is {found.kind}, where {kind} is expected")
-        return found.values
-
-    def _check_alike(self, left: ast.expr, one: _Operand, right: ast.expr, other: _Operand) -> None:
-        if TRUTH in {one.kind, other.kind}:
-            self._refuse(left if one.kind == TRUTH else right, "a condition cannot be compared")
-        if one.kind != other.kind:
-            self._refuse(right, f"it is {other.kind}, and {self._words(left)} is {one.kind}")
+    def _of_kind(self, node: ast.expr, kind: str) -> str:
+        found, written = self.written(node)
+        if found != kind:
+            self._refuse(node, f"it is {found}, where {kind} is expected")
+        return written
 
     def _words(self, node: ast.expr) -> str:
         return ast.get_source_segment(self._source, node) or ast.unparse(node)

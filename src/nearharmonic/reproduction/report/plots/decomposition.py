@@ -6,11 +6,14 @@ from math import log10
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from bokeh import models as bokeh
+from bokeh.models import ColumnDataSource as Source
+from bokeh.models import GlyphRenderer as Renderer
+from bokeh.models import Plot
 
 from nearharmonic.plotting.levels import SATISFIED_BELOW
 from nearharmonic.reproduction.claims.results import power_of_ten
 from nearharmonic.reproduction.report.plots import panels
-from nearharmonic.reproduction.report.plots.models import Model
 from nearharmonic.reproduction.report.plots.panels import Panel
 
 if TYPE_CHECKING:
@@ -35,9 +38,9 @@ def decomposition(terms: xr.Dataset) -> list[Panel]:
     lower = panels.new_plot((along, panels.span([[0, 1]], logarithmic=False)), ("order, λ", ""))
     _use_categories(lower, labels)
     for plot in (upper, lower):
-        plot["below"][0]["ticker"] = Model("SingleIntervalTicker", interval=2, num_minor_ticks=2)
-    dots: list[Model] = []
-    bars: list[Model] = []
+        plot.below[0].ticker = bokeh.SingleIntervalTicker(interval=2, num_minor_ticks=2)
+    dots: list[Renderer] = []
+    bars: list[Renderer] = []
     for method, one in zip(map(str, terms["integrator"].values), kappa, strict=True):
         label = str(terms["label"].sel(integrator=method).item())
         for first, composition in _COMPOSITIONS.items():
@@ -53,13 +56,13 @@ def decomposition(terms: xr.Dataset) -> list[Panel]:
     ]
 
 
-def _use_categories(plot: Model, labels: list[str]) -> None:
-    plot["y_range"], plot["y_scale"], axis = panels.category_axis(labels)
-    plot["left"] = [axis]
-    plot["center"][1]["axis"] = axis
+def _use_categories(plot: Plot, labels: list[str]) -> None:
+    plot.y_range, plot.y_scale, axis = panels.category_axis(labels)
+    plot.left = [axis]
+    plot.center[1].axis = axis
 
 
-def _draw_remaining(plot: Model, order: Any, values: Any, names: tuple[str, str]) -> Model:
+def _draw_remaining(plot: Plot, order: Any, values: Any, names: tuple[str, str]) -> Renderer:
     """Draw the terms of one composition that do not vanish; return the renderer that a hover looks at."""
     method, name = names
     shown = np.where(values >= SATISFIED_BELOW, values, np.nan)
@@ -70,7 +73,7 @@ def _draw_remaining(plot: Model, order: Any, values: Any, names: tuple[str, str]
     return panels.add_markers(plot, source, ("order", "shown"), method, name, line_alpha=0.0, fill_alpha=0.0)
 
 
-def _draw_vanishing(plot: Model, order: Any, values: Any, names: tuple[str, str, str]) -> Model:
+def _draw_vanishing(plot: Plot, order: Any, values: Any, names: tuple[str, str, str]) -> Renderer:
     """Mark the terms of one composition that vanish; return the renderer that a hover looks at."""
     method, label, composition = names
     gone = values < SATISFIED_BELOW
@@ -82,7 +85,7 @@ def _draw_vanishing(plot: Model, order: Any, values: Any, names: tuple[str, str,
     return panels.add_markers(plot, source, ("order", "row"), method, name, **bar)
 
 
-def _circle(plot: Model, source: Model, y: str, method: str, name: str) -> Model:
+def _circle(plot: Plot, source: Source, y: str, method: str, name: str) -> Renderer:
     """Circles around the method's own marker, which tells them apart without colour."""
     panels.add_markers(plot, source, ("order", y), method, size=5, line_width=1)
     circle = {"marker": "circle", "angle": 0.0, "size": 12, "fill_alpha": 0.0, "line_width": 1.1}

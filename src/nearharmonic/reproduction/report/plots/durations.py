@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from bokeh import models as bokeh
 
 from nearharmonic.reproduction.report.plots import panels
-from nearharmonic.reproduction.report.plots.models import Field, Model
 from nearharmonic.reproduction.report.plots.panels import Panel
 from nearharmonic.reproduction.report.shown.wording import moment, told
 
@@ -24,9 +24,9 @@ def durations(runs: Sequence[Mapping[str, Any]]) -> list[Panel]:
     number, seconds = [i for i, _ in chosen], [run["duration"] for _, run in chosen]
     along = panels.span([[i - 0.6 for i in number], [i + 0.6 for i in number]], logarithmic=False)
     upward = panels.span([[0, *seconds]], logarithmic=False)
-    upward["start"] = 0.0
+    upward.start = 0.0
     plot = panels.new_plot((along, upward), ("run, oldest first", "duration (s)"), height=260)
-    plot["below"][0]["ticker"] = Model("SingleIntervalTicker", interval=max(1, len(chosen) // 10), num_minor_ticks=0)
+    plot.below[0].ticker = bokeh.SingleIntervalTicker(interval=max(1, len(chosen) // 10), num_minor_ticks=0)
     source = panels.source_of(
         number=number,
         seconds=seconds,
@@ -36,8 +36,8 @@ def durations(runs: Sequence[Mapping[str, Any]]) -> list[Panel]:
         status=np.array([told(run.get("status")) for _, run in chosen], dtype=str),
         jobs=np.array([told(run.get("jobs_run")) for _, run in chosen], dtype=str),
     )
-    place = {"x": Field("number"), "top": Field("seconds"), "width": 0.7}
-    bars = panels.add(plot, source, Model("VBar", fill_color=Field("colour"), line_color=None, **place))
+    place = {"x": "number", "top": "seconds", "width": 0.7}
+    bars = panels.add(plot, source, bokeh.VBar(fill_color="colour", line_color=None, **place))
     rows = [
         ("run", "@number"),
         ("began", "@start"),

@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from bokeh import models as bokeh
+from bokeh.models import Plot
 
 from nearharmonic.plotting.floor import floor_name, floor_near
 from nearharmonic.plotting.levels import LARGEST_ERROR, energy_error_label
 from nearharmonic.reproduction.report.plots import panels
-from nearharmonic.reproduction.report.plots.models import Field, Model
 from nearharmonic.reproduction.report.plots.panels import Panel
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ class _Profile:
                 [*(cube[name].values for name in PANELS), [*floors.values()]], logarithmic=True, highest=LARGEST_ERROR
             ),
         )
-        self._edge = ranges[1]["end"] * _EDGE
+        self._edge = ranges[1].end * _EDGE
         x_label = "step size per stage, τ/s" + (f" ({unit})" if self._unit else "")
         label = energy_error_label(cube["max_energy_error"].attrs, "|ΔH|", "|ΔH/H₀|")
         self._labels = {name: f"{symbol} {label}" for name, (_, symbol) in PANELS.items()}
@@ -103,16 +104,16 @@ class _Profile:
         return [Panel(title=PANELS[name][0], plot=plot) for name, plot in self._plots.items()]
 
 
-def _add_slopes(plot: Model) -> None:
+def _add_slopes(plot: Plot) -> None:
     """Two short lines of slope 4 and 6 in the empty lower right corner: the order that a curve's slope reads."""
-    x, y = plot["x_range"]["end"] / 12, plot["y_range"]["start"] * 30
+    x, y = plot.x_range.end / 12, plot.y_range.start * 30
     ends = [(4 * x, y * 4.0**order) for order in (4, 6)]
     lines = panels.source_as_is({"x": [np.array([x, a]) for a, _ in ends], "y": [np.array([y, b]) for _, b in ends]})
     look = {"line_color": "#8a8a8a", "line_width": 1.0}
-    panels.add(plot, lines, Model("MultiLine", xs=Field("x"), ys=Field("y"), **look))
+    panels.add(plot, lines, bokeh.MultiLine(xs="x", ys="y", **look))
     for order, (a, b) in zip((4, 6), ends, strict=True):
         words = {"text_color": "#595959", "text_font": panels.FONT, "text_font_size": "11px", "text_baseline": "middle"}
-        plot["center"].append(Model("Label", text=f"order {order}", x=a, y=b, x_offset=4, **words))
+        plot.add_layout(bokeh.Label(text=f"order {order}", x=a, y=b, x_offset=4, **words))
 
 
 def _columns(runs: xr.Dataset) -> dict[str, Any]:

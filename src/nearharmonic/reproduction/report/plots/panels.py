@@ -11,10 +11,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from bokeh import models as bokeh
+from bokeh.models import ColumnDataSource as Source
+from bokeh.models import GlyphRenderer as Renderer
+from bokeh.models import Plot
 
 from nearharmonic.plotting.palette import style_of
 from nearharmonic.reproduction.report.plots.markers import MARKERS
-from nearharmonic.reproduction.report.plots.models import Field, Model
 
 Array = np.ndarray[Any, np.dtype[Any]]
 #: In pixels: a hover finds the curve that passes within half of it.
@@ -47,18 +50,18 @@ class Panel:
     ----------
     title : str
         Its letter, if it has one, and what it shows.
-    plot : Model
+    plot : Plot
         The plot; its title stands in HTML, where a long one is wrapped.
     note : str
         What the panel states below the plot.
     """
 
     title: str
-    plot: Model
+    plot: Plot
     note: str = ""
 
 
-def span(values: Iterable[Any], logarithmic: bool, highest: float = np.inf) -> Model:
+def span(values: Iterable[Any], logarithmic: bool, highest: float = np.inf) -> bokeh.Range1d:
     """Return a range of an axis, for one or more panels, that holds all numbers and a margin.
 
     Parameters
@@ -82,18 +85,17 @@ def span(values: Iterable[Any], logarithmic: bool, highest: float = np.inf) -> M
     return exactly(float(low), float(min(high, highest)), logarithmic)
 
 
-def exactly(low: float, high: float, logarithmic: bool = False) -> Model:
+def exactly(low: float, high: float, logarithmic: bool = False) -> bokeh.Range1d:
     """Return a range of an axis from ``low`` to ``high``."""
-    return Model("Range1d", start=low, end=high, tags=[_LOGARITHMIC] if logarithmic else [])
+    return bokeh.Range1d(start=low, end=high, tags=[_LOGARITHMIC] if logarithmic else [])
 
 
-def new_plot(ranges: tuple[Model, Model], labels: tuple[str, str], height: int = 460) -> Model:
+def new_plot(ranges: tuple[bokeh.Range1d, bokeh.Range1d], labels: tuple[str, str], height: int = 460) -> Plot:
     """Return an empty plot whose axes are logarithmic where their ranges, x and y, are, named by ``labels``."""
-    tools = [Model(kind) for kind in ("BoxZoomTool", "PanTool", "WheelZoomTool", "SaveTool", "ResetTool")]
+    tools = [bokeh.BoxZoomTool(), bokeh.PanTool(), bokeh.WheelZoomTool(), bokeh.SaveTool(), bokeh.ResetTool()]
     axes = [_axis(one, label) for one, label in zip(ranges, labels, strict=True)]
-    scales = [Model("LogScale" if _is_logarithmic(one) else "LinearScale") for one in ranges]
-    return Model(
-        "Plot",
+    scales = [bokeh.LogScale() if _is_logarithmic(one) else bokeh.LinearScale() for one in ranges]
+    return Plot(
         title=None,
         x_range=ranges[0],
         y_range=ranges[1],
@@ -102,37 +104,33 @@ def new_plot(ranges: tuple[Model, Model], labels: tuple[str, str], height: int =
         height=height,
         sizing_mode="stretch_width",
         output_backend="canvas",
-        toolbar=Model("Toolbar", logo=None, tools=tools, active_drag=tools[0], active_scroll=None),
+        toolbar=bokeh.Toolbar(logo=None, tools=tools, active_drag=tools[0], active_scroll=None),
         min_border=4,
         min_border_right=14,
         outline_line_color="#444444",
         below=[axes[0]],
         left=[axes[1]],
-        center=[Model("Grid", axis=axis, dimension=i, grid_line_color="#e3e3e3") for i, axis in enumerate(axes)],
-        renderers=[],
+        center=[bokeh.Grid(axis=axis, dimension=i, grid_line_color="#e3e3e3") for i, axis in enumerate(axes)],
     )
 
 
-def _is_logarithmic(one: Model) -> bool:
-    return _LOGARITHMIC in one["tags"]
+def _is_logarithmic(one: bokeh.Range1d) -> bool:
+    return _LOGARITHMIC in one.tags
 
 
-def _axis(one: Model, label: str) -> Model:
+def _axis(one: bokeh.Range1d, label: str) -> bokeh.LinearAxis | bokeh.LogAxis:
     if _is_logarithmic(one):
-        ticks = {"ticker": Model("LogTicker", mantissas=[1, 5]), "formatter": Model("LogTickFormatter", min_exponent=4)}
-        return Model("LogAxis", axis_label=label, major_label_policy=Model("NoOverlap"), **ticks, **_AXIS)
-    ticks = {"ticker": Model("BasicTicker", mantissas=[1, 2, 5]), "formatter": Model("BasicTickFormatter")}
-    return Model("LinearAxis", axis_label=label, major_label_policy=Model("AllLabels"), **ticks, **_AXIS)
+        ticks = {"ticker": bokeh.LogTicker(mantissas=[1, 5]), "formatter": bokeh.LogTickFormatter(min_exponent=4)}
+        return bokeh.LogAxis(axis_label=label, major_label_policy=bokeh.NoOverlap(), **ticks, **_AXIS)
+    return bokeh.LinearAxis(axis_label=label, ticker=bokeh.BasicTicker(mantissas=[1, 2, 5]), **_AXIS)
 
 
-def category_axis(labels: Sequence[str]) -> tuple[Model, Model, Model]:
+def category_axis(labels: Sequence[str]) -> tuple[bokeh.FactorRange, bokeh.CategoricalScale, bokeh.CategoricalAxis]:
     """Return range, scale and axis of categories, from the top down."""
-    ticks = {"ticker": Model("CategoricalTicker"), "formatter": Model("CategoricalTickFormatter")}
-    axis = Model("CategoricalAxis", major_label_policy=Model("AllLabels"), **ticks, **_AXIS)
-    return Model("FactorRange", factors=list(reversed(labels))), Model("CategoricalScale"), axis
+    return bokeh.FactorRange(factors=list(reversed(labels))), bokeh.CategoricalScale(), bokeh.CategoricalAxis(**_AXIS)
 
 
-def source_of(**columns: Any) -> Model:
+def source_of(**columns: Any) -> Source:
     """Return a source of equally long columns; numbers are doubles with every bit, or small whole numbers."""
     arrays = {name: np.asarray(values) for name, values in columns.items()}
     kept = {name: array if array.dtype.kind in "UO" or array.dtype == np.uint8 else array.astype(np.float64)
@@ -140,10 +138,9 @@ def source_of(**columns: Any) -> Model:
     return source_as_is(kept)
 
 
-def source_as_is(columns: Mapping[str, Any]) -> Model:
+def source_as_is(columns: Mapping[str, Any]) -> Source:
     """Return a source of ``columns``, arrays or lists of arrays."""
-    nothing = Model("Selection", indices=[], line_indices=[])
-    return Model("ColumnDataSource", selected=nothing, selection_policy=Model("UnionRenderers"), data=columns)
+    return Source(data=dict(columns))
 
 
 def drawable(values: Any) -> Array:
@@ -165,26 +162,25 @@ def marked(columns: Mapping[str, Any], at: tuple[str, str], turn: tuple[int, int
     return {**columns, MARKED: chosen}
 
 
-def add(plot: Model, source: Model, glyph: Model, method: str = "", name: str = "") -> Model:
+def add(plot: Plot, source: Source, glyph: bokeh.Glyph, method: str = "", name: str = "") -> Renderer:
     """Draw a glyph; return the renderer, tagged with its ``method``, which a hover calls ``name``."""
     tags = [method] if method else []
-    everything = Model("CDSView", filter=Model("AllIndices"))
-    renderer = Model("GlyphRenderer", data_source=source, glyph=glyph, view=everything, tags=tags, name=name or None)
-    plot["renderers"].append(renderer)
-    return renderer
+    return plot.add_glyph(source, glyph, tags=tags, name=name or None)
 
 
-def add_line(plot: Model, source: Model, at: tuple[str, str], method: str, **changes: Any) -> Model:
+def add_line(plot: Plot, source: Source, at: tuple[str, str], method: str, **changes: Any) -> Renderer:
     """Draw a line along the columns ``at``, x and y, in the colour of ``method``."""
     look = {"line_color": style_of(method).colour, "line_width": 1.4} | changes
-    return add(plot, source, Model("Line", x=Field(at[0]), y=Field(at[1]), **look), method)
+    return add(plot, source, bokeh.Line(x=at[0], y=at[1], **look), method)
 
 
-def add_markers(plot: Model, source: Model, at: tuple[str, str], method: str, name: str = "", **changes: Any) -> Model:
+def add_markers(
+    plot: Plot, source: Source, at: tuple[str, str], method: str, name: str = "", **changes: Any
+) -> Renderer:
     """Draw the marker of ``method`` at the columns ``at``, x and y, at points marked if the source says which."""
     style = style_of(method)
     marker = MARKERS[style.marker]
-    seen = {f"{part}_alpha": Field(MARKED) for part in ("line", "fill") if MARKED in source["data"]}
+    seen = {f"{part}_alpha": MARKED for part in ("line", "fill") if MARKED in source.data}
     look = {
         "marker": marker.shape,
         "angle": marker.angle,
@@ -193,29 +189,29 @@ def add_markers(plot: Model, source: Model, at: tuple[str, str], method: str, na
         "line_width": 1.3,
         "fill_color": style.colour if style.filled else "#ffffff",
     }
-    return add(plot, source, Model("Scatter", x=Field(at[0]), y=Field(at[1]), **(look | seen | changes)), method, name)
+    return add(plot, source, bokeh.Scatter(x=at[0], y=at[1], **(look | seen | changes)), method, name)
 
 
-def add_level(plot: Model, level: float, text: str) -> None:
+def add_level(plot: Plot, level: float, text: str) -> None:
     """Add a horizontal line with its name at the right end."""
-    plot["center"].append(Model("Span", location=level, dimension="width", line_color="#404040", line_dash=[6, 3]))
-    at = {"x": plot["x_range"]["end"], "y": level, "x_offset": -8, "y_offset": 4}
+    plot.add_layout(bokeh.Span(location=level, dimension="width", line_color="#404040", line_dash=[6, 3]))
+    at = {"x": plot.x_range.end, "y": level, "x_offset": -8, "y_offset": 4}
     look = {"text_align": "right", "text_font_size": "12px", "text_color": "#404040", "text_font": FONT}
-    plot["center"].append(Model("Label", text=text, background_fill_color="#ffffff", **at, **look))
+    plot.add_layout(bokeh.Label(text=text, background_fill_color="#ffffff", **at, **look))
 
 
-def add_hits(plot: Model, source: Model, at: tuple[str, str], method: str, name: str) -> list[Model]:
+def add_hits(plot: Plot, source: Source, at: tuple[str, str], method: str, name: str) -> list[Renderer]:
     """Draw what a hover finds the points ``at``, x and y, by; return the renderers.
 
     That is an unseen broad line, which gives the nearest of its points, where markers give the first within reach; and
     markers, unseen as well, where a point stands between gaps.
     """
-    columns = source["data"]
+    columns = source.data
     x, y = (np.asarray(columns[one], dtype=float) for one in at)
     there = np.pad(np.isfinite(x) & np.isfinite(y), 1)
     alone = there[1:-1] & ~there[:-2] & ~there[2:]
     unseen = {"line_alpha": 0.0, "line_width": _REACH}
-    line = Model("Line", x=Field(at[0]), y=Field(at[1]), **unseen)
+    line = bokeh.Line(x=at[0], y=at[1], **unseen)
     found = [add(plot, source, line, method, name)]
     if alone.any():
         points = source_of(**{one: np.asarray(values)[alone] for one, values in columns.items() if one != MARKED})
@@ -223,12 +219,11 @@ def add_hits(plot: Model, source: Model, at: tuple[str, str], method: str, name:
     return found
 
 
-def add_hover(plot: Model, renderers: Sequence[Model], rows: Sequence[tuple[str, str]]) -> None:
+def add_hover(plot: Plot, renderers: Sequence[Renderer], rows: Sequence[tuple[str, str]]) -> None:
     """Show ``rows`` of (text, field) at points of ``renderers``; fields in bokeh's notation, formats of printf."""
     formatters = {f"@{name}": "printf" for _, field in rows for name in re.findall(r"@(\w+)\{%", field)}
-    plot["toolbar"]["tools"].append(
-        Model(
-            "HoverTool",
+    plot.add_tools(
+        bokeh.HoverTool(
             renderers=list(renderers),
             tooltips=[list(row) for row in rows],
             formatters=formatters,

@@ -5,12 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from bokeh import models as bokeh
+from bokeh.models import GlyphRenderer as Renderer
+from bokeh.models import Plot
 
 from nearharmonic.output.dataset import double_runs
 from nearharmonic.plotting.levels import MERCURY_RELATIVISTIC_ADVANCE, arcseconds_per_century
 from nearharmonic.plotting.palette import style_of
 from nearharmonic.reproduction.report.plots import panels
-from nearharmonic.reproduction.report.plots.models import Field, Model
 from nearharmonic.reproduction.report.plots.panels import Panel
 
 if TYPE_CHECKING:
@@ -51,7 +53,7 @@ def perihelion(cube: xr.Dataset) -> list[Panel]:
     return [Panel(title="", plot=plot)]
 
 
-def _draw(plot: Model, runs: xr.Dataset, turn: tuple[int, int], century: float) -> list[Model]:
+def _draw(plot: Plot, runs: xr.Dataset, turn: tuple[int, int], century: float) -> list[Renderer]:
     """Draw the runs of one method; return the renderers that a hover looks at."""
     method, label = str(runs["integrator"].item()), str(runs["label"].item())
     advance = panels.drawable(abs(runs["perihelion_advance"].values))
@@ -73,8 +75,8 @@ def _draw(plot: Model, runs: xr.Dataset, turn: tuple[int, int], century: float) 
     bars = panels.source_of(
         **{_X: columns[_X][known], "low": (advance - interval)[known], "high": (advance + interval)[known]}
     )
-    ends = {"x0": Field(_X), "x1": Field(_X), "y0": Field("low"), "y1": Field("high")}
-    panels.add(plot, bars, Model("Segment", **ends, line_color=style_of(method).colour), method)
+    ends = {"x0": _X, "x1": _X, "y0": "low", "y1": "high"}
+    panels.add(plot, bars, bokeh.Segment(**ends, line_color=style_of(method).colour), method)
     panels.add_markers(plot, source, (_X, _Y), method)
     zero = panels.source_of(**{name: values[unknown] for name, values in columns.items()})
     cross = {"marker": "x", "angle": 0.0, "size": 5, "line_alpha": 0.5}

@@ -6,11 +6,13 @@ from math import isfinite, pi
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from bokeh import models as bokeh
+from bokeh.models import ColumnDataSource as Source
+from bokeh.models import Plot
 from contourpy import contour_generator
 
 from nearharmonic.reproduction.claims.results import short
 from nearharmonic.reproduction.report.plots import panels
-from nearharmonic.reproduction.report.plots.models import Field, Model
 from nearharmonic.reproduction.report.plots.panels import Panel
 
 if TYPE_CHECKING:
@@ -80,19 +82,18 @@ def _lines(path: xr.Dataset, levels: Any) -> Any:
     return panels.source_as_is({"q": [line[:, 0] for line in lines], "p": [line[:, 1] for line in lines]})
 
 
-def _add_hamiltonian(plot: Model, around: tuple[Model, Model]) -> None:
+def _add_hamiltonian(plot: Plot, around: tuple[Source, Source]) -> None:
     bands, edges = around
-    mapper = Model("LinearColorMapper", palette=list(_SHADES), low=-0.5, high=len(_SHADES) - 0.5)
-    place = {name: Field(name) for name in ("x", "y", "dw", "dh")}
-    panels.add(plot, bands, Model("Image", image=Field("bands"), color_mapper=mapper, **place))
+    mapper = bokeh.LinearColorMapper(palette=list(_SHADES), low=-0.5, high=len(_SHADES) - 0.5)
+    panels.add(plot, bands, bokeh.Image(image="bands", color_mapper=mapper, x="x", y="y", dw="dw", dh="dh"))
     panels.add(plot, edges, _contours("#8795a5", line_width=0.6))
 
 
-def _contours(colour: str, **look: Any) -> Model:
-    return Model("MultiLine", xs=Field("q"), ys=Field("p"), line_color=colour, **look)
+def _contours(colour: str, **look: Any) -> bokeh.MultiLine:
+    return bokeh.MultiLine(xs="q", ys="p", line_color=colour, **look)
 
 
-def _add_path(plot: Model, path: xr.Dataset) -> None:
+def _add_path(plot: Plot, path: xr.Dataset) -> None:
     """The path, its dots and ends, and the energy surface through its start: all shown and hidden with the method."""
     method, label = path.attrs["integrator"], path.attrs["label"]
     surface = _lines(path, path["H"].values[:1, 0])

@@ -2,36 +2,27 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
+from nearharmonic.output.table import Table
 from nearharmonic.reproduction.record.files.texts import Texts
 from nearharmonic.reproduction.report.shown import wording
 
 
 @dataclass(frozen=True, kw_only=True)
-class ShownTable:
-    """A table of the page.
+class ShownTable(Table):
+    """A table of the page; its cells are as readers see them.
 
     Attributes
     ----------
     anchor : str
         Id of its element: "table-4" for the paper's Table 4.
-    caption : str
-        What it shows.
-    header : sequence of str
-        Names of the columns.
-    rows : sequence of sequences of str
-        Cells as readers see them.
     file : str
         The file that holds every digit, relative to the folder of results.
     """
 
     anchor: str
-    caption: str
-    header: Sequence[str]
-    rows: Sequence[Sequence[str]]
     file: str
 
 
@@ -52,13 +43,10 @@ def tables_of(texts: Texts, stem: str, *, has_markdown: bool) -> list[ShownTable
             ShownTable(anchor=anchor, caption=f"{said[0][2:]}; {caption}", header=header, rows=rows, file=file)
             for caption, header, rows in _digests(said)
         ]
-    lines = list(csv.reader(texts.read(file).splitlines()))
-    if not lines or any(len(line) != len(lines[0]) for line in lines):
-        raise texts.unusable(file, "holds no table")
-    header, *rows = lines
+    table = texts.table(file)
     caption = said[0] if said else stem.replace("_", " ").capitalize()
-    shown = [[wording.cell(text) for text in row] for row in rows]
-    return [ShownTable(anchor=anchor, caption=caption, header=header, rows=shown, file=file)]
+    shown = [[wording.cell(text) for text in row] for row in table.rows]
+    return [ShownTable(anchor=anchor, caption=caption, header=table.header, rows=shown, file=file)]
 
 
 def _digests(lines: Iterable[str]) -> Iterator[tuple[str, list[str], list[list[str]]]]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, fields
@@ -17,7 +15,7 @@ from nearharmonic.engine.settings import PRECISIONS, Sweep
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators as methods_by_name
 from nearharmonic.output.store import read
-from nearharmonic.output.table import Table
+from nearharmonic.output.table import Table, from_csv
 from nearharmonic.reproduction.experiments.paper.grid.plan import Omission, plan
 
 if TYPE_CHECKING:
@@ -78,11 +76,11 @@ def totals_in(text: str) -> Totals:
         It lacks a total, or a number.
     """
     try:
-        rows = {(row["what"], row["reason"]): row for row in csv.DictReader(io.StringIO(text)) if row["system"] == ALL}
+        rows = {(row["what"], row["reason"]): row for row in from_csv(text).records() if row["system"] == ALL}
         done, full = rows[DONE, ""], rows[FULL, FULL_GRID]
         saved = {reason: int(row["evaluations"]) for (what, reason), row in rows.items() if what == SAVED}
         return Totals(int(done["runs"]), int(done["evaluations"]), int(full["evaluations"]), saved)
-    except (csv.Error, KeyError, TypeError, ValueError) as error:
+    except (NearharmonicError, KeyError, ValueError) as error:
         message = "the table of what was skipped holds no totals"
         raise NearharmonicError(message) from error
 

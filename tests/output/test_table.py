@@ -1,0 +1,43 @@
+"""Tables: their forms, and reading one back from CSV."""
+
+from __future__ import annotations
+
+import pytest
+
+from nearharmonic.errors import NearharmonicError
+from nearharmonic.output.table import Table, from_csv, pipes
+
+TABLE = Table(header=["name", "size"], rows=[["a, b", 0.1234567], ["c", 2]], caption="Sizes.")
+
+
+def test_each_form_holds_the_digits_that_its_readers_see():
+    assert TABLE.csv() == 'name,size\n"a, b",0.1234567\nc,2\n'
+    assert TABLE.markdown().splitlines()[0::4] == ["Sizes.", "| a, b   | 0.1235 |"]
+    assert TABLE.latex().startswith("% Sizes.\n\\begin{tabular}")
+    assert [line.split() for line in TABLE.lines(digits=2)] == [
+        ["Sizes."],
+        ["name", "size"],
+        ["a,", "b", "0.12"],
+        ["c", "2"],
+    ]
+    assert TABLE.records()[1] == {"name": "c", "size": 2}
+
+
+def test_a_table_read_from_its_csv_has_the_same_cells_as_texts():
+    again = from_csv(TABLE.csv())
+    assert (again.header, again.rows) == (["name", "size"], [["a, b", "0.1234567"], ["c", "2"]])
+
+
+@pytest.mark.parametrize(
+    ("text", "says"), [("", "no table"), ("a,b\n1\n", "row 0 has 1 cells under 2 names"), ("a\nb,c\n", "row 0")]
+)
+def test_a_text_that_is_no_table_is_refused(text, says):
+    with pytest.raises(NearharmonicError, match=says):
+        from_csv(text)
+
+
+@pytest.mark.parametrize(
+    ("align", "marks"), [("l", "|---|---|---|"), ("lr", "|---|---:|---:|"), ("rrl", "|---:|---:|---|")]
+)
+def test_the_last_letter_of_the_alignment_holds_for_all_further_columns(align, marks):
+    assert pipes(["a", "b", "c"], [[1, "x", 2.5]], align) == ["| a | b | c |", marks, "| 1 | x | 2.5 |"]
