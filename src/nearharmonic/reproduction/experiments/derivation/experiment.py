@@ -9,6 +9,7 @@ EXPERIMENT = Experiment(
     about="The coefficients of Table 4 again, from random starts, with proofs.",
     target="derive",
     place=1,
+    duration="50 s",
     settings=DerivationSettings,
     key="derive",
     effect="How hard `derive` searches for Table 4",

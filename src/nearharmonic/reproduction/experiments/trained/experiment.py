@@ -8,6 +8,7 @@ EXPERIMENT = Experiment(
     title="Trained methods",
     about="Methods whose coefficients a search has chosen, on problems that none was trained on.",
     place=5,
+    duration="15 min",
     settings=TrainedSettings,
     effect="How methods are trained, and what they are tried on",
     cubes={

@@ -8,6 +8,7 @@ EXPERIMENT = Experiment(
     title="Run time against error",
     about="Wall-clock time of one trajectory against its error, beside other libraries; it depends on the machine.",
     place=6,
+    duration="3 min",
     settings=WorkPrecisionSettings,
     effect="What `work_precision` times",
     cubes={
