@@ -7,6 +7,7 @@ EXPERIMENT = Experiment(
     name="trained",
     title="Trained methods",
     about="Methods whose coefficients a search has chosen, on problems that none was trained on.",
+    cubes_target="trained_proof",
     place=5,
     duration="15 min",
     settings=TrainedSettings,
