@@ -34,15 +34,17 @@ def record_end(exit_status):
 def makeable():
     """Names of all files that jobs of this config make, in the folder of results."""
     runs = [path for system in SWEEPS for paths in run_files(system).values() for path in paths]
-    files = [*rules.everything.input, *RUNS, *runs, *map(CUBE, [*SWEEPS, *PAPER_CUBES])]
+    files = [*rules.everything.input, *RUNS, *runs, *map(CUBE, [*SWEEPS, *PAPER.cubes])]
     return {str(Path(path).relative_to(RESULTS)) for path in files}
 
 
 def refresh():
     """Make claims and page again if this run made results after them: those of other targets than theirs."""
+    from nearharmonic.reproduction.claims.own import own_claims
     from nearharmonic.reproduction.claims.table import FILES
 
-    if THIS_RUN.outdates(CLAIMS, shown=FILES):
+    shown = {*FILES, *(name for one in own_claims() for name in (*one.needs, *one.also))}
+    if THIS_RUN.outdates(CLAIMS, shown=shown):
         again(rules.decide_claims, LOG("tables/claims"))
     if THIS_RUN.outdates("report.html"):
         again(rules.page, LOG("report"))

@@ -1,23 +1,34 @@
-"""Generator of the JSON schema and of the table of keys in ``config/README.md``, from the types of the config.
+"""Generator of the JSON schema, and of tables of documents: keys, cubes and targets.
 
-``python -m nearharmonic.reproduction.config.schema`` writes both.
+They follow from the types of the config and from the declarations of the experiments.
+``python -m nearharmonic.reproduction.config.schema`` writes all of them.
 """
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from nearharmonic.output.atomic import write_text
 from nearharmonic.output.table import pipes
-from nearharmonic.reproduction.config.reading import adapter
+from nearharmonic.reproduction.config.config import adapter
+from nearharmonic.reproduction.tasks.experiment import beside_the_paper, experiments
 
 #: The generated files, from the root of the project.
 SCHEMA, KEYS = Path("workflow/schemas/config.schema.yaml"), Path("config/README.md")
+#: Pages with rows of a table that are generated: what stands before the rows, and the form of a row.
+CUBES, TARGETS = Path("docs/files.md"), Path("README.md")
+_ROWS = {
+    CUBES: re.compile(r"(\n\| `cubes/\{system\}\.h5` .*\n)(?:\| `cubes/\w+\.h5` .*\n)*"),
+    TARGETS: re.compile(r"(\n\| `snakemake -j2` .*\n)(?:\| `snakemake -j2 (?!everything)\w+` .*\n)*"),
+}
 
 
+@cache
 def schema() -> dict[str, Any]:
     """Return the JSON schema of configs; besides the standard's words ``unit`` and ``allowed``, as errors tell it."""
     found = adapter().json_schema()
@@ -65,8 +76,20 @@ def _keys(described: Mapping[str, Any], above: str) -> Iterator[tuple[str, Mappi
             yield from _keys(other, f"{above}{key}.<name>.")
 
 
+def cube_rows() -> str:
+    """Return the cubes of all experiments as rows of a Markdown table: file, dimensions, contents."""
+    cubes = {stem: told for one in experiments().values() for stem, told in one.cubes.items()}
+    return "".join(f"| `cubes/{stem}.h5` | {' | '.join(told)} |\n" for stem, told in cubes.items())
+
+
+def target_rows() -> str:
+    """Return the targets of all experiments as rows of a Markdown table: command, what it shows, time."""
+    told = ((one, one.about[0].lower() + one.about[1:].removesuffix(".")) for one in beside_the_paper())
+    return "".join(f"| `snakemake -j2 {one.target}` | {about} | {one.duration} |\n" for one, about in told)
+
+
 def write_generated(root: Path = Path()) -> None:
-    """Write the schema, and the table of keys into the page that has one, below the folder ``root``."""
+    """Write the schema, and the tables of keys, cubes and targets into their pages, below the folder ``root``."""
     import yaml
 
     described = schema()
@@ -74,6 +97,11 @@ def write_generated(root: Path = Path()) -> None:
     page = (root / KEYS).read_text(encoding="utf-8")
     before = page.partition("| key |")[0]
     write_text(root / KEYS, f"{before}{key_table(described)}\n")
+    for place, rows in ((CUBES, cube_rows()), (TARGETS, target_rows())):
+        text = (root / place).read_text(encoding="utf-8")
+        head = _ROWS[place].search(text)
+        if head is not None:
+            write_text(root / place, f"{text[: head.start()]}{head[1]}{rows}{text[head.end() :]}")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,30 @@
+"""Statements of the experiments themselves, in the module ``claims`` of their folders; nothing lists them."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import import_module
+
+from nearharmonic.reproduction.claims.claim import Claim
+from nearharmonic.reproduction.tasks.experiment import ROOM
+from nearharmonic.reproduction.tasks.provenance import code_digest
+from nearharmonic.reproduction.tasks.sources import PACKAGE, ROOT
+
+
+def modules() -> list[str]:
+    """Return the dotted names of the modules that hold statements."""
+    places = sorted(ROOT.joinpath(*ROOM.split(".")).glob("*/claims.py"))
+    return [f"{PACKAGE}.{ROOM}.{place.parent.name}.claims" for place in places]
+
+
+def digest() -> str:
+    """Return the SHA-256 of their code, which the digest of the job that decides does not cover."""
+    return code_digest(*modules())
+
+
+@cache
+def own_claims() -> tuple[Claim, ...]:
+    """Return the statements in the order of their modules."""
+    members = [value for name in modules() for value in vars(import_module(name)).values()]
+    rows = [one for value in members for one in (value if isinstance(value, tuple) else (value,))]
+    return tuple(one for one in rows if isinstance(one, Claim))
