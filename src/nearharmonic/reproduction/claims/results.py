@@ -92,9 +92,12 @@ class Results(Memory):
         ResultFileError
             It is missing, has no row, or one with more or fewer cells than the header.
         """
+        rows: list[dict[str, str]] = self.kept(("rows", stem), lambda: self._known_rows(stem))
+        return rows
+
+    def _known_rows(self, stem: str) -> list[dict[str, str]]:
         known = {"", *self.methods}
-        rows: list[dict[str, str]] = self.kept(("rows", stem), lambda: self._read_rows(stem))
-        return [row for row in rows if row.get("integrator", "") in known]
+        return [row for row in self._read_rows(stem) if row.get("integrator", "") in known]
 
     def _read_rows(self, stem: str) -> list[dict[str, str]]:
         name = f"tables/{stem}.csv"

@@ -81,10 +81,13 @@ def _methods(results: Results) -> list[Any]:
 
 def _terms(results: Results, name: str, first: str | None = None) -> Any:
     """The terms of one composition as far as they reach, the method's own by default; kappa_1 at index 0."""
+    return results.kept(("terms", name, first), lambda: _row(results, name, first or results.method(name).first))
+
+
+def _row(results: Results, name: str, first: str) -> Any:
     terms = results.cube("sho_terms")["kappa"]
     require(name in terms["integrator"].values, f"Figure 2 of these results does not have the method {name}")
-    role = first or results.method(name).first
-    row = results.kept(("terms", name, role), lambda: terms.sel(integrator=name, first=role).values)
+    row = terms.sel(integrator=name, first=first).values
     return row[np.isfinite(row)]
 
 
@@ -110,7 +113,7 @@ def fig_2_even_orders(results: Results, vanished: float) -> Decision:
     none = (one < vanished) & (other < vanished)
     same = (np.abs(one - other) <= np.spacing(np.maximum(np.abs(one), np.abs(other)))) | none
     differ = short(float(np.nanmax(np.abs(np.diff(odd, axis=1)))))
-    return tallied(same[reached], "even terms", f"; odd ones differ, by up to {differ}")
+    return tallied(same[reached].tolist(), "even terms", f"; odd ones differ, by up to {differ}")
 
 
 @result(

@@ -65,7 +65,7 @@ def fig_6_beside_the_plane(results: Results) -> Decision:
     beside = left[start > 0].ravel()
     gone = beside[beside > 0]
     when = f", at iterations {gone.min()} to {gone.max()}: rounding decides when" if gone.size else ""
-    return tallied(beside > 0, "runs", when)
+    return tallied((beside > 0).tolist(), "runs", when)
 
 
 @result(

@@ -171,7 +171,7 @@ def compensated_summation(results: Results, factor: float) -> Decision:
     gains = (rms.sel(source="plain") / rms.sel(source="compensated")).median("sample").values
     worst = label(str(cube["integrator"].values[gains.argmin()]))
     gained = f"; gains {short(gains.min(), 2)} ({worst}) to {short(gains.max(), 2)}"
-    return tallied(gains >= factor, "methods", f"{gained}{_runs(cube)}")
+    return tallied((gains >= factor).tolist(), "methods", f"{gained}{_runs(cube)}")
 
 
 def _runs(cube: xr.Dataset) -> str:
@@ -205,4 +205,4 @@ def floor_of_double(results: Results, roundings: float) -> Decision:
     beside = f", largest difference {short(off.max(), 2)}"
     if floor.size:
         beside += f"; floor of the double curves {short(floor.min(), 2)} to {short(floor.max(), 2)}"
-    return tallied(off <= roundings * UNIT, "runs", beside)
+    return tallied((off <= roundings * UNIT).tolist(), "runs", beside)
