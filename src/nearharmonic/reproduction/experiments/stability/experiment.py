@@ -7,8 +7,7 @@ EXPERIMENT = Experiment(
     name="stability",
     title="Stability",
     about=(
-        "Limits of linear stability, ensembles, Kepler maps, round-off growth, structure, and T that is not "
-        "quadratic."
+        "Limits of linear stability, ensembles, Kepler maps, round-off growth, structure, and T that is not quadratic."
     ),
     place=4,
     duration="70 s",
