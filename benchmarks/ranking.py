@@ -160,7 +160,7 @@ def tables() -> str:
         for contest in contests():
             found = curves(contest)
             lines += [f"### {contest.name}, t = {contest.t_end}", ""]
-            lines += ["| error | fewest evaluations | of published methods | least time |", "|---|---|---|---|"]
+            lines += ["| error | fewest evaluations | of published methods | shortest time |", "|---|---|---|---|"]
             for error in ERRORS:
                 rows = by_evaluations(found, error)
                 cheap = counted(rows[:PLACES])

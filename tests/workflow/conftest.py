@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from types import SimpleNamespace
 
 import pytest
 
+from support.projects import planned_jobs
+from support.projects.opened_files import follow
 from support.projects.targets import MADE_BY
 from support.projects.workflow_project import TINY, Project
 
@@ -17,6 +20,7 @@ def project(tmp_path_factory):
 
 def _after(target, folder):
     project = Project(folder)
+    follow(project.folder / "src")
     done = project.snakemake(target, "-j2", *TINY)
     assert done.returncode == 0, done.stdout
     return project
@@ -32,6 +36,14 @@ def finished(tmp_path_factory):
 def everything(tmp_path_factory):
     """The project after ``everything`` on the tiny config: a minute and a half of jobs, for slow tests."""
     return _after("everything", tmp_path_factory.mktemp("everything"))
+
+
+@pytest.fixture(scope="session")
+def planned(finished):
+    """All jobs of ``everything`` on the tiny config, as Snakemake would run them."""
+    done = finished.python(planned_jobs.__file__, TINY[1], "everything")
+    assert done.returncode == 0, done.stderr
+    return [SimpleNamespace(**json.loads(line)) for line in done.stdout.splitlines()]
 
 
 @pytest.fixture

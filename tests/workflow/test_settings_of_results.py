@@ -69,9 +69,21 @@ def test_the_settings_of_an_ensemble_are_those_of_the_config(everything):
                     assert [Fraction(str(x)) for x in numbers[0]] == [Fraction(str(x)) for x in numbers[1]], (name, key)
 
 
+def test_every_cube_and_run_is_planned_with_the_settings_of_the_config(finished, planned):
+    expected = expected_settings(finished)
+    settings = {
+        file.removeprefix(RESULTS): job.params["task"]["settings"]
+        for job in planned
+        for file in job.output
+        if file.endswith(".h5")
+    }
+    assert set(settings) == set(expected) == {name for name in MADE if name.endswith(".h5")}
+    for name, asked in expected.items():
+        assert {key: settings[name].get(key) for key in asked} == asked, name
+
+
 def test_every_cube_and_run_was_made_with_the_settings_of_the_config(after):
     expected = expected_settings(after)
-    assert set(expected) == {name for name in MADE if name.endswith(".h5")}
     for name in expected.keys() & after.made:
         settings = expected[name]
         stored = json.loads(read(after.folder / RESULTS / name).attrs["settings"])

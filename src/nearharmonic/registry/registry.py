@@ -245,8 +245,8 @@ def make_registry(
     entries_of
         Function of a module that returns its entries by name; an empty mapping if it declares none.
     read
-        Function that returns the entry of a user's file, given its path and the registered names;
-        without it, no path is a key.
+        Function of the path of a user's file and of the registered names that returns the entry of the file; None if
+        paths are not keys.
 
     Returns
     -------

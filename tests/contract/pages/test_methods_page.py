@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import nearharmonic as nh
+from support.results.stated_numbers import ROOT, flat, states
 
 from . import modified_page
-from .test_documented_numbers import decades, stated
+from .test_documented_numbers import decades, least_and_most
 
-ROOT = Path(__file__).parents[3]
 PAGE = "docs/methods.md"
 TEXT = (ROOT / PAGE).read_text(encoding="utf-8")
-FLAT = re.sub(r"\s+", " ", TEXT)
+FLAT = flat(PAGE)
+STEPS = [0.03, 0.05, 0.1, 0.2, 0.3]
 
 
 def table():
@@ -61,23 +61,21 @@ def test_the_methods_that_are_not_symmetric_are_those_that_the_page_names():
 
 
 def test_6a8_is_as_good_as_babs8o6_7h_by_what_the_page_says():
-    (better,) = stated(PAGE, r"6A8 is better by (\S+) at τ/s = 0\.03, 0\.05 and 0\.1")
-    worse = stated(PAGE, r"and worse by (\S+) and (\S+) at 0\.2 and 0\.3")
     gain = decades("henon_heiles", "babs8o6_7h", STEPS) - decades("henon_heiles", "nystrom_6a8", STEPS)
-    assert gain.round(1).tolist() == [better] * 3 + [-x for x in worse]
-    (apart,) = stated(PAGE, r"the two differ by less than (\d\.\d)")
+    better, *worse = dict.fromkeys(abs(gain.round(1)).tolist())
+    assert (gain.round(1) > 0).tolist() == [True] * 3 + [False] * 2
+    assert states(PAGE, [better, *STEPS[:3], *worse, *STEPS[3:]], "Hénon-Heiles 6A8", "better", "worse")
     hours = np.geomspace(2, 30, 9)
-    assert abs(decades("kepler", "babs8o6_7h", hours) - decades("kepler", "nystrom_6a8", hours)).max() < apart
-    least, most = stated(PAGE, r"`babs8o6_7h` is better by (\S+) to (\S+) at τ/s = 0\.03 to 0\.3")
+    assert abs(decades("kepler", "babs8o6_7h", hours) - decades("kepler", "nystrom_6a8", hours)).max() < 0.1
+    assert states(PAGE, [2, 30, 0.1], "Kepler", "differ")
     loss = decades("sho", "nystrom_6a8", STEPS) - decades("sho", "babs8o6_7h", STEPS)
-    assert [loss.min().round(1), loss.max().round(1)] == [least, most]
+    assert states(PAGE, [*least_and_most(loss), STEPS[0], STEPS[-1]], "oscillator", "`babs8o6_7h` is better")
 
 
 def test_the_tables_of_modified_integrators_are_computed():
     assert modified_page.methods_table() in TEXT
     assert modified_page.errors_table() in TEXT
-    for system, pattern in (("henon_heiles", r"It takes (\S+) times"), ("kepler", r"and (\S+) times on Kepler")):
-        assert stated(PAGE, pattern) == [modified_page.FACTORS[system]]
+    assert states(PAGE, modified_page.FACTORS.values(), "as long as a force", "Hénon-Heiles", "Kepler")
 
 
 def test_what_the_page_says_of_modified_integrators_follows_from_their_errors():
@@ -101,12 +99,8 @@ def test_what_the_page_says_of_modified_integrators_follows_from_their_errors():
 def test_the_leading_errors_of_two_methods_of_one_family_are_those_that_the_page_says():
     from nearharmonic.theory.order import leading_errors
 
-    ours, published = stated(PAGE, r"error of degree seven is least: (\S+), and (\S+) for the published one")
-    for name, norm in (("abag5o6", ours), ("omelyan_g5o6", published)):
-        assert float(f"{leading_errors(name).nystrom.norm:.2e}") == norm
-
-
-STEPS = [0.03, 0.05, 0.1, 0.2, 0.3]
+    norms = [float(f"{leading_errors(name).nystrom.norm:.2e}") for name in ("abag5o6", "omelyan_g5o6")]
+    assert states(PAGE, norms, "for the published member")
 
 
 @pytest.mark.parametrize(

@@ -45,7 +45,7 @@ def levi_civita(q, p, A):
 
 
 def by_hand(tableau, q, p, t_end, tau, A):
-    """The physical state at t_end: substeps in complex numbers, and the last step's length by bisection."""
+    """Physical states after each step, the last at t_end: substeps in complex numbers, its length by bisection."""
     u, v, w = levi_civita(q, p, A)
     h = tau * 2 * w / GM
     outer, inner = ([mpf(c) for c in row] for row in (tableau.outer, tableau.inner))
@@ -65,15 +65,22 @@ def by_hand(tableau, q, p, t_end, tau, A):
             state = first(*second(*state, c), outer[i + 1])
         return state
 
-    state, steps = (u, v, mpf(0)), 0
+    state, states = (u, v, mpf(0)), []
     while (following := step(*state, h))[2] < t_end:
-        state, steps = following, steps + 1
+        state = following
+        states.append(state)
+        assert len(states) < 1000  # negative coefficients may turn the time of large steps back
     low, high = mpf(0), h
-    for _ in range(160):
+    while high - low > mpf(10) ** -40 * h:
         middle = (low + high) / 2
         low, high = (middle, high) if step(*state, middle)[2] < t_end else (low, middle)
-    u, v, _ = step(*state, high)
-    return u * u, 2 * v / mp.conj(u), steps + 1
+    return [(u * u, 2 * v / mp.conj(u)) for u, v, _ in [*states, step(*state, high)]]
+
+
+def found(run, name, sample=-1):
+    """Position or momentum of a run as a complex number."""
+    return mp.mpc(*(mpf(float(x)) + mpf(float(y)) for x, y in zip(run[name][sample], run[f"{name}_low"][sample],
+                                                                  strict=True)))  # fmt: skip
 
 
 @pytest.mark.parametrize("A", ["0", "2e-3"])
@@ -87,11 +94,53 @@ def test_a_run_is_that_of_the_same_method_by_hand(method, A):
         SYSTEM, tableau, tau, q0=q0, p0=p0, parameters={"A": A}, t_end=t_end, precision="extended", samples=2
     )
     state = tuple(map(mpf, q0)), tuple(map(mpf, p0))
-    q, p, steps = by_hand(tableau, *state, mpf(t_end), mpf(tau.numerator) / tau.denominator, mpf(A))
-    assert int(run.steps) == steps
-    for name, z in (("q", q), ("p", p)):
-        found = [mpf(float(x)) + mpf(float(y)) for x, y in zip(run[name][-1], run[f"{name}_low"][-1], strict=True)]
-        assert abs(mp.mpc(*found) - z) < abs(z) * mpf(10) ** -27
+    states = by_hand(tableau, *state, mpf(t_end), mpf(tau.numerator) / tau.denominator, mpf(A))
+    assert int(run.steps) == len(states)
+    for name, z in zip("qp", states[-1], strict=True):
+        assert abs(found(run, name) - z) < abs(z) * mpf(10) ** -27
+
+
+def test_dense_samples_of_a_near_collision_are_those_by_hand():
+    """At the aphelion two samples fall into one step of 1.97 tau, at the perihelion a step is 0.03 tau."""
+    tableau, tau, (q0, p0) = nh.integrators["ruth"], 4, orbit("0.97")
+    run = nh.integrate(SYSTEM, tableau, tau, q0=q0, p0=p0, t_end=88 * tau, precision="extended", samples=89)
+    for sample in (1, 2, 43, 44, 45, 88):
+        states = by_hand(tableau, tuple(map(mpf, q0)), tuple(map(mpf, p0)), mpf(sample * tau), mpf(tau), mpf(0))
+        assert run.t[sample] == sample * tau
+        for name, z in zip("qp", states[-1], strict=True):
+            assert abs(found(run, name, sample) - z) < abs(z) * mpf(10) ** -22, sample
+    assert int(run.steps) == len(states)
+
+
+@pytest.mark.parametrize("A", ["0", "2"])
+def test_mean_and_largest_error_over_three_steps_are_those_by_hand(A):
+    """Two whole steps, and one that lands."""
+    tableau, tau, (q0, p0) = nh.integrators["ruth"], 200, orbit("0.4")
+    run = nh.integrate(SYSTEM, tableau, tau, q0=q0, p0=p0, parameters={"A": A}, t_end=3 * tau)
+    start = tuple(map(mpf, q0)), tuple(map(mpf, p0))
+    states = by_hand(tableau, *start, mpf(3 * tau), mpf(tau), mpf(A))
+    assert len(states) == 3
+
+    def H(q, p):
+        return abs(p) ** 2 / 2 - GM / abs(q) - mpf(A) / abs(q) ** 3
+
+    begin = H(*(mp.mpc(*pair) for pair in start))
+    errors = [float(abs((H(*state) - begin) / begin)) for state in states]
+    assert min(errors) > 1e-6
+    assert float(run.mean_energy_error) == pytest.approx(sum(errors) / 3, rel=1e-9)
+    assert float(run.max_energy_error) == pytest.approx(max(errors), rel=1e-9)
+
+
+def test_an_ensemble_of_mixed_strengths_is_made_of_single_runs():
+    strengths = ["0", "2", "0", "5"]
+    q0, settings = [57.9, 12.0], {"t_end": 20000}
+    system = "kepler_regularised"
+    together = nh.ensemble(system, "babs7o7h", 200, q0=np.array([q0] * 4), parameters={"A": strengths}, **settings)
+    for i, A in enumerate(strengths):
+        alone = nh.integrate(system, "babs7o7h", 200, q0=q0, parameters={"A": A}, samples=2, **settings)
+        assert np.abs(together.q[i].values - alone.q.values).max() < (1e-9 if A == "0" else 1e-300)
+        assert float(together.max_energy_error[i]) == pytest.approx(float(alone.max_energy_error), rel=1e-6)
+    assert np.abs(np.diff(together.q.values[:, -1, 0])).min() > 1e-3
 
 
 def test_maps_are_inverse_and_keep_the_energy_in_the_plane_and_in_space():
@@ -119,8 +168,7 @@ def test_samples_land_on_their_times_and_positions_converge_to_the_ellipse(t):
     for tau in (20, 10):
         run = nh.integrate("kepler_regularised", "yoshida_s7o6a", tau, t_end=t, precision="extended")
         assert run.t[-1] == float(t)
-        found = [mpf(float(x)) + mpf(float(y)) for x, y in zip(run.q[-1], run.q_low[-1], strict=True)]
-        errors.append(sqrt(sum((a - b) ** 2 for a, b in zip(found, exact, strict=True))))
+        errors.append(abs(found(run, "q") - mp.mpc(*exact)))
     # Order six; the landing of the last step changes the ratio by a few percent.
     assert 50 < errors[0] / errors[1] < 80 or errors[1] < mpf(10) ** -24
 

@@ -1,154 +1,28 @@
-"""docs/claims.json: the pages are made from it, and some of its numbers are computed again in another way."""
+"""Numbers of docs/claims.json, computed again in another way."""
 
 from __future__ import annotations
 
-import csv
 import json
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from fractions import Fraction
 from math import inf
-from pathlib import Path
 
 import numpy as np
 import pytest
 from mpmath import mp, mpf
 
 import nearharmonic as nh
-from nearharmonic.reproduction.claims.pages.documents import (
-    CARRYING,
-    SUBSTANCE,
-    failures_in_words,
-    page,
-    verdict_table,
-    write_documents,
-)
-from nearharmonic.reproduction.claims.pages.summary import KINDS, failures, of_the_paper
-from nearharmonic.reproduction.claims.table import CLAIMS, KEYS, decided
-from support.projects.workflow_project import Project
-from support.results.recorded_results import unpack
+from support.results import stated_numbers
+from support.results.stated_numbers import ROOT
 
-ROOT = Path(__file__).parents[3]
-TEXT = (ROOT / "docs/claims.json").read_text(encoding="utf-8")
-ENTRIES = json.loads(TEXT)
-BY_ID = {entry["id"]: entry for entry in ENTRIES}
+VALUES = {entry["id"]: entry["value"] for entry in json.loads((ROOT / "docs/claims.json").read_text(encoding="utf-8"))}
 NAMES = {tableau.label: name for name, tableau in nh.integrators.items()}
-SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 
 
-def numbers(name, pattern):
+def numbers(statement, pattern):
     """The numbers that ``pattern`` finds once in the value of a statement."""
-    (found,) = re.findall(pattern, BY_ID[name]["value"])
-    words = [found] if isinstance(found, str) else found
-    return [float(re.sub(r" × 10([⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)", lambda m: "e" + m[1].translate(SUPERSCRIPTS), w)) for w in words]
-
-
-def test_readme_has_the_table_of_the_committed_verdicts():
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert verdict_table(ENTRIES) in readme
-
-
-def test_the_page_is_that_of_the_committed_verdicts():
-    assert (ROOT / "docs/claims.md").read_text(encoding="utf-8") == page(ENTRIES)
-
-
-def test_writing_the_pages_again_changes_nothing(tmp_path):
-    (tmp_path / "docs").mkdir()
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    damaged = re.sub(r"\*\*holds\*\*", "**fails**", readme)
-    assert damaged != readme
-    (tmp_path / "README.md").write_text(damaged, encoding="utf-8")
-    write_documents(ROOT / "docs/claims.json", tmp_path)
-    for name in ("README.md", "docs/claims.md", "docs/claims.json"):
-        assert (tmp_path / name).read_bytes() == (ROOT / name).read_bytes(), name
-
-
-def test_the_committed_verdicts_are_of_the_statements_in_the_code():
-    for entry, one in zip(ENTRIES, CLAIMS, strict=True):
-        assert tuple(entry) == KEYS
-        told = (one.id, {"section": one.paper, "sentence": one.sentence}, one.statement, one.kind, one.threshold)
-        assert told == tuple(entry[key] for key in ("id", "paper", "statement", "kind", "threshold"))
-        assert list(one.needs) == entry["needs"]
-
-
-def test_no_line_of_the_page_is_long_and_every_statement_is_folded_in():
-    text = (ROOT / "docs/claims.md").read_text(encoding="utf-8")
-    assert max(map(len, text.splitlines())) <= 300
-    folded = re.findall(r"<details>.*?</details>", text, re.DOTALL)
-    assert [
-        entry["id"] for entry in of_the_paper(ENTRIES) if sum(f"`{entry['id']}`" in one for one in folded) != 1
-    ] == []
-    before = text.partition("<details>")[0]
-    assert sum(f"`{name}`" in before for name in CARRYING) == len(CARRYING) == 12
-
-
-def test_the_sums_of_the_page_add_up():
-    text = (ROOT / "docs/claims.md").read_text(encoding="utf-8")
-    lines = re.findall(r"^\| [a-z].*\|$", text, re.MULTILINE)
-    header, *kinds = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
-    for many, total, *counts in kinds:
-        found = [entry for entry in of_the_paper(ENTRIES) if KINDS[entry["kind"]] == many]
-        assert int(total) == len(found) == sum(int(count or 0) for count in counts), many
-    assert sum(int(row[1]) for row in kinds) == len(of_the_paper(ENTRIES))
-    assert len(header) == len(kinds[0])
-
-
-def test_misprints_are_errata_and_nothing_else_is():
-    assert {entry["id"] for entry in ENTRIES if entry["verdict"] == "erratum"} == {
-        entry["id"] for entry in ENTRIES if entry["kind"] == "misprint"
-    }
-
-
-def test_what_fails_in_substance_is_said_in_a_sentence():
-    assert {entry["id"] for entry in failures(ENTRIES)} == set(SUBSTANCE)
-    readme = re.sub(r"\s+", " ", (ROOT / "README.md").read_text(encoding="utf-8"))
-    assert failures_in_words(ENTRIES) in readme
-
-
-def test_the_committed_verdicts_are_decided_again_from_recorded_results(tmp_path):
-    assert decided(unpack(tmp_path), nh.integrators.registered)["document"] == TEXT
-
-
-def test_everything_that_can_be_decided_is():
-    assert [entry["id"] for entry in ENTRIES if entry["verdict"] == "not decided here"] == []
-
-
-def test_the_changelog_counts_the_statements():
-    (stated,) = re.findall(
-        r"paper that numbers decide, (\d+) of them", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
-    )
-    assert int(stated) == len(ENTRIES)
-
-
-def test_the_first_sentence_of_readme_promises_what_was_measured():
-    """Whole decades of the best gain over Ruth's method on the near-harmonic system, Hénon-Heiles."""
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    (gain,) = numbers("outperform-ruth-henon-heiles", r"over the best up to (.*)$")
-    word = {3: "three", 4: "four", 5: "five"}[int(np.log10(gain))]
-    assert f"up to {word} decades better than Ruth's method" in readme
-
-
-def test_the_caption_of_readme_has_the_stretches_that_were_measured():
-    readme = re.sub(r"\s+", " ", (ROOT / "README.md").read_text(encoding="utf-8"))
-    (stated,) = re.findall(r"of BAB's8o7H for τ/s = (\S+) to (\S+), and of BAB's9o7H for (\S+) to (\S+), falls", readme)
-    found = [
-        float(f"{one:.2g}")
-        for name in ("BAB's8o7H", "BAB's9o7H")
-        for one in numbers("fig-3-sixth-order-descent", rf"{name} for τ/s = (\S+) to (\S+) \(")
-    ]
-    assert [float(one) for one in stated] == found
-
-
-def test_the_known_misprints_and_failures_are_found():
-    verdicts = {entry["id"]: entry["verdict"] for entry in ENTRIES}
-    for name in (
-        "c-n-below-eq-6", "table-3-inner-limit", "table-4-c3", "table-4-columns", "listed-stages-babps8o7h",
-        "figure-of-the-precession",
-    ):  # fmt: skip
-        assert verdicts[name] == "erratum"
-    assert verdicts["s5odr4-of-kahan"] == verdicts["eq-16-general"] == verdicts["bab-prime-leaves-q"] == "fails"
+    return stated_numbers.numbers(VALUES[statement], pattern)
 
 
 def closed_form_error(name, tau_per_stage):
@@ -166,8 +40,8 @@ def closed_form_error(name, tau_per_stage):
 
 @pytest.mark.parametrize("statement", ["fig-1-sixth-order", "fig-1-fourth-order", "fig-1-yoshida"])
 def test_orders_on_the_oscillator_are_those_of_the_closed_form(statement):
-    told = re.findall(r"(?:^|; )([^;]+?) (\d) over τ/s = (\S+) to (\S+) \(", BY_ID[statement]["value"])
-    assert len(told) == BY_ID[statement]["value"].count("decades")
+    told = re.findall(r"(?:^|; )([^;]+?) (\d) over τ/s = (\S+) to (\S+) \(", VALUES[statement])
+    assert len(told) == VALUES[statement].count("decades")
     for label, order, low, high in told:
         x = [1e-4, 2e-4]
         exact = np.log2(closed_form_error(NAMES[label], x[1]) / closed_form_error(NAMES[label], x[0]))
@@ -255,7 +129,7 @@ def sum_of_absolute_values(tableau):
 
 
 def test_the_sums_of_the_methods_of_least_error_are_those_of_their_coefficients():
-    value = BY_ID["minimised-coefficients"]["value"]
+    value = VALUES["minimised-coefficients"]
     (listed,) = re.findall(r"least error, with the sum: (.*?);", value)
     led = re.findall(r"(?:^|, )([^,(]+) \(([\d.]+)\) at", listed)
     assert len(led) == listed.count(" at ")
@@ -355,38 +229,3 @@ def test_equation_20_lacks_a_factor_in_other_units_along_a_run():
     printed, mended = (np.hypot(v * L / k - x / r, u * L / k + y / r) for k in (1, GM))
     assert mended == pytest.approx(stated, rel=1e-5)
     assert [printed.min(), printed.max()] == pytest.approx([low, high], rel=0.05)
-
-
-@pytest.mark.slow
-@pytest.mark.reproduction
-def test_the_committed_verdicts_are_those_of_a_run(tmp_path):
-    """The default run and the targets that statements need, on the paper's config; a few minutes."""
-    project = Project(tmp_path)
-    needed = ("all", "derive", "stability", "results/paper/cubes/trained.h5")
-    assert project.snakemake(*needed, "-j2").returncode == 0
-    done = project.snakemake("results/paper/tables/claims.json", "--force", "-j2")
-    assert done.returncode == 0, done.stdout
-    assert (tmp_path / "results/paper/tables/claims.json").read_text(encoding="utf-8") == TEXT
-    text = (tmp_path / "results/paper/tables/stability_rounding.csv").read_text(encoding="utf-8")
-    rows = [row for row in csv.DictReader(text.splitlines()) if row["brouwer"]]
-    law = [abs(float(row["exponent"]) - float(row["brouwer"])) <= float(row["interval_95"]) for row in rows]
-    page = (ROOT / "docs/results.md").read_text(encoding="utf-8")
-    assert f"{sum(law)} of {len(law)} measured exponents" in page
-
-
-def test_the_page_states_the_gains_by_compensated_sums():
-    (value,) = (row["value"] for row in json.loads(TEXT) if row["id"] == "compensated-summation")
-    low, high = re.search(r"gains (\d+) \(Ruth\) to (\d+)", value).groups()
-    page = re.sub(r"\s+", " ", (ROOT / "docs/results.md").read_text(encoding="utf-8"))
-    assert f"With compensation the energy error is {low} to {high} times smaller" in page
-
-
-def test_the_pages_are_written_by_a_command(tmp_path):
-    (tmp_path / "docs").mkdir()
-    (tmp_path / "README.md").write_bytes((ROOT / "README.md").read_bytes())
-    done = subprocess.run(
-        [sys.executable, "-m", "nearharmonic.reproduction.claims.pages.documents", str(ROOT / "docs/claims.json")],
-        cwd=tmp_path, capture_output=True, text=True, check=False, env={"PYTHONPATH": str(ROOT / "src")},
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / "docs/claims.json").read_text(encoding="utf-8") == TEXT

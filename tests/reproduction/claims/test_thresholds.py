@@ -9,16 +9,16 @@ import pytest
 
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.reproduction.claims.table import CLAIMS
+from support.results.changed_results import cell, put, together
 from support.results.sound_results import sound_results
+from support.results.stated_numbers import plain
 from support.results.threshold_results import (
     NEW,
     above_floor,
     advance,
     chaotic,
     curve,
-    entry,
     even_term,
-    every,
     first_loss,
     first_spike,
     halves,
@@ -31,7 +31,6 @@ from support.results.threshold_results import (
     roles,
     shares_of_the_best,
     times_the,
-    value,
 )
 
 HOLDS, PART, FAILS, ERRATUM = "holds", "holds in part", "fails", "erratum"
@@ -64,26 +63,26 @@ TRIED = {
     "best-performance": (shares_of_the_best, FAILS, HOLDS),
     "stable-with-large-steps": (first_loss, FAILS, HOLDS),
     "stable-first-spike": (first_spike, FAILS, HOLDS),
-    "fig-1-sixth-order": (every(*(power("sho", name, 6, 0.5) for name in NEW)), HOLDS, FAILS),
-    "fig-1-fourth-order": (every(*(power("sho", n, 4, 0.5) for n in ("ruth", "s5odr4", *BLANES))), HOLDS, FAILS),
+    "fig-1-sixth-order": (together(*(power("sho", name, 6, 0.5) for name in NEW)), HOLDS, FAILS),
+    "fig-1-fourth-order": (together(*(power("sho", n, 4, 0.5) for n in ("ruth", "s5odr4", *BLANES))), HOLDS, FAILS),
     "fig-1-yoshida": (power("sho", "yoshida_s7o6a", 6, 0.5), HOLDS, FAILS),
     "fig-3-orders": (power("henon_heiles", "ruth", 4, 0.5), HOLDS, PART),
     "fig-5-orders": (power("kepler", "ruth", 4, 0.5), HOLDS, PART),
     "fig-3-sixth-order-descent": (
-        every(*(power("henon_heiles", name, 6, 0.5) for name in NEW[-2:])), HOLDS, FAILS,
+        together(*(power("henon_heiles", name, 6, 0.5) for name in NEW[-2:])), HOLDS, FAILS,
     ),
     "fig-3-steepest": (
-        every(
+        together(
             *(power("henon_heiles", name, 4, 0.1) for name in ("abas5o6h", "babs7o7h")),
             *(power("henon_heiles", name, 6, 0.5) for name in NEW[-2:]),
         ),
         HOLDS, FAILS,
     ),
-    "kappa-0-and-1": (value("sho_terms", "kappa", 1e-30, order=1, integrator="aba864"), HOLDS, PART),
+    "kappa-0-and-1": (put("sho_terms", "kappa", 1e-30, order=1, integrator="aba864"), HOLDS, PART),
     "fig-2-even-orders-meet": (even_term, HOLDS, PART),
     "fig-2-more-terms-as-aba": (one_term_more, PART, HOLDS),
-    "fig-2-kappa-7": (value("sho_terms", "kappa", 1e-30, order=7, integrator="babps8o7h", first="kick"), HOLDS, PART),
-    "fig-2-reads-order": (value("sho_terms", "kappa", 1e-30, order=3, integrator="babps8o7h"), HOLDS, PART),
+    "fig-2-kappa-7": (put("sho_terms", "kappa", 1e-30, order=7, integrator="babps8o7h", first="kick"), HOLDS, PART),
+    "fig-2-reads-order": (put("sho_terms", "kappa", 1e-30, order=3, integrator="babps8o7h"), HOLDS, PART),
     "fig-2-yoshida-diverges": (largest_of_yoshida, FAILS, HOLDS),
     "fig-2-large-steps": (
         times_the(np.min, 10, ("yoshida_s7o6a",), OTHERS["yoshida_s7o6a"], ("sho",), MAXIMUM), FAILS, HOLDS,
@@ -97,31 +96,31 @@ TRIED = {
     "fig-4-intervals": (interval((DOT - 1) / DOT), HOLDS, FAILS),
     "precession-linear": (halves, HOLDS, FAILS),
     "figure-of-the-precession": (
-        every(
+        together(
             lambda results, by: times_the(np.min, 1, ("aba104",), ("abas5o6h",), ("kepler",))(results, 1),
             times_the(np.min, DOT, ("babps8o7h",), ("abas5o6h",), ("kepler",)),
         ),
         HOLDS, ERRATUM,
     ),
-    "time-reversible": (entry("structure", 1, "return error", 1e-13), HOLDS, PART),
-    "symplectic": (entry("structure", 0, "symplectic defect", 1e-22), HOLDS, PART),
+    "time-reversible": (cell("structure", 1, "return error", 1e-13), HOLDS, PART),
+    "symplectic": (cell("structure", 0, "symplectic defect", 1e-22), HOLDS, PART),
     "kappa-below-1e-128": (residual, HOLDS, PART),
     "simplex-reaches": (
-        every(*(entry("derived_routes", row, "largest kappa", 1e-128) for row in (1, 2))), HOLDS, FAILS,
+        together(*(cell("derived_routes", row, "largest kappa", 1e-128) for row in (1, 2))), HOLDS, FAILS,
     ),
     "more-stages-more-inappropriate": (long_substep, PART, HOLDS),
     "roles-switched": (roles(10, [(3, 2), (5, 4)]), FAILS, HOLDS),
     "performance-depends-on-scheme": (roles(DOT, [(1, 0)]), PART, HOLDS),
     "compensated-summation": (
-        value("stability_rounding", "energy_error_rms", 10, source="plain", integrator="ruth"), PART, HOLDS,
+        put("stability_rounding", "energy_error_rms", 10, source="plain", integrator="ruth"), PART, HOLDS,
     ),
     "floor-of-double": (above_floor, HOLDS, PART),
     "t-not-quadratic": (
-        every(*(value("kinetic_energy", "max_energy_error", DOT, roles="own", integrator=name) for name in NEW)),
+        together(*(put("kinetic_energy", "max_energy_error", DOT, roles="own", integrator=name) for name in NEW)),
         FAILS, HOLDS,
     ),
     "close-encounters": (
-        value("stability_kepler", "energy_error", 0.01, integrator="ruth", eccentricity=0.2), HOLDS, PART,
+        put("stability_kepler", "energy_error", 0.01, integrator="ruth", eccentricity=0.2), HOLDS, PART,
     ),
 }  # fmt: skip
 #: What is counted or ranked, in whole numbers, or computed of methods: their thresholds are tried in other tests.
@@ -146,14 +145,9 @@ def test_the_verdict_turns_at_the_threshold(name):
         found.append(BY_ID[name].decision(results))
     assert [one.verdict for one in found] == [below, above]
     if "stable" not in name:  # whose step sizes are those of a grid, 6 % apart
-        ends = re.search(r"same verdict(?: from (\S+))?(?: up)?(?: (?:up )?to (\S+))?$", _plain(found[1].margin))
+        ends = re.search(r"same verdict(?: from (\S+))?(?: up)?(?: (?:up )?to (\S+))?$", plain(found[1].margin))
         bound = BY_ID[name].bound
         assert any(end and abs(float(end) / bound - 1) < 0.045 for end in ends.groups()), found[1].margin
-
-
-def _plain(text):
-    digits = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
-    return re.sub(r" × 10([⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)", lambda found: "e" + found[1].translate(digits), text)
 
 
 def test_thousands_are_two_of_them():

@@ -224,10 +224,8 @@ def test_a_damaged_result_turns_the_verdict(name, monkeypatch):
     assert before != after
     assert BY_ID[name].decision(sound_results()).verdict == before
     results = sound_results()
-    if change.__code__.co_argcount == 2:
-        change(results, monkeypatch)
-    else:
-        change(results)
+    results.patch = monkeypatch.setattr
+    change(results)
     assert BY_ID[name].decision(results).verdict == after
 
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import re
 import shutil
+from colorsys import rgb_to_hls
 
 import pytest
 
 from nearharmonic.integrators import integrators
 from nearharmonic.plotting.palette import style_of
 from nearharmonic.reproduction.claims.results import power_of_ten, short
-from nearharmonic.reproduction.report import assets
+from nearharmonic.reproduction.report import assets, page
 from nearharmonic.reproduction.report.plots.markers import MARKERS
 from nearharmonic.reproduction.report.plots.panels import span
 from nearharmonic.reproduction.report.shown import wording
@@ -124,3 +126,26 @@ def test_an_edit_of_template_style_or_script_changes_the_digest(tmp_path, monkey
     assert assets.digest() == before
     (tmp_path / name).write_text((tmp_path / name).read_text() + " ")
     assert assets.digest() != before
+
+
+@pytest.mark.parametrize(
+    ("verdict", "look", "sign", "hue"),
+    [
+        ("holds", "holds", "✓", "green"), ("holds but for edges", "edges", "✓", "green"),
+        ("holds in part", "part", "◐", "yellow"), ("fails", "fails", "✗", "red"), ("erratum", "erratum", "¶", "violet"),
+        ("not decided here", "open", "–", "grey"),
+    ],
+)  # fmt: skip
+def test_a_verdict_has_its_word_its_sign_and_its_colour_by_day_and_by_night(verdict, look, sign, hue):
+    assert page.VERDICTS[verdict] == look
+    style = (assets.FOLDER / "page.css").read_text(encoding="utf-8")
+    assert re.search(rf"^\.{look} \{{ --tone: var\(--(\w+)\); \}}$", style, re.MULTILINE)[1] == look
+    assert re.search(rf'^\.verdict\.{look}::before \{{ content: "(.)"; \}}$', style, re.MULTILINE)[1] == sign
+    hues = {"red": (0, 20), "yellow": (35, 65), "green": (75, 150), "violet": (250, 290)}
+    for colour in re.findall(rf"--{look}: #(\w+);", style):
+        red, green, blue = (int(colour[i : i + 2], 16) / 255 for i in (0, 2, 4))
+        angle, _, saturation = rgb_to_hls(red, green, blue)[0] * 360, None, rgb_to_hls(red, green, blue)[2]
+        low, high = hues.get(hue, (0, 360))
+        assert low <= angle <= high
+        assert (saturation < 0.2) == (hue == "grey")
+    assert len(re.findall(rf"--{look}: #", style)) == 2

@@ -5,11 +5,41 @@ from __future__ import annotations
 import re
 import subprocess
 from fractions import Fraction
+from functools import cache
 
+import nearharmonic as nh
 from nearharmonic.exchange.export import export
 from nearharmonic.integrators import integrators
 
+#: Those of the examples.
+TAU, STEPS = 0.25, 80
+#: Neighbours of this orbit part by a factor e in ten units of time, and the examples take twenty.
+GROWTH = 7.4
 NUMBER = r"-?\d+\.\d+(?:[eE][-+]?\d+)?"
+
+
+@cache
+def ours(name, precision):
+    """Position and momentum behind the steps of the examples, exactly as the two parts of each number say."""
+    ran = nh.integrate("henon_heiles", name, tau=TAU, t_end=20, precision=precision)
+    assert ran.steps == STEPS
+    parts = [(ran.q, ran.q_low), (ran.p, ran.p_low)]
+    return [
+        Fraction(float(a)) + Fraction(float(b)) for high, low in parts for a, b in zip(high[-1], low[-1], strict=True)
+    ]
+
+
+def check(name, printed, precision="double"):
+    """Compare with our state, to the rounding of the program.
+
+    Each of its substeps adds to numbers below 1 and is off by half a unit in the last place, 2^-54, at most twice: of
+    the sum, and of the product, which the step makes smaller. What is off grows as neighbours part.
+    """
+    substeps = STEPS * (2 * integrators[name].stages + 1)
+    tolerance = substeps * GROWTH * 2.0 ** {"double": -53, "extended": -104}[precision]
+    found = state(printed)
+    assert len(found) == 4
+    assert [abs(x - y) <= tolerance for x, y in zip(found, ours(name, precision), strict=True)] == [True] * 4
 
 
 def run(words, folder):

@@ -1,4 +1,4 @@
-"""Changes of sound results that turn verdicts: each takes results, some pytest's monkeypatch as well."""
+"""Changes of sound results that turn verdicts: each takes results, some a factor on the number that is put there."""
 
 from __future__ import annotations
 
@@ -55,16 +55,16 @@ def swapped(system, one, other, variable="max_energy_error"):
     return change
 
 
-def cell(table, row, column, text):
-    def change(results):
-        results.tables[table][row][column] = text
+def cell(table, row, column, content):
+    def change(results, by=1):
+        results.tables[table][row][column] = content if isinstance(content, str) else repr(content * by)
 
     return change
 
 
 def put(cube, variable, value, **where):
-    def change(results):
-        results.cubes[cube][variable].loc[where] = value
+    def change(results, by=1):
+        results.cubes[cube][variable].loc[where] = value * by
 
     return change
 
@@ -103,9 +103,9 @@ def thirds(_):
 
 
 def together(*changes):
-    def change(results):
+    def change(results, *by):
         for one in changes:
-            one(results)
+            one(results, *by)
 
     return change
 
@@ -127,11 +127,7 @@ def panels_swapped(results):
 
 def patched(module, name, value):
     """Put something else in the place of a name of a module."""
-
-    def change(results, monkeypatch):
-        monkeypatch.setattr(module, name, value)
-
-    return change
+    return lambda results: results.patch(module, name, value)
 
 
 def draws(kicks, drifts):
@@ -140,14 +136,14 @@ def draws(kicks, drifts):
     return patched(identities, "drawn", lambda stages, symmetric=False: [one])
 
 
-def terms_of_another_step(results, monkeypatch):
+def terms_of_another_step(results):
     """A step whose last kick but one is gone."""
     right = identities.position_terms
 
     def wrong(one):
         return right(identities.Drawn([*one.kicks[:-1], Fraction(0)], one.drifts))
 
-    monkeypatch.setattr(identities, "position_terms", wrong)
+    results.patch(identities, "position_terms", wrong)
 
 
 def momentum_first(known):
@@ -200,21 +196,13 @@ def fewer_odd_terms(results):
 
 def another_start(module, momentum):
     """The system of a module starts with another momentum."""
-
-    def change(results, monkeypatch):
-        monkeypatch.setattr(module, "SYSTEM", replace(module.SYSTEM, p0=("0", momentum)))
-
-    return change
+    return patched(module, "SYSTEM", replace(module.SYSTEM, p0=("0", momentum)))
 
 
 def another_potential(module):
     """The system of a module has a term of fourth degree, and none of third."""
-
-    def change(results, monkeypatch):
-        start, V = module.SYSTEM.start, lambda q: (q[0] ** 2 + q[1] ** 2) / 2 + q[0] ** 4
-        monkeypatch.setattr(module, "SYSTEM", SimpleNamespace(start=start, V=V))
-
-    return change
+    system = SimpleNamespace(start=module.SYSTEM.start, V=lambda q: (q[0] ** 2 + q[1] ** 2) / 2 + q[0] ** 4)
+    return patched(module, "SYSTEM", system)
 
 
 def kicks_of(name):

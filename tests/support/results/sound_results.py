@@ -221,7 +221,12 @@ def _derived():
 
 
 class HeldResults(Results):
-    """Results without files: ``cubes``, ``tables`` (rows of texts), ``document`` and ``figure_6`` may be changed."""
+    """Results without files: ``cubes``, ``tables`` (rows of texts), ``document`` and ``figure_6`` may be changed.
+
+    Tests that replace names of modules set ``patch`` to the ``setattr`` of their monkeypatch.
+    """
+
+    patch = None
 
     def __init__(self, cubes, tables, document, figure_6):
         super().__init__("nowhere", dict(integrators))

@@ -42,32 +42,6 @@ def power(system, name, order, band):
     return change
 
 
-def every(*changes):
-    def change(results, by):
-        for one in changes:
-            one(results, by)
-
-    return change
-
-
-def entry(table, row, column, number):
-    """A cell of a table."""
-
-    def change(results, by):
-        results.tables[table][row][column] = repr(number * by)
-
-    return change
-
-
-def value(cube, variable, number, **where):
-    """Some values of a cube."""
-
-    def change(results, by):
-        results.cubes[cube][variable].loc[where] = number * by
-
-    return change
-
-
 def interval(share):
     """The interval of one method's advance."""
 

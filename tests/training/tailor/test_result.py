@@ -25,9 +25,9 @@ def held_out():
 
 def errors(ensemble, method, tau):
     """max |dH/H0| of each start by ``nh.ensemble``, in plain sums as well."""
-    rows = ensemble.start
+    rows, d = ensemble.start, ensemble.system.dimension
     many = nh.ensemble(
-        ensemble.system, method, tau * method.stages, t_end=ensemble.t_end, q0=rows[:, :2], p0=rows[:, 4:6],
+        ensemble.system, method, tau * method.stages, t_end=ensemble.t_end, q0=rows[:, :d], p0=rows[:, 2 * d : 3 * d],
         samples=2, summation="plain",
     )  # fmt: skip
     return many.max_energy_error.values
@@ -46,6 +46,17 @@ def test_gains_are_those_of_runs_at_equal_cost(held_out):
         assert found.best[i] == METHODS[best].name
         assert found.gains[i].mean == pytest.approx((others[best] - own).mean(), abs=1e-6)
     assert found.gain.mean == pytest.approx(np.mean([one.mean for one in found.gains]), abs=1e-12)
+
+
+@pytest.mark.parametrize("taus", [(0.05, 0.2, 0.4), (0.05, 0.4, 0.42, 0.44)])
+def test_the_best_of_all_is_the_best_over_all_step_sizes(held_out, taus):
+    """One is ahead at small steps, others at large ones; the second of the two sets has more of these."""
+    methods = [nh.integrators[name] for name in ("leapfrog", "babps8o7h", "babs7o7h")]
+    means = np.array([[np.log10(np.minimum(errors(held_out, one, t), 1)).mean() for t in taus] for one in methods])
+    found = comparison(nh.integrators["ruth"], methods, held_out, np.array(taus), seed=0)
+    assert found.best == tuple(methods[i].name for i in means.argmin(axis=0))
+    assert found.best[0] != found.best[-1]
+    assert found.overall is methods[means.mean(axis=1).argmin()]
 
 
 def test_errors_of_all_starts_are_relative_to_one_energy(held_out):
@@ -106,8 +117,12 @@ def test_a_method_for_henon_heiles_gains_a_third_of_a_decade_on_starts_that_were
     assert np.mean(gains) > 0.3
 
 
-def test_a_comparison_with_trained_methods_is_there_only_if_there_are_any():
-    asked = question("sho", window=(0.1, 0.2), trials=20)
-    found = tailored(asked)
+def test_the_test_is_on_starts_that_the_search_never_saw_and_in_longer_runs():
+    found = tailored(question("sho", window=(0.1, 0.2), trials=20, energy="same"))
     names = [name for name in nh.integrators.registered if name.startswith("trained_")]
     assert (found.trained is None) == (not names)
+    assert not {*map(tuple, found.ensemble.start)} & {*map(tuple, found.held_out.start)}
+    assert found.held_out.t_end > 1.9 * found.ensemble.t_end  # a run has 24 steps at least
+    for starts, compared in ((found.ensemble, found.training), (found.held_out, found.test)):
+        own = np.log10(errors(starts, found.tableau, compared.tau_per_stage[1])).mean()
+        assert compared.error[1] == pytest.approx(10**own, rel=1e-4)

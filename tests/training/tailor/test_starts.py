@@ -57,11 +57,15 @@ def test_the_halves_share_no_start_and_a_seed_gives_the_same_ones():
     assert not (one[0] == other[0]).any()
 
 
-def test_given_starts_are_shared_out_and_none_is_left_out():
+def test_given_starts_are_shared_out_and_another_seed_draws_other_halves():
     rows = np.column_stack([np.linspace(0.5, 1.5, 9), np.zeros(9)])
-    (q, _), (also, _) = drawn("sho", starts=rows)
-    assert len(q) == 5
-    assert sorted([*q.ravel(), *also.ravel()]) == rows[:, 0].tolist()
+    chosen = set()
+    for seed in range(4):
+        (q, _), (also, _) = drawn("sho", starts=rows, seed=seed)
+        assert len(q) == 5
+        assert sorted([*q.ravel(), *also.ravel()]) == rows[:, 0].tolist()
+        chosen.add(frozenset(q.ravel().tolist()))
+    assert len(chosen) > 1
 
 
 def test_a_given_start_that_leaves_is_named():

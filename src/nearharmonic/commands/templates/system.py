@@ -1,21 +1,22 @@
 """NAME: a particle in a plane well, H = p.p / 2 + k q.q / 2 + b (q.q)^2 / 4. Describe your system here.
 
-The file runs without changes: nearharmonic recommend NAME.py --error 1e-6 In Python its path is its name:
-nearharmonic.integrate("NAME.py", "babps9o7h", tau=0.2) In a config it is an entry of systems:
+The file runs without changes: nearharmonic recommend NAME.py --error 1e-6
+In Python its path is its name: nearharmonic.integrate("NAME.py", "babps9o7h", tau=0.2)
+In a config it is an entry of systems:
   NAME: {file: NAME.py, tau_per_stage: {lowest: 0.01, highest: 1, points_per_decade: 20}}
 """
 
 from nearharmonic import Parameter, System
 
-# Formulas use sin, cos, exp, log and others of nearharmonic.math; those of math and numpy raise an error. from
-# nearharmonic.math import cos
+# Formulas take sin, cos, exp, log and others from nearharmonic.math; those of math and numpy are errors.
+# from nearharmonic.math import cos
 
 
 def V(q, k, b):
-    """Potential energy, a function of the tuple of coordinates q and of the parameters in the order below.
+    """Potential energy: of the tuple of coordinates q, then of the parameters in the order in which they stand below.
 
-    It may use + - * / **, loops and sum, but no branch on a value. The force is derived from it. If it depends on time,
-    its arguments are (q, t, k, b), and the system below has time_dependent=True.
+    It may use + - * / **, loops and sum, but no branch on a value. The force is derived from it. If it depends on
+    time, its arguments are (q, t, k, b), and time_dependent=True stands below.
     """
     x, y = q
     square = x * x + y * y
@@ -32,7 +33,7 @@ SYSTEM = System(
     name="NAME",
     label="NAME",  # the name in figures and tables
     V=V,
-    # Numbers are decimals: "0.1" and 0.1 are exactly one tenth in every precision. Strings keep all digits.
+    # Numbers are decimals: "0.1" and 0.1 are one tenth in every precision, and strings keep all their digits.
     q0=("1", "0"),
     p0=("0", "0.5"),
     t_end="100",
@@ -41,13 +42,18 @@ SYSTEM = System(
         "b": Parameter(value="0.1", unit="N m-3", meaning="strength of the quartic term"),
     },
     units={"q": "m", "p": "kg m s-1", "t": "s", "energy": "J"},
-    # Every result has the drift of these functions besides the energy error. Delete the line if there are none.
+    # Every result has the drift of these, besides the energy error. Delete the line if there are none.
     invariants={"angular_momentum": angular_momentum},
     source="say here where the system comes from",
-    # Further options; each line can be used alone: The kinetic energy is p.p / 2. Other masses, one per coordinate
-    # (numbers or names of parameters), or a matrix: masses=("2", "2"), Any other kinetic energy, instead of masses:
-    # T=lambda p, k, b: (1 + p[0] ** 2 + p[1] ** 2) ** 0.5, Functions that are recorded at the samples of a run:
-    # observables={"distance": lambda q, p, k, b: (q[0] ** 2 + q[1] ** 2) ** 0.5}, The energy, in its unit, to which
-    # errors are relative, instead of the energy at the start: energy_scale="0.5", V depends on time, see above:
+    # Further options; each line can be used alone:
+    # The kinetic energy is p.p / 2. Other masses, one per coordinate (numbers or names of parameters), or a matrix:
+    # masses=("2", "2"),
+    # Any other kinetic energy, instead of masses:
+    # T=lambda p, k, b: (1 + p[0] ** 2 + p[1] ** 2) ** 0.5,
+    # Functions that are recorded at the samples of a run:
+    # observables={"distance": lambda q, p, k, b: (q[0] ** 2 + q[1] ** 2) ** 0.5},
+    # The energy, in its unit, to which errors are relative, instead of the energy at the start:
+    # energy_scale="0.5",
+    # V depends on time, see above:
     # time_dependent=True,
 )

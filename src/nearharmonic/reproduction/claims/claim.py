@@ -131,6 +131,7 @@ def _statements(kind: Kind) -> Callable[..., Callable[[Decide], Claim]]:
     return lambda **attributes: lambda decide: Claim(kind=kind, decide=decide, **attributes)
 
 
+#: The decorators of functions that decide statements, one for each kind.
 result, mathematics, misprint = _statements("result"), _statements("mathematics"), _statements("misprint")
 attribution, background, finding = _statements("attribution"), _statements("background"), _statements("finding")
 

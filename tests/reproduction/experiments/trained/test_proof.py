@@ -221,10 +221,44 @@ def test_the_table_of_methods_tells_gains_and_losses(small):
         )
 
 
-def test_the_table_of_gains_names_the_best_and_their_errors(small):
-    cube = small["cube"].copy(deep=True)
-    cube.best_published[0, 0] = "srkn_b11"
-    assert gain_table(cube).rows[0][2:4] == ["srkn_b11", cube.mean_log_error[0, 1, 0].item()]
+LOGARITHMS = [[[-6, -4], [-6.5, -3]], [[-7, np.nan], [-8.25, np.nan]]]
+#: Two ensembles at two step sizes, the second of which has one alone; a published method and a trained one.
+BY_HAND = xr.Dataset(
+    {
+        "mean_log_error": (("ensemble", "integrator", "point"), LOGARITHMS),
+        "best_published": (("ensemble", "point"), [["a", "a"], ["a", ""]]),
+        "best_trained": (("ensemble", "point"), [["b", "b"], ["b", ""]]),
+        "gain": (("ensemble", "point"), [[0.5, -1], [1.25, np.nan]]),
+        "gain_interval": (("ensemble", "point", "end"), [[[0.4, 0.6], [-1.2, -0.9]], [[-0.1, 2], [np.nan, np.nan]]]),
+    },
+    {
+        "ensemble": ["one", "two"], "integrator": ["a", "b"], "kind": ("integrator", ["published", "trained"]),
+        "tau_per_stage": (("ensemble", "point"), [[0.1, 0.2], [0.3, np.nan]]),
+    },
+)  # fmt: skip
+
+
+def test_the_table_of_gains_has_each_number_in_its_column():
+    table = gain_table(BY_HAND)
+    assert table.header == [
+        "ensemble", "tau_per_stage", "best published", "log10_error", "best trained", "log10_error_trained", "gain",
+        "gain_low", "gain_high", "verdict",
+    ]  # fmt: skip
+    assert table.rows == [
+        ["one", 0.1, "a", -6.0, "b", -6.5, 0.5, 0.4, 0.6, "ahead"],
+        ["one", 0.2, "a", -4.0, "b", -3.0, -1.0, -1.2, -0.9, "behind"],
+        ["two", 0.3, "a", -7.0, "b", -8.25, 1.25, -0.1, 2.0, "even"],
+    ]
+
+
+def test_the_table_of_methods_has_each_number_in_its_column():
+    table = method_table(BY_HAND)
+    assert [dict(zip(table.header, row, strict=True)) for row in table.rows] == [
+        {"method": "b", "ensemble": "one", "ahead_from": 0.1, "ahead_to": 0.1, "ratio": 1.0, "largest_gain": 0.5,
+         "gain_at": 0.1, "largest_loss": 1.0, "loss_at": 0.2},
+        {"method": "b", "ensemble": "two", "ahead_from": 0.3, "ahead_to": 0.3, "ratio": 1.0, "largest_gain": 1.25,
+         "gain_at": 0.3, "largest_loss": -1.25, "loss_at": 0.3},
+    ]  # fmt: skip
 
 
 def test_what_an_interval_says():

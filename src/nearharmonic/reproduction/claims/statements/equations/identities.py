@@ -7,7 +7,7 @@ oscillator is multiplied out shear by shear, and an identity between polynomials
 from __future__ import annotations
 
 import random
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 from itertools import pairwise
 from math import sqrt
@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from mpmath import mp, mpf
 
 from nearharmonic.integrators.tableau import Tableau, palindrome
-from nearharmonic.reproduction.claims.claim import Decision, counted, either, mathematics, misprint, tallied
+from nearharmonic.reproduction.claims.claim import Decide, Decision, counted, either, mathematics, misprint, tallied
 from nearharmonic.reproduction.claims.results import Results, short
 from nearharmonic.theory.order import order_of
 from nearharmonic.theory.oscillator import kappa
@@ -128,25 +128,38 @@ def last_row(m: Any, q: tuple[Any, Any], drift: Any, kick: Any) -> Any:
     return m * (q[1] - q[0]) / drift - kick * q[1]
 
 
-@mathematics(
+#: Takes coefficients and the terms of the position after each drift to formulas with what they should be equal to.
+Formulas = Callable[[Drawn, list[list[Any]]], Iterable[tuple[Any, Any]]]
+
+
+def identity(things: str, stages: int, formulas: Formulas, *, symmetric: bool = False) -> Decide:
+    """Judge of formulas for terms of the position, on coefficients drawn at random."""
+
+    def decide(_: Results) -> Decision:
+        pairs = [pair for one in drawn(stages, symmetric=symmetric) for pair in formulas(one, position_terms(one))]
+        return tallied((formula == exact for formula, exact in pairs), f"{things} equal")
+
+    return decide
+
+
+def _eq_13(one: Drawn, rows: list[list[Any]]) -> Iterable[tuple[Any, Any]]:
+    (d1, d2), (c1, c2) = one.kicks[:2], one.drifts[:2]
+    formulas = (
+        2 * c1 + c2,
+        -(d1 + d2) * (2 * c1 + c2),
+        -2 * c1 * d2 * (c1 + c2),
+        c1 * d2 * (2 * c1 * d1 + 2 * c2 * d1 + c2 * d2),
+    )
+    return zip(formulas, rows[-1][1:5], strict=True)
+
+
+eq_13 = mathematics(
     id="eq-13",
     paper="Eq. 13",
     sentence="the following identities must be true for symmetric fourth order splitting coefficients",
     statement="The formulas of Eq. 13 for ζ₁ to ζ₄ of three stages are right",
     threshold=f"equal to the terms of the position after a step, multiplied out kick by drift, {DRAWN}, symmetric ones",
-)
-def eq_13(_: Results) -> Decision:
-    good = []
-    for one in drawn(3, symmetric=True):
-        (d1, d2), (c1, c2) = one.kicks[:2], one.drifts[:2]
-        formulas = (
-            2 * c1 + c2,
-            -(d1 + d2) * (2 * c1 + c2),
-            -2 * c1 * d2 * (c1 + c2),
-            c1 * d2 * (2 * c1 * d1 + 2 * c2 * d1 + c2 * d2),
-        )
-        good += [a == b for a, b in zip(formulas, position_terms(one)[-1][1:5], strict=True)]
-    return tallied(good, "terms equal")
+)(identity("terms", 3, _eq_13, symmetric=True))
 
 
 def closed_form() -> tuple[Any, Any, Any, Any]:
@@ -192,16 +205,13 @@ def _tau4(one: Drawn, h: int, limit: int) -> Any:
 SUMS = f"equal to the terms of the position after h drifts, multiplied out kick by drift, {DRAWN}, with five stages"
 
 
-@mathematics(
+table_3 = mathematics(
     id="table-3",
     paper="Table 3",
     sentence="τ² and τ⁴ separations can be expressed as in Table 3",
     statement="The sums of the τ² column are right for every h",
     threshold=SUMS,
-)
-def table_3(_: Results) -> Decision:
-    good = [_tau2(one, h) == row[2] for one in drawn(5) for h, row in enumerate(position_terms(one))]
-    return tallied(good, "sums equal")
+)(identity("sums", 5, lambda one, rows: [(_tau2(one, h), row[2]) for h, row in enumerate(rows)]))
 
 
 @misprint(
@@ -219,19 +229,13 @@ def table_3_inner_limit(results: Results) -> Decision:
     return either(all(good), f"{value}. Eq. 16, where the sum runs to h, is right")
 
 
-@mathematics(
+eq_16 = mathematics(
     id="eq-16",
     paper="Eq. 16",
     sentence="the following identities must be true to satisfy the fourth conditions for the SHO",
     statement="The sums of Eq. 16 for ζ₂ and ζ₄ are right, with an inner sum that runs to h",
     threshold=SUMS,
-)
-def eq_16(_: Results) -> Decision:
-    good = []
-    for one in drawn(5):
-        exact = position_terms(one)[-1]
-        good += [_tau2(one, 5) == exact[2], _tau4(one, 5, 5) == exact[4]]
-    return tallied(good, "sums equal")
+)(identity("sums", 5, lambda one, rows: [(_tau2(one, 5), rows[-1][2]), (_tau4(one, 5, 5), rows[-1][4])]))
 
 
 #: a, b, m and k below Eq. 17.

@@ -1,0 +1,122 @@
+"""docs/claims.json: results decide it again, and README and docs/claims.md are made from it."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import nearharmonic as nh
+from nearharmonic.reproduction.claims.pages.documents import CARRYING, SUBSTANCE, failures_in_words
+from nearharmonic.reproduction.claims.pages.summary import KINDS, failures, of_the_paper
+from nearharmonic.reproduction.claims.table import decided
+from support.projects.workflow_project import Project
+from support.results.recorded_results import unpack
+from support.results.stated_numbers import ROOT, flat, numbers, states
+
+TEXT = (ROOT / "docs/claims.json").read_text(encoding="utf-8")
+ENTRIES = json.loads(TEXT)
+VALUES = {entry["id"]: entry["value"] for entry in ENTRIES}
+PAGE = (ROOT / "docs/claims.md").read_text(encoding="utf-8")
+README = flat("README.md")
+
+
+def test_the_command_writes_all_pages_again_as_they_are(tmp_path):
+    (tmp_path / "docs").mkdir()
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    damaged = re.sub(r"\*\*holds\*\*", "**fails**", readme)
+    assert damaged != readme
+    (tmp_path / "README.md").write_text(damaged, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-m", "nearharmonic.reproduction.claims.pages.documents", str(ROOT / "docs/claims.json")],
+        cwd=tmp_path, capture_output=True, text=True, check=False, env={"PYTHONPATH": str(ROOT / "src")},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    for name in ("README.md", "docs/claims.md", "docs/claims.json"):
+        assert (tmp_path / name).read_bytes() == (ROOT / name).read_bytes(), name
+
+
+def test_no_line_of_the_page_is_long_and_every_statement_is_folded_in():
+    assert max(map(len, PAGE.splitlines())) <= 300
+    folded = re.findall(r"<details>.*?</details>", PAGE, re.DOTALL)
+    for entry in of_the_paper(ENTRIES):
+        assert sum(f"`{entry['id']}`" in one for one in folded) == 1, entry["id"]
+    before = PAGE.partition("<details>")[0]
+    assert sum(f"`{name}`" in before for name in CARRYING) == len(CARRYING) == 12
+
+
+def test_the_sums_of_the_page_add_up():
+    lines = re.findall(r"^\| [a-z].*\|$", PAGE, re.MULTILINE)
+    header, *kinds = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    for many, total, *counts in kinds:
+        found = [entry for entry in of_the_paper(ENTRIES) if KINDS[entry["kind"]] == many]
+        assert int(total) == len(found) == sum(int(count or 0) for count in counts), many
+    assert sum(int(row[1]) for row in kinds) == len(of_the_paper(ENTRIES))
+    assert len(header) == len(kinds[0])
+
+
+def test_misprints_are_errata_and_nothing_else_is():
+    assert {entry["id"] for entry in ENTRIES if entry["verdict"] == "erratum"} == {
+        entry["id"] for entry in ENTRIES if entry["kind"] == "misprint"
+    }
+
+
+def test_the_attribution_to_kahan_is_wrong():
+    assert [entry["verdict"] for entry in ENTRIES if entry["kind"] == "attribution"] == ["fails"]
+
+
+def test_what_fails_in_substance_is_said_in_a_sentence():
+    assert {entry["id"] for entry in failures(ENTRIES)} == set(SUBSTANCE)
+    assert failures_in_words(ENTRIES) in README
+
+
+def test_the_committed_verdicts_are_decided_again_from_recorded_results(tmp_path):
+    assert decided(unpack(tmp_path), nh.integrators.registered)["document"] == TEXT
+
+
+def test_everything_that_can_be_decided_is():
+    assert [entry["id"] for entry in ENTRIES if entry["verdict"] == "not decided here"] == []
+
+
+def test_the_changelog_counts_the_statements():
+    assert numbers(flat("CHANGELOG.md"), r"paper that numbers decide, (\d+) of them") == [len(ENTRIES)]
+
+
+def test_the_first_sentence_of_readme_promises_what_was_measured():
+    """Whole decades of the best gain over Ruth's method on the near-harmonic system, Hénon-Heiles."""
+    (gain,) = numbers(VALUES["outperform-ruth-henon-heiles"], r"over the best up to (.*)$")
+    word = {3: "three", 4: "four", 5: "five"}[int(np.log10(gain))]
+    assert f"up to {word} decades better than Ruth's method" in README
+
+
+def test_the_caption_of_readme_has_the_stretches_that_were_measured():
+    value = VALUES["fig-3-sixth-order-descent"]
+    found = [one for name in ("8", "9") for one in numbers(value, rf"BAB's{name}o7H for τ/s = (\S+) to (\S+) \(")]
+    for ends in (found[:2], found[2:]):
+        assert states("README.md", [float(f"{one:.2g}") for one in ends], "BAB's8o7H", "BAB's9o7H", "τ/s", "falls")
+
+
+def test_the_page_states_the_gains_by_compensated_sums():
+    gains = numbers(VALUES["compensated-summation"], r"gains (\d+) \(Ruth\) to (\d+)")
+    assert states("docs/results.md", gains, "compensation", "times smaller")
+
+
+@pytest.mark.slow
+@pytest.mark.reproduction
+def test_the_committed_verdicts_are_those_of_a_run(tmp_path):
+    """The default run and the targets that statements need, on the paper's config; a few minutes."""
+    project = Project(tmp_path)
+    needed = ("all", "derive", "stability", "results/paper/cubes/trained.h5")
+    assert project.snakemake(*needed, "-j2").returncode == 0
+    done = project.snakemake("results/paper/tables/claims.json", "--force", "-j2")
+    assert done.returncode == 0, done.stdout
+    assert (tmp_path / "results/paper/tables/claims.json").read_text(encoding="utf-8") == TEXT
+    text = (tmp_path / "results/paper/tables/stability_rounding.csv").read_text(encoding="utf-8")
+    rows = [row for row in csv.DictReader(text.splitlines()) if row["brouwer"]]
+    law = [abs(float(row["exponent"]) - float(row["brouwer"])) <= float(row["interval_95"]) for row in rows]
+    assert f"{sum(law)} of {len(law)} measured exponents" in flat("docs/results.md")

@@ -1,0 +1,140 @@
+"""A rule gives its function the files that it reads, and the cores and the compiler: all rules, planned and run."""
+
+from __future__ import annotations
+
+from inspect import Parameter, signature
+from pathlib import Path
+
+import pytest
+
+from nearharmonic.reproduction.tasks.provenance import function_of
+from support.projects.opened_files import read_by_jobs
+from support.projects.planned_jobs import CORES
+from support.projects.targets import METHODS, SYSTEMS
+from support.projects.workflow_project import TINY
+
+RESULTS = "results/tiny/"
+
+
+@pytest.fixture(scope="module")
+def working(planned):
+    """Jobs of one function, each with it."""
+    found = [job for job in planned if "task" in job.params]
+    for job in found:
+        job.task = job.params["task"]
+        job.function = function_of(job.task)
+    return found
+
+
+@pytest.fixture(scope="module")
+def makers(planned):
+    """File -> the job that makes it."""
+    return {file: job for job in planned for file in job.output}
+
+
+def above(job, makers):
+    """All files that are there before ``job`` begins."""
+    found, waiting = set(), [*job.input]
+    while waiting:
+        file = waiting.pop()
+        if file not in found:
+            found.add(file)
+            waiting += makers[file].input
+    return found
+
+
+def test_a_function_is_called_with_the_settings_and_inputs_of_its_rule(working):
+    for job in working:
+        taken = signature(job.function)
+        given = job.task["settings"] | job.inputs
+        taken.bind(**given, **{name: None for name in ("threads", "report") if name in taken.parameters})
+        if "folder" not in given and any(one.kind is Parameter.VAR_KEYWORD for one in taken.parameters.values()):
+            one_each = set(SYSTEMS if "sweeps" in given else METHODS)
+            assert set(given) - set(taken.parameters) == one_each, job.rule
+
+
+def test_a_figure_is_drawn_of_a_cube_if_its_function_takes_one(planned):
+    for job in planned:
+        for task in job.params.get("tasks", {}).values():
+            assert len(signature(function_of(task)).parameters) == len(job.inputs.get("cube", ())), job.rule
+
+
+def test_an_experiment_reduces_its_own_runs_with_the_settings_of_the_runs(working, makers):
+    for job in working:
+        for made in (makers[file] for name in ("run", "runs", "cube", *METHODS) for file in job.inputs.get(name, ())):
+            assert made.function.__module__.rpartition(".")[0] == job.function.__module__.rpartition(".")[0], job.rule
+            ours, theirs = job.task["settings"], made.task["settings"]
+            same = [key for key in ours.keys() & theirs.keys() if isinstance(ours[key], type(theirs[key]))]
+            assert {key: ours[key] for key in same} == {key: theirs[key] for key in same}, job.rule
+
+
+def test_a_job_that_measures_time_has_all_cores_and_another_has_them_not(working, makers):
+    def measures(job):
+        reaches = "nearharmonic.numerics.clock" in job.task["modules"]
+        return reaches and hasattr(job.function, "measures_time")
+
+    timing = [job for job in working if measures(job) and not any(measures(makers[file]) for file in job.input)]
+    assert {job.rule for job in timing} >= {"work_precision_times", "exact_oscillator_times", "trained_times_table"}
+    assert {job.rule: job.threads for job in timing} == {job.rule: CORES for job in timing}
+    rest = {job.rule: job.threads for job in working if job not in timing}
+    assert rest == {
+        job.rule: 2 if "threads" in signature(job.function).parameters else 1 for job in working if job not in timing
+    }
+
+
+def test_kernels_are_compiled_by_one_job_at_a_time(planned, working, finished):
+    """Those that are called without one that compiled them before, and those of the jobs that compile alone."""
+    compiled = {
+        log
+        for log, files in read_by_jobs(finished.folder).items()
+        if any(Path(file).name.startswith("advance-") and file.endswith(".kernel") for file in files)
+    }
+    assert len(compiled) > 10
+    by_log = {job.log[0]: job for job in planned if job.log}
+    alone = [by_log[log] for log in compiled if not any("/compile/" in file for file in by_log[log].input)]
+    alone += [job for job in working if job.function.__name__ == "warm_up"]
+    assert {job.rule: job.compiler for job in alone} == dict.fromkeys(
+        ("compile", "stability_compile", "chaos", "displaced"), 1
+    )
+
+
+def test_a_run_waits_for_the_kernels_that_it_calls_and_for_no_others(working, makers):
+    waiting = [(job, makers[file]) for job in working for file in job.input if file.endswith(".done")]
+    assert {job.rule for job, _ in waiting} == {"integrate", "stability_run"}
+    for job, compiling in waiting:
+        assert job.compiler == 0
+        if job.rule == "integrate":
+            sweep = job.task["settings"]["sweep"]
+            asked = {"system": sweep["system"], "precisions": sweep["precision"]}
+            assert compiling.task["settings"] == asked
+        else:
+            assert compiling.function.__module__ == job.function.__module__
+
+
+def test_a_job_reads_the_results_that_its_rule_names_and_no_other(planned, makers, finished):
+    by_log = {job.log[0]: job for job in planned if job.log}
+    for log, files in read_by_jobs(finished.folder).items():
+        job = by_log[log]
+        read = {file for file in files if file.startswith(RESULTS)} & makers.keys() - {*job.output}
+        named = {file for file in job.input if not file.endswith(".done")}
+        assert named <= read, job.rule
+        folder = "task" in job.params and "folder" in job.params["task"]["settings"]
+        assert read <= (above(job, makers) if folder else named), job.rule
+
+
+def test_an_edit_of_a_file_of_the_package_that_a_job_reads_makes_its_results_again(finished):
+    """Template, style and script of the page: files that are no Python."""
+    package = "src/nearharmonic/"
+    read = {
+        log: {name for name in files if name.startswith(package) and not name.endswith((".py", ".pyc"))}
+        for log, files in read_by_jobs(finished.folder).items()
+    }
+    assert {log for log, files in read.items() if files} == {f"{RESULTS}logs/report.log"}
+    for name in read[f"{RESULTS}logs/report.log"]:
+        place = finished.folder / name
+        text = place.read_bytes()
+        place.write_bytes(text + b"\n")
+        try:
+            assert finished.jobs(*TINY) == {"page": 1, "all": 1}, name
+        finally:
+            place.write_bytes(text)
