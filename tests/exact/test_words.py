@@ -1,4 +1,4 @@
-"""Series in two letters and their logarithm against nilpotent matrices."""
+"""Steps on words, and their logarithm and its derivatives, against nilpotent matrices and differences."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from math import factorial
 import numpy as np
 import pytest
 
-from nearharmonic.exact.words import logarithm, product_of_exponentials, words
+from nearharmonic.exact.words import logarithm, logarithm_slopes, word_sums, words
 
 DEGREE = 5
 
@@ -70,16 +70,40 @@ def test_a_product_of_exponentials_and_its_logarithm_are_those_of_matrices(seed)
     expected = ONE
     for letter, c in operators:
         expected = expected @ exponential(c * OPERATORS[letter])
-    series = product_of_exponentials(operators, DEGREE)
-    assert (evaluated({word: series[word] for word in words(DEGREE)}) == expected).all()
-    found = logarithm(series, words(DEGREE)[1:])
+    assert (evaluated(word_sums(operators, words(DEGREE))) == expected).all()
+    found = logarithm(operators, words(DEGREE)[1:])
     assert (evaluated(found) == matrix_logarithm(expected)).all()
 
 
-def test_a_series_with_few_kicks_is_the_full_one_where_it_is_known():
-    operators = random_operators(9)
-    full, few = product_of_exponentials(operators, 6), product_of_exponentials(operators, 6, 2)
-    assert set(few.scaled) == {word for word in full.scaled if word.count("B") <= 2}
-    assert all(few[word] == full[word] for word in few.scaled)
-    wanted = [word for word in few.scaled if word]
-    assert logarithm(few, wanted) == logarithm(full, wanted)
+def test_a_logarithm_on_few_words_is_that_on_all():
+    operators, wanted = random_operators(9), [word for word in words(6, 2) if word]
+    assert [word for word in words(6) if word and word.count("B") <= 2] == wanted
+    found = logarithm(operators, words(6)[1:])
+    assert logarithm(operators, wanted) == {word: found[word] for word in wanted}
+
+
+def test_logarithms_of_arrays_are_the_exact_ones_of_each_column():
+    columns = [random_operators(seed) for seed in (3, 3)]
+    columns[1] = [(letter, -c / 3) for letter, c in columns[1]]
+    step = [(x, np.array([float(a), float(b)])) for (x, a), (_, b) in zip(*columns, strict=True)]
+    found = logarithm(step, words(4)[1:])
+    for column, operators in enumerate(columns):
+        for word, value in logarithm(operators, words(4)[1:]).items():
+            # Sums of some thousand products of numbers up to 9.
+            assert found[word][column] == pytest.approx(float(value), rel=1e-10, abs=1e-9), word
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 4])
+def test_slopes_of_the_logarithm_are_those_of_differences(degree):
+    # Central differences of step 1e-10 in rational numbers are off by 1e-20; double precision leaves 1e-14.
+    letters, values = "ABABA", [0.3, -0.7, 1.1, 0.9, -0.2]
+    wanted = [word for word in words(degree) if len(word) == degree]
+    found = logarithm_slopes(list(zip(letters, values, strict=True)), wanted)
+    step = Fraction(1, 10**10)
+    for i in range(len(letters)):
+        ends = []
+        for sign in (1, -1):
+            moved = [Fraction(v) + sign * step * (i == j) for j, v in enumerate(values)]
+            ends.append(logarithm(list(zip(letters, moved, strict=True)), wanted))
+        for word in wanted:
+            assert found[word][i] == pytest.approx(float((ends[0][word] - ends[1][word]) / (2 * step)), abs=1e-12)

@@ -59,13 +59,13 @@ def test_a_requirement_has_one_spelling_inside(tmp_path, requires):
 
 def test_zeros_at_the_ends_are_left_out_and_neighbours_of_one_operator_joined():
     step = step_of(("0", "0.25", "0.25", "0.5"), ("0.5", "0", "0.5", "0"), "kick", 3)
-    assert [(one.letter, float(one.value), one.place) for one in step] == [
+    assert [(letter, float(c), c.place) for letter, c in step] == [
         ("A", 0.5, "drift[0]"),
         ("B", 0.5, "kick[1] + kick[2]"),
         ("A", 0.5, "drift[2]"),
         ("B", 0.5, "kick[3]"),
     ]
-    assert [float(one.uncertainty) for one in step] == pytest.approx([3e-3, 6e-3, 3e-3, 3e-3])
+    assert [float(c.uncertainty) for _, c in step] == pytest.approx([3e-3, 6e-3, 3e-3, 3e-3])
 
 
 @pytest.mark.parametrize(

@@ -13,9 +13,9 @@ from mpmath import mp, mpf, nstr
 
 from nearharmonic.errors import SettingError, UnknownNameError
 from nearharmonic.exact import lie
-from nearharmonic.exact.words import logarithm, product_of_exponentials, words
+from nearharmonic.exact.words import logarithm, words
 from nearharmonic.integrators import integrators
-from nearharmonic.integrators.order_conditions import operators_of, tolerance
+from nearharmonic.integrators.order_conditions import step_of, tolerance
 from nearharmonic.integrators.tableau import Tableau, palindrome
 from nearharmonic.theory.order import (
     ErrorTerm,
@@ -114,7 +114,7 @@ def test_a_nystrom_method_has_its_order_for_quadratic_kinetic_energy_and_in_its_
 def test_the_first_generalised_order_is_that_of_a_quadrature(name):
     # To first order in epsilon the kicks are the weights, the drifts before them the nodes, of a quadrature on [0, 1].
     tableau = integrators[name]
-    letters, nodes, weights = operators_of(tableau), [], []
+    letters, nodes, weights = step_of(tableau), [], []
     position = Fraction(0)
     for letter, c in letters:
         if letter == "A":
@@ -140,7 +140,7 @@ def test_what_blanes_and_others_call_the_small_part_is_the_kick():
 @pytest.mark.parametrize("degree", [5, 7])
 def test_the_nystrom_norm_is_the_distance_to_what_vanishes(name, degree):
     # Double precision suffices: least squares of well-scaled columns.
-    found = logarithm(product_of_exponentials(operators_of(integrators[name]), degree), lie.lyndon_words(degree))
+    found = logarithm(step_of(integrators[name]), lie.lyndon_words(degree))
     matrix = np.array([[float(x) for x in row] for row in lie._to_basis(degree)])
     error = matrix @ [float(found[word]) for word in lie.lyndon_words(degree)]
     ideal = matrix @ np.array(
@@ -160,7 +160,7 @@ def test_the_harmonic_error_is_the_limit_of_the_step_minus_the_rotation(name):
     with mp.workdps(60):
         tau = mpf(10) ** -5
         step = mp.eye(2)
-        for letter, c in operators_of(tableau):
+        for letter, c in step_of(tableau):
             x = mpf(c.numerator) / c.denominator * tau
             step = mp.matrix([[1, x], [0, 1]] if letter == "A" else [[1, 0], [-x, 1]]) * step
         rotation = mp.matrix([[mp.cos(tau), mp.sin(tau)], [-mp.sin(tau), mp.cos(tau)]])
@@ -199,12 +199,10 @@ def test_an_order_is_recognised_from_as_few_digits_as_are_guaranteed_and_no_fewe
 def test_the_tolerance_bounds_what_wrong_last_digits_do(name, degree):
     chance, tableau = random.Random(7), integrators[name]
     wrong = []
-    for letter, c in operators_of(tableau):
+    for letter, c in step_of(tableau):
         wrong.append((letter, c + Fraction(chance.choice((-1, 1)), 10**tableau.digits)))
     every = [word for word in words(degree) if len(word) == degree]
-    right, off = (
-        logarithm(product_of_exponentials(operators, degree), every) for operators in (operators_of(tableau), wrong)
-    )
+    right, off = (logarithm(step, every) for step in (step_of(tableau), wrong))
     change = sum(abs(right[word] - off[word]) for word in every)
     assert 0 < change <= tolerance(tableau, degree)
 

@@ -8,14 +8,13 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.exact.lie import lyndon_words
-from nearharmonic.exact.words import SQUARE, logarithm, product_of_exponentials
+from nearharmonic.exact.words import SQUARE, logarithm
 from nearharmonic.theory.shifted_kicks import ShiftedKick, shifted_kicks
 
 
 def test_the_coefficient_of_the_square_is_that_of_the_exact_logarithm():
     a, d, b = Fraction(-2, 5), Fraction(-1, 90), Fraction(7, 10)
-    step = product_of_exponentials([("B", a), ("A", d), ("B", b)], 3)
-    found = logarithm(step, lyndon_words(3))
+    found = logarithm([("B", a), ("A", d), ("B", b)], lyndon_words(3))
     # On the word ABB, C = [B, [A, B]] has -1, and no other bracket of one A and two B is independent of it.
     square = found["ABB"] / SQUARE["ABB"]
     kick = ShiftedKick(0, float(a), float(d), float(b))

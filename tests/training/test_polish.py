@@ -11,11 +11,11 @@ from mpmath import mp, mpf
 
 import nearharmonic as nh
 from nearharmonic.exact.lie import conditions, lyndon_words
-from nearharmonic.exact.words import product_of_exponentials
 from nearharmonic.theory.order import harmonic_order_of, nystrom_order_of, order_of
 from nearharmonic.training.family import Family
 from nearharmonic.training.polish import DIGITS, NotConvergedError, polished, tableau_of
-from support.methods.family_members import FAMILIES, members, operators_of
+from support.methods.family_members import FAMILIES, members
+from support.oracles.word_series import operators_of, series
 
 
 @pytest.mark.parametrize("family", FAMILIES, ids=str)
@@ -45,7 +45,7 @@ def test_conditions_of_order_six_are_needed_for_order_six_and_not_met_by_chance(
 @pytest.mark.parametrize("family", FAMILIES, ids=str)
 def test_sixty_decimals_meet_the_equations_in_exact_arithmetic(family):
     tableau = tableau_of(family, members(family, 1)[0], name="member", source="here")
-    step = product_of_exponentials(operators_of(tableau), max(5, family.harmonic_order))
+    step = series(operators_of(tableau), max(5, family.harmonic_order))
     allowed = Fraction(1, 10 ** (DIGITS - 6))  # a sum of some hundred products of coefficients below 4, times 7!
     for letter in "AB":
         assert abs(step[letter] - 1) < allowed

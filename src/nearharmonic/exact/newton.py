@@ -42,7 +42,6 @@ def newton(
     *,
     digits: int,
     fixed: Sequence[int] = (),
-    guard: int = GUARD,
 ) -> Limit:
     """The zero of ``function`` near ``start``.
 
@@ -59,10 +58,8 @@ def newton(
         Number of correct decimals of the solution.
     fixed : sequence of int
         Indices of the unknowns that keep their values.
-    guard : int
-        Number of guard digits, beyond ``digits``.
     """
-    with mp.workdps(digits + guard):
+    with mp.workdps(digits + GUARD):
         x = list(map(as_mpf, start))
         moving = [j for j in range(len(x)) if j not in set(fixed)]
         tolerance, correction, used = mpf(10) ** -digits, mp.inf, 0

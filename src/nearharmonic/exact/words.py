@@ -1,50 +1,47 @@
-"""Exact truncated power series in two letters that do not commute: A for a drift, B for a kick.
+"""Coefficients of steps and of their logarithms on words: power series in letters that do not commute.
 
-An operator of a step may also be C = [B, [A, B]], which is not a letter. For quadratic T it is a kick of a modified
-potential.
+A step is a product of exponentials exp(c X) of A, B and C = [B, [A, B]], see :mod:`nearharmonic.exact.step`. As a
+series it has a coefficient S(w) for each word w of letters A and B. A factor adds to S(w) a sum over shorter words.
+The coefficients in the product of the first factor, of the first two, and so on are therefore a cumulative sum. Its
+arrays have a row for each factor. Numbers are rational, floats, arrays of floats (one column per step), or mpmath
+numbers.
 
-A series assigns a number to every word. In a product of exponentials exp(c A) and exp(c B), a word w of n letters has a
-coefficient S(w) that is a sum of products of n values c. If ``unit`` is a common denominator of all c, n! unit^n S(w)
-is an integer. A :class:`Series` holds these integers, so that no fraction is ever reduced.
+Rational numbers are computed as integers: for a word w of n letters and a common denominator ``unit``, n! unit^n S(w)
+is an integer, so that no fraction is ever reduced.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
-from functools import cache, lru_cache
-from itertools import product
+from functools import lru_cache, reduce
+from itertools import accumulate, product
 from math import comb, factorial, lcm
+from operator import add, mul
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nearharmonic.exact.step import Factor, is_exact, scaled
 
 LETTERS = "AB"
 #: [B, [A, B]] as coefficients of words.
 SQUARE = {"BAB": 2, "ABB": -1, "BBA": -1}
+_ELEMENTS: dict[str, dict[str, int]] = {"A": {"A": 1}, "B": {"B": 1}, "C": SQUARE}
 
-#: An operator of a step: A, B or C, and its factor.
-Operator = tuple[str, Fraction]
-
-
-@dataclass(frozen=True)
-class Series:
-    """Coefficients of words of up to ``length`` letters, times n! unit^n for words of n letters.
-
-    ``scaled`` holds every word up to that length with at most the given number of letters B.
-    """
-
-    scaled: dict[str, int]
-    unit: int
-    length: int
-
-    def __getitem__(self, word: str) -> Fraction:
-        """The coefficient of ``word``."""
-        return Fraction(self.scaled[word], factorial(len(word)) * self.unit ** len(word))
+#: Doubles, or other numbers as objects: a row for each factor.
+Array = NDArray[Any]
+#: Of a word: an operator, its power, the weight of the word in it, and the word in front.
+_Term = tuple[str, int, int, str]
+#: The splits of a word of n letters in two, the first part not empty: (n over its length, first part, second part).
+_Splits = tuple[tuple[int, str, str], ...]
 
 
 def words(length: int, kicks: int | None = None) -> list[str]:
     """All words of at most ``length`` letters with at most ``kicks`` letters B (None: any number), shorter ones first.
 
-    Every part of such a word is such a word, so that series truncated to them can be multiplied.
+    Every part of such a word is such a word.
     """
     bound = length if kicks is None else kicks
     layers = [[""]]
@@ -53,73 +50,179 @@ def words(length: int, kicks: int | None = None) -> list[str]:
     return [word for layer in layers for word in layer]
 
 
-def product_of_exponentials(operators: Sequence[Operator], length: int, kicks: int | None = None) -> Series:
-    """exp(c1 X1) exp(c2 X2) ... for ``operators`` (X, c) from left to right, on :func:`words` of ``length, kicks``.
+def word_sums(step: Sequence[Factor], needed: Iterable[str]) -> dict[str, Any]:
+    """Return the coefficients of a step on the words ``needed`` and on their beginnings.
 
-    X is one of the two letters, or "C" for :data:`SQUARE`.
+    Parameters
+    ----------
+    step : sequence of F (str, number)
+        The operators from left to right, each with what it is multiplied by: rational numbers, floats, arrays of one
+        shape, or mpmath numbers.
+    needed : iterable of str
+        Words.
     """
-    unit = lcm(*(c.denominator for _, c in operators))
-    scaled = dict.fromkeys(words(length, kicks), 0)
-    scaled[""] = 1
-    for letter, c in operators:
-        if letter == "C":
-            _multiply_by_square(scaled, int(c * unit**3), length, kicks)
-            continue
-        factor = int(c * unit)
-        powers = [factor**k for k in range(length + 1)]
-        # In place: the coefficient of a word depends on shorter words, which are updated later.
-        for n, k, pairs in _endings(length, kicks, letter):
-            weight = comb(n, k) * powers[k]
-            for word, beginning in pairs:
-                scaled[word] += weight * scaled[beginning]
-    return Series(scaled, unit, length)
+    if not is_exact(step):
+        return _last(_sums(step, tuple(needed)))
+    integers, unit = scaled(step)
+    found = _last(_sums(integers, tuple(needed), integers=True))
+    return {word: Fraction(x, factorial(len(word)) * unit ** len(word)) for word, x in found.items()}
 
 
-def logarithm(series: Series, wanted: Iterable[str]) -> dict[str, Fraction]:
-    """Coefficients of log(series) for the words ``wanted``, exact; the constant term of the series must be 1.
+def word_slopes(step: Sequence[Factor], needed: Iterable[str]) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Return what :func:`word_sums` does, and the derivatives (F, ...) on the words ``needed`` by each number.
+
+    The derivative of exp(c X) is X exp(c X). On a word w it gives the sum over all w = u X v of the coefficient on u of
+    the factors in front, times that on v of the others.
+
+    Parameters
+    ----------
+    step, needed
+        As for :func:`word_sums`, but for rational numbers, whose derivatives would be doubles.
+    """
+    needed, places = tuple(needed), _places(step)
+    before = _sums(step, needed)
+    # A, B and C are the same read backwards: a product read backwards has the words read backwards. No first letter is
+    # behind a factor.
+    behind = _sums(step[::-1], tuple(word[:0:-1] for word in needed))
+    front = {word: sums[:-1] for word, sums in before.items()}
+    others = {word: sums[:0:-1] for word, sums in behind.items()}
+    slopes = {}
+    for word in needed:
+        slopes[word] = np.zeros_like(front[""])
+        for operator, rows in places.items():
+            if cuts := _cuts(word, operator):
+                slopes[word][rows] = _total(_times(weight, front[u]) * others[v] for weight, u, v in cuts)[rows]
+    return _last(before), slopes
+
+
+def logarithm(step: Sequence[Factor], wanted: Iterable[str]) -> dict[str, Any]:
+    """Return the coefficients of the logarithm of a step on the words ``wanted``.
 
     log(1 + X) = X (1 - X (1/2 - X (1/3 - ...))), and since X begins with words of one letter, the k-th bracket from
     outside is needed only for words of up to length - k letters that are ends of wanted words.
+
+    Parameters
+    ----------
+    step : sequence of F (str, number)
+        As for :func:`word_sums`.
+    wanted : iterable of str
+        Words of a letter or more.
     """
-    X, targets = series.scaled, tuple(wanted)
-    length = max(map(len, targets), default=0)
-    common = lcm(*range(1, length + 1))
-    ends = _ends(targets)
-    bracket = {"": common // max(1, length)}
-    for k in range(length - 1, 0, -1):
-        bracket = {word: -_convolution(X, bracket, splits) for word, splits in ends if len(word) <= length - k}
-        bracket[""] = common // k
-    scale = [common * factorial(n) * series.unit**n for n in range(length + 1)]
-    last = dict(ends)
-    return {word: Fraction(_convolution(X, bracket, last[word]), scale[len(word)]) for word in targets}
+    targets, unit, exact = tuple(wanted), 1, is_exact(step)
+    if exact:
+        step, unit = scaled(step)
+    X = _last(_sums(step, _parts(targets), integers=exact))
+    if not exact:
+        X = _times_factorials(X)
+    common, brackets = _brackets(X, targets)
+    scale = [common * factorial(n) * unit**n for n in range(len(brackets) + 1)]
+    found = {word: _convolution(X, brackets[-1], splits) for word, splits in _ends(targets)}
+    if exact:
+        return {word: Fraction(found[word], scale[len(word)]) for word in targets}
+    return {word: found[word] / scale[len(word)] for word in targets}
 
 
-def _multiply_by_square(scaled: dict[str, int], factor: int, length: int, kicks: int | None) -> None:
-    """Multiply a series, in place, by the exponential of C times ``factor`` / unit^3; C has three letters."""
-    powers = {"": 1}  # C^k / k!, with the factors of its words
-    ends: list[tuple[str, Fraction]] = []
-    for k in range(1, length // 3 + 1):
-        powers = {word + end: a * b for word, a in powers.items() for end, b in SQUARE.items()}
-        ends += [(word, Fraction(a * factor**k, factorial(k))) for word, a in powers.items()]
-    for word in reversed(words(length, kicks)):
-        n = len(word)
-        for end, a in ends:
-            if word.endswith(end):
-                scaled[word] += int(a * factorial(n) / factorial(n - len(end))) * scaled[word[: n - len(end)]]
+def logarithm_slopes(step: Sequence[Factor], wanted: Iterable[str]) -> dict[str, Array]:
+    """Return the derivatives (F, ...) of :func:`logarithm` by each number of a step, which is not rational."""
+    targets = tuple(wanted)
+    X, dX = map(_times_factorials, word_slopes(step, _parts(targets)))
+    common, brackets = _brackets(X, targets)
+    ends, none = _ends(targets), np.zeros_like(next(iter(dX.values())))
+    slopes = {word: none for word, _ in ends}
+    for n, bracket in enumerate(brackets, start=1):
+        slopes[""] = none
+        slopes = {
+            word: _convolution(dX, bracket, splits) - _convolution(X, slopes, splits)
+            for word, splits in ends
+            if len(word) <= n
+        }
+    return {word: slopes[word] / (common * factorial(len(word))) for word in targets}
 
 
-@cache
-def _endings(length: int, kicks: int | None, letter: str) -> tuple[tuple[int, int, tuple[tuple[str, str], ...]], ...]:
-    """(n, k, words of n letters that end with k times ``letter``, each with its beginning), n descending."""
-    found: dict[tuple[int, int], list[tuple[str, str]]] = {}
-    for word in words(length, kicks):
-        for k in range(1, len(word) - len(word.rstrip(letter)) + 1):
-            found.setdefault((len(word), k), []).append((word, word[:-k]))
-    return tuple((n, k, tuple(pairs)) for (n, k), pairs in sorted(found.items(), reverse=True))
+def _last(found: Mapping[str, Array]) -> dict[str, Any]:
+    """The coefficients in the product of all factors."""
+    return {word: sums[-1] for word, sums in found.items()}
 
 
-#: The splits of a word of n letters in two, the first part not empty: (n over its length, first part, second part).
-_Splits = tuple[tuple[int, str, str], ...]
+def _times_factorials(found: Mapping[str, Any]) -> dict[str, Any]:
+    return {word: factorial(len(word)) * x for word, x in found.items()}
+
+
+def _places(step: Sequence[Factor]) -> dict[str, list[int]]:
+    """Return the places of each operator among the factors."""
+    found = {name: [i for i, (other, _) in enumerate(step) if other == name] for name in _ELEMENTS}
+    return {name: rows for name, rows in found.items() if rows}
+
+
+def _sums(step: Sequence[Factor], needed: tuple[str, ...], *, integers: bool = False) -> dict[str, Array]:
+    """Return, by needed word or beginning of one, coefficients in the products of the first 0, 1, ..., F factors.
+
+    With ``integers`` for numbers they are those times n!, integers too.
+    """
+    places = _places(step)
+    numbers = np.array([number for _, number in step], dtype=object if integers else None)
+    plan, highest = _plan("".join(places), needed, integers)
+    powers = {}  # the k-th power, over k! but for integers, 0 where another operator stands
+    for operator, rows in places.items():
+        one = np.zeros_like(numbers)
+        one[rows] = numbers[rows]
+        factors = (one if integers else one / k for k in range(2, highest + 1))
+        powers[operator] = list(accumulate(factors, mul, initial=one))
+    start = np.zeros_like(numbers, shape=(len(numbers) + 1, *numbers.shape[1:]))
+    found = {"": start + 1}
+    for word, terms in plan:
+        found[word] = start.copy()
+        if terms:
+            added = _total(_times(a, powers[name][k - 1]) * found[front][:-1] for name, k, a, front in terms)
+            added.cumsum(axis=0, out=found[word][1:])
+    return found
+
+
+def _times(weight: int, array: Array) -> Array:
+    return array if weight == 1 else weight * array
+
+
+def _total(arrays: Iterable[Array]) -> Array:
+    return reduce(add, arrays)
+
+
+@lru_cache(maxsize=64)
+def _plan(operators: str, needed: tuple[str, ...], integers: bool) -> tuple[list[tuple[str, list[_Term]]], int]:
+    """Return the terms that factors add to each needed word and its prefixes, shorter first, and the highest power."""
+    wanted = sorted({word[:n] for word in needed for n in range(1, len(word) + 1)}, key=lambda word: (len(word), word))
+    longest = max(map(len, wanted), default=0)
+    ends: list[tuple[str, str, int, int]] = []
+    for operator in operators:
+        element, power, k = _ELEMENTS[operator], {"": 1}, 0
+        while len(next(iter(power))) + len(next(iter(element))) <= longest:
+            k += 1
+            power = {word + end: a * b for word, a in power.items() for end, b in element.items()}
+            ends += [(operator, word, k, a) for word, a in power.items()]
+
+    plan = []
+    for word in wanted:
+        n, terms = len(word), [one for one in ends if word.endswith(one[1])]
+        scales = [factorial(n) // (factorial(n - len(end)) * factorial(k)) if integers else 1 for _, end, k, _ in terms]
+        pairs = zip(terms, scales, strict=True)
+        plan.append((word, [(name, k, a * scale, word.removesuffix(end)) for (name, end, k, a), scale in pairs]))
+    return plan, max((k for _, terms in plan for _, k, _, _ in terms), default=0)
+
+
+@lru_cache(maxsize=512)
+def _cuts(word: str, operator: str) -> list[tuple[int, str, str]]:
+    """All ways to cut out an operator: its weight, the word in front, and that behind read backwards."""
+    return [
+        (weight, word[:i], word[i + len(middle) :][::-1])
+        for middle, weight in _ELEMENTS[operator].items()
+        for i in range(len(word) - len(middle) + 1)
+        if word[i:].startswith(middle)
+    ]
+
+
+@lru_cache(maxsize=64)
+def _parts(wanted: tuple[str, ...]) -> tuple[str, ...]:
+    """All parts of the words ``wanted``."""
+    return tuple({word[i:j] for word in wanted for i in range(len(word)) for j in range(i + 1, len(word) + 1)})
 
 
 @lru_cache(maxsize=64)
@@ -131,6 +234,17 @@ def _ends(wanted: tuple[str, ...]) -> tuple[tuple[str, _Splits], ...]:
     )
 
 
-def _convolution(X: dict[str, int], Y: dict[str, int], splits: _Splits) -> int:
+def _brackets(X: Mapping[str, Any], targets: tuple[str, ...]) -> tuple[int, list[dict[str, Any]]]:
+    """The brackets of the logarithm, the innermost first, times a common multiple of their constants, and that."""
+    length = max(map(len, targets), default=0)
+    common = lcm(*range(1, length + 1))
+    brackets: list[dict[str, Any]] = [{"": common // max(1, length)}]
+    for k in range(length - 1, 0, -1):
+        bracket = {w: -_convolution(X, brackets[-1], splits) for w, splits in _ends(targets) if len(w) <= length - k}
+        brackets.append(bracket | {"": common // k})
+    return common, brackets
+
+
+def _convolution(X: Mapping[str, Any], Y: Mapping[str, Any], splits: _Splits) -> Any:
     """Scaled coefficient of the word with these splits in the product of X - 1 and Y."""
     return sum(ways * X[first] * Y[second] for ways, first, second in splits)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from decimal import Decimal
 from fractions import Fraction
-from itertools import zip_longest
+from itertools import groupby
 from statistics import median_low
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
-from nearharmonic.exact.words import Operator
+from nearharmonic.exact.step import Step, composed
 from nearharmonic.exchange.coefficient_file import CoefficientFile
 from nearharmonic.integrators.tableau import First, Row
 
@@ -22,22 +22,25 @@ DOUBLE_DIGITS, LONGEST_DOUBLE = 16, 18
 LAST_DIGIT = 3
 
 
-class Substep(NamedTuple):
-    """One drift (letter A) or kick (letter B) of a step.
+class Printed(Fraction):
+    """A coefficient of a step as a file prints it: the exact value of its decimals.
 
-    ``uncertainty`` bounds how far the coefficient can be from the one that its decimals were rounded from, and
-    ``places`` are where the file has it, such as ("kick[2]",); several if neighbours of one operator were joined.
+    Attributes
+    ----------
+    uncertainty : Fraction
+        Bound of its distance to the coefficient that its decimals were rounded from.
+    place : str
+        Its place in the file, such as "kick[2]"; several if neighbours of one operator were joined.
     """
 
-    letter: str
-    value: Fraction
     uncertainty: Fraction
-    places: tuple[str, ...]
+    place: str
 
-    @property
-    def place(self) -> str:
-        """The places in words."""
-        return " + ".join(self.places)
+    def __new__(cls, value: str | Fraction, uncertainty: Fraction, place: str) -> Self:
+        """Return ``value`` with its uncertainty and its place."""
+        self = super().__new__(cls, value)
+        self.uncertainty, self.place = uncertainty, place
+        return self
 
 
 class Digits(NamedTuple):
@@ -50,9 +53,6 @@ class Digits(NamedTuple):
     def words(self) -> str:
         """The digits in words."""
         return f"{self.number} digits" if self.number else "exact coefficients"
-
-
-Step = tuple[Substep, ...]
 
 
 def digits_of(file: CoefficientFile) -> Digits:
@@ -97,54 +97,43 @@ def uncertainty(text: str, digits: int) -> Fraction:
 
 
 def step_of(kick: Row, drift: Row, first: First, digits: int) -> Step:
-    """Return the substeps in the order of their application, without those of 0, and with neighbours joined."""
-    rows = {"A": ("drift", drift), "B": ("kick", kick)}
-    letters = "BA" if first == "kick" else "AB"
-    found: list[Substep] = []
-    for pair in zip_longest(*(range(len(rows[letter][1])) for letter in letters)):
-        for letter, i in zip(letters, pair, strict=True):
-            if i is None:
-                continue
-            name, row = rows[letter]
-            value = Fraction(row[i])
-            if value == 0:
-                continue
-            one = Substep(letter, value, uncertainty(row[i], digits), (f"{name}[{i}]",))
-            found[-1:] = _joined(found[-1:], one)
-    return tuple(found)
+    """Return the step of printed rows, without flows of 0, and with neighbours of one operator joined."""
+    kicks, drifts = (
+        [Printed(text, uncertainty(text, digits), f"{name}[{i}]") for i, text in enumerate(row)]
+        for name, row in (("kick", kick), ("drift", drift))
+    )
+    moving = [factor for factor in composed(first, kicks, drifts) if factor[1]]
+    return tuple((letter, _joined([c for _, c in same])) for letter, same in groupby(moving, key=lambda x: x[0]))
 
 
-def _joined(last: Sequence[Substep], one: Substep) -> list[Substep]:
-    if not last or last[0].letter != one.letter:
-        return [*last, one]
-    before = last[0]
-    places = (*before.places, *one.places)
-    return [Substep(one.letter, before.value + one.value, before.uncertainty + one.uncertainty, places)]
-
-
-def operators_of(step: Step) -> list[Operator]:
-    """Return the letters and coefficients of a step."""
-    return [(one.letter, one.value) for one in step]
+def _joined(same: Sequence[Printed]) -> Printed:
+    uncertain = sum((c.uncertainty for c in same), Fraction(0))
+    return Printed(sum(same, Fraction(0)), uncertain, " + ".join(c.place for c in same))
 
 
 def with_roles_exchanged(step: Step) -> Step:
     """Return the step whose drifts are kicks and whose kicks are drifts."""
-    return tuple(one._replace(letter="B" if one.letter == "A" else "A") for one in step)
+    return tuple(("B" if letter == "A" else "A", c) for letter, c in step)
 
 
-def size_of(step: Iterable[Substep]) -> Fraction:
+def size_of(step: Step) -> Fraction:
     """Return the sum of the absolute values of all coefficients."""
-    return sum((abs(one.value) for one in step), Fraction(0))
+    return sum((abs(c) for _, c in step), Fraction(0))
+
+
+def uncertainty_of(step: Step) -> Fraction:
+    """Return the sum of the uncertainties of all coefficients."""
+    return sum((c.uncertainty for _, c in step), Fraction(0))
 
 
 def is_palindrome(step: Step, *, exactly: bool = False) -> bool:
     """Return whether a step reads the same backwards, to the digits of its coefficients or exactly."""
     return all(
-        a.letter == b.letter and abs(a.value - b.value) <= (0 if exactly else a.uncertainty + b.uncertainty)
-        for a, b in zip(step, reversed(step), strict=True)
+        x == y and abs(a - b) <= (0 if exactly else a.uncertainty + b.uncertainty)
+        for (x, a), (y, b) in zip(step, reversed(step), strict=True)
     )
 
 
 def symmetrised(step: Step) -> Step:
     """Return the palindrome whose coefficients are the means of each coefficient and its mirror image."""
-    return tuple(a._replace(value=(a.value + b.value) / 2) for a, b in zip(step, reversed(step), strict=True))
+    return tuple((letter, (a + b) / 2) for (letter, a), (_, b) in zip(step, reversed(step), strict=True))

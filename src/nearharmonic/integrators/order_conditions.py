@@ -19,13 +19,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import lru_cache
-from itertools import chain
 from math import ceil, lcm
 
 from nearharmonic.exact.lie import conditions, lyndon_words
-from nearharmonic.exact.words import Operator, logarithm, product_of_exponentials
+from nearharmonic.exact.step import Factor, Step, composed
+from nearharmonic.exact.words import logarithm
 from nearharmonic.integrators.modified_tableau import ModifiedTableau
-from nearharmonic.integrators.processed_tableau import ProcessedTableau
+from nearharmonic.integrators.processed_tableau import ProcessedTableau, Processor
 from nearharmonic.integrators.tableau import Tableau
 
 #: Up to this order methods are examined unless they declare more; the number of words doubles with each more.
@@ -37,7 +37,7 @@ HIGHEST_DECLARED = 10
 @lru_cache(maxsize=1024)
 def tolerance(tableau: Tableau, degree: int) -> Fraction:
     """Return what guaranteed digits allow a condition of ``degree`` to be off by: the bound above."""
-    count = len(operators_of(tableau)) if tableau.modified else 2 * tableau.stages + 1
+    count = len(step_of(tableau)) if tableau.modified else 2 * tableau.stages + 1
     return count * Fraction(1, 10**tableau.digits) * _size(tableau) ** (degree - 1) * Fraction(3, 2) ** degree
 
 
@@ -48,8 +48,8 @@ def _size(tableau: Tableau) -> Fraction:
     With b the sum of 4 |m|, 4 the size of C, and c^3 = 40 b, exp(b x^3) has no larger coefficients than exp(c x) up to
     x^11, as (3 j)! / j! is less than 40^j for j <= 3.
     """
-    sizes = {letter: sum(abs(c) for x, c in operators_of(tableau) if x == letter) for letter in "ABC"}
-    plain, squares = sizes["A"] + sizes["B"], sizes["C"]
+    step = step_of(tableau)
+    plain, squares = (sum((abs(c) for x, c in step if x in letters), Fraction(0)) for letters in ("AB", "C"))
     return plain + Fraction(ceil(1000 * float(160 * squares) ** (1 / 3)), 1000)
 
 
@@ -58,34 +58,23 @@ def highest_of(tableau: Tableau) -> int:
     return max(HIGHEST, min(tableau.order, HIGHEST_DECLARED))
 
 
-def operators_of(tableau: Tableau) -> list[Operator]:
-    """Return the operators of one step in the order of their application, as letters A (drift) and B (kick).
+def step_of(tableau: Tableau) -> Step:
+    """Return one step, its kicks of a modified potential as B and C: for quadratic T the two commute.
 
-    A kick of a modified potential is that of V, and C = [B, [A, B]] behind it: for quadratic T the two commute. A
-    processed method has the inverse processor in front and the processor behind.
+    A processed method has the inverse processor in front and the processor behind.
     """
-    outer, inner = tableau.rows_exact()
-    letters = "AB" if tableau.first == "drift" else "BA"
-    pairs = [((letters[0], a), (letters[1], b)) for a, b in zip(outer, inner, strict=False)]
-    operators = [*chain.from_iterable(pairs), (letters[0], outer[-1])]
     if not isinstance(tableau, ModifiedTableau):
-        return operators
-    squares = iter(tableau.square)
-    both = ([x, ("C", Fraction(next(squares)))] if x[0] == "B" else [x] for x in operators)
-    step = [x for x in chain.from_iterable(both) if x[0] != "C" or x[1]]
+        return composed(tableau.first, map(Fraction, tableau.kick), map(Fraction, tableau.drift))
+    step = _modified(tableau)
     if not isinstance(tableau, ProcessedTableau):
         return step
-    behind = _processor(tableau)
-    return [*((letter, -c) for letter, c in reversed(behind)), *step, *behind]
+    behind = tuple((letter, c) for letter, c in _modified(tableau.processor) if c)
+    return (*((letter, -c) for letter, c in reversed(behind)), *step, *behind)
 
 
-def _processor(tableau: ProcessedTableau) -> list[Operator]:
-    """The operators of a processor in the order of their application."""
-    given = tableau.processor
-    kicks = [[("B", Fraction(k)), ("C", Fraction(m))] for k, m in zip(given.kick, given.square, strict=True)]
-    drifts = [[("A", Fraction(c))] for c in given.drift]
-    rows = (kicks, drifts) if given.first == "kick" else (drifts, kicks)
-    return [x for i in range(given.stages + 1) for row in rows for group in row[i : i + 1] for x in group if x[1]]
+def _modified(given: ModifiedTableau | Processor) -> Step:
+    rows = (map(Fraction, row) for row in (given.kick, given.drift, given.square))
+    return tuple((letter, c) for letter, c in composed(given.first, *rows) if letter != "C" or c)
 
 
 def proved_order(tableau: Tableau, highest: int, *, quadratic: bool) -> int:
@@ -105,13 +94,13 @@ def errors_of(tableau: Tableau, degree: int) -> tuple[tuple[int, ...], int]:
         degree % 2 == 0 and tableau.symmetric and not tableau.processed
     ):  # it undoes itself with tau reversed: its logarithm is odd in tau
         return (0,) * len(lyndon_words(degree)), 1
-    return errors_on_words(operators_of(tableau), degree)
+    return errors_on_words(step_of(tableau), degree)
 
 
-def errors_on_words(operators: Sequence[Operator], degree: int) -> tuple[tuple[int, ...], int]:
-    """Return what :func:`errors_of` does for any product of exponentials, symmetric or not."""
+def errors_on_words(step: Sequence[Factor], degree: int) -> tuple[tuple[int, ...], int]:
+    """Return what :func:`errors_of` does for any step of rational numbers, symmetric or not."""
     words = lyndon_words(degree)
-    found = logarithm(product_of_exponentials(operators, degree), words)
+    found = logarithm(step, words)
     errors = [found[word] - (degree == 1) for word in words]
     unit = lcm(*(x.denominator for x in errors))
     return tuple(x.numerator * (unit // x.denominator) for x in errors), unit

@@ -171,6 +171,7 @@ MOVED = {
     "systems.system": "systems.definition.system",
     "tableau": "integrators.tableau",
     "theory.modified_search": "training.family",
+    "theory.word_sums": "exact.words",
     "training.tailor.start_file": "training.tailor.inputs.start_file",
     "training.tailor.starts": "training.tailor.inputs.starts",
     "user_module": "registry.user_module",

@@ -25,10 +25,10 @@ from nearharmonic.exact.polynomials import (
     product,
     whole,
 )
+from nearharmonic.exact.step import StepPolynomials
 from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.theory.oscillator import (
     CLOSED_FORM_DIGITS,
-    StepPolynomials,
     stability_trace,
     step_polynomials,
     tableau_of,
@@ -221,7 +221,7 @@ def _squares_of(K: StepPolynomials) -> tuple[tuple[Fraction, ...], tuple[Fractio
     if K.K11 == K.K22:
         a, b = whole(K.K12[1::2]), whole(K.K21[1::2])
     else:  # tr K - 2 = -x + ..., of which x itself is left out, and tr K + 2
-        trace = [a + b for a, b in zip(K.K11, K.K22, strict=True)][0::2]
+        trace = K.trace[0::2]
         a, b = whole(trace[1:]), whole([trace[0] + 2, *trace[1:]])
     # With no root in common the factors can be taken by themselves, which takes a fifth of the time.
     apart = len(common_divisor(a, b)) == 1
@@ -239,8 +239,7 @@ def _extrema(tableau: Tableau) -> list[BigFloat]:
 
 
 def _trace(tableau: Tableau) -> Polynomial:
-    K = step_polynomials(tableau)
-    return whole([a + b for a, b in zip(K.K11, K.K22, strict=True)][0::2])
+    return whole(step_polynomials(tableau).trace[0::2])
 
 
 def _step_sizes(squares: tuple[Fraction, ...]) -> list[BigFloat]:

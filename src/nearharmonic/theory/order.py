@@ -9,23 +9,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import lru_cache
-from math import factorial, sqrt
+from math import sqrt
 from numbers import Integral
 from typing import NamedTuple
 
 from nearharmonic.errors import bad_setting
 from nearharmonic.exact.lie import conditions, lyndon_words
-from nearharmonic.exact.words import logarithm, product_of_exponentials
+from nearharmonic.exact.step import StepPolynomials, oscillator_errors
+from nearharmonic.exact.words import logarithm, words
 from nearharmonic.integrators.order_conditions import (
     errors_of,
     highest_of,
-    operators_of,
     proved_order,
+    step_of,
     tolerance,
     weighted,
 )
 from nearharmonic.integrators.tableau import First, Tableau
-from nearharmonic.theory.oscillator import StepPolynomials, step_polynomials, tableau_of
+from nearharmonic.theory.oscillator import tableau_of
 
 #: Length of the words that a generalised order is looked for in first: most fail at their order already.
 _SHORT = 7
@@ -124,14 +125,14 @@ def harmonic_orders_of(integrator: str | Tableau, *, first: First | None = None)
     Arguments and errors are those of :func:`order_of`.
     """
     tableau = tableau_of(integrator, first)
-    E = _matrix_errors(tableau)
+    E = oscillator_errors(step_of(tableau))
     return HarmonicOrders(
         position=_first_power(tableau, E.K11, E.K12) - 1,
         momentum=_first_power(tableau, E.K21, E.K22) - 1,
         # The conserved ellipse -K21 q^2 + (K11 - K22) q p + K12 p^2 is a circle but for K12 + K21 and K11 - K22, and
         # one power of tau cancels; the trace 2 cos(phase) has errors of 2 sin(tau) times that of the phase.
         energy=_first_power(tableau, *_ellipse(E)) - 1,
-        phase=_first_power(tableau, [a + b for a, b in zip(E.K11, E.K22, strict=True)]) - 2,
+        phase=_first_power(tableau, E.trace) - 2,
     )
 
 
@@ -235,10 +236,9 @@ def _first_failure(tableau: Tableau, kicks: int, highest: int) -> int:
     """The order at which error terms with exactly ``kicks`` letters B appear, or ``highest`` if none does by then."""
     length = min(highest, _SHORT)
     while True:
-        step = product_of_exponentials(operators_of(tableau), length, kicks)
         # On words of even length the logarithm of a symmetric step vanishes.
-        wanted = [w for w in step.scaled if w.count("B") == kicks and (len(w) % 2 or not tableau.symmetric)]
-        found = logarithm(step, wanted)
+        wanted = [w for w in words(length, kicks) if w.count("B") == kicks and (len(w) % 2 or not tableau.symmetric)]
+        found = logarithm(step_of(tableau), wanted)
         failing = [len(word) - 1 for word in wanted if abs(found[word] - (word == "B")) > tolerance(tableau, len(word))]
         if failing or length == highest:
             return min(failing, default=highest)
@@ -259,27 +259,14 @@ def _first_nystrom_failure(tableau: Tableau, kicks: int, highest: int) -> int:
 
 
 def _harmonic_error(tableau: Tableau) -> ErrorTerm:
-    E = _matrix_errors(tableau)
+    E = oscillator_errors(step_of(tableau))
     degree = _first_power(tableau, *E)
     return ErrorTerm(degree, sqrt(sum((entry[degree] ** 2 for entry in E), Fraction(0))))
 
 
-def _matrix_errors(tableau: Tableau) -> StepPolynomials:
-    """The step matrix minus the exact rotation, up to one power beyond the step's own, where it must fail."""
-    K = step_polynomials(tableau)
-    powers = range(len(K.K11) + 2)
-    cos = [Fraction((1, 0, -1, 0)[n % 4], factorial(n)) for n in powers]
-    sin = [Fraction((0, 1, 0, -1)[n % 4], factorial(n)) for n in powers]
-    none = (Fraction(0), Fraction(0))
-    exact = (cos, sin, [-x for x in sin], cos)
-    differences = ([a - b for a, b in zip((*K[i], *none), exact[i], strict=True)] for i in range(4))
-    return StepPolynomials(*map(tuple, differences))
-
-
-def _ellipse(E: StepPolynomials) -> tuple[list[Fraction], ...]:
+def _ellipse(E: StepPolynomials) -> tuple[Sequence[Fraction], ...]:
     """Return the deviations of the conserved ellipse from a circle; for a symmetric step K11 = K22."""
-    defect = [a + b for a, b in zip(E.K12, E.K21, strict=True)]
-    return (defect,) if E.K11 == E.K22 else (defect, [a - b for a, b in zip(E.K11, E.K22, strict=True)])
+    return (E.defect, E.difference) if any(E.difference) else (E.defect,)
 
 
 def _first_power(tableau: Tableau, *rows: Sequence[Fraction]) -> int:

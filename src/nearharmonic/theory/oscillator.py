@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from functools import lru_cache
-from math import factorial, lcm
+from math import factorial
 from numbers import Integral
 from typing import Literal, NamedTuple
 
@@ -18,32 +18,16 @@ from mpmath import inf, isfinite, mp, mpf
 
 from nearharmonic.errors import bad_setting
 from nearharmonic.exact.decimals import BigFloat, as_mpf
-from nearharmonic.exact.words import Operator
+from nearharmonic.exact.step import StepPolynomials, oscillator
 from nearharmonic.integrators.modified import method_of
-from nearharmonic.integrators.order_conditions import operators_of
+from nearharmonic.integrators.order_conditions import step_of
 from nearharmonic.integrators.tableau import First, Tableau
-
-#: Coefficients of tau^0, tau^1, ...
-Coefficients = tuple[Fraction, ...]
 
 #: What of the new state is decomposed.
 Variable = Literal["position", "momentum"]
 
 #: Decimal digits that the closed forms are evaluated with: more than any error they are compared with needs.
 CLOSED_FORM_DIGITS = 50
-
-
-class StepPolynomials(NamedTuple):
-    """Entries of the step matrix, q_b = K11 q_a + K12 p_a and p_b = K21 q_a + K22 p_a, as polynomials in tau.
-
-    All four are as long as the step has operators, plus one; a symmetric step has K11 = K22, even, and K12, K21 odd.
-    """
-
-    K11: Coefficients
-    K12: Coefficients
-    K21: Coefficients
-    K22: Coefficients
-
 
 #: Error terms at most: those beyond lambda_max are all 1, and no registered method has more than 31 before.
 MOST_TERMS = 1000
@@ -233,41 +217,14 @@ class _ClosedForm(NamedTuple):
 @lru_cache(maxsize=256)
 def _closed_form(tableau: Tableau) -> _ClosedForm:
     K = _step_polynomials(tableau)
-    trace = [a + b for a, b in zip(K.K11, K.K22, strict=True)]
-    defect = [a + b for a, b in zip(K.K12, K.K21, strict=True)]
+    rows = (K.trace[0::2], K.K12[1::2], K.defect[1::2], K.difference[2::2] if any(K.difference) else ())
     with mp.workdps(CLOSED_FORM_DIGITS):
-        difference = [] if K.K11 == K.K22 else [a - b for a, b in zip(K.K11, K.K22, strict=True)]
-        rows = (trace[0::2], K.K12[1::2], defect[1::2], difference[2::2])
         return _ClosedForm(*(tuple(map(as_mpf, row)) for row in rows))
 
 
 @lru_cache(maxsize=256)
 def _step_polynomials(tableau: Tableau) -> StepPolynomials:
-    return polynomials_of(operators_of(tableau))
-
-
-def polynomials_of(operators: Sequence[Operator]) -> StepPolynomials:
-    """Return the step matrix of drifts (letter A) and kicks (letter B) in the order of their application, exact.
-
-    The letter C is the other part of a kick of a modified potential, p += m tau^3 grad |grad V|^2.
-    """
-    # A term in tau^l is a sum of products of l coefficients: in units of 1/unit and 1/unit^l all are integers, which
-    # spares the greatest common divisor of every product.
-    unit = lcm(*(c.denominator for _, c in operators))
-    images, powers = [], sum(3 if letter == "C" else 1 for letter, _ in operators)
-    for q_a, p_a in ((1, 0), (0, 1)):
-        q, p = [q_a] + [0] * powers, [p_a] + [0] * powers
-        for letter, c in operators:
-            factor = int(c * unit)
-            if letter == "A":
-                q = [a + factor * b for a, b in zip(q, [0, *p], strict=False)]
-            elif letter == "C":
-                p = [a + 2 * int(c * unit**3) * b for a, b in zip(p, [0, 0, 0, *q], strict=False)]
-            else:
-                p = [a - factor * b for a, b in zip(p, [0, *q], strict=False)]
-        images.append([tuple(Fraction(n, unit**power) for power, n in enumerate(x)) for x in (q, p)])
-    (K11, K21), (K12, K22) = images
-    return StepPolynomials(K11, K12, K21, K22)
+    return oscillator(step_of(tableau))
 
 
 def _errors(terms: Sequence[Fraction], highest: int, variable: Variable) -> Iterator[Fraction]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from nearharmonic.integrators.order_conditions import step_of
 from nearharmonic.integrators.tableau import Tableau
 
 #: Longest drift, and the least size of a kick, in units of tau.
@@ -41,10 +42,9 @@ class ShiftedKick:
 
 def shifted_kicks(tableau: Tableau) -> list[ShiftedKick]:
     """Return the pairs of large kicks of opposite sign around a short drift, in the order of a step."""
-    kicks, drifts = list(map(float, tableau.kick)), list(map(float, tableau.drift))
-    between = drifts if tableau.first == "kick" else drifts[1:]
+    step = [(letter, float(c)) for letter, c in step_of(tableau)]
     return [
-        ShiftedKick(i, a, d, b)
-        for i, (a, d, b) in enumerate(zip(kicks, between, kicks[1:], strict=False))
-        if a * b < 0 and abs(d) < SHORT and min(abs(a), abs(b)) > LARGE
+        ShiftedKick(i // 2, a, d, b)
+        for i, ((letter, a), (_, d), (_, b)) in enumerate(zip(step, step[1:], step[2:], strict=False))
+        if letter == "B" and a * b < 0 and abs(d) < SHORT and min(abs(a), abs(b)) > LARGE
     ]

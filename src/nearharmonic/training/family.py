@@ -8,27 +8,16 @@ has one for each power of tau from five on, kappa_l = 0 (Nielsen 2015, Eq. 17).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
-from functools import cached_property
-from math import factorial
-from typing import Any
 
 import numpy as np
-from mpmath import mpf
 from numpy.typing import NDArray
 
 from nearharmonic.errors import bad_setting
-from nearharmonic.exact.decimals import as_mpf
-from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.integrators.modified_tableau import ModifiedTableau
 from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.numerics.types import Floats
-from nearharmonic.theory.word_sums import Factor, word_slopes, word_sums
-
-#: An equation: weights of words, and what the weighted sum has to be.
-Equation = tuple[list[tuple[Fraction, str]], Fraction]
+from nearharmonic.theory.symmetric import ConditionedSteps
 
 #: Newton steps that a projection takes at most, the largest change of an unknown in one, and the residual at the end.
 PROJECTIONS, LONGEST, MET = 10, 0.3, 1e-10
@@ -41,7 +30,7 @@ HARMONIC_ORDERS = range(4, 9)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Family:
+class Family(ConditionedSteps):
     """Symmetric compositions of s stages that meet order conditions.
 
     Parameters
@@ -85,53 +74,18 @@ class Family:
             raise bad_setting("stages", self.stages, f"{what} {self.unknowns}")
 
     @property
-    def halves(self) -> tuple[int, int]:
-        """Unknowns of the outer and of the inner row."""
-        return self.stages // 2, (self.stages - 1) // 2
-
-    @property
-    def unknowns(self) -> int:
-        """Number n of unknowns: s - 1, and one for each square."""
-        return self.stages - 1 + len(self.squares)
-
-    @property
     def gradients(self) -> int:
         """Force evaluations of a step that take the gradient of the square of grad V as well."""
         kicks = self.stages + (self.first == "kick")
         count = sum(1 if 2 * i + 1 == kicks else 2 for i in self.squares)
         return count - (self.first == "kick" and 0 in self.squares)
 
-    @cached_property
-    def equations(self) -> tuple[Equation, ...]:
-        """Each multiplied by n! for words of n letters, so that residuals are of one size."""
-        found: list[Equation] = []
-        for degree in range(3, self.order, 2):
-            n, words = factorial(degree), lyndon_words(degree)
-            for row in conditions(degree, quadratic=True):
-                left = [(n * w, word) for w, word in zip(row.weights, words, strict=True) if w]
-                found.append((left, sum(row.weights, Fraction(0))))
-        powers = range(self.order + 1, self.harmonic_order + 1)
-        return (*found, *(([(Fraction(factorial(n)), ("AB" * n)[:n])], Fraction(1)) for n in powers))
-
-    def rows(self, x: Sequence[Any] | Floats) -> tuple[list[Any], list[Any], list[Any]]:
-        """Return all kicks, drifts and squares of a step, in the arithmetic of the n unknowns ``x``."""
-        outer, inner = self.halves
-        one = 1 + 0 * x[0]
-        first = _closed(x[:outer], self.stages + 1, one)
-        second = _closed(x[outer : outer + inner], self.stages, one)
-        kicks, drifts = (first, second) if self.first == "kick" else (second, first)
-        squares: list[Any] = [0 * kick for kick in kicks]
-        for place, value in zip(self.squares, x[outer + inner :], strict=True):
-            squares[place] = squares[-1 - place] = value
-        return kicks, drifts, squares
-
     def unknowns_of(self, tableau: Tableau) -> Floats:
         """Return the unknowns (n,) of a method with these stages and this role; squares that it has not are 0."""
-        outer, inner = tableau.rows_double()
-        sizes, squares = self.halves, [0.0] * len(tableau.kick)
+        squares = [0.0] * len(tableau.kick)
         if isinstance(tableau, ModifiedTableau):
             squares = [float(m) for m in tableau.square]
-        return np.array([*outer[: sizes[0]], *inner[: sizes[1]], *(squares[i] for i in self.squares)])
+        return np.array(self.halved(*tableau.rows_double(), squares))
 
     def shape(self) -> Tableau:
         """Return a method with the stages, the role and the squares of all members: leapfrog, s times."""
@@ -142,16 +96,8 @@ class Family:
         about = {"name": "leapfrog", "order": 2, "first": self.first, "source": "leapfrog", "digits": 14}
         if not self.squares:
             return Tableau(**given, **about)  # type: ignore[arg-type]
-        squares = tuple(str(int(self._is_modified(i))) for i in range(len(rows["kick"])))
+        squares = tuple(str(int(self.is_modified(i))) for i in range(len(rows["kick"])))
         return ModifiedTableau(**given, **about, square=squares)  # type: ignore[arg-type]
-
-    def residuals(self, x: Sequence[Any] | Floats) -> list[Any]:
-        """Return the values of the equations, 0 for members, for n numbers, mpmath numbers or arrays of floats."""
-        return self._weighted(x, word_sums(self._factors(x), self._words), 1)
-
-    def slopes(self, x: Sequence[Any] | Floats) -> Any:
-        """Return the derivatives (equations, n) of the residuals at n numbers, or (C, equations, n) at arrays of C."""
-        return self._linearised(x)[1]
 
     def project(self, points: Floats) -> tuple[Floats, NDArray[np.bool_]]:
         """Return the members (C, n) of the family near ``points``, and which of them meet the equations.
@@ -165,7 +111,7 @@ class Family:
             for _ in range(PROJECTIONS):
                 if not moving.size:
                     break
-                values, J = self._linearised(x[moving].T)
+                values, J = self.linearised(x[moving].T)
                 square = J @ J.transpose(0, 2, 1)
                 size = 1 + np.trace(square, axis1=1, axis2=2)[:, None, None]
                 square += REGULAR * size * np.eye(len(values))
@@ -182,8 +128,8 @@ class Family:
     def grown(self, x: Floats) -> tuple[Family, Floats]:
         """Return the family of one stage more and the same step in it: its innermost operator is split by nothing."""
         outer, inner = self.halves
-        kicks, drifts, squares = self.rows(x)
-        rows = (kicks, drifts) if self.first == "kick" else (drifts, kicks)
+        kicks, _, squares = self.rows(x)
+        rows = self.palindromes(x)
         a, b = list(x[:outer]), list(x[outer : outer + inner])
         if self.stages % 2:  # the innermost inner value is halved, and a new outer one, which is 0, stands between
             a.append(rows[0][outer])
@@ -191,51 +137,3 @@ class Family:
             b.append(rows[1][inner])
         halved = [squares[i] / (2 if 2 * i + 1 == len(kicks) else 1) for i in self.squares]
         return replace(self, stages=self.stages + 1), np.array([*a, *b, *halved])
-
-    def _factors(self, x: Sequence[Any] | Floats) -> list[Factor]:
-        """The operators of a step in their order."""
-        kicks, drifts, squares = self.rows(x)
-        modified = [[("B", k), ("C", m)] if self._is_modified(i) else [("B", k)]
-                    for i, (k, m) in enumerate(zip(kicks, squares, strict=True))]  # fmt: skip
-        plain: list[list[Factor]] = [[("A", c)] for c in drifts]
-        rows = (modified, plain) if self.first == "kick" else (plain, modified)
-        return [x for i in range(self.stages + 1) for row in rows for group in row[i : i + 1] for x in group]
-
-    def _is_modified(self, kick: int) -> bool:
-        kicks = self.stages + (self.first == "kick")
-        return min(kick, kicks - 1 - kick) in self.squares
-
-    def _linearised(self, x: Sequence[Any] | Floats) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Residuals (equations, ...) and their derivatives (..., equations, n)."""
-        step, slopes = word_slopes(self._factors(x), self._words)
-        by_factor = np.stack(self._weighted(x, slopes, 0))
-        by_unknown = np.moveaxis(by_factor, (0, 1), (-2, -1)) @ self._directions
-        return np.stack(self._weighted(x, step, 1)), by_unknown
-
-    def _weighted(self, x: Sequence[Any] | Floats, of_words: dict[str, Any], constant: int) -> list[Any]:
-        """The weighted sum of each equation, minus what it has to be if ``constant`` is 1."""
-        number = as_mpf if isinstance(x[0], mpf) else float
-        return [
-            sum(number(w) * of_words[word] for w, word in row) - constant * number(total)
-            for row, total in self.equations
-        ]
-
-    @cached_property
-    def _words(self) -> tuple[str, ...]:
-        return tuple(word for row, _ in self.equations for _, word in row)
-
-    @cached_property
-    def _directions(self) -> Floats:
-        """Derivatives (F, n) of the factors' numbers, which are linear in the unknowns."""
-        size = (self.unknowns, self.unknowns)
-        units, zeros = (np.array([number for _, number in self._factors(x)]) for x in (np.eye(*size), np.zeros(size)))
-        found: Floats = units - zeros
-        return found
-
-
-def _closed(half: Sequence[Any] | Floats, length: int, one: Any) -> list[Any]:
-    """The symmetric row of sum ``one`` that begins with ``half``."""
-    start = list(half)
-    rest = one - 2 * sum(start, start=0 * one)
-    inmost = [rest] if length % 2 else [rest / 2, rest / 2]
-    return [*start, *inmost, *reversed(start)]

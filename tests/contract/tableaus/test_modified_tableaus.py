@@ -9,9 +9,9 @@ import pytest
 from mpmath import eye, matrix, mp, mpf
 
 import nearharmonic as nh
-from nearharmonic.integrators.order_conditions import operators_of
+from nearharmonic.exact.step import oscillator
+from nearharmonic.integrators.order_conditions import step_of
 from nearharmonic.theory.order import harmonic_orders_of, leading_errors, nystrom_order_of
-from nearharmonic.theory.oscillator import polynomials_of
 from support.oracles import modified_steps
 
 EVERY = pytest.mark.parametrize("name", list(nh.modified_integrators))
@@ -74,7 +74,7 @@ def test_step_matrices_on_the_oscillator_are_products_of_matrices(name):
             step = matrix_of(operator) * step
         for operator in behind:
             step = step * matrix_of(operator) ** -1
-        K = polynomials_of(operators_of(tableau))
+        K = oscillator(step_of(tableau))
         for place, row in zip(((0, 0), (0, 1), (1, 0), (1, 1)), (K.K11, K.K12, K.K21, K.K22), strict=True):
             value = sum(mpf(c.numerator) / c.denominator * tau**n for n, c in enumerate(row))
             assert abs(value - step[place]) < mpf(10) ** -50
@@ -84,7 +84,7 @@ def test_step_matrices_on_the_oscillator_are_products_of_matrices(name):
 def test_the_largest_stable_step_is_that_of_the_trace(name):
     tableau = nh.modified_integrators[name]
     limit = nh.stability_limit(name)
-    K = polynomials_of(operators_of(tableau))
+    K = oscillator(step_of(tableau))
 
     def trace(tau):
         return sum(float(a + b) * tau**n for n, (a, b) in enumerate(zip(K.K11, K.K22, strict=True)))

@@ -1,8 +1,6 @@
-"""Members of families of methods for tests, and operators of their steps as exact rational numbers."""
+"""Members of families of methods for tests."""
 
 from __future__ import annotations
-
-from fractions import Fraction
 
 import numpy as np
 
@@ -32,14 +30,3 @@ def members(family, count, seed=1):
     small = np.abs(found).sum(axis=1) < 4
     assert (inside & small).sum() >= count, family
     return found[inside & small][:count]
-
-
-def operators_of(tableau):
-    """The operators of a step in their order, exact, from the decimals: A drifts, B kicks, C kicks of the square."""
-    kicks = [[("B", Fraction(text))] for text in tableau.kick]
-    for operators, text in zip(kicks, getattr(tableau, "square", ()), strict=False):
-        if Fraction(text):
-            operators.append(("C", Fraction(text)))
-    drifts = [[("A", Fraction(text))] for text in tableau.drift]
-    rows = (kicks, drifts) if tableau.first == "kick" else (drifts, kicks)
-    return [x for i in range(tableau.stages + 1) for row in rows for operators in row[i : i + 1] for x in operators]

@@ -1,8 +1,8 @@
-"""Methods for quadratic kinetic energy, taken apart for tests: equations, unknowns, operators, sums over words."""
+"""Methods for quadratic kinetic energy, taken apart for tests: equations, unknowns, sums over words."""
 
 from __future__ import annotations
 
-from mpmath import eye, matrix, mpf
+from mpmath import eye, matrix
 
 from nearharmonic.reproduction.experiments.sixth_order.conditions import NystromEquations
 
@@ -12,16 +12,7 @@ def equations_of(tableau):
 
 
 def unknowns_of(tableau):
-    return equations_of(tableau).unknowns_of(tableau.outer, tableau.inner)
-
-
-def operators_of(tableau):
-    """(letter, coefficient) in the order of application, from the decimal strings."""
-    letters = "AB" if tableau.first == "drift" else "BA"
-    step = [None] * (2 * tableau.stages + 1)
-    step[0::2] = [(letters[0], mpf(c)) for c in tableau.outer]
-    step[1::2] = [(letters[1], mpf(c)) for c in tableau.inner]
-    return step
+    return equations_of(tableau).halved(tableau.outer, tableau.inner)
 
 
 def word_sum(word, operators):

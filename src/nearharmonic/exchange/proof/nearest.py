@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
 
+from nearharmonic.exact.step import Step
 from nearharmonic.exact.words import LETTERS
-from nearharmonic.exchange.composition import Step, step_of, with_roles_exchanged
+from nearharmonic.exchange.composition import step_of, with_roles_exchanged
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 
@@ -64,7 +65,7 @@ def nearest(step: Step) -> Likeness | None:
     Returns
     -------
     Likeness or None
-        None if no method has as many substeps.
+        None if no method has as many flows.
     """
     found = [likeness for tableau in integrators.values() for likeness in _likenesses(step, tableau)]
     # Of equal candidates, those that change less come first, and min keeps the first.
@@ -79,7 +80,7 @@ def _likenesses(step: Step, tableau: Tableau) -> Iterator[Likeness]:
     for (scale, rescaled), backwards, exchanged in product(_scales(step), directions, (False, True)):
         other = with_roles_exchanged(registered) if exchanged else registered
         other = other[::-1] if backwards else other
-        if other[0].letter == step[0].letter:
+        if other[0][0] == step[0][0]:
             differing, distance = _difference(step, other, scale)
             yield Likeness(
                 tableau=tableau,
@@ -95,7 +96,7 @@ def _likenesses(step: Step, tableau: Tableau) -> Iterator[Likeness]:
 def _scales(step: Step) -> Iterator[tuple[dict[str, Fraction], bool]]:
     """Factors of the drifts and kicks of a method: 1, and the sums of the rows if these are clearly something else."""
     yield dict.fromkeys(LETTERS, Fraction(1)), False
-    sums = {letter: sum((one.value for one in step if one.letter == letter), Fraction(0)) for letter in LETTERS}
+    sums = {letter: sum((c for x, c in step if x == letter), Fraction(0)) for letter in LETTERS}
     if all(sums.values()) and any(abs(x - 1) > Fraction(1, 10**6) for x in sums.values()):
         yield sums, True
 
@@ -104,10 +105,10 @@ def _difference(
     step: Step, other: Step, scale: dict[str, Fraction]
 ) -> tuple[tuple[tuple[str, Fraction, Fraction], ...], Fraction]:
     differing, largest = [], Fraction(0)
-    for a, b in zip(step, other, strict=True):
-        expected = b.value * scale[b.letter]
-        distance = abs(a.value - expected)
+    for (letter, a), (_, b) in zip(step, other, strict=True):
+        expected = b * scale[letter]
+        distance = abs(a - expected)
         largest = max(largest, distance)
-        if distance > a.uncertainty + b.uncertainty * abs(scale[b.letter]):
-            differing.append((a.place, a.value, expected))
+        if distance > a.uncertainty + b.uncertainty * abs(scale[letter]):
+            differing.append((a.place, a, expected))
     return tuple(differing), largest

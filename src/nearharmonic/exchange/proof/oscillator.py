@@ -6,20 +6,16 @@ The step matrix is exact. How far a coefficient of tau^n in it can be off is bou
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
 from functools import cached_property
 from math import factorial
-from typing import TYPE_CHECKING
 
-from nearharmonic.exchange.composition import Step, is_palindrome, operators_of, size_of, symmetrised
+from nearharmonic.exact.decimals import BigFloat
+from nearharmonic.exact.step import MOMENTUM, POSITION, Step, StepPolynomials, oscillator, oscillator_errors, slopes
+from nearharmonic.exchange.composition import is_palindrome, size_of, symmetrised, uncertainty_of
 from nearharmonic.exchange.proof.residuals import ROUNDING, Residual, linear_allowance
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from nearharmonic.exact.decimals import BigFloat
-    from nearharmonic.theory.oscillator import StepPolynomials
+from nearharmonic.theory.linear_stability import gaps_of
 
 #: A combination of the four entries (K11, K12, K21, K22) of the step matrix.
 _Weights = tuple[int, int, int, int]
@@ -35,7 +31,7 @@ class OscillatorStep:
 
     Parameters
     ----------
-    step : tuple of Substep
+    step : tuple of (str, Printed)
         The drifts and kicks.
     """
 
@@ -78,14 +74,12 @@ class OscillatorStep:
         The step must be consistent. A step that is a palindrome to its digits only counts as one, lest the last digits
         open a gap where the trace touches 2.
         """
-        from nearharmonic.theory.linear_stability import gaps_of
-
         step = symmetrised(self.step) if is_palindrome(self.step) else self.step
-        return gaps_of(_polynomials(step))[0][0]
+        return gaps_of(oscillator(step))[0][0]
 
     def _first_failing(self, combinations: Sequence[_Weights]) -> Residual:
         # One power beyond the last of the step, the exact flow has a term and the step has none.
-        for power in range(1, len(self.step) + 4):
+        for power in range(1, len(self.step) + 3):
             found = [self._residual(weights, power) for weights in combinations]
             failing = [one for one in found if not one.vanishes]
             if failing:
@@ -93,83 +87,31 @@ class OscillatorStep:
         raise AssertionError("a polynomial cannot be the cosine")
 
     def _residual(self, weights: _Weights, power: int) -> Residual:
-        k, n, m = power % 4, factorial(power), len(self.step)
-        cosine, sine = Fraction((1, 0, -1, 0)[k], n), Fraction((0, 1, 0, -1)[k], n)
-        exact = (cosine, sine, -sine, cosine)
-        entries = [row[power] if power <= m else Fraction(0) for row in self._entries]
-        value = sum((w * (a - b) for w, a, b in zip(weights, entries, exact, strict=True)), Fraction(0))
-        return Residual(power, value, self._allowed(weights, power) if power <= m else Fraction(0))
+        value = sum((w * row[power] for w, row in zip(weights, self._errors, strict=True)), Fraction(0))
+        return Residual(power, value, self._allowed(weights, power) if power <= len(self.step) else Fraction(0))
 
     def _allowed(self, weights: _Weights, power: int) -> Fraction:
-        import numpy as np
-
-        total = sum((one.uncertainty for one in self.step), Fraction(0))
+        total = uncertainty_of(self.step)
         if total == 0:
             return total
         size = size_of(self.step)
         slack = ROUNDING * total * size ** (power - 1) / factorial(power - 1)
         if power > 1:
             slack += 2 * total**2 * (size + 2 * total) ** (power - 2) / factorial(power - 2)
-        gradient = np.tensordot(np.array(weights, dtype=float), self._derivatives[:, :, power], axes=1)
-        return linear_allowance(self.step, gradient) + slack
+        # From (1, -1), even powers of q and odd ones of p come from the first component, the others from the second.
+        K11, K12, K21, K22 = weights
+        of_q, of_p = (K11, -K22) if power % 2 == 0 else (-K12, K21)
+        q, p = self._slopes
+        return (
+            linear_allowance(self.step, [of_q * a[power] + of_p * b[power] for a, b in zip(q, p, strict=True)]) + slack
+        )
 
     @cached_property
-    def _entries(self) -> StepPolynomials:
-        return _polynomials(self.step)
+    def _errors(self) -> StepPolynomials:
+        return oscillator_errors(self.step)
 
     @cached_property
-    def _derivatives(self) -> np.ndarray:
-        """The derivatives of the coefficients of the entries, (entry, substep, power), in double precision."""
-        import numpy as np
-
-        shears = [_shear(one.letter, float(one.value)) for one in self.step]
-        before = list(_running(shears, lambda done, shear: _composed(shear, done)))
-        after = list(_running(reversed(shears), _composed))[::-1]
-        width = len(self.step) + 1
-        result = np.zeros((4, len(self.step), width))
-        for i, one in enumerate(self.step):
-            slope = _shear(one.letter, 1.0)
-            slope[0, 0, 0] = slope[1, 1, 0] = 0
-            product = _composed(after[i + 1], _composed(slope, before[i]))
-            result[:, i, :] = product.reshape(4, -1)[:, :width]
-        return result
-
-
-def _polynomials(step: Step) -> StepPolynomials:
-    from nearharmonic.theory.oscillator import polynomials_of
-
-    return polynomials_of(operators_of(step))
-
-
-def _running(
-    matrices: Iterator[np.ndarray] | Sequence[np.ndarray], compose: Callable[[np.ndarray, np.ndarray], np.ndarray]
-) -> Iterator[np.ndarray]:
-    """The identity, and the products of the first one, two, ... ``matrices``."""
-    done = _shear("A", 0.0)
-    yield done
-    for matrix in matrices:
-        done = compose(done, matrix)
-        yield done
-
-
-def _shear(letter: str, c: float) -> np.ndarray:
-    """The matrix of a drift or kick, (2, 2, 2), the last axis being the power of tau."""
-    import numpy as np
-
-    matrix = np.zeros((2, 2, 2))
-    matrix[0, 0, 0] = matrix[1, 1, 0] = 1
-    if letter == "A":
-        matrix[0, 1, 1] = c
-    else:
-        matrix[1, 0, 1] = -c
-    return matrix
-
-
-def _composed(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """The product of two matrices of polynomials in tau."""
-    import numpy as np
-
-    product = np.zeros((2, 2, left.shape[2] + right.shape[2] - 1))
-    for i, j, k in np.ndindex(2, 2, 2):
-        product[i, k] += np.convolve(left[i, j], right[j, k])
-    return product
+    def _slopes(self) -> tuple[list[list[float]], list[list[float]]]:
+        """The derivatives of the new position and momentum from (1, -1), (flow, power), in double precision."""
+        step = [(letter, float(c)) for letter, c in self.step]
+        return slopes(step, len(step), POSITION), slopes(step, len(step), MOMENTUM)

@@ -19,16 +19,15 @@ from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from functools import cache
 from math import comb, factorial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
+
+import numpy as np
 
 from nearharmonic.exact.lie import conditions, lyndon_words
-from nearharmonic.exact.words import LETTERS
-from nearharmonic.exchange.composition import Step, is_palindrome, operators_of, size_of
-from nearharmonic.exchange.series import derivatives_of_logarithm
+from nearharmonic.exact.step import Step
+from nearharmonic.exact.words import LETTERS, logarithm_slopes
+from nearharmonic.exchange.composition import is_palindrome, size_of, uncertainty_of
 from nearharmonic.integrators.order_conditions import errors_on_words, weighted
-
-if TYPE_CHECKING:
-    import numpy as np
 
 #: What is added to the bound for the rounding of derivatives in double precision, in units of their own bound.
 ROUNDING = Fraction(1, 10**9)
@@ -63,8 +62,8 @@ def proved_order(step: Step, highest: int, *, quadratic: bool) -> Order:
 
     Parameters
     ----------
-    step : tuple of Substep
-        The substeps.
+    step : tuple of (str, Printed)
+        Drifts and kicks.
     highest : int
         Degree of the last conditions examined.
     quadratic : bool
@@ -88,7 +87,7 @@ def residuals(step: Step, degree: int, *, quadratic: bool) -> list[Residual]:
     rows = conditions(degree, quadratic=quadratic)
     if degree % 2 == 0 and is_palindrome(step, exactly=True):
         return [Residual(degree, Fraction(0), Fraction(0)) for _ in rows]
-    errors = errors_on_words(operators_of(step), degree)
+    errors = errors_on_words(step, degree)
     weights = [row.weights for row in rows]
     allowed = allowances(step, degree, weights)
     return [Residual(degree, weighted(w, errors), most) for w, most in zip(weights, allowed, strict=True)]
@@ -96,7 +95,7 @@ def residuals(step: Step, degree: int, *, quadratic: bool) -> list[Residual]:
 
 def allowances(step: Step, degree: int, weights: Sequence[Sequence[Fraction]]) -> list[Fraction]:
     """Return what the digits allow each weighted sum of the logarithm's coefficients on Lyndon words to be off by."""
-    total = sum((one.uncertainty for one in step), Fraction(0))
+    total = uncertainty_of(step)
     if total == 0:
         return [Fraction(0)] * len(weights)
     size = size_of(step)
@@ -108,25 +107,18 @@ def allowances(step: Step, degree: int, weights: Sequence[Sequence[Fraction]]) -
 def linear_allowance(step: Step, gradient: Iterable[float]) -> Fraction:
     """Return what the digits allow a function of the coefficients to be off by, to first order in its ``gradient``."""
     slopes = [abs(Fraction(float(g))) for g in gradient]
-    single = sum((g * one.uncertainty for g, one in zip(slopes, step, strict=True)), Fraction(0))
+    single = sum((g * c.uncertainty for g, (_, c) in zip(slopes, step, strict=True)), Fraction(0))
     for letter in LETTERS:
-        row = [(g, one.uncertainty) for g, one in zip(slopes, step, strict=True) if one.letter == letter]
+        row = [(g, c.uncertainty) for g, (x, c) in zip(slopes, step, strict=True) if x == letter]
         single += max((g for g, _ in row), default=Fraction(0)) * sum((u for _, u in row), Fraction(0))
     return single
 
 
 def _gradients(step: Step, degree: int, weights: Sequence[Sequence[Fraction]]) -> np.ndarray:
-    """The derivatives of the weighted sums by the coefficients, (weights, substeps), in double precision."""
-    import numpy as np
-
-    values = np.array([[float(one.value) for one in step]])
-    derivatives = derivatives_of_logarithm(values, [one.letter for one in step], degree)
-    words = [int(word.translate(_BITS), 2) for word in lyndon_words(degree)]
-    result: np.ndarray = np.array(weights, dtype=float) @ derivatives[:, words].T
+    """The derivatives of the weighted sums by the coefficients, (weights, flows), in double precision."""
+    slopes = logarithm_slopes([(letter, float(c)) for letter, c in step], lyndon_words(degree))
+    result: np.ndarray = np.array(weights, dtype=float) @ np.stack(list(slopes.values()))
     return result
-
-
-_BITS = str.maketrans("AB", "01")
 
 
 @cache

@@ -10,14 +10,15 @@ from collections.abc import Callable, Iterator, Sequence
 from decimal import Decimal, localcontext
 from fractions import Fraction
 from itertools import combinations, islice, pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
+
+import numpy as np
 
 from nearharmonic.exact.lie import lyndon_words
+from nearharmonic.exact.step import composed
+from nearharmonic.exact.words import logarithm
 from nearharmonic.exchange.coefficient_file import LONGEST_NUMBER, CoefficientFile
 from nearharmonic.integrators.tableau import First, Row
-
-if TYPE_CHECKING:
-    import numpy as np
 
 #: Changes that are proved, and of these that are reported, at most.
 MOST_PROVED, MOST_REPORTED = 40, 3
@@ -79,40 +80,20 @@ def suspects(file: CoefficientFile, digits: int, proves: Callable[[Rows], bool],
 
 def _plausible(candidates: Sequence[Suspect], degree: int, tolerance: float) -> Iterator[Suspect]:
     """Those of ``candidates`` whose conditions up to ``degree`` hold in double precision."""
-    import numpy as np
-
-    from nearharmonic.exchange.series import logarithm
-
     for start in range(0, len(candidates), 4096):
-        part = candidates[start : start + 4096]
         by_first: dict[First, list[Suspect]] = {}
-        for one in part:
+        for one in candidates[start : start + 4096]:
             by_first.setdefault(one.rows.first, []).append(one)
-        for members in by_first.values():
-            letters = _letters(members[0].rows)
-            values = np.array([_values(one.rows) for one in members])
-            found = logarithm(values, letters, degree)
-            worst = np.max([_worst(found, k) for k in range(1, degree + 1)], axis=0)
+        for first, members in by_first.items():
+            kicks, drifts = (
+                np.array([list(map(float, row)) for row in rows]).T
+                for rows in zip(*((one.rows.kick, one.rows.drift) for one in members), strict=True)
+            )
+            found = logarithm(
+                composed(first, kicks, drifts), [w for n in range(1, degree + 1) for w in lyndon_words(n)]
+            )
+            worst = np.max([abs(error - (len(word) == 1)) for word, error in found.items()], axis=0)
             yield from (one for one, error in zip(members, worst, strict=True) if error <= tolerance)
-
-
-def _worst(found: list[np.ndarray], degree: int) -> np.ndarray:
-    """The largest error of each member on the Lyndon words of ``degree``."""
-    words = [int(word.translate(str.maketrans("AB", "01")), 2) for word in lyndon_words(degree)]
-    errors: np.ndarray = abs(found[degree][:, words] - (degree == 1)).max(axis=1)
-    return errors
-
-
-def _letters(rows: Rows) -> list[str]:
-    pair = "BA" if rows.first == "kick" else "AB"
-    return [pair[i % 2] for i in range(len(rows.kick) + len(rows.drift))]
-
-
-def _values(rows: Rows) -> list[float]:
-    outer, inner = (rows.kick, rows.drift) if rows.first == "kick" else (rows.drift, rows.kick)
-    values = [0.0] * (len(outer) + len(inner))
-    values[0::2], values[1::2] = map(float, outer), map(float, inner)
-    return values
 
 
 def _roles(rows: Rows) -> Iterator[Suspect]:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
+from nearharmonic.exact.decimals import BigFloat
+from nearharmonic.exact.step import Step
 from nearharmonic.exchange.coefficient_file import HIGHEST_ORDER, CoefficientFile
 from nearharmonic.exchange.composition import (
     Digits,
-    Step,
     digits_of,
     is_palindrome,
     step_of,
@@ -21,9 +22,6 @@ from nearharmonic.exchange.proof.oscillator import OscillatorStep
 from nearharmonic.exchange.proof.residuals import Order, Residual, proved_order, residuals
 from nearharmonic.exchange.proof.suspects import Rows, Suspect, suspects
 from nearharmonic.integrators.tableau import First
-
-if TYPE_CHECKING:
-    from nearharmonic.exact.decimals import BigFloat
 
 _OTHER: dict[First, First] = {"drift": "kick", "kick": "drift"}
 
@@ -174,15 +172,15 @@ def _sums(found: Verdict) -> Claim:
 
 def _symmetry(found: Verdict, *, claimed: bool) -> Claim:
     step = found.step
-    pairs = [(a, b) for a, b in zip(step, reversed(step), strict=True) if a.letter == b.letter]
-    worst = max(pairs, key=lambda pair: abs(pair[0].value - pair[1].value), default=None)
+    pairs = [(a, b) for (x, a), (y, b) in zip(step, reversed(step), strict=True) if x == y]
+    worst = max(pairs, key=lambda pair: abs(pair[0] - pair[1]), default=None)
     if worst is None:
         proof = "the step begins and ends with different operators"
-    elif worst[0].value == worst[1].value:
+    elif worst[0] == worst[1]:
         proof = "every coefficient is its mirror image"
     else:
         difference = f"{worst[0].place} and its mirror image {worst[1].place} differ by"
-        proof = f"{difference} {abs(float(worst[0].value - worst[1].value)):.1e} (to {found.digits.words})"
+        proof = f"{difference} {abs(float(worst[0] - worst[1])):.1e} (to {found.digits.words})"
     return Claim(f"symmetric = {str(claimed).lower()}", claimed == found.is_symmetric, proof)
 
 

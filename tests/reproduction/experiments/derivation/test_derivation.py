@@ -44,7 +44,7 @@ def multiplied(a, b, length):
 
 def position(equations, x, length):
     """q_b from (1, -1) by products of 2x2 matrices of polynomials in tau, the rows written out from the definition."""
-    outer, inner = equations.rows(x)
+    outer, inner = equations.palindromes(x)
     zero, one = [Fraction(0)] * length, [Fraction(1)] + [Fraction(0)] * (length - 1)
     K = [[one, zero], [zero, one]]
     for n in range(2 * equations.stages + 1):
@@ -78,12 +78,12 @@ def test_the_errors_are_those_of_the_product_of_matrices_in_exact_arithmetic(cas
 @given(points())
 def test_the_first_two_errors_vanish_for_any_symmetric_rows_of_sum_one(case):
     equations, x = case
-    outer, inner = equations.rows(x)
+    outer, inner = equations.palindromes(x)
     assert (sum(outer), sum(inner)) == (1, 1)
     assert (outer, inner) == (outer[::-1], inner[::-1])
     assert (len(outer), len(inner)) == (equations.stages + 1, equations.stages)
     assert equations.errors(x, 2) == [0, 0]
-    assert equations.unknowns_of(outer, inner) == x
+    assert equations.halved(outer, inner) == x
 
 
 @given(points())

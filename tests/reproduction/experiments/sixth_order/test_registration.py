@@ -12,7 +12,7 @@ from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.nearharmonic_2026 import TABLEAUS
 from nearharmonic.reproduction.experiments.sixth_order.cascade import candidates_of
-from nearharmonic.reproduction.experiments.sixth_order.conditions import NystromEquations, alternating
+from nearharmonic.reproduction.experiments.sixth_order.conditions import NystromEquations
 from nearharmonic.reproduction.experiments.sixth_order.criterion import TAU_PER_STAGE
 from nearharmonic.reproduction.experiments.sixth_order.registration import (
     NotConvergedError,
@@ -22,8 +22,10 @@ from nearharmonic.reproduction.experiments.sixth_order.registration import (
 )
 from nearharmonic.theory.linear_stability import stability_limit
 from nearharmonic.theory.order import error_norm, harmonic_order_of
-from support.oracles.nystrom_steps import equations_of, operators_of, unknowns_of, word_sum
+from nearharmonic.theory.symmetric import alternating
+from support.oracles.nystrom_steps import equations_of, unknowns_of, word_sum
 from support.oracles.reference_solutions import oscillator_step
+from support.oracles.word_series import operators_of
 
 NAMES = [tableau.name for tableau in TABLEAUS]
 EVERY = pytest.mark.parametrize("name", NAMES)
@@ -36,7 +38,7 @@ def energy_slope(tableau, force, potential, state, tau, steps, speed=lambda p: p
     def energies(tau, steps):
         q, p, values = q0, p0, []
         for _ in range(steps):
-            for letter, c in operators_of(tableau):
+            for letter, c in operators_of(tableau, mpf):
                 if letter == "A":
                     q = [x + c * tau * speed(v) for x, v in zip(q, p, strict=True)]
                 else:
@@ -108,7 +110,7 @@ def test_harmonic_errors_are_those_of_the_step_matrix(name):
 def test_the_equations_hold_to_the_registered_digits(name):
     tableau = integrators[name]
     with mp.workdps(120):
-        operators = operators_of(tableau)
+        operators = operators_of(tableau, mpf)
         allowed = mpf(10) ** (3 - tableau.digits)  # some tens of coefficients of size 1, times derivatives of about 10
         for degree in (1, 3, 5):
             words = lyndon_words(degree)

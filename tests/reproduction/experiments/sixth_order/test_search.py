@@ -19,9 +19,7 @@ from nearharmonic.reproduction.experiments.sixth_order.criterion import criterio
 from nearharmonic.reproduction.experiments.sixth_order.kernels import coefficients, descend, solve, word_sums
 from nearharmonic.reproduction.experiments.sixth_order.kernels import jacobian as derivatives
 from nearharmonic.reproduction.experiments.sixth_order.registration import (
-    jacobian,
     registered,
-    residuals,
 )
 from nearharmonic.reproduction.experiments.sixth_order.settings import SixthOrderSettings
 from nearharmonic.reproduction.tasks.job import covered
@@ -39,7 +37,7 @@ FEW = SixthOrderSettings(seed=2, starts=800, walks=4, walk_steps=60)
 @pytest.mark.parametrize("first", ["kick", "drift"])
 def test_word_sums_in_doubles_are_corners_of_products_of_matrices(first):
     equations, random = NystromEquations(9, first, 8), np.random.default_rng(5)
-    c = np.array(equations.coefficients(list(random.uniform(-0.5, 0.5, 8))), dtype=float)
+    c = np.array([number for _, number in equations.step(list(random.uniform(-0.5, 0.5, 8)))], dtype=float)
     table = equations.table
     sums = word_sums(table.parent, table.letter, equations.letters, c)
     operators = [("AB"[letter], mpf(float(value))) for letter, value in zip(equations.letters, c, strict=True)]
@@ -58,11 +56,11 @@ def test_a_table_of_words_holds_their_beginnings_and_knows_each_words_parent():
 def test_unknowns_make_palindromes_of_sum_one_and_come_back_from_them(stages, first):
     equations = NystromEquations(stages, first, 7)
     x = [mpf(k + 1) / 16 for k in range(stages - 1)]
-    step = equations.coefficients(x)
+    step = [number for _, number in equations.step(x)]
     for row in (step[0::2], step[1::2]):
         assert row == row[::-1]
         assert sum(row) == 1
-    assert equations.unknowns_of(step[0::2], step[1::2]) == x
+    assert equations.halved(step[0::2], step[1::2]) == x
 
 
 def test_a_point_that_counts_as_solved_solves_the_equations_in_multiprecision():
@@ -70,7 +68,7 @@ def test_a_point_that_counts_as_solved_solves_the_equations_in_multiprecision():
     found, solved = solve(system_of(equations), random.uniform(-1, 1, (100, 7)), 2.0)
     assert 0 < solved.sum() < 100
     for x, claimed in zip(found, solved, strict=True):
-        size = max(map(abs, residuals(equations, [mpf(float(u)) for u in x])))
+        size = max(map(abs, equations.residuals([mpf(float(u)) for u in x])))
         # Rounding leaves 1e-13 in units of kappa; what is not solved stays in a valley or leaves the box.
         assert (size < 1e-10) == claimed or np.max(np.abs(x)) > 2.0
 
@@ -89,14 +87,14 @@ def test_derivatives_agree_with_multiprecision_differences(first):
     system = system_of(equations)
     found = derivatives(system, x, coefficients(system, x))
     # Terms of up to 5000 in units of kappa_7, with some roundings each.
-    assert found == pytest.approx(np.array(jacobian(equations, list(map(mpf, x))), dtype=float), rel=1e-10, abs=1e-10)
+    assert found == pytest.approx(np.array(equations.slopes(list(map(mpf, x))), dtype=float), rel=1e-10, abs=1e-10)
 
 
 def test_free_parameters_are_counted_by_the_rank_of_the_derivatives():
     for name in NAMES:
         equations = equations_of(integrators[name])
         with mp.workdps(60):
-            J = jacobian(equations, list(map(mpf, unknowns_of(integrators[name]))))
+            J = equations.slopes(list(map(mpf, unknowns_of(integrators[name]))))
         singular = np.linalg.svd(np.array(J, dtype=float))[1]
         assert len(singular) == equations.harmonic_order == equations.unknowns - equations.free
         # The largest is near 50, and rounding to doubles leaves 1e-14.
@@ -132,7 +130,7 @@ def test_yoshidas_method_is_found_among_those_of_seven_stages(seven_and_eight):
     # double solution: residuals of 1e-12 leave the square root of that in the unknowns.
     findings, _ = seven_and_eight
     yoshida = integrators["yoshida_s7o6a"].role("kick")
-    wanted = np.array(NystromEquations(7, "kick", 6).unknowns_of(*yoshida.rows_double()))
+    wanted = np.array(NystromEquations(7, "kick", 6).halved(*yoshida.rows_double()))
     found = [np.array(c.unknowns) for c in findings.candidates if c.stages == 7]
     assert min(np.max(np.abs(x - wanted)) for x in found) < 1e-5
 
@@ -190,7 +188,7 @@ def test_candidates_are_solutions_and_come_in_the_order_of_their_merit(seven_and
     assert values == sorted(values)
     for c in findings.candidates:
         equations = NystromEquations(c.stages, c.first, c.harmonic_order)
-        assert max(map(abs, residuals(equations, list(map(mpf, c.unknowns))))) < 1e-10
+        assert max(map(abs, equations.residuals(list(map(mpf, c.unknowns))))) < 1e-10
         assert c.row()["composition"] == "BAB"
 
 
@@ -202,7 +200,7 @@ def test_a_walk_stays_on_its_family_and_lowers_the_criterion():
     end = descend(system_of(equations), criterion_of(equations.stages), 2.0, noise, start)
     (before,), (after,) = candidates_of(equations, start, [0]), candidates_of(equations, end, [0])
     assert after.merit.value < before.merit.value
-    assert max(map(abs, residuals(equations, list(map(mpf, after.unknowns))))) < 1e-10
+    assert max(map(abs, equations.residuals(list(map(mpf, after.unknowns))))) < 1e-10
 
 
 @pytest.mark.parametrize("key", ["starts", "walks", "walk_steps"])

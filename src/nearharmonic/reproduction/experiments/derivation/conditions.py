@@ -11,7 +11,9 @@ from mpmath import mp
 from nearharmonic.errors import bad_setting
 from nearharmonic.exact.decimals import BigFloat, decimals_in_common, fixed_point
 from nearharmonic.exact.newton import GUARD, newton
+from nearharmonic.exact.step import POSITION, slopes, states
 from nearharmonic.integrators.tableau import First, Tableau
+from nearharmonic.theory.symmetric import SymmetricSteps
 
 Numbers = list[BigFloat]
 
@@ -23,12 +25,10 @@ LOWEST_CONDITION = 3
 
 
 @dataclass(frozen=True)
-class Equations:
+class Equations(SymmetricSteps):
     """The equations kappa_3 = ... = kappa_lambda = 0 (Nielsen 2015, Eq. 17) for the position after one symmetric step.
 
-    The ``unknowns`` are the first half of the outer row and then that of the inner row, each without its innermost
-    value, which the sum of the row gives. Unknowns may be mpf, Fraction, float or mpmath's intervals; results are of
-    the same kind.
+    Unknowns may be mpf, Fraction, float or mpmath's intervals; results are of the same kind.
 
     Parameters
     ----------
@@ -61,12 +61,7 @@ class Equations:
     @property
     def outer_unknowns(self) -> int:
         """Number of unknowns of the outer row."""
-        return self.stages // 2
-
-    @property
-    def unknowns(self) -> int:
-        """s - 1: half of the 2s + 1 coefficients, less one for the sum of each row."""
-        return self.stages - 1
+        return self.halves[0]
 
     @property
     def conditions(self) -> int:
@@ -78,19 +73,9 @@ class Equations:
         """Dimension of the solution set where the conditions are independent; 0 for isolated solutions."""
         return self.unknowns - self.conditions
 
-    def rows(self, x: Sequence[BigFloat]) -> tuple[Numbers, Numbers]:
-        """The outer row (s + 1 values) and the inner row (s values) for the unknowns ``x``."""
-        cut = self.outer_unknowns
-        return _closed(list(x[:cut]), self.stages + 1), _closed(list(x[cut:]), self.stages)
-
-    def unknowns_of(self, outer: Sequence[BigFloat], inner: Sequence[BigFloat]) -> Numbers:
-        """The unknowns of two rows: the inverse of :meth:`rows`."""
-        cut = self.outer_unknowns
-        return [*outer[:cut], *inner[: self.unknowns - cut]]
-
     def tableau_unknowns(self, tableau: Tableau) -> Numbers:
         """The unknowns of ``tableau`` in its own role, exact."""
-        return self.unknowns_of(*tableau.rows_exact())
+        return self.halved(*tableau.rows_exact())
 
     def residuals(self, x: Sequence[BigFloat]) -> Numbers:
         """Signed kappa_3, ..., kappa_lambda: q^(l)(0) - l! zeta_l."""
@@ -98,54 +83,16 @@ class Equations:
 
     def errors(self, x: Sequence[BigFloat], highest: int) -> Numbers:
         """Signed kappa_1, ..., kappa_highest, of which this case makes those up to its harmonic order vanish."""
-        zeta = self._positions(self._operators(x), highest)[-1][0]
+        zeta = states(self.step(x), highest)[-1][0]
         return [DERIVATIVES[n % 4] - factorial(n) * zeta[n] for n in range(1, highest + 1)]
 
     def jacobian(self, x: Sequence[BigFloat]) -> list[Numbers]:
         """Derivatives of the residuals: one row per condition, one column per unknown."""
-        operators, highest = self._operators(x), self.harmonic_order
-        before = self._positions(operators, highest)
-        gradients: list[Numbers] = [[] for _ in operators]
-        # The new position is alpha q + beta p of any intermediate state: followed backwards from alpha = 1, beta = 0.
-        zero = x[0] * 0
-        alpha, beta = [zero + 1] + [zero] * highest, [zero] * (highest + 1)
-        for k in reversed(range(len(operators))):
-            drifts, c = operators[k]
-            q, p = before[k]
-            weight, moved, sign = (alpha, p, -1) if drifts else (beta, q, 1)
-            gradients[k] = [
-                sign * factorial(n) * sum((weight[i] * moved[n - 1 - i] for i in range(n)), zero)
-                for n in range(LOWEST_CONDITION, highest + 1)
-            ]
-            if drifts:
-                beta = [beta[0], *(b + c * a for b, a in zip(beta[1:], alpha, strict=False))]
-            else:
-                alpha = [alpha[0], *(a - c * b for a, b in zip(alpha[1:], beta, strict=False))]
+        powers = range(LOWEST_CONDITION, self.harmonic_order + 1)
+        by_factor = slopes(self.step(x), self.harmonic_order, POSITION)
+        gradients = [[-factorial(n) * row[n] for n in powers] for row in by_factor]
         columns = [*_folded(gradients[0::2]), *_folded(gradients[1::2])]
         return [list(row) for row in zip(*columns, strict=True)]
-
-    def _operators(self, x: Sequence[BigFloat]) -> list[tuple[bool, BigFloat]]:
-        """(whether it drifts, coefficient) in the order of one step."""
-        outer, inner = self.rows(x)
-        drifts = self.first == "drift"
-        operators = [(drifts, outer[0])]
-        for i, c in enumerate(inner):
-            operators += [(not drifts, c), (drifts, outer[i + 1])]
-        return operators
-
-    @staticmethod
-    def _positions(operators: Sequence[tuple[bool, BigFloat]], highest: int) -> list[tuple[Numbers, Numbers]]:
-        """(q, p) by powers of tau before each operator and after the last, from (1, -1)."""
-        zero = operators[0][1] * 0
-        q, p = [zero + 1] + [zero] * highest, [zero - 1] + [zero] * highest
-        states = [(q, p)]
-        for drifts, c in operators:
-            if drifts:
-                q = [q[0], *(a + c * b for a, b in zip(q[1:], p, strict=False))]
-            else:
-                p = [p[0], *(b - c * a for b, a in zip(p[1:], q, strict=False))]
-            states.append((q, p))
-        return states
 
 
 @dataclass(frozen=True)
@@ -170,7 +117,7 @@ def polish(
     """The solution near ``start``, its rows to ``digits`` decimals, with the unknowns of the indices ``fixed`` kept."""
     limit = newton(equations.residuals, equations.jacobian, start, digits=digits, fixed=fixed)
     with mp.workdps(digits + GUARD):
-        outer, inner = equations.rows(limit.point) if limit.converged else ([], [])
+        outer, inner = equations.palindromes(limit.point) if limit.converged else ([], [])
     return PolishedSolution(
         converged=limit.converged,
         residual=limit.residual,
@@ -206,16 +153,9 @@ def agreeing_decimals(tableau: Tableau, outer: Sequence[str], inner: Sequence[st
         The least number among the independent coefficients, at most the decimals that the tableau guarantees.
     """
     equations = equations_of(tableau)
-    printed = equations.unknowns_of(tableau.outer, tableau.inner)
-    derived = equations.unknowns_of(list(outer), list(inner))
+    printed = equations.halved(tableau.outer, tableau.inner)
+    derived = equations.halved(list(outer), list(inner))
     return min(decimals_in_common(a, b, tableau.digits) for a, b in zip(printed, derived, strict=True))
-
-
-def _closed(half: Numbers, length: int) -> Numbers:
-    """The palindrome of sum 1 that starts with ``half``."""
-    total = sum(half[1:], half[0])
-    centre = [1 - 2 * total] if length % 2 else [(1 - 2 * total) / 2] * 2
-    return [*half, *centre, *reversed(half)]
 
 
 def _folded(gradients: list[Numbers]) -> list[Numbers]:

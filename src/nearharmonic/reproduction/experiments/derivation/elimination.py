@@ -182,7 +182,7 @@ def _tableau_unknowns(equations: Equations, system: ReducedSystem, y: Sequence[A
         b = B[degree - 1] / A[degree - 1]
         B = [B[i] - b * A[i] for i in range(degree - 1)] or [mpf(0)]
         inner.append(b)
-    return tuple(equations.unknowns_of(outer, inner))
+    return tuple(equations.halved(outer, inner))
 
 
 def _value(p: Multivariate, y: Sequence[Any]) -> Any:

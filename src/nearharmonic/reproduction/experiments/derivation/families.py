@@ -258,7 +258,7 @@ def _ranking(name: str, equations: Equations, starts: int, points: Any, criteria
 
 def _criteria(equations: Equations, x: Sequence[float]) -> list[float]:
     """The sum of the absolute values of all coefficients, then |kappa| of the orders beyond the harmonic one."""
-    outer, inner = equations.rows(x)
+    outer, inner = equations.palindromes(x)
     highest = equations.harmonic_order
     higher = equations.errors(x, highest + HIGHER_ORDERS)[highest:]
     return [float(sum(map(abs, [*outer, *inner]))), *(abs(float(k)) for k in higher)]

@@ -18,19 +18,16 @@ With s stages there are s + 1 coefficients, two sums and lambda_H further equati
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from fractions import Fraction
+from dataclasses import dataclass, field
 from functools import cached_property
-from math import factorial
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from nearharmonic.errors import bad_setting
-from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.exact.words import LETTERS
 from nearharmonic.integrators.tableau import First
+from nearharmonic.theory.symmetric import ConditionedSteps, Equation
 
 Doubles = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -39,9 +36,6 @@ Integers = npt.NDArray[np.int64]
 NYSTROM_ORDER = 6
 #: Fewer stages leave no solution; more than these have not been searched.
 STAGES = range(7, 12)
-
-#: A weighted sum of word sums and the value it takes for the exact flow.
-Equation = tuple[dict[str, Fraction], Fraction]
 
 
 @dataclass(frozen=True)
@@ -72,10 +66,8 @@ class WordTable:
 
 
 @dataclass(frozen=True)
-class NystromEquations:
+class NystromEquations(ConditionedSteps):
     """The equations for one number of stages, one operator that comes first, and one harmonic order.
-
-    The unknowns x are the first half of the outer row but for its last value, then that of the inner row: s - 1 in all.
 
     Parameters
     ----------
@@ -96,6 +88,7 @@ class NystromEquations:
     stages: int
     first: First
     harmonic_order: int
+    order: int = field(default=NYSTROM_ORDER, init=False, repr=False)
 
     def __post_init__(self) -> None:
         allowed = range(NYSTROM_ORDER, self.stages)
@@ -108,27 +101,9 @@ class NystromEquations:
                 raise bad_setting(key, value, f"it is one of {', '.join(map(str, known))}")
 
     @property
-    def unknowns(self) -> int:
-        """s - 1."""
-        return self.stages - 1
-
-    @property
     def free(self) -> int:
         """Number of parameters that the equations leave free."""
         return self.unknowns - self.harmonic_order
-
-    @cached_property
-    def equations(self) -> tuple[Equation, ...]:
-        """Each multiplied by n!, as in kappa_n, so that residuals are of one size."""
-        found: list[Equation] = []
-        for degree in range(3, NYSTROM_ORDER, 2):
-            n, words = factorial(degree), lyndon_words(degree)
-            for row in conditions(degree, quadratic=True):
-                left = {word: n * w for word, w in zip(words, row.weights, strict=True) if w}
-                found.append((left, sum(row.weights, Fraction(0))))
-        powers = range(NYSTROM_ORDER + 1, self.harmonic_order + 1)
-        harmonic: list[Equation] = [({alternating(n): Fraction(factorial(n))}, Fraction(1)) for n in powers]
-        return (*found, *harmonic)
 
     @cached_property
     def table(self) -> WordTable:
@@ -137,45 +112,5 @@ class NystromEquations:
 
     @cached_property
     def letters(self) -> Integers:
-        """The letter of each of the 2s + 1 operators of a step."""
-        return operator_letters(self.stages, self.first)
-
-    @cached_property
-    def placement(self) -> tuple[Doubles, Doubles]:
-        """Matrix (operator, unknown) and vector (operator) that make the coefficients of a step from the unknowns."""
-        matrix = np.zeros((2 * self.stages + 1, self.unknowns))
-        offset = np.zeros(2 * self.stages + 1)
-        before = 0
-        for start, length in ((0, self.stages + 1), (1, self.stages)):
-            row, half = matrix[start::2], (length - 1) // 2
-            inmost = range(half, length - half)
-            for i in range(half):
-                row[i, before + i] = row[length - 1 - i, before + i] = 1
-            for i in inmost:
-                row[i, before : before + half] = -2 / len(inmost)
-                offset[start::2][i] = 1 / len(inmost)
-            before += half
-        return matrix, offset
-
-    def coefficients(self, x: Sequence[Any]) -> list[Any]:
-        """The 2s + 1 coefficients of a step, in the order of application, in the arithmetic of ``x``."""
-        # Matrix and offset hold multiples of 1/2: exact in any arithmetic.
-        matrix, offset = self.placement
-        return [
-            sum((value * float(m) for m, value in zip(row, x, strict=True) if m), start=float(c) + 0 * x[0])
-            for row, c in zip(matrix, offset, strict=True)
-        ]
-
-    def unknowns_of(self, outer: Sequence[Any], inner: Sequence[Any]) -> list[Any]:
-        """The unknowns of a step with these rows."""
-        return [*outer[: self.stages // 2], *inner[: (self.stages - 1) // 2]]
-
-
-def alternating(length: int, start: str = "A") -> str:
-    """The word of ``length`` letters ABAB..., or BABA... for ``start`` B."""
-    return "".join((start if i % 2 == 0 else LETTERS.replace(start, "")) for i in range(length))
-
-
-def operator_letters(stages: int, first: First) -> Integers:
-    """0 for a drift and 1 for a kick, for each of the 2s + 1 operators of a step."""
-    return (np.arange(2 * stages + 1) + (first == "kick")) % 2
+        """0 for a drift and 1 for a kick, for each of the 2s + 1 operators of a step."""
+        return (np.arange(2 * self.stages + 1) + (self.first == "kick")) % 2

@@ -31,12 +31,11 @@ from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.reproduction.experiments.sixth_order.conditions import (
     NYSTROM_ORDER,
     Doubles,
-    Equation,
     Integers,
     NystromEquations,
     WordTable,
-    alternating,
 )
+from nearharmonic.theory.symmetric import Equation, alternating
 
 #: h and epsilon of the criterion.
 TAU_PER_STAGE, ANHARMONICITY = 0.1, 0.1

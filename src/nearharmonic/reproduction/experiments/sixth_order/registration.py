@@ -6,14 +6,13 @@ Newton's method in multiprecision gives any number of digits; free parameters ar
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
 from mpmath import mp, mpf, nstr
 
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.exact.decimals import as_mpf, fixed_point
+from nearharmonic.exact.decimals import fixed_point
 from nearharmonic.exact.newton import newton
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau, palindrome
 from nearharmonic.reproduction.experiments.sixth_order.cascade import Candidate
@@ -55,31 +54,6 @@ def registered(candidate: Candidate, *, source: str, digits: int = 76) -> Tablea
     )
 
 
-def residuals(equations: NystromEquations, x: Sequence[Any]) -> list[Any]:
-    """The residuals of ``equations`` at the unknowns ``x``, in mpmath's current precision."""
-    table = equations.table
-    sums = [mpf(1)] + [mpf(0)] * (len(table.words) - 1)
-    for operator, c in zip(equations.letters, equations.coefficients(x), strict=True):
-        for w in reversed(range(1, len(sums))):
-            factor, v, k = mpf(1), w, 0
-            # Words end with the operator's letter k times: c^k/k! of what stands before.
-            while table.letter[v] == operator:
-                v, k = table.parent[v], k + 1
-                factor *= c / k
-                sums[w] += factor * sums[v]
-    values = dict(zip(table.words, sums, strict=True))
-    return [
-        sum(as_mpf(a) * values[word] for word, a in left.items()) - as_mpf(right) for left, right in equations.equations
-    ]
-
-
-def jacobian(equations: NystromEquations, x: Sequence[Any]) -> list[list[Any]]:
-    """Derivatives of the residuals, one row per equation and one column per unknown, to half of mpmath's digits."""
-    base, h = residuals(equations, x), mpf(10) ** -(mp.dps // 2)
-    ahead = [residuals(equations, [value + h * (i == u) for i, value in enumerate(x)]) for u in range(len(x))]
-    return [[(moved[row] - value) / h for moved in ahead] for row, value in enumerate(base)]
-
-
 def polished(
     equations: NystromEquations, x: Sequence[Any], *, fixed: Mapping[int, str] | None = None, digits: int = 90
 ) -> list[Any]:
@@ -107,15 +81,7 @@ def polished(
         raise NotConvergedError(message)
     with mp.workdps(2 * digits + 20):
         start = [mpf(values.get(u, value)) for u, value in enumerate(x)]
-    # Differences give half of the digits of the derivatives.
-    limit = newton(
-        partial(residuals, equations),
-        partial(jacobian, equations),
-        start,
-        digits=digits,
-        fixed=tuple(values),
-        guard=digits + 20,
-    )
+    limit = newton(equations.residuals, equations.slopes, start, digits=digits, fixed=tuple(values))
     if not limit.converged:
         message = f"{equations}: Newton's method ends at a residual of {nstr(limit.residual, 3)}, wanted 1e-{digits}"
         raise NotConvergedError(message)
@@ -142,7 +108,7 @@ def short_decimals(equations: NystromEquations, x: Sequence[float], decimals: in
         The decimal number of each chosen unknown, by its index.
     """
     with mp.workdps(40):
-        J = np.array(jacobian(equations, list(map(mpf, x))), dtype=float)
+        J = np.array(equations.slopes(list(map(mpf, x))), dtype=float)
     directions = np.linalg.svd(J)[2][equations.harmonic_order :].T
     chosen: dict[int, str] = {}
     for _ in range(equations.free):
@@ -170,9 +136,8 @@ def tableau_of_solution(
         Decimals that it guarantees; coefficients have two more.
     """
     with mp.workdps(digits + 30):
-        step = equations.coefficients(x)
         rows = []
-        for row in (step[0::2], step[1::2]):
+        for row in equations.palindromes(x):
             texts = [fixed_point(c, digits + 2) for c in row[: (len(row) + 1) // 2]]
             rows.append(palindrome(*texts[: len(row) // 2], centre=texts[-1] if len(row) % 2 else None))
     outer, inner = rows

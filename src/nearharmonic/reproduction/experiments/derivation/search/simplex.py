@@ -170,7 +170,7 @@ def _nearest_root(case: IsolatedSolutions, outcome: Minimum, digits: int) -> tup
     """Number of the root that a simplex converged to, and how far from it the simplex ended."""
     with mp.workdps(digits + 30):
         for number, other in enumerate(case.roots) if outcome.converged else ():
-            centre = [mpf(c) for c in case.equations.unknowns_of(other.outer, other.inner)]
+            centre = [mpf(c) for c in case.equations.halved(other.outer, other.inner)]
             apart = max(abs(a - b) for a, b in zip(outcome.unknowns, centre, strict=True))
             if apart < mpf("1e-6"):
                 return number, apart
