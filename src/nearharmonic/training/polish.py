@@ -12,7 +12,7 @@ from nearharmonic.exact.decimals import BigFloat, fixed_point
 from nearharmonic.exact.newton import newton
 from nearharmonic.integrators.modified_tableau import ModifiedTableau
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau, palindrome
-from nearharmonic.training.family import Family
+from nearharmonic.theory.symmetric import ConditionedSteps
 
 #: Decimals that a polished tableau guarantees.
 DIGITS = 60
@@ -25,7 +25,7 @@ class NotConvergedError(NearharmonicError):
 
 
 def polished(
-    family: Family,
+    family: ConditionedSteps,
     unknowns: Sequence[float],
     digits: int = DIGITS,
     *,
@@ -36,7 +36,7 @@ def polished(
 
     Parameters
     ----------
-    family : Family
+    family : ConditionedSteps
         Whose equations are solved.
     unknowns : sequence of n float
         The point.
@@ -67,7 +67,7 @@ def polished(
 
 
 def tableau_of(
-    family: Family,
+    family: ConditionedSteps,
     unknowns: Sequence[float],
     *,
     digits: int = DIGITS,
@@ -79,7 +79,7 @@ def tableau_of(
 
     Parameters
     ----------
-    family : Family
+    family : ConditionedSteps
         The family.
     unknowns : sequence of n float
         A point next to one of its members.

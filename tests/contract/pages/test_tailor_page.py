@@ -47,7 +47,7 @@ def test_defaults_and_bounds_are_those_of_the_code():
     assert f"more than {question.MOST_COORDINATES} coordinates" in flat
     assert f"{starts.LEAST} to {starts.MOST} in all" in flat
     assert starts.HALF_EDGE == 0.1  # a tenth of the amplitude
-    assert search.THIRD == 3  # the best third
+    assert search.Rounds().third == 3  # the best third
     assert tailoring.LONGER == 4  # runs four times as long
     assert budget.Budget(None, 1).trials == 0
 

@@ -5,25 +5,19 @@ Newton's method in multiprecision gives any number of digits; free parameters ar
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from math import inf
 
 import numpy as np
-from mpmath import mp, mpf, nstr
+from mpmath import mp, mpf
 
-from nearharmonic.errors import NearharmonicError
-from nearharmonic.exact.decimals import fixed_point
-from nearharmonic.exact.newton import newton
-from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau, palindrome
+from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.reproduction.experiments.sixth_order.cascade import Candidate
 from nearharmonic.reproduction.experiments.sixth_order.conditions import NYSTROM_ORDER, NystromEquations
+from nearharmonic.training.polish import tableau_of
 
 #: Decimals to which free parameters are rounded: the criterion changes by less than 1e-3.
 DECIMALS = 4
-
-
-class NotConvergedError(NearharmonicError):
-    """Newton's method did not reach a solution; the text says which residual it reached."""
 
 
 def registered(candidate: Candidate, *, source: str, digits: int = 76) -> Tableau:
@@ -45,47 +39,13 @@ def registered(candidate: Candidate, *, source: str, digits: int = 76) -> Tablea
     """
     equations = NystromEquations(candidate.stages, candidate.first, candidate.harmonic_order)
     fixed = short_decimals(equations, candidate.unknowns, DECIMALS)
-    x = polished(equations, candidate.unknowns, fixed=fixed, digits=digits + 14)
     stem, order = f"{candidate.composition}s{candidate.stages}o{NYSTROM_ORDER}", candidate.harmonic_order
     values = " and ".join(fixed[u] for u in sorted(fixed))
     note = f"{len(fixed)} free, fixed at {values}" if fixed else "nothing is free"
-    return tableau_of_solution(
-        equations, x, name=f"{stem.lower()}_{order}h", label=f"{stem},{order}H", source=source, digits=digits, note=note
-    )
-
-
-def polished(
-    equations: NystromEquations, x: Sequence[Any], *, fixed: Mapping[int, str] | None = None, digits: int = 90
-) -> list[Any]:
-    """Return the solution next to a point, as mpf.
-
-    Parameters
-    ----------
-    equations : NystromEquations
-        What it solves.
-    x : sequence
-        The unknowns to start from.
-    fixed : mapping of int to str, optional
-        Values of some unknowns, as many as parameters are free.
-    digits : int
-        Decimals of the solution.
-
-    Raises
-    ------
-    NotConvergedError
-        The residual did not fall below 10^-digits, or a step had no unique solution.
-    """
-    values = dict(fixed or {})
-    if len(values) != equations.free:
-        message = f"{len(values)} unknowns are fixed, and {equations.free} are free"
-        raise NotConvergedError(message)
-    with mp.workdps(2 * digits + 20):
-        start = [mpf(values.get(u, value)) for u, value in enumerate(x)]
-    limit = newton(equations.residuals, equations.slopes, start, digits=digits, fixed=tuple(values))
-    if not limit.converged:
-        message = f"{equations}: Newton's method ends at a residual of {nstr(limit.residual, 3)}, wanted 1e-{digits}"
-        raise NotConvergedError(message)
-    return list(limit.point)
+    return tableau_of(
+        equations, candidate.unknowns, digits=digits, fixed=fixed, nearest=inf, name=f"{stem.lower()}_{order}h",
+        label=f"{stem},{order}H", source=source, note=note, harmonic_order=order,
+    )  # fmt: skip
 
 
 def short_decimals(equations: NystromEquations, x: Sequence[float], decimals: int) -> dict[int, str]:
@@ -117,41 +77,3 @@ def short_decimals(equations: NystromEquations, x: Sequence[float], decimals: in
         row = directions[u] / np.linalg.norm(directions[u])
         directions = directions - np.outer(directions @ row, row)
     return chosen
-
-
-def tableau_of_solution(
-    equations: NystromEquations, x: Sequence[Any], *, name: str, label: str, source: str, digits: int, note: str = ""
-) -> Tableau:
-    """Return the tableau of a polished solution.
-
-    Parameters
-    ----------
-    equations : NystromEquations
-        What it solves.
-    x : sequence of mpf
-        The unknowns.
-    name, label, source, note : str
-        As the fields of :class:`Tableau`.
-    digits : int
-        Decimals that it guarantees; coefficients have two more.
-    """
-    with mp.workdps(digits + 30):
-        rows = []
-        for row in equations.palindromes(x):
-            texts = [fixed_point(c, digits + 2) for c in row[: (len(row) + 1) // 2]]
-            rows.append(palindrome(*texts[: len(row) // 2], centre=texts[-1] if len(row) % 2 else None))
-    outer, inner = rows
-    kick, drift = (outer, inner) if equations.first == "kick" else (inner, outer)
-    return Tableau(
-        name=name,
-        label=label,
-        order=6,
-        first=equations.first,
-        kick=kick,
-        drift=drift,
-        source=source,
-        digits=digits,
-        requires=QUADRATIC_KINETIC_ENERGY,
-        note=note,
-        harmonic_order=equations.harmonic_order,
-    )
