@@ -18,7 +18,7 @@ from nearharmonic.exchange.proof import residuals
 from nearharmonic.exchange.proof.oscillator import OscillatorStep
 from nearharmonic.exchange.proof.verdict import Verdict
 from nearharmonic.exchange.series import derivatives_of_logarithm
-from nearharmonic.integrators import integrators
+from nearharmonic.integrators import plain_integrators as integrators
 
 SOME = ("ruth", "abas5o6h", "babps8o7h", "srkn_b11", "yoshida_s7o6a", "s15odr8")
 

@@ -1,6 +1,6 @@
 """The statements of the paper that numbers decide; cubes of other targets count as far as they are there."""
 
-from nearharmonic.integrators import integrators
+from nearharmonic.integrators import plain_integrators
 
 
 rule decide_claims:
@@ -14,7 +14,7 @@ rule decide_claims:
     log:
         LOG("tables/claims"),
     params:
-        task=task("reproduction.claims.table:decided", folder=RESULTS, integrators=integrators.registered),
+        task=task("reproduction.claims.table:decided", folder=RESULTS, integrators=plain_integrators.registered),
     script:
         "../scripts/task.py"
 

@@ -24,8 +24,7 @@ from math import ceil, lcm
 
 from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.exact.words import Operator, logarithm, product_of_exponentials
-from nearharmonic.integrators.modified_tableau import ModifiedTableau
-from nearharmonic.integrators.processed_tableau import ProcessedTableau
+from nearharmonic.integrators.composition import Composition
 from nearharmonic.integrators.tableau import Tableau
 
 #: Up to this order methods are examined unless they declare more; the number of words doubles with each more.
@@ -68,20 +67,19 @@ def operators_of(tableau: Tableau) -> list[Operator]:
     letters = "AB" if tableau.first == "drift" else "BA"
     pairs = [((letters[0], a), (letters[1], b)) for a, b in zip(outer, inner, strict=False)]
     operators = [*chain.from_iterable(pairs), (letters[0], outer[-1])]
-    if not isinstance(tableau, ModifiedTableau):
+    if not tableau.modified:
         return operators
     squares = iter(tableau.square)
     both = ([x, ("C", Fraction(next(squares)))] if x[0] == "B" else [x] for x in operators)
     step = [x for x in chain.from_iterable(both) if x[0] != "C" or x[1]]
-    if not isinstance(tableau, ProcessedTableau):
+    if tableau.processor is None:
         return step
-    behind = _processor(tableau)
+    behind = _processor(tableau.processor)
     return [*((letter, -c) for letter, c in reversed(behind)), *step, *behind]
 
 
-def _processor(tableau: ProcessedTableau) -> list[Operator]:
+def _processor(given: Composition) -> list[Operator]:
     """The operators of a processor in the order of their application."""
-    given = tableau.processor
     kicks = [[("B", Fraction(k)), ("C", Fraction(m))] for k, m in zip(given.kick, given.square, strict=True)]
     drifts = [[("A", Fraction(c))] for c in given.drift]
     rows = (kicks, drifts) if given.first == "kick" else (drifts, kicks)

@@ -19,7 +19,7 @@ from mpmath import inf, isfinite, mp, mpf
 from nearharmonic.errors import bad_setting
 from nearharmonic.exact.decimals import BigFloat, as_mpf
 from nearharmonic.exact.words import Operator
-from nearharmonic.integrators.modified import method_of
+from nearharmonic.integrators import integrators
 from nearharmonic.integrators.order_conditions import operators_of
 from nearharmonic.integrators.tableau import First, Tableau
 
@@ -283,7 +283,7 @@ def tableau_of(integrator: str | Tableau, first: First | None = None) -> Tableau
 
     Arguments and errors are those of :func:`kappa`.
     """
-    return (integrator if isinstance(integrator, Tableau) else method_of(integrator)).role(first)
+    return (integrator if isinstance(integrator, Tableau) else integrators[integrator]).role(first)
 
 
 def _step_size(tau: BigFloat) -> BigFloat:

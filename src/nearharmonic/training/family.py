@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from nearharmonic.errors import bad_setting
 from nearharmonic.exact.decimals import as_mpf
 from nearharmonic.exact.lie import conditions, lyndon_words
-from nearharmonic.integrators.modified_tableau import ModifiedTableau
 from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.numerics.types import Floats
 from nearharmonic.theory.word_sums import Factor, word_slopes, word_sums
@@ -129,7 +128,7 @@ class Family:
         """Return the unknowns (n,) of a method with these stages and this role; squares that it has not are 0."""
         outer, inner = tableau.rows_double()
         sizes, squares = self.halves, [0.0] * len(tableau.kick)
-        if isinstance(tableau, ModifiedTableau):
+        if tableau.modified:
             squares = [float(m) for m in tableau.square]
         return np.array([*outer[: sizes[0]], *inner[: sizes[1]], *(squares[i] for i in self.squares)])
 
@@ -140,10 +139,9 @@ class Family:
         rows[self.first] = [step / 2, *rows[self.first][1:], step / 2]
         given = {name: tuple(map(repr, row)) for name, row in rows.items()}
         about = {"name": "leapfrog", "order": 2, "first": self.first, "source": "leapfrog", "digits": 14}
-        if not self.squares:
-            return Tableau(**given, **about)  # type: ignore[arg-type]
-        squares = tuple(str(int(self._is_modified(i))) for i in range(len(rows["kick"])))
-        return ModifiedTableau(**given, **about, square=squares)  # type: ignore[arg-type]
+        if self.squares:
+            given["square"] = tuple(str(int(self._is_modified(i))) for i in range(len(rows["kick"])))
+        return Tableau(**given, **about)  # type: ignore[arg-type]
 
     def residuals(self, x: Sequence[Any] | Floats) -> list[Any]:
         """Return the values of the equations, 0 for members, for n numbers, mpmath numbers or arrays of floats."""

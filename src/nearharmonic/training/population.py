@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from nearharmonic.core.layout import COLUMNS, DRIFT, KICK, PRODUCT, SQUARE, modified_columns
 from nearharmonic.engine.batch.batch import Batch, prepared_batch
 from nearharmonic.engine.batch.results import energy_unit
-from nearharmonic.engine.numbers.modified_moves import moves_behind
+from nearharmonic.engine.numbers.coefficients import moves_behind
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats

@@ -7,10 +7,10 @@ import sys
 from dataclasses import dataclass, replace
 
 import pytest
+from nearharmonic.integrators.modified import modified_integrators
 
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators
-from nearharmonic.integrators.modified import modified_integrators
 from nearharmonic.reproduction.tasks import provenance, sources
 from nearharmonic.reproduction.tasks.job import covered
 from nearharmonic.reproduction.tasks.provenance import code_digest, coefficients_digest, library_version, task

@@ -34,7 +34,7 @@ from nearharmonic.engine.settings import (
     exact_decimal,
 )
 from nearharmonic.errors import bad_setting
-from nearharmonic.integrators.modified import method_of
+from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
 from nearharmonic.systems import systems
@@ -102,7 +102,7 @@ class Problem:
         samples: int = 2,
     ) -> None:
         self.system = system if isinstance(system, System) else systems[system]
-        tableau = integrator if isinstance(integrator, Tableau) else method_of(integrator)
+        tableau = integrator if isinstance(integrator, Tableau) else integrators[integrator]
         self.tableau = tableau.role(checked_first(first))  # type: ignore[arg-type]
         check_fit(self.system, self.tableau)
         check_quantities(self.system)

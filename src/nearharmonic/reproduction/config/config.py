@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from nearharmonic.engine.settings import KINETIC_POTENTIAL, Sweep
-from nearharmonic.integrators import integrators
+from nearharmonic.integrators import plain_integrators
 from nearharmonic.integrators.user_file import expanded
 from nearharmonic.reproduction.experiments.derivation.settings import DerivationSettings
 from nearharmonic.reproduction.experiments.entries import STRICT, Reading, setting, whole_from
@@ -81,7 +81,7 @@ class Config:
         min_length=1,
     )
     overview: tuple[str, ...] | None = setting(
-        "The methods of the table that compares all; all there are if not given",
+        "The methods of the table that compares all; all whose kicks are of V alone if not given",
         METHODS,
         each=METHOD,
         default=None,
@@ -124,7 +124,7 @@ class Config:
     @property
     def compared(self) -> tuple[str, ...]:
         """The methods of the table that compares all."""
-        return tuple(integrators) if self.overview is None else expanded(self.overview)
+        return tuple(plain_integrators) if self.overview is None else expanded(self.overview)
 
     @property
     def decomposed(self) -> tuple[str, ...]:

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from nearharmonic.integrators import integrators
-from nearharmonic.integrators.modified import method_of, modified_integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.reproduction.tasks.definitions import definitions_of
 from nearharmonic.reproduction.tasks.sources import PACKAGE, closure, module_digest, module_of
@@ -55,7 +54,7 @@ def task(function: str, **settings: Any) -> Task:
     """
     named = named_in(settings)
     problems = [name for name in systems if name in named]
-    methods = [name for name in (*integrators, *modified_integrators) if name in named]
+    methods = [name for name in integrators if name in named]
     return {
         "function": function,
         "settings": settings,
@@ -76,7 +75,7 @@ def digests(function: str, problems: Iterable[str], methods: Iterable[str]) -> d
         There is no such module, system, integrator or user's file.
     """
     names = list(problems)
-    coefficients = coefficients_digest(map(method_of, methods))
+    coefficients = coefficients_digest(integrators[name] for name in methods)
     files = {name: one.file for name, one in systems.definitions.items() if name in names and one.file is not None}
     declared = [module for name in names if (module := systems.module_of(name)) is not None]
     if not files:

@@ -13,6 +13,7 @@ from typing import Any
 from nearharmonic.core.machine import disk
 from nearharmonic.exact.decimals import fixed_point
 from nearharmonic.integrators import integrators as methods_by_name
+from nearharmonic.integrators import plain_integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import pow
 from nearharmonic.reproduction.tasks.provenance import code_digest, coefficients_digest
@@ -73,7 +74,7 @@ def overview(*names: str) -> Columns:
     Parameters
     ----------
     *names : str
-        Names of the methods; every registered one if none is given.
+        Names of the methods; every registered one with kicks of V alone if none is given.
 
     Returns
     -------
@@ -85,7 +86,7 @@ def overview(*names: str) -> Columns:
     UnknownNameError
         No integrator has one of the names.
     """
-    tableaus = [methods_by_name[name] for name in names or methods_by_name]
+    tableaus = [methods_by_name[name] for name in names or plain_integrators]
     keys = [coefficients_digest([tableau]) for tableau in tableaus]
     kept = KeptRows()
     missing = {key: row_of(tableau) for key, tableau in zip(keys, tableaus, strict=True) if key not in kept.rows}

@@ -5,11 +5,10 @@ family of ABA methods, the one here has the least norm of the error terms of deg
 kick is a parameter. Of the BAB methods, the one with two innermost kicks of V alone and the smallest coefficients.
 """
 
-from nearharmonic.integrators.modified_tableau import ModifiedTableau
-from nearharmonic.integrators.tableau import palindrome
+from nearharmonic.integrators.tableau import Tableau, palindrome
 
 TABLEAUS = (
-    ModifiedTableau(
+    Tableau(
         name="abag5o6",
         label="ABAg5o6",
         order=6,
@@ -33,7 +32,7 @@ TABLEAUS = (
         digits=80,
         note="kick[1] is a parameter of the family",
     ),
-    ModifiedTableau(
+    Tableau(
         name="babg5o6",
         label="BABg5o6",
         order=6,
