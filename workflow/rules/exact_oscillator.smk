@@ -8,7 +8,7 @@ EXACT_OSCILLATOR_FIGURES = figures_of(
 FIGURES += EXACT_OSCILLATOR_FIGURES
 RUNS.append(RUN("exact_oscillator/trajectories"))
 EXACT_OSCILLATOR = {
-    "split": CONFIG.methods,
+    "split": CONFIG.stepwise,
     "exact": CONFIG.exact_oscillator.methods,
     "settings": CONFIG.exact_oscillator,
 }

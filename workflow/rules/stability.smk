@@ -6,7 +6,7 @@ from nearharmonic.systems import systems
 ENSEMBLES = ("henon_heiles", "kepler", "rounding")
 STABILITY_FIGURES = figures_of("reproduction.experiments.stability", CONFIG.systems, STABILITY_CUBES)
 FIGURES += STABILITY_FIGURES
-RUNS += expand(RUN("stability/{ensemble}/{name}"), ensemble=ENSEMBLES, name=CONFIG.methods)
+RUNS += expand(RUN("stability/{ensemble}/{name}"), ensemble=ENSEMBLES, name=CONFIG.stepwise)
 RUNS.append(RUN("stability/kinetic_energy"))
 
 # Structure is measured on every autonomous system, over the interval that the config gives or the system has.
@@ -59,7 +59,7 @@ rule stability_run:
 
 rule stability_cube:
     input:
-        **{name: RUN(f"stability/{{ensemble}}/{name}") for name in CONFIG.methods},
+        **{name: RUN(f"stability/{{ensemble}}/{name}") for name in CONFIG.stepwise},
     output:
         cube=CUBE("stability_{ensemble}"),
         table=TABLE("stability_{ensemble}"),
@@ -68,7 +68,7 @@ rule stability_cube:
     params:
         task=lambda wildcards: task(
             f"reproduction.experiments.stability.{wildcards.ensemble}.reduce:reduce",
-            integrators=CONFIG.methods,
+            integrators=CONFIG.stepwise,
             settings=getattr(CONFIG.stability, wildcards.ensemble),
         ),
     script:
@@ -96,7 +96,7 @@ rule structure_run:
         task=lambda wildcards: task(
             "reproduction.experiments.stability.conservation.run:measure",
             system=wildcards.autonomous,
-            integrators=CONFIG.methods,
+            integrators=CONFIG.stepwise,
             t_end=STRUCTURE_T_END[wildcards.autonomous],
         ),
     script:
@@ -114,7 +114,7 @@ rule structure_cube:
     params:
         task=task(
             "reproduction.experiments.stability.conservation.reduce:reduce",
-            integrators=CONFIG.methods,
+            integrators=CONFIG.stepwise,
             t_end=STRUCTURE_T_END,
         ),
     script:

@@ -7,10 +7,16 @@ from dataclasses import dataclass
 from decimal import Decimal, localcontext
 from fractions import Fraction
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 from nearharmonic.errors import TableauError
 
+if TYPE_CHECKING:
+    from numpy import int64
+    from numpy.typing import NDArray
+
+#: Steps of one run, or of many.
+Steps = TypeVar("Steps", int, "NDArray[int64]")
 #: The operator applied first in a step: a drift moves q by dT/dp (ABA), a kick moves p by -dV/dq (BAB).
 First = Literal["drift", "kick"]
 Row = tuple[str, ...]
@@ -55,6 +61,28 @@ class Composition:
     def stages(self) -> int:
         """Force evaluations per step, s; for kick first, the one that closes a step opens the next."""
         return len(self.inner)
+
+    def steps(self, tau_per_stage: Fraction | float, t_end: Fraction | str | float, cost: float | None = None) -> int:
+        """Return the steps, at least one, into which an interval is cut for a step size over the cost of a step.
+
+        Their number is max(1, round(t_end / tau)) with tau = ``tau_per_stage`` times the cost, a product of doubles if
+        both are. The division is exact unless ``t_end`` is a double, which divides as doubles do.
+
+        Parameters
+        ----------
+        tau_per_stage : Fraction or float
+            Step size over the cost of a step.
+        t_end : Fraction, str or float
+            Length of the interval; a decimal string is exact.
+        cost : float, optional
+            Cost of a step; the stages if None.
+        """
+        tau = tau_per_stage * (self.stages if cost is None else cost)
+        return max(1, round(Fraction(t_end) / Fraction(tau) if isinstance(t_end, str | Fraction) else t_end / tau))
+
+    def evaluations(self, steps: Steps) -> Steps:
+        """Return the force evaluations of a run: s a step, and one more to begin with if the kick comes first."""
+        return steps * self.stages + self.first_same_as_last
 
     @property
     def first_same_as_last(self) -> bool:

@@ -125,7 +125,8 @@ def lambda_max(integrator: str | Tableau, *, first: First | None = None, variabl
     """Return the highest power of tau in the new position: 2s if the kick is first (BAB), 2s + 1 if the drift is (ABA).
 
     In the new momentum the two are exchanged. Where a coefficient is 0, as at one end of rows that are not symmetric,
-    the terms of the highest powers vanish.
+    the terms of the highest powers vanish. Kicks of a modified potential reach further, as do processors: the power is
+    then the last that does not vanish.
 
     Parameters
     ----------
@@ -143,6 +144,10 @@ def lambda_max(integrator: str | Tableau, *, first: First | None = None, variabl
         key = "variable"
         raise bad_setting(key, variable, "it is 'position' or 'momentum'")
     tableau = tableau_of(integrator, first)
+    if tableau.modified:
+        K = _step_polynomials(tableau)
+        rows = (K.K11, K.K12) if variable == "position" else (K.K21, K.K22)
+        return max(n for row in rows for n, coefficient in enumerate(row) if coefficient)
     moved_last = "position" if tableau.first == "drift" else "momentum"
     return 2 * tableau.stages + (variable == moved_last)
 

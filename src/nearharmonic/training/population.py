@@ -91,7 +91,7 @@ class Population:
         self.ensemble, self.stages, self.modified = ensemble, shape.stages, shape.modified
         self.kick_first = shape.first == "kick"
         each = ensemble.unit * (shape.stages if cost is None else cost)
-        self.steps = np.array([max(1, round(ensemble.t_end / (tau * each))) for tau in tau_per_stage])
+        self.steps = np.array([shape.steps(tau, ensemble.t_end, each) for tau in tau_per_stage])
         self.taus = ensemble.t_end / self.steps
         self.shape = size, len(self.steps), ensemble.size
         columns = modified_columns(1) if self.modified else COLUMNS

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from nearharmonic.engine.settings import KINETIC_POTENTIAL, Sweep
-from nearharmonic.integrators import plain_integrators
+from nearharmonic.integrators import integrators, plain_integrators
 from nearharmonic.integrators.user_file import expanded
 from nearharmonic.reproduction.experiments.derivation.settings import DerivationSettings
 from nearharmonic.reproduction.experiments.entries import STRICT, Reading, setting, whole_from
@@ -101,6 +101,11 @@ class Config:
     def methods(self) -> tuple[str, ...]:
         """Names of the integrators, those of files included."""
         return expanded(self.integrators)
+
+    @property
+    def stepwise(self) -> tuple[str, ...]:
+        """Names of the integrators whose energy is measured at every step: all but processed ones."""
+        return tuple(name for name in self.methods if not integrators[name].processed)
 
     @property
     def sweeps(self) -> tuple[Sweep, ...]:

@@ -116,8 +116,9 @@ class KeptRows:
 
 
 def row_of(tableau: Tableau) -> Cells:
+    """Return the row of a method; what holds for any T is left empty if kicks are of a modified potential."""
     harmonic, errors = harmonic_orders_of(tableau), leading_errors(tableau)
-    gaps = stability_gaps(tableau)
+    gaps, is_general = stability_gaps(tableau), not tableau.modified
     coefficients = [Fraction(c) for c in (*tableau.kick, *tableau.drift)]
     return (
         tableau.name,
@@ -127,18 +128,21 @@ def row_of(tableau: Tableau) -> Cells:
         tableau.stages,
         order_of(tableau),
         nystrom_order_of(tableau),
-        *("(" + ", ".join(map(str, generalised_order_of(tableau, quadratic=q))) + ")" for q in (False, True)),
+        *(_generalised(tableau, quadratic=q) if q or is_general else "" for q in (False, True)),
         *harmonic[:3],
         float(sum(map(abs, coefficients))),
         sum(c < 0 for c in coefficients),
-        *errors.general,
-        _effective(errors.general, tableau),
+        *((*errors.general, _effective(errors.general, tableau)) if is_general else ("", "", "")),
         *errors.nystrom,
         _effective(errors.nystrom, tableau),
         *errors.harmonic,
         *(fixed_point(edge, 12) for edge in (gaps[0][0], gaps[0][0] / tableau.stages, gaps[0][1], gaps[-1][0])),
         tableau.digits,
     )
+
+
+def _generalised(tableau: Tableau, *, quadratic: bool) -> str:
+    return "(" + ", ".join(map(str, generalised_order_of(tableau, quadratic=quadratic))) + ")"
 
 
 def _effective(error: ErrorTerm, tableau: Tableau) -> float:
