@@ -59,16 +59,16 @@ def steps_of(t_end: str, tau: float, key: str = "tau", given: object = None) -> 
     return steps
 
 
-def misfit(system: System, tableau: Tableau, split: str = KINETIC_POTENTIAL) -> str:
-    """Return the reason why a method is not for a system, "" if it is.
+def misfit(system: System, tableau: Tableau, split: str = KINETIC_POTENTIAL) -> tuple[str, str]:
+    """Return the reason why a method is not for a system, and the words that name the system; two "" if it is.
 
     One of Runge-Kutta-Nystrom type is for kinetic energies of degree 2 in the momenta; one with kicks of a modified
     potential for formulas that are compiled as they are written, too, and for no oscillator that is solved exactly.
     """
     if tableau.requires == QUADRATIC_KINETIC_ENERGY and not system.quadratic_kinetic_energy:
-        return f"it requires a {tableau.requires}, which {system.name} does not have"
+        return f"it requires a {tableau.requires}", f", which {system.name} does not have"
     if not tableau.modified:
-        return ""
+        return "", ""
     reasons = {
         "is regularised": system.regularisation is not None,
         "has a V that is a function of numba": not system.energies[0].traced,
@@ -77,8 +77,9 @@ def misfit(system: System, tableau: Tableau, split: str = KINETIC_POTENTIAL) -> 
     found = next((what for what, is_so in reasons.items() if is_so), "")
     if not found and system.formulas().are_loops:
         found = "has formulas that are compiled as loops"
-    modified = f"its kicks are of a modified potential, which is not there for {system.name}, which"
-    return f"{modified} {found}" if found else ""
+    if not found:
+        return "", ""
+    return "its kicks are of a modified potential", f", which is not there for {system.name}, which {found}"
 
 
 def check_fit(system: System, tableau: Tableau, split: str = KINETIC_POTENTIAL) -> None:
@@ -89,7 +90,7 @@ def check_fit(system: System, tableau: Tableau, split: str = KINETIC_POTENTIAL) 
     SettingError
         The method does not fit.
     """
-    reason = misfit(system, tableau, split)
+    reason = "".join(misfit(system, tableau, split))
     if reason:
         key = "integrator"
         raise bad_setting(key, tableau.name, reason)

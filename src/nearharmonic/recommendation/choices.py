@@ -72,7 +72,7 @@ def _choice(asked: Question, name: str, exact: Reference | None) -> Choice:
     """The largest step of a method that meets the bound, not timed yet."""
     tableau = asked.methods[name]
     choice = Choice(method=name, label=tableau.label, kind="splitting", status="not run")
-    reason = misfit(asked.system, tableau)
+    reason, _ = misfit(asked.system, tableau)
     if reason:
         return replace(choice, reason=f"does not fit: {reason}")
     one_step = tableau.evaluations(1)

@@ -64,7 +64,7 @@ def splitting_curve(
     A system that the method is not made for gives a curve without points whose status says so.
     """
     curve = Curve(method=tableau.name, label=tableau.label, kind="splitting")
-    reason = misfit(system, tableau)
+    reason, _ = misfit(system, tableau)
     if reason:
         curve.status = f"does not fit: {reason}"
         return curve

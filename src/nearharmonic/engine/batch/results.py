@@ -29,9 +29,10 @@ class Trajectories:
     had left before. ``energy_error`` (R, S): (H - H0)/|H0|, or over the scale asked for. ``block_max``, ``block_mean``
     (R, S): of its modulus over the steps since the previous sample, as far as it was measured. ``max_energy_error``,
     ``mean_energy_error`` (R,): over every step, or over the samples, as :class:`Numerics` says, infinite if the run
-    left; maxima over looks have no means. ``steps`` (R,) asked for; ``done`` (R,) taken; ``left_at`` (R,) step at which the run left its energy
-    surface, 0 if it did not; ``evaluations`` (R,) of the force; ``energy``, ``energy_low``
-    (R,): H0. ``running`` (R, 5 d): the states of the last forces, from which the runs may go on, or (R, 0).
+    left; maxima over looks have no means. ``steps`` (R,) asked for; ``done`` (R,) taken; ``left_at`` (R,) step at
+    which the run left its energy surface, 0 if it did not; ``evaluations`` (R,) of the force; ``energy``,
+    ``energy_low`` (R,): H0. ``running`` (R, 5 d): the states of the last forces, from which the runs may go on, or
+    (R, 0).
     """
 
     marks: Integers

@@ -33,7 +33,7 @@ RATIO, FEWEST = 1.26, 3
 
 def registered(system: System) -> list[Tableau]:
     """Return the registered methods with kicks of V alone that fit a system, which a search starts from."""
-    return [one for name in plain_integrators.registered if not misfit(system, one := plain_integrators[name])]
+    return [one for name in plain_integrators.registered if misfit(system, one := plain_integrators[name])[0] == ""]
 
 
 def published(system: System) -> list[Tableau]:
@@ -47,7 +47,7 @@ def modified(system: System) -> list[Tableau]:
     The energy of a processed method is not measured at every step.
     """
     found = [modified_integrators[name] for name in modified_integrators.registered]
-    return [one for one in found if not (one.processed or misfit(system, one))]
+    return [one for one in found if not (one.processed or misfit(system, one)[0])]
 
 
 def trained(system: System) -> list[Tableau]:
