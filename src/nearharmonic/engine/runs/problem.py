@@ -267,8 +267,8 @@ problem = Problem
 
 def _unpickled(system: System, tableau: Tableau, t_end: str, numerics: Numerics, scale: float, samples: int) -> Problem:
     return Problem(
-        system, tableau, precision=numerics.precision, summation=numerics.summation, energy=numerics.energy,
-        t_end=t_end, energy_scale=scale or None, split=numerics.split, samples=samples,
+        system, tableau, precision=numerics.precision, energy=numerics.energy, t_end=t_end,
+        energy_scale=scale or None, samples=samples, **numerics.handed_on,
     )  # fmt: skip
 
 

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
-from nearharmonic.engine.settings import KINETIC_POTENTIAL, Sweep
+from nearharmonic.engine.handed_on import handed_on_from
+from nearharmonic.engine.settings import Sweep
 from nearharmonic.integrators import integrators, plain_integrators
 from nearharmonic.integrators.user_file import expanded
 from nearharmonic.reproduction.experiments.derivation.settings import DerivationSettings
@@ -118,9 +119,8 @@ class Config:
                 highest=asked.tau_per_stage.highest,
                 points_per_decade=asked.tau_per_stage.points_per_decade,
                 precision=asked.precision,
-                summation=self.summation,
                 samples=self.samples,
-                split=asked.split or KINETIC_POTENTIAL,
+                **handed_on_from(asked, self),
                 shards=self.shards or fewest_shards(systems[name], asked.tau_per_stage, self.samples),
             )
             for name, asked in self.systems.items()

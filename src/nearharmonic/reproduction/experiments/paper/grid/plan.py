@@ -12,7 +12,7 @@ from typing import Any
 
 from nearharmonic.engine.batch.numba_runs import check_precision
 from nearharmonic.engine.grid import check_fit, shard, steps_of, tau_grid
-from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, Sweep, exact_decimal
+from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, HandedOn, Sweep, exact_decimal
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
@@ -34,7 +34,7 @@ NEAR_FLOOR = 100
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run:
+class Run(HandedOn):
     """One method on one system over some step sizes: what one call of the integration computes.
 
     ``steps[i]`` belongs to ``tau_per_stage[i]``. Where step sizes round to the same number of steps, these stand next
@@ -44,13 +44,11 @@ class Run:
     system: str
     integrator: str
     precision: str
-    summation: str
     first: str | None
     t_end: str
     tau_per_stage: tuple[float, ...]
     steps: tuple[int, ...]
     samples: int
-    split: str = KINETIC_POTENTIAL
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,13 +150,12 @@ def runs_of(sweep: Sweep, integrator: str, index: int) -> list[Run]:
                     system=sweep.system,
                     integrator=integrator,
                     precision=precision,
-                    summation=sweep.summation,
                     first=None,
                     t_end=sweep.t_end,
                     tau_per_stage=taus,
                     steps=steps,
                     samples=sweep.samples,
-                    split=sweep.split,
+                    **sweep.handed_on,
                 )
             )
     return runs
