@@ -128,8 +128,6 @@ def test_the_test_is_on_starts_that_the_search_never_saw_and_in_longer_runs():
         assert compared.error[1] == pytest.approx(10**own, rel=1e-4)
 
 
-
-
 def test_a_gradient_costs_a_force_beside_modified_kicks(held_out):
     taus, name = np.array([0.1, 0.15]), "chin_4a"
     found = comparison(METHODS[0], [nh.integrators[name]], held_out, taus, seed=0)

@@ -10,8 +10,7 @@ from typing import Any
 
 from mpmath import mp, mpf
 
-from nearharmonic.integrators import BENCHMARKED
-from nearharmonic.integrators import chin_1997, omelyan_2002, rowlands_1991
+from nearharmonic.integrators import BENCHMARKED, chin_1997, omelyan_2002, rowlands_1991
 from nearharmonic.integrators.tableau import Tableau, palindrome
 from nearharmonic.reproduction.claims.claim import Decide, Decision, background, counted, either, mathematics, tallied
 from nearharmonic.reproduction.claims.judging.definitions import APPROXIMATELY
