@@ -117,7 +117,7 @@ class Tableau(Composition):
         """Repeated step of a processed method as a method of its own; its order is not proved."""
         return replace(self, processor=None)
 
-    @cached_property
+    @property
     def compositions(self) -> tuple[Composition, ...]:
         """Compositions that a run applies: the kernel, the inverse processor and the processor, if there is one."""
         return (self,) if self.processor is None else (self.kernel, self.processor.inverse, self.processor)

@@ -24,6 +24,8 @@ LIBRARIES = ("numpy", "numba", "llvmlite", "h5py")
 NUMERICAL_LIBRARIES = ("numpy", "numba", "llvmlite")
 #: Fields of a tableau that no result shows, and one that follows from its coefficients.
 REMARKS = ("note", "source", "symmetric")
+#: Fields that are told where a method has them.
+OPTIONAL = ("square", "processor")
 
 Task = dict[str, Any]
 
@@ -158,8 +160,10 @@ def code_digest(*modules: str, root: Path | None = None) -> str:
 
 def coefficients_digest(tableaus: Iterable[Tableau]) -> str:
     """Return the SHA-256 of all that ``tableaus`` hold but remarks: names, labels, orders and coefficients."""
-    entries = ({key: value for key, value in vars(t).items() if key not in REMARKS} for t in tableaus)
-    return sha256("\n".join(map(repr, entries)).encode()).hexdigest()
+    names = [field.name for field in fields(Tableau) if field.name not in REMARKS]
+    entries = ({name: getattr(one, name) for name in names} for one in tableaus)
+    told = ({name: value for name, value in one.items() if name not in OPTIONAL or value} for one in entries)
+    return sha256("\n".join(map(repr, told)).encode()).hexdigest()
 
 
 def provenance(task: Mapping[str, Any]) -> dict[str, str]:
