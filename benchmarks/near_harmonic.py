@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 import nearharmonic as nh
+from nearharmonic.integrators import plain_integrators
 from nearharmonic.systems.user_file import load_system
 
 ROOT = Path(__file__).parents[1]
@@ -28,7 +29,7 @@ NEW = ("abas5o6h", "babs7o7h", "babps8o7h", "babps9o7h")
 SIX = ("ruth", "s5odr4", "aba104", "aba864", "aba1064", "yoshida_s7o6a")
 #: Every registered method of other authors; the rest of the paper's Table 4 and the methods found here are left out.
 OWN = ("Nielsen", "found by", "trained by")
-OTHERS = tuple(name for name in nh.integrators.registered if not nh.integrators[name].source.startswith(OWN))
+OTHERS = tuple(name for name in plain_integrators.registered if not nh.integrators[name].source.startswith(OWN))
 #: Evaluations of the force in the shortest period 2 pi / omega, omega^2 the largest |eigenvalue| of W on the orbit.
 COSTS = (25, 50, 100)
 #: A method's error is the median over these multiples of the step size, which no single resonance decides.

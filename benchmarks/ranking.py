@@ -21,6 +21,7 @@ import numpy as np
 import nearharmonic as nh
 from nearharmonic.engine.grid import check_fit, steps_of
 from nearharmonic.errors import SettingError
+from nearharmonic.integrators import plain_integrators
 from nearharmonic.math import cos
 from nearharmonic.numerics.clock import Patience, interleaved, pinned, processor
 from nearharmonic.recommendation.own import LOSSLESS, prepared_calls
@@ -120,7 +121,7 @@ def curve(contest: Contest, name: str) -> Curve | None:
 
 def curves(contest: Contest) -> list[Curve]:
     """The curves of all methods that fit."""
-    return [found for name in nh.integrators.registered if (found := curve(contest, name)) is not None]
+    return [found for name in plain_integrators.registered if (found := curve(contest, name)) is not None]
 
 
 def by_evaluations(found: list[Curve], error: float) -> list[tuple[float, int, Curve]]:

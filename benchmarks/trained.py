@@ -16,7 +16,7 @@ from pathlib import Path
 from PIL import Image
 
 import nearharmonic as nh
-from nearharmonic.integrators.modified import method_of
+from nearharmonic.integrators import integrators
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs/trained.md"
@@ -48,7 +48,7 @@ def number(cell):
 def label(name):
     """A method as the page calls it: trained ones by the name under which they are registered."""
     known = name in nh.integrators or name in nh.modified_integrators
-    return method_of(name).label if known and not name.startswith("trained_") else name
+    return integrators[name].label if known and not name.startswith("trained_") else name
 
 
 def table(header, rows, left=1):

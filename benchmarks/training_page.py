@@ -12,6 +12,7 @@ import re
 from pathlib import Path
 
 import nearharmonic as nh
+from nearharmonic.integrators import plain_integrators
 from nearharmonic.reproduction.experiments.trained.problems.purposes import PURPOSES
 from nearharmonic.theory.shifted_kicks import shifted_kicks
 
@@ -22,7 +23,7 @@ SHIFTED = ("aba104", "abas5o6h", "babs6o5h", "babps6o5h", "babps8o7h", "mclachla
 
 def trained() -> list[nh.Tableau]:
     """All trained methods, those with kicks of a modified potential last."""
-    plain = [one for name, one in nh.integrators.items() if name.startswith("trained_")]
+    plain = [one for name, one in plain_integrators.items() if name.startswith("trained_")]
     return plain + [one for name, one in nh.modified_integrators.items() if name.startswith("trained_")]
 
 

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from nearharmonic.engine.runs.trajectory import sweep as sweep
     from nearharmonic.engine.stepper import stepper as stepper
     from nearharmonic.integrators import integrators as integrators
-    from nearharmonic.integrators.modified import modified_integrators as modified_integrators
-    from nearharmonic.integrators.modified_tableau import ModifiedTableau as ModifiedTableau
+    from nearharmonic.integrators import modified_integrators as modified_integrators
+    from nearharmonic.integrators.tableau import ModifiedTableau as ModifiedTableau
     from nearharmonic.integrators.tableau import Tableau as Tableau
     from nearharmonic.integrators.tableau import palindrome as palindrome
     from nearharmonic.plotting.plot import plot as plot
@@ -40,7 +40,7 @@ install()
 
 #: Modules of the names that are loaded lazily: numpy takes longer to load than a command without numpy runs.
 _MODULES = {
-    "ModifiedTableau": "integrators.modified_tableau",
+    "ModifiedTableau": "integrators.tableau",
     "Observable": "systems.definition.quantities",
     "Parameter": "systems.definition.quantities",
     "System": "systems.definition.system",
@@ -49,7 +49,7 @@ _MODULES = {
     "integrate": "engine.runs.trajectory",
     "integrators": "integrators",
     "kappa": "theory.oscillator",
-    "modified_integrators": "integrators.modified",
+    "modified_integrators": "integrators",
     "order_of": "theory.order",
     "palindrome": "integrators.tableau",
     "problem": "engine.runs.problem",

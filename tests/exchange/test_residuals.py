@@ -15,7 +15,7 @@ from nearharmonic.exchange.composition import Printed, digits_of, step_of
 from nearharmonic.exchange.proof import residuals
 from nearharmonic.exchange.proof.oscillator import OscillatorStep
 from nearharmonic.exchange.proof.verdict import Verdict
-from nearharmonic.integrators import integrators
+from nearharmonic.integrators import plain_integrators as integrators
 
 SOME = ("ruth", "abas5o6h", "babps8o7h", "srkn_b11", "yoshida_s7o6a", "s15odr8")
 

@@ -26,7 +26,7 @@ def test_an_old_name_is_the_new_module_and_warns_once(old):
 
 def test_every_new_name_exists_and_no_old_one():
     for old, new in MOVED.items():
-        places = [ROOT.joinpath(*name.split(".")) for name in (old, new)]
+        places = [ROOT.joinpath(*name.partition(":")[0].split(".")) for name in (old, new)]
         there = [place.with_suffix(".py").is_file() or (place / "__init__.py").is_file() for place in places]
         assert there == [False, True], old
 
@@ -42,3 +42,22 @@ def test_a_warning_shows_the_line_that_imports():
         capture_output=True, text=True, check=True, env={"PYTHONPATH": str(ROOT.parent)},
     )  # fmt: skip
     assert "nearharmonic.output.style is now nearharmonic.plotting.style" in done.stderr
+
+
+def test_an_old_name_of_a_mapping_is_that_mapping():
+    with pytest.warns(DeprecationWarning, match="is now nearharmonic.integrators.modified_integrators"):
+        found = import_module("nearharmonic.modified_integrators")
+    assert found is nearharmonic.modified_integrators is nearharmonic.integrators.modified_integrators
+    assert nearharmonic.integrators.__spec__.name == "nearharmonic.integrators"
+
+
+def test_types_of_methods_are_found_at_their_old_places():
+    found = {}
+    for old in ("modified", "modified_tableau", "processed_tableau"):
+        with pytest.warns(DeprecationWarning, match=f"nearharmonic.integrators.{old} is now nearharmonic.integrators"):
+            found[old] = import_module(f"nearharmonic.integrators.{old}")
+    assert found["modified_tableau"].ModifiedTableau is nearharmonic.Tableau is nearharmonic.ModifiedTableau
+    assert found["processed_tableau"].ProcessedTableau is nearharmonic.Tableau
+    assert isinstance(
+        found["modified"].modified_integrators["rowlands"].processor, found["processed_tableau"].Processor
+    )

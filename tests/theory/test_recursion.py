@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, given
 
 from nearharmonic.errors import SettingError, TableauError
-from nearharmonic.integrators import integrators
+from nearharmonic.integrators import plain_integrators as integrators
 from nearharmonic.reproduction.experiments.paper.tableaus.tables import (
     even_orders,
     recursion_symbols,

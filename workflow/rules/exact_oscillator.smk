@@ -2,7 +2,7 @@
 
 add_runs("exact_oscillator")
 EXACT_OSCILLATOR = {
-    "split": CONFIG.methods,
+    "split": CONFIG.stepwise,
     "exact": CONFIG.exact_oscillator.methods,
     "settings": CONFIG.exact_oscillator,
 }

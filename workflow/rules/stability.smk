@@ -2,7 +2,7 @@
 
 ENSEMBLES = ("henon_heiles", "kepler", "rounding")
 
-add_runs("stability", ensemble=ENSEMBLES, integrator=CONFIG.methods, autonomous=STRUCTURE_T_END)
+add_runs("stability", ensemble=ENSEMBLES, integrator=CONFIG.stepwise, autonomous=STRUCTURE_T_END)
 TWO_STEPS["kinetic_energy"] = {
     "run": RUN("stability/kinetic_energy"),
     "results": {"cube": CUBE("kinetic_energy"), "table": TABLE("kinetic_energy")},
@@ -49,7 +49,7 @@ rule stability_run:
 
 rule stability_cube:
     input:
-        **{name: RUN(f"stability/{{ensemble}}/{name}") for name in CONFIG.methods},
+        **{name: RUN(f"stability/{{ensemble}}/{name}") for name in CONFIG.stepwise},
     output:
         cube=CUBE("stability_{ensemble}"),
         table=TABLE("stability_{ensemble}"),
@@ -58,7 +58,7 @@ rule stability_cube:
     params:
         task=lambda wildcards: task(
             f"reproduction.experiments.stability.{wildcards.ensemble}.reduce:reduce",
-            integrators=CONFIG.methods,
+            integrators=CONFIG.stepwise,
             settings=getattr(CONFIG.stability, wildcards.ensemble),
         ),
     script:

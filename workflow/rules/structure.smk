@@ -25,7 +25,7 @@ rule structure_run:
         task=lambda wildcards: task(
             "reproduction.experiments.stability.conservation.run:measure",
             system=wildcards.autonomous,
-            integrators=CONFIG.methods,
+            integrators=CONFIG.stepwise,
             t_end=STRUCTURE_T_END[wildcards.autonomous],
         ),
     script:
@@ -43,7 +43,7 @@ rule structure_cube:
     params:
         task=task(
             "reproduction.experiments.stability.conservation.reduce:reduce",
-            integrators=CONFIG.methods,
+            integrators=CONFIG.stepwise,
             t_end=STRUCTURE_T_END,
         ),
     script:

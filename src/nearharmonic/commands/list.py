@@ -23,7 +23,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
     """Return a row for each integrator or system, in the order of the registries."""
     from nearharmonic.engine.settings import one_of
 
-    kinds = KINDS if chosen.kind is None else (one_of("kind", chosen.kind, KINDS),)
+    kinds = (KINDS[0], KINDS[2]) if chosen.kind is None else (one_of("kind", chosen.kind, KINDS),)
     found = [described for kind in kinds for described in _ROWS[kind]()]
     names = dict.fromkeys(name for described in found for name in described if name != "source")
     header = [*(name for name in names if name != "kind" or len(kinds) > 1), "source"]
@@ -33,21 +33,22 @@ def answer(chosen: argparse.Namespace) -> Answer:
 def _integrators() -> list[dict[str, Any]]:
     from nearharmonic.integrators import integrators
 
-    return [_method(t, "integrator") for t in integrators.values()]
+    return [_method(t) for t in integrators.values()]
 
 
 def _modified_integrators() -> list[dict[str, Any]]:
-    from nearharmonic.integrators.modified import modified_integrators
+    from nearharmonic.integrators import modified_integrators
 
-    return [{**_method(t, "modified integrator"), "gradients": t.gradients} for t in modified_integrators.values()]
+    return [_method(t) for t in modified_integrators.values()]
 
 
-def _method(t: Tableau, kind: str) -> dict[str, Any]:
+def _method(t: Tableau) -> dict[str, Any]:
     return {
-        "kind": kind,
+        "kind": "modified integrator" if t.modified else "integrator",
         "name": t.name,
         "label": t.label,
         "stages": t.stages,
+        "gradients": t.gradients,
         "order": t.order,
         "first": t.first,
         "source": f"{t.source}; requires a {t.requires}" if t.requires else t.source,

@@ -162,6 +162,12 @@ def _notes(found: Tailored) -> Iterator[str]:
     if found.trained is not None:
         others = ", ".join(dict.fromkeys(found.trained.best))
         yield f"over the methods trained on ensembles ({others}): {found.trained.gain}"
+    if found.modified is not None:
+        others = ", ".join(dict.fromkeys(found.modified.best))
+        yield (
+            f"over the methods with kicks of a modified potential ({others}), whose gradients count as forces: "
+            f"{found.modified.gain}"
+        )
     kind = "quadratic T" if tableau.requires else "every separable H"
     yield (
         f"method: {tableau.stages} stages, {tableau.first} first, order {tableau.order} for {kind}, harmonic order "
@@ -196,6 +202,7 @@ def _document(found: Tailored, written: str | None) -> dict[str, Any]:
         "gain": asdict(found.test.gain),
         "gain_in_search": asdict(found.training.gain),
         "gain_over_trained": None if found.trained is None else asdict(found.trained.gain),
+        "gain_over_modified": None if found.modified is None else asdict(found.modified.gain),
         "published": found.test.overall.name,
         "steps": [dict(zip(HEADER, row, strict=True)) for row in _rows(found.test)],
         "starts": {"search": found.ensemble.size, "test": found.held_out.size, "t_end": found.held_out.t_end},

@@ -9,7 +9,7 @@ from functools import cache
 from math import floor, log10
 from typing import TypeVar
 
-from nearharmonic.engine.settings import MOST_STEPS, exact_decimal
+from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, MOST_STEPS, exact_decimal
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau
 from nearharmonic.numerics.geometric import decades
@@ -59,28 +59,38 @@ def steps_of(t_end: str, tau: float, key: str = "tau", given: object = None) -> 
     return steps
 
 
-def evaluations_of(tableau: Tableau, steps: int) -> int:
-    """Return the force evaluations of a run: s a step, and one more to begin with if the kick comes first."""
-    return tableau.stages * steps + tableau.first_same_as_last
-
-
-def check_fit(system: System, tableau: Tableau) -> None:
-    """Refuse a method that a system is not for.
+def misfit(system: System, tableau: Tableau, split: str = KINETIC_POTENTIAL) -> tuple[str, str]:
+    """Return the reason why a method is not for a system, and the words that name the system; two "" if it is.
 
     One of Runge-Kutta-Nystrom type is for kinetic energies of degree 2 in the momenta; one with kicks of a modified
-    potential for formulas that are compiled as they are written, too.
+    potential for formulas that are compiled as they are written, too, and for no oscillator that is solved exactly.
+    """
+    if tableau.requires == QUADRATIC_KINETIC_ENERGY and not system.quadratic_kinetic_energy:
+        return f"it requires a {tableau.requires}", f", which {system.name} does not have"
+    if not tableau.modified:
+        return "", ""
+    reasons = {
+        "is regularised": system.regularisation is not None,
+        "has a V that is a function of numba": not system.energies[0].traced,
+        "has its oscillators solved exactly": split == EXACT_OSCILLATOR,
+    }
+    found = next((what for what, is_so in reasons.items() if is_so), "")
+    if not found and system.formulas().are_loops:
+        found = "has formulas that are compiled as loops"
+    if not found:
+        return "", ""
+    return "its kicks are of a modified potential", f", which is not there for {system.name}, which {found}"
+
+
+def check_fit(system: System, tableau: Tableau, split: str = KINETIC_POTENTIAL) -> None:
+    """Refuse a method that is not for a system, as :func:`misfit` tells.
 
     Raises
     ------
     SettingError
         The method does not fit.
     """
-    if tableau.requires == QUADRATIC_KINETIC_ENERGY and not system.quadratic_kinetic_energy:
-        key, allowed = "integrator", f"it requires a {tableau.requires}, which {system.name} does not have"
-        raise bad_setting(key, tableau.name, allowed)
-    traced = system.energies[0].traced
-    if tableau.modified and (system.regularisation is not None or system.formulas().are_loops or not traced):
-        what = "has a V that is a function of numba" if not traced else "has formulas that are compiled as loops"
-        what = "is regularised" if system.regularisation is not None else what
-        allowed = f"its kicks are of a modified potential, which is not there for {system.name}, which {what}"
-        raise bad_setting("integrator", tableau.name, allowed)
+    reason = "".join(misfit(system, tableau, split))
+    if reason:
+        key = "integrator"
+        raise bad_setting(key, tableau.name, reason)

@@ -11,7 +11,15 @@ from functools import lru_cache
 from math import inf
 from numbers import Integral, Real
 
+from nearharmonic.engine.handed_on import EXACT_OSCILLATOR, KINETIC_POTENTIAL, SPLITS, HandedOn
 from nearharmonic.errors import bad_setting
+
+__all__ = [
+    "ENERGIES", "EXACT_OSCILLATOR", "KINETIC_POTENTIAL", "MOST_LANES", "MOST_SAMPLES", "MOST_STEPS", "MOST_THREADS",
+    "OPERATORS", "PRECISIONS", "SPLITS", "SUMMATIONS", "WIDTH", "HandedOn", "Numerics", "Sweep", "checked_count",
+    "checked_first", "checked_precision", "checked_samples", "checked_summation", "checked_t_end", "checked_tau",
+    "checked_threads", "exact_decimal", "one_of", "positive", "whole_number",
+]  # fmt: skip
 
 #: Steps of one run: at 3 ns a stage, half a minute for ten stages. More is a slip of the decimal point.
 MOST_STEPS = 10**9
@@ -29,8 +37,6 @@ PRECISIONS = ("double", "extended")
 SUMMATIONS = ("compensated", "plain")
 OPERATORS = ("drift", "kick")
 ENERGIES = ("every", "samples", "none")
-#: What the two operators of a splitting solve: T and V; or T with the oscillators of V, and the rest of V.
-KINETIC_POTENTIAL, EXACT_OSCILLATOR = SPLITS = ("kinetic_potential", "exact_oscillator")
 
 
 def positive(key: str, value: object) -> Decimal:
@@ -173,15 +179,13 @@ def checked_summation(summation: object, key: str = "summation") -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Numerics:
+class Numerics(HandedOn):
     """Arithmetic of runs, and how often their energy is evaluated.
 
     Parameters
     ----------
     precision : {"double", "extended"}
         Arithmetic of the state; "extended" is double-double.
-    summation : {"compensated", "plain"}
-        Summation of the steps in double precision. Double-double sums are compensated always.
     width : int or None
         Number of SIMD lanes, 1 to 64; if None, as many as suit the runs.
     energy : {"every", "samples", "none"}
@@ -193,9 +197,10 @@ class Numerics:
         Errors are independent of which runs share the lanes if ``look`` divides the number of steps between samples.
     double_coefficients : bool
         Whether the products of step size and coefficient are rounded to double in extended precision too.
-    split : {"kinetic_potential", "exact_oscillator"}
-        What the two operators of a method solve: the drift T and the kick V; or the drift T with the oscillators of the
-        frequencies that the system declares, and the kick the rest of V.
+
+    See Also
+    --------
+    HandedOn : the other parameters.
 
     Raises
     ------
@@ -204,12 +209,10 @@ class Numerics:
     """
 
     precision: str = "double"
-    summation: str = "compensated"
     width: int | None = None
     energy: str = "every"
     look: int | None = None
     double_coefficients: bool = False
-    split: str = KINETIC_POTENTIAL
 
     def __post_init__(self) -> None:
         checked_precision(self.precision)
@@ -263,8 +266,8 @@ def exact_decimal(text: str) -> Fraction:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sweep:
-    """The runs of every method on one system.
+class Sweep(HandedOn):
+    """The runs of every method on one system; :class:`HandedOn` has the other attributes.
 
     Attributes
     ----------
@@ -278,14 +281,10 @@ class Sweep:
         Step sizes in each factor of ten.
     precision : tuple of str
         Arithmetic of the runs: "double", "extended" or both.
-    summation : str
-        "compensated" or "plain".
     samples : int
         States that a run keeps at most.
     shards : int
         Files that share the step sizes of a method.
-    split : str
-        What the two operators of a method solve: "kinetic_potential" or "exact_oscillator".
     """
 
     system: str
@@ -294,7 +293,5 @@ class Sweep:
     highest: float
     points_per_decade: int
     precision: tuple[str, ...]
-    summation: str
     samples: int
     shards: int
-    split: str = KINETIC_POTENTIAL

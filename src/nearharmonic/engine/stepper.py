@@ -12,13 +12,11 @@ import numpy as np
 from nearharmonic.core.layout import ADVANCE, STEP
 from nearharmonic.engine.batch.kernels import kernel_of, physics_of
 from nearharmonic.engine.batch.parameters import parameters_at_run_time
-from nearharmonic.engine.numbers.coefficients import exact_products
-from nearharmonic.engine.numbers.modified_moves import exact_moves, modified_moves
+from nearharmonic.engine.numbers.coefficients import moves
 from nearharmonic.engine.runs.continuation import start_of
 from nearharmonic.engine.runs.problem import Problem
 from nearharmonic.engine.settings import KINETIC_POTENTIAL
 from nearharmonic.errors import bad_setting
-from nearharmonic.integrators.modified_tableau import ModifiedTableau
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.systems.definition.system import System
 
@@ -81,12 +79,11 @@ def step_of(problem: Problem, parameters: Mapping[str, Any] | None = None) -> St
     system, tableau = problem.system, problem.tableau
     numerics = replace(problem.numerics, width=1)
     given = parameters_at_run_time(system, numerics, start_of(problem, parameters=parameters).parameters)
-    if isinstance(tableau, ModifiedTableau):
-        power, rows = 3, exact_moves(tableau)
-        flags = np.ascontiguousarray(modified_moves(tableau, [Fraction(1)], 1)[0, :, -1])
+    rows, flags = tableau.moves(), np.zeros(tableau.stages + 2)
+    if tableau.modified:
+        power, flags = 3, np.ascontiguousarray(moves(tableau, [Fraction(1)], 1)[0, :, -1])
     else:
-        power, rows = 2, [(Fraction(*k), Fraction(*e), Fraction(*ke)) for k, e, ke in exact_products(tableau)]
-        flags = np.zeros(len(rows))
+        power, rows = 2, [(k, e, k * e) for k, e, _ in rows]
     physics = physics_of(system, modified=tableau.modified)
     in_memory = physics.loops is not None
     if in_memory:

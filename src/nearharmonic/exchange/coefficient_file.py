@@ -18,7 +18,8 @@ from pathlib import Path
 from typing import Any, NoReturn, cast
 
 from nearharmonic.errors import TableauError
-from nearharmonic.integrators.tableau import DECIMAL, QUADRATIC_KINETIC_ENERGY, First, Row
+from nearharmonic.integrators.composition import DECIMAL
+from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, First, Row
 from nearharmonic.registry.registry import split_path
 
 #: Orders up to which conditions are examined; the number of words doubles with each more.

@@ -26,6 +26,11 @@ class Coefficients:
         Significant digits that count: those to which the rows are rounded, or those that the source guarantees.
     rounding : str
         How the rows are rounded, in one sentence.
+
+    Raises
+    ------
+    SettingError
+        The kicks of the integrator are of a modified potential.
     """
 
     tableau: Tableau
@@ -33,6 +38,11 @@ class Coefficients:
     drift: Row
     digits: int
     rounding: str
+
+    def __post_init__(self) -> None:
+        if self.tableau.modified:
+            allowed = "its kicks are of a modified potential, for which there is no file and no other program"
+            raise bad_setting("integrator", self.tableau.name, allowed)
 
     @property
     def operators(self) -> tuple[First, First]:

@@ -1,12 +1,14 @@
 """The integrators, one file per source; ``integrators["aba864"]`` is a :class:`Tableau`.
 
-This package is itself the mapping ``integrators``: see :mod:`nearharmonic.registry.registry`.
+This package is itself the mapping ``integrators``: see :mod:`nearharmonic.registry.registry`. Two views of it select
+methods by their kicks.
 """
 
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.registry.registry import Registry, make_registry
+from nearharmonic.registry.selection import Selection
 
-__all__ = ["BENCHMARKED", "Tableau", "integrators"]
+__all__ = ["BENCHMARKED", "Tableau", "integrators", "modified_integrators", "plain_integrators"]
 
 #: The ten methods of Nielsen's figures in the paper's order, which is the order of every legend.
 BENCHMARKED = (
@@ -32,3 +34,7 @@ def _at(place: str, _: object) -> Tableau:
 integrators: Registry[Tableau] = make_registry(
     __name__, "integrator", "TABLEAUS", lambda module: {t.name: t for t in getattr(module, "TABLEAUS", ())}, _at
 )
+
+#: Integrators whose kicks are of V alone, and those with kicks of a modified potential.
+plain_integrators = Selection(integrators, "plain_integrators", lambda tableau: not tableau.modified)
+modified_integrators = Selection(integrators, "modified_integrators", lambda tableau: tableau.modified)

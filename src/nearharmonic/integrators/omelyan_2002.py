@@ -1,4 +1,4 @@
-"""Omelyan, Mryglod & Folk (2002, 2003), fourth-order methods without a force gradient.
+"""Omelyan, Mryglod & Folk (2002, 2003): methods of order four without a force gradient, and one of order six with it.
 
 Optimized Forest-Ruth- and Suzuki-like algorithms for integration of motion in many-body systems, Comput. Phys. Commun.
 146, 188, doi:10.1016/S0010-4655(02)00451-4, and Symplectic analytically integrable decomposition algorithms, Comput.
@@ -6,11 +6,17 @@ Phys. Commun. 151, 272, doi:10.1016/S0010-4655(02)00754-3 (the methods of five s
 and make the norm of the commutators of degree 5 least: of all six (EFRL), or of the four that quadratic kinetic energy
 leaves. These have 16 to 17 printed decimals and are taken as they stand; the order conditions give the others, which
 round to the print.
+
+Construction of high-order force-gradient algorithms, Phys. Rev. E 66, 026701, doi:10.1103/PhysRevE.66.026701,
+arXiv:cond-mat/0111055, has the method with kicks of a modified potential: order six with five stages, position first.
+The digits beyond the 16 of the source follow from the order conditions; that the second kick is of V alone fixes the
+parameter of the family.
 """
 
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau, palindrome
 
 SOURCE_2002 = "Omelyan, Mryglod & Folk (2002), Comput. Phys. Commun. 146, 188, doi:10.1016/S0010-4655(02)00451-4"
+SOURCE_GRADIENT = "Omelyan, Mryglod & Folk (2002), Phys. Rev. E 66, 026701, doi:10.1103/PhysRevE.66.026701"
 SOURCE_2003 = "Omelyan, Mryglod & Folk (2003), Comput. Phys. Commun. 151, 272, doi:10.1016/S0010-4655(02)00754-3"
 
 TABLEAUS = (
@@ -126,5 +132,29 @@ TABLEAUS = (
         source=SOURCE_2003,
         digits=76,
         requires=QUADRATIC_KINETIC_ENERGY,
+    ),
+    Tableau(
+        name="omelyan_g5o6",
+        label="OMF 5G",
+        order=6,
+        first="drift",
+        kick=palindrome(
+            "0.26933158489353005613350339779650874201304993095345156444993278941434790996086650",
+            "1.13198034865155639250390730462479653448111283522997262110816227418361834209941897",
+            centre="-1.80262386709017289727482140484261055298832553236684837111619012719593250412057095",
+        ),
+        square=palindrome(
+            "0.00086421613397061662604433847937159387534744800467865448059432246177219364880297",
+            "0",
+            centre="-0.01324638643416052385902941845693811303039213674853831119997554797719721617463023",
+        ),
+        drift=palindrome(
+            "0.10970597239486819130899039214759417287742195595535551784348236681474233622088832",
+            "0.41406322673108311243402117878208332942973084358108320034027234287194471802691349",
+            "-0.02376919912595130374301157092967750230715279953643871818375470968668705424780180",
+        ),
+        source=SOURCE_GRADIENT,
+        digits=80,
+        note="three of five forces take a gradient",
     ),
 )

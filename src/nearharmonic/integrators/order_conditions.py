@@ -24,8 +24,7 @@ from math import ceil, lcm
 from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.exact.step import Factor, Step, composed
 from nearharmonic.exact.words import logarithm
-from nearharmonic.integrators.modified_tableau import ModifiedTableau
-from nearharmonic.integrators.processed_tableau import ProcessedTableau, Processor
+from nearharmonic.integrators.composition import Composition
 from nearharmonic.integrators.tableau import Tableau
 
 #: Up to this order methods are examined unless they declare more; the number of words doubles with each more.
@@ -63,16 +62,14 @@ def step_of(tableau: Tableau) -> Step:
 
     A processed method has the inverse processor in front and the processor behind.
     """
-    if not isinstance(tableau, ModifiedTableau):
-        return composed(tableau.first, map(Fraction, tableau.kick), map(Fraction, tableau.drift))
-    step = _modified(tableau)
-    if not isinstance(tableau, ProcessedTableau):
+    step = _composed(tableau)
+    if tableau.processor is None:
         return step
-    behind = tuple((letter, c) for letter, c in _modified(tableau.processor) if c)
+    behind = tuple((letter, c) for letter, c in _composed(tableau.processor) if c)
     return (*((letter, -c) for letter, c in reversed(behind)), *step, *behind)
 
 
-def _modified(given: ModifiedTableau | Processor) -> Step:
+def _composed(given: Composition) -> Step:
     rows = (map(Fraction, row) for row in (given.kick, given.drift, given.square))
     return tuple((letter, c) for letter, c in composed(given.first, *rows) if letter != "C" or c)
 

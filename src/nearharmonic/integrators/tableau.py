@@ -2,55 +2,24 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, replace
-from decimal import Decimal, localcontext
 from fractions import Fraction
+from functools import cached_property
 from hashlib import sha256
-from typing import Literal
 
 from nearharmonic.core.arithmetic import rounded_pair
-from nearharmonic.errors import TableauError, bad_setting
+from nearharmonic.errors import bad_setting
+from nearharmonic.integrators.composition import Composition, First, Processor, Row, palindrome
 
-#: The operator applied first in a step: a drift moves q by dT/dp (ABA), a kick moves p by -dV/dq (BAB).
-First = Literal["drift", "kick"]
-Row = tuple[str, ...]
+__all__ = [
+    "QUADRATIC_KINETIC_ENERGY", "First", "ModifiedTableau", "ProcessedTableau", "Processor", "Row", "Tableau",
+    "palindrome",
+]  # fmt: skip
 
-#: What a tableau of Runge-Kutta-Nystrom type asks of a system: T = p.p / 2.
+#: Requirement of a tableau of Runge-Kutta-Nystrom type: T = p.p / 2.
 QUADRATIC_KINETIC_ENERGY = "quadratic kinetic energy"
 
 _OTHER: dict[First, First] = {"drift": "kick", "kick": "drift"}
-#: A coefficient. Exponents are bounded because coefficients are held as exact fractions: 1e999999999 would fill the
-#: memory.
-DECIMAL = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
-
-
-def palindrome(*half: str, centre: str | None = None) -> Row:
-    """Return the row that reads ``half`` forwards, ``centre`` once if its length is odd, and ``half`` backwards."""
-    return (*half, *(() if centre is None else (centre,)), *reversed(half))
-
-
-class Composition:
-    """Kicks and drifts in turns: the rows by their places in a step."""
-
-    first: First
-    kick: Row
-    drift: Row
-
-    @property
-    def outer(self) -> Row:
-        """The s + 1 coefficients of the operator that comes first and last."""
-        return self.kick if self.first == "kick" else self.drift
-
-    @property
-    def inner(self) -> Row:
-        """The s coefficients of the operator in between."""
-        return self.drift if self.first == "kick" else self.kick
-
-    @property
-    def stages(self) -> int:
-        """Force evaluations per step, s; for kick first, the one that closes a step opens the next."""
-        return len(self.inner)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,6 +40,12 @@ class Tableau(Composition):
         Operator that comes first and last in a step.
     kick, drift : tuple of str
         Coefficients of the two operators in units of tau, s + 1 for the one named by ``first`` and s for the other.
+    square : tuple of str, optional
+        Coefficients in units of tau^3 of kicks of a modified potential, as :class:`Composition` has them: "0" for a
+        kick of V alone, which needs no gradient. Such a method requires a quadratic kinetic energy.
+    processor : Processor, optional
+        Composition that is applied at output alone. A run then starts with its inverse and repeats the rows, and each
+        output is processed: the method is that of the rows in other variables, and ``order`` that of processed states.
     symmetric : bool, optional
         Whether both rows are palindromes, so that a step of -tau undoes a step of tau: found from the rows. Rows that
         are no palindromes are refused, unless ``outer`` has "0" at one end alone, or False is given.
@@ -95,8 +70,8 @@ class Tableau(Composition):
     ------
     TableauError
         A coefficient that is no decimal number, a row of the wrong length, one that is no palindrome, unless the method
-        is not symmetric, or one whose sum differs from 1 by more than one unit of the last guaranteed decimal per
-        coefficient.
+        is not symmetric, one whose sum differs from 1 by more than one unit of the last guaranteed decimal per
+        coefficient, or a processor of a method without squares.
     """
 
     name: str
@@ -107,6 +82,8 @@ class Tableau(Composition):
     drift: Row
     source: str
     digits: int
+    square: Row = ()
+    processor: Processor | None = None
     requires: str | None = None
     note: str = ""
     benchmarked: bool = False
@@ -120,26 +97,38 @@ class Tableau(Composition):
         for key, number in (("order", self.order), ("digits", self.digits)):
             positive = isinstance(number, int) and not isinstance(number, bool) and number >= 1
             self._expect(positive, key, number, "an integer >= 1")
+        if self.square:
+            object.__setattr__(self, "requires", QUADRATIC_KINETIC_ENERGY)
         known = self.requires in (None, QUADRATIC_KINETIC_ENERGY)
         self._expect(known, "requires", self.requires, f"None or {QUADRATIC_KINETIC_ENERGY!r}")
-        for key in ("kick", "drift"):
-            self._check_numbers(key)
-        lengths = f"{len(self.kick)} kicks, {len(self.drift)} drifts"
-        fits = len(self.outer) == len(self.inner) + 1 >= 2
-        self._expect(fits, "rows", lengths, f"one {self.first} more than the other operator, as first = {self.first!r}")
+        self._check_rows()
         self._check_symmetry()
-        for key in ("kick", "drift"):
-            self._check_sum(key)
-
-    @property
-    def modified(self) -> bool:
-        """True if kicks are of a modified potential: see :mod:`nearharmonic.integrators.modified`."""
-        return False
+        self._check_sums(1)
+        fits = self.processor is None or (self.modified and self.processor.modified)
+        self._expect(fits, "processor", self.processor, "None, as there are kicks of V alone")
 
     @property
     def processed(self) -> bool:
-        """True if a processor is applied at output: see :mod:`nearharmonic.integrators.processed_tableau`."""
-        return False
+        """True if a processor is applied at output."""
+        return self.processor is not None
+
+    @cached_property
+    def kernel(self) -> Tableau:
+        """Repeated step of a processed method as a method of its own; its order is not proved."""
+        return replace(self, processor=None)
+
+    @property
+    def compositions(self) -> tuple[Composition, ...]:
+        """Compositions that a run applies: the kernel, the inverse processor and the processor, if there is one."""
+        return (self,) if self.processor is None else (self.kernel, self.processor.inverse, self.processor)
+
+    @property
+    def gradients(self) -> int:
+        """Force evaluations of a step that take the gradient of the square as well."""
+        needed = [bool(Fraction(m)) for m in self.square]
+        if needed and self.first == "kick":  # the last kick of a step and the first of the next take one force
+            needed = [needed[0] or needed[-1], *needed[1:-1]]
+        return sum(needed)
 
     @property
     def facts(self) -> dict[str, object]:
@@ -148,6 +137,7 @@ class Tableau(Composition):
             "name": self.name,
             "label": self.label,
             "stages": self.stages,
+            **({"gradients": self.gradients} if self.modified else {}),
             "order": self.order,
             "first": self.first,
             "symmetric": "" if self.symmetric else "no",
@@ -165,16 +155,9 @@ class Tableau(Composition):
 
         rows = {
             f"{name} coefficients": ", ".join(f"{float(c)!r}" for c in getattr(self, name))
-            for name in ("drift", "kick")
+            for name in ("drift", "kick", *(["square"] if self.modified else []))
         }
         return facts_table("Tableau", {**self.facts, **rows})
-
-    def _check_numbers(self, key: str) -> None:
-        row = getattr(self, key)
-        self._expect(isinstance(row, tuple), key, row, "a tuple of decimal strings")
-        for i, text in enumerate(row):
-            decimal = isinstance(text, str) and DECIMAL.fullmatch(text) is not None
-            self._expect(decimal, f"{key}[{i}]", text, "a finite decimal number as a string")
 
     def _check_symmetry(self) -> None:
         """Find out whether the method is symmetric, and refuse rows that contradict what is said of it.
@@ -185,7 +168,7 @@ class Tableau(Composition):
         self._expect(self.symmetric in (None, True, False), "symmetric", self.symmetric, "True, False or None")
         off = [
             (f"{key}[{i}]", text, mirror)
-            for key in ("kick", "drift")
+            for key in ("kick", "drift", "square")
             for i, (text, mirror) in enumerate(zip(getattr(self, key), reversed(getattr(self, key)), strict=True))
             if text != mirror and Fraction(text) != Fraction(mirror)
         ]
@@ -195,23 +178,9 @@ class Tableau(Composition):
             self._expect(False, place, text, f"its mirror image {mirror!r}, or symmetric = False")
         object.__setattr__(self, "symmetric", not off)
 
-    def _check_sum(self, key: str) -> None:
-        row = getattr(self, key)
-        # Exact: the digits of all numbers are within this precision, as their exponents have three digits at most.
-        with localcontext(prec=2 * (1001 + max(map(len, row)))):
-            excess = sum(map(Decimal, row), start=Decimal(-1))
-        balanced = abs(Fraction(excess)) * 10**self.digits <= len(row)
-        self._expect(balanced, f"{key} row sum", f"1{float(excess):+.1e}", f"1 within {len(row)}e-{self.digits}")
-
-    def _expect(self, condition: bool, key: str, value: object, expected: str) -> None:
-        if not condition:
-            message = f"tableau {self.name!r}: {key} = {value!r}, expected {expected}"
-            raise TableauError(message)
-
     @property
-    def first_same_as_last(self) -> bool:
-        """True if the force of a step's last kick is that of the next step's first kick."""
-        return self.first == "kick"
+    def _kind(self) -> str:
+        return f"tableau {self.name!r}"
 
     def role(self, first: First | None) -> Tableau:
         """Return the tableau whose outer row is given to the operator ``first``.
@@ -228,10 +197,13 @@ class Tableau(Composition):
         Raises
         ------
         SettingError
-            ``first`` is neither "drift", "kick" nor None.
+            ``first`` is neither "drift", "kick" nor None, or kicks are of a modified potential, which no drift can be.
         """
         if first is None or first == self.first:
             return self
+        if self.modified:
+            what = f"{self.first!r} or nothing, as {self.name} has kicks of a modified potential"
+            raise bad_setting("first", first, what)
         if first not in _OTHER:
             key = "first"
             raise bad_setting(key, first, "it is 'drift' or 'kick'")
@@ -256,6 +228,17 @@ class Tableau(Composition):
         return outer, inner
 
     def digest(self) -> str:
-        """Return the SHA-256, in hex, of what determines the numbers of a run: the first operator and both rows."""
+        """Return the SHA-256, in hex, of the first operator and all rows, which determine the numbers of a run."""
         text = "\n".join((self.first, " ".join(self.outer), " ".join(self.inner)))
-        return sha256(text.encode()).hexdigest()
+        found = sha256(text.encode()).hexdigest()
+        if self.modified:
+            found = sha256(f"{found} {' '.join(self.square)}".encode()).hexdigest()
+        if self.processor is not None:
+            given = self.processor
+            rows = given.first, *given.kick, *given.drift, *given.square
+            found = sha256(f"{found} {' '.join(rows)}".encode()).hexdigest()
+        return found
+
+
+#: Further names of the type, for methods with squares and for those with a processor.
+ModifiedTableau = ProcessedTableau = Tableau

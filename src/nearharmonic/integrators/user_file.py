@@ -68,9 +68,6 @@ def load_tableaus(place: str | os.PathLike[str]) -> dict[str, Tableau]:
         raise TableauError(message)
     named: dict[str, Tableau] = {}
     for one in found:
-        if one.modified:
-            message = f"{path}: the integrator {one.name!r} has kicks of a modified potential: pass the tableau itself"
-            raise TableauError(message)
         if one.name in integrators.registered:
             message = f"{path}: the integrator {one.name!r} is a registered one already; give it another name"
             raise TableauError(message)

@@ -95,6 +95,9 @@ _STYLES = {
     "bcss_s3": Style("#8a6200", "<"),
     "bcss_s4": Style("#8a6200", ">"),
     "predescu_s3": Style("#8a6200", "d"),
+    # With kicks of a modified potential.
+    "omelyan_g5o6": Style("#332288", ">"),
+    "rowlands": Style("#117733", "h"),
     # Trained on ensembles: from large to small errors, then methods for other problems.
     "trained_coarse": Style("#d6006e", "<"),
     "trained_light": Style("#d6006e", ">"),

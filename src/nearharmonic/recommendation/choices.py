@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from nearharmonic.engine.batch.batch import integrate_batch
-from nearharmonic.engine.batch.results import Trajectories
-from nearharmonic.engine.grid import check_fit, evaluations_of
+from nearharmonic.engine.batch.results import Trajectories, least_samples
+from nearharmonic.engine.grid import misfit
 from nearharmonic.engine.reference import Reference, reference
 from nearharmonic.engine.settings import Numerics
-from nearharmonic.errors import SettingError
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.clock import Patience, interleaved, machine, pinned
 from nearharmonic.recommendation.curve import MEASURES
@@ -73,11 +72,10 @@ def _choice(asked: Question, name: str, exact: Reference | None) -> Choice:
     """The largest step of a method that meets the bound, not timed yet."""
     tableau = asked.methods[name]
     choice = Choice(method=name, label=tableau.label, kind="splitting", status="not run")
-    try:
-        check_fit(asked.system, tableau)
-    except SettingError:
-        return replace(choice, reason=f"does not fit: it requires a {tableau.requires}")
-    one_step = evaluations_of(tableau, 1)
+    reason, _ = misfit(asked.system, tableau)
+    if reason:
+        return replace(choice, reason=f"does not fit: {reason}")
+    one_step = tableau.evaluations(1)
     if one_step > asked.budget:
         return replace(choice, reason=f"a single step takes {one_step} evaluations")
 
@@ -88,15 +86,15 @@ def _choice(asked: Question, name: str, exact: Reference | None) -> Choice:
     bound = asked.error * (1 - MEAN_ROUNDING) if asked.measure == "mean" else asked.error
     errors = measured_errors(run, ladder(asked.longest // tableau.stages), bound, floor)
     steps = fewest_steps(errors, bound)
-    met = steps is not None and evaluations_of(tableau, steps) <= asked.budget
+    met = steps is not None and tableau.evaluations(steps) <= asked.budget
     if steps is None or not met:
-        steps = min((n for n in errors if evaluations_of(tableau, n) <= asked.budget), key=errors.__getitem__)
+        steps = min((n for n in errors if tableau.evaluations(n) <= asked.budget), key=errors.__getitem__)
     choice = replace(
         choice,
         status="met" if met else "missed",
         tau=float(Fraction(asked.t_end) / steps),
         steps=steps,
-        evaluations=evaluations_of(tableau, steps),
+        evaluations=tableau.evaluations(steps),
     )
     careful, plain = (_measured(asked, choice, exact, summation) for summation in ("compensated", "plain"))
     return plain if met and plain.error <= bound and _loses_nothing(plain, careful) else careful
@@ -120,10 +118,10 @@ def _loses_nothing(plain: Choice, careful: Choice) -> bool:
 
 
 def _runs(asked: Question, tableau: Tableau, steps: Sequence[int], summation: str = "compensated") -> Trajectories:
-    end, numerics = Fraction(asked.t_end), Numerics(summation=summation)
     return integrate_batch(
-        asked.system, tableau, t_end=end, steps=steps, samples=2, scale=asked.scale, numerics=numerics
-    )
+        asked.system, tableau, t_end=Fraction(asked.t_end), steps=steps, samples=least_samples(tableau),
+        scale=asked.scale, numerics=Numerics(summation=summation),
+    )  # fmt: skip
 
 
 def _errors(asked: Question, paths: Trajectories, exact: Reference | None) -> list[float]:
@@ -131,7 +129,7 @@ def _errors(asked: Question, paths: Trajectories, exact: Reference | None) -> li
     if exact is None:
         found = getattr(paths, MEASURES[asked.measure])
     else:
-        found = np.where(paths.left_at > 0, inf, exact.error(paths.q[:, -1], paths.q_low[:, -1]))
+        found = np.where(paths.left_at > 0, inf, exact.error(*paths.ends))
     return [inf if isnan(error) else float(error) for error in found]
 
 

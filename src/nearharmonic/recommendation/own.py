@@ -11,13 +11,12 @@ from typing import Any
 import numpy as np
 
 from nearharmonic.engine.batch.batch import integrate_batch
-from nearharmonic.engine.batch.results import Trajectories
-from nearharmonic.engine.grid import check_fit, evaluations_of, steps_of, tau_grid
+from nearharmonic.engine.batch.results import Trajectories, least_samples
+from nearharmonic.engine.grid import misfit, tau_grid
 from nearharmonic.engine.reference import Reference
 from nearharmonic.engine.runs.ensemble import ensemble
 from nearharmonic.engine.runs.problem import Problem
 from nearharmonic.engine.settings import Numerics
-from nearharmonic.errors import SettingError
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.recommendation.curve import MEASURES, Curve, Point
 from nearharmonic.systems.definition.system import System
@@ -46,8 +45,8 @@ def grid(
     """(tau per stage, steps) from coarse to fine, each number of steps once; runs of more than ``evaluations`` of the
     force are left out, and the grid begins where a run has one step at least."""
     taus = tau_grid(lowest, highest, points_per_decade)
-    steps = {steps_of(t_end, tau * tableau.stages): tau for tau in taus}
-    return [(tau, n) for n, tau in sorted(steps.items()) if evaluations_of(tableau, n) <= evaluations]
+    steps = {tableau.steps(tau, t_end): tau for tau in taus}
+    return [(tau, n) for n, tau in sorted(steps.items()) if tableau.evaluations(n) <= evaluations]
 
 
 def splitting_curve(
@@ -65,10 +64,9 @@ def splitting_curve(
     A system that the method is not made for gives a curve without points whose status says so.
     """
     curve = Curve(method=tableau.name, label=tableau.label, kind="splitting")
-    try:
-        check_fit(system, tableau)
-    except SettingError:
-        curve.status = f"does not fit: it requires a {tableau.requires}"
+    reason, _ = misfit(system, tableau)
+    if reason:
+        curve.status = f"does not fit: {reason}"
         return curve
     if not points:
         curve.status = "no step size: every run would take more evaluations than allowed"
@@ -78,7 +76,9 @@ def splitting_curve(
     for way in dict.fromkeys((summation, "plain")):
         begin = time.perf_counter()
         numerics = Numerics(summation=way)
-        paths = integrate_batch(system, tableau, t_end=Fraction(t_end), steps=steps, samples=2, numerics=numerics)
+        paths = integrate_batch(
+            system, tableau, t_end=Fraction(t_end), steps=steps, samples=least_samples(tableau), numerics=numerics
+        )
         curve.sweep = time.perf_counter() - begin if way == summation else curve.sweep
         found[way] = _points(t_end, points, paths, exact, compensated=numerics.compensated)
     curve.points = _until_rounding([_cheaper(*both) for both in zip(found[summation], found["plain"], strict=True)])
@@ -97,12 +97,12 @@ def _points(
     *,
     compensated: bool,
 ) -> list[Point]:
-    found = []
+    found, (q, q_low) = [], paths.ends
     for i, (tau_per_stage, steps) in enumerate(points):
         worst, mean = float(paths.max_energy_error[i]), float(paths.mean_energy_error[i])
         off = np.nan
         if exact is not None:
-            off = float(exact.error(paths.q[i, -1], paths.q_low[i, -1])) if isfinite(worst) else inf
+            off = float(exact.error(q[i], q_low[i])) if isfinite(worst) else inf
         found.append(
             Point(
                 tau=float(Fraction(t_end) / steps),
@@ -189,7 +189,7 @@ def ensemble_call(
     All members begin at the start of the system, so that the error of one is that of all, and so that no member of
     another library's adaptive batch waits for another.
     """
-    evaluations = evaluations_of(tableau, steps)
+    evaluations = tableau.evaluations(steps)
     most = ENSEMBLE_EVALUATIONS if system.regularisation is None else ONE_BY_ONE_EVALUATIONS
     members = min(max(most // evaluations, FEWEST_MEMBERS), MOST_MEMBERS)
     q0, p0 = (np.repeat(np.array([row]), members, axis=0) for row in system.start(float))

@@ -7,9 +7,9 @@ import warnings
 from importlib import import_module
 from importlib.machinery import ModuleSpec
 from types import ModuleType
-from typing import Any
+from typing import Any, cast
 
-#: Old name in the package -> new name; submodules of an old name have moved too.
+#: Old name in the package -> new name; submodules of an old name have moved too. A colon precedes an attribute.
 MOVED = {
     "answers": "output.answers",
     "claims": "reproduction.claims",
@@ -93,7 +93,8 @@ MOVED = {
     "engine.invariants": "engine.runs.invariants",
     "engine.kernels": "engine.batch.kernels",
     "engine.lanes": "engine.batch.lanes",
-    "engine.modified_moves": "engine.numbers.modified_moves",
+    "engine.modified_moves": "engine.numbers.coefficients",
+    "engine.numbers.modified_moves": "engine.numbers.coefficients",
     "engine.numba_runs": "engine.batch.numba_runs",
     "engine.output_times": "engine.runs.output_times",
     "engine.portable": "numerics.portable",
@@ -142,7 +143,12 @@ MOVED = {
     "experiments.work_precision.peers.measure": "reproduction.experiments.work_precision.measure",
     "experiments.work_precision.regularised_figure": "reproduction.experiments.work_precision.figures.regularised",
     "experiments.work_precision.recommend": "recommendation",
-    "modified_integrators": "integrators.modified",
+    "integrators.modified": "integrators",
+    "integrators.modified.nearharmonic_2026": "integrators.nearharmonic_2026_modified",
+    "integrators.modified.trained": "integrators.trained_modified",
+    "integrators.modified_tableau": "integrators.tableau",
+    "integrators.processed_tableau": "integrators.tableau",
+    "modified_integrators": "integrators:modified_integrators",
     "numerics.levenberg_marquardt": "numerics.search.damped",
     "output.cubes": "reproduction.tasks.experiment",
     "output.declarations": "reproduction.tasks.declarations",
@@ -212,14 +218,18 @@ class Moved:
     def create_module(self, spec: ModuleSpec) -> ModuleType:
         """Return the module under its new name."""
         new = str(new_name(spec.name))
-        warnings.warn(f"{spec.name} is now {new}", DeprecationWarning, stacklevel=2)
-        module = import_module(new)
+        warnings.warn(f"{spec.name} is now {new.replace(':', '.')}", DeprecationWarning, stacklevel=2)
+        module = import_module(new.partition(":")[0])
         self._specs[module.__name__] = module.__spec__
         return module
 
     def exec_module(self, module: ModuleType) -> None:
         """Restore the spec of the module, which the import system has replaced; the module has run already."""
+        old = str(cast("ModuleSpec", module.__spec__).name)
         module.__spec__ = self._specs[module.__name__]
+        attribute = str(new_name(old)).partition(":")[2]
+        if attribute:
+            sys.modules[old] = getattr(module, attribute)
 
 
 def install() -> None:

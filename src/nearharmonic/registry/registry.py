@@ -105,14 +105,23 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
             raise NearharmonicError(message)
         if not is_named and self._read is not None:
             return self._read(key, self.registered)
-        if key in self._definitions and key not in self._made:
-            self._made[key] = self._definitions[key].make(key)
-        return self._made[key] if key in self._definitions else self._load()[key]
+        return self.entry(key)
+
+    def entry(self, name: str) -> Entry:
+        """Return the entry of a name that the registry has, covered by digests or not: to select by what it is."""
+        if name in self._definitions and name not in self._made:
+            self._made[name] = self._definitions[name].make(name)
+        return self._made[name] if name in self._definitions else self._load()[name]
 
     def _is_covered(self, name: str) -> bool:
         return self._covered is not None and (
             name in self._covered[0] or (name in self._modules and self._modules[name] in self._covered[1])
         )
+
+    @property
+    def kind(self) -> str:
+        """Name of an entry in error messages, singular."""
+        return self._kind
 
     @property
     def registered(self) -> tuple[str, ...]:

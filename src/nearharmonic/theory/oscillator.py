@@ -19,7 +19,7 @@ from mpmath import inf, isfinite, mp, mpf
 from nearharmonic.errors import bad_setting
 from nearharmonic.exact.decimals import BigFloat, as_mpf
 from nearharmonic.exact.step import StepPolynomials, oscillator
-from nearharmonic.integrators.modified import method_of
+from nearharmonic.integrators import integrators
 from nearharmonic.integrators.order_conditions import step_of
 from nearharmonic.integrators.tableau import First, Tableau
 
@@ -109,7 +109,8 @@ def lambda_max(integrator: str | Tableau, *, first: First | None = None, variabl
     """Return the highest power of tau in the new position: 2s if the kick is first (BAB), 2s + 1 if the drift is (ABA).
 
     In the new momentum the two are exchanged. Where a coefficient is 0, as at one end of rows that are not symmetric,
-    the terms of the highest powers vanish.
+    the terms of the highest powers vanish. Kicks of a modified potential reach further, as do processors: the power is
+    then the last that does not vanish.
 
     Parameters
     ----------
@@ -127,6 +128,10 @@ def lambda_max(integrator: str | Tableau, *, first: First | None = None, variabl
         key = "variable"
         raise bad_setting(key, variable, "it is 'position' or 'momentum'")
     tableau = tableau_of(integrator, first)
+    if tableau.modified:
+        K = _step_polynomials(tableau)
+        rows = (K.K11, K.K12) if variable == "position" else (K.K21, K.K22)
+        return max(n for row in rows for n, coefficient in enumerate(row) if coefficient)
     moved_last = "position" if tableau.first == "drift" else "momentum"
     return 2 * tableau.stages + (variable == moved_last)
 
@@ -240,7 +245,7 @@ def tableau_of(integrator: str | Tableau, first: First | None = None) -> Tableau
 
     Arguments and errors are those of :func:`kappa`.
     """
-    return (integrator if isinstance(integrator, Tableau) else method_of(integrator)).role(first)
+    return (integrator if isinstance(integrator, Tableau) else integrators[integrator]).role(first)
 
 
 def _step_size(tau: BigFloat) -> BigFloat:

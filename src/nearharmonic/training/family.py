@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearharmonic.errors import bad_setting
-from nearharmonic.integrators.modified_tableau import ModifiedTableau
 from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.numerics.types import Floats
 from nearharmonic.theory.symmetric import ConditionedSteps
@@ -83,7 +82,7 @@ class Family(ConditionedSteps):
     def unknowns_of(self, tableau: Tableau) -> Floats:
         """Return the unknowns (n,) of a method with these stages and this role; squares that it has not are 0."""
         squares = [0.0] * len(tableau.kick)
-        if isinstance(tableau, ModifiedTableau):
+        if tableau.modified:
             squares = [float(m) for m in tableau.square]
         return np.array(self.halved(*tableau.rows_double(), squares))
 
@@ -94,10 +93,9 @@ class Family(ConditionedSteps):
         rows[self.first] = [step / 2, *rows[self.first][1:], step / 2]
         given = {name: tuple(map(repr, row)) for name, row in rows.items()}
         about = {"name": "leapfrog", "order": 2, "first": self.first, "source": "leapfrog", "digits": 14}
-        if not self.squares:
-            return Tableau(**given, **about)  # type: ignore[arg-type]
-        squares = tuple(str(int(self.is_modified(i))) for i in range(len(rows["kick"])))
-        return ModifiedTableau(**given, **about, square=squares)  # type: ignore[arg-type]
+        if self.squares:
+            given["square"] = tuple(str(int(self.is_modified(i))) for i in range(len(rows["kick"])))
+        return Tableau(**given, **about)  # type: ignore[arg-type]
 
     def project(self, points: Floats) -> tuple[Floats, NDArray[np.bool_]]:
         """Return the members (C, n) of the family near ``points``, and which of them meet the equations.

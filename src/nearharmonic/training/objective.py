@@ -44,9 +44,9 @@ def mean_errors(
 
 def errors_of(ensemble: Ensemble, method: Tableau, tau_per_stage: Sequence[float], charge: float = 0.0) -> Floats:
     """Return the largest |dH/H0| (T, M) of a method on each problem of an ensemble, as :func:`mean_errors` does."""
-    cost = method.stages + charge * getattr(method, "gradients", 0)
+    cost = method.stages + charge * method.gradients
     population = Population(ensemble, method, tau_per_stage, 1, cost)
-    rows = [np.array([list(map(float, row))]) for row in (method.kick, method.drift, getattr(method, "square", ()))]
+    rows = [np.array([list(map(float, row))]) for row in (method.kick, method.drift, method.square)]
     found: Floats = population.errors(rows[0], rows[1], rows[2] if method.modified else None)[0]
     return found
 

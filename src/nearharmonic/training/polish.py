@@ -10,7 +10,6 @@ from mpmath import mp, mpf, nstr
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.exact.decimals import BigFloat, fixed_point
 from nearharmonic.exact.newton import newton
-from nearharmonic.integrators.modified_tableau import ModifiedTableau
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau, palindrome
 from nearharmonic.theory.symmetric import ConditionedSteps
 
@@ -100,7 +99,7 @@ def tableau_of(
         rows = {"kick": _texts(kicks, digits), "drift": _texts(drifts, digits)}
         given: dict[str, Any] = {"first": family.first, "digits": digits, **rows, **about}
         if family.squares:
-            return ModifiedTableau(**given, order=family.order, square=_texts(squares, digits))
+            given["square"] = _texts(squares, digits)
     needs = QUADRATIC_KINETIC_ENERGY if family.order > 4 else None
     return Tableau(**given, order=family.order, requires=needs)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from nearharmonic.core.layout import COLUMNS, DRIFT, KICK, PRODUCT, SQUARE, modified_columns
 from nearharmonic.engine.batch.batch import Batch, prepared_batch
 from nearharmonic.engine.batch.results import energy_unit
-from nearharmonic.engine.numbers.modified_moves import moves_behind
+from nearharmonic.engine.numbers.coefficients import moves_behind
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
@@ -91,7 +91,7 @@ class Population:
         self.ensemble, self.stages, self.modified = ensemble, shape.stages, shape.modified
         self.kick_first = shape.first == "kick"
         each = ensemble.unit * (shape.stages if cost is None else cost)
-        self.steps = np.array([max(1, round(ensemble.t_end / (tau * each))) for tau in tau_per_stage])
+        self.steps = np.array([shape.steps(tau, ensemble.t_end, each) for tau in tau_per_stage])
         self.taus = ensemble.t_end / self.steps
         self.shape = size, len(self.steps), ensemble.size
         columns = modified_columns(1) if self.modified else COLUMNS

@@ -15,7 +15,7 @@ from nearharmonic.errors import TableauError
 from nearharmonic.exchange.coefficient_file import read
 from nearharmonic.exchange.export import export
 from nearharmonic.exchange.proof.verdict import Verdict
-from nearharmonic.integrators import integrators
+from nearharmonic.integrators import plain_integrators as integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.integrators.user_file import load_tableaus
 from nearharmonic.theory.oscillator import harmonic_energy_error

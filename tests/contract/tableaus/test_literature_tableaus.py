@@ -11,7 +11,7 @@ from mpmath import eye, factorial, inverse, log, matrix, mp, mpf, norm, sqrt
 
 from nearharmonic.engine.grid import check_fit
 from nearharmonic.errors import SettingError
-from nearharmonic.integrators import integrators
+from nearharmonic.integrators import integrators, plain_integrators
 from nearharmonic.systems import systems
 from nearharmonic.theory.order import harmonic_orders_of
 from support.methods.tableau_files import names, verdict
@@ -253,7 +253,7 @@ def test_pefrl_is_over_ten_times_as_efficient_as_forest_ruth_and_about_five_time
 
 # --- Nystrom methods --------------------------------------------------------------------------------------------------
 
-NYSTROM = [name for name, tableau in integrators.items() if tableau.requires is not None]
+NYSTROM = [name for name, tableau in plain_integrators.items() if tableau.requires is not None]
 
 
 @pytest.mark.parametrize("name", NYSTROM)

@@ -12,6 +12,7 @@ import nearharmonic as nh
 from nearharmonic.exact.step import oscillator
 from nearharmonic.integrators.order_conditions import step_of
 from nearharmonic.theory.order import harmonic_orders_of, leading_errors, nystrom_order_of
+from nearharmonic.theory.oscillator import lambda_max, zeta
 from support.oracles import modified_steps
 
 EVERY = pytest.mark.parametrize("name", list(nh.modified_integrators))
@@ -99,3 +100,28 @@ def test_a_gradient_is_counted_where_the_kicks_of_neighbouring_steps_meet_too():
     assert replace(tableau, square=("0.01", "0", "0.01")).gradients == 1
     assert replace(tableau, square=("0.01", "0.01", "0.01")).gradients == 2
     assert tableau.facts["gradients"] == 1
+
+
+@EVERY
+def test_error_terms_reach_to_the_highest_power_of_the_step(name):
+    """The coefficients of the new position from q = -p = 1, as the derivatives of products of matrices."""
+    tableau = nh.modified_integrators[name]
+
+    def position(tau):
+        behind = modified_steps.operators_of(tableau.processor, tau) if tableau.processed else []
+        step = eye(2)
+        for operator in [*modified_steps.operators_of(tableau, tau), *behind]:
+            step = matrix_of(operator) * step
+        for operator in behind:
+            step = step * matrix_of(operator) ** -1
+        return step[0, 0] - step[0, 1]
+
+    highest = lambda_max(tableau)
+    with mp.workdps(60):
+        found = zeta(tableau)
+        assert len(found) == highest + 1
+        for tau in (mpf("0.3"), mpf("1.7")):
+            value = sum(mpf(c.numerator) / c.denominator * tau**n for n, c in enumerate(found))
+            assert abs(value - position(tau)) < mpf(10) ** -45
+    assert nh.kappa(tableau, highest + 2)[-2:] == [1, 1]
+    assert nh.kappa(tableau, highest)[-1] != 1

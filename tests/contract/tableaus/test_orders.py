@@ -9,7 +9,7 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.errors import TableauError
-from nearharmonic.integrators import integrators
+from nearharmonic.integrators import plain_integrators as integrators
 from nearharmonic.integrators.user_file import load_tableaus
 from nearharmonic.reproduction.experiments.paper.tableaus.overview import overview
 from nearharmonic.theory.order import (

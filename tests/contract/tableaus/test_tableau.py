@@ -6,6 +6,7 @@ from dataclasses import FrozenInstanceError, replace
 from fractions import Fraction
 from math import inf, nextafter
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -182,3 +183,39 @@ def test_the_digest_knows_the_numbers_and_roles_but_not_the_names():
     assert tableau.role("kick").digest() != tableau.digest()
     assert len({t.digest() for t in integrators.values()}) == len(integrators)
     assert len(tableau.digest()) == 64
+
+
+@pytest.mark.parametrize(
+    ("tau", "t_end", "cost", "steps"),
+    [
+        (0.1, "1", None, 3),  # 0.1 * 3 is above 3/10: below 3.34
+        (0.1, 1.0, None, 3),
+        (Fraction(1, 10), Fraction(3, 4), None, 2),  # 2.5 exactly, to even
+        (0.1, "0.75", None, 2),  # 0.1 * 3 in doubles is above 3/10, and the quotient below 2.5
+        (10.0, "1", None, 1),
+        (0.1, 1.0, 4.0, 2),
+    ],
+)
+def test_steps_are_those_of_the_nearest_whole_number(tau, t_end, cost, steps):
+    assert integrators["ruth"].steps(tau, t_end, cost) == steps
+
+
+def test_a_double_is_divided_as_doubles_and_a_text_exactly():
+    """10.05 / 0.3 in doubles is a tie, 33.5, and goes to the even number; the quotient of the doubles is below."""
+    assert 10.05 / (0.1 * 3) == 33.5
+    assert Fraction(10.05) / Fraction(0.1 * 3) < Fraction(67, 2)
+    assert integrators["ruth"].steps(0.1, 10.05) == 34
+    assert integrators["ruth"].steps(0.1, Fraction(10.05)) == 33
+
+
+def test_evaluations_are_stages_a_step_and_one_to_begin_with_a_kick():
+    assert integrators["ruth"].evaluations(7) == 21
+    assert integrators["leapfrog"].evaluations(7) == 7 + (integrators["leapfrog"].first == "kick")
+    assert integrators["chin_4a"].evaluations(7) == 15
+    assert integrators["chin_4a"].evaluations(np.array([1, 7])).tolist() == [3, 15]
+
+
+def test_a_processor_without_squares_is_refused():
+    processor = integrators["rowlands"].processor
+    with pytest.raises(TableauError, match="expected None, as there are kicks of V alone"):
+        replace(integrators["ruth"], processor=processor)

@@ -9,7 +9,8 @@ from fractions import Fraction
 import pytest
 from mpmath import cbrt, log, mp, mpf
 
-from nearharmonic.integrators import BENCHMARKED, integrators
+from nearharmonic.integrators import BENCHMARKED
+from nearharmonic.integrators import plain_integrators as integrators
 from nearharmonic.systems import systems
 from nearharmonic.theory.oscillator import kappa, step_polynomials
 from support.methods.ten_methods import EVERY_METHOD, thinned

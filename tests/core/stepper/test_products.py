@@ -12,7 +12,7 @@ import nearharmonic as nh
 from nearharmonic.core.layout import COLUMNS, DRIFT, KICK, PRODUCT, REST
 from nearharmonic.core.stepper.products import fill, table_of
 from nearharmonic.engine.numbers.coefficients import exact_products, moves
-from nearharmonic.engine.numbers.modified_moves import exact_moves, modified_moves
+from nearharmonic.integrators import plain_integrators
 
 RNG = random.Random(1)
 #: Kinds of step sizes: any; short decimals; few bits; multiples of 3 and 5, for which n/24 or n/5 may be half-way
@@ -36,7 +36,7 @@ def filled(rows, power, tau, flags=None):
 
 
 @pytest.mark.parametrize("draws", [1, pytest.param(5, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", nh.integrators)
+@pytest.mark.parametrize("name", plain_integrators)
 def test_moves_have_the_bits_of_rational_arithmetic(name, draws):
     tableau = nh.integrators[name]
     rows = [tuple(Fraction(*x) for x in row) for row in exact_products(tableau)]
@@ -48,8 +48,8 @@ def test_moves_have_the_bits_of_rational_arithmetic(name, draws):
 def test_modified_moves_have_the_bits_of_rational_arithmetic(name):
     tableau = nh.modified_integrators[name]
     for tau in [draw() for draw in TAUS for _ in range(4)]:
-        exact = modified_moves(tableau, [Fraction(tau)], 1)[0]
-        np.testing.assert_array_equal(filled(exact_moves(tableau), 3, tau, exact[:, -1]), exact, repr(tau))
+        exact = moves(tableau, [Fraction(tau)], 1)[0]
+        np.testing.assert_array_equal(filled(tableau.moves(), 3, tau, exact[:, -1]), exact, repr(tau))
 
 
 #: Seven over a multiple of 3 or 5, or decimals of that, with the factor of step sizes that cancels it.

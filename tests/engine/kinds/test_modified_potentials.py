@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import time
 from dataclasses import replace
 
@@ -11,6 +12,7 @@ from mpmath import mp, mpf
 
 import nearharmonic as nh
 from nearharmonic.errors import SettingError, TableauError, UnknownNameError
+from nearharmonic.integrators import plain_integrators
 from nearharmonic.math import cos
 from support.oracles import modified_steps
 
@@ -196,8 +198,23 @@ def test_an_unknown_name_is_matched_with_those_of_both_registries():
         nh.integrate("sho", "rutth", 0.1)
 
 
-def test_the_two_registries_have_no_name_in_common():
-    assert not set(nh.integrators) & set(nh.modified_integrators)
+def test_the_registry_has_all_methods_and_two_views_share_them():
+    assert {*plain_integrators, *nh.modified_integrators} == set(nh.integrators)
+    assert not set(plain_integrators) & set(nh.modified_integrators)
+    assert all(nh.integrators[name] is one for name, one in nh.modified_integrators.items())
+    assert all(one.square for one in nh.modified_integrators.values())
+    assert not any(one.square or one.processor for one in plain_integrators.values())
+
+
+def test_a_view_says_what_it_does_not_have_and_is_pickled_as_itself():
+    with pytest.raises(UnknownNameError, match=r"unknown integrator 'chin_4'\. Did you mean 'chin_4a'"):
+        nh.modified_integrators["chin_4"]
+    with pytest.raises(UnknownNameError, match="unknown integrator 'ruth'"):
+        nh.modified_integrators["ruth"]
+    assert pickle.loads(pickle.dumps(nh.modified_integrators)) is nh.modified_integrators
+    assert repr(nh.modified_integrators).startswith("<nearharmonic.integrators.modified_integrators, a mapping of ")
+    assert nh.modified_integrators._repr_html_().count("<tr>") == len(nh.modified_integrators) + 1
+    assert nh.modified_integrators.module_of("chin_4a") == "nearharmonic.integrators.chin_1997"
 
 
 def test_a_tableau_passed_directly_runs_like_the_registered_one():
@@ -206,14 +223,21 @@ def test_a_tableau_passed_directly_runs_like_the_registered_one():
     assert runs[0].max_energy_error == runs[1].max_energy_error
 
 
-def test_a_users_file_with_a_modified_tableau_is_refused(tmp_path):
-    (tmp_path / "own.py").write_text(
+@pytest.mark.parametrize("kind", ["Tableau", "ModifiedTableau"])
+def test_a_users_file_has_a_modified_tableau_whose_order_is_proved(tmp_path, kind):
+    """The leapfrog with the force of Takahashi and Imada has order two, and three for processed states alone."""
+    text = (
         "import nearharmonic as nh\n"
-        "TABLEAU = nh.ModifiedTableau(name='m', order=2, first='kick', kick=('0.5', '0.5'), drift=('1',),\n"
-        "    square=('0', '0'), source='here', digits=20)\n"
+        "TABLEAU = nh.{}(name='m', order={}, first='drift', kick=('1',), drift=('0.5', '0.5'),\n"
+        "    square=('0.0416666666666666666667',), source='here', digits=20)\n"
     )
-    with pytest.raises(TableauError, match="modified potential: pass the tableau itself"):
-        nh.integrate("sho", str(tmp_path / "own.py"), 0.1)
+    (tmp_path / "own.py").write_text(text.format(kind, 2))
+    found = nh.integrate("henon_heiles", str(tmp_path / "own.py"), 0.1, t_end=5)
+    kernel = nh.integrate("henon_heiles", nh.integrators["rowlands"].kernel, 0.1, t_end=5)
+    assert found.max_energy_error == kernel.max_energy_error
+    (tmp_path / "wrong.py").write_text(text.format(kind, 4))
+    with pytest.raises(TableauError, match=r"declares order 4, .* have order 2 for a quadratic kinetic energy"):
+        nh.integrate("henon_heiles", str(tmp_path / "wrong.py"), 0.1)
 
 
 @pytest.mark.parametrize(

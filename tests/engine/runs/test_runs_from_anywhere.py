@@ -91,7 +91,9 @@ def test_a_continued_run_keeps_its_parameters_exactly():
     assert same(nh.integrate("kepler", "ruth", 100, t_end=2000, start=half)[{"sample": -1}], whole[{"sample": -1}])
 
 
-@pytest.mark.parametrize("method", sorted(name for name, one in nh.integrators.items() if one.symmetric))
+@pytest.mark.parametrize(
+    "method", sorted(name for name, one in nh.integrators.items() if one.symmetric and not one.processed)
+)
 def test_a_run_backwards_returns_to_the_start(method):
     """Symmetric methods: -tau undoes tau, up to 2 * 200 stages of 2e-32 grown by less than 1e3. Ruth's map alone is
     not symmetric: there the way back is that of a method of order four."""

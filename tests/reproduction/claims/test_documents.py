@@ -11,7 +11,7 @@ import sys
 import numpy as np
 import pytest
 
-import nearharmonic as nh
+from nearharmonic.integrators import plain_integrators
 from nearharmonic.reproduction.claims.pages.documents import CARRYING, SUBSTANCE, failures_in_words
 from nearharmonic.reproduction.claims.pages.summary import KINDS, failures, of_the_paper
 from nearharmonic.reproduction.claims.table import decided
@@ -76,7 +76,7 @@ def test_what_fails_in_substance_is_said_in_a_sentence():
 
 
 def test_the_committed_verdicts_are_decided_again_from_recorded_results(tmp_path):
-    assert decided(unpack(tmp_path), nh.integrators.registered)["document"] == TEXT
+    assert decided(unpack(tmp_path), plain_integrators.registered)["document"] == TEXT
 
 
 def test_everything_that_can_be_decided_is():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import spearmanr
 
-from nearharmonic.integrators import integrators
+from nearharmonic.integrators import plain_integrators as integrators
 from nearharmonic.reproduction.claims.statements.performance.comparisons import best_performance
 from nearharmonic.reproduction.claims.statements.tableaus.trained import (
     ENSEMBLES,

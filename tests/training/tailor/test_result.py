@@ -126,3 +126,26 @@ def test_the_test_is_on_starts_that_the_search_never_saw_and_in_longer_runs():
     for starts, compared in ((found.ensemble, found.training), (found.held_out, found.test)):
         own = np.log10(errors(starts, found.tableau, compared.tau_per_stage[1])).mean()
         assert compared.error[1] == pytest.approx(10**own, rel=1e-4)
+
+
+def test_a_gradient_costs_a_force_beside_modified_kicks(held_out):
+    taus, name = np.array([0.1, 0.15]), "chin_4a"
+    found = comparison(METHODS[0], [nh.integrators[name]], held_out, taus, seed=0)
+    method = nh.integrators[name]
+    assert (method.stages, method.gradients, found.best) == (2, 1, (name, name))
+    for i, tau in enumerate(taus):
+        rows, step = held_out.start, tau * (method.stages + method.gradients)
+        many = nh.ensemble(
+            "henon_heiles", method, step, t_end=held_out.t_end, q0=rows[:, :2], p0=rows[:, 4:6], samples=2,
+            summation="plain",
+        )  # fmt: skip
+        assert found.best_error[i] == pytest.approx(10 ** np.log10(many.max_energy_error.values).mean(), rel=1e-6)
+
+
+def test_a_made_method_is_compared_with_modified_ones_where_they_fit():
+    found = tailored(question("sho", window=(0.1, 0.2), trials=20))
+    names = {name for name, one in nh.modified_integrators.items() if not one.processed}
+    assert set(found.modified.best) <= names
+    assert not set(found.test.best) & names
+    free = tailored(question("relativistic_oscillator", window=(0.1, 0.2), trials=20))
+    assert free.modified is None

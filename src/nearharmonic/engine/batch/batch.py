@@ -22,7 +22,7 @@ from nearharmonic.engine.batch.results import Integers, Trajectories, surface_li
 from nearharmonic.engine.numbers.coefficients import moves_of
 from nearharmonic.engine.numbers.initial_values import standard_parameters, standard_start
 from nearharmonic.engine.settings import Numerics
-from nearharmonic.integrators.processed_tableau import ProcessedTableau, Processor
+from nearharmonic.integrators.composition import Composition
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
 from nearharmonic.systems.definition.system import System
@@ -120,7 +120,7 @@ class Batch:
 
 def prepared_batch(
     system: System,
-    tableau: Tableau | Processor,
+    step: Composition,
     numerics: Numerics,
     *,
     marks: Integers,
@@ -136,8 +136,8 @@ def prepared_batch(
 
     Parameters
     ----------
-    system, tableau, numerics
-        Problem, method and arithmetic.
+    system, step, numerics
+        Problem, method, or a single composition of one, and arithmetic.
     marks, scheme, moves, start, parameters
         As :class:`Batch` has them.
     scale : float
@@ -147,25 +147,31 @@ def prepared_batch(
     resumed : (R, 5 D) array of float, optional
         States that run, of runs that go on from ``start`` with the same moves.
     """
-    if isinstance(tableau, ProcessedTableau):
+    if isinstance(step, Tableau) and step.processed:
         return _prepared_processed(
-            system, tableau, numerics, marks, scheme, moves, start, parameters, scale, reference, resumed
+            system, step, numerics, marks, scheme, moves, start, parameters, scale, reference, resumed
         )
-    if system.regularisation is not None and isinstance(tableau, Tableau):
-        return _prepared_landing(system, tableau, numerics, marks, scheme, moves, start, parameters, scale, reference)
-    kernel = kernel_of(system, numerics.compiled, modified=tableau.modified)
-    parameters = parameters_at_run_time(system, numerics, parameters)
-    cost = tableau.stages * cost_of(system, numerics.compiled, modified=tableau.modified)
-    runs, d = len(marks), kernel.dimension
+    landing = system.regularisation is not None
+    kernel = None if landing else kernel_of(system, numerics.compiled, modified=step.modified)
+    if not landing:
+        parameters = parameters_at_run_time(system, numerics, parameters)
+    cost = step.stages * cost_of(system, numerics.compiled, modified=step.modified)
+    runs, d = len(marks), system.dimension if kernel is None else kernel.dimension
     left_at, control = np.zeros(runs, np.int64), execution.control()
     results = np.empty((4 * d + 3) * marks.size + (2 + running_rows(d)) * runs)
     states, blocks, energy, running = split_results(results, runs, marks.shape[1], d)
-    resumed = np.empty((0, running_rows(d))) if resumed is None else resumed
-    call = kernel.prepared(
-        measured(numerics), np.argsort(-marks.max(axis=1), kind="stable"), marks, scheme, start, resumed, parameters,
+    behind = (
         surface_limit(system, scale), scale, np.array(reference), numerics.look or execution.stretch(cost),
-        tableau.stages, tableau.first == "kick", moves, control, states, *blocks, energy, running, left_at,
+        step.stages, step.first_same_as_last, moves, control, states, *blocks, energy, running, left_at,
     )  # fmt: skip
+    call: PreparedCall | LandingCall
+    if kernel is None:  # ``running`` begins with the steps of each run, and those made to land
+        front = measured(numerics), np.arange(runs), marks, scheme, start, parameters
+        call = LandingCall(system, numerics, parameters, (*front, *behind))
+    else:
+        order = np.argsort(-marks.max(axis=1), kind="stable")
+        resumed = np.empty((0, running_rows(d))) if resumed is None else resumed
+        call = kernel.prepared(measured(numerics), order, marks, scheme, start, resumed, parameters, *behind)
     return Batch(
         numerics=numerics, marks=marks, scheme=scheme, start=start, parameters=parameters, moves=moves,
         results=results, states=states, blocks=blocks, energy=energy, running=running, left_at=left_at,
@@ -174,10 +180,10 @@ def prepared_batch(
 
 
 def _prepared_processed(
-    system: System, tableau: ProcessedTableau, numerics: Numerics, marks: Integers, scheme: Integers, moves: Floats,
+    system: System, tableau: Tableau, numerics: Numerics, marks: Integers, scheme: Integers, moves: Floats,
     start: Floats, parameters: Floats, scale: float, reference: tuple[float, float], resumed: Floats | None,
 ) -> Batch:  # fmt: skip
-    """The same for a processed method, whose kernel runs from where the inverse processor leads."""
+    """Return the batch of a processed method: the kernel starts from the inverse-processed state."""
     numerics = replace(numerics, look=None, energy="none" if numerics.energy == "none" else "samples")
     own = np.empty((len(moves), tableau.stages + 2, moves.shape[2]))
     kernel = prepared_batch(
@@ -185,27 +191,6 @@ def _prepared_processed(
         scale=scale, resumed=resumed,
     )  # fmt: skip
     return processed_batch(partial(prepared_batch, system), kernel, tableau, moves, reference)
-
-
-def _prepared_landing(
-    system: System, tableau: Tableau, numerics: Numerics, marks: Integers, scheme: Integers, pieces: Floats,
-    start: Floats, parameters: Floats, scale: float, reference: tuple[float, float],
-) -> Batch:  # fmt: skip
-    """The same for a regularised system; ``running`` begins with the steps of each run, and those made to land."""
-    runs, d, cost = len(marks), system.dimension, tableau.stages * cost_of(system, numerics.compiled)
-    left_at, control = np.zeros(runs, np.int64), execution.control()
-    results = np.empty((4 * d + 3) * marks.size + (2 + running_rows(d)) * runs)
-    states, blocks, energy, ends = split_results(results, runs, marks.shape[1], d)
-    arguments = (
-        measured(numerics), np.arange(runs), marks, scheme, start, parameters, surface_limit(system, scale), scale,
-        np.array(reference), numerics.look or execution.stretch(cost), tableau.stages, tableau.first == "kick",
-        pieces, control, states, *blocks, energy, ends, left_at,
-    )  # fmt: skip
-    return Batch(
-        numerics=numerics, marks=marks, scheme=scheme, start=start, parameters=parameters, moves=pieces,
-        results=results, states=states, blocks=blocks, energy=energy, running=ends, left_at=left_at, control=control,
-        call=LandingCall(system, numerics, parameters, arguments), cost=cost,
-    )  # fmt: skip
 
 
 def integrate_batch(

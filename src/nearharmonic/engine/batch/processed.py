@@ -5,24 +5,20 @@ The energy is that of the processed states, and is measured at the samples.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from fractions import Fraction
 from math import isnan
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from nearharmonic.core.layout import split_results
-from nearharmonic.engine.numbers.modified_moves import modified_moves
-from nearharmonic.integrators.processed_tableau import ProcessedTableau
 
 if TYPE_CHECKING:
     from nearharmonic.engine.batch.batch import Batch
     from nearharmonic.engine.batch.results import Integers
     from nearharmonic.engine.settings import Numerics
-    from nearharmonic.integrators.modified_tableau import ModifiedTableau
-    from nearharmonic.integrators.processed_tableau import Processor
+    from nearharmonic.integrators.composition import Composition
+    from nearharmonic.integrators.tableau import Tableau
     from nearharmonic.numerics.types import Floats
 
 
@@ -30,19 +26,13 @@ class Prepared(Protocol):
     """Signature of :func:`nearharmonic.engine.batch.batch.prepared_batch` for one system."""
 
     def __call__(
-        self, tableau: ModifiedTableau | Processor, numerics: Numerics, *, marks: Integers, scheme: Integers,
+        self, step: Composition, numerics: Numerics, *, marks: Integers, scheme: Integers,
         moves: Floats, start: Floats, parameters: Floats,
     ) -> Batch: ...  # fmt: skip
 
 
-def processed_moves(tableau: ProcessedTableau, taus: Sequence[Fraction], parts: int, *, rounded: bool) -> Floats:
-    """Return the moves of the kernel, of the inverse processor and of the processor, one behind the other."""
-    steps = tableau.kernel, tableau.processor.inverse, tableau.processor
-    return np.concatenate([modified_moves(step, taus, parts, rounded=rounded) for step in steps], axis=1)
-
-
 def processed_batch(
-    prepare: Prepared, kernel: Batch, tableau: ProcessedTableau, moves: Floats, reference: tuple[float, float]
+    prepare: Prepared, kernel: Batch, tableau: Tableau, moves: Floats, reference: tuple[float, float]
 ) -> Batch:
     """Return a batch of a processed method that is ready to run.
 
@@ -52,10 +42,10 @@ def processed_batch(
         Prepares a batch of the system for one step.
     kernel : Batch
         R runs of the kernel, of S samples each.
-    tableau : ProcessedTableau
+    tableau : Tableau
         Method.
     moves : (schemes, rows, columns) array of float
-        From :func:`processed_moves`.
+        Of the kernel, of the inverse processor and of the processor, one behind the other.
     reference : pair of float
         H0 for all runs, in place of the energy of each start.
     """
@@ -68,8 +58,8 @@ def processed_batch(
             moves=np.empty((len(moves), step.stages + 2, moves.shape[2])),
             start=np.empty((scheme.size, kernel.start.shape[1])), parameters=given,
         )
-        for step, scheme, given in (
-            (tableau.processor.inverse, kernel.scheme, kernel.parameters), (tableau.processor, many, parameters),
+        for step, scheme, given in zip(
+            tableau.compositions[1:], (kernel.scheme, many), (kernel.parameters, parameters), strict=True
         )
     )  # fmt: skip
     results = np.empty_like(kernel.results)

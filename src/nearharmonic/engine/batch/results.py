@@ -16,6 +16,9 @@ from nearharmonic.systems.definition.system import System
 
 Integers = NDArray[np.int64]
 
+#: Samples at which the energy of a processed method is measured if its errors alone are wanted.
+SAMPLES_OF_PROCESSED = 1000
+
 
 @dataclass(frozen=True, kw_only=True)
 class Trajectories:
@@ -24,11 +27,12 @@ class Trajectories:
     ``marks`` (R, S): the step of each sample, -1 where a run has fewer. ``q``, ``p``, ``q_low``, ``p_low`` (R, S, d):
     the states and what compensation or double-double keeps below them; NaN where there is no sample, or where the run
     had left before. ``energy_error`` (R, S): (H - H0)/|H0|, or over the scale asked for. ``block_max``, ``block_mean``
-    (R, S): of its modulus over the steps since the previous sample. ``max_energy_error``, ``mean_energy_error`` (R,):
-    over every step, or over the samples, as :class:`Numerics` says, infinite if the run left; maxima over looks have no
-    means. ``steps`` (R,) asked for; ``done`` (R,) taken; ``left_at`` (R,) step at which the run left its energy
-    surface, 0 if it did not; ``evaluations`` (R,) of the force; ``energy``, ``energy_low``
-    (R,): H0. ``running`` (R, 5 d): the states of the last forces, from which the runs may go on, or (R, 0).
+    (R, S): of its modulus over the steps since the previous sample, as far as it was measured. ``max_energy_error``,
+    ``mean_energy_error`` (R,): over every step, or over the samples, as :class:`Numerics` says, infinite if the run
+    left; maxima over looks have no means. ``steps`` (R,) asked for; ``done`` (R,) taken; ``left_at`` (R,) step at
+    which the run left its energy surface, 0 if it did not; ``evaluations`` (R,) of the force; ``energy``,
+    ``energy_low`` (R,): H0. ``running`` (R, 5 d): the states of the last forces, from which the runs may go on, or
+    (R, 0).
     """
 
     marks: Integers
@@ -49,9 +53,20 @@ class Trajectories:
     energy_low: Floats
     running: Floats
 
+    @property
+    def ends(self) -> tuple[Floats, Floats]:
+        """Positions at the last sample of each run and the digits below them, (R, d) each."""
+        place = np.arange(len(self.marks)), np.count_nonzero(self.marks >= 0, axis=1) - 1
+        return self.q[place], self.q_low[place]
+
     def take(self, runs: Integers) -> Trajectories:
         """The runs at these indices, in this order."""
         return Trajectories(**{field.name: getattr(self, field.name)[runs] for field in fields(self)})
+
+
+def least_samples(tableau: Tableau) -> int:
+    """Return the samples of a run whose energy errors alone are wanted: its ends, unless only samples are measured."""
+    return SAMPLES_OF_PROCESSED if tableau.processed else 2
 
 
 def joined(parts: Sequence[Trajectories]) -> Trajectories:
@@ -94,10 +109,10 @@ def trajectories_of(
     d = states.shape[-1] // 4
     left = left_at > 0
     done = np.where(left, left_at, steps)
-    evaluations = done * tableau.stages + int(tableau.first_same_as_last)
+    evaluations = tableau.evaluations(done)
     if landed:
         done, made = np.maximum(running[:, :2], 1).T.astype(np.int64)
-        evaluations, running = made * tableau.stages + int(tableau.first_same_as_last), running[:, :0]
+        evaluations, running = tableau.evaluations(made), running[:, :0]
     largest = np.fmax.reduce(worst, axis=1)  # which passes NaN over
     mean = _means(total, done if landed else steps, marks, numerics)
     if left.any():
@@ -110,7 +125,7 @@ def trajectories_of(
         p_low=states[:, :, 3 * d :],
         energy_error=error,
         block_max=worst,
-        block_mean=np.full_like(total, np.nan) if landed else total / length,
+        block_mean=np.full_like(total, np.nan) if landed else total / (length if numerics.energy == "every" else 1),
         max_energy_error=largest,
         mean_energy_error=mean,
         steps=steps,

@@ -19,14 +19,13 @@ from nearharmonic.core.layout import (
     PRODUCT,
     REST,
     TALLY,
+    modified_columns,
     running_at,
     running_rows,
 )
-from nearharmonic.engine.batch.processed import processed_moves
-from nearharmonic.engine.numbers.modified_moves import modified_moves
+from nearharmonic.engine.numbers.rotations import rotations
 from nearharmonic.engine.settings import Numerics
-from nearharmonic.integrators.modified_tableau import ModifiedTableau
-from nearharmonic.integrators.processed_tableau import ProcessedTableau
+from nearharmonic.integrators.composition import Composition
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
 from nearharmonic.systems.definition.system import System
@@ -75,27 +74,28 @@ def lane_rows(start: Floats, parameters: Floats, width: int, room: int = 0) -> F
     return np.append(rows, np.zeros(room))
 
 
-def moves(tableau: Tableau, taus: Sequence[Fraction], parts: int, *, rounded: bool = False) -> Floats:
-    """Return the coefficients (len(taus), s + 2, COLUMNS) of a kernel's moves, multiplied by tau exactly.
+def moves(step: Composition, taus: Sequence[Fraction], parts: int, *, rounded: bool = False) -> Floats:
+    """Return the coefficients (len(taus), s + 2, columns) of a kernel's moves, multiplied by powers of tau exactly.
 
-    Rows: the first move of a run, the first move of each later step, the others, and the move that closes a step.
-    Columns: kick, drift and the product of the two, each rounded once, and by how much the product of the rounded two
-    exceeds it. With two parts, kick and drift as pairs.
+    Rows are those of :meth:`nearharmonic.integrators.composition.Composition.moves`. Columns: kick, drift and the
+    product of the two, each rounded once, and by how much the product of the rounded two exceeds it; with two parts,
+    kick and drift as pairs. Those of kicks of a modified potential are :data:`nearharmonic.core.layout.SQUARE`.
 
     Parameters
     ----------
-    tableau : Tableau
-        Method of s stages.
+    step : Composition
+        Step of s stages.
     taus : sequence of Fraction
         Step sizes.
     parts : {1, 2}
         Doubles that make a number: 2 for double-doubles.
     rounded : bool
-        With two parts, the method whose coefficients times tau are rounded to doubles.
+        Whether coefficients times powers of tau are rounded to doubles before any are added; kicks of V alone have no
+        other numbers with one part.
     """
-    array = np.empty((len(taus), tableau.stages + 2, COLUMNS))
+    array = np.empty((len(taus), step.stages + 2, modified_columns(parts) if step.modified else COLUMNS))
     for i, tau in enumerate(taus):
-        array[i] = _products(tableau, tau.numerator, tau.denominator, parts, rounded and parts == 2)
+        array[i] = _moves(step, tau.numerator, tau.denominator, parts, rounded and (parts == 2 or step.modified))
     return array
 
 
@@ -120,16 +120,12 @@ def moves_of(system: System, tableau: Tableau, taus: Sequence[Fraction], numeric
     if system.regularisation is not None:
         return pieces(tableau, taus)
     if numerics.exact_oscillator:
-        from nearharmonic.engine.numbers.rotations import rotations  # which needs what is above
-
         frequencies, _ = frequencies_of(system)
         rounded = numerics.double_coefficients and numerics.parts == 2
         return np.stack([rotations(tableau, tau, frequencies, numerics.parts, rounded=rounded) for tau in taus])
-    if isinstance(tableau, ProcessedTableau):
-        return processed_moves(tableau, taus, numerics.parts, rounded=numerics.double_coefficients)
-    if isinstance(tableau, ModifiedTableau):
-        return modified_moves(tableau, taus, numerics.parts, rounded=numerics.double_coefficients)
-    return moves(tableau, taus, numerics.parts, rounded=numerics.double_coefficients)
+    rounded = numerics.double_coefficients
+    found = [moves(step, taus, numerics.parts, rounded=rounded) for step in tableau.compositions]
+    return found[0] if len(found) == 1 else np.concatenate(found, axis=1)
 
 
 def lanes_of(row: Floats, width: int) -> Floats:
@@ -137,31 +133,21 @@ def lanes_of(row: Floats, width: int) -> Floats:
     return np.repeat(row, width, axis=-1).reshape(-1)
 
 
-def _rows(tableau: Tableau) -> tuple[list[Fraction], list[Fraction]]:
-    """Kicks, with the sign of the force, and drifts."""
-    outer, inner = tableau.rows_exact()
-    drift, kick = (inner, outer) if tableau.first == "kick" else (outer, inner)
-    return [-c for c in kick], list(drift)
-
-
-def _moves(kicks: list[Fraction], drifts: list[Fraction], *, kick_first: bool) -> list[tuple[Fraction, Fraction]]:
-    """Kick and drift of each move. A run that drifts first makes no first kick."""
-    nothing = Fraction(0)
-    if kick_first:
-        opening, *between = zip(kicks, drifts, strict=False)
-        return [opening, (kicks[-1] + kicks[0], drifts[0]), *between, (kicks[-1], nothing)]
-    *between, closing = zip(kicks, drifts[1:], strict=True)
-    return [(nothing, drifts[0]), (kicks[-1], drifts[-1] + drifts[0]), *between, closing]
-
-
 @lru_cache(maxsize=1024)  # half a kilobyte each; most calls take step sizes that an earlier one took
-def _products(tableau: Tableau, numerator: int, denominator: int, parts: int, rounded: bool) -> Floats:
-    """The moves (s + 2, COLUMNS) of one step size."""
+def _moves(step: Composition, numerator: int, denominator: int, parts: int, rounded: bool) -> Floats:
+    """The moves (s + 2, columns) of one step size."""
+    if step.modified:
+        return _modified(step, Fraction(numerator, denominator), parts, rounded)
     if parts == 2:
-        return _pairs(tableau, numerator, denominator, rounded)
-    array = np.empty((tableau.stages + 2, COLUMNS))
+        found = step.moves(Fraction(numerator, denominator), rounded=rounded)
+        return np.array([[half for c in row[:2] for half in rounded_pair(*c.as_integer_ratio())] for row in found])
+    return _products(step, numerator, denominator)
+
+
+def _products(step: Composition, numerator: int, denominator: int) -> Floats:
+    array = np.empty((step.stages + 2, COLUMNS))
     n, d = numerator * numerator, denominator * denominator
-    for row, ((k1, k2), (e1, e2), (p1, p2)) in zip(array, exact_products(tableau), strict=True):
+    for row, ((k1, k2), (e1, e2), (p1, p2)) in zip(array, exact_products(step), strict=True):
         row[:2] = k1 * numerator / (k2 * denominator), e1 * numerator / (e2 * denominator)
         row[PRODUCT] = _quotient(p1 * n, p2 * d)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -170,34 +156,36 @@ def _products(tableau: Tableau, numerator: int, denominator: int, parts: int, ro
     return array
 
 
+def _modified(step: Composition, tau: Fraction, parts: int, rounded: bool) -> Floats:
+    found = step.moves(tau, rounded=rounded)
+    array = np.zeros((len(found), modified_columns(parts)))
+    for i, (row, move) in enumerate(zip(array, found, strict=True)):
+        row[:-1] = [part for c in move for part in rounded_pair(*c.as_integer_ratio())[:parts]]
+        row[-1] = any(found[k][2] for k in moves_behind(i, len(found)))
+    return array
+
+
+def moves_behind(i: int, count: int) -> tuple[int, ...]:
+    """Return the moves that may follow move ``i`` of ``count``.
+
+    Behind the last inner one a step closes, or is merged with the next one.
+    """
+    closing = count - 1
+    if i == closing:
+        return ()
+    following = 2 if i < 2 else i + 1
+    return (1, closing) if following == closing else (following,)
+
+
 def _quotient(top: int, bottom: int) -> float:
-    """The double nearest to a quotient of whole numbers, infinite where it is too large for one."""
+    """The double nearest to a quotient of integers, infinite where it is too large for one."""
     try:
         return top / bottom
     except OverflowError:
         return math.inf if top > 0 else -math.inf
 
 
-def _pairs(tableau: Tableau, numerator: int, denominator: int, rounded: bool) -> Floats:
-    """The same with kicks and drifts as pairs."""
-    found = kicks_and_drifts(tableau, Fraction(numerator, denominator), rounded=rounded)
-    return np.array([[part for c in pair for part in rounded_pair(*c.as_integer_ratio())] for pair in found])
-
-
-def kicks_and_drifts(tableau: Tableau, tau: Fraction, *, rounded: bool) -> list[tuple[Fraction, Fraction]]:
-    """Return kick and drift (s + 2) of each move, times tau exactly, or as products that are rounded to doubles first.
-
-    A kick has the sign of the force.
-    """
-    kicks, drifts = ([c * tau for c in row] for row in _rows(tableau))
-    if rounded:
-        kicks, drifts = ([Fraction(float(c)) for c in row] for row in (kicks, drifts))
-    return _moves(kicks, drifts, kick_first=tableau.first == "kick")
-
-
 @lru_cache(maxsize=256)
-def exact_products(tableau: Tableau) -> list[tuple[tuple[int, int], ...]]:
-    """Return kick, drift and their product (s + 2) of each move, for tau = 1, as quotients of whole numbers."""
-    kicks, drifts = _rows(tableau)
-    pairs = _moves(kicks, drifts, kick_first=tableau.first == "kick")
-    return [tuple(c.as_integer_ratio() for c in (k, e, k * e)) for k, e in pairs]
+def exact_products(step: Composition) -> list[tuple[tuple[int, int], ...]]:
+    """Return kick, drift and their product (s + 2) of each move, for tau = 1, as quotients of integers."""
+    return [tuple(c.as_integer_ratio() for c in (k, e, k * e)) for k, e, _ in step.moves()]

@@ -10,7 +10,6 @@ import numpy as np
 
 from nearharmonic.core.arithmetic import rounded_pair, two_products
 from nearharmonic.core.layout import KICK, TURN, TURNS, columns
-from nearharmonic.engine.numbers.coefficients import kicks_and_drifts
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
 
@@ -24,7 +23,7 @@ def rotations(
 ) -> Floats:
     """Return the moves (s + 2, columns) of one step size, each a kick and a rotation behind it.
 
-    Rows are those of :func:`nearharmonic.engine.numbers.coefficients.moves`, and columns those of
+    Rows are those of :meth:`nearharmonic.integrators.composition.Composition.moves`, and columns those of
     :mod:`nearharmonic.core.rotation`. Drifts that meet between steps turn by the sum of their angles.
 
     Parameters
@@ -40,8 +39,8 @@ def rotations(
     rounded : bool
         Whether kicks and drifts times tau are rounded to doubles before anything follows from them.
     """
-    found = kicks_and_drifts(tableau, tau, rounded=rounded)
-    kicks, drifts = [kick for kick, _ in found], [drift for _, drift in found]
+    found = tableau.moves(tau, rounded=rounded)
+    kicks, drifts = [kick for kick, _, _ in found], [drift for _, drift, _ in found]
     array = np.zeros((len(found), columns(len(frequencies))))
     array[:, KICK : KICK + parts] = [_pair(kick)[:parts] for kick in kicks]
     for place, frequency in enumerate(frequencies):

@@ -11,7 +11,6 @@ from nearharmonic.engine.batch.numba_runs import floor_attributes
 from nearharmonic.engine.batch.results import Trajectories
 from nearharmonic.engine.runs import invariants
 from nearharmonic.integrators import integrators
-from nearharmonic.integrators.modified_tableau import ModifiedTableau
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Variables, assembled, described, flags
 
@@ -221,7 +220,7 @@ def problem_attributes(problem: Problem) -> dict[str, Any]:
         "precision": problem.numerics.precision,
         "summation": problem.numerics.summation,
     }
-    if isinstance(problem.tableau, ModifiedTableau):
+    if problem.tableau.modified:
         notes["gradients_per_step"] = str(problem.tableau.gradients)
     if problem.tableau.processed:
         notes["processed"] = "states and energies are processed at the samples; evaluations are those of the kernel"

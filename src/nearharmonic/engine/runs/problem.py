@@ -34,7 +34,7 @@ from nearharmonic.engine.settings import (
     exact_decimal,
 )
 from nearharmonic.errors import bad_setting
-from nearharmonic.integrators.modified import method_of
+from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
 from nearharmonic.systems import systems
@@ -102,9 +102,9 @@ class Problem:
         samples: int = 2,
     ) -> None:
         self.system = system if isinstance(system, System) else systems[system]
-        tableau = integrator if isinstance(integrator, Tableau) else method_of(integrator)
+        tableau = integrator if isinstance(integrator, Tableau) else integrators[integrator]
         self.tableau = tableau.role(checked_first(first))  # type: ignore[arg-type]
-        check_fit(self.system, self.tableau)
+        check_fit(self.system, self.tableau, split)
         check_quantities(self.system)
         check_bound(self.system, standard_start(self.system, False)[None, :], standard_parameters(self.system)[None, :])
         self.t_end = checked_t_end(self.system.t_end if t_end is None else t_end)
@@ -115,9 +115,6 @@ class Problem:
         check_precision(self.system, [precision])
         if self.numerics.exact_oscillator:
             check_oscillator(self.system)
-            if self.tableau.modified:
-                allowed = f"the kicks of {self.tableau.name} are of a modified potential, which is not there for it"
-                raise bad_setting("split", split, allowed)
         self.scale = checked_scale(self.system.energy_scale if energy_scale is None else energy_scale)
         self.samples = checked_samples(samples)
         self._step_sizes: dict[Any, StepSize] = {}
@@ -270,8 +267,8 @@ problem = Problem
 
 def _unpickled(system: System, tableau: Tableau, t_end: str, numerics: Numerics, scale: float, samples: int) -> Problem:
     return Problem(
-        system, tableau, precision=numerics.precision, summation=numerics.summation, energy=numerics.energy,
-        t_end=t_end, energy_scale=scale or None, split=numerics.split, samples=samples,
+        system, tableau, precision=numerics.precision, energy=numerics.energy, t_end=t_end,
+        energy_scale=scale or None, samples=samples, **numerics.handed_on,
     )  # fmt: skip
 
 

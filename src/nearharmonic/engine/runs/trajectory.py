@@ -11,7 +11,7 @@ import numpy as np
 
 from nearharmonic.engine.batch.kernels import STANDARD, kernel_of
 from nearharmonic.engine.batch.numba_runs import floor_attributes
-from nearharmonic.engine.batch.results import Trajectories
+from nearharmonic.engine.batch.results import Trajectories, least_samples
 from nearharmonic.engine.numbers.arrays import list_of
 from nearharmonic.engine.runs.continuation import start_of
 from nearharmonic.engine.runs.description import (
@@ -34,9 +34,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from nearharmonic.engine.runs.solution import Solution
-
-#: Samples at which a sweep measures the energy of a processed method.
-SAMPLES_OF_PROCESSED = 1000
 
 
 def integrate(
@@ -185,8 +182,7 @@ def sweep(
     steps = [problem.steps_of(tau) for tau in requested]
     variables: Variables = {}
     if t is None:
-        samples = SAMPLES_OF_PROCESSED if problem.tableau.processed else 2
-        paths = problem.run(steps, samples, start=begin.state, parameters=begin.parameters)
+        paths = problem.run(steps, least_samples(problem.tableau), start=begin.state, parameters=begin.parameters)
     else:
         asked = checked_times(t, problem.end, problem.t_end)
         paths = run_at(problem, steps, asked, start=begin.state, parameters=begin.parameters, reference=begin.reference)

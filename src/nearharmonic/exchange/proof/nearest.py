@@ -13,7 +13,7 @@ from itertools import product
 from nearharmonic.exact.step import Step
 from nearharmonic.exact.words import LETTERS
 from nearharmonic.exchange.composition import step_of, with_roles_exchanged
-from nearharmonic.integrators import integrators
+from nearharmonic.integrators import plain_integrators
 from nearharmonic.integrators.tableau import Tableau
 
 #: Of the coefficients, the part that has to agree for the others to be called wrong digits of the same method.
@@ -60,14 +60,14 @@ class Likeness:
 
 
 def nearest(step: Step) -> Likeness | None:
-    """Return the registered method with the most coefficients in common, of those the one that differs least.
+    """Return the registered splitting method with the most coefficients in common, of those the one that differs least.
 
     Returns
     -------
     Likeness or None
         None if no method has as many flows.
     """
-    found = [likeness for tableau in integrators.values() for likeness in _likenesses(step, tableau)]
+    found = [likeness for tableau in plain_integrators.values() for likeness in _likenesses(step, tableau)]
     # Of equal candidates, those that change less come first, and min keeps the first.
     return min(found, key=lambda one: (len(one.differing), one.distance), default=None)
 

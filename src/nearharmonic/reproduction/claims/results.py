@@ -10,7 +10,7 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from nearharmonic.integrators import integrators
+from nearharmonic.integrators import integrators, plain_integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.store import read
 from nearharmonic.reproduction.record.files.texts import Texts
@@ -50,14 +50,14 @@ class Results(Memory):
     folder : path
         The folder ``results/<name>``.
     methods : mapping of str to Tableau, optional
-        The methods that statements are about, by name; the registered ones by default.
+        The methods that statements are about, by name; the registered splitting methods by default.
     """
 
     def __init__(self, folder: str | os.PathLike[str], methods: Mapping[str, Tableau] | None = None) -> None:
         super().__init__()
         self.folder = Path(folder)
         self._texts = Texts(self.folder)
-        self.methods: Mapping[str, Tableau] = integrators if methods is None else methods
+        self.methods: Mapping[str, Tableau] = plain_integrators if methods is None else methods
 
     def has(self, name: str) -> bool:
         """Return True if the file ``name``, relative to the folder, exists."""

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from types import ModuleType
 from typing import Any
 
-from nearharmonic.integrators import integrators as registered
+from nearharmonic.integrators import plain_integrators as registered
 from nearharmonic.output.table import Table
 from nearharmonic.reproduction.claims.claim import Claim
 from nearharmonic.reproduction.claims.own import own_claims
@@ -84,8 +84,8 @@ def decided(folder: str | os.PathLike[str], integrators: Sequence[str] | None = 
     folder : path
         The folder of results.
     integrators : sequence of str, optional
-        Names of the methods that statements about all methods look at; every registered one by default. Those that a
-        user's config adds are not among them, so that they change no verdict.
+        Names of the methods that statements about all methods look at; every registered splitting method by default.
+        Those that a user's config adds are not among them, so that they change no verdict.
 
     Returns
     -------

@@ -7,8 +7,9 @@ from dataclasses import dataclass, make_dataclass
 from functools import cache
 from typing import Annotated, Any
 
-from nearharmonic.engine.settings import KINETIC_POTENTIAL, Sweep
-from nearharmonic.integrators import integrators
+from nearharmonic.engine.handed_on import handed_on_from
+from nearharmonic.engine.settings import Sweep
+from nearharmonic.integrators import integrators, plain_integrators
 from nearharmonic.integrators.user_file import expanded
 from nearharmonic.reproduction.entries import STRICT, Reading, setting, whole_from
 from nearharmonic.reproduction.experiments.paper.grid.plan import fewest_shards
@@ -80,7 +81,7 @@ class Config:
         min_length=1,
     )
     overview: tuple[str, ...] | None = setting(
-        "The methods of the table that compares all; all there are if not given",
+        "The methods of the table that compares all; all whose kicks are of V alone if not given",
         METHODS,
         each=METHOD,
         default=None,
@@ -93,6 +94,11 @@ class Config:
         return expanded(self.integrators)
 
     @property
+    def stepwise(self) -> tuple[str, ...]:
+        """Names of the integrators whose energy is measured at every step: all but processed ones."""
+        return tuple(name for name in self.methods if not integrators[name].processed)
+
+    @property
     def sweeps(self) -> tuple[Sweep, ...]:
         """Sweep of each system, with the system's own t_end where none is given."""
         return tuple(
@@ -103,9 +109,8 @@ class Config:
                 highest=asked.tau_per_stage.highest,
                 points_per_decade=asked.tau_per_stage.points_per_decade,
                 precision=asked.precision,
-                summation=self.summation,
                 samples=self.samples,
-                split=asked.split or KINETIC_POTENTIAL,
+                **handed_on_from(asked, self),
                 shards=self.shards or fewest_shards(systems[name], asked.tau_per_stage, self.samples),
             )
             for name, asked in self.systems.items()
@@ -114,7 +119,7 @@ class Config:
     @property
     def compared(self) -> tuple[str, ...]:
         """The methods of the table that compares all."""
-        return tuple(integrators) if self.overview is None else expanded(self.overview)
+        return tuple(plain_integrators) if self.overview is None else expanded(self.overview)
 
     @property
     def decomposed(self) -> tuple[str, ...]:

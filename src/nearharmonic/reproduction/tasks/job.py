@@ -14,7 +14,6 @@ from typing import Any
 
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators
-from nearharmonic.integrators.modified import modified_integrators
 from nearharmonic.output.atomic import write_bytes, write_text
 from nearharmonic.output.dataset import Contents
 from nearharmonic.output.table import Table, save_document
@@ -131,7 +130,7 @@ def covered(task: Mapping[str, Any]) -> Iterator[None]:
         if task["definitions"]:
             _check_files(task)
         with ExitStack() as stack:
-            for registry in (systems, integrators, modified_integrators):
+            for registry in (systems, integrators):
                 stack.enter_context(registry.restricted(named, reached))
             yield
 

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from nearharmonic.integrators import integrators
-from nearharmonic.integrators.modified import method_of, modified_integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.reproduction.tasks.definitions import definitions_of
 from nearharmonic.reproduction.tasks.sources import PACKAGE, closure, module_digest, module_of
@@ -25,6 +24,8 @@ LIBRARIES = ("numpy", "numba", "llvmlite", "h5py")
 NUMERICAL_LIBRARIES = ("numpy", "numba", "llvmlite")
 #: Fields of a tableau that no result shows, and one that follows from its coefficients.
 REMARKS = ("note", "source", "symmetric")
+#: Fields that are told where a method has them.
+OPTIONAL = ("square", "processor")
 
 Task = dict[str, Any]
 
@@ -55,7 +56,7 @@ def task(function: str, **settings: Any) -> Task:
     """
     named = named_in(settings)
     problems = [name for name in systems if name in named]
-    methods = [name for name in (*integrators, *modified_integrators) if name in named]
+    methods = [name for name in integrators if name in named]
     return {
         "function": function,
         "settings": settings,
@@ -76,7 +77,7 @@ def digests(function: str, problems: Iterable[str], methods: Iterable[str]) -> d
         There is no such module, system, integrator or user's file.
     """
     names = list(problems)
-    coefficients = coefficients_digest(map(method_of, methods))
+    coefficients = coefficients_digest(integrators[name] for name in methods)
     files = {name: one.file for name, one in systems.definitions.items() if name in names and one.file is not None}
     declared = [module for name in names if (module := systems.module_of(name)) is not None]
     if not files:
@@ -159,8 +160,10 @@ def code_digest(*modules: str, root: Path | None = None) -> str:
 
 def coefficients_digest(tableaus: Iterable[Tableau]) -> str:
     """Return the SHA-256 of all that ``tableaus`` hold but remarks: names, labels, orders and coefficients."""
-    entries = ({key: value for key, value in vars(t).items() if key not in REMARKS} for t in tableaus)
-    return sha256("\n".join(map(repr, entries)).encode()).hexdigest()
+    names = [field.name for field in fields(Tableau) if field.name not in REMARKS]
+    entries = ({name: getattr(one, name) for name in names} for one in tableaus)
+    told = ({name: value for name, value in one.items() if name not in OPTIONAL or value} for one in entries)
+    return sha256("\n".join(map(repr, told)).encode()).hexdigest()
 
 
 def provenance(task: Mapping[str, Any]) -> dict[str, str]:

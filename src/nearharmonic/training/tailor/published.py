@@ -7,9 +7,9 @@ from math import ceil, log, sqrt
 
 import numpy as np
 
-from nearharmonic.engine.grid import check_fit
-from nearharmonic.errors import SettingError, bad_setting
-from nearharmonic.integrators import integrators
+from nearharmonic.engine.grid import misfit
+from nearharmonic.errors import bad_setting
+from nearharmonic.integrators import modified_integrators, plain_integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
 from nearharmonic.systems.definition.system import System
@@ -32,20 +32,22 @@ RATIO, FEWEST = 1.26, 3
 
 
 def registered(system: System) -> list[Tableau]:
-    """Return the registered methods that fit a system, which a search starts from."""
-    found = []
-    for name in integrators.registered:
-        try:
-            check_fit(system, integrators[name])
-        except SettingError:
-            continue
-        found.append(integrators[name])
-    return [one for one in found if not one.processed and not one.modified]
+    """Return the registered methods with kicks of V alone that fit a system, which a search starts from."""
+    return [one for name in plain_integrators.registered if misfit(system, one := plain_integrators[name])[0] == ""]
 
 
 def published(system: System) -> list[Tableau]:
     """Return the registered methods that fit a system and are not of this project."""
     return [one for one in registered(system) if module_of(one.name) not in OURS]
+
+
+def modified(system: System) -> list[Tableau]:
+    """Return the registered methods with kicks of a modified potential that fit a system, but for processed ones.
+
+    The energy of a processed method is not measured at every step.
+    """
+    found = [modified_integrators[name] for name in modified_integrators.registered]
+    return [one for one in found if not (one.processed or misfit(system, one)[0])]
 
 
 def trained(system: System) -> list[Tableau]:

@@ -24,6 +24,7 @@ from nearharmonic.training.tailor.provenance import note_of, source_of
 from nearharmonic.training.tailor.published import (
     check_window,
     contenders,
+    modified,
     published,
     registered,
     step_sizes,
@@ -181,12 +182,13 @@ def tested(
     stages, label = best.family.stages, asked.system.label
     name = f"tailored_{asked.system.name}_{stages}"
     tableau = tableau_of(best.family, best.unknowns.tolist(), name=name, label=f"{label}, {stages} stages", source="-")
-    also = trained(asked.system)
+    also, beside = trained(asked.system), modified(asked.system)
     found = Tailored(
         question=asked, window=window, ensemble=ensemble, held_out=held_out, tableau=tableau, search=search,
         test=comparison(tableau, others, held_out, taus, asked.seed),
         training=comparison(tableau, others, ensemble, taus, asked.seed),
         trained=comparison(tableau, also, held_out, taus, asked.seed) if also else None,
+        modified=comparison(tableau, beside, held_out, taus, asked.seed) if beside else None,
     )  # fmt: skip
     tableau = replace(tableau, harmonic_order=harmonic_order_of(tableau), source=source_of(found), note=note_of(found))
     return replace(found, tableau=tableau)

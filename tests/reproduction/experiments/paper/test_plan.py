@@ -9,7 +9,7 @@ from itertools import pairwise
 import pytest
 from mpmath import mp, mpf
 
-from nearharmonic.engine.grid import evaluations_of, shard, tau_grid
+from nearharmonic.engine.grid import shard, tau_grid
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.errors import NearharmonicError, SettingError
 from nearharmonic.integrators import integrators
@@ -160,7 +160,7 @@ def test_evaluations_count_the_kicks_that_are_left_when_neighbours_merge(name, s
     other = {"kick": "drift", "drift": "kick"}[tableau.first]
     one_step = [tableau.first, other] * tableau.stages + [tableau.first]
     merged = [operator for i, operator in enumerate(one_step * steps) if i % len(one_step) or not i]
-    assert evaluations_of(tableau, steps) == merged.count("kick")
+    assert tableau.evaluations(steps) == merged.count("kick")
 
 
 def test_the_force_handed_on_from_step_to_step_is_what_a_kick_first_method_saves():

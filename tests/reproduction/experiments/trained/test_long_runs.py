@@ -121,7 +121,7 @@ def test_costs_add_up_to_the_least_time_of_a_step_in_nanoseconds(monkeypatch, wi
     clock = ([2e-3, 1e-3], [3.5e-3, 4e-3])  # seconds of all steps of all problems
     monkeypatch.setattr(times, "interleaved", lambda calls, patience: clock)
     nanoseconds, charge = times.costs(run().ensemble, width)
-    plain, modified = times.method_of(times.PLAIN), times.method_of(times.MODIFIED)
+    plain, modified = times.integrators[times.PLAIN], times.integrators[times.MODIFIED]
     steps = times.STEPS * problems
     assert plain.stages * nanoseconds == pytest.approx(1e6 / steps)
     assert (modified.stages + modified.gradients * charge) * nanoseconds == pytest.approx(3.5e6 / steps)

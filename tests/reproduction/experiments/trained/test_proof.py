@@ -12,7 +12,7 @@ import yaml
 
 import nearharmonic as nh
 from nearharmonic.errors import SettingError
-from nearharmonic.integrators.modified import method_of
+from nearharmonic.integrators import integrators
 from nearharmonic.reproduction.config.reading import load
 from nearharmonic.reproduction.experiments.trained.comparison.contestants import contestants, idea_of, kind_of
 from nearharmonic.reproduction.experiments.trained.comparison.resampling import _means, resampled_means
@@ -139,13 +139,13 @@ def test_every_registered_method_is_compared_but_processed_ones_and_is_of_one_ki
     assert set(names) == {*nh.integrators.registered, *nh.modified_integrators.registered} - {"rowlands"}
     kinds = {name: kind_of(name) for name in names}
     own = {name for name, kind in kinds.items() if kind == "own"}
-    found_here = {name for name in names if method_of(name).source.startswith("found by")}
+    found_here = {name for name in names if integrators[name].source.startswith("found by")}
     assert own == {name for name in found_here if not name.startswith("trained_")}
     assert {"babs8o6_7h", "abag5o6"} <= own
     assert kinds["rnia12"] == kinds["omelyan_g5o6"] == "published"
     trained = replace(nh.integrators["leapfrog"], name="trained_x")
     assert idea_of(trained) == "trained"
-    ideas = {name: idea_of(method_of(name)) for name in ("babps8o7h", "srkn_b11", "teloy_8a17b", "aba864", "chin_4a")}
+    ideas = {name: idea_of(integrators[name]) for name in ("babps8o7h", "srkn_b11", "teloy_8a17b", "aba864", "chin_4a")}
     assert list(ideas.values()) == ["harmonic_conditions", "nystrom", "nystrom", "general", None]
 
 
@@ -156,7 +156,7 @@ def test_errors_are_those_of_a_plain_loop_over_the_operators_at_equal_cost():
     taus, charge = np.array([0.1, 0.15]), 0.8
     found = log_errors(ensemble, METHODS, taus, charge)
     for a, name in enumerate(METHODS):
-        method = method_of(name)
+        method = integrators[name]
         rows = [list(map(float, row)) for row in (method.kick, method.drift, getattr(method, "square", ()))]
         cost = method.stages + charge * getattr(method, "gradients", 0)
         for t, tau in enumerate(taus):

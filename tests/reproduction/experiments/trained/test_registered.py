@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.integrators.modified import method_of
+from nearharmonic.integrators import integrators
 from nearharmonic.reproduction.experiments.trained import search
 from nearharmonic.reproduction.experiments.trained.problems.purposes import PURPOSES
 from nearharmonic.reproduction.experiments.trained.settings import SearchSettings
@@ -23,7 +23,7 @@ LEAST = 0.25
 
 @pytest.mark.parametrize("name", list(PURPOSES))
 def test_a_note_says_window_ensemble_limit_seed_and_run(name):
-    purpose, tableau = PURPOSES[name], method_of(PURPOSES[name].title)
+    purpose, tableau = PURPOSES[name], integrators[PURPOSES[name].title]
     low, high = purpose.window
     assert f"tau/s {low:.3g} to {high:.3g}; {purpose.problems}; " in tableau.note
     assert re.search(r"seed \d+; run [0-9a-f]{16}$", tableau.note)
@@ -36,13 +36,13 @@ def test_a_note_says_window_ensemble_limit_seed_and_run(name):
 
 
 def test_every_trained_method_has_a_purpose():
-    names = [*nh.integrators.registered, *nh.modified_integrators.registered]
+    names = list(nh.integrators.registered)
     assert sorted(one for one in names if one.startswith("trained_")) == sorted(p.title for p in PURPOSES.values())
 
 
 @pytest.mark.parametrize("name", list(PURPOSES))
 def test_a_trained_method_is_ahead_of_all_published_ones_in_its_window_on_problems_it_was_not_chosen_by(name):
-    purpose, method = PURPOSES[name], method_of(PURPOSES[name].title)
+    purpose, method = PURPOSES[name], integrators[PURPOSES[name].title]
     known = published_methods(purpose.known)
     gains = []
     for ensemble in purpose.ensembles(PROBLEMS, SEED):
@@ -59,7 +59,7 @@ RESOLVED = 0.05
 def test_the_search_finds_a_method_as_good_as_the_registered_one():
     """The last bits of linear algebra differ from processor to processor, and the search takes another path."""
     purpose, settings = PURPOSES["weak"], SearchSettings()
-    registered = method_of(purpose.title)
+    registered = integrators[purpose.title]
     document = search.train("weak", settings, purpose.known, print)["document"]
     assert (document["first"], len(document["kick"])) == (registered.first, len(registered.kick))
     problems = purpose.ensembles(PROBLEMS, SEED)

@@ -88,7 +88,7 @@ def largest_error(tableau: Tableau, tau_per_stage: Fraction, t_end: Fraction, st
     split : str
         What the two operators solve.
     """
-    steps = max(1, round(t_end / (tau_per_stage * tableau.stages)))
+    steps = tableau.steps(tau_per_stage, t_end)
     paths = integrate_batch(
         SYSTEM, tableau, t_end=t_end, steps=np.full(len(start), steps), samples=1, numerics=Numerics(split=split),
         start=start,

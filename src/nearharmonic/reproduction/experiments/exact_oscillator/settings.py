@@ -6,12 +6,15 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
+from nearharmonic.engine.grid import check_fit
+from nearharmonic.engine.settings import EXACT_OSCILLATOR
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.integrators.user_file import expanded
 from nearharmonic.numerics.geometric import geometric
 from nearharmonic.reproduction.entries import STRICT, PositiveDecimal, setting, whole_from
+from nearharmonic.systems.henon_heiles import SYSTEM
 
 #: Energies of the smallest and the largest amplitude: the latter is that of escape.
 LOWEST, HIGHEST = Fraction(1, 80_000), Fraction(1, 6)
@@ -61,7 +64,10 @@ class ExactOscillatorSettings:
         NearharmonicError
             The first fault found; keys are named as in a config.
         """
-        runs = len(methods) + len(CHARGES) * len([integrators[name] for name in expanded(self.integrators)])
+        exact = [integrators[name] for name in expanded(self.integrators)]
+        for tableau in exact:
+            check_fit(SYSTEM, tableau, EXACT_OSCILLATOR)
+        runs = len(methods) + len(CHARGES) * len(exact)
         each = runs * self.energies * sum(float(self.t_end) / float(tau) for tau in self.tau_per_stage)
         if each * self.trajectories > MOST_EVALUATIONS:
             most = (

@@ -80,8 +80,8 @@ def integrate_run(run: Run) -> Variables:
 
 def _problem(run: Run) -> Problem:
     return Problem(
-        systems[run.system], run.integrator, t_end=run.t_end, precision=run.precision, summation=run.summation,
-        first=run.first, split=run.split,
+        systems[run.system], run.integrator, t_end=run.t_end, precision=run.precision, first=run.first,
+        **run.handed_on,
     )  # fmt: skip
 
 

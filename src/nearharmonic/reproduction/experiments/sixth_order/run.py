@@ -28,7 +28,8 @@ def search(
     settings : SixthOrderSettings
         How hard to search.
     integrators : sequence of str
-        Names of the methods that the winners are measured beside, and :data:`PUBLISHED`.
+        Names of the methods that the winners are measured beside, and :data:`PUBLISHED`; those with kicks of a modified
+        potential are left out.
     threads : int
         The result does not depend on it.
     report : callable
@@ -41,7 +42,8 @@ def search(
     """
     findings = find_solutions(settings, threads=threads, report=report)
     best = [(candidate, registered(candidate, source=SOURCE)) for candidate in winners(findings)]
-    others = [methods_by_name[name] for name in integrators] + [one for one in PUBLISHED if one.name not in integrators]
+    plain = [methods_by_name[name] for name in integrators if not methods_by_name[name].modified]
+    others = plain + [one for one in PUBLISHED if one.name not in integrators]
     compared = [*others, *(tableau for _, tableau in best)]
     return {
         "document": tables.document(best),

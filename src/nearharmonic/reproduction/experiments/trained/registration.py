@@ -48,27 +48,24 @@ def register(documents: Sequence[str]) -> dict[str, str]:
     found = [tomllib.loads(Path(place).read_text(encoding="utf-8")) for place in documents]
     plain = [one for one in found if "square" not in one]
     modified = [one for one in found if "square" in one]
-    return {"plain": _module(plain, PLAIN, "Tableau"), "modified": _module(modified, MODIFIED, "ModifiedTableau")}
+    return {"plain": _module(plain, PLAIN), "modified": _module(modified, MODIFIED)}
 
 
-def _module(methods: Sequence[Mapping[str, Any]], title: str, kind: str) -> str:
-    names = [f"from nearharmonic.integrators.tableau import {', '.join(_names(methods, kind))}"]
-    if kind == "ModifiedTableau":
-        names.insert(0, "from nearharmonic.integrators.modified_tableau import ModifiedTableau")
-    lines = [HEAD.format(title=title, imports="\n".join(names))]
+def _module(methods: Sequence[Mapping[str, Any]], title: str) -> str:
+    names = [*(["QUADRATIC_KINETIC_ENERGY"] if any(map(_needs_requirement, methods)) else []), "Tableau", "palindrome"]
+    imports = f"from nearharmonic.integrators.tableau import {', '.join(names)}"
+    lines = [HEAD.format(title=title, imports=imports)]
     for one in methods:
-        lines += [f"    {kind}(", *(f"        {line}" for line in _fields(one)), "    ),"]
+        lines += ["    Tableau(", *(f"        {line}" for line in _fields(one)), "    ),"]
     return "\n".join([*lines, ")", ""])
 
 
-def _names(methods: Sequence[Mapping[str, Any]], kind: str) -> list[str]:
-    quadratic = kind == "Tableau" and any(one["family_order"] > 4 for one in methods)
-    names = [*(["QUADRATIC_KINETIC_ENERGY"] if quadratic else []), *(["Tableau"] if kind == "Tableau" else [])]
-    return [*names, "palindrome"]
+def _needs_requirement(one: Mapping[str, Any]) -> bool:
+    """Return True if a method is for a quadratic T without squares that say so."""
+    return one["family_order"] > 4 and "square" not in one
 
 
 def _fields(one: Mapping[str, Any]) -> list[str]:
-    quadratic = one["family_order"] > 4
     lines = [
         f'name="{one["name"]}",', f'label="{one["name"].replace("_", " ")}",', f"order={one['family_order']},",
         f'first="{one["first"]}",',
@@ -77,7 +74,7 @@ def _fields(one: Mapping[str, Any]) -> list[str]:
         if row in one:
             lines += palindrome_lines(row, one[row], "")
     lines += ["source=SOURCE,", f"digits={one['digits']},"]
-    if quadratic and "square" not in one:
+    if _needs_requirement(one):
         lines.append("requires=QUADRATIC_KINETIC_ENERGY,")
     return [*lines, *_note(one)]
 

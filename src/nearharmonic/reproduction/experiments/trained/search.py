@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from nearharmonic.errors import bad_setting
-from nearharmonic.integrators.modified import method_of
-from nearharmonic.integrators.modified_tableau import ModifiedTableau
+from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.table import Table
 from nearharmonic.reproduction.experiments.trained.problems.purposes import PURPOSES, Purpose
@@ -83,7 +82,7 @@ def train(
         ``document`` with the method, for a TOML file, and ``landscape``, a :class:`Table` of the families.
     """
     goal = PURPOSES[purpose]
-    begun = [*(_method(Path(place)) for place in before), *map(method_of, known)]
+    begun = [*(_method(Path(place)) for place in before), *map(integrators.__getitem__, known)]
     published = published_methods(known)
     all_findings = _all_findings(goal, settings, published, begun, report)
     validation = _Judge(goal, settings, published, VALIDATION)
@@ -185,7 +184,7 @@ def _document(goal: Purpose, settings: SearchSettings, best: Candidate, test: _J
     """The method with every digit, what is proved of it, and what found it."""
     tableau = tableau_of(best.family, best.found.unknowns.tolist(), name=goal.title, source=SOURCE)
     gains = test.gains(best.family, best.found)
-    squares = {"square": list(tableau.square)} if isinstance(tableau, ModifiedTableau) else {}
+    squares = {"square": list(tableau.square)} if tableau.modified else {}
     return {
         "name": tableau.name,
         "first": tableau.first,

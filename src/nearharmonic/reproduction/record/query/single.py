@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.engine.settings import KINETIC_POTENTIAL, checked_tau, one_of
+from nearharmonic.engine.handed_on import HandedOn
+from nearharmonic.engine.settings import checked_tau, one_of
 from nearharmonic.errors import NearharmonicError, bad_setting, unknown_name
 from nearharmonic.output import store
 from nearharmonic.reproduction.record.query.run_table import (
@@ -173,8 +174,9 @@ def python_lines(run: SingleRun) -> list[str]:
     system, before = _system_lines(str(cells["system"]), run.definitions)
     integrator = _integrator_text(str(cells["integrator"]), run.definitions)
     given: dict[str, Any] = {name: settings[name] for name in ("t_end", "summation", "samples") if name in settings}
-    if settings.get("split", KINETIC_POTENTIAL) != KINETIC_POTENTIAL:
-        given["split"] = settings["split"]
+    given |= {
+        name: settings[name] for name, usual in HandedOn().handed_on.items() if settings.get(name, usual) != usual
+    }
     more = ", ".join(f"{name}={json.dumps(value)}" for name, value in given.items())
     return [
         "import nearharmonic as nh",

@@ -145,7 +145,7 @@ def _rows(system: System, q: Floats, p: Floats) -> Floats:
 def _stays(asked: Question, rows: Floats, t_end: float, tau: float) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Return the mask of starts whose run with small steps keeps its energy."""
     method = integrators[METHOD]
-    steps = max(1, round(t_end / (tau * method.stages)))
+    steps = method.steps(tau, t_end)
     run = integrate_batch(
         asked.system, method, t_end=Fraction(t_end), steps=[steps] * len(rows), samples=2, start=rows,
         scale=asked.scale, numerics=Numerics(summation="plain"),

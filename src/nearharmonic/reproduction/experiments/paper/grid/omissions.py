@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from nearharmonic.engine.grid import evaluations_of, steps_of, tau_grid
+from nearharmonic.engine.grid import tau_grid
 from nearharmonic.engine.settings import PRECISIONS, Sweep
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators as methods_by_name
@@ -137,7 +137,7 @@ def _not_asked(sweep: Sweep, name: str) -> Iterator[Omission]:
                 what=f"runs in {precision} precision",
                 reason=NOT_ASKED,
                 runs=len(grid),
-                evaluations=sum(evaluations_of(tableau, steps_of(sweep.t_end, t * tableau.stages)) for t in grid),
+                evaluations=sum(tableau.evaluations(tableau.steps(t, sweep.t_end)) for t in grid),
             )
 
 
@@ -153,7 +153,7 @@ def _ended_early(system: str, cube: xr.Dataset) -> Iterator[Omission]:
                 what="the rest of a run",
                 reason="it left its energy surface",
                 runs=len(left),
-                evaluations=sum(evaluations_of(methods_by_name[name], steps) - made for steps, made in left),
+                evaluations=sum(methods_by_name[name].evaluations(steps) - made for steps, made in left),
             )
 
 

@@ -11,8 +11,8 @@ from math import ceil, floor, log10
 from typing import Any
 
 from nearharmonic.engine.batch.numba_runs import check_precision
-from nearharmonic.engine.grid import check_fit, evaluations_of, shard, steps_of, tau_grid
-from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, Sweep
+from nearharmonic.engine.grid import check_fit, shard, steps_of, tau_grid
+from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, HandedOn, Sweep, exact_decimal
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
@@ -34,7 +34,7 @@ NEAR_FLOOR = 100
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run:
+class Run(HandedOn):
     """One method on one system over some step sizes: what one call of the integration computes.
 
     ``steps[i]`` belongs to ``tau_per_stage[i]``. Where step sizes round to the same number of steps, these stand next
@@ -44,13 +44,11 @@ class Run:
     system: str
     integrator: str
     precision: str
-    summation: str
     first: str | None
     t_end: str
     tau_per_stage: tuple[float, ...]
     steps: tuple[int, ...]
     samples: int
-    split: str = KINETIC_POTENTIAL
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +93,7 @@ def check_sweep(sweep: Sweep, methods: Sequence[str]) -> None:
     if sweep.split == EXACT_OSCILLATOR:
         check_oscillator(systems[sweep.system], f"systems.{sweep.system}.split")
     for tableau in tableaus:
-        check_fit(systems[sweep.system], tableau)
+        check_fit(systems[sweep.system], tableau, sweep.split)
     for key, value, allowed in _excesses(sweep, tableaus):
         raise bad_setting(key, value, allowed)
 
@@ -123,7 +121,7 @@ def _excesses(sweep: Sweep, tableaus: Sequence[Tableau]) -> Iterator[tuple[str, 
     if points > MOST_POINTS:
         allowed = f"the grid would have {points} step sizes, and may have {MOST_POINTS}"
         yield f"{here}.points_per_decade", sweep.points_per_decade, allowed
-    evaluations = sum(evaluations_of(t, n) for t in tableaus for _, n in _points(sweep, t)) * len(sweep.precision)
+    evaluations = sum(t.evaluations(n) for t in tableaus for _, n in _points(sweep, t)) * len(sweep.precision)
     if evaluations > MOST_EVALUATIONS:
         allowed = f"all runs would take {evaluations:.2g} force evaluations, and may take {MOST_EVALUATIONS:.0e}"
         yield f"{here}.lowest", sweep.lowest, allowed
@@ -152,13 +150,12 @@ def runs_of(sweep: Sweep, integrator: str, index: int) -> list[Run]:
                     system=sweep.system,
                     integrator=integrator,
                     precision=precision,
-                    summation=sweep.summation,
                     first=None,
                     t_end=sweep.t_end,
                     tau_per_stage=taus,
                     steps=steps,
                     samples=sweep.samples,
-                    split=sweep.split,
+                    **sweep.handed_on,
                 )
             )
     return runs
@@ -183,7 +180,8 @@ GridPoint = tuple[float, int]
 def _points(sweep: Sweep, tableau: Tableau) -> tuple[GridPoint, ...]:
     """(tau_per_stage, steps) over the grid."""
     grid = tau_grid(sweep.lowest, sweep.highest, sweep.points_per_decade)
-    return tuple((tau, steps_of(sweep.t_end, tau * tableau.stages)) for tau in grid)
+    t_end = exact_decimal(sweep.t_end)
+    return tuple((tau, tableau.steps(tau, t_end)) for tau in grid)
 
 
 def _distinct(sweep: Sweep, tableau: Tableau) -> list[list[GridPoint]]:
@@ -222,7 +220,7 @@ def _left_out(sweep: Sweep, tableau: Tableau) -> Iterator[dict[str, Any]]:
     groups = _distinct(sweep, tableau)
 
     def cost(steps: Iterable[int]) -> int:
-        return sum(evaluations_of(tableau, n) for n in steps)
+        return sum(tableau.evaluations(n) for n in steps)
 
     for precision in sweep.precision:
         limit = _extended_up_to(sweep, tableau) if precision == "extended" else sweep.highest

@@ -6,7 +6,6 @@ from math import sqrt
 
 import numpy as np
 
-from nearharmonic.engine.grid import evaluations_of
 from nearharmonic.engine.runs.problem import Problem
 from nearharmonic.integrators import integrators
 from nearharmonic.numerics.portable import dot
@@ -67,7 +66,7 @@ def chaos(integrator: str, t_end: int) -> dict[str, Contents]:
         "system": system.name, "system_label": system.label, "integrator": tableau.name, "label": tableau.label,
         "tau": TAU, "blocks": BLOCKS,
     }  # fmt: skip
-    evaluations = len(ORBITS) * scalings * evaluations_of(tableau, problem.steps_of(TAU))
+    evaluations = len(ORBITS) * scalings * tableau.evaluations(problem.steps_of(TAU))
     return {"cube": Contents(variables=variables, attributes=attributes, evaluations=evaluations)}
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from nearharmonic.engine.batch.batch import integrate_batch
 from nearharmonic.engine.batch.results import Trajectories
-from nearharmonic.engine.grid import evaluations_of, tau_grid
+from nearharmonic.engine.grid import tau_grid
 from nearharmonic.engine.numbers.initial_values import start_array
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators import integrators
@@ -42,7 +42,7 @@ def displaced(integrator: str, iterations: int) -> dict[str, Contents]:
         "tau": panel["tau"], "iterations": iterations, "surface_limit": system.surface_limit,
     }  # fmt: skip
     left_at = variables["left_at"][1].ravel().tolist()
-    evaluations = sum(evaluations_of(tableau, n or iterations) for n in left_at)
+    evaluations = sum(tableau.evaluations(n or iterations) for n in left_at)
     return {"cube": Contents(variables=variables, attributes=attributes, evaluations=evaluations)}
 
 

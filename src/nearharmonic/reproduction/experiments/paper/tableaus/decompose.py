@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
+from nearharmonic.exact.decimals import BigFloat
 from nearharmonic.integrators import integrators as registry
-from nearharmonic.integrators.tableau import First
+from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.output.dataset import assembled, coordinate, method_coordinates, variable
 from nearharmonic.theory.oscillator import kappa, lambda_max
 
@@ -22,9 +23,12 @@ def decompose(integrators: Sequence[str]) -> dict[str, xr.Dataset]:
 
 
 def harmonic_terms(methods: Sequence[str]) -> xr.Dataset:
-    """Return the terms kappa over (integrator, first, order), as far as the stages of each composition reach."""
+    """Return the terms kappa over (integrator, first, order), as far as the stages of each composition reach.
+
+    Terms are NaN in the role that a method with kicks of a modified potential does not have.
+    """
     tableaus, roles = [registry[name] for name in methods], get_args(First)
-    terms = [[kappa(t, lambda_max(t, first=first), first=first) for first in roles] for t in tableaus]
+    terms = [[_terms(t, first) for first in roles] for t in tableaus]
     highest = max(len(row) for rows in terms for row in rows)
     values = [[[*map(float, row), *[np.nan] * (highest - len(row))] for row in rows] for rows in terms]
     text = "position error term kappa of the harmonic oscillator; kick first is BAB, drift first is ABA"
@@ -38,3 +42,9 @@ def harmonic_terms(methods: Sequence[str]) -> xr.Dataset:
         ["label"],
         {},
     )
+
+
+def _terms(tableau: Tableau, first: First) -> list[BigFloat]:
+    if tableau.modified and first != tableau.first:
+        return []
+    return kappa(tableau, lambda_max(tableau, first=first), first=first)

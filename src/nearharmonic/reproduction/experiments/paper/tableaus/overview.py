@@ -13,6 +13,7 @@ from typing import Any
 from nearharmonic.core.machine import disk
 from nearharmonic.exact.decimals import fixed_point
 from nearharmonic.integrators import integrators as methods_by_name
+from nearharmonic.integrators import plain_integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import pow
 from nearharmonic.reproduction.tasks.provenance import code_digest, coefficients_digest
@@ -73,7 +74,7 @@ def overview(*names: str) -> Columns:
     Parameters
     ----------
     *names : str
-        Names of the methods; every registered one if none is given.
+        Names of the methods; every registered one with kicks of V alone if none is given.
 
     Returns
     -------
@@ -85,7 +86,7 @@ def overview(*names: str) -> Columns:
     UnknownNameError
         No integrator has one of the names.
     """
-    tableaus = [methods_by_name[name] for name in names or methods_by_name]
+    tableaus = [methods_by_name[name] for name in names or plain_integrators]
     keys = [coefficients_digest([tableau]) for tableau in tableaus]
     kept = KeptRows()
     missing = {key: row_of(tableau) for key, tableau in zip(keys, tableaus, strict=True) if key not in kept.rows}
@@ -115,8 +116,9 @@ class KeptRows:
 
 
 def row_of(tableau: Tableau) -> Cells:
+    """Return the row of a method; what holds for any T is left empty if kicks are of a modified potential."""
     harmonic, errors = harmonic_orders_of(tableau), leading_errors(tableau)
-    gaps = stability_gaps(tableau)
+    gaps, is_general = stability_gaps(tableau), not tableau.modified
     coefficients = [Fraction(c) for c in (*tableau.kick, *tableau.drift)]
     return (
         tableau.name,
@@ -126,18 +128,21 @@ def row_of(tableau: Tableau) -> Cells:
         tableau.stages,
         order_of(tableau),
         nystrom_order_of(tableau),
-        *("(" + ", ".join(map(str, generalised_order_of(tableau, quadratic=q))) + ")" for q in (False, True)),
+        *(_generalised(tableau, quadratic=q) if q or is_general else "" for q in (False, True)),
         *harmonic[:3],
         float(sum(map(abs, coefficients))),
         sum(c < 0 for c in coefficients),
-        *errors.general,
-        _effective(errors.general, tableau),
+        *((*errors.general, _effective(errors.general, tableau)) if is_general else ("", "", "")),
         *errors.nystrom,
         _effective(errors.nystrom, tableau),
         *errors.harmonic,
         *(fixed_point(edge, 12) for edge in (gaps[0][0], gaps[0][0] / tableau.stages, gaps[0][1], gaps[-1][0])),
         tableau.digits,
     )
+
+
+def _generalised(tableau: Tableau, *, quadratic: bool) -> str:
+    return "(" + ", ".join(map(str, generalised_order_of(tableau, quadratic=quadratic))) + ")"
 
 
 def _effective(error: ErrorTerm, tableau: Tableau) -> float:

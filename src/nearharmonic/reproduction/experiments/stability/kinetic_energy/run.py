@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from nearharmonic.engine.batch.batch import integrate_batch
-from nearharmonic.engine.grid import steps_of, tau_grid
+from nearharmonic.engine.grid import tau_grid
 from nearharmonic.engine.numbers.coefficients import start_row
 from nearharmonic.integrators import integrators as registry
 from nearharmonic.integrators.tableau import Tableau
@@ -67,7 +67,7 @@ def energy_errors(tableaus: Sequence[Tableau]) -> Variables:
 
 def _errors(tableau: Tableau, grid: Sequence[float]) -> tuple[Any, Any]:
     """Largest and mean error (amplitude, tau) of all runs of one method, through the lanes together."""
-    steps = [steps_of(SYSTEM.t_end, tau * tableau.stages) for tau in grid]
+    steps = [tableau.steps(tau, SYSTEM.t_end) for tau in grid]
     _, p0 = SYSTEM.start(Fraction)
     starts = [start_row([Fraction(a)], p0) for a in AMPLITUDES for _ in grid]
     paths = integrate_batch(

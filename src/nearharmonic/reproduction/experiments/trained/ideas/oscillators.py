@@ -110,7 +110,7 @@ def exact_errors(scaled: Scaled, method: Tableau, tau_per_stage: Floats) -> Floa
     J, P = len(scaled.strengths), whole.parameters.shape[1]
     found = np.empty((len(tau_per_stage), whole.size))
     t_end = Fraction(whole.t_end)
-    steps = [max(1, round(whole.t_end / (tau * CHARGE * method.stages))) for tau in tau_per_stage.tolist()]
+    steps = [method.steps(tau * CHARGE, whole.t_end) for tau in tau_per_stage.tolist()]
     numerics = Numerics(summation="plain", split=EXACT_OSCILLATOR, width=LANES)
     for k, squares in enumerate(scaled.potentials.parameters[:, : 2 * DIMENSION : 2]):
         system, here = declared(whole.system, squares, k), slice(k * J, (k + 1) * J)

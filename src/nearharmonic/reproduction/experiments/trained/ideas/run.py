@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from nearharmonic.integrators.modified import method_of
+from nearharmonic.integrators import integrators
 from nearharmonic.numerics.portable import log10
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Contents, Variables, coordinate, method_coordinates, variable
@@ -67,17 +67,17 @@ def errors_of_methods(scaled: Scaled, methods: Sequence[str], exact: Sequence[st
     def logarithms(errors: Sequence[Floats]) -> Floats:
         return np.moveaxis(log10(np.maximum(np.reshape(errors, (len(errors), *shape)), LEAST)), 2, -1)
 
-    kept = [name for name in methods if idea_of(method_of(name)) is not None]
-    split = logarithms([errors_of(whole, method_of(name), taus.tolist()) for name in kept])
-    rotated = logarithms([exact_errors(scaled, method_of(name), taus) for name in exact])
+    kept = [name for name in methods if idea_of(integrators[name]) is not None]
+    split = logarithms([errors_of(whole, integrators[name], taus.tolist()) for name in kept])
+    rotated = logarithms([exact_errors(scaled, integrators[name], taus) for name in exact])
     over = ("tau_per_stage", "strength", "problem")
     delta = anharmonicities(whole).reshape(shape[1:]).T
     return {
         **coordinate("tau_per_stage", taus, "step size over the cost of a step, in radians of the fastest oscillation"),
         **coordinate("strength", scaled.strengths, "by which cubic and quartic coefficients are multiplied"),
-        **method_coordinates(map(method_of, kept)),
+        **method_coordinates(map(integrators.__getitem__, kept)),
         **coordinate("exact_integrator", list(exact), "integrator that solves the oscillator exactly"),
-        "idea": variable("integrator", [idea_of(method_of(name)) for name in kept], "idea that it is built on"),
+        "idea": variable("integrator", [idea_of(integrators[name]) for name in kept], "idea that it is built on"),
         "log_error": variable(("integrator", *over), split, f"{WHAT}, with T and V"),
         "exact_log_error": variable(
             ("exact_integrator", *over), rotated, f"{WHAT}, with the oscillator solved exactly"

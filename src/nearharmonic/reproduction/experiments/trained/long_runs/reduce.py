@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from nearharmonic.integrators.modified import method_of
+from nearharmonic.integrators import integrators
 from nearharmonic.output.store import read
 from nearharmonic.output.table import Table
 from nearharmonic.reproduction.experiments.trained.long_runs.reductions import reduction
@@ -36,7 +36,7 @@ def long_table(runs: xr.Dataset) -> Table:
     for system in map(str, runs.system.values):
         known = float(reduced.rounding.sel(system=system, summation="plain")[0])
         for name in map(str, runs.integrator.values):
-            one, method = reduced.sel(system=system, integrator=name), method_of(name)
+            one, method = reduced.sel(system=system, integrator=name), integrators[name]
             total = sum(abs(float(c)) for row in (method.kick, method.drift) for c in row)
             largest, slope, width = (float(one[key]) for key in ("max_energy_error", "trend", "trend_half_width"))
             drift = "no" if abs(slope) <= width else "yes" if abs(slope) > width else "lost"

@@ -12,7 +12,7 @@ import numpy as np
 from nearharmonic.engine.batch.batch import integrate_batch
 from nearharmonic.engine.batch.results import Trajectories
 from nearharmonic.engine.settings import Numerics
-from nearharmonic.integrators.modified import method_of
+from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Contents, Variables, coordinate, method_coordinates, variable
@@ -88,7 +88,7 @@ def measure(methods: Sequence[str], beside: str, settings: ProofSettings) -> dic
     """
     chosen = [one for one in NAMED if one.name in SYSTEMS]
     ensembles = {one.name: named_ensemble(one, STARTS, settings.seed, float(settings.t_end)) for one in chosen}
-    variables = long_runs(ensembles, [method_of(name) for name in (beside, *methods)], settings.steps)
+    variables = long_runs(ensembles, [integrators[name] for name in (beside, *methods)], settings.steps)
     return {"run": Contents(variables=variables, coordinates=("label", "step"))}
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from nearharmonic.integrators.modified import method_of
+from nearharmonic.integrators import integrators
 from nearharmonic.numerics.portable import log10
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Contents, coordinate, method_coordinates, variable
@@ -47,7 +47,7 @@ def measure(methods: Sequence[str], settings: ProofSettings) -> dict[str, Conten
         errors[e, :, here] = log_errors(trial.ensemble, methods, trial.tau_per_stage, trial.charge)
     variables = {
         **coordinate("ensemble", [one.name for one in ensembles], "ensemble of problems"),
-        **method_coordinates(map(method_of, methods)),
+        **method_coordinates(map(integrators.__getitem__, methods)),
         "kind": variable("integrator", kinds, "trained, published, or own: found by this project"),
         "panel": variable("ensemble", [trial.panel for trial in trials], "panel of the figure of gains"),
         "problems": variable("ensemble", [one.size for one in ensembles], "number of problems"),
@@ -77,6 +77,6 @@ def log_errors(ensemble: Ensemble, methods: Sequence[str], tau_per_stage: Floats
     charge : float
         Cost of the gradient of the square of grad V, in forces.
     """
-    errors = [errors_of(ensemble, method_of(name), tau_per_stage.tolist(), charge) for name in methods]
+    errors = [errors_of(ensemble, integrators[name], tau_per_stage.tolist(), charge) for name in methods]
     found: Floats = log10(np.maximum(errors, LEAST))
     return found

@@ -15,7 +15,7 @@ import numpy as np
 from nearharmonic.engine.batch.batch import prepared_batch
 from nearharmonic.engine.numbers.coefficients import moves_of
 from nearharmonic.engine.settings import Numerics
-from nearharmonic.integrators.modified import method_of
+from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.clock import Patience, interleaved, pinned, processor
 from nearharmonic.numerics.types import Floats
@@ -57,7 +57,7 @@ def measure(cube: str, methods: Sequence[str], settings: ProofSettings) -> dict[
         Those of the cube.
     """
     found = read(cube)
-    names = [name for name in methods if method_of(name).modified]
+    names = [name for name in methods if integrators[name].modified]
     rows: list[list[Any]] = []
     known: dict[str, dict[str, tuple[float, float]]] = {}
     with pinned():
@@ -83,7 +83,7 @@ def costs(ensemble: Ensemble, width: int) -> tuple[float, float]:
         SIMD lanes; with one, a single trajectory is run.
     """
     few = ensemble.part(np.arange(PROBLEMS if width > 1 else 1) % ensemble.size)
-    methods = [method_of(PLAIN), method_of(MODIFIED)]
+    methods = [integrators[PLAIN], integrators[MODIFIED]]
     calls = [prepared_run(few, method, width) for method in methods]
     for call in calls:
         call()

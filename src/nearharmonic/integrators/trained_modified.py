@@ -6,8 +6,7 @@ worth. Each note has the window in tau/s, in radians of the fastest oscillation,
 stability, the seed, and the digest of the run that found the method.
 """
 
-from nearharmonic.integrators.modified_tableau import ModifiedTableau
-from nearharmonic.integrators.tableau import palindrome
+from nearharmonic.integrators.tableau import Tableau, palindrome
 
 SOURCE = (
     "trained by nearharmonic (experiments.trained, docs/trained.md); searches began with published methods, those of "
@@ -15,7 +14,7 @@ SOURCE = (
 )
 
 TABLEAUS = (
-    ModifiedTableau(
+    Tableau(
         name="trained_modified",
         label="trained modified",
         order=4,

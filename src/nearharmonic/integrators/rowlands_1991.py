@@ -6,10 +6,11 @@ has order four in other variables. The processor is our own: with drifts -a, 2 a
 a b [A, B], where a square of a b^2 cancels [B, [A, B]]; here a = 1/12 and b = 1/4.
 """
 
-from nearharmonic.integrators.processed_tableau import ProcessedTableau, Processor
+from nearharmonic.integrators.composition import Processor
+from nearharmonic.integrators.tableau import Tableau
 
 TABLEAUS = (
-    ProcessedTableau(
+    Tableau(
         name="rowlands",
         label="Rowlands",
         order=4,

@@ -4,11 +4,10 @@ doi:10.1016/S0375-9601(97)00003-0. The force of the middle kick is F + tau^2 gra
 positive.
 """
 
-from nearharmonic.integrators.modified_tableau import ModifiedTableau
-from nearharmonic.integrators.tableau import palindrome
+from nearharmonic.integrators.tableau import Tableau, palindrome
 
 TABLEAUS = (
-    ModifiedTableau(
+    Tableau(
         name="chin_4a",
         label="Chin 4A",
         order=4,

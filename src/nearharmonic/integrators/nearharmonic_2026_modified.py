@@ -6,11 +6,10 @@ five digits; its second kick is a parameter. Of the BAB methods, the one with tw
 smallest coefficients.
 """
 
-from nearharmonic.integrators.modified_tableau import ModifiedTableau
-from nearharmonic.integrators.tableau import palindrome
+from nearharmonic.integrators.tableau import Tableau, palindrome
 
 TABLEAUS = (
-    ModifiedTableau(
+    Tableau(
         name="abag5o6",
         label="ABAg5o6",
         order=6,
@@ -34,7 +33,7 @@ TABLEAUS = (
         digits=80,
         note="kick[1] is a parameter of the family",
     ),
-    ModifiedTableau(
+    Tableau(
         name="babg5o6",
         label="BABg5o6",
         order=6,

@@ -1,0 +1,204 @@
+"""Kicks and drifts in turns, as exact decimal strings: what a step and a processor have in common."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from decimal import Decimal, localcontext
+from fractions import Fraction
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal, TypeVar
+
+from nearharmonic.errors import TableauError
+
+if TYPE_CHECKING:
+    from numpy import int64
+    from numpy.typing import NDArray
+
+#: Steps of one run, or of many.
+Steps = TypeVar("Steps", int, "NDArray[int64]")
+#: The operator applied first in a step: a drift moves q by dT/dp (ABA), a kick moves p by -dV/dq (BAB).
+First = Literal["drift", "kick"]
+Row = tuple[str, ...]
+#: A move of a run: kick, with the sign of the force, drift, and coefficient of grad |grad V|^2.
+Move = tuple[Fraction, Fraction, Fraction]
+
+#: A coefficient. Exponents are bounded because coefficients are held as exact fractions: 1e999999999 would fill the
+#: memory.
+DECIMAL = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
+
+
+def palindrome(*half: str, centre: str | None = None) -> Row:
+    """Return the row that reads ``half`` forwards, ``centre`` once if its length is odd, and ``half`` backwards."""
+    return (*half, *(() if centre is None else (centre,)), *reversed(half))
+
+
+class Composition:
+    """Kicks and drifts in turns: the rows by their places in a step.
+
+    A kick of a step tau is p -= k tau grad V - m tau^3 grad |grad V|^2, with |grad V|^2 the square of grad V by the
+    inverse masses: the exact flow of the potential k tau V - m tau^3 |grad V|^2. The row ``square`` has the
+    coefficients m, one for each kick; without it all kicks are of V alone.
+    """
+
+    first: First
+    kick: Row
+    drift: Row
+    square: Row
+    digits: int
+
+    @property
+    def outer(self) -> Row:
+        """The s + 1 coefficients of the operator that comes first and last."""
+        return self.kick if self.first == "kick" else self.drift
+
+    @property
+    def inner(self) -> Row:
+        """The s coefficients of the operator in between."""
+        return self.drift if self.first == "kick" else self.kick
+
+    @property
+    def stages(self) -> int:
+        """Force evaluations per step, s; for kick first, the one that closes a step opens the next."""
+        return len(self.inner)
+
+    def steps(self, tau_per_stage: Fraction | float, t_end: Fraction | str | float, cost: float | None = None) -> int:
+        """Return the steps, at least one, into which an interval is cut for a step size over the cost of a step.
+
+        Their number is max(1, round(t_end / tau)) with tau = ``tau_per_stage`` times the cost, a product of doubles if
+        both are. The division is exact unless ``t_end`` is a double, which divides as doubles do.
+
+        Parameters
+        ----------
+        tau_per_stage : Fraction or float
+            Step size over the cost of a step.
+        t_end : Fraction, str or float
+            Length of the interval; a decimal string is exact.
+        cost : float, optional
+            Cost of a step; the stages if None.
+        """
+        tau = tau_per_stage * (self.stages if cost is None else cost)
+        return max(1, round(Fraction(t_end) / Fraction(tau) if isinstance(t_end, str | Fraction) else t_end / tau))
+
+    def evaluations(self, steps: Steps) -> Steps:
+        """Return the force evaluations of a run: s a step, and one more to begin with if the kick comes first."""
+        return steps * self.stages + self.first_same_as_last
+
+    @property
+    def first_same_as_last(self) -> bool:
+        """True if the force of a step's last kick is that of the next step's first kick."""
+        return self.first == "kick"
+
+    @property
+    def modified(self) -> bool:
+        """True if kicks are of a modified potential."""
+        return bool(self.square)
+
+    @property
+    def compositions(self) -> tuple[Composition, ...]:
+        """Compositions that a run applies: the step alone, unless there is a processor."""
+        return (self,)
+
+    def moves(self, tau: Fraction = Fraction(1), *, rounded: bool = False) -> list[Move]:
+        """Return the moves (s + 2) of a run, multiplied by powers of a step size exactly.
+
+        They are the first move of a run, the first move of each later step, which begins with the last of the step
+        before, the others, and the move that closes a step. A run that drifts first makes no first kick.
+
+        Parameters
+        ----------
+        tau : Fraction
+            Step size.
+        rounded : bool
+            Whether coefficients times powers of tau are rounded to doubles before any are added.
+        """
+        rows = (self.kick, -tau), (self.drift, tau), (self.square or ("0",) * len(self.kick), tau**3)
+        found = ([Fraction(c) * factor if factor != 1 else Fraction(c) for c in row] for row, factor in rows)
+        kicks, drifts, squares = ([Fraction(float(c)) for c in row] if rounded else row for row in found)
+        nothing = Fraction(0)
+        if self.first == "kick":
+            opening, *between = zip(kicks, drifts, squares, strict=False)
+            closing = kicks[-1], nothing, squares[-1]
+            return [opening, (kicks[-1] + kicks[0], drifts[0], squares[-1] + squares[0]), *between, closing]
+        *between, closing = zip(kicks, drifts[1:], squares, strict=True)
+        merged = kicks[-1], drifts[-1] + drifts[0], squares[-1]
+        return [(nothing, drifts[0], nothing), merged, *between, closing]
+
+    def _check_rows(self) -> None:
+        """Refuse rows that are no decimal numbers, or of lengths that do not fit."""
+        for key in ("kick", "drift", "square"):
+            row = getattr(self, key)
+            self._expect(isinstance(row, tuple), key, row, "a tuple of decimal strings")
+            for i, text in enumerate(row):
+                decimal = isinstance(text, str) and DECIMAL.fullmatch(text) is not None
+                self._expect(decimal, f"{key}[{i}]", text, "a finite decimal number as a string")
+        lengths = f"{len(self.kick)} kicks, {len(self.drift)} drifts"
+        fits = len(self.outer) == len(self.inner) + 1 >= 2
+        self._expect(fits, "rows", lengths, f"one {self.first} more than the other operator, as first = {self.first!r}")
+        fits = len(self.square) in (0, len(self.kick))
+        self._expect(fits, "square", f"{len(self.square)} numbers", f"one for each of {len(self.kick)} kicks")
+
+    def _check_sums(self, total: int) -> None:
+        for key, row in (("kick", self.kick), ("drift", self.drift)):
+            # Exact: the digits of all numbers are within this precision, as their exponents have three digits at most.
+            with localcontext(prec=2 * (1001 + max(map(len, row)))):
+                excess = sum(map(Decimal, row), start=Decimal(-total))
+            balanced = abs(Fraction(excess)) * 10**self.digits <= len(row)
+            shown = f"{total}{float(excess):+.1e}"
+            self._expect(balanced, f"{key} row sum", shown, f"{total} within {len(row)}e-{self.digits}")
+
+    def _expect(self, condition: bool, key: str, value: object, expected: str) -> None:
+        if not condition:
+            message = f"{self._kind}: {key} = {value!r}, expected {expected}"
+            raise TableauError(message)
+
+    @property
+    def _kind(self) -> str:
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Processor(Composition):
+    """A step close to the identity, whose kicks and whose drifts each add up to 0.
+
+    Parameters
+    ----------
+    first : {"drift", "kick"}
+        Operator that comes first and last.
+    kick, drift : tuple of str
+        Coefficients in units of tau, s + 1 for the operator named by ``first`` and s for the other.
+    square : tuple of str
+        Coefficients of grad |grad V|^2 in units of tau^3, one for each kick.
+    digits : int
+        Number of decimals that are guaranteed.
+
+    Raises
+    ------
+    TableauError
+        A coefficient that is no decimal number, a row of the wrong length, or a sum that is not 0 to the digits.
+    """
+
+    first: First
+    kick: Row
+    drift: Row
+    square: Row
+    digits: int
+
+    def __post_init__(self) -> None:
+        self._check_rows()
+        self._check_sums(0)
+
+    @cached_property
+    def inverse(self) -> Processor:
+        """The processor that undoes this one."""
+        rows = ([_negated(text) for text in reversed(row)] for row in (self.kick, self.drift, self.square))
+        kick, drift, square = map(tuple, rows)
+        return Processor(first=self.first, kick=kick, drift=drift, square=square, digits=self.digits)
+
+    @property
+    def _kind(self) -> str:
+        return "processor"
+
+
+def _negated(text: str) -> str:
+    return text[1:] if text.startswith("-") else f"-{text.removeprefix('+')}"
