@@ -12,7 +12,7 @@ import re
 from pathlib import Path
 
 import nearharmonic as nh
-from nearharmonic.reproduction.experiments.trained.purposes import PURPOSES
+from nearharmonic.reproduction.experiments.trained.problems.purposes import PURPOSES
 from nearharmonic.theory.shifted_kicks import shifted_kicks
 
 PAGE = Path(__file__).parents[1] / "docs/training.md"

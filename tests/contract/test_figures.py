@@ -7,7 +7,7 @@ import pytest
 
 from nearharmonic.recommendation.curve import Curve
 from nearharmonic.reproduction.experiments.paper.figures.fig6_substeps import draw_panels
-from nearharmonic.reproduction.experiments.work_precision.figure import work_precision_figure
+from nearharmonic.reproduction.experiments.work_precision.figures.times import work_precision_figure
 from nearharmonic.reproduction.tasks.declarations import figures_of
 from nearharmonic.reproduction.tasks.provenance import function_of
 from support.cubes import figure_cubes as made

@@ -58,7 +58,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from nearharmonic.reproduction.experiments.entries import STRICT, setting, whole_from
+from nearharmonic.reproduction.entries import STRICT, setting, whole_from
 
 
 @dataclass(frozen=True, kw_only=True)

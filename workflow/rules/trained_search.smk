@@ -1,6 +1,6 @@
 """Methods trained on near-harmonic systems: the search for each purpose, and the modules that register what it finds."""
 
-from nearharmonic.reproduction.experiments.trained.purposes import PURPOSES, trained_before
+from nearharmonic.reproduction.experiments.trained.problems.purposes import PURPOSES, trained_before
 
 TRAINED_METHODS = expand(f"{RESULTS}/derived/trained_{{purpose}}.toml", purpose=CONFIG.trained.purposes)
 

@@ -71,7 +71,7 @@ rule work_precision_figure:
             )
         },
         task=lambda wildcards: task(
-            "reproduction.experiments.work_precision.figure:work_precision", system=wildcards.system
+            "reproduction.experiments.work_precision.figures.times:work_precision", system=wildcards.system
         ),
     script:
         "../scripts/task.py"
@@ -103,7 +103,7 @@ rule library_times_figures:
         LOG("work_precision/library_times_figures"),
     params:
         task=lambda wildcards: task(
-            "reproduction.experiments.work_precision.comparison_figure:comparison_figures", names=list(CONFIG.systems)
+            "reproduction.experiments.work_precision.figures.comparison:comparison_figures", names=list(CONFIG.systems)
         ),
     script:
         "../scripts/task.py"
@@ -118,7 +118,7 @@ rule regularised_times_figure:
         LOG("work_precision/regularised_times_figure"),
     params:
         task=lambda wildcards: task(
-            "reproduction.experiments.work_precision.regularised_figure:regularised_figures",
+            "reproduction.experiments.work_precision.figures.regularised:regularised_figures",
             names=list(CONFIG.systems),
         ),
     script:

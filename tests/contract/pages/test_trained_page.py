@@ -13,10 +13,10 @@ import nearharmonic as nh
 from nearharmonic.registry.user_module import load
 from nearharmonic.reproduction.experiments.trained.comparison.contestants import contestants, kind_of
 from nearharmonic.reproduction.experiments.trained.problems.named_systems import NAMED, named_ensembles
+from nearharmonic.reproduction.experiments.trained.problems.purposes import CHARGE
 from nearharmonic.reproduction.experiments.trained.proof.reductions import gains
 from nearharmonic.reproduction.experiments.trained.proof.run import log_errors
 from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings
-from nearharmonic.reproduction.experiments.trained.purposes import CHARGE
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs/trained.md").read_text(encoding="utf-8")

@@ -9,8 +9,8 @@ from typing import Annotated
 from nearharmonic.engine.settings import KINETIC_POTENTIAL, Sweep
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.user_file import expanded
+from nearharmonic.reproduction.entries import STRICT, Reading, setting, whole_from
 from nearharmonic.reproduction.experiments.derivation.settings import DerivationSettings
-from nearharmonic.reproduction.experiments.entries import STRICT, Reading, setting, whole_from
 from nearharmonic.reproduction.experiments.exact_oscillator.settings import ExactOscillatorSettings
 from nearharmonic.reproduction.experiments.paper.grid.plan import fewest_shards
 from nearharmonic.reproduction.experiments.paper.settings import Summation, SystemSettings

@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from nearharmonic.reproduction.experiments.stability.henon_heiles.reductions import reduction as of_ensembles
-from nearharmonic.reproduction.experiments.stability.initial_conditions import kepler_apoapsis
+from nearharmonic.reproduction.experiments.stability.kepler.initial_conditions import kepler_apoapsis
 from nearharmonic.reproduction.experiments.stability.kepler.reductions import reduction as of_maps
 
 METHODS = ["leapfrog", "babs7o7h"]

@@ -12,7 +12,7 @@ import nearharmonic as nh
 from nearharmonic.errors import SettingError
 from nearharmonic.output.table import save_document
 from nearharmonic.reproduction.experiments.trained import purposes, search
-from nearharmonic.reproduction.experiments.trained.purposes import PURPOSES, Chain, Purpose
+from nearharmonic.reproduction.experiments.trained.problems.purposes import PURPOSES, Chain, Purpose
 from nearharmonic.reproduction.experiments.trained.registration import register
 from nearharmonic.reproduction.experiments.trained.settings import SearchSettings
 from nearharmonic.training.published import modified_names, published_methods, published_names

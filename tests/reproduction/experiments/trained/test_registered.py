@@ -10,7 +10,7 @@ import pytest
 import nearharmonic as nh
 from nearharmonic.integrators.modified import method_of
 from nearharmonic.reproduction.experiments.trained import search
-from nearharmonic.reproduction.experiments.trained.purposes import PURPOSES
+from nearharmonic.reproduction.experiments.trained.problems.purposes import PURPOSES
 from nearharmonic.reproduction.experiments.trained.settings import SearchSettings
 from nearharmonic.training.objective import mean_errors
 from nearharmonic.training.published import published_methods

@@ -13,8 +13,8 @@ from nearharmonic.recommendation.curve import Curve
 from nearharmonic.recommendation.timings import variables
 from nearharmonic.reproduction.experiments.work_precision import comparison as comparisons
 from nearharmonic.reproduction.experiments.work_precision.comparison import HEADER, comparison, pairs
-from nearharmonic.reproduction.experiments.work_precision.comparison_figure import comparison_figures
-from nearharmonic.reproduction.experiments.work_precision.regularised_figure import regularised_figures
+from nearharmonic.reproduction.experiments.work_precision.figures.comparison import comparison_figures
+from nearharmonic.reproduction.experiments.work_precision.figures.regularised import regularised_figures
 from nearharmonic.reproduction.experiments.work_precision.run import front_runners
 from nearharmonic.systems import systems
 from support.cubes.artists import line_of, look, looks

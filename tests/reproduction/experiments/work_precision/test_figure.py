@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from nearharmonic.recommendation.curve import Curve
-from nearharmonic.reproduction.experiments.work_precision.figure import work_precision_figure
+from nearharmonic.reproduction.experiments.work_precision.figures.times import work_precision_figure
 from nearharmonic.reproduction.experiments.work_precision.peers import PEERS
 from support.cubes.artists import NO_LINE, SOLID, drawn, entries, line_of, look, look_of, looks
 from support.cubes.figure_cubes import FACTS, label, timed

@@ -121,7 +121,7 @@ def test_a_formula_that_branches_is_refused():
 
 
 def test_no_two_peers_look_alike():
-    from nearharmonic.reproduction.experiments.work_precision.figure import line_of
+    from nearharmonic.reproduction.experiments.work_precision.figures.times import line_of
 
     looks = [line_of(Curve(method=name, label=name, kind="peer")) for name in PEERS]
     for key in ("color", "marker"):

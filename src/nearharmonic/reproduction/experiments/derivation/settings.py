@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from nearharmonic.reproduction.experiments.entries import STRICT, Reading, setting, whole_between, whole_from
+from nearharmonic.reproduction.entries import STRICT, Reading, setting, whole_between, whole_from
 
 MOST_STARTS = 10**7
 

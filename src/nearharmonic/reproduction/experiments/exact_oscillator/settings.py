@@ -11,7 +11,7 @@ from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.integrators.user_file import expanded
 from nearharmonic.numerics.geometric import geometric
-from nearharmonic.reproduction.experiments.entries import STRICT, PositiveDecimal, setting, whole_from
+from nearharmonic.reproduction.entries import STRICT, PositiveDecimal, setting, whole_from
 
 #: Energies of the smallest and the largest amplitude: the latter is that of escape.
 LOWEST, HIGHEST = Fraction(1, 80_000), Fraction(1, 6)

@@ -9,7 +9,7 @@ from math import isfinite
 from numbers import Real
 from typing import Annotated, Literal
 
-from nearharmonic.reproduction.experiments.entries import (
+from nearharmonic.reproduction.entries import (
     STRICT,
     PositiveDecimal,
     PositiveNumber,

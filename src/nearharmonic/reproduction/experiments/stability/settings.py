@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from nearharmonic.engine.settings import MOST_STEPS
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.reproduction.experiments.entries import (
+from nearharmonic.reproduction.entries import (
     STRICT,
     PositiveDecimal,
     PositiveNumber,

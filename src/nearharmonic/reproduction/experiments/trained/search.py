@@ -17,7 +17,7 @@ from nearharmonic.integrators.modified import method_of
 from nearharmonic.integrators.modified_tableau import ModifiedTableau
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.table import Table
-from nearharmonic.reproduction.experiments.trained.purposes import PURPOSES, Purpose
+from nearharmonic.reproduction.experiments.trained.problems.purposes import PURPOSES, Purpose
 from nearharmonic.reproduction.experiments.trained.settings import SearchSettings
 from nearharmonic.theory.linear_stability import stability_limit
 from nearharmonic.theory.order import harmonic_order_of, nystrom_order_of, order_of

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from nearharmonic.engine.settings import one_of
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.reproduction.experiments.entries import STRICT, setting, whole_from
+from nearharmonic.reproduction.entries import STRICT, setting, whole_from
+from nearharmonic.reproduction.experiments.trained.problems.purposes import PURPOSES
 from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings
-from nearharmonic.reproduction.experiments.trained.purposes import PURPOSES
 
 
 @dataclass(frozen=True, kw_only=True)

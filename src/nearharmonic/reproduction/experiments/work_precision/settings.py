@@ -10,7 +10,7 @@ from nearharmonic.engine.settings import one_of
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.integrators.user_file import expanded
-from nearharmonic.reproduction.experiments.entries import STRICT, PositiveNumber, setting, whole_from
+from nearharmonic.reproduction.entries import STRICT, PositiveNumber, setting, whole_from
 from nearharmonic.systems import systems
 
 #: Holds Nielsen's Table 4, of which his figures show a choice.

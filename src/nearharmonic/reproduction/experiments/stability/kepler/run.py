@@ -19,7 +19,7 @@ from nearharmonic.numerics.geometric import decades, geometric
 from nearharmonic.numerics.portable import log10
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Contents, coordinate, variable
-from nearharmonic.reproduction.experiments.stability.initial_conditions import kepler_apoapsis
+from nearharmonic.reproduction.experiments.stability.kepler.initial_conditions import kepler_apoapsis
 from nearharmonic.reproduction.experiments.stability.settings import MapSettings
 from nearharmonic.systems.definition.quantities import Parameter
 from nearharmonic.systems.definition.system import System

@@ -11,9 +11,9 @@ from nearharmonic.numerics.types import Floats
 from nearharmonic.reproduction.experiments.trained.problems.anharmonicity import with_anharmonicity
 from nearharmonic.reproduction.experiments.trained.problems.named_systems import named_ensembles
 from nearharmonic.reproduction.experiments.trained.problems.orbits import orbit_ensemble
+from nearharmonic.reproduction.experiments.trained.problems.purposes import CHARGE, CHARGE_OF_ORBITS, ECCENTRICITIES
 from nearharmonic.reproduction.experiments.trained.problems.random_potentials import random_ensemble
 from nearharmonic.reproduction.experiments.trained.proof.settings import ORBITS, ProofSettings
-from nearharmonic.reproduction.experiments.trained.purposes import CHARGE, CHARGE_OF_ORBITS, ECCENTRICITIES
 from nearharmonic.training.population import Ensemble
 
 #: Coordinates of the random potentials, and bands of their strength, the widest last.

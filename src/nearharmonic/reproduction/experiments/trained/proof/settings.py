@@ -7,7 +7,7 @@ from typing import Annotated
 
 from nearharmonic.engine.settings import MOST_STEPS
 from nearharmonic.errors import bad_setting
-from nearharmonic.reproduction.experiments.entries import (
+from nearharmonic.reproduction.entries import (
     STRICT,
     PositiveDecimal,
     Reading,

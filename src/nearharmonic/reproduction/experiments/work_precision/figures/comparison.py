@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from nearharmonic.plotting.style import house_style, mark_every, new_figure, panel_letter
 from nearharmonic.recommendation.curve import Curve
 from nearharmonic.reproduction.experiments.work_precision.comparison import ERRORS, STANDARD, Pair, pairs
-from nearharmonic.reproduction.experiments.work_precision.figure import (
+from nearharmonic.reproduction.experiments.work_precision.figures.times import (
     YLABELS,
     line_of,
     machine_text,

@@ -19,8 +19,8 @@ from matplotlib.lines import Line2D
 from nearharmonic.plotting.style import house_style, mark_every, new_figure, panel_letter
 from nearharmonic.recommendation.curve import Curve, for_good
 from nearharmonic.reproduction.experiments.work_precision.comparison import COMPARED_MEASURES, STANDARD, Pair, pairs
-from nearharmonic.reproduction.experiments.work_precision.comparison_figure import leaders
-from nearharmonic.reproduction.experiments.work_precision.figure import (
+from nearharmonic.reproduction.experiments.work_precision.figures.comparison import leaders
+from nearharmonic.reproduction.experiments.work_precision.figures.times import (
     YLABELS,
     line_of,
     machine_text,
@@ -76,7 +76,7 @@ def regularised_figure(rows: Sequence[Sequence[Pair]], facts: Mapping[str, objec
     rows : sequence of sequences of Pair
         What was measured on each system, once for each kind of error.
     facts : mapping
-        As for :func:`nearharmonic.reproduction.experiments.work_precision.comparison_figure.comparison_figure`.
+        As for :func:`nearharmonic.reproduction.experiments.work_precision.figures.comparison.comparison_figure`.
     """
     across, down = len(rows[0]), len(rows)
     width, height = _LEFT + _WIDTH * across, _BELOW + _LEGEND + _HEIGHT * down + _TITLE * (down - 1)
