@@ -25,10 +25,12 @@ include: "workflow/rules/claims.smk"
 include: "workflow/rules/derivation.smk"
 include: "workflow/rules/sixth_order.smk"
 include: "workflow/rules/work_precision.smk"
+include: "workflow/rules/structure.smk"
 include: "workflow/rules/stability.smk"
 include: "workflow/rules/exact_oscillator.smk"
 include: "workflow/rules/trained_search.smk"
 include: "workflow/rules/trained.smk"
+include: "workflow/rules/two_steps.smk"
 include: "workflow/rules/figures.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/record.smk"
@@ -45,13 +47,7 @@ rule all:
 
 rule everything:
     input:
-        rules.all.input,
-        rules.derive.input,
-        rules.sixth_order.input,
-        rules.stability.input,
-        rules.exact_oscillator.input,
-        rules.trained.input,
-        rules.work_precision.input,
+        [getattr(rules, one.target).input for one in EXPERIMENTS.values()],
 
 
 # The garbage collector skips all modules and rules loaded so far: scanning them takes a fifth of a dry run.

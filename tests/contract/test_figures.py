@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from runpy import run_path
+
 import numpy as np
 import pytest
 
@@ -9,42 +12,19 @@ from nearharmonic.recommendation.curve import Curve
 from nearharmonic.reproduction.experiments.paper.figures.fig6_substeps import draw_panels
 from nearharmonic.reproduction.experiments.work_precision.figures.times import work_precision_figure
 from nearharmonic.reproduction.tasks.declarations import figures_of
+from nearharmonic.reproduction.tasks.experiment import experiments
 from nearharmonic.reproduction.tasks.provenance import function_of
 from support.cubes import figure_cubes as made
 
-#: Figure -> what it draws for some methods, and the variables that a cube has even without a number.
+#: Figure -> what it draws for some methods, and the variables that a cube has even without a number: EXAMPLES in
+#: example_cubes.py, in the folder of the tests of each experiment.
 CUBES = {
-    "sho_energy_error": (made.errors, ()),
-    "fig1_sho": (lambda methods: made.errors(methods, precision=True), ()),
-    "fig2_decomposition": (made.terms, ()),
-    "fig3_henon_heiles": (made.errors, ()),
-    "fig4_perihelion": (made.advances, ("evaluations_per_orbit",)),
-    "fig5_kepler": (lambda methods: made.errors(methods, unit="h"), ()),
-    "fig6_displaced": (made.displaced, ()),
-    "linear_stability": (made.traces, ()),
-    "kinetic_energy": (made.amplitudes, ()),
-    "henon_heiles_stability": (made.ensembles, ()),
-    "kepler_stability": (made.orbits, ("evaluations_per_orbit",)),
-    "rounding_growth": (made.rounding, ("time",)),
-    "exact_oscillator_error": (made.amplitudes_of_crossing, ()),
-    "exact_oscillator_charge": (made.amplitudes_of_crossing, ()),
-    "trained_error": (made.contest, ()),
-    "trained_gain": (made.contest, ()),
-    "trained_ideas": (made.ideas, ()),
+    stem: example
+    for path in sorted(Path(__file__).parents[1].glob("reproduction/experiments/*/example_cubes.py"))
+    for stem, example in run_path(str(path))["EXAMPLES"].items()
 }
-#: Cubes that declared figures show, besides those of the systems.
-SHOWN = (
-    "sho_terms",
-    "substeps_displaced",
-    "linear_stability",
-    "kinetic_energy",
-    "stability_henon_heiles",
-    "stability_kepler",
-    "stability_rounding",
-    "exact_oscillator",
-    "trained",
-    "trained_ideas",
-)
+EXPERIMENTS = experiments()
+SHOWN = [stem for one in EXPERIMENTS.values() for stem in one.cubes]
 DECLARED = {one.stem: one for one in figures_of("reproduction.experiments", ("henon_heiles", "kepler", "sho"), SHOWN)}
 # Those of the systems that the paper has a figure of are drawn by that figure; every other system is shown like this.
 OWN = {stem: DECLARED.pop(stem) for stem in ("sho_energy_error", "henon_heiles_energy_error", "kepler_energy_error")}
@@ -66,8 +46,15 @@ def is_drawn(figure):
             assert low != high
 
 
-def test_every_figure_is_among_these():
+def test_every_figure_has_an_example_cube():
+    """But for Figure 6, which computes what it shows and is drawn below."""
     assert set(DECLARED) == {*CUBES, "fig6_substeps"}
+
+
+@pytest.mark.parametrize("experiment", EXPERIMENTS.values(), ids=lambda one: one.name)
+def test_every_figure_has_a_title_in_the_declaration_of_its_experiment(experiment):
+    drawn = {one.stem for one in DECLARED.values() if one.function.startswith(f"{experiment.room}.")}
+    assert drawn - {"sho_energy_error"} <= {*experiment.figures}
 
 
 def test_the_energy_error_figure_of_a_system_of_the_paper_is_the_papers_figure_under_a_second_name():

@@ -8,8 +8,9 @@ from zipfile import ZipFile
 
 import pytest
 
+from nearharmonic.reproduction.tasks.experiment import experiments
 from nearharmonic.reproduction.tasks.receipts import receipts_in
-from support.projects.targets import MADE, MADE_BY, SYSTEMS
+from support.projects.targets import MADE, MADE_BY, SYSTEMS, TARGETS
 from support.projects.workflow_project import TINY, Project
 
 
@@ -36,8 +37,13 @@ def test_measured_times_are_marked(everything):
     files = everything.manifest()["files"]
     volatile = {name: entry["volatile"] for name, entry in files.items() if entry["volatile"]}
     whole = {name for name, columns in volatile.items() if columns == ["*"]}
-    timed = ("work_precision", "library_times", "exact_oscillator_times", "trained_times")
-    assert whole == {name for name in MADE if any(stem in name for stem in timed)} | {"report.html"}
+    timed = {
+        name
+        for one in experiments().values()
+        for name in MADE & TARGETS[one.target]
+        if one.measured and name.startswith(one.measured)
+    }
+    assert whole == timed | {"report.html"}
     assert {name: volatile[name] for name in volatile.keys() - whole} == {
         f"tables/derived_routes.{suffix}": ["seconds"] for suffix in ("csv", "md", "tex")
     }

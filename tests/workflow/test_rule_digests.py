@@ -16,6 +16,7 @@ import pytest
 
 from nearharmonic.reproduction.tasks import sources
 from nearharmonic.reproduction.tasks.declarations import figures_of
+from nearharmonic.reproduction.tasks.experiment import experiments
 from nearharmonic.reproduction.tasks.provenance import code_digest
 from nearharmonic.reproduction.tasks.sources import closure
 from nearharmonic.systems import systems
@@ -42,16 +43,12 @@ def tasks():
     named = re.findall(r'\btask\(\s*f?"([\w.{}]+):\w+"', text)
     assert len(named) == len(re.findall(r"\btask\(", text)) - len(re.findall(r"task\(one\.function\)", text))
     every = {name.replace("{wildcards.ensemble}", ensemble) for name in named for ensemble in ENSEMBLES}
+    cubes = [stem for one in experiments().values() for stem in one.cubes]
     return sorted(
         f"nearharmonic.{module}"
         for module in every
-        | {one.function.partition(":")[0] for one in figures_of("reproduction.experiments", systems, _cubes())}
+        | {one.function.partition(":")[0] for one in figures_of("reproduction.experiments", systems, cubes)}
     )
-
-
-def _cubes():
-    single = ["sho_terms", "substeps_displaced", "linear_stability", "kinetic_energy", "exact_oscillator"]
-    return [*single, "trained", "trained_ideas", *(f"stability_{name}" for name in ENSEMBLES)]
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ from nearharmonic.integrators import integrators
 rule decide_claims:
     input:
         # By position: the job looks for them, and for those of other targets, in the folder.
-        [CUBE(stem) for stem in (*SWEEPS, *PAPER_CUBES)],
+        [CUBE(stem) for stem in (*SWEEPS, *PAPER.cubes)],
         list(PAPER_TABLES.values()),
     output:
         table=multiext(f"{RESULTS}/tables/claims", ".csv", ".md"),

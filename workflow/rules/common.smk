@@ -4,12 +4,15 @@ Rules name no environments of their own, as ``snakemake --lint`` asks for. They 
 installed in, whose versions ``constraints.txt`` pins and every result file records.
 """
 
+import os
+
 from snakemake.exceptions import WorkflowError
 
 from nearharmonic.reproduction.config.reading import load
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.reproduction.experiments.paper.grid.plan import shards_of
 from nearharmonic.reproduction.tasks.declarations import figures_of
+from nearharmonic.reproduction.tasks.experiment import experiments
 from nearharmonic.reproduction.tasks.provenance import task
 
 try:
@@ -19,7 +22,16 @@ except NearharmonicError as error:
 
 RESULTS = f"results/{CONFIG.name}"
 SWEEPS = {sweep.system: sweep for sweep in CONFIG.sweeps}
-FIGURES, RUNS = [], []  # each experiment adds those that it declares
+EXPERIMENTS = experiments()
+FIGURES = figures_of(
+    "reproduction.experiments", CONFIG.systems, [stem for one in EXPERIMENTS.values() for stem in one.cubes]
+)
+RUNS, TWO_STEPS = [], {}  # each experiment adds its own
+
+try:
+    ALL_CORES = workflow.cores
+except WorkflowError:  # --summary, --list-changes, --report and remote executors come without --cores
+    ALL_CORES = os.cpu_count()
 
 
 wildcard_constraints:
@@ -48,9 +60,19 @@ def FIGURE(stem):
     return multiext(f"{RESULTS}/figures/{stem}", ".pdf", ".svg", ".png")
 
 
+def FILES(experiment, **values):
+    """The files of an experiment's target; values are those of placeholders in their names, beside {system}."""
+    return [f"{RESULTS}/{name}" for name in EXPERIMENTS[experiment].files(system=CONFIG.systems, **values)]
+
+
 def LOG(stem):
     """The log file of a job."""
     return f"{RESULTS}/logs/{stem}.log"
+
+
+def add_runs(experiment, **values):
+    """Add the run files of an experiment to those that jobs of this config make."""
+    RUNS.extend(f"{RESULTS}/{name}" for name in EXPERIMENTS[experiment].run_files(**values))
 
 
 def run_files(system):

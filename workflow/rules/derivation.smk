@@ -22,4 +22,4 @@ rule derive_coefficients:
 
 rule derive:
     input:
-        rules.derive_coefficients.output,
+        FILES("derivation"),

@@ -1,42 +1,18 @@
 """The oscillator of Henon-Heiles solved exactly beside T + V: errors and crossings, and what that costs here."""
 
-from nearharmonic.reproduction.experiments.exact_oscillator import CUBES as EXACT_OSCILLATOR_CUBES
-
-EXACT_OSCILLATOR_FIGURES = figures_of(
-    "reproduction.experiments.exact_oscillator", CONFIG.systems, EXACT_OSCILLATOR_CUBES
-)
-FIGURES += EXACT_OSCILLATOR_FIGURES
-RUNS.append(RUN("exact_oscillator/trajectories"))
+add_runs("exact_oscillator")
 EXACT_OSCILLATOR = {
     "split": CONFIG.methods,
     "exact": CONFIG.exact_oscillator.methods,
     "settings": CONFIG.exact_oscillator,
 }
-
-
-rule exact_oscillator_run:
-    output:
-        run=RUN("exact_oscillator/trajectories"),
-    log:
-        LOG("exact_oscillator/run"),
-    params:
-        task=task("reproduction.experiments.exact_oscillator.run:measure", **EXACT_OSCILLATOR),
-    script:
-        "../scripts/task.py"
-
-
-rule exact_oscillator_cube:
-    input:
-        run=RUN("exact_oscillator/trajectories"),
-    output:
-        cube=CUBE("exact_oscillator"),
-        table=TABLE("exact_oscillator"),
-    log:
-        LOG("exact_oscillator/errors"),
-    params:
-        task=task("reproduction.experiments.exact_oscillator.reduce:reduce", **EXACT_OSCILLATOR),
-    script:
-        "../scripts/task.py"
+TWO_STEPS["exact_oscillator"] = {
+    "run": RUN("exact_oscillator/trajectories"),
+    "results": {"cube": CUBE("exact_oscillator"), "table": TABLE("exact_oscillator")},
+    "logs": ("exact_oscillator/run", "exact_oscillator/errors"),
+    "measure": task("reproduction.experiments.exact_oscillator.run:measure", **EXACT_OSCILLATOR),
+    "reduce": task("reproduction.experiments.exact_oscillator.reduce:reduce", **EXACT_OSCILLATOR),
+}
 
 
 rule exact_oscillator_times:
@@ -59,7 +35,4 @@ rule exact_oscillator_times:
 
 rule exact_oscillator:
     input:
-        [CUBE(stem) for stem in EXACT_OSCILLATOR_CUBES],
-        TABLE("exact_oscillator"),
-        TABLE("exact_oscillator_times"),
-        [FIGURE(one.stem) for one in EXACT_OSCILLATOR_FIGURES],
+        FILES("exact_oscillator"),

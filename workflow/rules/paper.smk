@@ -1,11 +1,8 @@
 """The paper: runs, cubes, figures, and tables of coefficients and of what was left out."""
 
-from nearharmonic.reproduction.experiments.paper import CUBES as PAPER_CUBES
-from nearharmonic.reproduction.experiments.paper.tableaus.tables import STEMS
-
-PAPER_FIGURES = figures_of("reproduction.experiments.paper", CONFIG.systems, PAPER_CUBES)
-FIGURES += PAPER_FIGURES
-PAPER_TABLES = {stem: TABLE(stem) for stem in STEMS}
+PAPER = EXPERIMENTS["paper"]
+PAPER_FIGURES = [one for one in FIGURES if one.function.startswith(f"{PAPER.room}.")]
+PAPER_TABLES = {stem: TABLE(stem) for stem in PAPER.tables}
 TABLE_FILES = [f"{RESULTS}/tables/skipped.csv", *PAPER_TABLES.values()]
 
 

@@ -34,7 +34,7 @@ def record_end(exit_status):
 def makeable():
     """Names of all files that jobs of this config make, in the folder of results."""
     runs = [path for system in SWEEPS for paths in run_files(system).values() for path in paths]
-    files = [*rules.everything.input, *RUNS, *runs, *map(CUBE, [*SWEEPS, *PAPER_CUBES])]
+    files = [*rules.everything.input, *RUNS, *runs, *map(CUBE, [*SWEEPS, *PAPER.cubes])]
     return {str(Path(path).relative_to(RESULTS)) for path in files}
 
 

@@ -19,7 +19,7 @@ rule search_sixth_order:
 
 rule sixth_order:
     input:
-        rules.search_sixth_order.output,
+        FILES("sixth_order"),
 
 
 rule beyond:  # the target's former name

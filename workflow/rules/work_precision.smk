@@ -1,27 +1,6 @@
 """Run time against error. One job measures everything and holds all cores, so that nothing runs beside it."""
 
-import os
-
-from nearharmonic.reproduction.experiments.work_precision import CUBES as WORK_PRECISION_CUBES
 from nearharmonic.systems import systems
-
-try:
-    ALL_CORES = workflow.cores
-except WorkflowError:  # --summary, --list-changes, --report and remote executors come without --cores
-    ALL_CORES = os.cpu_count()
-
-WORK_PRECISION_FILES = [
-    *map(CUBE, WORK_PRECISION_CUBES),
-    *(FIGURE(f"work_precision_{system}") for system in CONFIG.systems),
-    FIGURE("library_times_trajectory"),
-    FIGURE("library_times_ensemble"),
-    TABLE("library_times"),
-    *expand(f"{RESULTS}/tables/work_precision_{{system}}.{{suffix}}", system=CONFIG.systems, suffix=["csv", "md"]),
-]
-
-# Drawn where a config has a system whose equations are regularised.
-if any(systems[name].regularisation is not None for name in CONFIG.systems):
-    WORK_PRECISION_FILES.append(FIGURE("regularised_times"))
 
 
 rule work_precision_times:
@@ -93,53 +72,48 @@ rule work_precision_table:
         "../scripts/task.py"
 
 
-rule library_times_figures:
-    input:
-        cube=CUBE("work_precision"),
-    output:
-        trajectory=FIGURE("library_times_trajectory"),
-        lanes=FIGURE("library_times_ensemble"),
-    log:
-        LOG("work_precision/library_times_figures"),
-    params:
-        task=lambda wildcards: task(
+# What shows all systems together: the files by the names of the results, and the function that makes them.
+_TOGETHER = {
+    "library_times_figures": (
+        {"trajectory": FIGURE("library_times_trajectory"), "lanes": FIGURE("library_times_ensemble")},
+        lambda: task(
             "reproduction.experiments.work_precision.figures.comparison:comparison_figures", names=list(CONFIG.systems)
         ),
-    script:
-        "../scripts/task.py"
-
-
-rule regularised_times_figure:
-    input:
-        cube=CUBE("work_precision"),
-    output:
-        figure=FIGURE("regularised_times"),
-    log:
-        LOG("work_precision/regularised_times_figure"),
-    params:
-        task=lambda wildcards: task(
+    ),
+    "regularised_times_figure": (
+        {"figure": FIGURE("regularised_times")},
+        lambda: task(
             "reproduction.experiments.work_precision.figures.regularised:regularised_figures",
             names=list(CONFIG.systems),
         ),
-    script:
-        "../scripts/task.py"
+    ),
+    "library_times_table": (
+        {"table": TABLE("library_times")},
+        lambda: task("reproduction.experiments.work_precision.comparison:comparison", names=list(CONFIG.systems)),
+    ),
+}
+
+for _name, (_files, _made) in _TOGETHER.items():
+
+    rule:
+        name:
+            _name
+        input:
+            cube=CUBE("work_precision"),
+        output:
+            **_files,
+        log:
+            LOG(f"work_precision/{_name}"),
+        params:
+            task=lambda wildcards, made=_made: made(),
+        script:
+            "../scripts/task.py"
 
 
-rule library_times_table:
-    input:
-        cube=CUBE("work_precision"),
-    output:
-        table=TABLE("library_times"),
-    log:
-        LOG("work_precision/library_times_table"),
-    params:
-        task=lambda wildcards: task(
-            "reproduction.experiments.work_precision.comparison:comparison", names=list(CONFIG.systems)
-        ),
-    script:
-        "../scripts/task.py"
+# One figure is drawn where a config has a system whose equations are regularised.
+_IS_REGULARISED = any(systems[name].regularisation is not None for name in CONFIG.systems)
 
 
 rule work_precision:
     input:
-        WORK_PRECISION_FILES,
+        [name for name in FILES("work_precision") if _IS_REGULARISED or "/regularised_times." not in name],

@@ -142,7 +142,7 @@ MOVED = {
     "experiments.work_precision.regularised_figure": "reproduction.experiments.work_precision.figures.regularised",
     "experiments.work_precision.recommend": "recommendation",
     "modified_integrators": "integrators.modified",
-    "output.cubes": "reproduction.tasks.cubes",
+    "output.cubes": "reproduction.tasks.experiment",
     "output.declarations": "reproduction.tasks.declarations",
     "output.definitions": "reproduction.tasks.definitions",
     "output.job": "reproduction.tasks.job",

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import re
-from pathlib import Path
-
 import pytest
 
 import nearharmonic as nh
 from nearharmonic.reproduction.config.reading import load
-from nearharmonic.reproduction.tasks.cubes import cubes_of
+from nearharmonic.reproduction.tasks.experiment import experiments
 from support.projects.configs_by_file import CONFIG, METHOD, WELL, changed, enter, refused, under
 
 
@@ -93,20 +90,12 @@ def test_a_name_that_is_no_identifier_is_refused(key):
         load(under(key, file="quartic_well.py"))
 
 
-RULES = "\n".join(path.read_text(encoding="utf-8") for path in Path(__file__).parents[3].glob("workflow/rules/*.smk"))
-#: Names of the cubes of all rules, without those of single systems.
-CUBES = sorted(set(re.findall(r'\bCUBE\("(\w+)"\)', RULES)))
+#: Names of the cubes and of the folders of runs that experiments declare.
+CUBES = sorted(stem for one in experiments().values() for stem in one.cubes)
+FOLDERS = ("exact_oscillator", "stability", "trained")
 
 
-def test_the_cubes_of_the_rules_are_those_that_experiments_declare():
-    """Cubes of ensembles have the names of a folder each."""
-    by_name = re.findall(r"\bcube=CUBE\((.+)\),", RULES)
-    assert {name.strip('"') for name in by_name} == {*CUBES, "{system}", "stability_{ensemble}"}
-    ensembles = {f"stability_{name}" for name in ("henon_heiles", "kepler", "rounding")}
-    assert sorted(cubes_of("reproduction.experiments")) == sorted({*CUBES, *ensembles})
-
-
-@pytest.mark.parametrize("key", [*CUBES, "substeps", "stability_kepler", "stability", "sweeps", "items", "sort"])
+@pytest.mark.parametrize("key", [*CUBES, *FOLDERS, "substeps", "sweeps", "items", "sort"])
 def test_a_name_that_the_workflow_has_another_use_for_is_refused(key):
     with refused(f"systems.{key} = {key!r} is not allowed: the workflow has another use of this name"):
         load(under(key, file="quartic_well.py"))

@@ -7,7 +7,6 @@ import re
 import shutil
 import subprocess
 import sys
-from fnmatch import fnmatch
 from itertools import pairwise
 from pathlib import Path
 
@@ -16,7 +15,8 @@ import pytest
 import nearharmonic
 from nearharmonic.errors import ResultFileError
 from nearharmonic.reproduction.report import page as room
-from nearharmonic.reproduction.report.page import OPTIONAL, page
+from nearharmonic.reproduction.report.page import page
+from nearharmonic.reproduction.tasks.experiment import beside_the_paper
 from support.cubes.page_reader import Reader, written
 from support.cubes.page_results import (
     CLAIMS,
@@ -32,12 +32,8 @@ from support.cubes.page_results import (
 )  # fmt: skip
 from support.projects.targets import TARGETS
 
-SOURCES = Path(nearharmonic.__file__).parent
-#: Experiments that are no part of the default target, and the targets that have other names.
-EXPERIMENTS = sorted({path.parent.name for path in SOURCES.glob("reproduction/experiments/*/__init__.py")} - {"paper"})
-TARGET_OF = {"derivation": "derive"}
-#: A figure of systems that the config of the targets does not have.
-NOT_THERE = {"regularised_times"}
+EXPERIMENTS = beside_the_paper()
+TITLES = [one.title for one in EXPERIMENTS]
 
 
 @pytest.fixture(scope="module")
@@ -170,25 +166,15 @@ def test_optional_results_are_shown_once_they_are_there(copied, text):
     assert "Printed and derived" not in tables
 
 
-@pytest.mark.parametrize("experiment", EXPERIMENTS)
-def test_every_experiment_has_a_section_for_its_figures_and_tables(experiment):
-    """By the names of the files of its target."""
-    target = TARGET_OF.get(experiment, experiment)
-    (section,) = [one for one in OPTIONAL if one.target == target]
-    for folder, patterns in (("figures", list(section.figures)), ("tables", section.tables)):
-        stems = {Path(name).stem for name in TARGETS[target] if name.startswith(folder)}
-        assert all(any(fnmatch(stem, pattern) for pattern in patterns) for stem in stems)
-        assert all(any(fnmatch(stem, pattern) for stem in stems) for pattern in patterns if pattern not in NOT_THERE)
-
-
 def test_the_sections_of_experiments_show_what_is_there(copied):
-    names = sorted(set().union(*(TARGETS[TARGET_OF.get(experiment, experiment)] for experiment in EXPERIMENTS)))
+    names = sorted(set().union(*(TARGETS[one.target] for one in EXPERIMENTS)))
     for name in names:
         if name.endswith(".svg"):
             shutil.copy(copied / "figures/fig1_sho.svg", copied / name)
         elif name.endswith(".csv"):
             write_table(copied, Path(name).stem, [["a"], ["1"]], f"Text of {Path(name).stem}.\n")
     found = page(folder=copied)["page"]
+    assert [words for _, words in Reader(found).all("h2") if words in TITLES] == TITLES
     ids = {told["id"] for _, told, _ in Reader(found).elements if "id" in told}
     assert ids >= {f"figure-{Path(name).stem}" for name in names if name.endswith(".svg")}
     tables = found[found.index("Tables and coefficients") : found.index("What was left out, and")]

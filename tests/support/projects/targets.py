@@ -1,6 +1,11 @@
-"""The files of each target on the tiny config, below results/tiny/, logs left out: written down here, not asked for."""
+"""The files of each target on the tiny config, below results/tiny/, logs left out, as the experiments declare them."""
 
 from __future__ import annotations
+
+import re
+
+from nearharmonic.reproduction.tasks.declarations import figures_of
+from nearharmonic.reproduction.tasks.experiment import experiments
 
 METHODS = ("ruth", "babs7o7h")
 #: Of figure 2.
@@ -20,89 +25,44 @@ def cubes(*stems):
     return {f"cubes/{stem}.h5" for stem in stems}
 
 
-_PAPER_TABLES = (
-    "table1_structure", "table2_recursion", "table2_values", "table3_even_orders", "table4_coefficients", "integrators",
-)  # fmt: skip
-_DERIVED_TABLES = (
-    "table4_derived", "derived_solutions", "derived_counts", "derived_families", "derived_orders", "derived_routes",
-    "derived_errors",
-)  # fmt: skip
-STABILITY_FIGURES = (
-    "henon_heiles_stability", "kepler_stability", "rounding_growth", "linear_stability", "kinetic_energy",
-)  # fmt: skip
-_ENSEMBLES = ("henon_heiles", "kepler", "rounding")
-
-FIGURES = {
-    "fig1": figures("fig1_sho"),
-    "fig2": figures("fig2_decomposition"),
-    "fig3": figures("fig3_henon_heiles"),
-    "fig4": figures("fig4_perihelion"),
-    "fig5": figures("fig5_kepler"),
-    "fig6": figures("fig6_substeps"),
-    "fig6_displaced": figures("fig6_displaced"),
-    **{f"{system}_energy_error": figures(f"{system}_energy_error") for system in SYSTEMS},
-}
-#: Target -> the files that it stands for.
-TARGETS = FIGURES | {
-    "figures": set().union(*FIGURES.values()),
-    "tables": {"tables/skipped.csv"} | tables(*_PAPER_TABLES),
-    "derive": {"derived/coefficients.toml"} | tables(*_DERIVED_TABLES),
-    "beyond": {"derived/sixth_order.toml"}
-    | tables("sixth_order_counts", "sixth_order_ranking", "sixth_order_measured"),
-    "stability": cubes("linear_stability", "structure", "kinetic_energy", *(f"stability_{name}" for name in _ENSEMBLES))
-    | figures(*STABILITY_FIGURES)
-    | tables(*(f"stability_{name}" for name in _ENSEMBLES), "linear_stability", "structure", "kinetic_energy"),
-    **{name: figures(name) for name in STABILITY_FIGURES},
-    "work_precision": cubes("work_precision")
-    | figures(*(f"work_precision_{system}" for system in SYSTEMS), "library_times_trajectory", "library_times_ensemble")
-    | tables("library_times")
-    | {f"tables/work_precision_{system}.{suffix}" for system in SYSTEMS for suffix in ("csv", "md")},
+_EXPERIMENTS = experiments()
+#: Values of the placeholders in names of files; the figure of regularised systems is not drawn of these.
+_NAMES = {
+    "system": SYSTEMS, "integrator": METHODS, "shard": ("0", "1"), "purpose": ("light", "modified"),
+    "ensemble": ("henon_heiles", "kepler", "rounding"),
+    "autonomous": ("sho", "henon_heiles", "kepler", "relativistic_oscillator"),
 }  # fmt: skip
-EXACT_FIGURES = ("exact_oscillator_error", "exact_oscillator_charge")
-TARGETS |= {name: figures(name) for name in EXACT_FIGURES} | {
-    "exact_oscillator": cubes("exact_oscillator")
-    | tables("exact_oscillator", "exact_oscillator_times")
-    | figures(*EXACT_FIGURES)
+_OF_EXPERIMENTS = {
+    one.target: {name for name in one.files(**_NAMES) if "regularised_times" not in name}
+    for one in _EXPERIMENTS.values()
 }
-TRAINED_FIGURES = ("trained_error", "trained_gain", "trained_ideas")
-TARGETS |= {name: figures(name) for name in TRAINED_FIGURES}
-TARGETS["trained_proof"] = (
-    cubes("trained", "trained_ideas")
-    | tables(*(f"trained_{name}" for name in ("gains", "methods", "ideas", "long", "times")))
-    | figures(*TRAINED_FIGURES)
-)
-TARGETS["trained"] = (
-    TARGETS["trained_proof"]
-    | {
-        "derived/trained_light.toml",
-        "derived/trained_modified.toml",
-        "derived/trained.py",
-        "derived/trained_modified.py",
-    }
-    | tables("trained_landscape_light", "trained_landscape_modified")
-)
-TARGETS["claims"] = {f"tables/claims.{suffix}" for suffix in ("csv", "md", "json")}
-TARGETS["sixth_order"] = TARGETS["beyond"]
-TARGETS["report"] = {"report.html"}
+
+_PAPER = _EXPERIMENTS["paper"]
+_DRAWN = figures_of("reproduction.experiments", SYSTEMS, [stem for one in _EXPERIMENTS.values() for stem in one.cubes])
+#: The paper's figures by target.
+FIGURES = {one.target: figures(one.stem) for one in _DRAWN if one.function.startswith(f"{_PAPER.room}.")}
+#: Target -> the files that it stands for.
+TARGETS = _OF_EXPERIMENTS | {one.target: figures(one.stem) for one in _DRAWN} | {
+    "figures": set().union(*FIGURES.values()),
+    "tables": {"tables/skipped.csv"} | tables(*_PAPER.tables),
+    "claims": {f"tables/claims.{suffix}" for suffix in ("csv", "md", "json")},
+    "report": {"report.html"},
+    "beyond": _OF_EXPERIMENTS["sixth_order"],
+    "trained_proof": {
+        name for name in _OF_EXPERIMENTS["trained"] if not re.search("^derived|landscape", name)
+    },
+}  # fmt: skip
 TARGETS["all"] = TARGETS["figures"] | TARGETS["tables"] | TARGETS["claims"] | TARGETS["report"]
 TARGETS["everything"] = set().union(*TARGETS.values())
 
 #: What is made on the way to the targets.
-RUNS = {f"runs/{system}/{method}/{shard}.h5" for system in SYSTEMS for method in METHODS for shard in (0, 1)}
-CUBES = cubes(*SYSTEMS, "sho_terms", "henon_heiles_chaos", "substeps_displaced")
-ENSEMBLES = cubes(*(f"stability_{name}" for name in _ENSEMBLES)) | {
-    f"runs/stability/{name}/{method}.h5" for name in _ENSEMBLES for method in METHODS
-}
-#: Runs of experiments that have one file for all methods.
-SINGLE_RUNS = {
-    "runs/stability/kinetic_energy.h5", "runs/exact_oscillator/trajectories.h5", "runs/trained/proof.h5",
-    "runs/trained/ideas.h5", "runs/trained/long.h5",
-}  # fmt: skip
+RUNS = {name for one in _EXPERIMENTS.values() for name in one.run_files(**_NAMES)}
+PAPER_RUNS = set(_PAPER.run_files(**_NAMES))
+CUBES = cubes(*SYSTEMS, *_PAPER.cubes)
 #: Intervals of the systems that structure is measured on, on the tiny config.
 STRUCTURE_T_END = {"sho": "20", "henon_heiles": "25", "kepler": "4383", "relativistic_oscillator": "500"}
-STRUCTURE_RUNS = {f"runs/stability/structure/{system}.h5" for system in STRUCTURE_T_END}
-MADE = TARGETS["everything"] | RUNS | CUBES | ENSEMBLES | SINGLE_RUNS | STRUCTURE_RUNS
+MADE = TARGETS["everything"] | RUNS | CUBES
 #: Target -> all files that are there after it.
-MADE_BY = {"all": TARGETS["all"] | RUNS | CUBES, "everything": MADE}
+MADE_BY = {"all": TARGETS["all"] | PAPER_RUNS | CUBES, "everything": MADE}
 #: What every run of the workflow writes to, beside what it was asked for.
 RECORD = {"history.jsonl", "manifest.json"}

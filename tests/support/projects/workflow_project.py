@@ -34,7 +34,9 @@ class Project:
             shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
         for name in ("Snakefile", "LICENSE", "CITATION.cff", "pyproject.toml"):
             shutil.copy(ROOT / name, folder)
-        shutil.copy(ROOT / "tests/workflow/tiny.yaml", folder / "config")
+        sections = [ROOT / "tests/workflow/tiny.yaml", *sorted(ROOT.glob("tests/reproduction/experiments/*/tiny.yaml"))]
+        texts = [path.read_text(encoding="utf-8") for path in sections]
+        (folder / "config/tiny.yaml").write_text("\n".join(texts), encoding="utf-8")
 
     def copy(self, folder: Path) -> Project:
         """The project with its results and its times as they are, in ``folder``, to break things in."""

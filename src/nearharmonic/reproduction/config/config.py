@@ -1,23 +1,18 @@
-"""The config: its keys, in one family of frozen types, and how a mapping of YAML becomes one."""
+"""The config: its keys, in one family of frozen types."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, make_dataclass
 from typing import Annotated
 
 from nearharmonic.engine.settings import KINETIC_POTENTIAL, Sweep
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.user_file import expanded
 from nearharmonic.reproduction.entries import STRICT, Reading, setting, whole_from
-from nearharmonic.reproduction.experiments.derivation.settings import DerivationSettings
-from nearharmonic.reproduction.experiments.exact_oscillator.settings import ExactOscillatorSettings
 from nearharmonic.reproduction.experiments.paper.grid.plan import fewest_shards
 from nearharmonic.reproduction.experiments.paper.settings import Summation, SystemSettings
-from nearharmonic.reproduction.experiments.sixth_order.settings import SixthOrderSettings
-from nearharmonic.reproduction.experiments.stability.settings import StabilitySettings
-from nearharmonic.reproduction.experiments.trained.settings import TrainedSettings
-from nearharmonic.reproduction.experiments.work_precision.settings import WorkPrecisionSettings
+from nearharmonic.reproduction.tasks.experiment import Experiment, experiments
 from nearharmonic.systems import systems
 
 #: Characters of a name: file systems take 255 bytes.
@@ -43,7 +38,10 @@ Name = Annotated[str, Reading(_name, (("type", "string"), ("pattern", _NAME.repl
 
 @dataclass(frozen=True, kw_only=True)
 class Config:
-    """One reproduction; its results go to results/<name>/."""
+    """One reproduction; its results go to results/<name>/.
+
+    :data:`WHOLE` is the type that configs have: it holds the sections of the experiments as well.
+    """
 
     __pydantic_config__ = STRICT
 
@@ -87,15 +85,6 @@ class Config:
         default=None,
         min_length=1,
     )
-    # One line for each experiment that can be set.
-    derive: DerivationSettings = setting("How hard `derive` searches for Table 4", default=DerivationSettings)
-    beyond: SixthOrderSettings = setting("How hard `sixth_order` searches for methods", default=SixthOrderSettings)
-    exact_oscillator: ExactOscillatorSettings = setting(
-        "What `exact_oscillator` compares with T and V", default=ExactOscillatorSettings
-    )
-    stability: StabilitySettings = setting("What `stability` puts the methods through", default=StabilitySettings)
-    trained: TrainedSettings = setting("How methods are trained, and what they are tried on", default=TrainedSettings)
-    work_precision: WorkPrecisionSettings = setting("What `work_precision` times", default=WorkPrecisionSettings)
 
     @property
     def methods(self) -> tuple[str, ...]:
@@ -130,3 +119,17 @@ class Config:
     def decomposed(self) -> tuple[str, ...]:
         """The methods of figure 2."""
         return self.methods if self.decomposition is None else expanded(self.decomposition)
+
+
+#: Experiments that have a section of the config, by its key.
+SECTIONS: Mapping[str, Experiment] = {one.key: one for one in experiments().values() if one.settings is not None}
+
+#: The whole config: the keys of :class:`Config`, and a section for each experiment that can be set.
+WHOLE: type[Config] = make_dataclass(
+    "WholeConfig",
+    [(key, one.settings, setting(one.effect, default=one.settings)) for key, one in SECTIONS.items()],
+    bases=(Config,),
+    namespace={"__doc__": "One reproduction; its results go to results/<name>/.", "__module__": __name__},
+    frozen=True,
+    kw_only=True,
+)

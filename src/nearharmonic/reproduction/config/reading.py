@@ -12,7 +12,7 @@ from nearharmonic.engine.settings import one_of
 from nearharmonic.errors import NearharmonicError, SettingError, bad_setting, unknown_name
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.user_file import expanded
-from nearharmonic.reproduction.config.config import NUMBERS, Config
+from nearharmonic.reproduction.config.config import NUMBERS, SECTIONS, WHOLE, Config
 from nearharmonic.reproduction.experiments.paper.definitions import define, folders_of, named
 from nearharmonic.reproduction.experiments.paper.grid.plan import check_sweep
 from nearharmonic.systems import systems
@@ -77,8 +77,7 @@ def read(place: Path) -> Config:
 def _lists_of_methods(config: Config) -> dict[str, tuple[str, ...]]:
     """The lists of integrators in a config, by key; those that are not given are left out."""
     found = {name: getattr(config, name) for name in ("integrators", "decomposition", "overview")}
-    found["work_precision.integrators"] = config.work_precision.integrators
-    found["exact_oscillator.integrators"] = config.exact_oscillator.integrators
+    found |= {f"{key}.integrators": getattr(getattr(config, key), "integrators", None) for key in SECTIONS}
     return {key: entries for key, entries in found.items() if entries is not None}
 
 
@@ -137,7 +136,7 @@ def adapter() -> Any:
     """Pydantic's reader of :class:`Config`; made when first asked for, which takes a tenth of a second."""
     from pydantic import TypeAdapter
 
-    return TypeAdapter(Config)
+    return TypeAdapter(WHOLE)
 
 
 def _error_of(fault: Mapping[str, Any]) -> Exception:
@@ -160,8 +159,8 @@ def _error_of(fault: Mapping[str, Any]) -> Exception:
 
 def _place(path: Sequence[str | int]) -> tuple[Any, str]:
     """The type at ``path``, and what is allowed there in words."""
-    kind: Any = Config
-    allowed = _keys_of(Config)
+    kind: Any = WHOLE
+    allowed = _keys_of(WHOLE)
     each = ""
     for step in path:
         if isinstance(step, int):

@@ -14,6 +14,7 @@ from nearharmonic.output.store import command_for, workflow_command
 from nearharmonic.reproduction.record import history
 from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.tasks.definitions import defined, read_definitions
+from nearharmonic.reproduction.tasks.experiment import beside_the_paper, experiments
 from nearharmonic.reproduction.tasks.provenance import digests
 from nearharmonic.reproduction.tasks.receipts import identity, measured
 
@@ -21,10 +22,6 @@ Entries = Mapping[str, Mapping[str, Any]]
 
 #: Beginnings of the names of files, in the order in which one is made from another.
 ORDER = ("runs/", "cubes/", "derived/", "figures/", "tables/", "report.html")
-#: The experiment that the default target makes; every other one has a target of its name,
-DEFAULT = "paper"
-#: but for these.
-TARGETS = {"derivation": "derive"}
 
 
 @dataclass(frozen=True, order=True, kw_only=True)
@@ -146,10 +143,8 @@ def _difference(
 def _target_of(function: str) -> str:
     """The target that the files of ``function`` belong to, as the end of a command; empty for those of the default."""
     room, _, rest = function.removeprefix("reproduction.").partition(".")
-    experiment = rest.partition(".")[0]
-    if room != "experiments" or experiment == DEFAULT:
-        return ""
-    return f" -- {TARGETS.get(experiment, experiment)}"
+    found = experiments().get(rest.partition(".")[0]) if room == "experiments" else None
+    return f" -- {found.target}" if found in beside_the_paper() else ""
 
 
 def extent(folder: Path) -> tuple[int, int]:

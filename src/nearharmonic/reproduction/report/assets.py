@@ -8,15 +8,19 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from nearharmonic.reproduction.tasks.experiment import beside_the_paper
+
 FOLDER = Path(__file__).parent / "template"
 NAMES = ("page.html", "page.css", "page.js")
 
 
 def digest() -> str:
-    """Return the SHA-256 of what the digest of the package's code does not cover: these files, and bokeh's version."""
-    return sha256(
-        b"\0".join([version("bokeh").encode(), *((FOLDER / name).read_bytes() for name in NAMES)])
-    ).hexdigest()
+    """Return the SHA-256 of what the digest of the package's code does not cover.
+
+    These files, bokeh's version, and what experiments declare.
+    """
+    told = [version("bokeh").encode(), repr(beside_the_paper()).encode()]
+    return sha256(b"\0".join([*told, *((FOLDER / name).read_bytes() for name in NAMES)])).hexdigest()
 
 
 def filled(values: Mapping[str, Any]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from nearharmonic.reproduction.report.shown.legend import entries
 from nearharmonic.reproduction.report.shown.links import Places
 from nearharmonic.reproduction.report.shown.results import VERDICTS, ShownResults
 from nearharmonic.reproduction.report.shown.tables import ShownTable
+from nearharmonic.reproduction.tasks.experiment import Experiment, beside_the_paper
 from nearharmonic.reproduction.tasks.receipts import RUN, measures_time
 
 #: Bytes of the page.
@@ -25,108 +26,33 @@ LARGEST = 6_000_000
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
-    """Results of one kind, which may have been made or not.
+    """Results of an experiment; there are none if its target has not been made."""
 
-    Attributes
-    ----------
-    anchor, title, target : str
-        Its id, its heading, and the target that makes it.
-    about : str
-        What it shows, in a sentence.
-    figures : mapping of str to str
-        Titles of its figures, by patterns of the names of their files, without endings.
-    tables : tuple of str
-        Patterns of the names of its tables' files.
-    """
+    experiment: Experiment
+    figures: Sequence[ShownFigure]
+    tables: Sequence[ShownTable]
 
-    anchor: str
-    title: str
-    target: str
-    about: str
-    figures: Mapping[str, str] = field(default_factory=dict)
-    tables: tuple[str, ...] = ()
-    shown_figures: Sequence[ShownFigure] = ()
-    shown_tables: Sequence[ShownTable] = ()
+    @property
+    def anchor(self) -> str:
+        """Id of its heading."""
+        return self.experiment.name.replace("_", "-")
 
     @property
     def is_made(self) -> bool:
         """True if there is anything to show."""
-        return bool(self.shown_figures or self.shown_tables)
-
-    def of(self, results: ShownResults) -> Section:
-        """Return the section with what ``results`` has of it."""
-        figures = list(static(results, self.figures))
-        return replace(self, shown_figures=figures, shown_tables=results.tables(self.tables))
+        return bool(self.figures or self.tables)
 
 
-OPTIONAL = (
-    Section(
-        anchor="stability",
-        title="Stability",
-        target="stability",
-        about="Where the methods may be trusted: linear limits, ensembles, round-off, and T that is not quadratic.",
-        figures={
-            "linear_stability": "Linear stability",
-            "henon_heiles_stability": "Ensembles on energy surfaces of Hénon and Heiles",
-            "kepler_stability": "Kepler orbits by eccentricity",
-            "rounding_growth": "Growth of rounding errors",
-            "kinetic_energy": "A kinetic energy that is not quadratic",
-        },
-        tables=("linear_stability", "stability_*", "structure", "kinetic_energy"),
-    ),
-    Section(
-        anchor="work-precision",
-        title="Run time against error",
-        target="work_precision",
-        about="Wall-clock time of one trajectory against its error, beside other libraries; it depends on the machine.",
-        figures={
-            "library_times_trajectory": "One trajectory, beside other libraries",
-            "library_times_ensemble": "Ensembles, beside other libraries",
-            "work_precision_*": "Run time against error",
-            "regularised_times": "Kepler's problem regularised",
-        },
-        tables=("library_times", "work_precision_*"),
-    ),
-    Section(
-        anchor="exact-oscillator",
-        title="Oscillator solved exactly",
-        target="exact_oscillator",
-        about="The oscillator of the system of Hénon and Heiles solved exactly, beside T + V, over the amplitude.",
-        figures={
-            "exact_oscillator_error": "Energy error against amplitude",
-            "exact_oscillator_charge": "Amplitude up to which the exact oscillator is ahead, against its cost",
-        },
-        tables=("exact_oscillator", "exact_oscillator_times"),
-    ),
-    Section(
-        anchor="trained",
-        title="Trained methods",
-        target="trained",
-        about="Methods whose coefficients a search has chosen, on problems that none was trained on.",
-        figures={
-            "trained_error": "Energy error on ensembles",
-            "trained_gain": "Gain over the best published method",
-            "trained_ideas": "Five ideas, by anharmonicity",
-        },
-        tables=("trained_*",),
-    ),
-    Section(
-        anchor="derivation",
-        title="Derivation",
-        target="derive",
-        about="The coefficients of Table 4 again, from random starts, with proofs.",
-        tables=("table4_derived", "derived_*"),
-    ),
-    Section(
-        anchor="sixth-order",
-        title="Methods of order six with a harmonic order",
-        target="sixth_order",
-        about="Methods beyond the paper, searched for, ranked and measured.",
-        tables=("sixth_order_*",),
-    ),
-)
-#: What is left out and the claims have places of their own.
-_PLACED = ("skipped", "claims", *(pattern for section in OPTIONAL for pattern in section.tables))
+def sections_of(results: ShownResults) -> list[Section]:
+    """Return the section of each experiment beside the paper, with what ``results`` has of it."""
+    return [
+        Section(
+            experiment=one,
+            figures=list(static(results, one.figure_titles)),
+            tables=results.tables(one.table_patterns),
+        )
+        for one in beside_the_paper()
+    ]
 
 
 @measures_time
@@ -156,7 +82,9 @@ def page(folder: str | os.PathLike[str], run: str | None = None, **_: Any) -> di
     """
     results = ShownResults(Path(folder))
     figures = list(interactive(results))
-    tables = results.tables(("table*", "*"), without=_PLACED)
+    # What is left out and the claims have places of their own.
+    placed = ("skipped", "claims", *(pattern for one in beside_the_paper() for pattern in one.table_patterns))
+    tables = results.tables(("table*", "*"), without=placed)
     plots = {name: plot for figure in figures for name, plot in figure.plots.items()}
     if any(one.get("duration") is not None for one in results.finished):
         plots["history-chart"] = durations(results.finished)[0].plot
@@ -164,10 +92,10 @@ def page(folder: str | os.PathLike[str], run: str | None = None, **_: Any) -> di
         plot["name"] = name  # by which the script of the page finds it
     document, ids = models.document(list(plots.values()))
     asked = run or os.environ.get(RUN)
-    sections = [section.of(results) for section in OPTIONAL]
+    sections = sections_of(results)
     places = Places(
-        [*figures, *(figure for section in sections for figure in section.shown_figures)],
-        [*tables, *(table for section in sections for table in section.shown_tables)],
+        [*figures, *(figure for section in sections for figure in section.figures)],
+        [*tables, *(table for section in sections for table in section.tables)],
     )
     values = {
         "results": results,
@@ -191,7 +119,7 @@ def page(folder: str | os.PathLike[str], run: str | None = None, **_: Any) -> di
 
 def _small_enough(values: Mapping[str, Any]) -> str:
     """The text of the page; while it is too large, it loses the largest of its optional pictures."""
-    pictures = [figure for section in values["sections"] for figure in section.shown_figures]
+    pictures = [figure for section in values["sections"] for figure in section.figures]
     pictures.sort(key=lambda figure: len(figure.picture))
     text = assets.filled(values)
     while pictures and len(text.encode()) > LARGEST:

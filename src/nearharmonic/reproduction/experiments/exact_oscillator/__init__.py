@@ -1,4 +1,1 @@
 """The oscillator of the Henon-Heiles system solved exactly, beside the split into T and V."""
-
-#: Names of its cubes.
-CUBES = ("exact_oscillator",)

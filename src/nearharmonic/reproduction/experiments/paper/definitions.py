@@ -15,13 +15,13 @@ from nearharmonic.integrators.user_file import TableauDefinition, load_tableaus
 from nearharmonic.registry.registry import is_path, split_path
 from nearharmonic.registry.user_module import is_file
 from nearharmonic.reproduction.experiments.paper.settings import SystemSettings
-from nearharmonic.reproduction.tasks.cubes import cubes_of
+from nearharmonic.reproduction.tasks.experiment import experiments
 from nearharmonic.systems import System, systems
 from nearharmonic.systems.formulas.gradients import check_gradients
 from nearharmonic.systems.user_file import SystemDefinition
 
-#: Names that folders and rules of the workflow have already; those of cubes are taken as well.
-TAKEN = frozenset({"exact_oscillator_times", "stability", "substeps", "sweeps"})
+#: Names that the workflow has already; those of cubes and of folders of runs are taken as well.
+TAKEN = frozenset({"substeps", "sweeps"})
 #: Names that parameters of the workflow's functions have, and methods of Snakemake's lists of files.
 RESERVED = (
     frozenset({"cube", "integrator", "integrators", "run", "runs", "settings", "shard", "sweep", "system"})
@@ -127,11 +127,17 @@ def check_name(key: str, name: str) -> None:
     """
     if not _NAME.fullmatch(name) or keyword.iskeyword(name):
         allowed = f"a letter, then letters, digits and '_', at most {LONGEST} characters, no keyword of Python"
-    elif name in TAKEN | RESERVED | {*cubes_of("reproduction.experiments")} or name.startswith("stability_"):
+    elif name in TAKEN | RESERVED | _names_of_files():
         allowed = "the workflow has another use of this name"
     else:
         return
     raise bad_setting(key, name, allowed)
+
+
+def _names_of_files() -> set[str]:
+    """Names of the cubes and of the folders of runs of all experiments."""
+    every = experiments().values()
+    return {cube for one in every for cube in one.cubes} | {run.partition("/")[0] for one in every for run in one.runs}
 
 
 def _tableaus(methods: Mapping[str, Sequence[str]], folders: Sequence[Path]) -> dict[str, TableauDefinition]:

@@ -14,6 +14,7 @@ from nearharmonic.reproduction.report.plots.panels import Panel
 from nearharmonic.reproduction.report.shown.pictures import picture
 from nearharmonic.reproduction.report.shown.results import ShownResults, number_of
 from nearharmonic.reproduction.tasks.declarations import Declaration
+from nearharmonic.reproduction.tasks.experiment import experiments
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -116,10 +117,6 @@ def _figure(one: Declaration, results: ShownResults, title: str, **more: Any) ->
     )
 
 
-#: Titles of figures that are shown as printed.
-_STATIC = {"fig6_displaced": "Panel (D) of Figure 6 beside its plane"}
-
-
 def _drawn(one: Declaration, cubes: Callable[[str], xr.Dataset]) -> tuple[list[Panel], dict[str, str], str, str]:
     """Panels, methods, title and hint of one figure; no panels if nothing here draws it."""
     if one.profile and one.cube:
@@ -128,32 +125,32 @@ def _drawn(one: Declaration, cubes: Callable[[str], xr.Dataset]) -> tuple[list[P
         cube = cubes(one.cube)
         title = f"Energy error against step size: {cube.attrs['system_label']}"
         return energy_error(cube), _methods(cube), title, _HINT
+    title = experiments()["paper"].figures.get(one.stem, one.stem.replace("_", " ").capitalize())
     draw = _OTHERS.get(one.stem)
-    if draw is None:
-        return [], {}, _STATIC.get(one.stem, one.stem.replace("_", " ").capitalize()), ""
-    return draw(cubes(one.cube) if one.cube else None)
+    panels, methods, hint = draw(cubes(one.cube) if one.cube else None) if draw else ([], {}, "")
+    return panels, methods, title, hint
 
 
-def _decomposition(terms: Any) -> tuple[list[Panel], dict[str, str], str, str]:
+def _decomposition(terms: Any) -> tuple[list[Panel], dict[str, str], str]:
     from nearharmonic.reproduction.report.plots.decomposition import decomposition
 
-    return decomposition(terms), _methods(terms), "Error terms of the harmonic oscillator", ""
+    return decomposition(terms), _methods(terms), ""
 
 
-def _perihelion(cube: Any) -> tuple[list[Panel], dict[str, str], str, str]:
+def _perihelion(cube: Any) -> tuple[list[Panel], dict[str, str], str]:
     from nearharmonic.reproduction.report.plots.perihelion import perihelion
 
     hint = "The interactive figure has arcseconds per century at each point."
-    return perihelion(cube), _methods(cube), "Advance of the perihelion against force evaluations per orbit", hint
+    return perihelion(cube), _methods(cube), hint
 
 
-def _substeps(_: Any) -> tuple[list[Panel], dict[str, str], str, str]:
+def _substeps(_: Any) -> tuple[list[Panel], dict[str, str], str]:
     from nearharmonic.reproduction.experiments.paper.orbits.substeps import paper_panels
     from nearharmonic.reproduction.report.plots.phase_space import phase_space
 
     paths = paper_panels()
     methods = {path.attrs["integrator"]: path.attrs["label"] for path in paths.values()}
-    return phase_space(paths), methods, "Substeps in phase space", ""
+    return phase_space(paths), methods, ""
 
 
 #: Figures that are no energy errors, by their file names.

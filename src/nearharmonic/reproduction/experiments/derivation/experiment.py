@@ -1,0 +1,25 @@
+"""Declaration of the derivation."""
+
+from nearharmonic.reproduction.experiments.derivation.settings import DerivationSettings
+from nearharmonic.reproduction.tasks.experiment import Experiment
+
+EXPERIMENT = Experiment(
+    name="derivation",
+    title="Derivation",
+    about="The coefficients of Table 4 again, from random starts, with proofs.",
+    target="derive",
+    place=1,
+    settings=DerivationSettings,
+    key="derive",
+    effect="How hard `derive` searches for Table 4",
+    tables=(
+        "table4_derived",
+        "derived_counts",
+        "derived_errors",
+        "derived_families",
+        "derived_orders",
+        "derived_routes",
+        "derived_solutions",
+    ),
+    others=("derived/coefficients.toml",),
+)

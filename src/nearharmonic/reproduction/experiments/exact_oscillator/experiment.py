@@ -1,0 +1,27 @@
+"""Declaration of the comparison of an oscillator solved exactly with T + V."""
+
+from nearharmonic.reproduction.experiments.exact_oscillator.settings import ExactOscillatorSettings
+from nearharmonic.reproduction.tasks.experiment import Experiment
+
+EXPERIMENT = Experiment(
+    name="exact_oscillator",
+    title="Oscillator solved exactly",
+    about="The oscillator of the system of Hénon and Heiles solved exactly, beside T + V, over the amplitude.",
+    place=3,
+    settings=ExactOscillatorSettings,
+    effect="What `exact_oscillator` compares with T and V",
+    cubes={
+        "exact_oscillator": (
+            "tau_per_stage, integrator, energy, exact_integrator, charge",
+            "energy errors with T and V and with the oscillator solved exactly; `crossing`, the energy up to which the "
+            "latter is ahead, by what its step costs",
+        )
+    },
+    tables=("exact_oscillator", "exact_oscillator_times"),
+    figures={
+        "exact_oscillator_error": "Energy error against amplitude",
+        "exact_oscillator_charge": "Amplitude up to which the exact oscillator is ahead, against its cost",
+    },
+    runs=("exact_oscillator/trajectories",),
+    measured=("tables/exact_oscillator_times",),
+)

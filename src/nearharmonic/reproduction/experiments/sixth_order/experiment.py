@@ -1,0 +1,16 @@
+"""Declaration of the search for methods of order six."""
+
+from nearharmonic.reproduction.experiments.sixth_order.settings import SixthOrderSettings
+from nearharmonic.reproduction.tasks.experiment import Experiment
+
+EXPERIMENT = Experiment(
+    name="sixth_order",
+    title="Methods of order six with a harmonic order",
+    about="Methods beyond the paper, searched for, ranked and measured.",
+    place=2,
+    settings=SixthOrderSettings,
+    key="beyond",
+    effect="How hard `sixth_order` searches for methods",
+    tables=("sixth_order_counts", "sixth_order_measured", "sixth_order_ranking"),
+    others=("derived/sixth_order.toml",),
+)

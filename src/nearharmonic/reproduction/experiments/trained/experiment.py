@@ -1,0 +1,41 @@
+"""Declaration of the experiment on trained methods."""
+
+from nearharmonic.reproduction.experiments.trained.settings import TrainedSettings
+from nearharmonic.reproduction.tasks.experiment import Experiment
+
+EXPERIMENT = Experiment(
+    name="trained",
+    title="Trained methods",
+    about="Methods whose coefficients a search has chosen, on problems that none was trained on.",
+    place=5,
+    settings=TrainedSettings,
+    effect="How methods are trained, and what they are tried on",
+    cubes={
+        "trained": (
+            "ensemble, integrator, point",
+            "`mean_log_error` of all methods on problems that none was trained on, and the `gain` of the best trained "
+            "method over the best published one",
+        ),
+        "trained_ideas": (
+            "idea, tau_per_stage, strength",
+            "`mean_log_error` of the best method of each idea over the strength of the anharmonicity, and the idea "
+            "that leads",
+        ),
+    },
+    tables=(
+        "trained_gains",
+        "trained_ideas",
+        "trained_landscape_{purpose}",
+        "trained_long",
+        "trained_methods",
+        "trained_times",
+    ),
+    figures={
+        "trained_error": "Energy error on ensembles",
+        "trained_gain": "Gain over the best published method",
+        "trained_ideas": "Five ideas, by anharmonicity",
+    },
+    others=("derived/trained_{purpose}.toml", "derived/trained.py", "derived/trained_modified.py"),
+    runs=("trained/proof", "trained/ideas", "trained/long"),
+    measured=("tables/trained_times",),
+)

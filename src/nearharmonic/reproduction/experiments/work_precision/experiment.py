@@ -1,0 +1,28 @@
+"""Declaration of the timings."""
+
+from nearharmonic.reproduction.experiments.work_precision.settings import WorkPrecisionSettings
+from nearharmonic.reproduction.tasks.experiment import Experiment
+
+EXPERIMENT = Experiment(
+    name="work_precision",
+    title="Run time against error",
+    about="Wall-clock time of one trajectory against its error, beside other libraries; it depends on the machine.",
+    place=6,
+    settings=WorkPrecisionSettings,
+    effect="What `work_precision` times",
+    cubes={
+        "work_precision": (
+            "method, point, in a group for each system",
+            "errors and measured times of each method and library, over its step sizes or tolerances",
+        )
+    },
+    tables=("library_times",),
+    figures={
+        "library_times_trajectory": "One trajectory, beside other libraries",
+        "library_times_ensemble": "Ensembles, beside other libraries",
+        "work_precision_{system}": "Run time against error",
+        "regularised_times": "Kepler's problem regularised",
+    },
+    others=("tables/work_precision_{system}.csv", "tables/work_precision_{system}.md"),
+    measured=("cubes/work_precision", "tables/", "figures/"),
+)

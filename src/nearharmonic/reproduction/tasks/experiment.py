@@ -1,0 +1,150 @@
+"""Declarations of experiments, from which follow the config, targets, names that are taken, and sections of the page.
+
+Each folder of ``reproduction.experiments`` declares ``EXPERIMENT`` in its module ``experiment``; nothing else lists
+experiments. No job reaches these modules, so that a new title makes no result again.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import import_module
+from itertools import product
+from typing import Any
+
+from nearharmonic.reproduction.tasks.sources import PACKAGE, ROOT
+
+#: Dotted name of the folder below the package.
+ROOM = "reproduction.experiments"
+#: Endings of the files of a table and of a figure.
+OF_A_TABLE, OF_A_FIGURE = (".csv", ".md", ".tex"), (".pdf", ".svg", ".png")
+_PLACEHOLDER = re.compile(r"\{(\w+)\}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Experiment:
+    """An experiment.
+
+    Names of files have no endings and may hold placeholders, such as ``{system}``.
+
+    Attributes
+    ----------
+    name : str
+        Its folder.
+    title, about : str
+        Its heading, and a sentence on what it shows.
+    target : str
+        Target of the workflow that makes its files; its name if not given.
+    place : int
+        Place among the experiments, in the config, on the page of results and in documents; equal ones by name.
+    settings : type or None
+        Dataclass of its section of the config, None if nothing can be set.
+    key, effect : str
+        Key of that section, its name if not given, and what the settings decide.
+    cubes : mapping of str to (str, str)
+        Dimensions and contents of its cubes, by name.
+    tables : tuple of str
+        Names of its tables of three files.
+    figures : mapping of str to str
+        Titles of its figures, by name.
+    others : tuple of str
+        All other files of its target, with folders and endings.
+    runs : tuple of str
+        Names of its run files, which are made on the way.
+    measured : tuple of str
+        Beginnings of the names of those files whose numbers are measured times.
+    """
+
+    name: str
+    title: str
+    about: str
+    target: str = ""
+    place: int = 100
+    settings: type | None = None
+    key: str = ""
+    effect: str = ""
+    cubes: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    tables: tuple[str, ...] = ()
+    figures: Mapping[str, str] = field(default_factory=dict)
+    others: tuple[str, ...] = ()
+    runs: tuple[str, ...] = ()
+    measured: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for member in ("target", "key"):
+            object.__setattr__(self, member, getattr(self, member) or self.name)
+
+    @property
+    def room(self) -> str:
+        """Dotted name of its folder below the package."""
+        return f"{ROOM}.{self.name}"
+
+    def files(self, **values: Iterable[str]) -> list[str]:
+        """Return the names of the files of its target, relative to the folder of results.
+
+        Parameters
+        ----------
+        **values
+            Values of each placeholder; those of others are ignored.
+        """
+        stems = [f"cubes/{stem}.h5" for stem in self.cubes]
+        stems += [f"tables/{stem}{suffix}" for stem in self.tables for suffix in OF_A_TABLE]
+        stems += [f"figures/{stem}{suffix}" for stem in self.figures for suffix in OF_A_FIGURE]
+        return [name for stem in (*stems, *self.others) for name in _filled(stem, values)]
+
+    def run_files(self, **values: Iterable[str]) -> list[str]:
+        """Return the names of its run files, as :meth:`files` does."""
+        return [f"runs/{name}.h5" for stem in self.runs for name in _filled(stem, values)]
+
+    @property
+    def table_patterns(self) -> tuple[str, ...]:
+        """Patterns of the names of all its tables, for :mod:`fnmatch`."""
+        others = [name for name in self.others if name.startswith("tables/")]
+        stems = (*self.tables, *(name.removeprefix("tables/").rpartition(".")[0] for name in others))
+        return tuple(dict.fromkeys(map(_pattern, stems)))
+
+    @property
+    def figure_titles(self) -> dict[str, str]:
+        """Titles of its figures, by patterns of their names."""
+        return {_pattern(stem): title for stem, title in self.figures.items()}
+
+
+def _filled(stem: str, values: Mapping[str, Iterable[str]]) -> Iterator[str]:
+    """``stem`` with each combination of values of its placeholders."""
+    names = list(dict.fromkeys(_PLACEHOLDER.findall(stem)))
+    for chosen in product(*(values[name] for name in names)):
+        yield stem.format(**dict(zip(names, chosen, strict=True)))
+
+
+def _pattern(stem: str) -> str:
+    return _PLACEHOLDER.sub("*", stem)
+
+
+@cache
+def experiments() -> dict[str, Experiment]:
+    """Return all experiments by name, in the order of their places.
+
+    Raises
+    ------
+    LookupError
+        A folder has no declaration, or one of another name.
+    """
+    folders = sorted(path.parent.name for path in ROOT.joinpath(*ROOM.split(".")).glob("*/__init__.py"))
+    found = [_declared_in(folder) for folder in folders]
+    return {one.name: one for one in sorted(found, key=lambda one: (one.place, one.name))}
+
+
+def _declared_in(folder: str) -> Experiment:
+    module: Any = import_module(f"{PACKAGE}.{ROOM}.{folder}.experiment")
+    declared: Experiment = module.EXPERIMENT
+    if declared.name != folder:
+        message = f"{module.__file__} declares the experiment {declared.name!r}"
+        raise LookupError(message)
+    return declared
+
+
+def beside_the_paper() -> list[Experiment]:
+    """Return the experiments that have a target and a section of the page of their own."""
+    return [one for one in experiments().values() if one.target != "all"]

@@ -1,0 +1,15 @@
+"""Cubes that each figure of the experiment is drawn from by the tests of all figures, and variables that stay."""
+
+from __future__ import annotations
+
+from support.cubes import figure_cubes as made
+
+EXAMPLES = {
+    "sho_energy_error": (made.errors, ()),
+    "fig1_sho": (lambda methods: made.errors(methods, precision=True), ()),
+    "fig2_decomposition": (made.terms, ()),
+    "fig3_henon_heiles": (made.errors, ()),
+    "fig4_perihelion": (made.advances, ("evaluations_per_orbit",)),
+    "fig5_kepler": (lambda methods: made.errors(methods, unit="h"), ()),
+    "fig6_displaced": (made.displaced, ()),
+}

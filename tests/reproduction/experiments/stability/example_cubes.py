@@ -1,0 +1,13 @@
+"""Cubes that each figure of the experiment is drawn from by the tests of all figures, and variables that stay."""
+
+from __future__ import annotations
+
+from support.cubes import figure_cubes as made
+
+EXAMPLES = {
+    "linear_stability": (made.traces, ()),
+    "kinetic_energy": (made.amplitudes, ()),
+    "henon_heiles_stability": (made.ensembles, ()),
+    "kepler_stability": (made.orbits, ("evaluations_per_orbit",)),
+    "rounding_growth": (made.rounding, ("time",)),
+}

@@ -1,0 +1,50 @@
+"""Symplecticity, reversibility and drift of the energy, measured on every autonomous system."""
+
+from nearharmonic.systems import systems
+
+# Each over the interval that the config gives or the system has.
+# The phase space in which a regularised system is integrated is not that of its states.
+STRUCTURE_T_END = {
+    name: system.t_end
+    for name, system in systems.items()
+    if not system.time_dependent and system.regularisation is None
+}
+STRUCTURE_T_END |= {sweep.system: sweep.t_end for sweep in CONFIG.sweeps if sweep.system in STRUCTURE_T_END}
+
+
+wildcard_constraints:
+    autonomous="|".join(STRUCTURE_T_END),
+
+
+rule structure_run:
+    output:
+        run=RUN("stability/structure/{autonomous}"),
+    log:
+        LOG("stability/structure/{autonomous}"),
+    params:
+        task=lambda wildcards: task(
+            "reproduction.experiments.stability.conservation.run:measure",
+            system=wildcards.autonomous,
+            integrators=CONFIG.methods,
+            t_end=STRUCTURE_T_END[wildcards.autonomous],
+        ),
+    script:
+        "../scripts/task.py"
+
+
+rule structure_cube:
+    input:
+        runs=[RUN(f"stability/structure/{name}") for name in STRUCTURE_T_END],
+    output:
+        cube=CUBE("structure"),
+        table=TABLE("structure"),
+    log:
+        LOG("stability/conservation"),
+    params:
+        task=task(
+            "reproduction.experiments.stability.conservation.reduce:reduce",
+            integrators=CONFIG.methods,
+            t_end=STRUCTURE_T_END,
+        ),
+    script:
+        "../scripts/task.py"
