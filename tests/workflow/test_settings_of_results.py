@@ -12,13 +12,17 @@ import yaml
 from nearharmonic.output.store import read
 from nearharmonic.reproduction.config.reading import load
 from nearharmonic.reproduction.experiments.trained.comparison.contestants import contestants, kind_of
-from support.projects.targets import DECOMPOSED, MADE, METHODS, STRUCTURE_T_END
+from nearharmonic.reproduction.tasks.experiment import beside_the_paper
+from support.projects.targets import DECOMPOSED, MADE, METHODS, RUNS_OF, STRUCTURE_T_END, TARGETS
 
 RESULTS = "results/tiny/"
 
 
 def expected_settings(project):
-    """File -> what it has to say about the settings that it was made with: the config, read without Snakemake."""
+    """File -> what it has to say about the settings that it was made with: the config, read without Snakemake.
+
+    For files of an experiment that is not named here, the section of the config if they were made with settings.
+    """
     given = yaml.safe_load((project.folder / "config/tiny.yaml").read_text(encoding="utf-8"))
     sweeps = {sweep.system: json.loads(json.dumps(asdict(sweep))) for sweep in load(given).sweeps}
     methods = {"integrators": list(METHODS)}
@@ -51,7 +55,15 @@ def expected_settings(project):
         for method in METHODS:
             for shard in (0, 1):
                 found[f"runs/{system}/{method}/{shard}.h5"] = {"sweep": sweep, "integrator": method, "shard": shard}
+    sections = load(given)
+    for one in (one for one in beside_the_paper() if one.settings and not any(name in found for name in _hdf5(one))):
+        section = json.loads(json.dumps(asdict(getattr(sections, one.key))))
+        found |= dict.fromkeys(_hdf5(one), {"settings": section})
     return found
+
+
+def _hdf5(experiment):
+    return MADE & {*TARGETS[experiment.target], *RUNS_OF[experiment.name]} & {n for n in MADE if n.endswith(".h5")}
 
 
 @pytest.mark.slow

@@ -40,9 +40,11 @@ def makeable():
 
 def refresh():
     """Make claims and page again if this run made results after them: those of other targets than theirs."""
+    from nearharmonic.reproduction.claims.own import own_claims
     from nearharmonic.reproduction.claims.table import FILES
 
-    if THIS_RUN.outdates(CLAIMS, shown=FILES):
+    shown = {*FILES, *(name for one in own_claims() for name in (*one.needs, *one.also))}
+    if THIS_RUN.outdates(CLAIMS, shown=shown):
         again(rules.decide_claims, LOG("tables/claims"))
     if THIS_RUN.outdates("report.html"):
         again(rules.page, LOG("report"))

@@ -50,7 +50,7 @@ rule trained_times_table:
 
 rule trained_proof:
     input:
-        [name for name in FILES("trained", purpose=()) if "/derived/" not in name],
+        [name for name in FILES("trained", purpose=()) if not name.startswith(f"{RESULTS}/derived/")],
 
 
 rule trained:

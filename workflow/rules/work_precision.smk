@@ -110,10 +110,12 @@ for _name, (_files, _made) in _TOGETHER.items():
             "../scripts/task.py"
 
 
-# One figure is drawn where a config has a system whose equations are regularised.
-_IS_REGULARISED = any(systems[name].regularisation is not None for name in CONFIG.systems)
+# Drawn where a config has a system whose equations are regularised.
+_LEFT_OUT = tuple(FIGURE("regularised_times"))
+if any(systems[name].regularisation is not None for name in CONFIG.systems):
+    _LEFT_OUT = ()
 
 
 rule work_precision:
     input:
-        [name for name in FILES("work_precision") if _IS_REGULARISED or "/regularised_times." not in name],
+        [name for name in FILES("work_precision") if name not in _LEFT_OUT],

@@ -71,7 +71,7 @@ def _check_name(kind: str, name: str, place: Path) -> None:
     """
     from nearharmonic.errors import bad_setting
     from nearharmonic.integrators import integrators
-    from nearharmonic.reproduction.experiments.paper.definitions import check_name
+    from nearharmonic.reproduction.config.definitions import check_name
     from nearharmonic.systems import systems
 
     check_name(PLACEHOLDER, name)

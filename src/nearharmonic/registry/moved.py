@@ -118,6 +118,7 @@ MOVED = {
     "experiments.derivation.starts": "reproduction.experiments.derivation.search.starts",
     "experiments.paper.chaos": "reproduction.experiments.paper.orbits.chaos",
     "experiments.paper.decompose": "reproduction.experiments.paper.tableaus.decompose",
+    "experiments.paper.definitions": "reproduction.config.definitions",
     "experiments.paper.displaced": "reproduction.experiments.paper.orbits.displaced",
     "experiments.paper.figures.energy_error": "plotting.energy_error",
     "experiments.paper.figures.floor": "plotting.floor",

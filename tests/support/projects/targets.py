@@ -56,13 +56,12 @@ TARGETS["all"] = TARGETS["figures"] | TARGETS["tables"] | TARGETS["claims"] | TA
 TARGETS["everything"] = set().union(*TARGETS.values())
 
 #: What is made on the way to the targets.
-RUNS = {name for one in _EXPERIMENTS.values() for name in one.run_files(**_NAMES)}
-PAPER_RUNS = set(_PAPER.run_files(**_NAMES))
+RUNS_OF = {one.name: set(one.run_files(**_NAMES)) for one in _EXPERIMENTS.values()}
 CUBES = cubes(*SYSTEMS, *_PAPER.cubes)
 #: Intervals of the systems that structure is measured on, on the tiny config.
 STRUCTURE_T_END = {"sho": "20", "henon_heiles": "25", "kepler": "4383", "relativistic_oscillator": "500"}
-MADE = TARGETS["everything"] | RUNS | CUBES
+MADE = TARGETS["everything"].union(CUBES, *RUNS_OF.values())
 #: Target -> all files that are there after it.
-MADE_BY = {"all": TARGETS["all"] | PAPER_RUNS | CUBES, "everything": MADE}
+MADE_BY = {"all": TARGETS["all"] | RUNS_OF["paper"] | CUBES, "everything": MADE}
 #: What every run of the workflow writes to, beside what it was asked for.
 RECORD = {"history.jsonl", "manifest.json"}

@@ -11,6 +11,7 @@ from typing import Any
 from nearharmonic.integrators import integrators as registered
 from nearharmonic.output.table import Table
 from nearharmonic.reproduction.claims.claim import Claim
+from nearharmonic.reproduction.claims.own import own_claims
 from nearharmonic.reproduction.claims.results import Results
 from nearharmonic.reproduction.claims.statements.equations import decomposition, identities, misprints, search
 from nearharmonic.reproduction.claims.statements.figures import henon_heiles, kepler, oscillator, substeps
@@ -57,7 +58,7 @@ def decide(results: Results) -> list[dict[str, Any]]:
     ResultFileError
         A result file is damaged.
     """
-    return [_entry(one, results) for one in CLAIMS]
+    return [_entry(one, results) for one in (*CLAIMS, *own_claims())]
 
 
 def _entry(one: Claim, results: Results) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, make_dataclass
+from functools import cache
 from typing import Annotated
 
 from nearharmonic.engine.settings import KINETIC_POTENTIAL, Sweep
@@ -12,7 +13,7 @@ from nearharmonic.integrators.user_file import expanded
 from nearharmonic.reproduction.entries import STRICT, Reading, setting, whole_from
 from nearharmonic.reproduction.experiments.paper.grid.plan import fewest_shards
 from nearharmonic.reproduction.experiments.paper.settings import Summation, SystemSettings
-from nearharmonic.reproduction.tasks.experiment import Experiment, experiments
+from nearharmonic.reproduction.tasks.experiment import experiments
 from nearharmonic.systems import systems
 
 #: Characters of a name: file systems take 255 bytes.
@@ -40,7 +41,7 @@ Name = Annotated[str, Reading(_name, (("type", "string"), ("pattern", _NAME.repl
 class Config:
     """One reproduction; its results go to results/<name>/.
 
-    :data:`WHOLE` is the type that configs have: it holds the sections of the experiments as well.
+    :func:`whole_config` is the type that configs have: it holds the sections of the experiments as well.
     """
 
     __pydantic_config__ = STRICT
@@ -121,15 +122,21 @@ class Config:
         return self.methods if self.decomposition is None else expanded(self.decomposition)
 
 
-#: Experiments that have a section of the config, by its key.
-SECTIONS: Mapping[str, Experiment] = {one.key: one for one in experiments().values() if one.settings is not None}
+@cache
+def sections() -> dict[str, type]:
+    """Return the types of the sections that experiments declare, by key."""
+    return {one.key: one.settings for one in experiments().values() if one.settings is not None}
 
-#: The whole config: the keys of :class:`Config`, and a section for each experiment that can be set.
-WHOLE: type[Config] = make_dataclass(
-    "WholeConfig",
-    [(key, one.settings, setting(one.effect, default=one.settings)) for key, one in SECTIONS.items()],
-    bases=(Config,),
-    namespace={"__doc__": "One reproduction; its results go to results/<name>/.", "__module__": __name__},
-    frozen=True,
-    kw_only=True,
-)
+
+@cache
+def whole_config() -> type[Config]:
+    """Return the type that configs have: the keys of :class:`Config`, and the section of each experiment."""
+    effects = {one.key: one.effect for one in experiments().values()}
+    return make_dataclass(
+        "WholeConfig",
+        [(key, kind, setting(effects[key], default=kind)) for key, kind in sections().items()],
+        bases=(Config,),
+        namespace={"__doc__": "One reproduction; its results go to results/<name>/.", "__module__": __name__},
+        frozen=True,
+        kw_only=True,
+    )

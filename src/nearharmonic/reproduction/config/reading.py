@@ -12,8 +12,8 @@ from nearharmonic.engine.settings import one_of
 from nearharmonic.errors import NearharmonicError, SettingError, bad_setting, unknown_name
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.user_file import expanded
-from nearharmonic.reproduction.config.config import NUMBERS, SECTIONS, WHOLE, Config
-from nearharmonic.reproduction.experiments.paper.definitions import define, folders_of, named
+from nearharmonic.reproduction.config.config import NUMBERS, Config, sections, whole_config
+from nearharmonic.reproduction.config.definitions import define, folders_of, named
 from nearharmonic.reproduction.experiments.paper.grid.plan import check_sweep
 from nearharmonic.systems import systems
 
@@ -77,7 +77,7 @@ def read(place: Path) -> Config:
 def _lists_of_methods(config: Config) -> dict[str, tuple[str, ...]]:
     """The lists of integrators in a config, by key; those that are not given are left out."""
     found = {name: getattr(config, name) for name in ("integrators", "decomposition", "overview")}
-    found |= {f"{key}.integrators": getattr(getattr(config, key), "integrators", None) for key in SECTIONS}
+    found |= {f"{key}.integrators": getattr(getattr(config, key), "integrators", None) for key in sections()}
     return {key: entries for key, entries in found.items() if entries is not None}
 
 
@@ -136,7 +136,7 @@ def adapter() -> Any:
     """Pydantic's reader of :class:`Config`; made when first asked for, which takes a tenth of a second."""
     from pydantic import TypeAdapter
 
-    return TypeAdapter(WHOLE)
+    return TypeAdapter(whole_config())
 
 
 def _error_of(fault: Mapping[str, Any]) -> Exception:
@@ -159,8 +159,8 @@ def _error_of(fault: Mapping[str, Any]) -> Exception:
 
 def _place(path: Sequence[str | int]) -> tuple[Any, str]:
     """The type at ``path``, and what is allowed there in words."""
-    kind: Any = WHOLE
-    allowed = _keys_of(WHOLE)
+    kind: Any = whole_config()
+    allowed = _keys_of(kind)
     each = ""
     for step in path:
         if isinstance(step, int):

@@ -1,10 +1,12 @@
-"""Generator of the JSON schema and of the table of keys in ``config/README.md``, from the types of the config.
+"""Generator of the JSON schema, of the table of keys in ``config/README.md``, and of the cubes in ``docs/files.md``.
 
-``python -m nearharmonic.reproduction.config.schema`` writes both.
+They follow from the types of the config and from the declarations of the experiments.
+``python -m nearharmonic.reproduction.config.schema`` writes all three.
 """
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -12,9 +14,12 @@ from typing import Any
 
 from nearharmonic.output.atomic import write_text
 from nearharmonic.reproduction.config.reading import adapter
+from nearharmonic.reproduction.tasks.experiment import experiments
 
 #: The generated files, from the root of the project.
-SCHEMA, KEYS = Path("workflow/schemas/config.schema.yaml"), Path("config/README.md")
+SCHEMA, KEYS, FILES = Path("workflow/schemas/config.schema.yaml"), Path("config/README.md"), Path("docs/files.md")
+#: Rows of the table of files: that of the cubes of systems, and those of the other cubes, which follow it.
+_CUBES = re.compile(r"(?<=\n)(\| `cubes/\{system\}\.h5` .*\n)(?:\| `cubes/\w+\.h5` .*\n)*")
 
 
 def schema() -> dict[str, Any]:
@@ -65,8 +70,14 @@ def _keys(described: Mapping[str, Any], above: str) -> Iterator[tuple[str, Mappi
             yield from _keys(other, f"{above}{key}.<name>.")
 
 
+def cube_rows() -> str:
+    """Return the cubes of all experiments as rows of a Markdown table: file, dimensions, contents."""
+    cubes = {stem: told for one in experiments().values() for stem, told in one.cubes.items()}
+    return "".join(f"| `cubes/{stem}.h5` | {' | '.join(told)} |\n" for stem, told in cubes.items())
+
+
 def write_generated(root: Path = Path()) -> None:
-    """Write the schema, and the table of keys into the page that has one, below the folder ``root``."""
+    """Write the schema, and the tables of keys and of cubes into their pages, below the folder ``root``."""
     import yaml
 
     described = schema()
@@ -74,6 +85,8 @@ def write_generated(root: Path = Path()) -> None:
     page = (root / KEYS).read_text(encoding="utf-8")
     before = page.partition("| key |")[0]
     write_text(root / KEYS, f"{before}{key_table(described)}\n")
+    page = (root / FILES).read_text(encoding="utf-8")
+    write_text(root / FILES, _CUBES.sub(lambda found: found[1] + cube_rows(), page))
 
 
 if __name__ == "__main__":

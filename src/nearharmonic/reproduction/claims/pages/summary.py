@@ -74,10 +74,11 @@ def verdicts_line(document: str | Path, command: str) -> str:
     command : str
         Start of the command, to which targets are added.
     """
+    from nearharmonic.reproduction.claims.own import own_claims
     from nearharmonic.reproduction.claims.table import CLAIMS
 
     entries = json.loads(Path(document).read_text(encoding="utf-8"))
-    targets = {one.id: one.target for one in CLAIMS}
+    targets = {one.id: one.target for one in (*CLAIMS, *own_claims())}
     missing = [targets[entry["id"]] for entry in of_the_paper(entries) if entry["verdict"] == OPEN]
     later = " ".join(sorted({target for target in missing if target != "all"}))
     if not later:

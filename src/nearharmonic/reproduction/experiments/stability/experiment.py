@@ -27,8 +27,8 @@ EXPERIMENT = Experiment(
         ),
         "stability_henon_heiles": (
             "integrator, energy, tau_per_stage, quantile",
-            "`energy_error` and share `escaped` of ensembles on energy surfaces; `trusted_up_to`, the step size from "
-            "which on more than 1 % escapes",
+            "`energy_error` and share `escaped` of ensembles on energy surfaces; `trusted_up_to`, the step size up to "
+            "which at most 1 % escape",
         ),
         "stability_kepler": (
             "integrator, tau_per_stage, eccentricity",

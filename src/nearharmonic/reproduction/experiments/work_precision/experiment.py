@@ -12,7 +12,7 @@ EXPERIMENT = Experiment(
     effect="What `work_precision` times",
     cubes={
         "work_precision": (
-            "method, point, in a group for each system",
+            "solver, point, in a group for each system",
             "errors and measured times of each method and library, over its step sizes or tolerances",
         )
     },

@@ -1,0 +1,74 @@
+"""Every experiment is declared once, and the workflow, the config and the documents have all of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from nearharmonic.reproduction.config.schema import cube_rows
+from nearharmonic.reproduction.tasks.experiment import Experiment, beside_the_paper, experiments
+
+ROOT = Path(__file__).parents[2]
+EXPERIMENTS = list(experiments().values())
+SNAKEFILE = (ROOT / "Snakefile").read_text(encoding="utf-8")
+
+
+def text_of(page):
+    return (ROOT / page).read_text(encoding="utf-8")
+
+
+def test_every_folder_of_experiments_is_one_in_the_order_of_places():
+    folders = {path.parent.name for path in ROOT.glob("src/nearharmonic/reproduction/experiments/*/__init__.py")}
+    assert set(experiments()) == folders
+    assert [one.place for one in EXPERIMENTS] == sorted(one.place for one in EXPERIMENTS)
+    assert EXPERIMENTS[0].name == "paper"
+    assert len(beside_the_paper()) == len(EXPERIMENTS) - 1
+
+
+def test_no_two_experiments_share_a_target_a_key_or_a_file():
+    for values in (
+        [one.target for one in EXPERIMENTS],
+        [one.key for one in EXPERIMENTS],
+        [one.title for one in EXPERIMENTS],
+        [name for one in EXPERIMENTS for name in (*one.cubes, *one.runs)],
+        [name for one in EXPERIMENTS for name in one.tables],
+        [name for one in EXPERIMENTS for name in one.figures],
+    ):
+        assert len(set(values)) == len(values)
+
+
+@pytest.mark.parametrize("experiment", EXPERIMENTS, ids=lambda one: one.name)
+def test_an_experiment_says_in_words_what_it_shows_and_what_is_in_its_cubes(experiment):
+    assert experiment.title
+    assert experiment.about.endswith(".")
+    assert (experiment.settings is None) == (not experiment.effect)
+    assert all(dimensions and contents for dimensions, contents in experiment.cubes.values())
+    assert all(experiment.figures.values())
+
+
+def test_the_page_of_files_has_the_cubes_of_all_experiments():
+    """As ``python -m nearharmonic.reproduction.config.schema`` writes it."""
+    assert cube_rows() in text_of("docs/files.md")
+
+
+@pytest.mark.parametrize("experiment", beside_the_paper(), ids=lambda one: one.name)
+def test_readme_names_the_target_of_every_experiment(experiment):
+    assert f"| `snakemake -j2 {experiment.target}` |" in text_of("README.md")
+
+
+def test_placeholders_are_filled_with_every_combination():
+    one = Experiment(
+        name="one", title="", about="", cubes={"a": ("", "")}, tables=("t_{x}",), figures={"f_{x}_{y}": "F"},
+        others=("tables/{y}.csv", "b/c.toml"), runs=("r/{x}", "s"),
+    )  # fmt: skip
+    made = one.files(x="pq", y="u")
+    assert made == [
+        "cubes/a.h5", "tables/t_p.csv", "tables/t_q.csv", "tables/t_p.md", "tables/t_q.md", "tables/t_p.tex",
+        "tables/t_q.tex", "figures/f_p_u.pdf", "figures/f_q_u.pdf", "figures/f_p_u.svg", "figures/f_q_u.svg",
+        "figures/f_p_u.png", "figures/f_q_u.png", "tables/u.csv", "b/c.toml",
+    ]  # fmt: skip
+    assert one.run_files(x="pq") == ["runs/r/p.h5", "runs/r/q.h5", "runs/s.h5"]
+    assert one.table_patterns == ("t_*", "*")
+    assert one.figure_titles == {"f_*_*": "F"}
+    assert (one.target, one.key, one.room) == ("one", "one", "reproduction.experiments.one")
