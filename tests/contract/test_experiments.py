@@ -6,12 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from nearharmonic.reproduction.config.schema import cube_rows
+from nearharmonic.reproduction.config.schema import cube_rows, target_rows
 from nearharmonic.reproduction.tasks.experiment import Experiment, beside_the_paper, experiments
 
 ROOT = Path(__file__).parents[2]
 EXPERIMENTS = list(experiments().values())
-SNAKEFILE = (ROOT / "Snakefile").read_text(encoding="utf-8")
 
 
 def text_of(page):
@@ -47,14 +46,11 @@ def test_an_experiment_says_in_words_what_it_shows_and_what_is_in_its_cubes(expe
     assert all(experiment.figures.values())
 
 
-def test_the_page_of_files_has_the_cubes_of_all_experiments():
-    """As ``python -m nearharmonic.reproduction.config.schema`` writes it."""
+def test_documents_have_the_cubes_and_targets_of_all_experiments():
+    """As ``python -m nearharmonic.reproduction.config.schema`` writes them."""
     assert cube_rows() in text_of("docs/files.md")
-
-
-@pytest.mark.parametrize("experiment", beside_the_paper(), ids=lambda one: one.name)
-def test_readme_names_the_target_of_every_experiment(experiment):
-    assert f"| `snakemake -j2 {experiment.target}` |" in text_of("README.md")
+    assert target_rows() in text_of("README.md")
+    assert all(f"snakemake -j2 {one.target}`" in target_rows() for one in beside_the_paper())
 
 
 def test_placeholders_are_filled_with_every_combination():

@@ -58,7 +58,7 @@ def expected_settings(project):
     sections = load(given)
     for one in (one for one in beside_the_paper() if one.settings and not any(name in found for name in _hdf5(one))):
         section = json.loads(json.dumps(asdict(getattr(sections, one.key))))
-        found |= dict.fromkeys(_hdf5(one), {"settings": section})
+        found |= {name: {"settings": section} for name in _hdf5(one)}
     return found
 
 

@@ -1,7 +1,7 @@
-"""Generator of the JSON schema, of the table of keys in ``config/README.md``, and of the cubes in ``docs/files.md``.
+"""Generator of the JSON schema, and of tables of documents: keys, cubes and targets.
 
 They follow from the types of the config and from the declarations of the experiments.
-``python -m nearharmonic.reproduction.config.schema`` writes all three.
+``python -m nearharmonic.reproduction.config.schema`` writes all of them.
 """
 
 from __future__ import annotations
@@ -14,12 +14,16 @@ from typing import Any
 
 from nearharmonic.output.atomic import write_text
 from nearharmonic.reproduction.config.reading import adapter
-from nearharmonic.reproduction.tasks.experiment import experiments
+from nearharmonic.reproduction.tasks.experiment import beside_the_paper, experiments
 
 #: The generated files, from the root of the project.
-SCHEMA, KEYS, FILES = Path("workflow/schemas/config.schema.yaml"), Path("config/README.md"), Path("docs/files.md")
-#: Rows of the table of files: that of the cubes of systems, and those of the other cubes, which follow it.
-_CUBES = re.compile(r"(?<=\n)(\| `cubes/\{system\}\.h5` .*\n)(?:\| `cubes/\w+\.h5` .*\n)*")
+SCHEMA, KEYS = Path("workflow/schemas/config.schema.yaml"), Path("config/README.md")
+#: Pages with rows of a table that are generated: what stands before the rows, and the form of a row.
+CUBES, TARGETS = Path("docs/files.md"), Path("README.md")
+_ROWS = {
+    CUBES: re.compile(r"(\n\| `cubes/\{system\}\.h5` .*\n)(?:\| `cubes/\w+\.h5` .*\n)*"),
+    TARGETS: re.compile(r"(\n\| `snakemake -j2` .*\n)(?:\| `snakemake -j2 (?!everything)\w+` .*\n)*"),
+}
 
 
 def schema() -> dict[str, Any]:
@@ -76,8 +80,14 @@ def cube_rows() -> str:
     return "".join(f"| `cubes/{stem}.h5` | {' | '.join(told)} |\n" for stem, told in cubes.items())
 
 
+def target_rows() -> str:
+    """Return the targets of all experiments as rows of a Markdown table: command, what it shows, time."""
+    told = ((one, one.about[0].lower() + one.about[1:].removesuffix(".")) for one in beside_the_paper())
+    return "".join(f"| `snakemake -j2 {one.target}` | {about} | {one.duration} |\n" for one, about in told)
+
+
 def write_generated(root: Path = Path()) -> None:
-    """Write the schema, and the tables of keys and of cubes into their pages, below the folder ``root``."""
+    """Write the schema, and the tables of keys, cubes and targets into their pages, below the folder ``root``."""
     import yaml
 
     described = schema()
@@ -85,8 +95,11 @@ def write_generated(root: Path = Path()) -> None:
     page = (root / KEYS).read_text(encoding="utf-8")
     before = page.partition("| key |")[0]
     write_text(root / KEYS, f"{before}{key_table(described)}\n")
-    page = (root / FILES).read_text(encoding="utf-8")
-    write_text(root / FILES, _CUBES.sub(lambda found: found[1] + cube_rows(), page))
+    for place, rows in ((CUBES, cube_rows()), (TARGETS, target_rows())):
+        text = (root / place).read_text(encoding="utf-8")
+        head = _ROWS[place].search(text)
+        if head is not None:
+            write_text(root / place, f"{text[: head.start()]}{head[1]}{rows}{text[head.end() :]}")
 
 
 if __name__ == "__main__":

@@ -39,6 +39,8 @@ class Experiment:
         Target of the workflow that makes its files; its name if not given.
     place : int
         Place among the experiments, in the config, on the page of results and in documents; equal ones by name.
+    duration : str
+        Time that its target takes on two cores.
     settings : type or None
         Dataclass of its section of the config, None if nothing can be set.
     key, effect : str
@@ -62,6 +64,7 @@ class Experiment:
     about: str
     target: str = ""
     place: int = 100
+    duration: str = ""
     settings: type | None = None
     key: str = ""
     effect: str = ""

@@ -6,9 +6,10 @@ from nearharmonic.reproduction.tasks.experiment import Experiment
 EXPERIMENT = Experiment(
     name="derivation",
     title="Derivation",
-    about="The coefficients of Table 4 again, from random starts, with proofs.",
+    about="Derivation of the coefficients of Table 4 from random starts, with proofs.",
     target="derive",
     place=1,
+    duration="50 s",
     settings=DerivationSettings,
     key="derive",
     effect="How hard `derive` searches for Table 4",

@@ -6,8 +6,9 @@ from nearharmonic.reproduction.tasks.experiment import Experiment
 EXPERIMENT = Experiment(
     name="exact_oscillator",
     title="Oscillator solved exactly",
-    about="The oscillator of the system of Hénon and Heiles solved exactly, beside T + V, over the amplitude.",
+    about="Energy error against amplitude, for the splitting T + V and for an exactly solved oscillator.",
     place=3,
+    duration="20 s",
     settings=ExactOscillatorSettings,
     effect="What `exact_oscillator` compares with T and V",
     cubes={

@@ -6,8 +6,9 @@ from nearharmonic.reproduction.tasks.experiment import Experiment
 EXPERIMENT = Experiment(
     name="sixth_order",
     title="Methods of order six with a harmonic order",
-    about="Methods beyond the paper, searched for, ranked and measured.",
+    about="Search and ranking of methods of order six and harmonic order seven or eight.",
     place=2,
+    duration="50 s",
     settings=SixthOrderSettings,
     key="beyond",
     effect="How hard `sixth_order` searches for methods",

@@ -6,8 +6,9 @@ from nearharmonic.reproduction.tasks.experiment import Experiment
 EXPERIMENT = Experiment(
     name="stability",
     title="Stability",
-    about="Where the methods may be trusted: linear limits, ensembles, round-off, and T that is not quadratic.",
+    about="Linear limits, ensembles, Kepler maps, round-off growth, structure, T not quadratic.",
     place=4,
+    duration="70 s",
     settings=StabilitySettings,
     effect="What `stability` puts the methods through",
     cubes={

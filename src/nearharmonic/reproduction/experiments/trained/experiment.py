@@ -6,8 +6,9 @@ from nearharmonic.reproduction.tasks.experiment import Experiment
 EXPERIMENT = Experiment(
     name="trained",
     title="Trained methods",
-    about="Methods whose coefficients a search has chosen, on problems that none was trained on.",
+    about="Methods trained on near-harmonic systems, tested on systems outside the training.",
     place=5,
+    duration="15 min",
     settings=TrainedSettings,
     effect="How methods are trained, and what they are tried on",
     cubes={

@@ -6,8 +6,9 @@ from nearharmonic.reproduction.tasks.experiment import Experiment
 EXPERIMENT = Experiment(
     name="work_precision",
     title="Run time against error",
-    about="Wall-clock time of one trajectory against its error, beside other libraries; it depends on the machine.",
+    about="Run time against error, compared with other libraries; it depends on the machine.",
     place=6,
+    duration="3 min",
     settings=WorkPrecisionSettings,
     effect="What `work_precision` times",
     cubes={
