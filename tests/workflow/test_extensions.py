@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import json
+import shutil
+
 import h5py
 import pytest
 import yaml
 
-from support.projects.workflow_project import Project
+from support.projects.workflow_project import ROOT, TINY, Project
+
+#: An experiment with all its parts: the folder of its source and that of its tests.
+ADDED = ROOT / "tests/support/projects/added"
 
 QUARTIC = '''"""Quartic oscillator, H = (p^2 + q^2)/2 + q^4/4."""
 
@@ -52,59 +58,12 @@ def positions(cube: Any) -> Any:
     drawn.subplots().plot(cube.tau_per_stage, cube.largest_position.sel(precision="double", integrator="ruth"))
     return drawn
 '''
-SETTINGS = '''"""What may be asked of the test."""
-
-from __future__ import annotations
-
-from dataclasses import dataclass
-
-from nearharmonic.reproduction.entries import STRICT, setting, whole_from
-
-
-@dataclass(frozen=True, kw_only=True)
-class AddedSettings:
-    """How often."""
-
-    __pydantic_config__ = STRICT
-
-    repeats: int = setting("How often", default=3, **whole_from(1))
-'''
-RUN = '''"""Numbers of the test."""
-
-from __future__ import annotations
-
-from nearharmonic.reproduction.experiments.added.settings import AddedSettings
-from nearharmonic.output.table import Table
-
-
-def count(settings: AddedSettings) -> dict[str, Table]:
-    """Count."""
-    return {"table": Table(header=("number",), rows=[(i,) for i in range(settings.repeats)], caption="Numbers.")}
-'''
-RULES = '''"""An experiment that was added."""
-
-
-rule count_numbers:
-    output:
-        table=TABLE("added"),
-    log:
-        LOG("added"),
-    params:
-        task=task("reproduction.experiments.added.run:count", settings=CONFIG.added),
-    script:
-        "../scripts/task.py"
-
-
-rule added:
-    input:
-        rules.count_numbers.output,
-'''
 CONFIG = {
     "name": "added",
     "integrators": ["ruth", "aba864"],
     "systems": {"quartic": {"tau_per_stage": {"lowest": 0.025, "highest": 0.1, "points_per_decade": 4}}},
     "samples": 10,
-    "added": {"repeats": 2},
+    "added": {"steps": 3},
 }
 
 
@@ -112,6 +71,16 @@ def insert(path, before, line):
     text = path.read_text(encoding="utf-8")
     assert text.count(before) == 1
     path.write_text(text.replace(before, f"{line}\n{before}"), encoding="utf-8")
+
+
+def add_experiment(project):
+    """Copy the folder of an experiment into the project, and that of its tests; include its rules in the Snakefile."""
+    room = "src/nearharmonic/reproduction/experiments/added"
+    shutil.copytree(ADDED / "source", project.folder / room)
+    tests = project.folder / "tests/reproduction/experiments/added"
+    shutil.copytree(ADDED / "tests", tests)
+    (tests / "checks_of_added.py").rename(tests / "test_added.py")
+    insert(project.folder / "Snakefile", 'include: "workflow/rules/two_steps.smk"', f'include: "{room}/rules.smk"')
 
 
 @pytest.fixture(scope="module")
@@ -123,23 +92,7 @@ def extended(tmp_path_factory):
     with (package / "reproduction/experiments/paper/reductions.py").open("a", encoding="utf-8") as file:
         file.write(REDUCTION)
     (package / "reproduction/experiments/paper/figures/positions.py").write_text(FIGURE, encoding="utf-8")
-    folder = package / "reproduction/experiments/added"
-    folder.mkdir()
-    for name, text in (("__init__", '"""Added."""\n'), ("settings", SETTINGS), ("run", RUN)):
-        (folder / f"{name}.py").write_text(text, encoding="utf-8")
-    (project.folder / "workflow/rules/added.smk").write_text(RULES, encoding="utf-8")
-    # One line in config.py, with the import that it needs, and the include of the rule file.
-    insert(
-        package / "reproduction/config/config.py",
-        "    derive: DerivationSettings",
-        '    added: AddedSettings = setting("How `added` counts", default=AddedSettings)',
-    )
-    insert(
-        package / "reproduction/config/config.py",
-        "from nearharmonic.reproduction.experiments.derivation.settings",
-        "from nearharmonic.reproduction.experiments.added.settings import AddedSettings",
-    )
-    insert(project.folder / "Snakefile", 'include: "workflow/rules/figures.smk"', 'include: "workflow/rules/added.smk"')
+    add_experiment(project)
     (project.folder / "added.yaml").write_text(yaml.safe_dump(CONFIG))
     done = project.snakemake("quartic_energy_error", "added", "-j2", "--configfile", "added.yaml")
     assert done.returncode == 0, done.stdout
@@ -165,8 +118,63 @@ def test_a_figure_of_an_existing_cube_is_one_function(extended):
     assert (extended / "figures/positions.pdf").stat().st_size > 1000
 
 
-def test_an_experiment_is_a_folder_a_rule_file_and_one_line_in_the_config(extended):
-    assert (extended / "tables/added.csv").read_text() == "number\n0\n1\n"
+def test_an_experiment_is_a_folder_and_one_line(extended):
+    """Its settings, run, cube, table and figure."""
+    header, *rows = (extended / "tables/added.csv").read_text().splitlines()
+    assert header == "integrator,error"
+    assert [row.partition(",")[0] for row in rows] == ["ruth", "aba864"]
+    with h5py.File(extended / "cubes/added.h5") as cube:
+        assert cube["energy_error"].shape == (2, 3)
+    assert (extended / "figures/one_step.png").stat().st_size > 5000
+
+
+def files_of(folder):
+    """Texts of all files that one may edit, by name."""
+    skipped = {"results", ".snakemake", "__pycache__", ".pytest_cache", ".hypothesis"}
+    paths = (path for path in folder.rglob("*") if path.is_file() and not skipped & {*path.parts})
+    return {str(path.relative_to(folder)): path.read_bytes() for path in paths}
+
+
+@pytest.mark.slow
+def test_an_experiment_has_its_place_everywhere_by_its_declaration(tmp_path):
+    """Section of the page, statement, tests of figures and targets; documents are generated."""
+    project = Project(tmp_path / "project")
+    ignored = shutil.ignore_patterns("__pycache__")
+    for name in ("tests", "docs", "examples"):
+        shutil.copytree(ROOT / name, project.folder / name, ignore=ignored)
+    shutil.copy(ROOT / "README.md", project.folder)
+    before = files_of(project.folder)
+    add_experiment(project)
+    after = files_of(project.folder)
+    folders = ("src/nearharmonic/reproduction/experiments/added/", "tests/reproduction/experiments/added/")
+    touched = {name for name in after if after[name] != before.get(name)}
+    assert {name for name in touched if not name.startswith(folders)} == {"Snakefile"}
+    assert project.python("-m", "nearharmonic.reproduction.config.schema").returncode == 0
+    generated = {name for name, text in files_of(project.folder).items() if text != after.get(name)}
+    assert generated == {"README.md", "docs/files.md", "config/README.md", "workflow/schemas/config.schema.yaml"}
+    contracts = (
+        "-n0",
+        "-p",
+        "no:cacheprovider",
+        "tests/contract/test_experiments.py",
+        "tests/contract/test_figures.py",
+    )
+    chosen = ("-k", "added or one_step or every or documents")
+    done = project.python("-m", "pytest", *contracts, folders[1], *chosen)
+    assert done.returncode == 0, done.stdout
+    (project.folder / folders[1] / "example_cubes.py").unlink()
+    missing = project.python("-m", "pytest", *contracts, "-k", "example")
+    assert "1 failed" in missing.stdout
+    with (project.folder / "config/tiny.yaml").open("a", encoding="utf-8") as config:
+        config.write((ADDED / "tests/tiny.yaml").read_text())
+    done = project.snakemake("added", "report", "-j2", *TINY)
+    assert done.returncode == 0, done.stdout
+    page = (project.results / "report.html").read_text(encoding="utf-8")
+    assert '<h2 id="added">Added by a test</h2>' in page
+    assert "Energy error after one step" in page
+    claims = {one["id"]: one for one in json.loads((project.results / "tables/claims.json").read_text())}
+    assert claims["added-small-steps"]["verdict"] == "holds"
+    assert project.nearharmonic("verify", "tiny").returncode == 0
 
 
 @pytest.mark.slow

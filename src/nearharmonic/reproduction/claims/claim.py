@@ -15,6 +15,7 @@ from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.output.store import workflow_command
 from nearharmonic.reproduction.claims.judging.margins import EXACT, margin
 from nearharmonic.reproduction.claims.results import Results, Undecided
+from nearharmonic.reproduction.tasks.experiment import beside_the_paper
 
 Verdict = Literal["holds", "holds but for edges", "holds in part", "fails", "erratum", "not decided here"]
 OPEN: Verdict = "not decided here"
@@ -35,13 +36,6 @@ class Decision(NamedTuple):
 
 #: Takes the results, and the threshold if the statement has one that is a number.
 Decide = Callable[..., Decision]
-
-#: Targets of the workflow other than ``all``, and the beginnings of the names of their files.
-TARGETS = {
-    "derive": ("derived/", "tables/derived_", "tables/table4_derived"),
-    "stability": ("cubes/kinetic_energy", "cubes/stability_", "tables/structure"),
-    "trained_proof": ("cubes/trained",),
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,8 +82,7 @@ class Claim:
     @property
     def target(self) -> str:
         """Target of the workflow that makes the files it needs."""
-        made = (target for target, names in TARGETS.items() if any(one.startswith(names) for one in self.needs))
-        return next(made, "all")
+        return next((one.cubes_target for one in beside_the_paper() if any(map(one.makes, self.needs))), "all")
 
     def decision(self, results: Results) -> Decision:
         """Decide the statement on ``results``; what is not there leaves it undecided.

@@ -6,15 +6,15 @@ from functools import cache
 from importlib import import_module
 
 from nearharmonic.reproduction.claims.claim import Claim
-from nearharmonic.reproduction.tasks.experiment import experiments
+from nearharmonic.reproduction.tasks.experiment import ROOM
 from nearharmonic.reproduction.tasks.provenance import code_digest
-from nearharmonic.reproduction.tasks.sources import PACKAGE, ROOT, path_of
+from nearharmonic.reproduction.tasks.sources import PACKAGE, ROOT
 
 
 def modules() -> list[str]:
-    """Return the dotted names of the modules that hold statements, in the order of the experiments."""
-    names = [f"{PACKAGE}.{one.room}.claims" for one in experiments().values()]
-    return [name for name in names if path_of(name, ROOT).is_file()]
+    """Return the dotted names of the modules that hold statements."""
+    places = sorted(ROOT.joinpath(*ROOM.split(".")).glob("*/claims.py"))
+    return [f"{PACKAGE}.{ROOM}.{place.parent.name}.claims" for place in places]
 
 
 def digest() -> str:

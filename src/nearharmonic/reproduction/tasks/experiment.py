@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
 from functools import cache
 from importlib import import_module
 from itertools import product
@@ -37,6 +38,8 @@ class Experiment:
         Its heading, and a sentence on what it shows.
     target : str
         Target of the workflow that makes its files; its name if not given.
+    cubes_target : str
+        Target that makes its cubes and what is made of them; ``target`` if not given.
     place : int
         Place among the experiments, in the config, on the page of results and in documents; equal ones by name.
     duration : str
@@ -63,6 +66,7 @@ class Experiment:
     title: str
     about: str
     target: str = ""
+    cubes_target: str = ""
     place: int = 100
     duration: str = ""
     settings: type | None = None
@@ -76,8 +80,8 @@ class Experiment:
     measured: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for member in ("target", "key"):
-            object.__setattr__(self, member, getattr(self, member) or self.name)
+        for member, default in (("target", "name"), ("cubes_target", "target"), ("key", "name")):
+            object.__setattr__(self, member, getattr(self, member) or getattr(self, default))
 
     @property
     def room(self) -> str:
@@ -92,14 +96,22 @@ class Experiment:
         **values
             Values of each placeholder; those of others are ignored.
         """
-        stems = [f"cubes/{stem}.h5" for stem in self.cubes]
-        stems += [f"tables/{stem}{suffix}" for stem in self.tables for suffix in OF_A_TABLE]
-        stems += [f"figures/{stem}{suffix}" for stem in self.figures for suffix in OF_A_FIGURE]
-        return [name for stem in (*stems, *self.others) for name in _filled(stem, values)]
+        return [name for file in self._unfilled() for name in _filled(file, values)]
 
     def run_files(self, **values: Iterable[str]) -> list[str]:
         """Return the names of its run files, as :meth:`files` does."""
         return [f"runs/{name}.h5" for stem in self.runs for name in _filled(stem, values)]
+
+    def makes(self, name: str) -> bool:
+        """Return True if a file is one of its target, whatever the values of placeholders."""
+        return any(fnmatchcase(name, _pattern(file)) for file in self._unfilled())
+
+    def _unfilled(self) -> list[str]:
+        """Names of the files of its target, with placeholders."""
+        cubes = [f"cubes/{stem}.h5" for stem in self.cubes]
+        tables = [f"tables/{stem}{suffix}" for stem in self.tables for suffix in OF_A_TABLE]
+        figures = [f"figures/{stem}{suffix}" for stem in self.figures for suffix in OF_A_FIGURE]
+        return [*cubes, *tables, *figures, *self.others]
 
     @property
     def table_patterns(self) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ EXPERIMENT = Experiment(
     name="trained",
     title="Trained methods",
     about="Methods trained on near-harmonic systems, tested on systems outside the training.",
+    cubes_target="trained_proof",
     place=5,
     duration="15 min",
     settings=TrainedSettings,

@@ -1,0 +1,1 @@
+"""Energy errors of the harmonic oscillator after one step, over the step size."""

@@ -1,0 +1,18 @@
+"""Declaration of an experiment that a test adds to a copy of the project."""
+
+from nearharmonic.reproduction.experiments.added.settings import AddedSettings
+
+from nearharmonic.reproduction.tasks.experiment import Experiment
+
+EXPERIMENT = Experiment(
+    name="added",
+    title="Added by a test",
+    about="Energy errors of the oscillator after one step.",
+    duration="1 s",
+    settings=AddedSettings,
+    effect="Steps that `added` takes",
+    cubes={"added": ("integrator, tau", "`energy_error` after one step from q = 0, p = 1")},
+    tables=("added",),
+    figures={"one_step": "Energy error after one step"},
+    runs=("added/steps",),
+)

@@ -1,0 +1,18 @@
+"""Figure of the energy errors."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from nearharmonic.plotting.style import new_figure, style_of
+from nearharmonic.reproduction.tasks.declarations import figure
+
+
+@figure(cube="added", caption="Energy error of the oscillator after one step. Against the step size, each method.")
+def one_step(cube: Any) -> Any:
+    """Draw the errors."""
+    drawn = new_figure(4, 3)
+    axes = drawn.subplots()
+    for name, errors in zip(cube.integrator.values, cube.energy_error, strict=True):
+        axes.plot(cube.tau, errors, color=style_of(str(name)).colour)
+    return drawn

@@ -1,0 +1,16 @@
+"""The experiment that a test adds."""
+
+_ADDED = {"methods": CONFIG.methods, "settings": CONFIG.added}
+add_runs("added")
+TWO_STEPS["added"] = {
+    "run": RUN("added/steps"),
+    "results": {"cube": CUBE("added"), "table": TABLE("added")},
+    "logs": ("added/run", "added/cube"),
+    "measure": task("reproduction.experiments.added.run:measure", **_ADDED),
+    "reduce": task("reproduction.experiments.added.reduce:reduce", **_ADDED),
+}
+
+
+rule added:
+    input:
+        FILES("added"),

@@ -1,0 +1,19 @@
+"""Energy errors of one step of leapfrog, against exact arithmetic."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import pytest
+from nearharmonic.reproduction.experiments.added.reductions import reduction
+from nearharmonic.reproduction.experiments.added.run import measure
+from nearharmonic.reproduction.experiments.added.settings import AddedSettings
+
+from nearharmonic.output.dataset import assembled
+
+
+def test_one_step_of_leapfrog_errs_as_its_polynomial():
+    variables = measure(("leapfrog",), AddedSettings(steps=2))["run"].variables
+    cube = reduction.of(assembled(variables, ["label"], {}), over="tau")
+    for i, tau in enumerate((Fraction(1, 2), Fraction(1, 4))):
+        assert cube.energy_error[0, i].item() == pytest.approx(float(tau**4 / 4), abs=1e-15)
