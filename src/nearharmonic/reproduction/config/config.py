@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, make_dataclass
 from functools import cache
-from typing import Annotated
+from typing import Annotated, Any
 
 from nearharmonic.engine.settings import KINETIC_POTENTIAL, Sweep
 from nearharmonic.integrators import integrators
@@ -140,3 +140,11 @@ def whole_config() -> type[Config]:
         frozen=True,
         kw_only=True,
     )
+
+
+@cache
+def adapter() -> Any:
+    """Pydantic's reader of configs; made when first asked for, which takes a tenth of a second."""
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(whole_config())

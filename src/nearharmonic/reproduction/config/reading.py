@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
-from functools import cache
 from pathlib import Path
-from typing import Any, cast, get_args, get_type_hints
+from typing import Any, cast
 
 from nearharmonic.engine.settings import one_of
 from nearharmonic.errors import NearharmonicError, SettingError, bad_setting, unknown_name
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.user_file import expanded
-from nearharmonic.reproduction.config.config import NUMBERS, Config, sections, whole_config
+from nearharmonic.reproduction.config.config import NUMBERS, Config, adapter, sections
 from nearharmonic.reproduction.config.definitions import define, folders_of, named
+from nearharmonic.reproduction.config.schema import schema
 from nearharmonic.reproduction.experiments.paper.grid.plan import check_sweep
 from nearharmonic.systems import systems
 
@@ -105,8 +105,9 @@ def _typed(mapping: Mapping[str, Any]) -> Config:
     from pydantic import ValidationError
 
     for path, value in _leaves(mapping):
-        if isinstance(value, bool) or value is None:  # pydantic takes True for 1, and None for a key not given
-            raise bad_setting(_dotted(path), value, _place(path)[1])
+        # pydantic takes True for 1, and None for a key not given
+        if (isinstance(value, bool) or value is None) and (there := _described(path)):
+            raise bad_setting(_dotted(path), value, there["allowed"])
     try:
         return cast("Config", adapter().validate_python(mapping))
     except ValidationError as faults:
@@ -131,60 +132,33 @@ def _leaves(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[tupl
         yield path, value
 
 
-@cache
-def adapter() -> Any:
-    """Pydantic's reader of :class:`Config`; made when first asked for, which takes a tenth of a second."""
-    from pydantic import TypeAdapter
-
-    return TypeAdapter(whole_config())
-
-
 def _error_of(fault: Mapping[str, Any]) -> Exception:
     """The error of the package for a fault that pydantic found."""
     path = fault["loc"]
     key, above = _dotted(path), _dotted(path[:-1])
+    there = _described(path)
     if fault["type"] == "unexpected_keyword_argument":
-        known = [member.name for member in fields(_place(path[:-1])[0])]
+        known = _described(path[:-1])["properties"]
         return unknown_name(f"key of {above}" if above else "key of the config", path[-1], known)
-    kind, allowed = _place(path)
     if fault["type"] == "missing":
-        return SettingError(f"{above or 'the config'} lacks the key {path[-1]!r}: {allowed}")
+        return SettingError(f"{above or 'the config'} lacks the key {path[-1]!r}: {there['allowed']}")
     if fault["type"] == "literal_error":
         try:
-            one_of(key, fault["input"], get_args(kind))
+            one_of(key, fault["input"], there["enum"])
         except SettingError as error:
             return error
-    return bad_setting(key or "the config", fault["input"], allowed)
+    return bad_setting(key or "the config", fault["input"], there["allowed"])
 
 
-def _place(path: Sequence[str | int]) -> tuple[Any, str]:
-    """The type at ``path``, and what is allowed there in words."""
-    kind: Any = whole_config()
-    allowed = _keys_of(kind)
-    each = ""
+def _described(path: Sequence[str | int]) -> Mapping[str, Any]:
+    """What the schema says of the place ``path``; nothing where no key may be."""
+    there: Mapping[str, Any] = schema()
     for step in path:
         if isinstance(step, int):
-            kind, allowed = get_args(kind)[0], each
-        elif not is_dataclass(kind):
-            kind = get_args(kind)[1]
-            allowed = _keys_of(kind) if is_dataclass(kind) else each
+            there = {**there.get("items", {}), "allowed": there.get("each")}
         else:
-            member = next(member for member in fields(kind) if member.name == step)
-            kind = _required(get_type_hints(kind, include_extras=True)[member.name])
-            told = member.metadata["json_schema_extra"]
-            allowed, each = told.get("allowed") or _keys_of(kind), told.get("each", "")
-    return kind, allowed
-
-
-def _required(kind: Any) -> Any:
-    """``kind`` without None."""
-    return next((part for part in get_args(kind) if type(None) in get_args(kind) and part is not type(None)), kind)
-
-
-def _keys_of(kind: Any) -> str:
-    """Return the keys of a section, in words."""
-    *names, last = [member.name for member in fields(kind)]
-    return f"the keys {', '.join(names)} and {last}"
+            there = there.get("properties", {}).get(step) or there.get("additionalProperties") or {}
+    return there
 
 
 def _dotted(path: Iterable[str | int]) -> str:
@@ -198,7 +172,7 @@ def _repetitions(section: Any, given: Any, here: tuple[str, ...] = ()) -> Iterat
         if name not in given:
             continue
         if isinstance(value, tuple) and len(set(value)) < len(value) and name not in NUMBERS:
-            yield _dotted((*here, name)), given[name], _place((*here, name))[1]
+            yield _dotted((*here, name)), given[name], _described((*here, name))["allowed"]
         elif isinstance(value, Mapping) or is_dataclass(value):
             yield from _repetitions(value, given[name], (*here, name))
 

@@ -9,11 +9,12 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from nearharmonic.output.atomic import write_text
-from nearharmonic.reproduction.config.reading import adapter
+from nearharmonic.reproduction.config.config import adapter
 from nearharmonic.reproduction.tasks.experiment import beside_the_paper, experiments
 
 #: The generated files, from the root of the project.
@@ -26,6 +27,7 @@ _ROWS = {
 }
 
 
+@cache
 def schema() -> dict[str, Any]:
     """Return the JSON schema of configs; besides the standard's words ``unit`` and ``allowed``, as errors tell it."""
     found = adapter().json_schema()
