@@ -72,8 +72,8 @@ def test_a_misspelt_key_is_told_before_the_one_that_is_missing():
 
 @pytest.mark.parametrize("value", [True, None, 3])
 def test_an_unknown_key_is_refused_whatever_its_value(value):
-    said = refused({"mine": {"file": "quartic_well.py", "tau_per_stage": GRID, "lable": value}})
-    assert "unknown key of systems.mine 'lable'. Did you mean 'label'?" in said
+    said = refused({"mine": {"file": "quartic_well.py", "tau_per_stage": GRID, "labels": value}})
+    assert "unknown key of systems.mine 'labels'. Did you mean 'label'?" in said
 
 
 def test_a_file_under_a_registered_name_is_told_to_take_another_name():

@@ -1,1 +1,1 @@
-"""The experiments, one folder each; none knows another."""
+"""Experiments, one folder each with its declaration in the module ``experiment``; none knows another."""
