@@ -111,9 +111,8 @@ for _name, (_files, _made) in _TOGETHER.items():
 
 
 # Drawn where a config has a system whose equations are regularised.
-_LEFT_OUT = tuple(FIGURE("regularised_times"))
-if any(systems[name].regularisation is not None for name in CONFIG.systems):
-    _LEFT_OUT = ()
+_IS_DRAWN = any(systems[name].regularisation is not None for name in CONFIG.systems)
+_LEFT_OUT = [] if _IS_DRAWN else FIGURE("regularised_times")
 
 
 rule work_precision:

@@ -151,7 +151,7 @@ def _error_of(fault: Mapping[str, Any]) -> Exception:
 
 
 def _described(path: Sequence[str | int]) -> Mapping[str, Any]:
-    """What the schema says of the place ``path``; nothing where no key may be."""
+    """Description of the place ``path`` in the schema; empty where no key may be."""
     there: Mapping[str, Any] = schema()
     for step in path:
         if isinstance(step, int):

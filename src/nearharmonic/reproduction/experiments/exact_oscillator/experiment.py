@@ -6,7 +6,7 @@ from nearharmonic.reproduction.tasks.experiment import Experiment
 EXPERIMENT = Experiment(
     name="exact_oscillator",
     title="Oscillator solved exactly",
-    about="Energy error against amplitude in the Hénon-Heiles system, for T + V and an exactly solved oscillator.",
+    about="Energy error against amplitude, for the splitting T + V and for an exactly solved oscillator.",
     place=3,
     duration="20 s",
     settings=ExactOscillatorSettings,

@@ -6,9 +6,7 @@ from nearharmonic.reproduction.tasks.experiment import Experiment
 EXPERIMENT = Experiment(
     name="stability",
     title="Stability",
-    about=(
-        "Limits of linear stability, ensembles, Kepler maps, round-off growth, structure, and T that is not quadratic."
-    ),
+    about="Linear limits, ensembles, Kepler maps, round-off growth, structure, T not quadratic.",
     place=4,
     duration="70 s",
     settings=StabilitySettings,

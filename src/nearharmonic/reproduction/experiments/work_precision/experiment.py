@@ -6,7 +6,7 @@ from nearharmonic.reproduction.tasks.experiment import Experiment
 EXPERIMENT = Experiment(
     name="work_precision",
     title="Run time against error",
-    about="Run time of one trajectory against its error, compared with other libraries; it depends on the machine.",
+    about="Run time against error, compared with other libraries; it depends on the machine.",
     place=6,
     duration="3 min",
     settings=WorkPrecisionSettings,
