@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from nearharmonic.output.atomic import write_text
-from nearharmonic.output.table import pipes
+from nearharmonic.output.page import pipes
 from nearharmonic.reproduction.config.reading import adapter
 
 #: The generated files, from the root of the project.
