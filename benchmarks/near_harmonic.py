@@ -10,7 +10,6 @@ system, whatever its frequencies and amplitudes, and at most 1.
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import inf, isnan, log, log10, nan, pi
@@ -20,6 +19,7 @@ import numpy as np
 
 import nearharmonic as nh
 from nearharmonic.integrators import plain_integrators
+from nearharmonic.output.page import filled, pipes
 from nearharmonic.systems.user_file import load_system
 
 ROOT = Path(__file__).parents[1]
@@ -177,8 +177,7 @@ def decades(gain):
 
 
 def table(header, rows):
-    aligned = ["---" if i < 2 else "---:" for i in range(len(header))]
-    return "\n".join("| " + " | ".join(map(str, row)) + " |" for row in (header, aligned, *rows))
+    return "\n".join(pipes(header, rows, align="llr"))
 
 
 def table_of_examples(results):
@@ -262,14 +261,6 @@ def tables():
     results = [*of_families, *others]
     parts = {"bands": table_of_bands(results), "examples": table_of_examples(of_examples)}
     return parts | {"families": table_of_families(of_families)}, results
-
-
-def filled(page, parts):
-    """The text of a page with each table between its marks."""
-    for name, text in parts.items():
-        page, count = re.subn(rf"(<!-- {name} -->\n).*?(<!-- end -->)", rf"\1{text}\n\2", page, flags=re.DOTALL)
-        assert count == 1, name
-    return page
 
 
 if __name__ == "__main__":

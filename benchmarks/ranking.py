@@ -24,6 +24,7 @@ from nearharmonic.errors import SettingError
 from nearharmonic.integrators import plain_integrators
 from nearharmonic.math import cos
 from nearharmonic.numerics.clock import Patience, interleaved, pinned, processor
+from nearharmonic.output.page import filled, pipes
 from nearharmonic.recommendation.own import LOSSLESS, prepared_calls
 from nearharmonic.training.published import published_names
 
@@ -161,7 +162,7 @@ def tables() -> str:
         for contest in contests():
             found = curves(contest)
             lines += [f"### {contest.name}, t = {contest.t_end}", ""]
-            lines += ["| error | fewest evaluations | of published methods | shortest time |", "|---|---|---|---|"]
+            lines_of_table = []
             for error in ERRORS:
                 rows = by_evaluations(found, error)
                 cheap = counted(rows[:PLACES])
@@ -169,16 +170,17 @@ def tables() -> str:
                 fast = ", ".join(
                     f"{label(one.method)} {1e6 * time:.0f} µs" for time, one in by_time(contest, rows)[:PLACES]
                 )
-                lines.append(f"| {error:.0e} | {cheap} | {known} | {fast} |")
-            lines.append("")
+                lines_of_table.append((f"{error:.0e}", cheap, known, fast))
+            lines += [
+                *pipes(("error", "fewest evaluations", "of published methods", "shortest time"), lines_of_table),
+                "",
+            ]
     return "\n".join(lines).rstrip()
 
 
 def main() -> None:
     argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0]).parse_args()
-    text = PAGE.read_text(encoding="utf-8")
-    made = f"<!-- ranking -->\n{tables()}\n<!-- end -->"
-    text = re.sub(r"<!-- ranking -->\n.*?<!-- end -->", lambda _: made, text, flags=re.DOTALL)
+    text = filled(PAGE.read_text(encoding="utf-8"), {"ranking": tables()})
     PAGE.write_text(re.sub(r"Machine: .*? Times", f"Machine: {processor()}. Times", text, flags=re.DOTALL))
     print(f"wrote {PAGE}")
 

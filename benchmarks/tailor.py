@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import contextlib
 import io
-import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from nearharmonic.cli import main as command
+from nearharmonic.output.page import filled, pipes
 from nearharmonic.training.tailor.orbit import orbit_of
 from nearharmonic.training.tailor.published import published, step_sizes
 from nearharmonic.training.tailor.question import question
@@ -47,10 +47,7 @@ def example() -> str:
 
 def gains() -> str:
     """A row for each system."""
-    rows = [
-        "| system | window | best published | stages | on the starts of the search | on others |",
-        "|---|---|---|---|---|---|",
-    ]
+    rows = []
     for system in SYSTEMS:
         found = gain_of(system)
         unit = found.question.system.units["t"]
@@ -58,8 +55,9 @@ def gains() -> str:
         overall = ", ".join(f"`{name}`" for name in dict.fromkeys(found.test.best))
         test = f"**{found.test.gain}**" if found.has_gain else str(found.test.gain)
         label = found.question.system.label
-        rows.append(f"| {label} | {window} | {overall} | {found.tableau.stages} | {found.training.gain} | {test} |")
-    return "\n".join(rows)
+        rows.append((label, window, overall, found.tableau.stages, found.training.gain, test))
+    columns = ("system", "window", "best published", "stages", "on the starts of the search", "on others")
+    return "\n".join(pipes(columns, rows))
 
 
 def gain_of(system: str, trials: int = TRIALS):
@@ -80,15 +78,15 @@ def pool(system: str):
 
 def over_fitting() -> str:
     """Gains by the number of starts, on these and on 64 others."""
-    rows = ["| system | starts | on these | on others | difference |", "|---|---:|---:|---:|---:|"]
+    rows = []
     for name, stages in OVER:
         system = str(ROOT / name) if "/" in name else name
         starts = pool(system)
         for count in STARTS:
             label, pairs = fitted(system, stages, starts, count)
             own, others = np.mean(pairs, axis=0)
-            rows.append(f"| {label} | {count} | {own:.2f} | {others:.2f} | {own - others:.2f} |")
-    return "\n".join(rows)
+            rows.append((label, count, *(f"{gain:.2f}" for gain in (own, others, own - others))))
+    return "\n".join(pipes(("system", "starts", "on these", "on others", "difference"), rows, align="lr"))
 
 
 def fitted(system: str, stages: int, starts, count: int):
@@ -119,16 +117,15 @@ def elsewhere() -> str:
     found = tailored(asked)
     others = published(asked.system)
     wide = comparison(found.tableau, others, found.held_out, np.array(STEPS), 0)
-    header = ["| tau/s | " + " | ".join(f"{tau:g}" for tau in STEPS) + " |", "|---|" + "---:|" * len(STEPS)]
-    rows = [*header, "| gain at H = 1/8 | " + " | ".join(f"{gain.mean:.2f}" for gain in wide.gains) + " |", ""]
+    gains_by_step = ["gain at H = 1/8", *(f"{gain.mean:.2f}" for gain in wide.gains)]
+    lines = [*pipes(["tau/s", *(f"{tau:g}" for tau in STEPS)], [gains_by_step], align="lr"), ""]
     cells = []
     for energy in ENERGIES:
         there = replace(asked, energy=energy, scale=energy)
         ensemble = replace(ensembles(there, orbit_of(asked.system))[1], t_end=found.held_out.t_end)
         cells.append(f"{comparison(found.tableau, others, ensemble, step_sizes(found.window), 0).gain.mean:.2f}")
-    rows += ["| H | " + " | ".join(f"{energy:g}" for energy in ENERGIES) + " |", "|---|" + "---:|" * len(ENERGIES)]
-    rows.append("| gain at tau/s = 0.08 to 0.12 | " + " | ".join(cells) + " |")
-    return "\n".join(rows)
+    header = ["H", *(f"{energy:g}" for energy in ENERGIES)]
+    return "\n".join([*lines, *pipes(header, [["gain at tau/s = 0.08 to 0.12", *cells]], align="lr")])
 
 
 def main() -> None:
@@ -141,13 +138,7 @@ def main() -> None:
     ):
         found = table()
         print(name, found, sep="\n", flush=True)
-        pattern = rf"(<!-- begin {name} -->\n).*?(<!-- end {name} -->)"
-        text, count = re.subn(
-            pattern, lambda m, found=found: m[1] + found + "\n" + m[2], PAGE.read_text("utf-8"), flags=re.DOTALL
-        )
-        if count != 1:
-            raise ValueError(f"{PAGE} has no place for {name}")
-        PAGE.write_text(text, encoding="utf-8")
+        PAGE.write_text(filled(PAGE.read_text("utf-8"), {name: found}), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -9,10 +9,11 @@ fastest of the paper's methods and of those beyond it, at each error, and every 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from math import isfinite
 
 from nearharmonic.integrators import BENCHMARKED
+from nearharmonic.output.page import pipes
 from nearharmonic.recommendation.curve import TARGETS, Curve, crossing
 from nearharmonic.reproduction.experiments.work_precision.comparison import ERRORS, Pair, pairs
 
@@ -32,28 +33,28 @@ def main() -> None:
             print("", *table([*pair.own, *pair.others], mode), sep="\n")
 
 
-def ratios(measured: Sequence[Pair]) -> Iterator[str]:
+def ratios(measured: Sequence[Pair]) -> list[str]:
     """Lines of the table of our least times over heyoka's, bold where that is above 1."""
-    yield "| system | " + " | ".join(f"{error:.0e}" for error in ERRORS) + " |"
-    yield "|---|" + "---:|" * len(ERRORS)
+    rows = []
     for mode, head in HEADS.items():
         for pair in measured:
             cells = [pair.fastest(error, mode)[0][1].time / pair.standard(error, mode) for error in ERRORS]
             shown = (f"**{digits(x)}**" if x > 1 else digits(x) for x in cells)
-            yield f"| {pair.label}, {head} | {' | '.join(shown)} |"
+            rows.append([f"{pair.label}, {head}", *shown])
+    return pipes(["system", *(f"{error:.0e}" for error in ERRORS)], rows, align="lr")
 
 
-def table(curves: Sequence[Curve], mode: str) -> Iterator[str]:
+def table(curves: Sequence[Curve], mode: str) -> list[str]:
     """Lines of the table of ``curves`` in one ``mode`` of timing."""
     times = {curve.method: [1e3 * crossing(curve, "max", target, mode).time for target in TARGETS] for curve in curves}
     times = {method: row for method, row in times.items() if any(map(isfinite, row))}
     least = [min(filter(isfinite, column)) for column in zip(*times.values(), strict=True)]
-    yield f"| {HEADS[mode]} | " + " | ".join(f"{target:.0e}" for target in TARGETS) + " |"
-    yield "|---|" + "---:|" * len(TARGETS)
+    rows = []
     for curve in curves:
         if curve.method in times and curve.method in shown(curves, times):
             cells = [cell(time, best) for time, best in zip(times[curve.method], least, strict=True)]
-            yield f"| {curve.label} | {' | '.join(cells)} |"
+            rows.append([curve.label, *cells])
+    return pipes([HEADS[mode], *(f"{target:.0e}" for target in TARGETS)], rows, align="lr")
 
 
 def shown(curves: Sequence[Curve], times: dict[str, list[float]]) -> set[str]:

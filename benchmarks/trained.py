@@ -17,6 +17,7 @@ from PIL import Image
 
 import nearharmonic as nh
 from nearharmonic.integrators import integrators
+from nearharmonic.output.page import filled, pipes
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs/trained.md"
@@ -53,8 +54,7 @@ def label(name):
 
 def table(header, rows, left=1):
     """A Markdown table whose first columns are aligned to the left."""
-    marks = ["---" if i < left else "---:" for i in range(len(header))]
-    return "\n".join("| " + " | ".join(map(str, row)) + " |" for row in (header, marks, *rows))
+    return "\n".join(pipes(header, rows, align="l" * left + "r"))
 
 
 def signed(x, digits=2):
@@ -207,25 +207,12 @@ PARTS = {
 }  # fmt: skip
 
 
-def filled(page, folder):
-    """The text of the page with each table between its marks."""
-    for name, made in PARTS.items():
-        text = made(folder)
-        page, count = re.subn(
-            rf"(<!-- {name} -->\n).*?(<!-- end -->)",
-            lambda m, text=text: f"{m[1]}{text}\n{m[2]}",
-            page,
-            flags=re.DOTALL,
-        )
-        assert count == 1, name
-    return page
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
     parser.add_argument("results", nargs="?", default=ROOT / "results/paper", type=Path, help="folder of the results")
     folder = parser.parse_args().results
-    PAGE.write_text(filled(PAGE.read_text(encoding="utf-8"), folder), encoding="utf-8")
+    parts = {name: made(folder) for name, made in PARTS.items()}
+    PAGE.write_text(filled(PAGE.read_text(encoding="utf-8"), parts), encoding="utf-8")
     for stem in FIGURES:
         with Image.open(folder / f"figures/{stem}.png") as picture:  # few colours take a fifth of the room
             picture.convert("RGB").quantize(COLOURS).save(PAGE.parent / f"{stem}.png", optimize=True)

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import argparse
 import csv
-import re
 from pathlib import Path
 
 import nearharmonic as nh
 from nearharmonic.integrators import plain_integrators
+from nearharmonic.output.page import filled, pipes
 from nearharmonic.reproduction.experiments.trained.problems.purposes import PURPOSES
 from nearharmonic.theory.shifted_kicks import shifted_kicks
 
@@ -34,10 +34,7 @@ def composition(tableau: nh.Tableau) -> str:
 
 def methods_table() -> list[str]:
     """A row for each trained method: what is proved of it, and its window."""
-    header = (
-        "| method | for | τ/s | composition | stages | order | for quadratic T | harmonic | stable up to τ | Σ abs |"
-    )
-    lines = [header, "|---|---|---|---|---:|---:|---:|---:|---:|---:|"]
+    rows = []
     for one in trained():
         purpose = PURPOSES[one.name.removeprefix("trained_")]
         low, high = purpose.window
@@ -50,29 +47,27 @@ def methods_table() -> list[str]:
                 f"{float(nh.stability_limit(one)):.3f}",
             ]  # fmt: skip
         cells = [f"`{one.name}`", purpose.what, f"{low:.3g} to {high:.3g}", composition(one), str(one.stages), *told]
-        lines.append(f"| {' | '.join([*cells, f'{total:.2f}'])} |")
-    return lines
+        rows.append([*cells, f"{total:.2f}"])
+    columns = ["composition", "stages", "order", "for quadratic T", "harmonic", "stable up to τ", "Σ abs"]
+    return pipes(["method", "for", "τ/s", *columns], rows, align="llllr")
 
 
 def shifted_table() -> list[str]:
     """A row for each method with shifted kicks: the first of its mirrored pairs."""
-    lines = ["| method | a | d | b | a + b | m |", "|---|---:|---:|---:|---:|---:|"]
+    rows = []
     for one in [*(nh.integrators[name] for name in SHIFTED), *trained()]:
         found = [] if one.modified else shifted_kicks(one)
         if found:
             pair = found[0]
             numbers = [pair.before, pair.drift, pair.behind, pair.net, pair.square]
             cells = [one.label, *(f"{x:.4f}".replace("-", "−") for x in numbers[:-1]), f"{pair.square:.5f}"]
-            lines.append(f"| {' | '.join(cells)} |")
-    return lines
+            rows.append(cells)
+    return pipes(["method", "a", "d", "b", "a + b", "m"], rows, align="lr")
 
 
 def landscape_table(results: Path) -> list[str]:
     """A row for each family that was searched."""
-    lines = [
-        "| for | composition | stages | searches | methods tried | at the best | best from | gain, least | mean |",
-        "|---|---|---:|---:|---:|---:|---|---:|---:|",
-    ]
+    rows = []
     for name, purpose in PURPOSES.items():
         with (results / f"tables/trained_landscape_{name}.csv").open(encoding="utf-8", newline="") as file:
             for row in csv.DictReader(file):
@@ -82,14 +77,17 @@ def landscape_table(results: Path) -> list[str]:
                     row["ended at the best"], row["best from"], f"{float(row['least gain']):.2f}",
                     f"{float(row['mean gain']):.2f}",
                 ]  # fmt: skip
-                lines.append(f"| {' | '.join(cells)} |".replace("-", "−"))
-    return lines
+                rows.append([cell.replace("-", "−") for cell in cells])
+    columns = ["stages", "searches", "methods tried", "at the best", "best from", "gain, least", "mean"]
+    return pipes(["for", "composition", *columns], rows, align="llrrrrlr")
 
 
-def filled(page: str, name: str, lines: list[str]) -> str:
-    """The page with a table between its marks."""
-    marks = f"<!-- {name} -->", f"<!-- end of {name} -->"
-    return re.sub(f"{marks[0]}.*{marks[1]}", "\n".join([marks[0], "", *lines, "", marks[1]]), page, flags=re.DOTALL)
+def parts(results: Path | None = None) -> dict[str, str]:
+    """The tables by their marks on the page."""
+    found = {"methods": methods_table(), "shifted": shifted_table()}
+    if results:
+        found["landscape"] = landscape_table(results)
+    return {name: "\n".join(["", *lines, ""]) for name, lines in found.items()}
 
 
 def main() -> None:
@@ -97,11 +95,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("results", type=Path, nargs="?", help="folder of results, for the table of the landscape")
     asked = parser.parse_args()
-    page = filled(PAGE.read_text(encoding="utf-8"), "methods", methods_table())
-    page = filled(page, "shifted", shifted_table())
-    if asked.results:
-        page = filled(page, "landscape", landscape_table(asked.results))
-    PAGE.write_text(page, encoding="utf-8")
+    PAGE.write_text(filled(PAGE.read_text(encoding="utf-8"), parts(asked.results)), encoding="utf-8")
 
 
 if __name__ == "__main__":

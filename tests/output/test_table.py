@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.output.table import Table, from_csv, pipes
+from nearharmonic.output.table import Table, from_csv
 
 TABLE = Table(header=["name", "size"], rows=[["a, b", 0.1234567], ["c", 2]], caption="Sizes.")
 
@@ -34,10 +34,3 @@ def test_a_table_read_from_its_csv_has_the_same_cells_as_texts():
 def test_a_text_that_is_no_table_is_refused(text, says):
     with pytest.raises(NearharmonicError, match=says):
         from_csv(text)
-
-
-@pytest.mark.parametrize(
-    ("align", "marks"), [("l", "|---|---|---|"), ("lr", "|---|---:|---:|"), ("rrl", "|---:|---:|---|")]
-)
-def test_the_last_letter_of_the_alignment_holds_for_all_further_columns(align, marks):
-    assert pipes(["a", "b", "c"], [[1, "x", 2.5]], align) == ["| a | b | c |", marks, "| 1 | x | 2.5 |"]

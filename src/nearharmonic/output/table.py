@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isnan
 from pathlib import Path
@@ -111,22 +111,6 @@ def _in_words(cell: Cell, digits: int | None) -> str:
     if isinstance(cell, bool):
         return "yes" if cell else "no"
     return f"{cell:.{digits}g}" if isinstance(cell, float) and digits else str(cell)
-
-
-def pipes(header: Sequence[str], rows: Iterable[Sequence[Cell]], align: str = "l") -> list[str]:
-    """Return lines of Markdown without padding, as pages have them.
-
-    Parameters
-    ----------
-    header : sequence of str
-        Names of the columns.
-    rows : iterable of sequences
-        Cells, written by ``str``.
-    align : str
-        ``l`` or ``r`` for each column; the last letter holds for all further columns.
-    """
-    marks = ["---:" if align[min(i, len(align) - 1)] == "r" else "---" for i in range(len(header))]
-    return [f"| {' | '.join(header)} |", f"|{'|'.join(marks)}|", *(f"| {' | '.join(map(str, row))} |" for row in rows)]
 
 
 def from_csv(text: str) -> Table:

@@ -235,7 +235,6 @@ def test_a_perturbation_turns_the_perihelion_as_in_first_order():
 def test_without_its_strength_a_perturbation_costs_nothing():
     bare = nh.integrate(unperturbed(SYSTEM), "aba864", 300, samples=2)
     assert np.array_equal(nh.integrate(SYSTEM, "aba864", 300, samples=2).q, bare.q)
-    assert SYSTEM.force_chain.cycles > 2 * unperturbed(SYSTEM).force_chain.cycles
     near = nh.integrate(SYSTEM, "aba864", 300, samples=2, parameters={"A": "1e-12"})
     assert not np.array_equal(near.q, bare.q)
     assert np.abs(near.q - bare.q).max() < 1e-9

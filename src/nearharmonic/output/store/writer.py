@@ -133,15 +133,10 @@ def _text_type() -> Any:
 
 
 def _filters(values: np.ndarray) -> dict[str, Any]:
-    """HDF5 filters: a checksum, and compression for large arrays; chunks contain complete trailing axes."""
+    """HDF5 filters: compression for large arrays; chunks contain complete trailing axes."""
     if values.nbytes < WORTH_COMPRESSING:
-        return _checksum(values.shape)
+        return {}
     row = values.nbytes // values.shape[0]
     rows = min(values.shape[0], max(1, LARGEST_CHUNK // row))
     packed = {"compression": "gzip", "compression_opts": GZIP_LEVEL, "shuffle": True}
-    return {**_checksum((rows, *values.shape[1:])), **packed}
-
-
-def _checksum(chunk: tuple[int, ...]) -> dict[str, Any]:
-    """HDF5 checksum of each chunk; single numbers and empty arrays have no chunks."""
-    return {"fletcher32": True, "chunks": chunk} if chunk and all(chunk) else {}
+    return {"chunks": (rows, *values.shape[1:]), **packed}

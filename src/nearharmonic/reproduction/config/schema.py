@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from nearharmonic.output.atomic import write_text
-from nearharmonic.output.table import pipes
+from nearharmonic.output.page import pipes
 from nearharmonic.reproduction.config.config import adapter
 from nearharmonic.reproduction.tasks.experiment import beside_the_paper, experiments
 

@@ -6,9 +6,8 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
-from nearharmonic.core.formulas.chain import Chain
 from nearharmonic.core.formulas.expression.graph import Graph
-from nearharmonic.core.formulas.number import Constant, vector
+from nearharmonic.core.formulas.number import vector
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.registry.user_module import pickled
 from nearharmonic.systems.definition.arguments import check_arguments
@@ -187,15 +186,6 @@ class System(Energies):
         except SystemDefinitionError:
             return False
         return True
-
-    @property
-    def force_chain(self) -> Chain:
-        """The longest chain of operations from a position to its force, in processor cycles.
-
-        It bounds the time of one trajectory: a stage takes about seven cycles more.
-        """
-        given = () if self.parameters_at_run_time else self.constants(Constant)
-        return self.formulas().force_chain(given, len(self.parameters))
 
     def formulas(self) -> Formulas:
         """Return the integrated formulas: those of the system, or of the extended system if V depends on time."""

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from nearharmonic.core.formulas.chain import Chain, Chained, longest_chain
-from nearharmonic.core.formulas.number import Constant, vector
+from nearharmonic.core.formulas.number import Constant
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems.definition.energies import Energies
 from nearharmonic.systems.definition.extended import (
@@ -55,20 +54,6 @@ class Formulas:
     def are_loops(self) -> bool:
         """True if kernels of the system are loops, for one trajectory at a time."""
         return self.energies[0].traced and any(energy.is_long for energy in self.energies)
-
-    def force_chain(self, constants: Sequence[Constant], parameters: int) -> Chain:
-        """Return the longest chain of operations from q to grad_V.
-
-        Parameters
-        ----------
-        constants : sequence of Constant
-            The parameters, if they are compiled in.
-        parameters : int
-            Number of parameters.
-        """
-        values = [Chained() for _ in range(self.dimension + parameters)]
-        q, given = tuple(values[: self.dimension]), values[self.dimension :]
-        return longest_chain(vector(self, "grad_V", q, *(constants or given)))
 
 
 def formulas_of(system: Energies, potential: Energy, kinetic_energy: Energy) -> Formulas:

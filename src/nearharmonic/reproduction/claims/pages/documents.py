@@ -17,7 +17,7 @@ from pathlib import Path
 from textwrap import wrap
 
 from nearharmonic.output.atomic import write_text
-from nearharmonic.output.table import pipes
+from nearharmonic.output.page import pipes
 from nearharmonic.reproduction.claims.judging.definitions import MEANINGS
 from nearharmonic.reproduction.claims.pages.in_short import SYSTEMS, by_system, in_short
 from nearharmonic.reproduction.claims.pages.summary import (

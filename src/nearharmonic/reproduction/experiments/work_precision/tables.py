@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass, fields
 from math import isfinite
 
-from nearharmonic.output.table import Table, pipes
+from nearharmonic.output.page import pipes
+from nearharmonic.output.table import Table
 from nearharmonic.recommendation.curve import (
     NAMES,
     TARGETS,

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import PurePosixPath
 
-from nearharmonic.output.table import pipes
+from nearharmonic.output.page import pipes
 from nearharmonic.reproduction.record.archive.metadata import Member, Run
 
 #: What stands where in an archive; folders and files that it does not hold are not named.

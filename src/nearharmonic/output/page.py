@@ -1,0 +1,42 @@
+"""Generated parts of Markdown pages: tables, and the marks between which a part stands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from nearharmonic.errors import NearharmonicError
+from nearharmonic.output.table import Cell
+
+
+def pipes(header: Sequence[str], rows: Iterable[Sequence[Cell]], align: str = "l") -> list[str]:
+    """Return lines of Markdown without padding, as pages have them.
+
+    Parameters
+    ----------
+    header : sequence of str
+        Names of the columns.
+    rows : iterable of sequences
+        Cells, written by ``str``.
+    align : str
+        ``l`` or ``r`` for each column; the last letter holds for all further columns.
+    """
+    marks = ["---:" if align[min(i, len(align) - 1)] == "r" else "---" for i in range(len(header))]
+    return [f"| {' | '.join(header)} |", f"|{'|'.join(marks)}|", *(f"| {' | '.join(map(str, row))} |" for row in rows)]
+
+
+def filled(page: str, parts: Mapping[str, str]) -> str:
+    """Return a page with each text of ``parts`` between the lines ``<!-- name -->`` and ``<!-- end -->``.
+
+    Raises
+    ------
+    NearharmonicError
+        The page has not exactly one place for a name.
+    """
+    for name, text in parts.items():
+        before, *rest = page.split(f"<!-- {name} -->\n")
+        if len(rest) != 1 or "<!-- end -->" not in rest[0]:
+            message = f"the page has {len(rest)} places for {name}, each from <!-- {name} --> to <!-- end -->"
+            raise NearharmonicError(message)
+        _, end, after = rest[0].partition("<!-- end -->")
+        page = f"{before}<!-- {name} -->\n{text}\n{end}{after}"
+    return page
