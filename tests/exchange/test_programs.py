@@ -115,53 +115,6 @@ def test_an_integrator_of_rebound_moves_its_planets_with_the_order_of_the_integr
     assert ratio > 2**4 / 1.5  # order 4 halves the step: 16, less what higher orders add
 
 
-DRIVEN_PARTICLE = """
-import rebound
-import {name}
-
-def force(pointer):
-    pointer.contents.particles[0].ax += pointer.contents.t ** 3
-
-simulation = rebound.Simulation()
-simulation.add(m=1.0)
-simulation.additional_forces = force
-simulation.integrator = "nearharmonic_{name}"
-simulation.dt = 0.25
-simulation.steps(16)
-print(simulation.particles[0].vx)
-"""
-DRIVEN_STATE = """
-import diffrax
-import jax
-from {name} import {Name}
-
-jax.config.update("jax_enable_x64", True)
-terms = (diffrax.ODETerm(lambda t, p, args: p), diffrax.ODETerm(lambda t, q, args: t**3))
-print(diffrax.diffeqsolve(terms, {Name}(), 0.0, 4.0, 0.25, (0.0, 0.0)).ys[1][-1].item())
-"""
-
-
-def driven(program, name, to, folder):
-    """The momentum after four units of time under the force t^3, from the program that uses an export."""
-    written(folder, name, to, "py")
-    (folder / "driven.py").write_text(program.format(name=name, Name=name.capitalize()), encoding="utf-8")
-    return float(run([sys.executable, "driven.py"], folder))
-
-
-@needs_rebound
-@pytest.mark.parametrize("name", ROLES)
-def test_an_integrator_of_rebound_kicks_with_the_force_at_the_time_of_the_positions(name, tmp_path):
-    # a method of order 4 integrates t^3 exactly: 4^4 / 4, to the rounding of 16 steps of ten kicks
-    assert abs(driven(DRIVEN_PARTICLE, name, "rebound", tmp_path) / 64 - 1) < 160 * 2.0**-52
-
-
-@needs_diffrax
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ROLES)
-def test_a_solver_of_diffrax_kicks_with_the_force_at_the_time_of_the_positions(name, tmp_path):
-    assert abs(driven(DRIVEN_STATE, name, "diffrax", tmp_path) / 64 - 1) < 160 * 2.0**-52
-
-
 @needs_diffrax
 @pytest.mark.slow  # JAX takes seconds to start
 @pytest.mark.parametrize("name", [*ROLES, "srkn_b11"])

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from nearharmonic.reproduction.report import assets
+from nearharmonic.reproduction.tasks import sources
 from nearharmonic.reproduction.tasks.provenance import function_of
 from support.projects.opened_files import read_by_jobs
 from support.projects.planned_jobs import CORES
@@ -122,19 +124,21 @@ def test_a_job_reads_the_results_that_its_rule_names_and_no_other(planned, maker
         assert read <= (above(job, makers) if folder else named), job.rule
 
 
-def test_an_edit_of_a_file_of_the_package_that_a_job_reads_makes_its_results_again(finished):
-    """Template, style and script of the page: files that are no Python."""
+def test_an_edit_of_what_the_page_is_made_of_makes_it_again(finished):
+    """Template, style and script, the files of the package that jobs read and that are no Python."""
     package = "src/nearharmonic/"
     read = {
-        log: {name for name in files if name.startswith(package) and not name.endswith((".py", ".pyc"))}
+        (log, name)
         for log, files in read_by_jobs(finished.folder).items()
+        for name in files
+        if name.startswith(package) and not name.endswith((".py", ".pyc"))
     }
-    assert {log for log, files in read.items() if files} == {f"{RESULTS}logs/report.log"}
-    for name in read[f"{RESULTS}logs/report.log"]:
-        place = finished.folder / name
-        text = place.read_bytes()
-        place.write_bytes(text + b"\n")
-        try:
-            assert finished.jobs(*TINY) == {"page": 1, "all": 1}, name
-        finally:
-            place.write_bytes(text)
+    places = [f"{package}{place.relative_to(sources.ROOT)}" for place in map(assets.FOLDER.joinpath, assets.NAMES)]
+    assert read == {(f"{RESULTS}logs/report.log", name) for name in places}
+    place = finished.folder / places[-1]
+    text = place.read_bytes()
+    place.write_bytes(text + b"\n")
+    try:
+        assert finished.jobs(*TINY) == {"page": 1, "all": 1}
+    finally:
+        place.write_bytes(text)
