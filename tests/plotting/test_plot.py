@@ -11,10 +11,12 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import pytest
+import xarray as xr
 from matplotlib.figure import Figure
 
 import nearharmonic as nh
 from nearharmonic.errors import SettingError
+from nearharmonic.plotting.members import MEMBER, varying
 from support.cubes import figure_cubes as made
 from support.cubes.artists import line_of, look_of
 from support.methods.own_systems import spring
@@ -183,3 +185,14 @@ def test_a_figure_of_diverged_runs_alone_says_so():
     for axes in figure.axes:
         assert any("every run diverged" in text.get_text() for text in axes.texts)
         assert axes.get_xlim()[0] > 1000  # as wide as the steps that were tried
+
+
+def test_ensembles_are_drawn_against_the_one_parameter_that_varies_in_all_of_them():
+    def ensemble(**values):
+        return xr.Dataset({f"parameter_{name}": ("member", given) for name, given in values.items()})
+
+    one, both = ensemble(a=[1.0, 2.0], b=[3.0, 3.0]), ensemble(a=[1.0, 2.0], b=[3.0, 4.0])
+    assert varying([one]) == varying([one, one]) == "parameter_a"
+    other = ensemble(a=[1.0, 1.0], b=[3.0, 4.0])
+    for given in ([both], [one, both], [one, other], [ensemble(a=[1.0, 1.0])], [ensemble()]):
+        assert varying(given) == MEMBER

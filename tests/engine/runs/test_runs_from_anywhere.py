@@ -129,6 +129,17 @@ def test_between_two_steps_lies_one_shorter_step_from_the_step_before(method, ho
     assert found.max_energy_error == end.max_energy_error
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_state_between_steps_is_a_shorter_step_from_the_one_before_however_near_the_next_is(sign):
+    between = nh.integrate("henon_heiles", "ruth", 0.5, t_end=5 * sign, t=[2.45 * sign])
+    before = nh.integrate("henon_heiles", "ruth", 0.5, t_end=2 * sign)
+    shorter = nh.integrate("henon_heiles", "ruth", 0.45, t_end=0.45 * sign, start=before)
+    behind = nh.integrate("henon_heiles", "ruth", 0.5, t_end=2.5 * sign)
+    backwards = nh.integrate("henon_heiles", "ruth", 0.05, t_end=-0.05 * sign, start=behind)
+    assert np.abs(between.q[-1] - shorter.q[-1]).max() < 1e-14
+    assert np.abs(between.q[-1] - backwards.q[-1]).max() > 1e-6
+
+
 def test_output_times_backwards():
     there = nh.integrate("sho", "aba864", 0.1, t_end=-3, t=[0, -1.05, -3])
     # cos is even; aba864 at tau = 0.1: phase and amplitude to 1e-8.

@@ -69,6 +69,22 @@ def test_every_error_of_the_cube_that_can_be_drawn_is_in_its_panel_bit_by_bit(
         assert made.label(one.tags[0]) in one.name
 
 
+def test_the_interval_of_an_advance_is_a_bar_around_its_point(results, plots):
+    bars = [one for one in plots["figure-4-panel-1"].renderers if type(one.glyph).__name__ == "Segment"]
+    assert [one.tags[0] for one in bars] == list(made.METHODS)
+    with h5py.File(results / "cubes/kepler.h5") as cube:
+        advances, intervals, evaluations = (
+            cube[name][()].reshape(-1, len(made.METHODS), made.TAU.size)[0]
+            for name in ("perihelion_advance", "perihelion_advance_interval", "evaluations_per_orbit")
+        )
+    for one, advance, interval, x in zip(bars, abs(advances), intervals, evaluations, strict=True):
+        known = interval < advance  # False for NaN
+        assert known.any()
+        expected = {"x0": x, "x1": x, "y0": advance - interval, "y1": advance + interval}
+        for end, values in expected.items():
+            np.testing.assert_array_equal(one.data_source.data[getattr(one.glyph, end).field], values[known])
+
+
 def test_errors_near_the_floor_of_a_potential_have_it_beside_them():
     """The cube of a spring of numba: its errors are those of a sweep down to rounding."""
     near = nh.sweep(springs(), "babs7o7h", [1e-3, 1e-2, 1e-1])
