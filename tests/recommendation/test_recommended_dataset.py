@@ -250,8 +250,8 @@ def test_units_are_those_of_the_system():
             {"methods": ["ruth", integrators["ruth"].role("kick")]},
             "methods = 'ruth' is not allowed: two methods have this name",
         ),
-        ({"budget": 0}, "budget = 0 is not allowed: a whole number from 1 to 1000000000"),
-        ({"budget": 1e5}, "budget = 100000.0 is not allowed: a whole number"),
+        ({"budget": 0}, "budget = 0 is not allowed: an integer from 1 to 1000000000"),
+        ({"budget": 1e5}, "budget = 100000.0 is not allowed: an integer"),
     ],
 )
 def test_a_bad_question_is_one_sentence_before_any_method_runs(asked, says, monkeypatch):

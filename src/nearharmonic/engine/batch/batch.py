@@ -177,7 +177,7 @@ def _prepared_processed(
     system: System, tableau: ProcessedTableau, numerics: Numerics, marks: Integers, scheme: Integers, moves: Floats,
     start: Floats, parameters: Floats, scale: float, reference: tuple[float, float], resumed: Floats | None,
 ) -> Batch:  # fmt: skip
-    """The same for a processed method, whose kernel runs from where the inverse processor leads."""
+    """As above for processed methods: the kernel starts from the inverse-processed state."""
     numerics = replace(numerics, look=None, energy="none" if numerics.energy == "none" else "samples")
     own = np.empty((len(moves), tableau.stages + 2, moves.shape[2]))
     kernel = prepared_batch(
@@ -191,7 +191,7 @@ def _prepared_landing(
     system: System, tableau: Tableau, numerics: Numerics, marks: Integers, scheme: Integers, pieces: Floats,
     start: Floats, parameters: Floats, scale: float, reference: tuple[float, float],
 ) -> Batch:  # fmt: skip
-    """The same for a regularised system; ``running`` begins with the steps of each run, and those made to land."""
+    """As above for regularised systems; ``running`` begins with the steps of each run, without and with landings."""
     runs, d, cost = len(marks), system.dimension, tableau.stages * cost_of(system, numerics.compiled)
     left_at, control = np.zeros(runs, np.int64), execution.control()
     results = np.empty((4 * d + 3) * marks.size + (2 + running_rows(d)) * runs)

@@ -171,7 +171,7 @@ def _products(tableau: Tableau, numerator: int, denominator: int, parts: int, ro
 
 
 def _quotient(top: int, bottom: int) -> float:
-    """The double nearest to a quotient of whole numbers, infinite where it is too large for one."""
+    """The double nearest to a quotient of integers, infinite where it is too large for one."""
     try:
         return top / bottom
     except OverflowError:
@@ -179,7 +179,7 @@ def _quotient(top: int, bottom: int) -> float:
 
 
 def _pairs(tableau: Tableau, numerator: int, denominator: int, rounded: bool) -> Floats:
-    """The same with kicks and drifts as pairs."""
+    """As above, with kicks and drifts as pairs."""
     found = kicks_and_drifts(tableau, Fraction(numerator, denominator), rounded=rounded)
     return np.array([[part for c in pair for part in rounded_pair(*c.as_integer_ratio())] for pair in found])
 
@@ -197,7 +197,7 @@ def kicks_and_drifts(tableau: Tableau, tau: Fraction, *, rounded: bool) -> list[
 
 @lru_cache(maxsize=256)
 def exact_products(tableau: Tableau) -> list[tuple[tuple[int, int], ...]]:
-    """Return kick, drift and their product (s + 2) of each move, for tau = 1, as quotients of whole numbers."""
+    """Return kick, drift and their product (s + 2) of each move, for tau = 1, as quotients of integers."""
     kicks, drifts = _rows(tableau)
     pairs = _moves(kicks, drifts, kick_first=tableau.first == "kick")
     return [tuple(c.as_integer_ratio() for c in (k, e, k * e)) for k, e in pairs]

@@ -34,7 +34,7 @@ def exact(key: str, value: object) -> Fraction:
     key : str
         Name of the setting, for the error.
     value : object
-        Whole number, float, Fraction, Decimal or string.
+        Integer, float, Fraction, Decimal or string.
 
     Raises
     ------

@@ -75,8 +75,8 @@ class OscillatorStep:
     def stability_limit(self) -> BigFloat:
         """Return the step size up to which every smaller one is stable, as an mpf.
 
-        The step must be consistent. A step that is a palindrome to its digits only counts as one, lest the last digits
-        open a gap where the trace touches 2.
+        The step must be consistent. A step that is a palindrome to its digits only counts as one, so that the last
+        digits open no gap where the trace touches 2.
         """
         from nearharmonic.theory.linear_stability import gaps_of
 

@@ -177,7 +177,7 @@ class _Condition:
                 return _Operand(np.float64(np.inf), NUMBER)
             raise unknown_name("column", node.id, self._columns)
         values = self._columns[node.id]
-        # Whole numbers as floats: their products and quotients are those of the numbers, not of 64 bits.
+        # Integers as floats: their products and quotients are those of the numbers, not of 64 bits.
         return _Operand(values, TEXT) if values.dtype.kind == "U" else _Operand(values.astype(np.float64), NUMBER)
 
     def _constant(self, node: ast.Constant) -> _Operand:
