@@ -224,7 +224,7 @@ def test_help_loads_no_library_that_is_slow_to_load():
 def test_help_loads_few_modules_and_makes_few_calls():
     """At present 75 modules and 46000 calls, a tenth of a second; numpy alone would double both."""
     text = (
-        "import sys; from call_counts import calls_of; loaded = len(sys.modules)\n"
+        "import sys; from support.projects.call_counts import calls_of; loaded = len(sys.modules)\n"
         "def help():\n    from nearharmonic.cli import main\n    main(['--help'])\n"
         "print(calls_of(help), len(sys.modules) - loaded, file=sys.stderr)"
     )
