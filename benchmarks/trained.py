@@ -103,7 +103,7 @@ def widest(folder):
 
 
 def orbits(folder):
-    """The same for Kepler orbits, by evaluations of the force in an orbit, and gains at equal time."""
+    """As above for Kepler orbits, by evaluations of the force in an orbit, and gains at equal time."""
     inside, timed = (
         [row for row in rows_of(folder, name) if row["ensemble"].startswith(ORBITS)] for name in ("gains", "times")
     )

@@ -32,7 +32,7 @@ def _working_precision():
 
 @pytest.fixture(autouse=True)
 def _registries():
-    """What a config defines stays in the registries of a process, and would be found by the tests after it."""
+    """Definitions of a config stay in the registries of a process, and later tests would find them."""
     with (
         nh.systems.defining(nh.systems.definitions),
         nh.integrators.defining(nh.integrators.definitions),

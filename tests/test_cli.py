@@ -47,7 +47,7 @@ def test_timings_that_cannot_be_read_are_bad_input(capsys, tmp_path):
 
 
 def rows_of(capsys, *arguments):
-    """What a command prints as CSV, as a mapping for each row."""
+    """CSV output of a command, as a mapping for each row."""
     assert main([*arguments, "--format", "csv"]) == 0
     return list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
 

@@ -61,7 +61,7 @@ def _overview() -> str:
 def _top_parser(words: Sequence[str]) -> argparse.ArgumentParser:
     top = _Parser(
         prog=PROGRAM,
-        description="Near-harmonic symplectic integrators: which there are, and what their runs have shown.",
+        description="Near-harmonic symplectic integrators: lists, coefficients, runs and results.",
         # All commands are imported only for the help text.
         epilog=_overview() if {"-h", "--help"} & set(words[:1]) else None,
         formatter_class=argparse.RawDescriptionHelpFormatter,

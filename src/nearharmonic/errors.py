@@ -29,7 +29,7 @@ class UnknownNameError(NearharmonicError, KeyError):
 
 
 class SettingError(NearharmonicError):
-    """A setting (config key or function argument) outside what is allowed."""
+    """A setting (config key or function argument) with a value that is not allowed."""
 
 
 class CompiledCodeError(NearharmonicError):

@@ -49,9 +49,9 @@ def test_an_integrator_of_a_file_is_exported_by_its_path(tmp_path, capsys):
         (["ruht", "--to", "c"], "unknown integrator 'ruht'. Did you mean 'ruth'?"),
         (["ruth", "--to", "fortrn"], "to = 'fortrn' is not allowed: one of json, toml, c, julia, rebound, diffrax, "
          "sundials, fortran. Did you mean 'fortran'?"),
-        (["ruth", "--to", "c", "--digits", "many"], "digits = 'many' is not allowed: a whole number"),
-        (["ruth", "--to", "c", "--digits", "0"], "digits = 0 is not allowed: a whole number from 1 to 79"),
-        (["ruth", "--to", "c", "--digits", "80"], "digits = 80 is not allowed: a whole number from 1 to 79, the digits "
+        (["ruth", "--to", "c", "--digits", "many"], "digits = 'many' is not allowed: an integer"),
+        (["ruth", "--to", "c", "--digits", "0"], "digits = 0 is not allowed: an integer from 1 to 79"),
+        (["ruth", "--to", "c", "--digits", "80"], "digits = 80 is not allowed: an integer from 1 to 79, the digits "
          "to which ruth is known"),
         (["ruth"], "the following arguments are required: --to"),
     ],

@@ -32,7 +32,7 @@ def test_error_free_transforms_lose_nothing(a, b):
 
 
 def within(pair, true, units):
-    """Whether a double-double is off by at most so many u^2 of the true value."""
+    """True if the relative error of a double-double is at most a multiple of u^2."""
     return abs(exact(pair) - true) <= units * U**2 * abs(true)
 
 

@@ -1,4 +1,4 @@
-"""What compiled arithmetic must keep: bits, carries, symplecticity, the way back, and the truth about divergence."""
+"""Contract of compiled arithmetic: bits, carries, symplecticity, backward runs, and detection of divergence."""
 
 from __future__ import annotations
 

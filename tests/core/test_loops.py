@@ -182,7 +182,7 @@ def test_doubles_follow_double_doubles_to_rounding(name, settings, looped):
 
 @pytest.mark.parametrize("precision", ["double", "extended"])
 def test_loops_and_unrolled_kernels_have_the_same_bits(precision, monkeypatch):
-    """Where sums have one order: each force is that of two bonds."""
+    """Sums have only one order here: each force is that of two bonds."""
 
     def run():
         start = [f"{np.sin(np.pi * (i + 1) / 9):.6f}" for i in range(8)]
@@ -268,7 +268,7 @@ def test_runs_ascend_by_one_or_stand_still():
 
 
 def test_a_sum_is_added_in_pairs():
-    """Of 1, 1e-16, -1, 1e-16: (1 + 1e-16) + (-1 + 1e-16) = 1.1e-16 as doubles, one after the other 1e-16."""
+    """Pairwise, (1 + 1e-16) + (-1 + 1e-16) = 1.1e-16 as doubles; one after the other, the sum is 1e-16."""
     assert sum([1.0, 1e-16, -1.0, 1e-16]) == 2.0**-53
     assert sum(x for x in ()) == 0
     assert sum(np.arange(6.0).reshape(2, 3)) == 15

@@ -21,7 +21,7 @@ from nearharmonic.errors import SettingError
     [
         ({"precision": "doubel"}, "precision = 'doubel' is not allowed.*Did you mean 'double'"),
         ({"summation": "kahan"}, "summation = 'kahan' is not allowed: one of compensated, plain"),
-        ({"width": 0}, "width = 0 is not allowed: a whole number from 1 to 64"),
+        ({"width": 0}, "width = 0 is not allowed: an integer from 1 to 64"),
         ({"width": 8.0}, r"width = 8\.0 is not allowed"),
         ({"look": 0}, "look = 0 is not allowed"),
     ],

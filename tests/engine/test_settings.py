@@ -46,7 +46,7 @@ def test_t_end_keeps_all_its_digits():
 
 @pytest.mark.parametrize("value", [0, -1, 1.5, "3", True, None, 10**8])
 def test_samples_is_a_whole_number_within_memory(value):
-    with pytest.raises(SettingError, match="a whole number from 1 to 10000000"):
+    with pytest.raises(SettingError, match="an integer from 1 to 10000000"):
         checked_samples(value)
 
 

@@ -1,4 +1,4 @@
-"""How near to harmonic an orbit is, and the tables of docs/examples.md that compare methods by it."""
+"""Anharmonicity of orbits, and the tables of docs/examples.md that compare methods by it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the examples show, against closed forms, the literature and other integrators."""
+"""Results of the examples, compared with closed forms, the literature and other integrators."""
 
 from __future__ import annotations
 
@@ -191,7 +191,7 @@ def test_the_outer_solar_system_keeps_its_momentum_and_its_centre_moves_evenly()
 
 
 def test_the_planets_start_where_another_print_of_the_table_says():
-    """The same table by columns, as the documentation of DiffEqPhysics.jl prints it."""
+    """Comparison with the table by columns in the documentation of DiffEqPhysics.jl."""
     x = (0.0, -3.5023653, 9.0755314, 8.3101420, 11.4707666, -15.5387357)
     y = (0.0, -3.8169847, -3.0458353, -16.2901086, -25.7294829, -25.2225594)
     z = (0.0, -1.5507963, -1.6483708, -7.2521278, -10.8169456, -3.1902382)

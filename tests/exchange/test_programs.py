@@ -31,7 +31,7 @@ needs_diffrax = pytest.mark.skipif(not find_spec("diffrax"), reason="diffrax is 
 
 
 def compiles(text, folder, libraries=()):
-    """Whether the C compiler takes a program, a small one that tells what is installed."""
+    """True if the C compiler accepts a small program, which tests what is installed."""
     (folder / "probe.c").write_text(text, encoding="utf-8")
     words = ["cc", "-std=c11", "-o", "probe", "probe.c", *libraries]
     return subprocess.run(words, cwd=folder, capture_output=True, check=False).returncode == 0

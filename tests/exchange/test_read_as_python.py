@@ -111,7 +111,7 @@ class Particle(ctypes.Structure):
 
 
 class Simulation(ctypes.Structure):
-    """What an integrator of REBOUND sees of a simulation of one particle."""
+    """Simulation of one particle, as an integrator of REBOUND sees it."""
 
     _fields_ = [(key, ctypes.c_double) for key in ("t", "dt", "dt_last_done")]
 

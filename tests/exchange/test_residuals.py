@@ -1,4 +1,4 @@
-"""What digits allow a residual to be: never less than coefficients that fulfil the conditions leave."""
+"""Bounds of residuals by digits: never below the residuals of coefficients that fulfil the conditions."""
 
 from __future__ import annotations
 

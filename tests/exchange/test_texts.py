@@ -161,7 +161,7 @@ def test_a_program_with_more_digits_than_a_double_says_what_becomes_of_them(to, 
 @pytest.mark.parametrize("to", TARGETS)
 @pytest.mark.parametrize("digits", [0, 77])
 def test_digits_that_nobody_knows_are_refused(to, digits):
-    with pytest.raises(SettingError, match=f"digits = {digits} is not allowed: a whole number from 1 to 76"):
+    with pytest.raises(SettingError, match=f"digits = {digits} is not allowed: an integer from 1 to 76"):
         export(integrators["babps8o7h"], to, digits)
 
 

@@ -40,7 +40,7 @@ def test_a_total_of_what_is_undefined_is_nan():
 
 @given(st.floats(1e-300, 1e300))
 def test_log10_is_off_by_two_ulp_at_most(x):
-    """Of the logarithm, of ln 10 and of the quotient: half an ulp each, or one ulp for our logarithm."""
+    """Errors of the logarithm, of ln 10 and of the quotient are half an ulp each, or one ulp for our logarithm."""
     exact = mpmath.log10(mpmath.mpf(x))
     assert abs(mpmath.mpf(log10(x)) - exact) <= 2 * EPS * abs(exact)
     assert log10(np.array([x]))[0] == log10(x)

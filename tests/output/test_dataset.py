@@ -17,7 +17,7 @@ VARIABLES = {
     "listed": variable("y", [1.5, 2.5], "a list"),
     "scalar": variable((), np.float64(0.25), "a number", "h"),
     "word": variable((), np.array(["ok"])[0], "a word"),
-    "whole": variable((), 3, "a whole number"),
+    "whole": variable((), 3, "an integer"),
     "instants": variable("y", np.array(["2015-01-07", "2016-01-07"], dtype="datetime64[D]"), "days"),
 }
 #: Of dimensions without a coordinate.
@@ -71,7 +71,7 @@ def test_attributes_of_the_dataset_and_of_its_variables_are_its_own():
 
 
 def plainly(dataset):
-    """The same contents through xarray's constructor."""
+    """Dataset by xarray's constructor, with equal contents."""
     contents = {name: (v.dims, np.array(v.values), dict(v.attrs)) for name, v in dataset.variables.items()}
     coordinates = {name: contents.pop(name) for name in list(dataset.coords)}
     return xr.Dataset(contents, coords=coordinates, attrs=dict(dataset.attrs))

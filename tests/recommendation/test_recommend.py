@@ -82,7 +82,7 @@ def choice_of(found, method):
 
 
 def recommend(system, error, *, results, **more):
-    """What the command finds."""
+    """Result of the command."""
     return recommendation(question(system, error, **more), results)
 
 

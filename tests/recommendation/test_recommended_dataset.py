@@ -238,7 +238,7 @@ def test_units_are_those_of_the_system():
         ({"t_end": -5}, "t_end = -5 is not allowed: a finite number above 0"),
         ({"t_end": "soon"}, "t_end = 'soon' is not allowed: a finite number above 0"),
         ({"system": spring(t_end="-20")}, "t_end = '-20' is not allowed: a finite number above 0"),
-        ({"q0": [1, 2]}, "q0 = [1, 2] is not allowed: 1 number, one a coordinate"),
+        ({"q0": [1, 2]}, "q0 = [1, 2] is not allowed: 1 number, one per coordinate"),
         ({"p0": ["fast"]}, "p0[0] = 'fast' is not allowed: a finite number"),
         ({"q0": [[1], [2]]}, "q0 and p0 = '2 rows' is not allowed: those of one trajectory"),
         ({"q0": [1e200]}, "is not allowed: the energy of sho there is"),
@@ -250,8 +250,8 @@ def test_units_are_those_of_the_system():
             {"methods": ["ruth", integrators["ruth"].role("kick")]},
             "methods = 'ruth' is not allowed: two methods have this name",
         ),
-        ({"budget": 0}, "budget = 0 is not allowed: a whole number from 1 to 1000000000"),
-        ({"budget": 1e5}, "budget = 100000.0 is not allowed: a whole number"),
+        ({"budget": 0}, "budget = 0 is not allowed: an integer from 1 to 1000000000"),
+        ({"budget": 1e5}, "budget = 100000.0 is not allowed: an integer"),
     ],
 )
 def test_a_bad_question_is_one_sentence_before_any_method_runs(asked, says, monkeypatch):

@@ -1,4 +1,4 @@
-"""What `nearharmonic recommend` prints, run again: each step meets the error, and the order is that of the costs."""
+"""Output of `nearharmonic recommend`, run again: each step meets the error, and the order is that of the costs."""
 
 from __future__ import annotations
 

@@ -131,7 +131,7 @@ REFUSED = {
     "name": (lambda q: (nothing,), "grad_V raises NameError"),  # noqa: F821
     "infinite": (lambda q: (math.inf * q[0],), "grad_V contains the number inf, which is not finite"),
     "NaN": (lambda q: (math.nan,), r"grad_V\[0\] contains the number nan"),
-    "too many": (lambda q: (q[0], 0), "grad_V returns 2 components, expected a tuple of 1, one number a coordinate"),
+    "too many": (lambda q: (q[0], 0), "grad_V returns 2 components, expected a tuple of 1, one number per coordinate"),
     "none": (lambda q: (), "grad_V returns 0 components, expected a tuple of 1"),
     "no tuple": (lambda q: q[0], "grad_V returns one number, expected a tuple of 1"),
     "nothing": (lambda q: None, "grad_V returns None, expected a tuple of 1, .*: is a return missing.$"),

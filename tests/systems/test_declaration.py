@@ -1,4 +1,4 @@
-"""What a system may be declared with in short, and what it is then."""
+"""Short forms of declarations of a system, and their meanings."""
 
 from __future__ import annotations
 

@@ -133,7 +133,7 @@ def test_a_kinetic_energy_may_depend_on_parameters():
 
 
 REFUSED = [
-    (("1", "2"), "masses has 2 entries, expected 3, one a coordinate"),
+    (("1", "2"), "masses has 2 entries, expected 3, one per coordinate"),
     ("123", "masses = '123' is no tuple of 3 masses"),
     (7, "masses = 7 is no tuple"),
     (("1", "0", "2"), "masses[1] = '0' is not allowed: a mass must be positive"),

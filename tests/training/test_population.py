@@ -139,9 +139,9 @@ def test_steps_cover_the_interval_at_the_cost_that_is_charged():
     shape = Family(stages=5, first="kick").shape()
     plain = Population(ensemble, shape, [0.02, 0.05, 1e6], 1)
     assert plain.steps.tolist() == [250, 100, 1]
-    dear = Population(ensemble, shape, [0.02, 0.05], 1, cost=8.0)
-    assert dear.steps.tolist() == [round(50 / 0.32), round(50 / 0.8)]
-    for one in (plain, dear):
+    expensive = Population(ensemble, shape, [0.02, 0.05], 1, cost=8.0)
+    assert expensive.steps.tolist() == [round(50 / 0.32), round(50 / 0.8)]
+    for one in (plain, expensive):
         assert one.taus * one.steps == pytest.approx(50.0, rel=1e-15)
 
 

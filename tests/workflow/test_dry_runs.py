@@ -1,4 +1,4 @@
-"""What Snakemake would do with the shipped configs, and how it ends with a bad one, before any job runs."""
+"""Dry runs of the shipped configs, and errors of bad configs before any job runs."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ MORE = (
     ("systems.keplr", {"tau_per_stage": GRID}, "unknown system 'keplr'. Did you mean 'kepler'?"),
     ("sharsd", 2, "unknown key of the config 'sharsd'. Did you mean 'shards'?"),
     ("integrators", [], "integrators = [] is not allowed: a list of at least one integrator"),
-    ("shards", 0, "shards = 0 is not allowed: a whole number of 1 or more"),
+    ("shards", 0, "shards = 0 is not allowed: an integer of 1 or more"),
     ("systems.sho.t_end", float("nan"), "systems.sho.t_end = nan is not allowed: a finite number above 0"),
     ("systems.sho.t_end", -1, "systems.sho.t_end = -1 is not allowed: a finite number above 0"),
     ("systems.sho.tau_per_stage.lowest", 0, "systems.sho.tau_per_stage.lowest = 0 is not allowed"),

@@ -137,7 +137,7 @@ def latex(text):
 
 
 def same(cell, shown):
-    """Whether ``shown`` is the CSV table's ``cell``, or its number to four digits."""
+    """True if ``shown`` is the CSV table's ``cell``, or its number to four digits."""
     try:
         return shown in (cell.strip(), f"{float(cell):.4g}")
     except ValueError:

@@ -1,4 +1,4 @@
-"""What a user adds takes one place: a system, an observable, a figure, an experiment, the workflow as a module."""
+"""Additions of a user take one place: a system, an observable, a figure, an experiment, the workflow as a module."""
 
 from __future__ import annotations
 

@@ -177,7 +177,7 @@ def test_the_ratios_of_regularised_times_are_to_heyoka_as_a_user_gets_it():
 
 
 def test_the_page_of_regularised_times_says_where_heyoka_is_ahead():
-    """Of each table, our fastest time over heyoka's on the regularised equations."""
+    """Ratios are, for each table, our fastest time over heyoka's on the regularised equations."""
     page = " ".join((ROOT / "docs/regularised.md").read_text(encoding="utf-8").split())
     plain, fast, energy = (
         float(x)

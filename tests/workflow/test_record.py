@@ -36,7 +36,7 @@ def fresh(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def first(fresh):
-    """What is remembered of that command, and digest and size of each file that it made."""
+    """Record of that command, and digest and size of each file that it made."""
     (run,) = fresh.history()
     content = {name: (fresh.results / name).read_bytes() for name in {"cubes/sho_terms.h5"} | FIGURES["fig2"]}
     made = {name: (sha256(text).hexdigest(), len(text)) for name, text in content.items()}

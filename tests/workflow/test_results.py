@@ -1,4 +1,4 @@
-"""What the default target made: contents of files, the laziness of a second run, and broken files named."""
+"""Results of the default target: contents of files, the laziness of a second run, and broken files named."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_run_files_and_cubes_say_in_words_what_they_hold(finished):
 
 
 def test_run_files_hold_nothing_derived(finished):
-    """What follows from other variables of a file is in the cube alone."""
+    """Variables that follow from others of a file are in the cube alone."""
     derived = {"max_energy_error", "mean_energy_error", "observed_order", "perihelion_advance", "evaluations_per_orbit"}
     for path in (results(finished) / "runs").rglob("*.h5"):
         with h5py.File(path) as file:

@@ -1,4 +1,4 @@
-"""What finds its kernels compiled does not load numba, which takes longer than the integrations of a figure."""
+"""Processes with compiled kernels do not load numba, which takes longer than the integrations of a figure."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ BAD = (
     ({"integrators": ["leapfrg"]}, "work_precision.integrators: unknown integrator 'leapfrg'"),
     ({"peers": ["heyok"]}, "work_precision.peers[0] = 'heyok' is not allowed"),
     ({"longest": 0}, "work_precision.longest = 0 is not allowed: a finite number above 0"),
-    ({"evaluations": 3}, "work_precision.evaluations = 3 is not allowed: a whole number from 100"),
+    ({"evaluations": 3}, "work_precision.evaluations = 3 is not allowed: an integer from 100"),
     ({"point_per_decade": 3}, "'point_per_decade'. Did you mean 'points_per_decade'?"),
 )
 

@@ -27,7 +27,7 @@ def tau_grid(lowest: float, highest: float, points_per_decade: int) -> tuple[flo
 
 
 def shard(items: Sequence[Item], index: int, count: int) -> Sequence[Item]:
-    """Return every ``count``-th of ``items`` from ``index`` on: cheap and dear step sizes alike in each shard."""
+    """Return every ``count``-th of ``items`` from ``index`` on, so that every shard has small and large step sizes."""
     return items[index::count]
 
 

@@ -94,7 +94,7 @@ def checked_t_end(t_end: object, key: str = "t_end") -> str:
 
 
 def checked_count(key: str, value: object, most: int) -> int:
-    """Return ``value``, the setting named ``key``, as an int if it is a whole number from 1 to ``most``.
+    """Return ``value``, the setting named ``key``, as an int if it is an integer from 1 to ``most``.
 
     Raises
     ------
@@ -102,12 +102,12 @@ def checked_count(key: str, value: object, most: int) -> int:
         Anything else.
     """
     if isinstance(value, bool) or not isinstance(value, Integral) or not 1 <= int(value) <= most:
-        raise bad_setting(key, value, f"a whole number from 1 to {most}")
+        raise bad_setting(key, value, f"an integer from 1 to {most}")
     return int(value)
 
 
 def whole_number(text: str, key: str) -> int:
-    """Return a whole number of at least 0 that was given as text.
+    """Return an integer of at least 0 that was given as text.
 
     Raises
     ------
@@ -115,12 +115,12 @@ def whole_number(text: str, key: str) -> int:
         It is not written in digits alone.
     """
     if not text.isdecimal():
-        raise bad_setting(key, text, "a whole number of at least 0")
+        raise bad_setting(key, text, "an integer of at least 0")
     return int(text)
 
 
 def checked_samples(samples: object, key: str = "samples") -> int:
-    """Return ``samples`` as an int, if it is a whole number from 1 to :data:`MOST_SAMPLES`.
+    """Return ``samples`` as an int, if it is an integer from 1 to :data:`MOST_SAMPLES`.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def checked_samples(samples: object, key: str = "samples") -> int:
 
 
 def checked_threads(threads: object, key: str = "threads") -> int:
-    """Return ``threads`` as an int, if it is a whole number from 1 to :data:`MOST_THREADS`.
+    """Return ``threads`` as an int, if it is an integer from 1 to :data:`MOST_THREADS`.
 
     Raises
     ------
@@ -241,7 +241,7 @@ class Numerics(HandedOn):
 
     @property
     def compiled(self) -> Numerics:
-        """The same numerics without what the compiled code does not depend on: equal code, equal ``compiled``."""
+        """Numerics of the compiled code alone: equal code has equal ``compiled``."""
         summation = "compensated" if self.compensated else "plain"
         if (self.summation, self.look, self.double_coefficients) == (summation, None, False):
             return self  # most are: a copy takes longer than the look-up of their kernel

@@ -149,7 +149,7 @@ def _without_empty_end(cells: list[str]) -> list[str]:
 
 
 def _typed(cell: str) -> object:
-    """The cell of a claim: a whole number, a truth value, or text."""
+    """The cell of a claim: an integer, a truth value, or text."""
     truth = {"true": True, "false": False, "": None}
     if cell.lower() in truth:
         return truth[cell.lower()]

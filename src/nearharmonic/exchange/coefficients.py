@@ -80,7 +80,7 @@ def rounded(tableau: Tableau, digits: int) -> Coefficients:
         ``digits`` is below 1 or above the number of digits to which the coefficients are known.
     """
     if not 1 <= digits <= tableau.digits:
-        allowed = f"a whole number from 1 to {tableau.digits}, the digits to which {tableau.name} is known"
+        allowed = f"an integer from 1 to {tableau.digits}, the digits to which {tableau.name} is known"
         key = "digits"
         raise bad_setting(key, digits, allowed)
     context = Context(prec=digits)

@@ -12,7 +12,7 @@ DIGITS = 40
 
 
 def geometric(lowest: float, highest: float, count: int) -> list[float]:
-    """Return ``count`` numbers from ``lowest`` to ``highest``, evenly in the logarithm, for ``count`` > 1."""
+    """Return ``count`` numbers from ``lowest`` to ``highest``, evenly in the logarithm; ``lowest`` if one."""
     with localcontext(prec=DIGITS):
         first, last = _decimal(lowest), _decimal(highest)
         inner = [float(first * (last / first) ** (Decimal(i) / (count - 1))) for i in range(1, count - 1)]

@@ -50,7 +50,7 @@ class Point:
 
 @dataclass(kw_only=True)
 class Curve:
-    """The points of one method, from the cheapest to the dearest; ``status`` "ok", or why there are none.
+    """The points of one method, from the cheapest to the most expensive; ``status`` "ok", or why there are none.
 
     ``kind`` is "splitting" for the methods of this package, "peer" for what others offer; ``setup`` the seconds that a
     call of a prepared problem takes for one step, ``sweep`` those for all points at once in lanes, energies measured at
@@ -93,7 +93,7 @@ def cross(errors: Sequence[float], columns: Sequence[Sequence[float]], target: f
     resonances counts. Between the last point above and the first at or below, logarithms of error and column are
     joined by a straight line; a point above that is not finite is no end for a line, and the first below counts as it
     stands. Where a finer point costs less, in the first of ``columns``, that point is taken: adaptive methods may get
-    dearer as their tolerance gets coarser.
+    more expensive as their tolerance gets coarser.
     """
     none = (nan,) * len(columns)
     settled = for_good(errors)

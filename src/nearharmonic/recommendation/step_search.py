@@ -1,4 +1,4 @@
-"""Search for the fewest steps that meet an error bound, over a ladder of whole numbers of steps.
+"""Search for the fewest steps that meet an error bound, over a ladder of integer numbers of steps.
 
 The search knows no kernel: it takes a function from numbers of steps to errors, so that error curves of known shape
 can test it.

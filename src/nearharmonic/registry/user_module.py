@@ -97,7 +97,7 @@ def place_of(name: str, value: object) -> Path | None:
 
 
 def pickled(package: str, name: str, entry: Any) -> tuple[Any, ...] | None:
-    """Return what a pickle holds of an entry that another process can look up, or None.
+    """Return the pickled form of an entry that another process can look up, or None.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ class Reading:
 
 
 def _whole(value: object) -> int:
-    """A whole number in any guise: 10, 10.0 or, as on a command line, "10"."""
+    """An integer in any guise: 10, 10.0 or, as on a command line, "10"."""
     if isinstance(value, bool) or not isinstance(value, Real | Decimal | str):
         raise TypeError
     number = Fraction(value)  # type: ignore[arg-type]
@@ -99,7 +99,7 @@ def setting(
 
 
 def whole_between(least: int, most: int) -> tuple[Callable[[Any], int], tuple[tuple[str, Any], ...]]:
-    """Arguments of :class:`Reading` for a whole number within limits, as an entry of a list."""
+    """Arguments of :class:`Reading` for an integer within limits, as an entry of a list."""
 
     def accept(value: object) -> int:
         number = _whole(value)
@@ -111,7 +111,7 @@ def whole_between(least: int, most: int) -> tuple[Callable[[Any], int], tuple[tu
 
 
 def whole_from(least: int, most: int | None = None) -> dict[str, Any]:
-    """Limits of a whole number, and the words for them, as keywords of :func:`setting`."""
+    """Limits of an integer, and the words for them, as keywords of :func:`setting`."""
     if most is None:
-        return {"allowed": f"a whole number of {least} or more", "unit": "1", "ge": least}
-    return {"allowed": f"a whole number from {least} to {most}", "unit": "1", "ge": least, "le": most}
+        return {"allowed": f"an integer of {least} or more", "unit": "1", "ge": least}
+    return {"allowed": f"an integer from {least} to {most}", "unit": "1", "ge": least, "le": most}

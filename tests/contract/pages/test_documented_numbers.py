@@ -75,7 +75,7 @@ def test_the_budget_of_a_recommendation_is_what_the_pages_say():
 
 
 def shown(*words):
-    """What the command prints."""
+    """Output of the command."""
     with contextlib.redirect_stdout(io.StringIO()) as out:
         main([*words])
     return out.getvalue()

@@ -31,7 +31,7 @@ def rows():
 
 
 def leaders(system, error, of=1):
-    """Of published methods, or, with ``of=0``, of all."""
+    """Leaders of the published methods, or of all methods with ``of=0``."""
     return [name for name, _ in rows()[system, error][of]]
 
 

@@ -19,7 +19,7 @@ GAIN = re.compile(r"(-?\d\.\d\d) \((-?\d\.\d\d) to (-?\d\.\d\d)\)")
 
 
 def part(name):
-    """What stands between the marks of a table."""
+    """Text between the marks of a table."""
     return re.search(rf"<!-- {name} -->\n(.*?)<!-- end -->", PAGE, flags=re.DOTALL)[1]
 
 

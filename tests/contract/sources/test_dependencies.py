@@ -52,7 +52,7 @@ def distributions_of(paths):
 
 
 def in_the_wall(path):
-    """Whether a file is of the library and not of the reproduction."""
+    """True if a file belongs to the library, not to the reproduction."""
     return path in PYTHON and "reproduction" not in path.parts and "workflow" not in path.parts
 
 

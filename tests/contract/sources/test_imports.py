@@ -61,7 +61,7 @@ def test_each_import_works_alone_and_before_all_others(first):
 
 @pytest.mark.parametrize("names", [("package", "system"), ("source", "package"), ("from package", "system", "source")])
 def test_imports_work_in_every_order(names):
-    # Processes are dear: the orders of a few imports share one process, which forgets the package between them.
+    # Processes are expensive: the orders of a few imports share one process, which forgets the package between them.
     forget = "for name in [n for n in sys.modules if n.split('.')[0] == 'nearharmonic']: del sys.modules[name]"
     text = ["import sys"]
     for order in itertools.permutations(names):

@@ -124,7 +124,7 @@ OTHER_FILES = {"reproduction/tasks/job.py", "core", "reproduction/record/archive
 
 
 def writes(node):
-    """Whether a call opens or makes a file: Path.open("w"), write_text, savefig, to_csv, h5netcdf.File(..., "w")."""
+    """True if a call opens or makes a file: Path.open("w"), write_text, savefig, to_csv, h5netcdf.File(..., "w")."""
     name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
     if name in ("open", "File"):
         modes = [*node.args, *(keyword.value for keyword in node.keywords)]

@@ -72,7 +72,7 @@ def test_the_energy_error_has_no_bound_beyond_the_limit_of_stability():
 
 
 def test_the_energy_error_has_no_bound_at_the_edge_of_stability():
-    """Of the symplectic Euler method, whose trace 2 - tau^2 is -2 at tau = 2; the conserved form is (p - q)^2 there."""
+    """The symplectic Euler method has the trace 2 - tau^2 = -2 at tau = 2, and the conserved form (p - q)^2."""
     euler = Tableau(name="euler", order=1, first="kick", kick=("1", "0"), drift=("1",), source="Euler", digits=50)
     assert harmonic_energy_error(euler, mpf("1.999")) < inf
     assert harmonic_energy_error(euler, mpf(2)) == inf

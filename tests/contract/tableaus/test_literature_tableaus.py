@@ -94,7 +94,7 @@ def error_norm(operators, left_out=()):
 
 
 def steepness(function, constraints, point):
-    """How fast ``function`` changes along ``point``'s level set of ``constraints``: its projected gradient's norm."""
+    """Rate of change of ``function`` along the level set of ``constraints``: norm of its projected gradient."""
     step = mpf(10) ** -20
     shifted = [[x + step * (i == j) for i, x in enumerate(point)] for j in range(len(point))]
     here = [function(point), *constraints(point)]

@@ -1,4 +1,4 @@
-"""What every registered tableau must keep: the registry is walked, so a new entry is held to it without a new line."""
+"""Contract of every registered tableau: the tests walk the registry, so new entries need no new line."""
 
 from __future__ import annotations
 

@@ -122,7 +122,7 @@ def test_a_function_of_too_few_arguments_is_refused():
 
 
 def counted(V, dimension, more=0):
-    """How often each operation stands in the gradient of V with respect to its first arguments."""
+    """Number of operations of each kind in the gradient of V with respect to its first arguments."""
     graph = Graph()
     q = graph.variables(dimension + more)
     value = value_of(V(q[:dimension], *q[dimension:]))

@@ -21,7 +21,7 @@ def in_square(function, power, *leading):
 
 
 def complement(t):
-    """Of x from 1 to 6 or 9, t = (x - 5/2) / (x + 5/2)."""
+    """Function of x from 1 to 6 or 9, by t = (x - 5/2) / (x + 5/2)."""
     x = mpf("2.5") * (1 + t) / (1 - t)
     return mpmath.exp(x * x) * mpmath.erfc(x)
 

@@ -85,7 +85,7 @@ def test_mpmath_numbers_keep_their_precision(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_functions_of_constants_are_good_to_300_digits(name):
-    """Where slopes are of the order of one, a relative 2^-1024 is 1e-308 of the value."""
+    """For slopes of the order of one, a relative 2^-1024 is 1e-308 of the value."""
     operands, before = [Constant(k + 2, 7) for k in range(FUNCTIONS[name])], gmpy2.get_context().precision
     found = getattr(functions, name)(*operands)
     assert type(found) is Constant

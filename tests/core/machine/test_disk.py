@@ -35,7 +35,7 @@ def right():
 
 @pytest.fixture(scope="module")
 def planted():
-    """Of the same name, but twice as much."""
+    """Function with the name of another one and twice its value."""
     return link.alone(*link.loops(lambda factor, a, b: 2 * factor * (a[0] * b[0] + a[1] * b[1]), DOT))
 
 

@@ -111,7 +111,7 @@ def test_kernels_of_all_and_of_sampled_energies_share_a_cache(own_cache):
 
 
 def test_an_energy_seen_in_doubles_alone_gets_its_own_code():
-    """Of many coordinates, the energy error at every step is looked at in doubles first, by a formula of its own."""
+    """For many coordinates, a separate formula first evaluates the energy error at every step in doubles."""
     chain = nh.System(name="nine", V=lambda q: sum(x**2 / 2 + x**4 for x in q), q0=["1"] * 9, p0=["0"] * 9, t_end="10")
     physics = physics_of(chain)
     kept, other = (

@@ -278,7 +278,7 @@ def test_a_split_that_is_none_is_refused_with_the_nearest():
 @pytest.mark.parametrize(
     ("frequencies", "words"),
     [
-        (("1", "1"), r"frequencies = \('1', '1'\) is not allowed: 1 frequencies, one a coordinate"),
+        (("1", "1"), r"frequencies = \('1', '1'\) is not allowed: 1 frequencies, one per coordinate"),
         (("-1",), r"frequencies\[0\] = '-1' is not allowed: it must be a decimal string or a fraction of at least 0"),
         ((0.5,), r"frequencies\[0\] = 0.5 is not allowed"),
         (("omega",), r"or the name of a parameter: w$"),

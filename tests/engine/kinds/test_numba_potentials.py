@@ -186,7 +186,7 @@ def test_a_method_is_tailored_to_a_function_of_numba():
 
 
 DEFINITIONS = {
-    "no gradient": ({"grad_V": None}, r"V is a .* not derived: give grad_V, which returns one number a coordinate"),
+    "no gradient": ({"grad_V": None}, r"V is a .* not derived: give grad_V, which returns one number per coordinate"),
     "plain gradient": ({"grad_V": lambda q, k: q}, "V is a function of numba and grad_V is none"),
     "plain potential": ({"V": lambda q, k: q[0]}, "grad_V is a function of numba and V is none"),
     "kinetic energy": ({"T": spring}, "T is a function of numba, which V and grad_V alone may be"),

@@ -19,7 +19,7 @@ def chain(q, beta):
 
 
 def attraction(q):
-    """Of softened bodies, of all pairs at once."""
+    """Potential of softened bodies, for all pairs at once."""
     first, second = np.triu_indices(BODIES, 1)
     masses, r = np.array(MASSES), array(q, BODIES, 3)
     distance = r[first] - r[second]

@@ -166,7 +166,7 @@ def test_a_result_without_energies_can_be_continued():
 
 
 def test_a_member_of_an_ensemble_goes_on_with_its_own_parameters():
-    """Of an array by its coordinate, of one for all by its exact text: a tenth is no double."""
+    """An array is found by its coordinate, a common parameter by its exact text: a tenth is not a double."""
     oscillator = nh.System(
         name="two_parameters", V=lambda q, k, m: k * m * q[0] ** 2 / 2, q0=["1"], p0=["0"], t_end="5",
         parameters={"k": "1", "m": "1"},

@@ -113,7 +113,7 @@ def test_output_times_on_steps_are_the_samples_of_the_run():
 @pytest.mark.parametrize("how", [{}, {"summation": "plain"}, {"precision": "extended"}], ids=["carry", "plain", "dd"])
 @pytest.mark.parametrize("method", ["aba864", "babps9o7h"])
 def test_between_two_steps_lies_one_shorter_step_from_the_step_before(method, how):
-    """The same step by hand: a run of one step from the state of the step before, to 1/3 of a step."""
+    """The step is computed by hand: a run of one step from the state of the step before, to 1/3 of a step."""
     asked = [0, Fraction(1, 12), 3, Fraction(37, 12), Fraction(37, 12), "10"]
     found = nh.integrate("henon_heiles", method, 0.25, t_end=10, t=asked, **how)
     whole = nh.integrate("henon_heiles", method, 0.25, t_end=3, samples=2, **how)

@@ -1,4 +1,4 @@
-"""What README's table shows of values, against short forms written by hand."""
+"""Values in README's table, compared with short forms written by hand."""
 
 from __future__ import annotations
 

@@ -123,7 +123,7 @@ TRIED = {
         put("stability_kepler", "energy_error", 0.01, integrator="ruth", eccentricity=0.2), HOLDS, PART,
     ),
 }  # fmt: skip
-#: What is counted or ranked, in whole numbers, or computed of methods: their thresholds are tried in other tests.
+#: What is counted or ranked, in integers, or computed of methods: their thresholds are tried in other tests.
 COUNTED = {
     "picked-among-thousands", "above-seven-more-negative", "high-order-negative", "minimised-coefficients",
     "accumulated-error-and-mean", "table-2",

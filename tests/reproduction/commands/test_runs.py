@@ -141,7 +141,7 @@ def test_results_without_cubes_have_no_runs(project, capsys):
         (["--sort", "-max_energy_eror"], "unknown column 'max_energy_eror'. Did you mean 'max_energy_error'?"),
         (["--where", "stats == 'ok'"], "unknown column 'stats'. Did you mean 'status'?"),
         (["--where", "status = 'ok'"], "cannot be read at character 8"),
-        (["--limit", "few"], "limit = 'few' is not allowed: a whole number of at least 0"),
+        (["--limit", "few"], "limit = 'few' is not allowed: an integer of at least 0"),
         (["--limit=-1"], "limit = '-1' is not allowed"),
     ],
 )

@@ -109,7 +109,7 @@ def test_a_result_with_a_fault_is_not_adopted(results, capsys):
 
 
 class Job:
-    """What a workflow knows of a job, as far as adoption looks at it."""
+    """Job of a workflow, with the attributes that adoption reads."""
 
     def __init__(self, described, output, key="task"):
         self.params = {key: described} if described else {}

@@ -84,7 +84,7 @@ def test_decimal_strings_are_numbers_because_yaml_reads_1e_4_as_a_string():
         (f"{GRID}.lowest", "small", f"{GRID}.lowest = 'small' is not allowed"),
         (f"{GRID}.lowest", 2, f"{GRID}.highest = 1 is not allowed: a finite number, at least lowest = 2"),
         (f"{GRID}.lowest", 1e-10, "would take 1666666666667 steps, and one run takes at most 1000000000"),
-        (f"{GRID}.points_per_decade", 0, "a whole number of 1 or more"),
+        (f"{GRID}.points_per_decade", 0, "an integer of 1 or more"),
         ("systems.sho.t_end", 0, "systems.sho.t_end = 0 is not allowed: a finite number above 0"),
         ("systems.sho.t_end", -500, "systems.sho.t_end = -500 is not allowed"),
         ("systems.sho.t_end", float("nan"), "systems.sho.t_end = nan is not allowed"),
@@ -94,9 +94,9 @@ def test_decimal_strings_are_numbers_because_yaml_reads_1e_4_as_a_string():
         ("systems.sho.precision", ["extendd"], "systems.sho.precision[0] = 'extendd'"),
         ("systems.sho.precision", ["extendd"], "Did you mean 'extended'?"),
         ("summation", "kahan", "summation = 'kahan' is not allowed: one of compensated, plain"),
-        ("samples", 0, "samples = 0 is not allowed: a whole number of 1 or more"),
+        ("samples", 0, "samples = 0 is not allowed: an integer of 1 or more"),
         ("samples", 10**9, "samples = 1000000000 is not allowed: a job would hold 4e+10 bytes"),
-        ("shards", 0, "shards = 0 is not allowed: a whole number of 1 or more"),
+        ("shards", 0, "shards = 0 is not allowed: an integer of 1 or more"),
         ("shards", 1.5, "shards = 1.5 is not allowed"),
         ("name", "../paper", "name = '../paper' is not allowed: letters, digits"),
     ],
@@ -183,7 +183,7 @@ def test_a_whole_number_may_be_written_with_a_point():
 
 @pytest.mark.parametrize("value", [10.5, "10.5", True, None, "ten", [10]])
 def test_what_is_no_whole_number_is_refused(value):
-    with pytest.raises(NearharmonicError, match=re.escape(f"samples = {value!r} is not allowed: a whole number of 1")):
+    with pytest.raises(NearharmonicError, match=re.escape(f"samples = {value!r} is not allowed: an integer of 1")):
         load(SMALL | {"samples": value})
 
 

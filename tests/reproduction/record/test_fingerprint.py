@@ -1,4 +1,4 @@
-"""What one piece of work is told from another by."""
+"""Fingerprint that distinguishes one piece of work from another."""
 
 from __future__ import annotations
 

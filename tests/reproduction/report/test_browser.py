@@ -41,7 +41,7 @@ def test_every_plot_is_drawn(wide):
 
 
 def pixels_of(page, name, colour):
-    """How many pixels of a plot have a colour, to a few steps of each channel."""
+    """Number of pixels of a plot with a colour, to a few steps of each channel."""
     channels = [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
     return page.evaluate(
         """async ([name, channels]) => {

@@ -1,4 +1,4 @@
-"""What the page holds, read with an HTML parser."""
+"""Contents of the page, read with an HTML parser."""
 
 from __future__ import annotations
 

@@ -29,8 +29,8 @@ def test_an_error_of_the_family_ends_a_job_with_its_own_words(tmp_path):
 def test_any_other_error_leaves_its_traceback_in_the_log(tmp_path):
     place = str(tmp_path / "log")
     with pytest.raises(SystemExit) as end, logged(place):
-        raise ZeroDivisionError("by nought")
-    assert str(end.value) == f"ZeroDivisionError: by nought (traceback in {place})"
+        raise ZeroDivisionError("by zero")
+    assert str(end.value) == f"ZeroDivisionError: by zero (traceback in {place})"
     assert "Traceback" in (tmp_path / "log").read_text()
 
 

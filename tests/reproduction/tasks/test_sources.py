@@ -1,4 +1,4 @@
-"""What was parsed once is looked up by its text, in this process and in the next."""
+"""Parsed sources are looked up by their text, in this process and in the next."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ def line_of(axes, x, y):
 
 
 def drawn(line):
-    """Which points of ``line`` have a place on the paper."""
+    """Points of ``line`` that have a place on the paper."""
     return np.isfinite(line.get_transform().transform(np.column_stack(line.get_data()))).all(axis=1)
 
 

@@ -43,5 +43,5 @@ class Reader(HTMLParser):
 
 
 def written(text, name):
-    """What one of the JSON elements of a page holds."""
+    """Content of a JSON element of a page."""
     return json.loads(re.search(rf'<script type="application/json" id="{name}">(.*?)</script>', text, re.DOTALL)[1])

@@ -170,7 +170,7 @@ def _loaded(body, count, width, _processor):
 
 
 def evaluated(body, rows, width, results=1):
-    """What compiled code of ``width`` lanes makes of rows of arguments."""
+    """Results of compiled code of ``width`` lanes for rows of arguments."""
     return compiled(body, len(rows), width, results)(rows)
 
 

@@ -56,7 +56,7 @@ def henon_heiles(x, y):
 
 
 def chain(x, y, z):
-    """Of V below, without the oscillators of frequencies 1.5, 2 and 0."""
+    """Gradient of V below, without the oscillators of frequencies 1.5, 2 and 0."""
     g = mpf("0.3")
     return (
         g * 3 * (x - y) ** 2 / 10,

@@ -1,4 +1,4 @@
-"""What decides the bits of result files beside the compiled kernels, as bytes; run as a program it prints digests."""
+"""Computations that determine the bits of result files besides compiled kernels; as a program it prints digests."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def computations():
 
 
 def of_libraries():
-    """The same operations by numpy, BLAS and the C library, which choose their code by the processor."""
+    """Operations by numpy, BLAS and the C library, which choose their code by the processor."""
     x = quasi_random(COUNT, 2, 2) + 0.1
     by_numpy = [np.exp(x), np.log(x), np.sin(9 * x), np.arctan2(x[:, 0], x[:, 1] - 0.6), x @ x.T]
     return [*by_numpy, [f(a) for f in (math.exp, math.log, math.sin) for a in x[:, 0].tolist()]]

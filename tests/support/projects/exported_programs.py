@@ -43,7 +43,7 @@ def check(name, printed, precision="double"):
 
 
 def run(words, folder):
-    """What a command prints in ``folder``; it must succeed and say nothing else, such as a warning."""
+    """Output of a command in ``folder``; it must succeed without other output, such as a warning."""
     done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     return done.stdout

@@ -1,4 +1,4 @@
-"""Which files each job of a project opens: a hook that Python loads at the start of every process there."""
+"""Files that each job of a project opens: a hook that Python loads at the start of every process there."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ class Project:
         return json.loads((self.results / "manifest.json").read_text())
 
     def jobs(self, *arguments: str) -> dict[str, int]:
-        """What a dry run with ``arguments``, targets first, would do: rule -> number of jobs."""
+        """Jobs of a dry run with ``arguments``, targets first: rule -> number of jobs."""
         done = self.snakemake(*arguments, "-n", "--quiet", "rules")
         assert done.returncode == 0, done.stdout
         rows = [line.split() for line in done.stdout.splitlines()]

@@ -176,7 +176,7 @@ def _run_files(folder, sweep, method):
 
 
 def _job(outputs, function, inputs=None, **settings):
-    """What a job of the workflow does: one function, its results written with their provenance."""
+    """Job of the workflow: one function, its results written with their provenance."""
     name = f"{function.__module__.removeprefix('nearharmonic.')}:{function.__name__}"
     results = function(**settings, **(inputs or {}))
     for key, path in outputs.items():

@@ -107,7 +107,7 @@ def _stability():
 
 
 def _long_orbits():
-    """Of the Hénon-Heiles system: how chaotic two are, and panel (D) of Figure 6 from three starts."""
+    """Long orbits of the Hénon-Heiles system: chaos of two orbits, and panel (D) of Figure 6 from three starts."""
     return {
         "henon_heiles_chaos": xr.Dataset(
             {
@@ -277,5 +277,5 @@ def sound_results():
 
 
 def stand_in(name, kick, drift, *, order=4, digits=20, first="kick", stages=1):
-    """What has the coefficients of a tableau but was never checked."""
+    """Object with the coefficients of a tableau that was never checked."""
     return SimpleNamespace(name=name, kick=kick, drift=drift, order=order, digits=digits, first=first, stages=stages)

@@ -1,4 +1,4 @@
-"""What is asked of ``tailor``: forms that it takes, and one error for each that it does not."""
+"""Arguments of ``tailor``: accepted forms, and one error for each other form."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from support.methods.own_systems import spring
         ({"window": "0.1:0.2", "error": 1e-6}, "error = 1e-06 is not allowed: a window is given"),
         ({"error": 1}, "error = 1 is not allowed: an energy error below 1"),
         ({"error": -1e-6}, "error = -1e-06"),
-        ({"stages": 3}, "stages = 3 is not allowed: whole numbers from 4 to 20"),
+        ({"stages": 3}, "stages = 3 is not allowed: integers from 4 to 20"),
         ({"stages": "10:6"}, "stages = '10:6'"),
         ({"stages": 8.0}, "stages = 8.0"),
         ({"stages": (4, 5, 6)}, "stages = "),
         ({"seconds": 0}, "seconds = 0 is not allowed"),
-        ({"trials": 0}, "trials = 0 is not allowed: a whole number from 1"),
+        ({"trials": 0}, "trials = 0 is not allowed: an integer from 1"),
         ({"seed": -1}, "seed = -1"),
         ({"energy": "high"}, "energy = 'high' is not allowed: a finite number, or same"),
         ({"starts": np.zeros((9, 2)), "energy": 1}, "energy = 1 is not allowed: starts are given"),

@@ -255,7 +255,7 @@ def vector(system: Formulas, formula: str, *arguments: Any) -> tuple[Any, ...]:
         The formula raises an exception, or does not return one number per coordinate.
     """
     result = call(system, formula, getattr(system, formula), *arguments)
-    expected = f"expected a tuple of {system.dimension}, one number a coordinate"
+    expected = f"expected a tuple of {system.dimension}, one number per coordinate"
     if not hasattr(result, "__iter__"):
         what = "one number" if isinstance(result, Number) else _shown_type(result)
         raise SystemDefinitionError(f"{system.name}: {formula} returns {what}, {expected}{_forgotten(result)}")

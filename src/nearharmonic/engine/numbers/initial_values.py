@@ -34,7 +34,7 @@ def exact(key: str, value: object) -> Fraction:
     key : str
         Name of the setting, for the error.
     value : object
-        Whole number, float, Fraction, Decimal or string.
+        Integer, float, Fraction, Decimal or string.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def _pair(key: str, value: object) -> tuple[float, float]:
 
 def _rows(key: str, values: Any, d: int) -> Floats:
     """Pairs (R, d, 2) of the components of one or more rows."""
-    allowed = f"{d} number{'s' if d > 1 else ''}, one a coordinate, or rows of {d}"
+    allowed = f"{d} number{'s' if d > 1 else ''}, one per coordinate, or rows of {d}"
     if hasattr(values, "data_vars"):
         raise bad_setting(key, "a Dataset", f"{allowed}; a run is continued by start=")
     array = array_of(key, values)

@@ -141,7 +141,7 @@ def _step_on(
 
 
 def _over_samples(paths: Trajectories) -> Trajectories:
-    """The same with the errors over the output times in place of the steps before them."""
+    """Dataset with errors over the output times in place of the steps before them."""
     sizes = np.abs(paths.energy_error)
     largest, mean = np.fmax.reduce(sizes, axis=1), sizes.mean(axis=1)
     largest[paths.left_at > 0] = mean[paths.left_at > 0] = np.inf

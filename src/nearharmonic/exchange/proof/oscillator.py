@@ -71,8 +71,8 @@ class OscillatorStep:
     def stability_limit(self) -> BigFloat:
         """Return the step size up to which every smaller one is stable, as an mpf.
 
-        The step must be consistent. A step that is a palindrome to its digits only counts as one, lest the last digits
-        open a gap where the trace touches 2.
+        The step must be consistent. A step that is a palindrome to its digits only counts as one, so that the last
+        digits open no gap where the trace touches 2.
         """
         step = symmetrised(self.step) if is_palindrome(self.step) else self.step
         return gaps_of(oscillator(step))[0][0]

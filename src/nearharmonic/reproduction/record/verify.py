@@ -35,7 +35,7 @@ class Fault:
     says : str
         What is wrong with it.
     mend : str
-        The command that mends it, or what else to do.
+        The command that repairs it, or what else to do.
     """
 
     file: str

@@ -122,7 +122,7 @@ def written_frequencies(system: Members) -> tuple[Fraction | str, ...]:
     """
     given: Any = system.frequencies
     if not is_list(given) or not hasattr(given, "__len__") or len(given) != system.dimension:
-        allowed = f"{system.dimension} frequencies, one a coordinate, 0 for one that is free"
+        allowed = f"{system.dimension} frequencies, one per coordinate, 0 for one that is free"
         raise SystemDefinitionError(f"{system.name}: frequencies = {given!r} is not allowed: {allowed}")
     return tuple(_frequency(system, i, value) for i, value in enumerate(given))
 

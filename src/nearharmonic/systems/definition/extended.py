@@ -81,7 +81,7 @@ class ExtendedForce:
         force = tuple(_of_time(self.grad_V, tuple(q), t, *parameters))
         if len(force) != len(q):
             raise FormulaError(
-                f"returns {len(force)} components, expected a tuple of {len(q)}, one number a coordinate"
+                f"returns {len(force)} components, expected a tuple of {len(q)}, one number per coordinate"
             )
         return *force, self.potential.slope(len(q), x, *parameters)
 

@@ -56,7 +56,7 @@ class MassKineticEnergy:
         if not is_list(masses) or not hasattr(masses, "__len__"):
             raise SystemDefinitionError(f"masses = {masses!r} is no tuple of {dimension} masses")
         if len(masses) != dimension:
-            raise SystemDefinitionError(f"masses has {len(masses)} entries, expected {dimension}, one a coordinate")
+            raise SystemDefinitionError(f"masses has {len(masses)} entries, expected {dimension}, one per coordinate")
         self.inverse: tuple[tuple[Constant, ...], ...] | None = None
         self.masses: tuple[int | Constant, ...] = ()
         if all(hasattr(row, "__len__") and not isinstance(row, str) for row in masses):

@@ -85,7 +85,7 @@ def _check_start(potential: NumbaPotential, q0: Floats, parameters: Sequence[flo
             where = f"raises {type(error).__name__} at the start: {error}"
             raise SystemDefinitionError(f"{potential.name}: {formula} {where}") from error
     if len(found) != q0.size:
-        expected = f"expected one number a coordinate: {q0.size}"
+        expected = f"expected one number per coordinate: {q0.size}"
         raise SystemDefinitionError(f"{potential.name}: grad_V returns {len(found)} components, {expected}")
 
 
@@ -120,7 +120,7 @@ def _contradiction(
 def bisected(contradicts: Callable[[range], bool], indices: range) -> Iterator[int]:
     """The index among ``indices`` that contradicts, if the sum over all of them does.
 
-    If a sum is off by more than the sum of what is allowed, so is one of its halves.
+    If the error of a sum exceeds the sum of the allowed errors, so does that of one of its halves.
     """
     if not contradicts(indices):
         return

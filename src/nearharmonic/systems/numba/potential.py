@@ -209,7 +209,7 @@ def potential_of(system: Members) -> NumbaPotential | None:
 
 #: Message for a missing gradient.
 _HOW = (
-    "V is a function of numba, whose gradient is not derived: give grad_V, which returns one number a coordinate, as "
+    "V is a function of numba, whose gradient is not derived: give grad_V, which returns one number per coordinate, as "
     "@numba.njit above def grad_V(q, k): return (k * q[0],) for V = k q[0]^2 / 2"
 )
 

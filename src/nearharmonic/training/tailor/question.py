@@ -135,8 +135,8 @@ def _energy(system: System) -> float:
 
 
 def _stages(given: Any) -> tuple[int, ...]:
-    """A whole number, a pair, or text such as "8" or "6:10"."""
-    allowed = f"whole numbers from {FEWEST_STAGES} to {MOST_STAGES}, as 8, or 6:10 for all from 6 to 10"
+    """An integer, a pair, or text such as "8" or "6:10"."""
+    allowed = f"integers from {FEWEST_STAGES} to {MOST_STAGES}, as 8, or 6:10 for all from 6 to 10"
     parts = _parts(given)
     try:
         ends = [checked_count("stages", int(x) if isinstance(x, str) else x, MOST_STAGES) for x in parts]

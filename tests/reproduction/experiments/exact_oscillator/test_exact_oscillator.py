@@ -42,7 +42,7 @@ def test_starts_lie_on_the_bounded_part_of_their_energy_surface(energy):
 
 
 def test_small_surfaces_are_filled_as_a_disc_is():
-    """Where V is that of the oscillator, r^2 is uniform up to 2 H, and so is the angle: quasi-random, to 1/sqrt(n)."""
+    """On small surfaces V is that of the oscillator: r^2 is uniform up to 2 H, and so is the angle, to 1/sqrt(n)."""
     starts = starts_on(1e-6, 4096, 1)
     share = np.sort((starts[:, 0] ** 2 + starts[:, 1] ** 2) / 2e-6)
     assert np.abs(share - (np.arange(4096) + 0.5) / 4096).max() < 1 / 64
@@ -134,7 +134,7 @@ def test_the_exact_oscillator_pays_at_small_amplitudes_and_not_at_large_ones(sma
     exact, best = values["exact_energy_error"][:, 0, 0, :, 1], values["energy_error"][..., 1].min(axis=1)
     assert (exact[:, 0] < best[:, 0] / 10).all()
     assert (exact[:, -1] > best[:, -1]).all()
-    assert (np.diff(values["best_crossing"][:, :, 0], axis=1) <= 0).all()  # the dearer, the later it pays
+    assert (np.diff(values["best_crossing"][:, :, 0], axis=1) <= 0).all()  # the more expensive, the later it pays
 
 
 def test_the_table_has_a_row_for_each_pair_and_amplitudes_of_its_energies(small):
@@ -213,7 +213,7 @@ CONFIG = {
             {"integrators": ["aba86"]},
             "exact_oscillator.integrators: unknown integrator 'aba86'. Did you mean 'aba864'?",
         ),
-        ({"trajectories": 0}, "exact_oscillator.trajectories = 0 is not allowed: a whole number from 1 to 100000"),
+        ({"trajectories": 0}, "exact_oscillator.trajectories = 0 is not allowed: an integer from 1 to 100000"),
         ({"tau_per_stage": [0]}, "exact_oscillator.tau_per_stage[0] = 0 is not allowed: a finite number above 0"),
         ({"t_end": 1e9}, "exact_oscillator.trajectories = 192 is not allowed: it would take"),
         ({"energies": 1}, "exact_oscillator.energies = 1 is not allowed"),

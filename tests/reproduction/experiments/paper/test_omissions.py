@@ -66,7 +66,7 @@ def runs(steps, evaluations, status, precision="double"):
 
 
 def test_the_rest_of_runs_that_left_is_spared_by_each_once():
-    """Of 20 steps 5 were done, with 6 of 21 forces, and of 10 steps 3, with 4 of 11; one run stayed, one was shared."""
+    """One run made 5 of 20 steps, with 6 of 21 forces, one 3 of 10 steps, with 4 of 11; one stayed, one was shared."""
     cube = runs([40, 20, 20, 10], [41, 6, 6, 4], ["ok", "diverged", "diverged", "diverged"])
     rows = found(config("henon_heiles", "leapfrog", "40", 1, 1), {"henon_heiles": cube})
     assert rows["double", "the rest of a run"] == (2, 15 + 7)

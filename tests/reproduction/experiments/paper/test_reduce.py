@@ -63,7 +63,7 @@ def runs_in_memory(asked, methods):
 
 
 def cube_from_files(asked, methods, folder):
-    """The same through files, as the rules pass them on."""
+    """Cube by way of files, as the rules pass them on."""
     runs = {name: [] for name in methods}
     for name in methods:
         for index in range(shards_of(asked, name)):
@@ -136,7 +136,7 @@ PERIOD = 2 * math.pi * math.sqrt((1 / (2 / 69.82e6 - 38.86**2 / 1.32712e11)) ** 
 
 
 def turning(rate, *, samples=60, t_end=8000.0):
-    """What a run file holds of two runs whose Laplace-Runge-Lenz vector turns by ``rate`` rad/h; the second left."""
+    """Run file of two runs whose Laplace-Runge-Lenz vector rotates by ``rate`` rad/h; the second run diverged."""
     t = np.linspace(0, t_end, samples)
     angle = np.angle(np.exp(1j * (math.pi + rate * t)))
     over, each = ("tau_per_stage", "sample"), ("tau_per_stage",)

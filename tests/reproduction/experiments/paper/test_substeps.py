@@ -152,7 +152,7 @@ def test_without_a_window_the_grid_covers_the_path_and_a_margin():
         ({"tau": math.nan}, "tau = nan"),
         ({"start": (0.1, math.inf)}, "start = (0.1, inf) is not allowed: two finite numbers"),
         ({"start": (0.1,)}, "start = (0.1,)"),
-        ({"iterations": 0}, "iterations = 0 is not allowed: a whole number of at least 1"),
+        ({"iterations": 0}, "iterations = 0 is not allowed: an integer of at least 1"),
         ({"iterations": True}, "iterations = True"),
         ({"component": 2}, "component = 2 is not allowed: henon_heiles has components 0 to 1"),
         ({"component": 0}, "component = 0 is not allowed: in henon_heiles it pulls the others out of rest"),

@@ -1,4 +1,4 @@
-"""What the search for order six registered: its criterion is what other modules say, its digits solve the equations."""
+"""Methods of the search for order six: its criterion is that of other modules, its digits solve the equations."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ ERRORS = {3: [1e-2, 1e-9], 1: [1e-3, 1e-5], 7: [2e-3, np.inf]}
 
 @pytest.fixture
 def asked(monkeypatch):
-    """What :func:`sweep` is asked, its errors being those above."""
+    """Arguments of :func:`sweep`, which returns the errors above."""
     calls = []
 
     def sweep(system, tableau, taus, *, precision):

@@ -56,7 +56,7 @@ TOGETHER = {
 
 
 def results(asked, **inputs):
-    """What a job of the task ``asked`` returns, with nothing in reach that its digests do not cover."""
+    """Result of a job of the task ``asked``, with nothing in reach that its digests do not cover."""
     with covered(asked):
         return function_of(asked)(**asked["settings"], **inputs)
 

@@ -95,7 +95,7 @@ def test_energies_may_be_quotients_or_decimals():
         ),
         ("rounding", {"steps": 5000}, "stability.rounding.steps = 5000 is not allowed: at least 20 times"),
         ("rounding", {"ensemble": 100_000}, "stability.rounding.ensemble = 100000 is not allowed: it would take"),
-        ("rounding", {"seed": -1}, "stability.rounding.seed = -1 is not allowed: a whole number of 0 or more"),
+        ("rounding", {"seed": -1}, "stability.rounding.seed = -1 is not allowed: an integer of 0 or more"),
     ],
 )
 def test_a_bad_value_is_refused_with_key_value_and_what_is_allowed(part, asked, says):

@@ -104,7 +104,7 @@ def test_gains_at_equal_time_are_those_of_the_modified_methods_run_at_the_measur
         for mode, charge in (("lanes", 3.0), ("single", 1e-9)):
             logs = proof.log_errors(trial.ensemble, methods, trial.tau_per_stage, charge).mean(axis=-1)[:, 0]
             assert row[f"gain_{mode}"] == pytest.approx(min(logs[[0, 1, 3, 4]]) - logs[2]), trial.ensemble.name
-    # A dearer gradient means longer steps at equal time, which no force-gradient method gains from.
+    # A more expensive gradient means longer steps at equal time, which no force-gradient method gains from.
     assert np.mean([row["gain_lanes"] for row in rows]) < np.mean([row["gain_single"] for row in rows])
 
 

@@ -90,7 +90,7 @@ def test_intervals_of_independent_errors_are_those_of_the_normal_distribution():
 
 
 def test_intervals_hold_the_truth_as_often_as_they_say():
-    """Of 200 samples 95 % do, give or take 3 deviations of the binomial distribution and what 60 problems lack."""
+    """The intervals of 95 % of 200 samples hold it, to 3 binomial deviations and the error of 60 problems."""
     inside = 0
     for seed in range(200):
         low, high = gains_of(curves([-6, -2], [-6.4, -2], 0.5, 60, seed), KINDS, seed, 200).gain_interval.values[0]
@@ -99,7 +99,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
 
 
 def test_problems_are_resampled_together_for_all_methods():
-    """What problems have in common cancels: the errors of all methods move alike, and the gain does not."""
+    """Common parts of the errors of problems cancel: the errors of all methods move alike, and the gain does not."""
     logs = np.full((2, 1, 50), -5.0) + np.random.default_rng(3).normal(size=50)
     logs[1] -= 0.25
     found = gains_of(logs, ("published", "trained"), 4, 100)

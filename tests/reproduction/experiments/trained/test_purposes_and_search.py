@@ -1,4 +1,4 @@
-"""What methods are trained for, the search of a purpose from seed to digits, and the modules that register them."""
+"""Purposes of training, the search of a purpose from seed to digits, and the modules that register methods."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ def drawn(dimension, count=2000, seed=1, band=BAND):
 
 
 def coefficients(ensemble):
-    """Of each name, the values of all problems."""
+    """Values of all problems, by name."""
     values = ensemble.parameters.reshape(ensemble.size, -1, 2)
     assert (values[:, :, 1] == 0).all()
     return dict(zip(ensemble.system.parameters, values[:, :, 0].T, strict=True))

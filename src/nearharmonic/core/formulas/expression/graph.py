@@ -264,7 +264,7 @@ class Expression(Number):
 
 
 def value_of(number: Expression | Constant) -> Value:
-    """Return the value of what a formula returned."""
+    """Return the value of the result of a formula."""
     return number.value if isinstance(number, Expression) else Value(exact(number), None)
 
 

@@ -49,7 +49,7 @@ def shortest_program(graph: Graph, roots: Sequence[Value], formula: Value) -> Pr
 
 
 def is_quadratic(graph: Graph, root: Value, variables: Set[int]) -> bool:
-    """Return True if ``root``, in whatever form, is a polynomial of degree at most 2 in the nodes ``variables``."""
+    """Return True if ``root``, in any form, is a polynomial of degree at most 2 in the nodes ``variables``."""
     if root.node is None:
         return True
     if _bound(graph, root, variables) <= 2:

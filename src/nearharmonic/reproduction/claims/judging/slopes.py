@@ -22,7 +22,7 @@ from nearharmonic.reproduction.claims.results import label, require, short
 
 #: Decades on either side of a step size over which its local slope is fitted: five step sizes, forty a decade.
 WINDOW = 0.05
-#: A local slope that is nearer to an order than this is not nearer to another whole number.
+#: A local slope that is nearer to an order than this is not nearer to another integer.
 BAND = SLOPES.number
 #: Decades over which slopes have to stay with an order; in part: two windows, which have no step size in common.
 LONG, SHORT = 0.5, 4 * WINDOW

@@ -33,14 +33,14 @@ class DerivationSettings:
     )
     growth_stages: tuple[GrowthStages, ...] = setting(
         "The numbers of stages whose highest harmonic order is sought",
-        "a list of whole numbers from 3 to 12, each named once",
-        each="a whole number from 3 to 12",
+        "a list of integers from 3 to 12, each named once",
+        each="an integer from 3 to 12",
         default=tuple(range(3, 11)),
     )
     simplex_stages: tuple[SimplexStages, ...] = setting(
         "The cases, by their stages, that the route of the paper solves as well",
-        "a list of whole numbers from 5 to 7, each named once",
-        each="a whole number from 5 to 7",
+        "a list of integers from 5 to 7, each named once",
+        each="an integer from 5 to 7",
         default=(5,),
     )
     simplex_starts: int = setting(

@@ -82,7 +82,7 @@ def largest_error(tableau: Tableau, tau_per_stage: Fraction, t_end: Fraction, st
     tableau : Tableau
         The method.
     tau_per_stage, t_end : Fraction
-        Step size divided by the stages, and interval; the step as used is that of a whole number of steps.
+        Step size divided by the stages, and interval; the step as used is that of an integer number of steps.
     start : (runs, 8) array of float
         Initial conditions.
     split : str

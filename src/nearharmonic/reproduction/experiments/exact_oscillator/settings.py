@@ -20,7 +20,7 @@ from nearharmonic.systems.henon_heiles import SYSTEM
 LOWEST, HIGHEST = Fraction(1, 80_000), Fraction(1, 6)
 #: Force evaluations of all runs: some minutes.
 MOST_EVALUATIONS = 10**12
-#: Factors by which a step with the exact oscillator may be dearer, at which it is compared.
+#: Factors by which a step with the exact oscillator may be more expensive, at which it is compared.
 CHARGES = (1.0, 1.1, 1.25, 1.5, 2.0)
 
 POSITIVE = "a finite number above 0"

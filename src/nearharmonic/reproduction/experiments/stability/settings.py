@@ -152,8 +152,8 @@ class RoundingSettings:
         "Orbits over which errors are averaged; sixteen run at a time", default=32, **whole_from(3, 10**5)
     )
     steps: int = setting(
-        "Steps of each run, up to a whole number of samples",
-        "a whole number from 100 to 1000000000, and at least 20 times the evaluations per orbit",
+        "Steps of each run, up to an integer number of samples",
+        "an integer from 100 to 1000000000, and at least 20 times the evaluations per orbit",
         unit="1",
         default=1_000_000,
         ge=100,

@@ -59,7 +59,7 @@ def relative_differences(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     with np.errstate(all="ignore"):
         # Halves: the difference of the two largest doubles is finite.
         found = abs(one / 2 - other / 2) / np.maximum(abs(one), abs(other)) * 2
-    # Two whole numbers may be one double, and the half of the least double is 0.
+    # Two integers may be one double, and the half of the least double is 0.
     found = np.where(found > 0, found, np.finfo(np.float64).tiny)
     found = np.where(np.isfinite(one) & np.isfinite(other), found, inf)
     return np.where((a == b) | (np.isnan(one) & np.isnan(other)), 0.0, found)

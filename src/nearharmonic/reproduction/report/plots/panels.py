@@ -131,7 +131,7 @@ def category_axis(labels: Sequence[str]) -> tuple[bokeh.FactorRange, bokeh.Categ
 
 
 def source_of(**columns: Any) -> Source:
-    """Return a source of equally long columns; numbers are doubles with every bit, or small whole numbers."""
+    """Return a source of equally long columns; numbers are doubles with every bit, or small integers."""
     arrays = {name: np.asarray(values) for name, values in columns.items()}
     kept = {name: array if array.dtype.kind in "UO" or array.dtype == np.uint8 else array.astype(np.float64)
             for name, array in arrays.items()}  # fmt: skip

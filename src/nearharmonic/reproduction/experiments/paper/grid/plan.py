@@ -114,7 +114,7 @@ def _grid_points(lowest: float, highest: float, points_per_decade: int) -> int:
 
 
 def _excesses(sweep: Sweep, tableaus: Sequence[Tableau]) -> Iterator[tuple[str, object, str]]:
-    """Each limit that ``sweep`` breaks, as (key, value, what is allowed): cheap checks guard the dear ones."""
+    """Each limit that ``sweep`` breaks, as (key, value, what is allowed): cheap checks precede expensive ones."""
     here = f"systems.{sweep.system}.tau_per_stage"
     steps_of(sweep.t_end, sweep.lowest * min(t.stages for t in tableaus), key=f"{here}.lowest", given=sweep.lowest)
     points = _grid_points(sweep.lowest, sweep.highest, sweep.points_per_decade)

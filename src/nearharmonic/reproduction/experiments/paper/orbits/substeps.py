@@ -226,7 +226,7 @@ def _complaints(
     if len(start) != 2 or not all(math.isfinite(x) for x in start):
         yield "start", start, "two finite numbers (q, p)"
     if isinstance(iterations, bool) or not isinstance(iterations, int) or iterations < 1:
-        yield "iterations", iterations, "a whole number of at least 1"
+        yield "iterations", iterations, "an integer of at least 1"
     if component not in range(system.dimension):
         yield "component", component, f"{system.name} has components 0 to {system.dimension - 1}"
     if system.time_dependent:

@@ -54,7 +54,7 @@ def _product(one: Vector, other: Vector) -> Any:
 
 
 def follow(problem: Problem, tau: float, orbit: tuple[Vector, Vector], runs: int) -> tuple[Floats, Floats]:
-    """Chain runs of a tangent system; the deviation is scaled to length 1 between them, lest it overflows.
+    """Chain runs of a tangent system; the deviation is scaled to length 1 between them, so that it does not overflow.
 
     Parameters
     ----------

@@ -63,7 +63,7 @@ def evaluations_grid(settings: MapSettings) -> Floats:
 
 
 def steps_per_orbit(settings: MapSettings, stages: int) -> Integers:
-    """Return the whole numbers of steps a period nearest to the grid: then all samples are a period apart."""
+    """Return the integer numbers of steps a period nearest to the grid: then all samples are a period apart."""
     return np.maximum(1, np.rint(evaluations_grid(settings) / stages)).astype(np.int64)
 
 

@@ -43,7 +43,7 @@ ECCENTRICITY = (0.05, 0.3)
 SAMPLES, TIMES = 2000, 60
 #: Digits of the differences: those of double-double and to spare.
 DIGITS = 50
-#: Scale of the second run in double-double, the square of a whole number that is no power of two.
+#: Scale of the second run in double-double, the square of an integer that is no power of two.
 SCALE_ROOT = 3
 _CONSTANTS = SYSTEM.constants(Decimal)
 #: What is compared, in this order.
@@ -59,7 +59,7 @@ class Schedule:
     steps : int
         Steps in all.
     samples : int
-        States after the start, each a whole number of periods after the one before.
+        States after the start, each an integer number of periods after the one before.
     periods : int
         Periods in all.
     """
@@ -70,7 +70,7 @@ class Schedule:
 
 
 def schedule(settings: RoundingSettings, stages: int) -> Schedule:
-    """Return as many steps as asked for, up to a whole number of samples; all fall on the apoapsis of the exact orbit.
+    """Return as many steps as asked for, up to an integer number of samples; all at the apoapsis of the exact orbit.
 
     There the truncation error of the energy is stationary, so that a lag along the track does not show in the energy.
     The number of samples is that of all methods.
@@ -101,7 +101,7 @@ def starts(settings: RoundingSettings) -> Floats:
 
 
 def _scaled(start: Floats) -> Floats:
-    """The same orbits with lengths times 9 and momenta over 3, as double-doubles."""
+    """Orbits with lengths times 9 and momenta divided by 3, as double-doubles."""
     factors = [Fraction(SCALE_ROOT**2)] * 2 + [Fraction(1, SCALE_ROOT)] * 2
     result = np.zeros_like(start)
     for row, scaled in zip(start, result, strict=True):

@@ -64,7 +64,7 @@ def gains(runs: xr.Dataset, resamples: int = RESAMPLES) -> xr.Dataset:
 
 
 def _gains(errors: xr.DataArray, seed: int, resamples: int) -> xr.Dataset:
-    """The same of one ensemble."""
+    """Gains of one ensemble."""
     means = errors.mean("problem", skipna=False)
     return xr.Dataset({
         "best_published": _of(means, "published").idxmin("integrator", fill_value=""),

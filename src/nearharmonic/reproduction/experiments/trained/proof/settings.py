@@ -52,9 +52,9 @@ class ProofSettings:
     )
     evaluations_per_orbit: tuple[EvaluationsPerOrbit, ...] = setting(
         "Force evaluations in a period of a Kepler orbit",
-        "a list of whole numbers from 10 to 1000000",
+        "a list of integers from 10 to 1000000",
         unit="1",
-        each="a whole number from 10 to 1000000",
+        each="an integer from 10 to 1000000",
         default=(60, 120, 240, 480),
         min_length=1,
     )
