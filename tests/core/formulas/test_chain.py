@@ -54,4 +54,4 @@ def test_what_the_page_says_of_chains_is_so():
         grad_V=lambda q: tuple(z / ((q[0] * q[0] + q[1] * q[1]) * sqrt(q[0] * q[0] + q[1] * q[1])) for z in q),
     )  # fmt: skip
     # The position multiplies the quotient, as in the text, and not the division's numerator.
-    assert behind.force_chain.cycles + 4 == int(re.search(r"would have (\d+)", text)[1])
+    assert behind.force_chain.cycles + 4 == int(re.search(r"takes (\d+), because the division\s+waits", text)[1])
