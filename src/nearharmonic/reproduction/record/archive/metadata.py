@@ -83,8 +83,7 @@ def format_of(path: str) -> tuple[str, str]:
 
 
 def published(runs: Sequence[Run]) -> str:
-    """Return the end time of the newest of ``runs`` (oldest first); for a killed run, which has no end, the start
-    time."""
+    """Return the end time of the newest of ``runs`` (oldest first), or its start time if it was killed."""
     return _moment(runs[-1]["end"] or runs[-1]["start"])
 
 

@@ -139,8 +139,7 @@ def _of(columns: Columns, name: str, value: str) -> Columns:
 
 
 def _nearest(taus: np.ndarray, asked: float, whose: str) -> int:
-    """Return the index of the step size nearest to ``asked`` in the logarithm, if it is within the spacing of the
-    grid."""
+    """Return the index of the step size with the nearest logarithm to ``asked``, within the spacing of the grid."""
     logarithms = np.log(taus)
     distances = abs(logarithms - log(asked))
     row = int(distances.argmin())
