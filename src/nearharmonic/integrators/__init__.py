@@ -1,7 +1,7 @@
 """The integrators, one file per source; ``integrators["aba864"]`` is a :class:`Tableau`.
 
-This package is itself the mapping ``integrators``: see :mod:`nearharmonic.registry.registry`. Two views of it select
-methods by their kicks.
+This package is the mapping ``integrators`` (:mod:`nearharmonic.registry.registry`). Two views select methods by the
+type of their kicks.
 """
 
 from nearharmonic.integrators.tableau import Tableau
@@ -35,6 +35,6 @@ integrators: Registry[Tableau] = make_registry(
     __name__, "integrator", "TABLEAUS", lambda module: {t.name: t for t in getattr(module, "TABLEAUS", ())}, _at
 )
 
-#: Integrators whose kicks are of V alone, and those with kicks of a modified potential.
+#: Integrators without and with modified potentials.
 plain_integrators = Selection(integrators, "plain_integrators", lambda tableau: not tableau.modified)
 modified_integrators = Selection(integrators, "modified_integrators", lambda tableau: tableau.modified)

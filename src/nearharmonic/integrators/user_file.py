@@ -1,4 +1,4 @@
-"""Integrators that users define in Python files of their own."""
+"""Integrators from users' Python files."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ DECLARES = "An integrator of your own is a Python file that defines TABLEAU, or 
 
 @dataclass(frozen=True, kw_only=True)
 class TableauDefinition:
-    """An integrator of a user's file.
+    """An integrator from a user's file.
 
     Attributes
     ----------
     file : str
         The Python file.
     written : str
-        The path of the file as a config gives it.
+        The path of the file, as in the config.
     base : None
-        No user's integrator changes a registered one.
+        A user's integrator cannot modify a registered one.
     """
 
     file: str
@@ -54,7 +54,7 @@ def load_tableaus(place: str | os.PathLike[str]) -> dict[str, Tableau]:
     Raises
     ------
     TableauError
-        There is no such file, it cannot be run, it defines no tableau, or one has the name of another one or of a
+        The file does not exist, cannot be run, or defines no tableau; or a tableau has the name of another one or of a
         registered integrator, or a lower order than it declares.
     """
     path = os.fspath(place)
@@ -79,7 +79,7 @@ def load_tableaus(place: str | os.PathLike[str]) -> dict[str, Tableau]:
 
 
 def _check_order(path: str, tableau: Tableau) -> None:
-    """Refuse a tableau whose coefficients contradict the order that it declares, as far as orders are examined."""
+    """Raise an error for a tableau whose coefficients contradict its declared order, as far as it is examined."""
     from nearharmonic.integrators.order_conditions import HIGHEST_DECLARED, proved_order
 
     quadratic = tableau.requires is not None
@@ -95,14 +95,14 @@ def _check_order(path: str, tableau: Tableau) -> None:
 
 
 def tableau_at(place: str) -> Tableau:
-    """Return the tableau of a file that is used by its path; of several, the one whose name follows a colon.
+    """Return the tableau at the path of a file; if the file has several, a colon and a name follow the path.
 
     Raises
     ------
     TableauError
-        As for :func:`load_tableaus`, or the file defines several and the path names none.
+        As for :func:`load_tableaus`, or the file defines several and the path has no name.
     UnknownNameError
-        The file does not define the one that is named.
+        The file does not define the named tableau.
     """
     return _chosen(place, *split_path(place))
 
@@ -123,8 +123,8 @@ def expanded(entries: Iterable[str]) -> tuple[str, ...]:
     Parameters
     ----------
     entries : iterable of str
-        Names, and paths of files; a path stands for all integrators of the file, ``path:name`` for one of them. The
-        integrators of these files are defined.
+        Names, and paths of files: a path means all integrators of the file, ``path:name`` one of them. These
+        integrators are then defined.
 
     Raises
     ------
