@@ -11,15 +11,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nearharmonic.engine.batch import execution
-from nearharmonic.engine.batch.batch import Batch, prepared_batch, sample_marks
-from nearharmonic.engine.batch.kernels import cost_of
+from nearharmonic.engine.batch.batch import sample_marks
 from nearharmonic.engine.batch.lanes import most_lanes_of
-from nearharmonic.engine.batch.numba_runs import floor_attributes
-from nearharmonic.engine.batch.parameters import parameters_at_run_time
+from nearharmonic.engine.batch.queue import Batch
 from nearharmonic.engine.batch.regularised import check_bound
-from nearharmonic.engine.batch.results import Trajectories, joined, trajectories_of
-from nearharmonic.engine.numbers.coefficients import moves_of
-from nearharmonic.engine.numbers.initial_values import parameter_array, standard_parameters, start_array
+from nearharmonic.engine.batch.results import Filled, Trajectories, joined
+from nearharmonic.engine.numbers.initial_values import (
+    parameter_array,
+    parameters_at_run_time,
+    standard_parameters,
+    start_array,
+)
 from nearharmonic.engine.runs.continuation import parameter_attributes
 from nearharmonic.engine.runs.description import (
     error_variables,
@@ -31,7 +33,7 @@ from nearharmonic.engine.runs.description import (
     trajectory_variables,
 )
 from nearharmonic.engine.runs.output_times import checked_times, run_at
-from nearharmonic.engine.runs.problem import Problem
+from nearharmonic.engine.runs.setup import Setup
 from nearharmonic.engine.settings import KINETIC_POTENTIAL, checked_samples, checked_threads
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
@@ -96,7 +98,7 @@ def ensemble(
     KeyboardInterrupt
         Ctrl-C, within a fraction of a second.
     """
-    problem = Problem(
+    problem = Setup(
         system, integrator, t_end=t_end, precision=precision, summation=summation, first=first, energy=energy,
         energy_scale=energy_scale, split=split,
     )  # fmt: skip
@@ -118,7 +120,7 @@ def ensemble(
         paths = _at_times(problem, steps, asked, start, given, members, count)
         times = np.array([float(time) for time in asked])
     attributes = problem_attributes(problem) | parameter_attributes(problem.system, parameters or {})
-    attributes |= floor_attributes(problem, start, given, paths.energy)
+    attributes |= problem.floor(start, given, paths.energy)
     return _dataset(problem, paths, start, given, times, attributes)
 
 
@@ -130,7 +132,7 @@ def _members(start: Floats, parameters: Floats) -> int:
     return members
 
 
-def _check_size(problem: Problem, members: int, samples: int) -> None:
+def _check_size(problem: Setup, members: int, samples: int) -> None:
     size = members * samples * (4 * problem.system.dimension + 3) * 8
     if size > MOST_BYTES:
         allowed = f"the states of {members} members would take {size:.1e} bytes, and a call keeps {MOST_BYTES:.0e}"
@@ -147,20 +149,14 @@ def _of(block: slice, rows: Floats) -> Floats:
     return rows[block] if len(rows) > 1 else rows
 
 
-def _cost(problem: Problem) -> int:
-    """Cost of a step."""
-    tableau = problem.tableau
-    return tableau.stages * cost_of(problem.system, problem.numerics.compiled, modified=tableau.modified)
-
-
-def _execute(problem: Problem, compute: Callable[[int], None], members: int, steps: int, threads: int) -> None:
+def _execute(problem: Setup, compute: Callable[[int], None], members: int, steps: int, threads: int) -> None:
     """Compute all blocks of members of so many steps each."""
     count = -(-members // BLOCK)
-    execution.Blocks(compute, count, steps=members * steps, cost=_cost(problem)).execute(threads)
+    execution.Blocks(compute, count, steps=members * steps, cost=problem.cost).execute(threads)
 
 
 def _at_times(
-    problem: Problem,
+    problem: Setup,
     steps: int,
     times: Sequence[Fraction],
     start: Floats,
@@ -186,7 +182,7 @@ class _Runs:
     """The runs of an ensemble that are sampled at whole steps."""
 
     def __init__(
-        self, problem: Problem, steps: int, samples: int, start: Floats, parameters: Floats, members: int
+        self, problem: Setup, steps: int, samples: int, start: Floats, parameters: Floats, members: int
     ) -> None:
         self.problem, self.steps, self.samples, self.members = problem, steps, samples, members
         parameters_at_run_time(problem.system, problem.numerics, parameters)  # of all members, before any work
@@ -197,28 +193,33 @@ class _Runs:
 
     def run(self, threads: int) -> Trajectories:
         """All members, in blocks of which each thread has one at a time."""
-        cut, d = int(self.samples == 1), self.problem.states_dimension
-        landed = self.problem.system.regularisation is not None
-        ends = np.empty((self.members, 2 if landed else 0))
-        states = np.empty((self.members, self.marks.size - cut, 4 * d))
-        errors = np.empty((3, self.members, self.marks.size - cut))
-        energy, left_at = np.empty((self.members, 2)), np.empty(self.members, np.int64)
+        problem, members, samples, d = self.problem, self.members, self.marks.size, self.problem.states_dimension
+        arrays = Filled(
+            marks=np.broadcast_to(self.marks, (members, samples)),
+            states=np.empty((members, samples, 4 * d)),
+            blocks=np.empty((3, members, samples)),
+            energy=np.empty((members, 2)),
+            running=np.empty((members, 2 if problem.system.regularisation is not None else 0)),
+            left_at=np.empty(members, np.int64),
+        ).without_start(self.samples == 1)
 
         def compute(i: int) -> None:
-            block = _block(i, self.members)
+            block = _block(i, members)
             batch, size = self._batch(block), block.stop - block.start
             batch.run(size * self.steps)
-            states[block], errors[:, block] = batch.states[:, cut:], batch.blocks[..., cut:]
-            energy[block], left_at[block], ends[block] = batch.energy, batch.left_at, batch.running[:, : ends.shape[1]]
+            found = batch.filled.without_start(self.samples == 1)
+            arrays.states[block], arrays.blocks[:, block], arrays.energy[block] = (
+                found.states,
+                found.blocks,
+                found.energy,
+            )
+            arrays.running[block] = found.running[:, : arrays.running.shape[1]]
+            arrays.left_at[block] = found.left_at
             if size == BLOCK:
                 self._free.append(batch)
 
-        _execute(self.problem, compute, self.members, self.steps, threads)
-        steps, marks = np.full(self.members, self.steps), np.broadcast_to(self.marks, (self.members, self.marks.size))
-        results = marks[:, cut:], states, errors, energy, ends, left_at
-        return trajectories_of(
-            self.problem.tableau, steps, *results, self.problem.numerics, self.problem.scale, landed=landed
-        )
+        _execute(problem, compute, members, self.steps, threads)
+        return problem.trajectories(np.full(members, self.steps), arrays)
 
     def _batch(self, block: slice) -> Batch:
         """A batch that holds the members of ``block``: a used one of the same size, or a new one."""
@@ -235,16 +236,14 @@ class _Runs:
 
     def _new(self, size: int, start: Floats, parameters: Floats) -> Batch:
         problem = self.problem
-        rows = moves_of(problem.system, problem.tableau, [problem.end / self.steps], problem.numerics)
-        return prepared_batch(
-            problem.system, problem.tableau, self.numerics, marks=np.repeat(self.marks, size, axis=0),
-            scheme=np.zeros(size, np.int64), moves=rows, start=np.resize(start, (size, start.shape[1])),
-            parameters=parameters.copy(), scale=problem.scale,
+        return problem.batch(
+            problem.moves([problem.end / self.steps]), np.repeat(self.marks, size, axis=0), np.zeros(size, np.int64),
+            np.resize(start, (size, start.shape[1])), parameters.copy(), self.numerics,
         )  # fmt: skip
 
 
 def _dataset(
-    problem: Problem, paths: Trajectories, start: Floats, parameters: Floats, times: Floats | None,
+    problem: Setup, paths: Trajectories, start: Floats, parameters: Floats, times: Floats | None,
     attributes: Mapping[str, Any],
 ) -> xr.Dataset:  # fmt: skip
     constants = [column if len(parameters) == 1 else column[:, None] for column in parameters.T[::2]]
