@@ -89,6 +89,7 @@ MOVED = {
     "engine.ensemble": "engine.runs.ensemble",
     "engine.execution": "engine.batch.execution",
     "engine.geometric": "numerics.geometric",
+    "engine.handed_on": "engine.settings",
     "engine.initial_values": "engine.numbers.initial_values",
     "engine.invariants": "engine.runs.invariants",
     "engine.kernels": "engine.batch.kernels",

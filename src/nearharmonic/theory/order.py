@@ -95,14 +95,7 @@ def nystrom_order_of(integrator: str | Tableau, *, first: First | None = None, h
     Parameters
     ----------
     integrator, first, highest
-        As for :func:`order_of`.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator, or ``highest`` no integer >= 1.
+        As for :func:`order_of`, as are the errors.
     """
     tableau = tableau_of(integrator, first)
     return proved_order(tableau, _highest(tableau, highest), quadratic=True)
@@ -148,16 +141,9 @@ def generalised_order_of(
     Parameters
     ----------
     integrator, first
-        As for :func:`order_of`.
+        As for :func:`order_of`, as are the errors.
     quadratic : bool
         Whether T is quadratic, which makes errors of three kicks and more vanish or combine.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator.
     """
     tableau = tableau_of(integrator, first)
     highest = 2 * tableau.stages
@@ -183,14 +169,7 @@ def leading_errors(
     Parameters
     ----------
     integrator, first, highest
-        As for :func:`order_of`.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator, ``highest`` no integer >= 1, or an order is larger than ``highest``.
+        As for :func:`order_of`, as are the errors.
     """
     tableau = tableau_of(integrator, first)
     terms, most = [], _highest(tableau, highest)
@@ -212,18 +191,11 @@ def error_norm(integrator: str | Tableau, degree: int, *, quadratic: bool = Fals
     Parameters
     ----------
     integrator, first
-        As for :func:`order_of`.
+        As for :func:`order_of`, as are the errors.
     degree : int
         Any power of tau from 1.
     quadratic : bool
         Whether T is quadratic.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator, or ``degree`` no integer >= 1.
     """
     tableau = tableau_of(integrator, first)
     errors = errors_of(tableau, _integer("degree", degree))

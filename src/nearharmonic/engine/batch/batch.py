@@ -16,7 +16,7 @@ from nearharmonic.engine.batch.kernels import STANDARD, cost_of, kernel_of
 from nearharmonic.engine.batch.lanes import with_lanes
 from nearharmonic.engine.batch.processed import ProcessedCall
 from nearharmonic.engine.batch.queue import Batch
-from nearharmonic.engine.batch.regularised import LandingCall
+from nearharmonic.engine.batch.regularised import landing_call
 from nearharmonic.engine.batch.results import Integers, Trajectories, filled, surface_limit, trajectories_of
 from nearharmonic.engine.numbers.coefficients import moves_of
 from nearharmonic.engine.numbers.initial_values import parameters_at_run_time, standard_parameters, standard_start
@@ -72,13 +72,13 @@ def prepared_batch(
     system, step, numerics
         Problem, method, or a single composition of one, and arithmetic.
     marks, scheme, moves, start, parameters
-        As :class:`Batch` has them.
+        Arrays that :class:`Batch` describes.
     scale : float
-        Energy that errors are relative to; 0 for |H0|.
+        Energy that errors are relative to; 0 for |H0|, or for the unit of energy where H0 = 0.
     reference : pair of float
-        H0 for all runs, in place of the energy of each start.
+        H0 for all runs, high and low half, in place of the energy of each start.
     resumed : (R, 5 D) array of float, optional
-        States that run, of runs that go on from ``start`` with the same moves.
+        Running states of runs that go on from ``start`` with the same moves.
     """
     if isinstance(step, Tableau) and step.processed:
         return _prepared_processed(
@@ -98,7 +98,7 @@ def prepared_batch(
     )  # fmt: skip
     call: Callable[[], object]
     if system.regularisation is not None:
-        call = LandingCall(system, numerics, parameters, (*front, parameters, *behind))
+        call = landing_call(system, numerics, parameters, (*front, parameters, *behind))
     else:
         parameters = parameters_at_run_time(system, numerics, parameters)
         resumed = np.empty((0, running_rows(d))) if resumed is None else resumed
@@ -153,28 +153,20 @@ def integrate_batch(
 
     Parameters
     ----------
-    system, tableau
-        Problem of d coordinates and P parameters, and method.
+    system, tableau, numerics, scale, reference, resumed
+        As for :func:`prepared_batch`.
     t_end : Fraction
         End of the interval; negative to run backwards.
     steps : (R,) sequence of int
         Steps of each run.
     samples : int
         Most samples of a run; a single one is the end.
-    numerics : Numerics
-        Arithmetic, lanes, and when the energy is measured.
-    start : (R, 4 d) array of float, optional
-        Initial states, laid out as by :func:`start_row`, in place of the system's own; one row is for all runs.
-    parameters : (R, 2 P) or (1, 2 P) array of float, optional
-        Parameters of each run, or of all, laid out as by :func:`parameter_row`, in place of the system's own.
+    start : (R or 1, 4 d) array of float, optional
+        Initial states, laid out as by :func:`start_row`, in place of the system's own.
+    parameters : (R or 1, 2 P) array of float, optional
+        Parameters, laid out as by :func:`parameter_row`, in place of the system's own.
     marks : (R, S) array of int, optional
         Steps at which to sample in place of ``samples``: as :func:`sample_marks` returns them.
-    scale : float
-        Energy that errors are relative to; 0 for |H0|, or for the unit of energy where H0 = 0.
-    reference : pair of float
-        H0 for all runs, high and low half, in place of the energy of each start.
-    resumed : (R, 5 d) array of float, optional
-        States that run, from which the runs go on.
 
     Raises
     ------

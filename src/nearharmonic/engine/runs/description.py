@@ -81,7 +81,7 @@ def trajectory_variables(
 
     Parameters
     ----------
-    problem : Problem
+    problem : Setup
         System of d coordinates, method and settings.
     paths : Trajectories
         R runs of S samples.
@@ -124,17 +124,18 @@ def clock_variables(problem: Setup, paths: Trajectories) -> Variables:
         return {}
     units, d = problem.system.units, problem.system.dimension
     table = {}
-    for name, pair, meaning, unit in (
-        ("clock", (paths.q, paths.q_low), "time as it is integrated", units["t"]),
+    for name, high, low, meaning, unit in (
+        ("clock", paths.q, paths.q_low, "time as it is integrated", units["t"]),
         (
             "clock_momentum",
-            (paths.p, paths.p_low),
+            paths.p,
+            paths.p_low,
             "momentum conjugate to time: minus the energy received",
             units["energy"],
         ),
     ):
-        table[name] = pair[0][..., d], meaning, unit
-        table[f"{name}_low"] = pair[1][..., d], f"{meaning}, digits below", unit
+        table[name] = high[..., d], meaning, unit
+        table[f"{name}_low"] = low[..., d], f"{meaning}, digits below", unit
     return over_runs(table)
 
 
@@ -238,6 +239,11 @@ def kernel_in_words(problem: Setup) -> str:
     ))  # fmt: skip
 
 
+def over(dimension: str, variables: Variables) -> Variables:
+    """Return variables of runs over another first dimension."""
+    return {name: ((dimension, *rest[1:]), values, notes) for name, (rest, values, notes) in variables.items()}
+
+
 def over_runs(table: dict[str, tuple[Any, str, str]]) -> Variables:
     """Return described variables from (values, meaning, unit), whose first dimension is that of the runs."""
     dimensions = ("tau_per_stage", "sample", "component")
@@ -249,7 +255,7 @@ def sampled(problem: Setup, steps: Sequence[int], samples: int) -> Variables:
 
     Parameters
     ----------
-    problem : Problem
+    problem : Setup
         System of d coordinates, method and settings.
     steps : sequence of int
         Steps of each run.

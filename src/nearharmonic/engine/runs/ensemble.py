@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import nan
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ from nearharmonic.engine.batch.batch import sample_marks
 from nearharmonic.engine.batch.lanes import most_lanes_of
 from nearharmonic.engine.batch.queue import Batch
 from nearharmonic.engine.batch.regularised import check_bound
-from nearharmonic.engine.batch.results import Filled, Trajectories, joined
+from nearharmonic.engine.batch.results import Filled, Integers, Trajectories, joined
 from nearharmonic.engine.numbers.initial_values import (
     parameter_array,
     parameters_at_run_time,
@@ -28,6 +28,7 @@ from nearharmonic.engine.runs.description import (
     initial_energy_variables,
     invariant_variables,
     low_digits,
+    over,
     over_runs,
     problem_attributes,
     trajectory_variables,
@@ -38,7 +39,7 @@ from nearharmonic.engine.settings import KINETIC_POTENTIAL, checked_samples, che
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
-from nearharmonic.output.dataset import Variables, assembled, described
+from nearharmonic.output.dataset import assembled, described
 from nearharmonic.systems.definition.system import System
 
 if TYPE_CHECKING:
@@ -106,140 +107,121 @@ def ensemble(
     given = standard_parameters(problem.system)[None, :]
     if parameters is not None:
         given = parameter_array(problem.system, parameters)
-    members = _members(start, given)
+    _check_rows(start, given)
     check_bound(problem.system, start, given)
     steps, kept = problem.steps_of(tau), checked_samples(samples)
-    count = checked_threads(threads)
+    members = _Members(problem, steps, start, given, checked_threads(threads))
     if t is None:
-        runs = _Runs(problem, steps, kept, start, given, members)
-        _check_size(problem, members, runs.marks.size)
-        paths, times = runs.run(count), None
+        paths, times = members.sampled(kept), None
     else:
         asked = checked_times(t, problem.end, problem.t_end)
-        _check_size(problem, members, len(asked))
-        paths = _at_times(problem, steps, asked, start, given, members, count)
-        times = np.array([float(time) for time in asked])
+        paths, times = members.at_times(asked), np.array([float(time) for time in asked])
     attributes = problem_attributes(problem) | parameter_attributes(problem.system, parameters or {})
     attributes |= problem.floor(start, given, paths.energy)
     return _dataset(problem, paths, start, given, times, attributes)
 
 
-def _members(start: Floats, parameters: Floats) -> int:
+def _check_rows(start: Floats, parameters: Floats) -> None:
     members = max(len(start), len(parameters))
     for key, rows in (("q0 and p0", start), ("parameters", parameters)):
         if len(rows) not in (1, members):
             raise bad_setting(key, f"{len(rows)} rows", f"one row, or one for each of {members} members")
-    return members
 
 
-def _check_size(problem: Setup, members: int, samples: int) -> None:
-    size = members * samples * (4 * problem.system.dimension + 3) * 8
-    if size > MOST_BYTES:
-        allowed = f"the states of {members} members would take {size:.1e} bytes, and a call keeps {MOST_BYTES:.0e}"
-        raise bad_setting("samples", samples, allowed)
+@dataclass(frozen=True)
+class _Members:
+    """Members of an ensemble, integrated in blocks of which each thread has one at a time."""
 
+    problem: Setup
+    steps: int
+    start: Floats
+    parameters: Floats
+    threads: int
 
-def _block(i: int, members: int) -> slice:
-    """The members that a thread integrates at a time."""
-    return slice(i * BLOCK, min((i + 1) * BLOCK, members))
+    @property
+    def count(self) -> int:
+        """Number of members."""
+        return max(len(self.start), len(self.parameters))
 
+    def at_times(self, times: Sequence[Fraction]) -> Trajectories:
+        """Return all members at output times."""
+        self._check_size(len(times))
+        parts: dict[int, Trajectories] = {}
 
-def _of(block: slice, rows: Floats) -> Floats:
-    """The rows of a block, or the one row that is for all members."""
-    return rows[block] if len(rows) > 1 else rows
+        def compute(block: slice, start: Floats, parameters: Floats) -> None:
+            steps = [self.steps] * (block.stop - block.start)
+            parts[block.start] = run_at(
+                self.problem, steps, times, start=start, parameters=parameters, reference=(nan, nan)
+            )
 
+        self._in_blocks(compute)
+        return joined([parts[i] for i in sorted(parts)])
 
-def _execute(problem: Setup, compute: Callable[[int], None], members: int, steps: int, threads: int) -> None:
-    """Compute all blocks of members of so many steps each."""
-    count = -(-members // BLOCK)
-    execution.Blocks(compute, count, steps=members * steps, cost=problem.cost).execute(threads)
-
-
-def _at_times(
-    problem: Setup,
-    steps: int,
-    times: Sequence[Fraction],
-    start: Floats,
-    parameters: Floats,
-    members: int,
-    threads: int,
-) -> Trajectories:
-    """The members at output times."""
-    parts: dict[int, Trajectories] = {}
-
-    def compute(i: int) -> None:
-        block = _block(i, members)
-        parts[i] = run_at(
-            problem, [steps] * (block.stop - block.start), times, start=_of(block, start),
-            parameters=_of(block, parameters), reference=(nan, nan),
-        )  # fmt: skip
-
-    _execute(problem, compute, members, steps, threads)
-    return joined([parts[i] for i in sorted(parts)])
-
-
-class _Runs:
-    """The runs of an ensemble that are sampled at whole steps."""
-
-    def __init__(
-        self, problem: Setup, steps: int, samples: int, start: Floats, parameters: Floats, members: int
-    ) -> None:
-        self.problem, self.steps, self.samples, self.members = problem, steps, samples, members
-        parameters_at_run_time(problem.system, problem.numerics, parameters)  # of all members, before any work
-        self.start, self.parameters = start, parameters
-        self.marks = sample_marks(np.array([steps]), samples)
-        self.numerics = replace(problem.numerics, width=most_lanes_of(problem.system, problem.numerics))
-        self._free: list[Batch] = []
-
-    def run(self, threads: int) -> Trajectories:
-        """All members, in blocks of which each thread has one at a time."""
-        problem, members, samples, d = self.problem, self.members, self.marks.size, self.problem.states_dimension
+    def sampled(self, samples: int) -> Trajectories:
+        """Return all members, sampled at whole steps."""
+        problem, members, d = self.problem, self.count, self.problem.states_dimension
+        parameters_at_run_time(problem.system, problem.numerics, self.parameters)  # of all members, before any work
+        marks, only_end = sample_marks(np.array([self.steps]), samples), samples == 1
+        self._check_size(marks.size)
+        kept = marks[0, only_end:]
         arrays = Filled(
-            marks=np.broadcast_to(self.marks, (members, samples)),
-            states=np.empty((members, samples, 4 * d)),
-            blocks=np.empty((3, members, samples)),
+            marks=np.broadcast_to(kept, (members, kept.size)),
+            states=np.empty((members, kept.size, 4 * d)),
+            blocks=np.empty((3, members, kept.size)),
             energy=np.empty((members, 2)),
             running=np.empty((members, 2 if problem.system.regularisation is not None else 0)),
             left_at=np.empty(members, np.int64),
-        ).without_start(self.samples == 1)
+        )
+        free: list[Batch] = []
 
-        def compute(i: int) -> None:
-            block = _block(i, members)
-            batch, size = self._batch(block), block.stop - block.start
+        def compute(block: slice, start: Floats, parameters: Floats) -> None:
+            size = block.stop - block.start
+            batch = self._batch(marks, size, start, parameters, free)
             batch.run(size * self.steps)
-            found = batch.filled.without_start(self.samples == 1)
-            arrays.states[block], arrays.blocks[:, block], arrays.energy[block] = (
-                found.states,
-                found.blocks,
-                found.energy,
-            )
+            found = batch.filled.without_start(only_end)
+            arrays.states[block], arrays.blocks[:, block] = found.states, found.blocks
+            arrays.energy[block], arrays.left_at[block] = found.energy, found.left_at
             arrays.running[block] = found.running[:, : arrays.running.shape[1]]
-            arrays.left_at[block] = found.left_at
             if size == BLOCK:
-                self._free.append(batch)
+                free.append(batch)
 
-        _execute(problem, compute, members, self.steps, threads)
+        self._in_blocks(compute)
         return problem.trajectories(np.full(members, self.steps), arrays)
 
-    def _batch(self, block: slice) -> Batch:
-        """A batch that holds the members of ``block``: a used one of the same size, or a new one."""
-        size = block.stop - block.start
-        start, parameters = _of(block, self.start), _of(block, self.parameters)
+    def _check_size(self, samples: int) -> None:
+        size = self.count * samples * (4 * self.problem.system.dimension + 3) * 8
+        if size > MOST_BYTES:
+            what = f"the states of {self.count} members would take {size:.1e} bytes"
+            raise bad_setting("samples", samples, f"{what}, and a call keeps {MOST_BYTES:.0e}")
+
+    def _in_blocks(self, compute: Callable[[slice, Floats, Floats], None]) -> None:
+        """Call ``compute`` with each block of members, their starts and parameters; one row is for all members."""
+        given = self.start, self.parameters
+
+        def one(i: int) -> None:
+            block = slice(i * BLOCK, min((i + 1) * BLOCK, self.count))
+            compute(block, *(rows[block] if len(rows) > 1 else rows for rows in given))
+
+        count, steps = -(-self.count // BLOCK), self.count * self.steps
+        execution.Blocks(one, count, steps=steps, cost=self.problem.cost).execute(self.threads)
+
+    def _batch(self, marks: Integers, size: int, start: Floats, parameters: Floats, free: list[Batch]) -> Batch:
+        """Return a batch that holds a block of members: a free one of the same size, or a new one."""
+        problem = self.problem
         try:
-            batch = self._free.pop() if size == BLOCK else self._new(size, start, parameters)
+            batch = free.pop() if size == BLOCK else None
         except IndexError:
-            return self._new(size, start, parameters)
+            batch = None
+        if batch is None:
+            return problem.batch(
+                problem.moves([problem.end / self.steps]), np.repeat(marks, size, axis=0), np.zeros(size, np.int64),
+                np.resize(start, (size, start.shape[1])), parameters.copy(),
+                replace(problem.numerics, width=most_lanes_of(problem.system, problem.numerics)),
+            )  # fmt: skip
         batch.start[:] = start
         if batch.parameters.size:  # none if they are compiled in
             batch.parameters[:] = parameters
         return batch
-
-    def _new(self, size: int, start: Floats, parameters: Floats) -> Batch:
-        problem = self.problem
-        return problem.batch(
-            problem.moves([problem.end / self.steps]), np.repeat(self.marks, size, axis=0), np.zeros(size, np.int64),
-            np.resize(start, (size, start.shape[1])), parameters.copy(), self.numerics,
-        )  # fmt: skip
 
 
 def _dataset(
@@ -256,9 +238,7 @@ def _dataset(
         if len(parameters) > 1:
             parameter = problem.system.parameters[name]
             variables[f"parameter_{name}"] = ("tau_per_stage",), column, described(parameter.meaning, parameter.unit)
-    renamed: Variables = {
-        name: (("member", *dims[1:]), values, notes) for name, (dims, values, notes) in variables.items()
-    }
+    renamed = over("member", variables)
     notes = described("step size as used, t_end / steps", problem.system.units["t"])
     renamed["tau"] = (), problem.taus(paths.steps[:1])[0], notes
     coordinates = [name for name in renamed if name.startswith("parameter_")]

@@ -16,6 +16,7 @@ from nearharmonic.engine.runs.continuation import start_of
 from nearharmonic.engine.runs.description import (
     error_variables,
     invariant_variables,
+    over,
     problem_attributes,
     trajectory_dataset,
     trajectory_variables,
@@ -188,7 +189,7 @@ def sweep(
         variables |= invariant_variables(problem, paths, begin.state, begin.constants)
     _check_start(problem, paths)
     variables |= error_variables(paths, problem)
-    one: Variables = {name: (("tau", *dims[1:]), values, notes) for name, (dims, values, notes) in variables.items()}
+    one = over("tau", variables)
     unit = problem.system.units["t"]
     one["tau_requested"] = (("tau",), np.array(requested), described("step size asked for", unit))
     one["tau"] = ("tau",), problem.taus(paths.steps), described("step size", unit)
