@@ -138,9 +138,11 @@ def _python(place: str) -> dict[str, Any]:
     """Return the tableau of a user's file as a document."""
     from nearharmonic.exchange.coefficients import as_registered
     from nearharmonic.exchange.writers.data import document
-    from nearharmonic.integrators.user_file import tableau_at
+    from nearharmonic.integrators import integrators
+    from nearharmonic.integrators.file import tableau_at
 
-    return {key: value for key, value in document(as_registered(tableau_at(place))).items() if value is not None}
+    tableau = as_registered(tableau_at(place, integrators.registered))
+    return {key: value for key, value in document(tableau).items() if value is not None}
 
 
 def _without_empty_end(cells: list[str]) -> list[str]:

@@ -4,6 +4,7 @@ This package is the mapping ``integrators`` (:mod:`nearharmonic.registry.registr
 type of their kicks.
 """
 
+from nearharmonic.integrators.file import tableau_at
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.registry.registry import Registry, make_registry
 from nearharmonic.registry.selection import Selection
@@ -24,15 +25,8 @@ BENCHMARKED = (
     "babps9o7h",
 )
 
-
-def _at(place: str, _: object) -> Tableau:
-    from nearharmonic.integrators.user_file import tableau_at
-
-    return tableau_at(place)
-
-
 integrators: Registry[Tableau] = make_registry(
-    __name__, "integrator", "TABLEAUS", lambda module: {t.name: t for t in getattr(module, "TABLEAUS", ())}, _at
+    __name__, "integrator", "TABLEAUS", lambda module: {t.name: t for t in getattr(module, "TABLEAUS", ())}, tableau_at
 )
 
 #: Integrators without and with modified potentials.

@@ -96,14 +96,7 @@ def nystrom_order_of(integrator: str | Tableau, *, first: First | None = None, h
     Parameters
     ----------
     integrator, first, highest
-        As for :func:`order_of`.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator, or ``highest`` no integer >= 1.
+        As for :func:`order_of`, as are the errors.
     """
     tableau = tableau_of(integrator, first)
     return proved_order(tableau, _highest(tableau, highest), quadratic=True)
@@ -149,16 +142,9 @@ def generalised_order_of(
     Parameters
     ----------
     integrator, first
-        As for :func:`order_of`.
+        As for :func:`order_of`, as are the errors.
     quadratic : bool
         True for quadratic T: error terms with three or more kicks then vanish or combine.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator.
     """
     tableau = tableau_of(integrator, first)
     highest = 2 * tableau.stages
@@ -184,14 +170,7 @@ def leading_errors(
     Parameters
     ----------
     integrator, first, highest
-        As for :func:`order_of`.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator, ``highest`` no integer >= 1, or an order is larger than ``highest``.
+        As for :func:`order_of`, as are the errors.
     """
     tableau = tableau_of(integrator, first)
     terms, most = [], _highest(tableau, highest)
@@ -213,18 +192,11 @@ def error_norm(integrator: str | Tableau, degree: int, *, quadratic: bool = Fals
     Parameters
     ----------
     integrator, first
-        As for :func:`order_of`.
+        As for :func:`order_of`, as are the errors.
     degree : int
         Any power of tau from 1.
     quadratic : bool
         True for quadratic T.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator, or ``degree`` no integer >= 1.
     """
     tableau = tableau_of(integrator, first)
     errors = errors_of(tableau, _integer("degree", degree))

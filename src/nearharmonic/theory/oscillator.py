@@ -85,19 +85,12 @@ def zeta(
     Parameters
     ----------
     integrator, first, variable
-        As for :func:`kappa`.
+        As for :func:`kappa`, as are the errors.
 
     Returns
     -------
     tuple of Fraction
         (zeta_0, ..., zeta_lambda_max), exact, for q_a = -p_a = 1 and m = k = 1.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator, or ``variable`` neither "position" nor "momentum".
     """
     tableau = tableau_of(integrator, first)
     highest = lambda_max(tableau, variable=variable)
@@ -116,14 +109,7 @@ def lambda_max(integrator: str | Tableau, *, first: First | None = None, variabl
     Parameters
     ----------
     integrator, first, variable
-        As for :func:`kappa`.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator, or ``variable`` neither "position" nor "momentum".
+        As for :func:`kappa`, as are the errors.
     """
     if variable not in {"position", "momentum"}:
         key = "variable"
@@ -184,19 +170,12 @@ def harmonic_energy_error(integrator: str | Tableau, tau: BigFloat, *, first: Fi
     Parameters
     ----------
     integrator, tau, first
-        As for :func:`stability_trace`.
+        As for :func:`stability_trace`, as are the errors.
 
     Returns
     -------
     mpf
         The supremum; inf if the trace is outside [-2, 2], where the error grows without bound.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``tau`` is no finite number above 0, or ``first`` no operator.
     """
     closed_form, step = _closed_form(tableau_of(integrator, first)), _step_size(tau)
     with mp.workdps(CLOSED_FORM_DIGITS):

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearharmonic.core.layout import COLUMNS, DRIFT, KICK, PRODUCT, SQUARE, modified_columns
-from nearharmonic.engine.batch.batch import Batch, prepared_batch
+from nearharmonic.engine.batch.batch import prepared_batch
+from nearharmonic.engine.batch.queue import Batch
 from nearharmonic.engine.batch.results import energy_unit
 from nearharmonic.engine.numbers.coefficients import moves_behind
 from nearharmonic.engine.settings import Numerics
@@ -124,7 +125,7 @@ class Population:
         return self._found()[:count]
 
     def _found(self) -> Floats:
-        batch = self._batch
+        batch = self._batch.filled
         worst = batch.blocks[1, :, -1].reshape(self.shape)
         with np.errstate(all="ignore"):
             errors = worst / energy_unit(batch.energy[:, 0], self.ensemble.scale).reshape(self.shape)

@@ -7,8 +7,7 @@ from dataclasses import dataclass, make_dataclass
 from functools import cache
 from typing import Annotated, Any
 
-from nearharmonic.engine.handed_on import handed_on_from
-from nearharmonic.engine.settings import Sweep
+from nearharmonic.engine.settings import Sweep, handed_on_from
 from nearharmonic.integrators import integrators, plain_integrators
 from nearharmonic.integrators.user_file import expanded
 from nearharmonic.reproduction.entries import STRICT, Reading, setting, whole_from

@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.engine.handed_on import HandedOn
-from nearharmonic.engine.settings import checked_tau, one_of
+from nearharmonic.engine.settings import HandedOn, checked_tau, one_of
 from nearharmonic.errors import NearharmonicError, bad_setting, unknown_name
 from nearharmonic.output import store
 from nearharmonic.reproduction.record.query.run_table import (
