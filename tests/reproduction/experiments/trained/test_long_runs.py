@@ -10,13 +10,12 @@ import xarray as xr
 
 import nearharmonic as nh
 from nearharmonic.output.dataset import assembled
-from nearharmonic.reproduction.experiments.trained.long_runs.reduce import long_table
-from nearharmonic.reproduction.experiments.trained.long_runs.reductions import reduction, trends
+from nearharmonic.reproduction.experiments.trained.long_runs.reductions import long_table, reduction, trends
 from nearharmonic.reproduction.experiments.trained.long_runs.run import STARTS, Run, long_runs, measure
 from nearharmonic.reproduction.experiments.trained.problems.named_systems import NAMED, named_ensemble
 from nearharmonic.reproduction.experiments.trained.proof import run as proof
 from nearharmonic.reproduction.experiments.trained.proof import times
-from nearharmonic.reproduction.experiments.trained.proof.reduce import reduce
+from nearharmonic.reproduction.experiments.trained.proof.reductions import reduce
 from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.reproduction.tasks import job
 

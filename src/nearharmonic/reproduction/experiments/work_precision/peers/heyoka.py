@@ -116,39 +116,15 @@ def functions_of(hy: Any) -> dict[str, Any]:
     return {name: getattr(hy, name) for name in own} | derived
 
 
-PEERS = (
+PEERS = tuple(
     Peer(
-        name="heyoka",
-        label="heyoka (adaptive Taylor)",
-        module="heyoka",
-        knob="tolerance",
-        settings=TOLERANCES,
-        attempt=heyoka_taylor,
-    ),
-    Peer(
-        name="heyoka_fast_math",
-        label="heyoka, fast_math",
-        module="heyoka",
-        knob="tolerance",
-        settings=TOLERANCES,
-        attempt=partial(heyoka_taylor, fast_math=True),
-    ),
-    Peer(
-        name="heyoka_power",
-        label="heyoka, force as a power",
-        module="heyoka",
-        knob="tolerance",
-        settings=TOLERANCES,
-        attempt=partial(heyoka_taylor, power=True),
-        gravity_only=True,
-    ),
-    Peer(
-        name="heyoka_power_fast_math",
-        label="heyoka, power, fast_math",
-        module="heyoka",
-        knob="tolerance",
-        settings=TOLERANCES,
-        attempt=partial(heyoka_taylor, power=True, fast_math=True),
-        gravity_only=True,
-    ),
-)
+        name=name, label=label, module="heyoka", settings=TOLERANCES, attempt=partial(heyoka_taylor, **options),
+        gravity_only=options.get("power", False),
+    )
+    for name, label, options in (
+        ("heyoka", "heyoka (adaptive Taylor)", {}),
+        ("heyoka_fast_math", "heyoka, fast_math", {"fast_math": True}),
+        ("heyoka_power", "heyoka, force as a power", {"power": True}),
+        ("heyoka_power_fast_math", "heyoka, power, fast_math", {"power": True, "fast_math": True}),
+    )
+)  # fmt: skip

@@ -108,16 +108,11 @@ def _physical(maps: RegularisedFormulas, states: States, w: float) -> States:
 
 PEERS = tuple(
     Peer(
-        name=name,
-        label=label,
-        module="heyoka",
-        knob="tolerance",
-        settings=TOLERANCES,
+        name=name, label=label, module="heyoka", settings=TOLERANCES, regularised=True,
         attempt=partial(heyoka_regularised, fast_math=fast_math),
-        regularised=True,
     )
     for name, label, fast_math in (
         ("heyoka_regularised", "heyoka, regularised equations", False),
         ("heyoka_regularised_fast_math", "heyoka, regularised, fast_math", True),
     )
-)
+)  # fmt: skip
