@@ -79,7 +79,9 @@ def made(runs, tmp_path_factory):
     """Cube and table of each item."""
     found = {}
     for name, settings in SMALL.items():
-        asked = task(f"reproduction.experiments.stability.{name}.reductions:reduce", integrators=METHODS, settings=settings)
+        asked = task(
+            f"reproduction.experiments.stability.{name}.reductions:reduce", integrators=METHODS, settings=settings
+        )
         found[name] = results(asked, **runs[name])
     for name, (files, settings) in TOGETHER.items():
         paths = [str(tmp_path_factory.mktemp(name) / "run.h5") for _ in files]

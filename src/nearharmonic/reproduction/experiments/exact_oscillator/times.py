@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from math import sqrt
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from nearharmonic.engine.runs.ensemble import ensemble
 from nearharmonic.engine.runs.problem import Problem
@@ -15,13 +16,10 @@ from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL
 from nearharmonic.numerics.clock import Patience, interleaved, pinned, processor, summary
 from nearharmonic.output.store import read
 from nearharmonic.output.table import Table
+from nearharmonic.reproduction.experiments.exact_oscillator.run import starts_on
 from nearharmonic.reproduction.experiments.exact_oscillator.settings import ExactOscillatorSettings
-from nearharmonic.reproduction.experiments.exact_oscillator.surfaces import starts_on
 from nearharmonic.reproduction.tasks.receipts import measures_time
 from nearharmonic.systems.henon_heiles import SYSTEM
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Members of the ensemble that is timed.
 MEMBERS = 256

@@ -19,7 +19,7 @@ QUANTILES = (0.05, 0.5, 0.95)
 def anharmonicity_quantiles(runs: xr.Dataset, problems: str) -> xr.DataArray:
     """Return the quantiles over ``problem`` of the anharmonicity; ``problems`` names these in words."""
     fractions = coordinate("quantile", list(QUANTILES), f"fraction of the {problems} that are less anharmonic")
-    found = runs.anharmonicity.quantile(QUANTILES, "problem", skipna=False).transpose(..., "quantile")
+    found: xr.DataArray = runs.anharmonicity.quantile(QUANTILES, "problem", skipna=False).transpose(..., "quantile")
     return found.assign_coords(fractions).assign_attrs(runs.anharmonicity.attrs)
 
 
