@@ -23,7 +23,7 @@ from nearharmonic.plotting.palette import Style, style_of
 
 __all__ = [
     "SETTINGS", "Style", "house_style", "lettered", "log_scale", "log_ticks", "mark_every", "method_handles",
-    "new_figure", "panel_letter", "save", "style_of",
+    "new_figure", "panel_letter", "save", "style_of", "write_beside",
 ]  # fmt: skip
 
 #: matplotlib settings of every figure: the fonts that matplotlib ships, so that figures are identical on all machines.
@@ -83,6 +83,12 @@ def lettered(letter: str | int, says: str = "") -> str:
     if isinstance(letter, int):
         letter = ascii_uppercase[letter % len(ascii_uppercase)]
     return rf"$\mathbf{{{letter}}}$  {says}".rstrip()
+
+
+def write_beside(axes: Axes, text: str, place: tuple[float, float], offset: tuple[float, float], **look: Any) -> None:
+    """Write ``text`` beside a place, at an offset in points; ``look`` are arguments of ``Axes.annotate``."""
+    look = {"color": "#404040", "fontsize": 8, **look}
+    axes.annotate(text, place, xytext=offset, textcoords="offset points", **look)
 
 
 def log_scale(axes: Axes, directions: str) -> None:

@@ -18,6 +18,7 @@ from nearharmonic.plotting.style import (
     method_handles,
     new_figure,
     style_of,
+    write_beside,
 )
 from nearharmonic.reproduction.tasks.declarations import figure
 
@@ -91,15 +92,7 @@ def _add_century_axis(axes: Axes, arcseconds: float) -> None:
     axes.tick_params(axis="y", which="both", right=False)
     level = MERCURY_RELATIVISTIC_ADVANCE / arcseconds
     axes.axhline(level, color="#404040", linestyle=(0, (6, 3)), linewidth=0.9, zorder=1.5)
-    axes.annotate(
-        f"general relativity: {MERCURY_RELATIVISTIC_ADVANCE}″ per century",
-        (0.988, level),
-        xycoords=("axes fraction", "data"),
-        xytext=(0, 4),
-        textcoords="offset points",
-        ha="right",
-        fontsize=8,
-        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1},
-        zorder=5,
-        color="#404040",
-    )
+    text = f"general relativity: {MERCURY_RELATIVISTIC_ADVANCE}″ per century"
+    box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1}
+    among = {"xycoords": ("axes fraction", "data"), "ha": "right", "zorder": 5}
+    write_beside(axes, text, (0.988, level), (0, 4), bbox=box, **among)

@@ -32,20 +32,7 @@ _XLABELS = {
 
 @measures_time
 def comparison_figures(names: Sequence[str], cube: str) -> dict[str, Figure]:
-    """Draw error against the time of whole calls, beside other libraries.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Systems.
-    cube : str
-        Path of the cube that :func:`nearharmonic.reproduction.experiments.work_precision.run.measure` makes.
-
-    Returns
-    -------
-    dict
-        ``trajectory`` and ``lanes``.
-    """
+    """Draw what :func:`pairs` reads: error against the time of whole calls, for ``trajectory`` and ``lanes``."""
     found, facts = pairs(cube, names)
     return {mode: comparison_figure(found, mode, facts) for mode in _XLABELS}
 

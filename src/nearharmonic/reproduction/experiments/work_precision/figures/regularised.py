@@ -45,19 +45,9 @@ _ORIGINAL: dict[str, Any] = {"color": "#f2d8a7", "linewidth": 5.0, "solid_capsty
 
 @measures_time
 def regularised_figures(names: Sequence[str], cube: str) -> dict[str, Figure]:
-    """Draw error against the time of one trajectory, on regularised and on original equations.
+    """Draw error against the time of one trajectory, on regularised and on original equations, as ``figure``.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Systems; shown are the regularised ones whose original equations are among them too.
-    cube : str
-        Path of the cube that :func:`nearharmonic.reproduction.experiments.work_precision.run.measure` makes.
-
-    Returns
-    -------
-    dict
-        ``figure``.
+    Of what :func:`pairs` reads, it shows the regularised systems whose original equations are among them too.
     """
     rows, facts = [], dict[str, object]()
     for measure in COMPARED_MEASURES:
