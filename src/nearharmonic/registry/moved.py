@@ -137,7 +137,7 @@ MOVED = {
     "experiments.paper.tables": "reproduction.experiments.paper.tableaus.tables",
     "experiments.paper.tangent": "reproduction.experiments.paper.orbits.tangent",
     "experiments.trained.contestants": "reproduction.experiments.trained.comparison.contestants",
-    "experiments.stability.initial_conditions": "reproduction.experiments.stability.kepler.initial_conditions",
+    "experiments.stability.initial_conditions": "reproduction.experiments.stability.kepler.run",
     "experiments.trained.purposes": "reproduction.experiments.trained.problems.purposes",
     "experiments.trained.resampling": "reproduction.experiments.trained.comparison.resampling",
     "experiments.work_precision.comparison_figure": "reproduction.experiments.work_precision.figures.comparison",

@@ -15,6 +15,7 @@ from numbers import Real
 from typing import Annotated, Any
 
 from nearharmonic.engine.settings import positive
+from nearharmonic.errors import bad_setting
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,11 @@ PositiveDecimal = Annotated[str, Reading(_decimal_text, _NUMBER)]
 #: Pydantic's configuration of dataclasses of settings: unknown keys are errors.
 STRICT: Any = {"extra": "forbid"}
 
+#: What may be set, in words.
+POSITIVE, AT_LEAST_LOWEST = "a finite number above 0", "a finite number, at least that of lowest"
+#: Force evaluations of one part of an experiment, all methods together: some minutes.
+MOST_EVALUATIONS = 10**12
+
 
 def setting(
     description: str, allowed: str = "", *, unit: str = "", default: Any = MISSING, each: str = "", **limits: Any
@@ -115,3 +121,10 @@ def whole_from(least: int, most: int | None = None) -> dict[str, Any]:
     if most is None:
         return {"allowed": f"an integer of {least} or more", "unit": "1", "ge": least}
     return {"allowed": f"an integer from {least} to {most}", "unit": "1", "ge": least, "le": most}
+
+
+def check_affordable(key: str, count: int, each: float) -> None:
+    """Raise SettingError if the ``count`` of a ``key``, of so many force evaluations ``each``, takes too many."""
+    if each * count > MOST_EVALUATIONS:
+        allowed = f"it would take {each * count:.2g} force evaluations, and may take {MOST_EVALUATIONS:.0e}"
+        raise bad_setting(key, count, allowed)

@@ -10,11 +10,11 @@ from nearharmonic.integrators import integrators
 from nearharmonic.output.dataset import assembled
 from nearharmonic.plotting.style import save
 from nearharmonic.reproduction.experiments.stability.henon_heiles.figure import henon_heiles_stability
-from nearharmonic.reproduction.experiments.stability.henon_heiles.reduce import henon_heiles_cube
+from nearharmonic.reproduction.experiments.stability.henon_heiles.reductions import henon_heiles_cube
 from nearharmonic.reproduction.experiments.stability.kepler.figure import kepler_stability
-from nearharmonic.reproduction.experiments.stability.kepler.reduce import kepler_cube
+from nearharmonic.reproduction.experiments.stability.kepler.reductions import kepler_cube
 from nearharmonic.reproduction.experiments.stability.rounding.figure import rounding_growth
-from nearharmonic.reproduction.experiments.stability.rounding.reduce import rounding_cube
+from nearharmonic.reproduction.experiments.stability.rounding.reductions import rounding_cube
 from nearharmonic.reproduction.experiments.stability.rounding.run import SOURCES
 from nearharmonic.reproduction.experiments.stability.settings import (
     EnsembleSettings,
@@ -79,14 +79,16 @@ def made(runs, tmp_path_factory):
     """Cube and table of each item."""
     found = {}
     for name, settings in SMALL.items():
-        asked = task(f"reproduction.experiments.stability.{name}.reduce:reduce", integrators=METHODS, settings=settings)
+        asked = task(
+            f"reproduction.experiments.stability.{name}.reductions:reduce", integrators=METHODS, settings=settings
+        )
         found[name] = results(asked, **runs[name])
     for name, (files, settings) in TOGETHER.items():
         paths = [str(tmp_path_factory.mktemp(name) / "run.h5") for _ in files]
         for path, one in zip(paths, files, strict=True):
             asked = task(f"reproduction.experiments.stability.{name}.run:measure", integrators=METHODS, **one)
             write(results(asked)["run"], [path], provenance(asked))
-        asked = task(f"reproduction.experiments.stability.{name}.reduce:reduce", integrators=METHODS, **settings)
+        asked = task(f"reproduction.experiments.stability.{name}.reductions:reduce", integrators=METHODS, **settings)
         found[name] = results(asked, **({"run": paths[0]} if len(paths) == 1 else {"runs": paths}))
     return found | {
         "linear": results(task("reproduction.experiments.stability.linear.run:measure", integrators=METHODS))
