@@ -244,7 +244,7 @@ def test_table_states_winner_missing_libraries_and_origin_of_times(tmp_path):
     assert "- Absent: not installed" in page
     assert "Fast 9" in page
     lines = list(rows("toy", "20", ("max",), curves))
-    assert [(row.method, row.rank) for row in lines if row.target == 1e-12] == [
+    assert [(row["method"], row["rank"]) for row in lines if row["target"] == 1e-12] == [
         ("theirs", 1),
         ("ours", 0),
         ("absent", 0),

@@ -205,17 +205,7 @@ def structure_table(cube: xr.Dataset) -> Table:
 
 
 def reduce(integrators: Sequence[str], t_end: Mapping[str, str], runs: Sequence[str]) -> dict[str, Any]:
-    """Return the ``cube`` and its ``table``.
-
-    Parameters
-    ----------
-    integrators : sequence of str
-        Names of the methods.
-    t_end : mapping
-        Length of the interval of each system by its name.
-    runs : sequence of str
-        Path of the run file of each system.
-    """
+    """Return the ``cube`` and its ``table``, from the path of the run file of each system in the order of ``t_end``."""
     cube = structure_cube([registry[name] for name in integrators], dict(zip(t_end, map(read, runs), strict=True)))
     return {"cube": cube, "table": structure_table(cube)}
 

@@ -132,16 +132,9 @@ def ideas_table(cube: xr.Dataset) -> Table:
 
 
 def reduce(methods: Sequence[str], exact: Sequence[str], settings: ProofSettings, run: str) -> dict[str, Any]:
-    """Return the ``cube`` of ideas over step size and strength, and the ``table`` of which is ahead.
+    """Return the ``cube`` of ideas over step size and strength, and the ``table`` of which is ahead, from ``run``.
 
-    Parameters
-    ----------
-    methods, exact : sequence of str
-        Names of the methods, which go into the files beside the numbers.
-    settings : ProofSettings
-        The seed of the resamples.
-    run : str
-        Path of the run file.
+    ``settings`` have the seed of the resamples; names of methods go into the files beside the numbers.
     """
     best = reduction.of(read(run).assign_attrs(seed=settings.seed), over="problem")
     cube = best.drop_dims("resample").assign(reduction.of(best, over="resample"))
