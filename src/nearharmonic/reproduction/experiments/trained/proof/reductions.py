@@ -1,8 +1,8 @@
 """Reductions over the problems of each ensemble: mean errors, and the gains of trained methods over published ones.
 
 The dataset has ``log_error`` over (ensemble, integrator, point, problem), ``anharmonicity`` over (ensemble, problem),
-the coordinate ``kind`` of each integrator, and the attribute ``seed``, which chooses the resamples. No integration
-depends on this module.
+the coordinate ``kind`` of each integrator, and the attribute ``seed``, which chooses the resamples. The cube and its
+tables are made here as well. No integration depends on this module.
 """
 
 from __future__ import annotations
