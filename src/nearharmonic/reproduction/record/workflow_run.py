@@ -137,7 +137,12 @@ class WorkflowRun:
 
     def made(self, name: str) -> bool:
         """Return True if a job of this run made the file ``name``."""
-        return any(name in receipt and receipt[name]["run"] == self.id for receipt in receipts_in(self._folder))
+        return any(made == name for made, _ in self._entries())
+
+    def _entries(self) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Each file that a job of this run made, with its entry in the receipt."""
+        for receipt in receipts_in(self._folder):
+            yield from ((name, entry) for name, entry in receipt.items() if entry["run"] == self.id)
 
     def outdates(self, name: str, shown: Collection[str] | None = None) -> bool:
         """Return True if the file ``name`` exists and a job of this run made something after it.
@@ -153,16 +158,11 @@ class WorkflowRun:
         if not place.is_file():
             return False
         made = place.stat().st_mtime_ns
-        newer = (
-            other
-            for receipt in receipts_in(self._folder)
-            for other, entry in receipt.items()
-            if entry["run"] == self.id and entry["modified"] > made
-        )
+        newer = (other for other, entry in self._entries() if entry["modified"] > made)
         return any(other != name and (shown is None or other in shown) for other in newer)
 
     def _evaluations(self) -> dict[str, int | None]:
-        made = sum(e["evaluations"] for r in receipts_in(self._folder) for e in r.values() if e["run"] == self.id)
+        made = sum(entry["evaluations"] for _, entry in self._entries())
         table = self._folder / "tables" / "skipped.csv"
         skipped = None
         if table.is_file():

@@ -7,12 +7,14 @@ history and every name from what it names, so that the same result gives the sam
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, BinaryIO
 
+from nearharmonic.errors import ResultFileError
 from nearharmonic.reproduction.record.archive.software import HOMES, citation, homepage
 
 #: Name of the metadata in the archive.
@@ -75,6 +77,29 @@ class Member:
         """Return the member whose bytes are ``content``."""
         digest = hashlib.sha256(content).hexdigest()
         return cls(path=path, source=content, size=len(content), sha256=digest, description=description)
+
+    @classmethod
+    def of_file(cls, path: str, place: Path, description: str) -> Member:
+        """Return the member with the present bytes of a file that has no digest on record."""
+        with opened(place) as file:
+            return cls.of_bytes(path, file.read(), description)
+
+
+def opened(source: Path | bytes) -> BinaryIO:
+    """Open the source of a member for reading.
+
+    Raises
+    ------
+    ResultFileError
+        The file cannot be read.
+    """
+    if isinstance(source, bytes):
+        return io.BytesIO(source)
+    try:
+        return source.open("rb")
+    except OSError as error:
+        message = f"{source} cannot be read: {error.strerror}"
+        raise ResultFileError(message) from error
 
 
 def format_of(path: str) -> tuple[str, str]:

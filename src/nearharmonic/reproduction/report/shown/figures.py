@@ -10,7 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from nearharmonic.output.store import read
 from nearharmonic.plotting.levels import energy_error_label
+from nearharmonic.reproduction.experiments.paper.orbits.substeps import paper_panels
+from nearharmonic.reproduction.report.plots.decomposition import decomposition
+from nearharmonic.reproduction.report.plots.energy_error import energy_error
 from nearharmonic.reproduction.report.plots.panels import Panel
+from nearharmonic.reproduction.report.plots.perihelion import perihelion
+from nearharmonic.reproduction.report.plots.phase_space import phase_space
 from nearharmonic.reproduction.report.shown.pictures import picture
 from nearharmonic.reproduction.report.shown.results import ShownResults, number_of
 from nearharmonic.reproduction.tasks.declarations import Declaration
@@ -119,44 +124,28 @@ def _figure(one: Declaration, results: ShownResults, title: str, **more: Any) ->
 
 def _drawn(one: Declaration, cubes: Callable[[str], xr.Dataset]) -> tuple[list[Panel], dict[str, str], str, str]:
     """Panels, methods, title and hint of one figure; no panels if nothing here draws it."""
-    if one.profile and one.cube:
-        from nearharmonic.reproduction.report.plots.energy_error import energy_error
-
-        cube = cubes(one.cube)
+    cube = cubes(one.cube) if one.cube else None
+    if one.profile and cube is not None:
         title = f"Energy error against step size: {cube.attrs['system_label']}"
         return energy_error(cube), _methods(cube), title, _HINT
     title = experiments()["paper"].figures.get(one.stem, one.stem.replace("_", " ").capitalize())
-    draw = _OTHERS.get(one.stem)
-    panels, methods, hint = draw(cubes(one.cube) if one.cube else None) if draw else ([], {}, "")
-    return panels, methods, title, hint
+    if one.stem == "fig6_substeps":
+        paths = paper_panels()
+        methods = {path.attrs["integrator"]: path.attrs["label"] for path in paths.values()}
+        return phase_space(paths), methods, title, ""
+    if one.stem not in _OTHERS:
+        return [], {}, title, ""
+    draw, hint = _OTHERS[one.stem]
+    return draw(cube), _methods(cube), title, hint
 
 
-def _decomposition(terms: Any) -> tuple[list[Panel], dict[str, str], str]:
-    from nearharmonic.reproduction.report.plots.decomposition import decomposition
-
-    return decomposition(terms), _methods(terms), ""
-
-
-def _perihelion(cube: Any) -> tuple[list[Panel], dict[str, str], str]:
-    from nearharmonic.reproduction.report.plots.perihelion import perihelion
-
-    hint = "The interactive figure has arcseconds per century at each point."
-    return perihelion(cube), _methods(cube), hint
+#: Figures of a cube that are no energy errors, by their file names: what draws them, and the hint.
+_OTHERS: dict[str, tuple[Callable[[Any], list[Panel]], str]] = {
+    "fig2_decomposition": (decomposition, ""),
+    "fig4_perihelion": (perihelion, "The interactive figure has arcseconds per century at each point."),
+}
 
 
-def _substeps(_: Any) -> tuple[list[Panel], dict[str, str], str]:
-    from nearharmonic.reproduction.experiments.paper.orbits.substeps import paper_panels
-    from nearharmonic.reproduction.report.plots.phase_space import phase_space
-
-    paths = paper_panels()
-    methods = {path.attrs["integrator"]: path.attrs["label"] for path in paths.values()}
-    return phase_space(paths), methods, ""
-
-
-#: Figures that are no energy errors, by their file names.
-_OTHERS = {"fig2_decomposition": _decomposition, "fig4_perihelion": _perihelion, "fig6_substeps": _substeps}
-
-
-def _methods(cube: xr.Dataset) -> dict[str, str]:
+def _methods(cube: Any) -> dict[str, str]:
     names, labels = (map(str, cube[name].values) for name in ("integrator", "label"))
     return dict(zip(names, labels, strict=True))
