@@ -162,12 +162,7 @@ def metadata(
 
 def _add(crate: Any, identifier: str, **properties: Any) -> Any:
     """The contextual entity ``identifier`` of ``crate``, added if it is not there."""
-    from rocrate.model.contextentity import ContextEntity
-
-    found = crate.get(identifier)
-    if found is None:
-        found = crate.add(ContextEntity(crate, identifier, properties={"@type": properties.pop("type"), **properties}))
-    return found
+    return crate.get(identifier) or crate.add_jsonld({"@id": identifier, "@type": properties.pop("type"), **properties})
 
 
 def _describe_root(crate: Any, result: str, cited: Mapping[str, Any], runs: Sequence[Run], left_out: int) -> None:
