@@ -18,6 +18,13 @@ from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.record.files.fingerprint import fingerprint, machine, revision
 from nearharmonic.reproduction.tasks.receipts import RUN, receipts_in
 
+#: What the history tells of a run as soon as it starts, in this order; None if it is not known.
+FIELDS = (
+    "id", "work", "config", "config_digest", "code_digest", "coefficients_digest", "versions", "platform", "cpu",
+    "status", "exit_status", "start", "end", "duration", "cpu_seconds", "cores", "command", "targets", "commit",
+    "dirty",
+)  # fmt: skip
+
 
 class WorkflowRun:
     """One run of the workflow, in the process of Snakemake.
@@ -55,27 +62,16 @@ class WorkflowRun:
         cores : int or None
             Number of cores given to the run.
         """
-        self._told = {
+        self._told = dict.fromkeys(FIELDS) | {
             "id": f"{self._began:%Y%m%dT%H%M%SZ}-{secrets.token_hex(4)}",
-            "work": None,
             "config": {},
-            "config_digest": None,
-            "code_digest": None,
-            "coefficients_digest": None,
             "versions": {},
-            "platform": None,
             "cpu": {},
             "status": "running",
-            "exit_status": None,
             "start": _stamp(self._began),
-            "end": None,
-            "duration": None,
-            "cpu_seconds": None,
             "cores": cores,
             "command": [Path(command[0]).name, *command[1:]],
             "targets": list(targets),
-            "commit": None,
-            "dirty": None,
         }
         os.environ[RUN] = self.id  # its jobs inherit it
         with self._warning("the run is not recorded in full"):

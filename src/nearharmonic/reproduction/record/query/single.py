@@ -159,8 +159,10 @@ def _origin(attributes: Mapping[str, Any]) -> dict[str, str]:
 def python_lines(run: SingleRun) -> list[str]:
     """Return the lines of Python that make a run again; the number that they print is that of the cube, bit for bit."""
     cells, settings = run.cells, run.settings
-    system, before = _system_lines(str(cells["system"]), run.definitions)
-    integrator = _integrator_text(str(cells["integrator"]), run.definitions)
+    definitions = read_definitions(run.definitions)
+    system, before = _system_lines(str(cells["system"]), definitions)
+    own = definitions.get("integrators", {}).get(str(cells["integrator"]))
+    integrator = f'"{cells["integrator"]}"' if own is None else f'"{own.file}:{cells["integrator"]}"'
     given: dict[str, Any] = {name: settings[name] for name in ("t_end", "summation", "samples") if name in settings}
     given |= {
         name: settings[name] for name, usual in HandedOn().handed_on.items() if settings.get(name, usual) != usual
@@ -180,19 +182,13 @@ def python_lines(run: SingleRun) -> list[str]:
 
 def _system_lines(name: str, definitions: Mapping[str, Any]) -> tuple[str, list[str]]:
     """Return the text for a system in a call, and the lines that must come before."""
-    told = read_definitions(definitions).get("systems", {}).get(name)
+    told = definitions.get("systems", {}).get(name)
     if told is None:
         return f'"{name}"', []
     if told == SystemDefinition(file=told.file):
         return f'"{told.file}"', []
     lines = ["from nearharmonic.systems.user_file import SystemDefinition", "", f'system = {told!r}.make("{name}")']
     return "system", lines
-
-
-def _integrator_text(name: str, definitions: Mapping[str, Any]) -> str:
-    """Return the text for an integrator in a call."""
-    told = read_definitions(definitions).get("integrators", {}).get(name)
-    return f'"{name}"' if told is None else f'"{told.file}:{name}"'
 
 
 def files_of(run: SingleRun, folder: Path, manifest: Mapping[str, Any]) -> Iterator[tuple[str, str, dict[str, Any]]]:

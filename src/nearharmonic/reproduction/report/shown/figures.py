@@ -1,18 +1,20 @@
-"""The figures of the page: which are interactive, and what stands beside each."""
+"""Figures of the page, interactive and static, and the legend of their methods."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatch
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from nearharmonic.output.store import read
 from nearharmonic.plotting.levels import energy_error_label
+from nearharmonic.plotting.palette import style_of
 from nearharmonic.reproduction.experiments.paper.orbits.substeps import paper_panels
 from nearharmonic.reproduction.report.plots.decomposition import decomposition
 from nearharmonic.reproduction.report.plots.energy_error import energy_error
+from nearharmonic.reproduction.report.plots.markers import MARKERS
 from nearharmonic.reproduction.report.plots.panels import Panel
 from nearharmonic.reproduction.report.plots.perihelion import perihelion
 from nearharmonic.reproduction.report.plots.phase_space import phase_space
@@ -149,3 +151,24 @@ _OTHERS: dict[str, tuple[Callable[[Any], list[Panel]], str]] = {
 def _methods(cube: Any) -> dict[str, str]:
     names, labels = (map(str, cube[name].values) for name in ("integrator", "label"))
     return dict(zip(names, labels, strict=True))
+
+
+class Entry(NamedTuple):
+    """A method in the legend, as in the static figures: name, label, marker as an SVG path, and its colours."""
+
+    method: str
+    label: str
+    outline: str
+    colour: str
+    fill: str
+
+
+def entries(figures: Iterable[ShownFigure]) -> list[Entry]:
+    """Return an entry for each method that a figure draws, in the order of the figure with the most methods."""
+    drawn = sorted(figures, key=lambda figure: -len(figure.methods))
+    methods = {method: label for figure in reversed(drawn) for method, label in figure.methods.items()}
+    ordered = dict.fromkeys(method for figure in drawn for method in figure.methods)
+    return [
+        Entry(name, methods[name], MARKERS[one.marker].outline, one.colour, one.colour if one.filled else "#ffffff")
+        for name, one in zip(ordered, map(style_of, ordered), strict=True)
+    ]
