@@ -62,7 +62,7 @@ def test_the_hessian_of_a_harmonic_system_does_not_vary():
     assert omega == pytest.approx(np.sqrt(4.5 + np.sqrt(4.5**2 - 7)), rel=5e-3)  # rounded to three digits
 
 
-def test_the_variation_of_the_pendulum_is_that_of_its_cosine_along_the_orbit():
+def test_variation_of_pendulum_is_that_of_its_cosine_along_orbit():
     pendulum = benchmark().example("pendulum")
     q = nh.integrate(pendulum, "srkn_a14", 0.01, samples=257, q0=[1.0]).q.values[:, 0]
     delta, omega = variation(pendulum, 0.01, 60.0, q0=[1.0])
@@ -71,7 +71,7 @@ def test_the_variation_of_the_pendulum_is_that_of_its_cosine_along_the_orbit():
     assert omega == pytest.approx(np.sqrt(9.80665), rel=5e-3)
 
 
-def test_the_variation_of_a_circular_kepler_orbit_is_that_of_its_turning_axes():
+def test_circular_kepler_orbit_varies_by_its_rotating_axes():
     circle = replace(
         nh.systems["kepler"], q0=("1", "0"), p0=("0", "1"), parameters={"GM": "1"}, t_end="62.83185307179586"
     )
@@ -103,7 +103,7 @@ def test_the_tables_of_the_page_are_what_the_benchmark_finds():
     assert benchmark().filled(PAGE, found) == PAGE
 
 
-def test_what_the_page_says_about_small_variations_is_what_its_tables_say():
+def test_page_on_small_variations_matches_its_tables():
     six, every = gains("six", 50), gains("all", 50)
     small = [gain for (_, _, delta), gain in six.items() if delta <= 0.1 and isfinite(gain)]
     assert len(small) > 15
@@ -114,7 +114,7 @@ def test_what_the_page_says_about_small_variations_is_what_its_tables_say():
     assert np.mean(np.array(between) > 0) > 0.8
 
 
-def test_what_the_page_says_about_large_variations_is_what_its_tables_say():
+def test_page_on_large_variations_matches_its_tables():
     six = {f"{orbit} {amplitude}": gain for (orbit, amplitude, delta), gain in gains("six", 50).items() if delta > 0.5}
     win = [gain for name, gain in six.items() if any(x in name for x in ("Hénon", "double_well", "quadrupole"))]
     lose = [gain for name, gain in six.items() if any(x in name for x in ("outer", "plummer", "hundred", "poincare"))]
@@ -124,14 +124,14 @@ def test_what_the_page_says_about_large_variations_is_what_its_tables_say():
     assert max(gain for items in everyone for (_, _, delta), gain in items if delta > 0.5) == 0.3
 
 
-def test_what_the_page_says_about_families_is_what_its_tables_say():
+def test_what_page_says_about_families_is_what_its_tables_say():
     six = {key[:2]: gain for key, gain in gains("six", 50).items()}
     assert [six["pendulum", "0.2 rad"], six["pendulum", "1 rad"]] == [2.1, 0]
     alike = [gain for (_, _, delta), gain in gains("six", 50).items() if 0.2 < delta < 0.3]
     assert np.ptp(alike) > 1
 
 
-def test_the_best_methods_of_the_page_are_those_that_it_names():
+def test_best_methods_of_page_are_those_that_it_names():
     rows = [row for row in table("examples") if row[4] != "rounding"]
     new = [nh.integrators[name].label for name in benchmark().NEW]
     best = {cost: [row[3] for row in rows if int(row[1]) == cost and row[3] in new] for cost in (25, 50, 100)}

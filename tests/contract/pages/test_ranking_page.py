@@ -56,7 +56,7 @@ def test_evaluations_are_those_of_runs(number, error):
         assert run.max_energy_error <= float(error)
 
 
-def test_every_system_has_every_error_and_three_methods_each_in_order():
+def test_every_system_has_every_error_with_three_ordered_methods():
     table = rows()
     assert len(table) == 5 * len(ERRORS)
     for cheap, published, fast in table.values():
@@ -69,7 +69,7 @@ def test_every_system_has_every_error_and_three_methods_each_in_order():
         assert not any(name.startswith("trained ") for name, _ in published)
 
 
-def test_what_the_page_says_of_leaders_is_what_its_tables_say():
+def test_what_page_says_of_leaders_is_what_its_tables_say():
     paper = {one.label for one in plain_integrators.values() if one.source.startswith("Nielsen")}
     for system, errors in (("Hénon-Heiles", ERRORS[:2]), ("quartic pair", ERRORS[:2]), ("FPUT-8", ERRORS[1:2])):
         assert all(leaders(system, error)[0] in paper for error in errors), system

@@ -68,7 +68,7 @@ def test_every_published_method_of_the_page_is_registered():
         assert 6 <= int(stages) <= 12
 
 
-def test_differences_of_the_table_of_over_fitting_are_those_of_its_columns_and_of_the_words():
+def test_over_fitting_differences_follow_from_columns_and_words():
     made = benchmark()
     found = rows("over-fitting")
     assert len(found) == len(made.OVER) * len(made.STARTS)
@@ -97,7 +97,7 @@ def test_the_method_loses_where_the_page_says_so():
 
 
 @pytest.mark.slow
-def test_the_example_is_what_the_command_prints_but_for_the_time(capsys):
+def test_example_is_what_command_prints_but_for_time(capsys):
     """Searches of 6000 trials on other processors end nearby: gains to a tenth."""
     assert main(["tailor", *benchmark().EXAMPLE]) == 0
     stated, found = (

@@ -49,7 +49,7 @@ def cells(folder, system):
     return found
 
 
-def test_every_cell_that_was_run_is_a_row_with_its_numbers(project, capsys):
+def test_every_cell_that_was_run_is_row_with_its_numbers(project, capsys):
     rows = told(capsys, "paper")
     assert list(rows[0]) == [*COLUMNS, *KEPLER]
     assert [row["system"] for row in rows] == sorted(row["system"] for row in rows)
@@ -76,7 +76,7 @@ def test_a_condition_chooses_rows(project, capsys):
     assert told(capsys, "paper", "--where", "steps < 0") == []
 
 
-def test_rows_are_sorted_by_a_key_with_nan_last_and_ties_in_the_order_without_it(project, capsys):
+def test_rows_are_sorted_with_nan_last_and_stable_ties(project, capsys):
     every = told(capsys, "paper")
     for key, sign in (("perihelion_advance", 1), ("-perihelion_advance", -1), ("-steps", -1)):
         values = [float(row[key.removeprefix("-")]) for row in told(capsys, "paper", "--sort", key)]
@@ -88,7 +88,7 @@ def test_rows_are_sorted_by_a_key_with_nan_last_and_ties_in_the_order_without_it
     assert told(capsys, "paper", "--sort", "-status") == by_status  # sorted() is stable, in reverse as well
 
 
-def test_columns_and_limit_cut_the_table_and_the_units_are_told(project, capsys):
+def test_columns_and_limit_cut_table_and_units_are_told(project, capsys):
     arguments = ["runs", "paper", "--columns", "system, tau,perihelion_advance", "--sort", "-tau", "--limit", "2"]
     assert main(arguments) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -122,7 +122,7 @@ def test_a_cube_that_holds_no_single_runs_is_left_out(project, capsys):
     assert told(capsys, "paper") == before
 
 
-def test_a_cube_of_a_system_that_lacks_a_variable_is_named(project, capsys):
+def test_cube_of_system_that_lacks_variable_is_named(project, capsys):
     with edited(project / "cubes/sho.h5") as file:
         del file["steps"]
     assert main(["runs", "paper"]) == 2
@@ -152,7 +152,7 @@ def test_a_bad_question_is_refused(project, arguments, says, capsys):
     assert says in err
 
 
-def test_a_damaged_cube_is_named_with_the_command_that_makes_it_again(project, capsys):
+def test_damaged_cube_is_named_with_command_that_makes_it_again(project, capsys):
     (project / "cubes/sho.h5").write_bytes(b"no HDF5")
     assert main(["runs", "paper"]) == 2
     assert "cubes/sho.h5 is truncated or no result file. Make it again: snakemake" in capsys.readouterr().err
@@ -179,7 +179,7 @@ def write_runs(project, tau_per_stage):
     return error
 
 
-def test_a_hundred_thousand_runs_are_filtered_with_at_most_two_calls_each(project, capsys):
+def test_filtering_100_000_runs_takes_two_calls_each(project, capsys):
     calls = []
     for tau_per_stage in (10, 10**4):
         error, rows = write_runs(project, tau_per_stage), []

@@ -65,7 +65,7 @@ def test_a_file_without_a_system_is_refused(folder, text, words):
     assert words in refused({"mine": {"file": "other.py", "tau_per_stage": GRID}})
 
 
-def test_a_misspelt_key_is_told_before_the_one_that_is_missing():
+def test_misspelt_key_is_told_before_one_that_is_missing():
     said = refused({"mine": {"file": "quartic_well.py", "tau_per_stag": GRID}})
     assert "unknown key of systems.mine 'tau_per_stag'. Did you mean 'tau_per_stage'?" in said
 
@@ -76,14 +76,14 @@ def test_an_unknown_key_is_refused_whatever_its_value(value):
     assert "unknown key of systems.mine 'labels'. Did you mean 'label'?" in said
 
 
-def test_a_file_under_a_registered_name_is_told_to_take_another_name():
+def test_file_under_registered_name_is_told_to_take_another_name():
     said = refused({"kepler": {"file": "quartic_well.py", "tau_per_stage": GRID}})
     assert said.endswith("choose another name for the system of the file")
     assert refused({"kepler": {"q0": [1, 2], "tau_per_stage": GRID}}).endswith("with system: kepler")
 
 
 @pytest.mark.parametrize("name", ["TABLEAUX", "tableau"])
-def test_a_file_of_integrators_under_another_name_is_told_the_near_miss(folder, name):
+def test_file_of_integrators_under_another_name_is_told_near_miss(folder, name):
     text = (Path(__file__).parents[3] / "examples" / "fourth_order.py").read_text(encoding="utf-8")
     (folder / "method.py").write_text(text.replace("TABLEAU =", f"{name} ="))
     with pytest.raises(NearharmonicError, match=f"did you mean its '{name}'"):

@@ -1,4 +1,4 @@
-"""``nearharmonic runs``: single runs of one or more results, chosen by a condition, sorted."""
+"""``nearharmonic runs``: single runs of one or more results, selected by a condition and sorted."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
 
 
 def _unit_notes(present: set[str], units: dict[str, dict[str, str]], names: list[str]) -> list[str]:
-    """A line for each system in the rows that has units other than 1."""
+    """Return a line for each system in the rows with units other than 1."""
     lines = []
     for system in sorted(present):
         told = [f"{name} in {units[system][name]}" for name in names if name in units[system]]

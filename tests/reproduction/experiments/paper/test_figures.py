@@ -40,7 +40,7 @@ def test_the_upper_panel_shows_maxima_and_the_lower_one_means(module):
     assert upper.get_position().y0 > lower.get_position().y1
 
 
-def test_double_precision_is_solid_and_marked_and_extended_precision_dashed_in_its_colour():
+def test_double_precision_is_solid_and_extended_precision_dashed():
     cube = errors(precision=True)
     for axes, variable in zip(fig1_sho.fig1_sho(cube).axes, ("max_energy_error", "mean_energy_error"), strict=True):
         for name in METHODS:
@@ -55,7 +55,7 @@ def test_double_precision_is_solid_and_marked_and_extended_precision_dashed_in_i
 
 
 @pytest.mark.parametrize("module", MODULES)
-def test_each_legend_entry_has_the_look_of_the_curve_that_it_names(module):
+def test_each_legend_entry_has_look_of_curve_that_it_names(module):
     cube = errors()
     figure = drawing(module)(cube)
     (legend,) = figure.legends
@@ -76,14 +76,14 @@ def test_the_legend_follows_the_cube_when_its_order_changes():
         assert look(curve) == look_of(name)
 
 
-def test_the_legend_names_extended_precision_by_its_dashes_and_only_where_it_is_drawn():
+def test_legend_names_extended_precision_only_where_drawn():
     (legend,) = fig1_sho.fig1_sho(errors(precision=True)).legends
     assert list(entries(legend)) == [*map(label, METHODS), "extended precision"]
     _, marker, _, line = looks(legend)["extended precision"]
     assert (marker, line) == (None, DASHED)
 
 
-def test_no_number_zero_and_infinity_leave_gaps_and_all_else_is_drawn():
+def test_nan_zero_and_infinity_leave_gaps_in_curve():
     cube = errors(precision=True)
     for axes, variable in zip(fig1_sho.fig1_sho(cube).axes, ("max_energy_error", "mean_energy_error"), strict=True):
         for name in METHODS:
@@ -144,7 +144,7 @@ def test_the_unit_of_the_step_stands_on_the_axis(module, unit, ending):
     assert drawing(module)(errors(unit=unit)).axes[1].get_xlabel() == r"step size per stage, $\tau/s$" + ending
 
 
-def test_a_method_that_the_table_of_styles_does_not_hold_looks_alike_in_curve_and_legend():
+def test_unlisted_method_has_same_style_in_curve_and_legend():
     cube = errors(("a_method_of_tomorrow", "babs7o7h"))
     figure = fig1_sho.fig1_sho(cube)
     curve = line_of(figure.axes[0], TAU, cube.max_energy_error[0])

@@ -93,17 +93,17 @@ def made_by(config):
     return cubes
 
 
-def test_a_run_that_left_its_energy_surface_spares_the_rest_of_its_steps():
+def test_diverged_run_skips_its_remaining_steps():
     assert skipped(*CONFIG, {"henon_heiles": cube()}) == [NOT_ASKED, ROW]
 
 
-def test_step_sizes_that_share_a_run_spare_the_rest_of_it_once():
+def test_step_sizes_that_share_run_spare_rest_of_it_once():
     again = cube().isel(tau_per_stage=[1]).assign_coords(tau_per_stage=[1.01])
     twice = xr.concat([cube(), again], "tau_per_stage", data_vars="all")
     assert skipped(*CONFIG, {"henon_heiles": twice}) == [NOT_ASKED, ROW]
 
 
-def test_totals_say_what_was_done_and_what_the_full_grid_would_have_cost():
+def test_totals_state_work_done_and_cost_of_full_grid():
     done, full, *saved = totals([NOT_ASKED, ROW], {"henon_heiles": cube()})
     assert (done.what, done.runs, done.evaluations) == ("done", 2, 312)
     assert (full.what, full.runs, full.evaluations) == ("full grid", 4, 660)
@@ -120,7 +120,7 @@ EVERY_REASON = (
 )
 
 
-def test_done_and_saved_add_up_to_the_full_grid_counted_by_hand():
+def test_done_and_saved_add_up_to_hand_counted_grid():
     """Each step size twice, to its end; a second pass over Kepler orbits and the forces handed on, where runs were."""
     expected = 0
     sweeps, methods = EVERY_REASON

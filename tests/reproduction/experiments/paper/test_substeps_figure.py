@@ -119,7 +119,7 @@ def paper():
         (3, "babs7o7h", 2.0, lambda q: -q + q * q, (0.4, 0.4)),
     ],
 )
-def test_the_dots_of_the_paper_carry_the_signs_of_its_coefficients(paper, index, method, tau, force, start):
+def test_dots_of_paper_carry_signs_of_its_coefficients(paper, index, method, tau, force, start):
     _, figure = paper
     tableau = integrators[method]
     pairs = coefficient_pairs(tableau.drift, tableau.kick)
@@ -132,7 +132,7 @@ def test_the_dots_of_the_paper_carry_the_signs_of_its_coefficients(paper, index,
             assert drawn[place] == SAYS[c < 0, d < 0]
 
 
-def test_titles_name_the_method_and_the_system_of_each_panel_of_the_paper(paper):
+def test_titles_name_method_and_system_of_each_panel_of_paper(paper):
     _, figure = paper
     titles = [axes.get_title(loc="left") for axes in grid(figure)]
     assert [title.split("  ")[0] for title in titles] == [rf"$\mathbf{{{letter}}}$" for letter in "ABCD"]
@@ -141,7 +141,7 @@ def test_titles_name_the_method_and_the_system_of_each_panel_of_the_paper(paper)
     assert ["Hénon" in title for title in titles] == [False, False, True, True]
 
 
-def test_the_colours_and_bars_of_the_legend_are_those_that_the_caption_names(figure):
+def test_colours_and_bars_of_legend_are_those_that_caption_names(figure):
     found = entries(figure.legends[0])
     assert list(found) == ["initial position", "final position", "energy surface of the start", *SAYS.values()]
     colours = [np.argmax(to_rgb(found[text][0].get_color())) for text in SAYS.values()]
@@ -153,7 +153,7 @@ def test_the_colours_and_bars_of_the_legend_are_those_that_the_caption_names(fig
     assert look(found["final position"][0])[1] == "x"
 
 
-def test_each_iteration_begins_at_a_circle_and_ends_at_a_cross(figure, panels):
+def test_each_iteration_begins_at_circle_and_ends_at_cross(figure, panels):
     for axes, panel in zip(grid(figure), panels.values(), strict=True):
         for text, index in (("initial position", 0), ("final position", -1)):
             (style,) = stack(entries(figure.legends[0])[text])
@@ -163,7 +163,7 @@ def test_each_iteration_begins_at_a_circle_and_ends_at_a_cross(figure, panels):
 
 
 @pytest.mark.parametrize(("index", "legs"), [(0, "steps-post"), (1, "steps-pre")])
-def test_the_way_goes_along_q_in_drifts_and_along_p_in_kicks(figure, panels, index, legs):
+def test_path_follows_q_in_drifts_and_p_in_kicks(figure, panels, index, legs):
     # A drift first: along q to the corner, then along p; "steps-post" keeps y, then jumps. A kick first: the reverse.
     panel = list(panels.values())[index]
     ways = [line for line in grid(figure)[index].get_lines() if len(line.get_xdata()) > 1]
@@ -179,7 +179,7 @@ def statement(axes):
     return axes.texts[0].get_text()
 
 
-def test_each_panel_states_the_error_at_its_end_and_the_largest_that_follows(figure, panels):
+def test_each_panel_states_final_error_and_largest_later_error(figure, panels):
     for axes, panel in zip(grid(figure), panels.values(), strict=True):
         q, p = (panel[name].values[-1, -1] for name in "qp")
         error, largest = f"{abs((q * q + p * p) / 2 - 0.5) / 0.5:.1e}", f"{panel.max_energy_error.item():.1e}"
@@ -197,7 +197,7 @@ def test_a_panel_states_where_its_path_leaves_its_energy_surface(paper):
     assert all("leaves" not in texts[letter] for letter in "ABD")
 
 
-def test_a_path_that_leaves_for_infinity_at_once_can_be_drawn():
+def test_path_that_leaves_for_infinity_at_once_can_be_drawn():
     # tau = 1e160: the second pair multiplies by it once more and overflows.
     figure = fig6_substeps.draw_panels(toy_panels(tau=1e160))
     figure.draw_without_rendering()
@@ -208,7 +208,7 @@ def test_a_path_that_leaves_for_infinity_at_once_can_be_drawn():
         ]
 
 
-def test_the_dashed_contour_runs_through_the_start_and_the_window_is_the_cubes(figure, panels):
+def test_dashed_contour_runs_through_start_and_window_is_cubes(figure, panels):
     for axes, panel in zip(grid(figure), panels.values(), strict=True):
         assert axes.get_xlim() == (-1.5, 1.5)
         assert axes.get_ylim() == (-1.5, 1.6)
@@ -226,7 +226,7 @@ def test_the_dashed_contour_runs_through_the_start_and_the_window_is_the_cubes(f
         assert panel.H.values[0, 0] == 0.5
 
 
-def test_shades_are_the_hamiltonian_with_p_upwards_on_the_scale_of_the_colour_bar(figure, panels):
+def test_shades_are_hamiltonian_with_p_upwards_on_colour_scale(figure, panels):
     bars = [axes for axes in figure.axes if axes.get_title() == "H"]
     for axes, bar in zip(grid(figure), bars, strict=True):
         shades = axes.collections[0]

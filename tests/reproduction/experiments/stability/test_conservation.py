@@ -18,9 +18,11 @@ from nearharmonic.output.dataset import assembled
 from nearharmonic.reproduction.experiments.stability.conservation import run as conservation
 from nearharmonic.reproduction.experiments.stability.conservation.reductions import defect, tangent_map
 from nearharmonic.reproduction.experiments.stability.kinetic_energy.figure import kinetic_energy
-from nearharmonic.reproduction.experiments.stability.kinetic_energy.reduce import kinetic_energy_cube
+from nearharmonic.reproduction.experiments.stability.kinetic_energy.reductions import (
+    kinetic_energy_cube,
+    kinetic_energy_table,
+)
 from nearharmonic.reproduction.experiments.stability.kinetic_energy.run import AMPLITUDES, energy_errors
-from nearharmonic.reproduction.experiments.stability.kinetic_energy.tables import kinetic_energy_table
 from nearharmonic.reproduction.experiments.stability.linear.figure import linear_stability
 from nearharmonic.systems import systems
 from support.oracles.structures import runs_of, structure
@@ -103,7 +105,7 @@ def test_the_tangent_map_by_differences_is_that_of_dual_numbers(monkeypatch, sys
 @pytest.mark.parametrize(
     ("J", "expected"), [([[1, 0], [0, 1]], 0), ([[2, 5], [0, Fraction(1, 2)]], 0), ([[2, 0], [0, 1]], 1)]
 )
-def test_the_defect_of_a_matrix_of_one_degree_of_freedom_is_that_of_its_determinant(J, expected):
+def test_matrix_defect_in_one_dimension_is_that_of_determinant(J, expected):
     assert defect(np.array(J, dtype=object)) == expected
 
 
@@ -158,7 +160,7 @@ def test_a_force_without_a_potential_is_found_out(monkeypatch):
     assert abs(abs(found.energy_drift) - 1e-3) < 1e-5 + found.energy_drift_interval
 
 
-def test_a_method_that_needs_a_quadratic_kinetic_energy_is_left_out():
+def test_method_that_needs_quadratic_kinetic_energy_is_left_out():
     nystrom = replace(integrators["ruth"], name="nystrom", requires="quadratic kinetic energy")
     with pytest.raises(NearharmonicError, match=r"nystrom.*relativistic_oscillator does not have"):
         nh.integrate("relativistic_oscillator", nystrom, 0.1)
@@ -172,7 +174,7 @@ def cube():
 
 
 @pytest.mark.parametrize("amplitude", [0.01, 1.0])
-def test_runs_of_an_amplitude_are_those_of_the_system_begun_there(cube, amplitude):
+def test_runs_of_amplitude_are_those_of_system_begun_there(cube, amplitude):
     system = replace(systems["relativistic_oscillator"], q0=(f"{amplitude}",))
     taus = cube.tau_per_stage.values[::10]
     expected = nh.sweep(system, "babs7o7h", taus * 7)
@@ -182,7 +184,7 @@ def test_runs_of_an_amplitude_are_those_of_the_system_begun_there(cube, amplitud
     np.testing.assert_allclose(found.mean_energy_error, expected.mean_energy_error, rtol=1e-12)
 
 
-def test_exchanged_roles_are_the_method_on_the_conjugate_system_whose_T_is_quadratic(cube):
+def test_exchanged_roles_are_method_on_conjugate_system_with_quadratic_T(cube):
     conjugate = nh.systems["sho"].__class__(
         name="conjugate",
         label="conjugate",
@@ -210,7 +212,7 @@ def test_small_amplitudes_are_the_harmonic_oscillator(cube):
     np.testing.assert_allclose(found, harmonic, rtol=1e-4)
 
 
-def test_the_lead_of_harmonic_methods_declines_where_T_departs_from_quadratic(cube):
+def test_lead_of_harmonic_methods_declines_where_T_departs_from_quadratic(cube):
     made = kinetic_energy_table(cube)
     table = {row[:2]: dict(zip(made.header, row, strict=True)) for row in made.rows}
     for name in ("babs7o7h", "babps9o7h"):
@@ -222,7 +224,7 @@ def test_the_lead_of_harmonic_methods_declines_where_T_departs_from_quadratic(cu
             assert own[key] > 10 * exchanged[key]
 
 
-def test_the_figure_draws_a_curve_for_every_method_in_every_panel(cube):
+def test_figure_draws_curve_for_every_method_in_every_panel(cube):
     figure = kinetic_energy(cube)
     assert [len(axes.get_lines()) for axes in figure.axes] == [3] * 4
     drawn = figure.axes[3].get_lines()[1].get_ydata()
@@ -230,7 +232,7 @@ def test_the_figure_draws_a_curve_for_every_method_in_every_panel(cube):
     assert len(drawn) == len(AMPLITUDES)
 
 
-def test_gaps_of_the_linear_stability_figure_stand_where_the_cube_has_them():
+def test_gaps_of_linear_stability_figure_stand_where_cube_has_them():
     tau = np.linspace(0, 2, 11)
     data = xr.Dataset(
         {

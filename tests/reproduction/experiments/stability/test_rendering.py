@@ -10,11 +10,11 @@ from nearharmonic.integrators import integrators
 from nearharmonic.output.dataset import assembled
 from nearharmonic.plotting.style import save
 from nearharmonic.reproduction.experiments.stability.henon_heiles.figure import henon_heiles_stability
-from nearharmonic.reproduction.experiments.stability.henon_heiles.reduce import henon_heiles_cube
+from nearharmonic.reproduction.experiments.stability.henon_heiles.reductions import henon_heiles_cube
 from nearharmonic.reproduction.experiments.stability.kepler.figure import kepler_stability
-from nearharmonic.reproduction.experiments.stability.kepler.reduce import kepler_cube
+from nearharmonic.reproduction.experiments.stability.kepler.reductions import kepler_cube
 from nearharmonic.reproduction.experiments.stability.rounding.figure import rounding_growth
-from nearharmonic.reproduction.experiments.stability.rounding.reduce import rounding_cube
+from nearharmonic.reproduction.experiments.stability.rounding.reductions import rounding_cube
 from nearharmonic.reproduction.experiments.stability.rounding.run import SOURCES
 from nearharmonic.reproduction.experiments.stability.settings import (
     EnsembleSettings,
@@ -79,14 +79,16 @@ def made(runs, tmp_path_factory):
     """Cube and table of each item."""
     found = {}
     for name, settings in SMALL.items():
-        asked = task(f"reproduction.experiments.stability.{name}.reduce:reduce", integrators=METHODS, settings=settings)
+        asked = task(
+            f"reproduction.experiments.stability.{name}.reductions:reduce", integrators=METHODS, settings=settings
+        )
         found[name] = results(asked, **runs[name])
     for name, (files, settings) in TOGETHER.items():
         paths = [str(tmp_path_factory.mktemp(name) / "run.h5") for _ in files]
         for path, one in zip(paths, files, strict=True):
             asked = task(f"reproduction.experiments.stability.{name}.run:measure", integrators=METHODS, **one)
             write(results(asked)["run"], [path], provenance(asked))
-        asked = task(f"reproduction.experiments.stability.{name}.reduce:reduce", integrators=METHODS, **settings)
+        asked = task(f"reproduction.experiments.stability.{name}.reductions:reduce", integrators=METHODS, **settings)
         found[name] = results(asked, **({"run": paths[0]} if len(paths) == 1 else {"runs": paths}))
     return found | {
         "linear": results(task("reproduction.experiments.stability.linear.run:measure", integrators=METHODS))
@@ -99,7 +101,7 @@ def cubes(made):
 
 
 @pytest.mark.parametrize("name", SMALL)
-def test_a_cube_of_run_files_is_that_of_the_runs_in_the_order_of_the_methods(cubes, name):
+def test_cube_holds_runs_in_order_of_methods(cubes, name):
     module = f"reproduction.experiments.stability.{name}.run:measure"
     made = {method: results(task(module, integrator=method, settings=SMALL[name]))["run"] for method in METHODS}
     parts = {method: assembled(run.variables, run.coordinates, {}) for method, run in made.items()}
@@ -153,7 +155,7 @@ def test_a_figure_is_written_and_the_same_each_time(cubes, name, tmp_path):
         ("kinetic_energy", amplitudes),
     ],
 )
-def test_the_cubes_made_by_hand_for_the_tests_of_figures_have_the_shape_of_real_ones(cubes, name, invented):
+def test_hand_made_test_cubes_have_shape_of_real_ones(cubes, name, invented):
     by_hand = invented(METHODS)
     for variable in by_hand.variables:
         assert by_hand[variable].dims == cubes[name][variable].dims, variable

@@ -10,13 +10,12 @@ import xarray as xr
 
 import nearharmonic as nh
 from nearharmonic.output.dataset import assembled
-from nearharmonic.reproduction.experiments.trained.long_runs.reduce import long_table
-from nearharmonic.reproduction.experiments.trained.long_runs.reductions import reduction, trends
-from nearharmonic.reproduction.experiments.trained.long_runs.run import STARTS, Run, long_runs, measure
+from nearharmonic.reproduction.experiments.trained.long_runs.reductions import long_table, reduction, trends
+from nearharmonic.reproduction.experiments.trained.long_runs.run import STARTS, long_runs, measure, run
 from nearharmonic.reproduction.experiments.trained.problems.named_systems import NAMED, named_ensemble
 from nearharmonic.reproduction.experiments.trained.proof import run as proof
 from nearharmonic.reproduction.experiments.trained.proof import times
-from nearharmonic.reproduction.experiments.trained.proof.reduce import reduce
+from nearharmonic.reproduction.experiments.trained.proof.reductions import reduce
 from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.reproduction.tasks import job
 
@@ -25,26 +24,25 @@ SMALL = ProofSettings(
 )  # fmt: skip
 
 
-def run(steps=2000):
+def problems():
     (one,) = (one for one in NAMED if one.name == "henon_heiles")
-    ensemble = named_ensemble(one, STARTS, 3, 100.0)
-    return Run(ensemble=ensemble, method=nh.integrators["babps8o7h"], tau_per_stage=0.1, steps=steps)
+    return named_ensemble(one, STARTS, 3, 100.0)
 
 
 def reduced(*methods, steps=2000):
     """Reductions of long runs on the Hénon-Heiles system, by method."""
-    variables = long_runs({"henon_heiles": run().ensemble}, [nh.integrators[name] for name in methods], steps)
+    variables = long_runs({"henon_heiles": problems()}, [nh.integrators[name] for name in methods], steps)
     return reduction.of(assembled(variables, ("label", "step"), {}), over="problem").isel(system=0)
 
 
 def test_a_run_is_that_of_integrate(tmp_path):
-    one = run(steps=50)
-    start = one.ensemble.start[2].reshape(4, 2)
+    start = problems().start[2].reshape(4, 2)
     alone = nh.integrate("henon_heiles", "babps8o7h", 0.8, t_end=40, q0=start[0], p0=start[2], samples=2)
-    assert one.paths(samples=2).max_energy_error[2] == pytest.approx(float(alone.max_energy_error), rel=1e-9)
+    paths = run(problems(), nh.integrators["babps8o7h"], 0.1, 50, samples=2)
+    assert paths.max_energy_error[2] == pytest.approx(float(alone.max_energy_error), rel=1e-9)
 
 
-def test_a_trend_that_is_put_in_is_found_within_its_interval():
+def test_trend_that_is_put_in_is_found_within_its_interval():
     slope, random = 3e-7, np.random.default_rng(4)
     marks = np.arange(0, 2001, 5)
     own = slope + 1e-8 * random.normal(size=(STARTS, 1))
@@ -66,14 +64,14 @@ def test_symmetric_methods_drift_nowhere_and_one_that_is_not_does():
     assert back[0] < 1e-12 < back[1]
 
 
-def test_errors_by_rounding_are_some_roundings_and_smaller_with_compensated_sums():
+def test_rounding_errors_are_few_units_and_smaller_when_compensated():
     """A random walk of 2 s + 1 roundings of 2^-53 a step: 10^4 evaluations have sqrt(2 10^4) 2^-53 = 1.6e-14."""
     compensated, plain = reduced("babps8o7h", steps=10**5).rounding.isel(integrator=0).values
     assert compensated < plain / 2
     assert 2.0**-53 < plain < 1.6e-14 * 10
 
 
-def test_the_table_has_rows_of_the_method_beside_and_of_all_others():
+def test_table_has_rows_of_method_beside_and_of_all_others():
     found = measure(("ruth",), "babps8o7h", SMALL)["run"]
     table = long_table(assembled(found.variables, found.coordinates, {}))
     rows = [dict(zip(table.header, row, strict=True)) for row in table.rows]
@@ -91,7 +89,7 @@ def test_the_table_has_rows_of_the_method_beside_and_of_all_others():
 
 
 @pytest.mark.slow
-def test_gains_at_equal_time_are_those_of_the_modified_methods_run_at_the_measured_charge(monkeypatch, tmp_path):
+def test_gains_at_equal_time_use_measured_charge(monkeypatch, tmp_path):
     methods = ("babps8o7h", "srkn_b11", "chin_4a", "mclachlan_ss5", "abag5o6")
     monkeypatch.setattr(times, "costs", lambda _, width: (2.0, 3.0) if width > 1 else (8.0, 1e-9))
     monkeypatch.setattr(times, "kind_of", lambda name: "trained" if name == "chin_4a" else "published")
@@ -117,7 +115,7 @@ def test_costs_are_positive_numbers():
 
 
 @pytest.mark.parametrize(("width", "problems"), [(1, 1), (16, times.PROBLEMS)])
-def test_costs_add_up_to_the_least_time_of_a_step_in_nanoseconds(monkeypatch, width, problems):
+def test_costs_add_up_to_least_time_of_step_in_nanoseconds(monkeypatch, width, problems):
     clock = ([2e-3, 1e-3], [3.5e-3, 4e-3])  # seconds of all steps of all problems
     monkeypatch.setattr(times, "interleaved", lambda calls, patience: clock)
     nanoseconds, charge = times.costs(run().ensemble, width)
@@ -133,7 +131,7 @@ def test_without_trained_methods_there_is_no_gain_at_equal_time():
     assert times.gain(errors, np.array(["published", "trained"])).tolist() == [1.0]
 
 
-def test_a_run_back_has_the_same_steps_with_the_other_sign():
+def test_run_back_has_same_steps_with_other_sign():
     one = replace(run(steps=10), tau_per_stage=0.2)
     there, back = one.paths(samples=2), one.paths(samples=2, back=True)
     mirrored = one.ensemble.start.copy()

@@ -80,7 +80,7 @@ def test_the_metadata_file_is_in_the_root_under_its_name(crate):
     assert crate.read.metadata.id == "ro-crate-metadata.json"
 
 
-def test_every_data_entity_is_a_file_of_the_archive_or_on_the_web(crate):
+def test_every_data_entity_is_file_of_archive_or_on_web(crate):
     """RO-Crate structure: data entities are payload files or web-based."""
     local = [each for each in crate.read.data_entities if not urlsplit(each.id).scheme]
     assert len(local) == len(crate.names) - 1
@@ -108,7 +108,7 @@ def test_the_graph_describes_descriptor_root_data_and_context(crate):
     assert crate.read.contextual_entities
 
 
-def test_there_is_no_preview_so_that_its_demands_do_not_apply(crate):
+def test_no_preview_exists_so_its_rules_do_not_apply(crate):
     """RO-Crate Website; RO-Crate JSON-LD, Extending RO-Crate (sameAs on the website)."""
     assert not [name for name in crate.names if name.startswith("ro-crate-preview")]
 
@@ -122,7 +122,7 @@ def test_the_descriptor_describes_itself_and_names_the_root(crate):
     assert crate.read.version == "1.1"
 
 
-def test_the_root_is_a_dataset_whose_id_ends_with_a_slash(crate):
+def test_root_is_dataset_whose_id_ends_with_slash(crate):
     """Direct properties of the Root Data Entity: @type and @id."""
     assert crate.read.root_dataset.type == "Dataset"
     assert crate.read.root_dataset.id == "./"
@@ -150,7 +150,7 @@ def test_what_stands_for_a_file_has_the_type_file(crate):
         assert "File" in values(found["@type"])
 
 
-def test_no_folder_is_described_but_the_root_which_is_a_dataset(crate):
+def test_no_folder_is_described_but_root_which_is_dataset(crate):
     """Referencing files and folders; Directory File Entity: @type and @id."""
     folders = [each for each in crate.graph if each["@id"].endswith("/")]
     assert [each["@id"] for each in folders] == ["./"]
@@ -209,7 +209,7 @@ def test_the_status_of_an_action_is_one_of_the_enumerated(crate):
         assert action["actionStatus"]["@id"] in STATUSES
 
 
-def test_no_file_is_said_to_be_a_script_or_a_workflow(crate):
+def test_no_file_is_said_to_be_script_or_workflow(crate):
     """Workflows and scripts: what script, workflow and formal parameter have to have, Bioschemas included."""
     kinds = {kind for each in crate.graph for kind in values(each["@type"])}
     assert not kinds & {"SoftwareSourceCode", "ComputationalWorkflow", "FormalParameter", "ComputerLanguage"}

@@ -13,9 +13,9 @@ from typing import BinaryIO
 
 from nearharmonic.output.store.seal import digest_of_first
 
-#: What the comment of the zip file says before the digest.
+#: Text of the comment of the zip file before the digest.
 WORDS = b"nearharmonic archive 1; sha256 of all bytes before this comment: "
-#: A comment of the right length, in place until the digest is known.
+#: Placeholder of the right length until the digest is known.
 BLANK = WORDS + b"0" * (2 * hashlib.sha256().digest_size)
 
 
@@ -26,7 +26,7 @@ def close(place: str | os.PathLike[str]) -> None:
 
 
 def is_whole(place: str | os.PathLike[str]) -> bool | None:
-    """Return True if the digest in the seal of ``place`` is that of the bytes before it; None without a seal.
+    """Return True if the digest in the seal of ``place`` equals that of the bytes before it; None without a seal.
 
     Raises
     ------
@@ -40,6 +40,6 @@ def is_whole(place: str | os.PathLike[str]) -> bool | None:
 
 
 def _seal(file: BinaryIO) -> bytes:
-    """The seal of a file over all bytes before its place, where the file is left to be read."""
+    """Return the seal of all bytes before the place of the seal, and move ``file`` to that place."""
     start = max(0, file.seek(0, os.SEEK_END) - len(BLANK))
     return WORDS + digest_of_first(file, start).encode()

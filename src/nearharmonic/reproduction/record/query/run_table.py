@@ -1,4 +1,4 @@
-"""Single runs as rows: the cubes of systems taken apart, chosen by a condition, sorted."""
+"""Single runs of the cubes of systems as rows of a table, selected by a condition and sorted."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from pandas.api.types import is_numeric_dtype
 from nearharmonic.errors import unknown_name
 from nearharmonic.output import store
 
-#: Columns of every system, in the order in which they are shown; what a system adds comes behind.
+#: Columns of every system, in the displayed order; columns of single systems follow.
 COLUMNS = (
     "system", "integrator", "precision", "tau", "tau_per_stage", "steps", "evaluations", "max_energy_error",
     "mean_energy_error", "status", "diverged_at", "label",
 )  # fmt: skip
-#: Those among them that hold text.
+#: Columns of text among them.
 TEXTS = {"result", "system", "integrator", "precision", "status", "label"}
 #: Dimensions of a cube of runs.
 DIMENSIONS = ("integrator", "precision", "tau_per_stage")
-#: Status of a cell that was never run.
+#: Status of a cell without a run.
 SKIPPED = "skipped"
 
 Units = dict[str, dict[str, str]]
@@ -34,14 +34,13 @@ def run_table(folders: Mapping[str, Path]) -> tuple[pd.DataFrame, Units]:
     Parameters
     ----------
     folders : mapping of str to Path
-        Folders of results by name; if there are several, the column ``result`` with their names comes first.
+        Folders of results by name; if there are several, the first column is ``result`` with their names.
 
     Returns
     -------
     DataFrame
-        A row for each step size of each cube of a system; NaN or an empty text where a system has no such column. Where
-        step sizes round to the same number of steps, the rows show one and the same run. Cells that were never run are
-        left out.
+        One row for each step size of each cube of a system; NaN or an empty text if a system has no such quantity.
+        Step sizes that round to the same number of steps share one run. Cells without a run are omitted.
     dict
         ``units[system][column]``: the unit of a column, if it has one.
 
@@ -65,9 +64,9 @@ def run_table(folders: Mapping[str, Path]) -> tuple[pd.DataFrame, Units]:
 
 
 def system_cubes(folder: Path) -> Iterator[Path]:
-    """Yield the files in ``folder`` that hold the runs of a system, sorted: those named after it.
+    """Yield the sorted files in ``folder`` with the runs of a system: those named after it.
 
-    Other cubes, such as that of the kinetic energies, name a system as well, but keep no single runs.
+    Other cubes, such as that of the kinetic energies, also name a system, but have no single runs.
     """
     for path in sorted(folder.glob("cubes/*.h5")):
         if store.attributes_of(path).get("system") == path.stem:
@@ -75,7 +74,7 @@ def system_cubes(folder: Path) -> Iterator[Path]:
 
 
 def settings_of(attributes: Any) -> dict[str, Any]:
-    """Return the settings that a file was made with, from its attributes; empty if it has none."""
+    """Return the settings of a file from its attributes; empty if it has none."""
     try:
         found = json.loads(attributes.get("settings", "{}"))
     except ValueError:
@@ -84,12 +83,12 @@ def settings_of(attributes: Any) -> dict[str, Any]:
 
 
 def runs_of_cube(path: Path) -> tuple[pd.DataFrame, dict[str, str]]:
-    """Return the runs in the cube of one system, one a row, and the units of those columns that have one.
+    """Return the runs in the cube of one system, one per row, and the units of the columns.
 
     Raises
     ------
     ResultFileError
-        The cube cannot be read, or lacks something that every cube of a system has.
+        The cube cannot be read, or is incomplete.
     """
     cube = store.read(path)
     missing = [name for name in COLUMNS if name not in cube.variables and name != "system"]
@@ -109,7 +108,7 @@ def column_of(name: str, runs: pd.DataFrame) -> pd.Series:
     Raises
     ------
     UnknownNameError
-        There is no such column; it says the nearest match.
+        There is no such column; the message has the nearest match.
     """
     if name not in runs:
         raise unknown_name("column", name, runs)
