@@ -58,7 +58,6 @@ _ROOMS = (
 )  # fmt: skip
 #: Old name in the package -> new name; submodules of an old name have moved too. A colon precedes an attribute.
 MOVED = {
-    "output.store.reader": "output.store.files",
     "reproduction.report.shown.legend": "reproduction.report.shown.figures",
     "claims.page": "reproduction.report",
     "claims.page.legend": "reproduction.report.shown.figures",

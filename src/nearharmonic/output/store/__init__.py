@@ -1,6 +1,7 @@
 """Result files in HDF5 with netCDF-4 conventions, bitwise identical for identical numbers."""
 
-from nearharmonic.output.store.files import attributes_of, groups_of, read, read_precisions
+from nearharmonic.output.store.files import attributes_of, groups_of
+from nearharmonic.output.store.reader import read, read_precisions
 from nearharmonic.output.store.remake import DEFAULT_CONFIG, command_for, unusable, workflow_command
 from nearharmonic.output.store.seal import sealed_digest
 from nearharmonic.output.store.writer import write, write_dataset
