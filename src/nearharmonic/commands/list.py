@@ -24,40 +24,19 @@ def answer(chosen: argparse.Namespace) -> Answer:
     from nearharmonic.engine.settings import one_of
 
     kinds = (KINDS[0], KINDS[2]) if chosen.kind is None else (one_of("kind", chosen.kind, KINDS),)
-    found = [described for kind in kinds for described in _ROWS[kind]()]
+    found = [described for kind in kinds for described in _described(kind)]
     names = dict.fromkeys(name for described in found for name in described if name != "source")
     header = [*(name for name in names if name != "kind" or len(kinds) > 1), "source"]
     return Answer(header=header, rows=[[described.get(name) for name in header] for described in found])
 
 
-def _integrators() -> list[dict[str, Any]]:
-    from nearharmonic.integrators import integrators
-
-    return [_method(t) for t in integrators.values()]
-
-
-def _modified_integrators() -> list[dict[str, Any]]:
-    from nearharmonic.integrators import modified_integrators
-
-    return [_method(t) for t in modified_integrators.values()]
-
-
-def _method(t: Tableau) -> dict[str, Any]:
-    return {
-        "kind": "modified integrator" if t.modified else "integrator",
-        "name": t.name,
-        "label": t.label,
-        "stages": t.stages,
-        "gradients": t.gradients,
-        "order": t.order,
-        "first": t.first,
-        "source": f"{t.source}; requires a {t.requires}" if t.requires else t.source,
-    }
-
-
-def _systems() -> list[dict[str, Any]]:
+def _described(kind: str) -> list[dict[str, Any]]:
+    """The facts of all members of one of :data:`KINDS`."""
+    from nearharmonic.integrators import integrators, modified_integrators
     from nearharmonic.systems import systems
 
+    if kind != "systems":
+        return [_method(t) for t in (integrators if kind == "integrators" else modified_integrators).values()]
     return [
         {
             "kind": "system",
@@ -72,4 +51,14 @@ def _systems() -> list[dict[str, Any]]:
     ]
 
 
-_ROWS = {"integrators": _integrators, "modified_integrators": _modified_integrators, "systems": _systems}
+def _method(t: Tableau) -> dict[str, Any]:
+    return {
+        "kind": "modified integrator" if t.modified else "integrator",
+        "name": t.name,
+        "label": t.label,
+        "stages": t.stages,
+        "gradients": t.gradients,
+        "order": t.order,
+        "first": t.first,
+        "source": f"{t.source}; requires a {t.requires}" if t.requires else t.source,
+    }

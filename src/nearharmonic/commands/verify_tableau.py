@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 HELP = "prove what a file of coefficients claims: sums, symmetry, orders, and which operator is first"
 HEADER = ("claim", "holds", "proof")
+_ORDERS = ("harmonic_order", "momentum_order", "energy_order", "phase_order")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -84,10 +85,7 @@ def _document(found: Verdict) -> dict[str, Any]:
     file, oscillator, like = found.file, found.oscillator, found.nearest
     return {
         "file": file.path,
-        "name": file.name,
-        "label": file.label,
-        "source": file.source,
-        "first": file.first,
+        **{name: getattr(file, name) for name in ("name", "label", "source", "first")},
         "kicks": len(file.kick),
         "drifts": len(file.drift),
         "digits": found.digits.number or None,
@@ -100,10 +98,7 @@ def _document(found: Verdict) -> dict[str, Any]:
         "order": _order(found.order),
         "quadratic_order": _order(found.quadratic_order),
         "oscillator_order": oscillator.order,
-        "harmonic_order": oscillator.harmonic_order,
-        "momentum_order": oscillator.momentum_order,
-        "energy_order": oscillator.energy_order,
-        "phase_order": oscillator.phase_order,
+        **{name: getattr(oscillator, name) for name in _ORDERS},
         "stability_limit": None if found.stability_limit is None else float(found.stability_limit),
         "nearest": None if like is None else _likeness(like),
         "warnings": found.warnings,

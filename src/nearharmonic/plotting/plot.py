@@ -78,19 +78,16 @@ def plot(datasets: xr.Dataset | Iterable[xr.Dataset]) -> Figure:
 
 def _kind(dataset: Any) -> str:
     """Return the kind of a Dataset, "" for a Dataset of another origin."""
+    dims, attributes, variables = (getattr(dataset, name, ()) for name in ("dims", "attrs", "variables"))
     if not hasattr(dataset, "data_vars"):
         return ""
-    if "integrator" in dataset.dims and "tau_per_stage" in dataset.dims and "max_energy_error" in dataset:
-        return CUBE
-    if "integrator" in dataset.attrs and "tau" in dataset.dims and "max_energy_error" in dataset:
-        return PROFILE
-    if "integrator" in dataset.attrs and MEMBER in dataset.dims and "max_energy_error" in dataset:
-        return ENSEMBLE
-    return (
-        TRAJECTORY
-        if "integrator" in dataset.attrs and {"t", "q", "p", "energy_error"} <= set(dataset.variables)
-        else ""
-    )
+    if "max_energy_error" in variables:
+        if {"integrator", "tau_per_stage"} <= set(dims):
+            return CUBE
+        for dimension, kind in (("tau", PROFILE), (MEMBER, ENSEMBLE)):
+            if "integrator" in attributes and dimension in dims:
+                return kind
+    return TRAJECTORY if "integrator" in attributes and {"t", "q", "p", "energy_error"} <= set(variables) else ""
 
 
 def _common_unit(given: Sequence[xr.Dataset], name: str) -> str:
@@ -151,7 +148,6 @@ def _told(dataset: xr.Dataset, key: str) -> str:
 
 def _looks(given: Sequence[xr.Dataset]) -> list[dict[str, Any]]:
     """Line style of each Dataset: Datasets of one integrator have different dashes."""
-
     seen: dict[str, int] = {}
     looks = []
     for one in given:
@@ -163,7 +159,6 @@ def _looks(given: Sequence[xr.Dataset]) -> list[dict[str, Any]]:
 
 
 def _handles(given: Sequence[xr.Dataset], looks: Sequence[Mapping[str, Any]], **changes: Any) -> list[Line2D]:
-
     return [
         Line2D([], [], label=label, **style_of(str(one.attrs["integrator"])).line(**{**look, **changes}))
         for one, label, look in zip(given, _labels(given), looks, strict=True)
@@ -172,7 +167,6 @@ def _handles(given: Sequence[xr.Dataset], looks: Sequence[Mapping[str, Any]], **
 
 @house_style
 def _profiles(given: Sequence[xr.Dataset]) -> Figure:
-
     unit, looks = _common_unit(given, "tau"), _looks(given)
     profiles = []
     for position, (one, look) in enumerate(zip(given, looks, strict=True)):
@@ -197,7 +191,6 @@ def _stages(dataset: xr.Dataset) -> int:
 
 @house_style
 def _trajectories(given: Sequence[xr.Dataset]) -> Figure:
-
     unit, looks = _common_unit(given, "t"), _looks(given)
     measured = [(one, look) for one, look in zip(given, looks, strict=True) if one.attrs.get("energy") != "none"]
     drawn = new_figure(7, 8.2 if measured else 5.2)

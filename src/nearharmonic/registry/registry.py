@@ -59,9 +59,9 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
     _kind: str
     _declares: str
     _entries_of: Callable[[ModuleType], Mapping[str, Entry]]
-    _entries: dict[str, Entry] | None
+    _entries: dict[str, Entry] | None = None
     _modules: dict[str, str]
-    _covered: tuple[frozenset[str], frozenset[str]] | None
+    _covered: tuple[frozenset[str], frozenset[str]] | None = None
     _read: Callable[[str, Collection[str]], Entry] | None
     _definitions: dict[str, Definition[Entry]]
     _made: dict[str, Entry]
@@ -265,6 +265,6 @@ def make_registry(
     module = sys.modules[package]
     module.__class__ = Registry
     made = cast("Registry[Entry]", module)
-    made._kind, made._declares, made._entries_of, made._entries, made._modules = kind, declares, entries_of, None, {}
-    made._covered, made._read, made._definitions, made._made = None, read, {}, {}
+    made._kind, made._declares, made._entries_of, made._read = kind, declares, entries_of, read
+    made._modules, made._definitions, made._made = {}, {}, {}
     return made

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from hashlib import file_digest, sha256
 from pathlib import Path
+from typing import BinaryIO
 
 #: Name and value of the attribute that identifies the result files of this package.
 FORMAT_KEY, FORMAT = "format", "nearharmonic 2"
@@ -36,16 +37,22 @@ def complaint(path: Path) -> str:
             size = file.seek(0, os.SEEK_END) - SEALED
             if size < 0 or not signed:
                 return "is truncated or no result file"
-            digest = sha256()
-            file.seek(0)
-            for start in range(0, size, PIECE):
-                digest.update(file.read(min(PIECE, size - start)))
+            digest = digest_of_first(file, size)
             last = file.read()
     except OSError as error:
         return "does not exist" if isinstance(error, FileNotFoundError) else f"cannot be read ({error.strerror})"
     if not last.startswith(SEAL):
         return "is truncated or no result file"
-    return "" if last == _line(digest.hexdigest()) else "is damaged: its bytes are not those that were written"
+    return "" if last == _line(digest) else "is damaged: its bytes are not those that were written"
+
+
+def digest_of_first(file: BinaryIO, size: int) -> str:
+    """Return the SHA-256 of the first ``size`` bytes of a file; what follows is left to be read."""
+    digest = sha256()
+    file.seek(0)
+    for start in range(0, size, PIECE):
+        digest.update(file.read(min(PIECE, size - start)))
+    return digest.hexdigest()
 
 
 def sealed_digest(path: str | os.PathLike[str]) -> str:

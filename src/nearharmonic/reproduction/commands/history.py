@@ -30,17 +30,15 @@ def answer(chosen: argparse.Namespace) -> Answer:
     folders = [RESULTS / name if chosen.result is None else folder_of(name) for name in names]
     runs = runs_newest_first(folders)
     if chosen.full is not None:
-        from nearharmonic.reproduction.record.history import run_named
+        from nearharmonic.reproduction.record.history import flattened, run_named
 
-        return _full(run_named(chosen.full, [run for _, run in runs]))
+        run = run_named(chosen.full, [run for _, run in runs])
+        return Answer(header=("field", "value"), rows=list(flattened(run)), document=run)
     several = chosen.result is None
     rows = [(folder.name, *_row(run)) if several else _row(run) for folder, run in runs]
-    notes = ["when: start in UTC; duration in s"] if rows else [f"no run is recorded in {_places(folders)}"]
+    places = ", ".join(map(str, folders)) or "any folder below results/"
+    notes = ["when: start in UTC; duration in s"] if rows else [f"no run is recorded in {places}"]
     return Answer(header=("result", *HEADER) if several else HEADER, rows=rows, notes=notes)
-
-
-def _places(folders: list[Any]) -> str:
-    return ", ".join(map(str, folders)) or "any folder below results/"
 
 
 def _row(run: dict[str, Any]) -> tuple[Any, ...]:
@@ -55,9 +53,3 @@ def _row(run: dict[str, Any]) -> tuple[Any, ...]:
         run.get("duration"),
         run.get("status"),
     )
-
-
-def _full(run: dict[str, Any]) -> Answer:
-    from nearharmonic.reproduction.record.history import flattened
-
-    return Answer(header=("field", "value"), rows=list(flattened(run)), document=run)

@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
 
 from nearharmonic.output.answers import Answer
-
-if TYPE_CHECKING:
-    from nearharmonic.reproduction.record.query.run_table import RunTable
 
 HELP = "list single runs: step, errors, status; chosen and sorted"
 
@@ -29,32 +25,30 @@ def answer(chosen: argparse.Namespace) -> Answer:
     from nearharmonic.engine.settings import whole_number
     from nearharmonic.reproduction.record.files.folders import folder_of
     from nearharmonic.reproduction.record.query.expression import rows_where
-    from nearharmonic.reproduction.record.query.run_table import column_of, order_by, run_table
+    from nearharmonic.reproduction.record.query.run_table import column_of, run_table
 
     limit = None if chosen.limit is None else whole_number(chosen.limit, "limit")
-    found = run_table({name: folder_of(name) for name in chosen.result})
-    names = list(found.columns) if chosen.columns is None else [name.strip() for name in chosen.columns.split(",")]
+    every, units = run_table({name: folder_of(name) for name in chosen.result})
+    names = list(every) if chosen.columns is None else [name.strip() for name in chosen.columns.split(",")]
     for name in names:
-        column_of(name, found.columns)
-    every = found.rows
-    if chosen.where is not None:
-        found = found.taken(rows_where(chosen.where, found.columns))
-    matched = found.rows
+        column_of(name, every)
+    found = every if chosen.where is None else every[rows_where(chosen.where, every)]
     if chosen.sort is not None:
-        found = found.taken(order_by(chosen.sort, found.columns))
-    found = found.taken(slice(limit))
-    columns = [found.columns[name].tolist() for name in names]
-    shown = "" if found.rows == matched else f", of which {found.rows} are shown"
-    notes = [f"{matched} of {every} runs{shown}", *_unit_notes(found, names)]
-    return Answer(header=names, rows=list(zip(*columns, strict=True)), notes=notes)
+        key = column_of(chosen.sort.removeprefix("-"), found)
+        found = found.sort_values(str(key.name), ascending=key.name == chosen.sort, kind="stable")
+    shown = found[:limit]
+    cut = "" if len(shown) == len(found) else f", of which {len(shown)} are shown"
+    return Answer(
+        header=names,
+        rows=list(zip(*(shown[name].tolist() for name in names), strict=True)),
+        notes=[f"{len(found)} of {len(every)} runs{cut}", *_unit_notes(set(shown["system"]), units, names)],
+    )
 
 
-def _unit_notes(found: RunTable, names: list[str]) -> list[str]:
+def _unit_notes(present: set[str], units: dict[str, dict[str, str]], names: list[str]) -> list[str]:
     """Return a line for each system in the rows with units other than 1."""
-    present = set(found.columns["system"].tolist())
     lines = []
-    for system, units in sorted(found.units.items()):
-        told = [f"{name} in {units[name]}" for name in names if name in units]
-        if told and system in present:
-            lines.append(f"{system}: {', '.join(told)}")
+    for system in sorted(present):
+        told = [f"{name} in {units[system][name]}" for name in names if name in units[system]]
+        lines += [f"{system}: {', '.join(told)}"] if told else []
     return lines

@@ -25,17 +25,21 @@ MARKERS = Path("logs", "running")
 
 def runs_of(folder: Path) -> list[Run]:
     """Return the runs in the history of ``folder``, oldest first; lines that are no JSON objects are skipped."""
-    try:
-        lines = (folder / HISTORY).read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:
-        return []
-    return [run for run in map(_parsed, lines) if run]
+    return _runs_in(folder / HISTORY)
 
 
 def running_in(folder: Path) -> list[Run]:
     """Return the unfinished runs, oldest first; some may have been killed."""
-    found = (_parsed(_text(place)) for place in sorted((folder / MARKERS).glob("*.json")))
-    return [run for run in found if run]
+    return [run for place in sorted((folder / MARKERS).glob("*.json")) for run in _runs_in(place)]
+
+
+def _runs_in(place: Path) -> list[Run]:
+    """Return the runs in the lines of a file; none if there is no file, such as the marker of a run that just ended."""
+    try:
+        lines = place.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return []
+    return [run for run in map(_parsed, lines) if run]
 
 
 def runs_newest_first(folders: Iterable[Path]) -> list[tuple[Path, Run]]:
@@ -87,13 +91,6 @@ def run_named(prefix: str, runs: Sequence[Run]) -> Run:
 def _listed(runs: Sequence[Run], most: int = 5) -> str:
     names = [str(run["id"]) for run in runs[:most]]
     return ", ".join(names) + (", ..." if len(runs) > most else "")
-
-
-def _text(place: Path) -> str:
-    try:
-        return place.read_text(encoding="utf-8")
-    except OSError:  # a run that just ended
-        return ""
 
 
 def _parsed(line: str) -> Run | None:

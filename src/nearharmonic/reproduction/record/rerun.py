@@ -31,8 +31,8 @@ class Rerun:
     ----------
     file : str
         Name of its run file in the folder of results.
-    system, integrator, precision : str
-        System, integrator and arithmetic of the run.
+    precision : str
+        Arithmetic of the run.
     tau_per_stage : float
         Step size per stage, in the unit of time of the system.
     differs : tuple of str
@@ -40,8 +40,6 @@ class Rerun:
     """
 
     file: str
-    system: str
-    integrator: str
     precision: str
     tau_per_stage: float
     differs: tuple[str, ...]
@@ -93,8 +91,6 @@ def _compared(name: str, precision: str, index: int, kept: Any, settings: Mappin
     one = replace(run, tau_per_stage=run.tau_per_stage[place : place + 1], steps=run.steps[place : place + 1])
     return Rerun(
         file=name,
-        system=run.system,
-        integrator=run.integrator,
         precision=precision,
         tau_per_stage=one.tau_per_stage[0],
         differs=tuple(sorted(_differing(integrate_run(one), kept, index))),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -156,8 +156,8 @@ def extent(folder: Path) -> tuple[int, int]:
     ResultFileError
         The manifest is missing or damaged.
     """
-    sizes: Iterable[int] = [entry["size"] for entry in manifest.read(folder)["files"].values()]
-    return len(list(sizes)), sum(sizes)
+    sizes = [entry["size"] for entry in manifest.read(folder)["files"].values()]
+    return len(sizes), sum(sizes)
 
 
 def of_other_configs(folder: Path) -> int:

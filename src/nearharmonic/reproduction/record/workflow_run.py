@@ -18,6 +18,13 @@ from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.record.files.fingerprint import fingerprint, machine, revision
 from nearharmonic.reproduction.tasks.receipts import RUN, receipts_in
 
+#: What the history tells of a run as soon as it starts, in this order; None if it is not known.
+FIELDS = (
+    "id", "work", "config", "config_digest", "code_digest", "coefficients_digest", "versions", "platform", "cpu",
+    "status", "exit_status", "start", "end", "duration", "cpu_seconds", "cores", "command", "targets", "commit",
+    "dirty",
+)  # fmt: skip
+
 
 class WorkflowRun:
     """One run of the workflow, in the process of Snakemake.
@@ -55,27 +62,16 @@ class WorkflowRun:
         cores : int or None
             Number of cores of the run.
         """
-        self._told = {
+        self._told = dict.fromkeys(FIELDS) | {
             "id": f"{self._began:%Y%m%dT%H%M%SZ}-{secrets.token_hex(4)}",
-            "work": None,
             "config": {},
-            "config_digest": None,
-            "code_digest": None,
-            "coefficients_digest": None,
             "versions": {},
-            "platform": None,
             "cpu": {},
             "status": "running",
-            "exit_status": None,
             "start": _stamp(self._began),
-            "end": None,
-            "duration": None,
-            "cpu_seconds": None,
             "cores": cores,
             "command": [Path(command[0]).name, *command[1:]],
             "targets": list(targets),
-            "commit": None,
-            "dirty": None,
         }
         os.environ[RUN] = self.id  # jobs inherit the variable
         with self._warning("the run is not recorded in full"):
@@ -137,7 +133,12 @@ class WorkflowRun:
 
     def made(self, name: str) -> bool:
         """Return True if a job of this run made the file ``name``."""
-        return any(name in receipt and receipt[name]["run"] == self.id for receipt in receipts_in(self._folder))
+        return any(made == name for made, _ in self._entries())
+
+    def _entries(self) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Each file that a job of this run made, with its entry in the receipt."""
+        for receipt in receipts_in(self._folder):
+            yield from ((name, entry) for name, entry in receipt.items() if entry["run"] == self.id)
 
     def outdates(self, name: str, shown: Collection[str] | None = None) -> bool:
         """Return True if the file ``name`` exists and a job of this run made a newer file.
@@ -153,16 +154,11 @@ class WorkflowRun:
         if not place.is_file():
             return False
         made = place.stat().st_mtime_ns
-        newer = (
-            other
-            for receipt in receipts_in(self._folder)
-            for other, entry in receipt.items()
-            if entry["run"] == self.id and entry["modified"] > made
-        )
+        newer = (other for other, entry in self._entries() if entry["modified"] > made)
         return any(other != name and (shown is None or other in shown) for other in newer)
 
     def _evaluations(self) -> dict[str, int | None]:
-        made = sum(e["evaluations"] for r in receipts_in(self._folder) for e in r.values() if e["run"] == self.id)
+        made = sum(entry["evaluations"] for _, entry in self._entries())
         table = self._folder / "tables" / "skipped.csv"
         skipped = None
         if table.is_file():

@@ -12,8 +12,7 @@ from nearharmonic.reproduction.claims.pages.summary import failures, of_the_pape
 from nearharmonic.reproduction.report import assets
 from nearharmonic.reproduction.report.plots import models
 from nearharmonic.reproduction.report.plots.durations import durations
-from nearharmonic.reproduction.report.shown.figures import ShownFigure, interactive, static
-from nearharmonic.reproduction.report.shown.legend import entries
+from nearharmonic.reproduction.report.shown.figures import ShownFigure, entries, interactive, static
 from nearharmonic.reproduction.report.shown.links import Places
 from nearharmonic.reproduction.report.shown.results import VERDICTS, ShownResults
 from nearharmonic.reproduction.report.shown.tables import ShownTable

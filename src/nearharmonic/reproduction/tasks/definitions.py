@@ -16,15 +16,9 @@ Definitions = Mapping[str, Mapping[str, Any]]
 
 def definitions_of(problems: Iterable[str], methods: Iterable[str]) -> Definitions:
     """Return the definitions of users' systems and integrators, by kind and name; {} if there are none."""
-    chosen = {
-        "systems": _chosen(systems.definitions, problems),
-        "integrators": _chosen(integrators.definitions, methods),
-    }
+    defined = {"systems": (systems.definitions, problems), "integrators": (integrators.definitions, methods)}
+    chosen = {kind: {n: every[n] for n in names if n in every} for kind, (every, names) in defined.items()}
     return {kind: found for kind, found in chosen.items() if found}
-
-
-def _chosen(definitions: Mapping[str, Any], names: Iterable[str]) -> Mapping[str, Any]:
-    return {name: definitions[name] for name in names if name in definitions}
 
 
 def files_in(definitions: Definitions) -> list[str]:

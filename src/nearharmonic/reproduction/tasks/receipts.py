@@ -89,7 +89,7 @@ class Receipt:
                 "evaluations": evaluations,
                 "inputs": self._inputs,
                 "run": os.environ.get(RUN),
-                **_definitions(task),
+                **({"definitions": json.loads(settings_text(task))["definitions"]} if task.get("definitions") else {}),
             }
 
     def write(self) -> None:
@@ -100,12 +100,6 @@ class Receipt:
             write_text(self._place, json.dumps(self._files, indent=1) + "\n")
         except OSError as error:
             print(f"warning: no receipt {self._place}: {error.strerror}")
-
-
-def _definitions(task: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the users' definitions of systems and integrators of a task."""
-    found = json.loads(settings_text(task)).get("definitions") if task.get("definitions") else None
-    return {"definitions": found} if found else {}
 
 
 def measured(place: str | os.PathLike[str]) -> dict[str, Any]:

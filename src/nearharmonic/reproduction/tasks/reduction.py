@@ -7,7 +7,6 @@ functions are stored in the cube without further code.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import fsum, nan
 from typing import TYPE_CHECKING, Any
 
@@ -19,18 +18,11 @@ if TYPE_CHECKING:
     Reduction = Callable[[xr.Dataset], xr.DataArray | xr.Dataset]
 
 
-@dataclass(frozen=True)
-class _Declared:
-    function: Reduction
-    needs: tuple[str, ...]
-    over: str
-
-
 class Reductions:
     """The reductions of one experiment, in the order of their declaration."""
 
     def __init__(self) -> None:
-        self._declared: list[_Declared] = []
+        self._declared: list[tuple[Reduction, tuple[str, ...], str]] = []
 
     def __call__(self, *needs: str, over: str = "sample") -> Callable[[Reduction], Reduction]:
         """Declare the decorated function a reduction.
@@ -44,7 +36,7 @@ class Reductions:
         """
 
         def declare(function: Reduction) -> Reduction:
-            self._declared.append(_Declared(function, needs, over))
+            self._declared.append((function, needs, over))
             return function
 
         return declare
@@ -57,10 +49,10 @@ class Reductions:
         import xarray as xr
 
         found = xr.Dataset()
-        for one in self._declared:
-            if one.over == over and all(name in dataset for name in one.needs):
-                result = one.function(dataset)
-                found.update(result if isinstance(result, xr.Dataset) else {one.function.__name__: result})
+        for function, needs, along in self._declared:
+            if along == over and all(name in dataset for name in needs):
+                result = function(dataset)
+                found.update(result if isinstance(result, xr.Dataset) else {function.__name__: result})
         return found
 
 

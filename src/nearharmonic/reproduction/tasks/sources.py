@@ -6,14 +6,16 @@ import ast
 import atexit
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from nearharmonic.core.machine import disk
 from nearharmonic.errors import NearharmonicError
+
+Node = TypeVar("Node")
 
 PACKAGE = "nearharmonic"
 ROOT = Path(__file__).parents[2]
@@ -47,15 +49,20 @@ def closure(*modules: str, root: Path | None = None) -> tuple[str, ...]:
         The package has no such module.
     """
     files = _files(root)
-    found: set[str] = set()
-    waiting = list(modules)
+    found = reached(modules, lambda name: [] if name == PACKAGE else [name.rpartition(".")[0], *files.imported(name)])
+    return tuple(sorted(found - {PACKAGE}))
+
+
+def reached(starts: Iterable[Node], following: Callable[[Node], Iterable[Node]]) -> set[Node]:
+    """Return ``starts`` and all that follows from them, directly or not."""
+    found: set[Node] = set()
+    waiting = list(starts)
     while waiting:
-        module = waiting.pop()
-        if module == PACKAGE or module in found:
-            continue
-        found.add(module)
-        waiting += [module.rpartition(".")[0], *files.imported(module)]
-    return tuple(sorted(found))
+        one = waiting.pop()
+        if one not in found:
+            found.add(one)
+            waiting += following(one)
+    return found
 
 
 def module_digest(module: str, root: Path | None = None) -> str:
@@ -95,29 +102,20 @@ class _Files:
 
     def __init__(self, root: Path, parse: Callable[[bytes], Source]) -> None:
         self._root, self._parse = root, parse
-        self._sources: dict[str, Source] = {}
-        self._imported: dict[str, list[str]] = {}
-        self._is_module: dict[str, bool] = {}
+        self.source, self.imported = cache(self._source), cache(self._imported)
+        self._is_module = cache(lambda name: path_of(name, root).is_file())
 
-    def source(self, module: str) -> Source:
-        if module not in self._sources:
-            path = path_of(module, self._root)
-            if not path.is_file():
-                message = f"no module {module!r} in {self._root}"
-                raise NearharmonicError(message)
-            self._sources[module] = self._parse(path.read_bytes())
-        return self._sources[module]
+    def _source(self, module: str) -> Source:
+        path = path_of(module, self._root)
+        if not path.is_file():
+            message = f"no module {module!r} in {self._root}"
+            raise NearharmonicError(message)
+        return self._parse(path.read_bytes())
 
-    def imported(self, module: str) -> list[str]:
+    def _imported(self, module: str) -> list[str]:
         """Return the modules among the imported names of ``module``; names may also be functions or classes."""
-        if module not in self._imported:
-            self._imported[module] = [
-                place
-                for name in self._absolute(module)
-                for place in (name, name.rpartition(".")[0])
-                if place and self._exists(place)
-            ]
-        return self._imported[module]
+        names = (place for name in self._absolute(module) for place in (name, name.rpartition(".")[0]))
+        return [place for place in names if place and self._is_module(place)]
 
     def _absolute(self, module: str) -> Iterator[str]:
         """Return the dotted names within the package that ``module`` imports."""
@@ -130,11 +128,6 @@ class _Files:
                 name = ".".join([*package[: len(package) - level + 1], *([name] if name else [])])
             if name.split(".")[0] == PACKAGE:
                 yield name
-
-    def _exists(self, module: str) -> bool:
-        if module not in self._is_module:
-            self._is_module[module] = path_of(module, self._root).is_file()
-        return self._is_module[module]
 
 
 def _files(root: Path | None) -> _Files:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 
 from nearharmonic.errors import SettingError
-from nearharmonic.reproduction.tasks.sources import PACKAGE, Source, read_source
+from nearharmonic.reproduction.tasks.sources import PACKAGE, Source, reached, read_source
 
 
 def files_of(place: str | os.PathLike[str]) -> tuple[Path, ...]:
@@ -22,14 +23,7 @@ def files_of(place: str | os.PathLike[str]) -> tuple[Path, ...]:
         The file cannot be read.
     """
     first = Path(place)
-    reached: set[Path] = set()
-    waiting = [first]
-    while waiting:
-        path = waiting.pop()
-        if path not in reached:
-            reached.add(path)
-            waiting += _beside(first.parent, path)
-    return first, *sorted(reached - {first})
+    return first, *sorted(reached([first], partial(_beside, first.parent)) - {first})
 
 
 def _beside(folder: Path, path: Path) -> Iterator[Path]:

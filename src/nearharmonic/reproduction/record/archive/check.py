@@ -18,7 +18,6 @@ from nearharmonic.reproduction.record.archive import seal
 from nearharmonic.reproduction.record.archive.metadata import METADATA
 from nearharmonic.reproduction.record.archive.pack import RUNS
 
-_CHUNK = 1 << 20
 #: Exceptions from damaged zip files and damaged JSON.
 _UNREADABLE = (
     BadZipFile, EOFError, KeyError, NotImplementedError, OSError, OverflowError, RuntimeError, ValueError, struct.error
@@ -49,11 +48,11 @@ def faults_of_archive(path: str | os.PathLike[str]) -> list[str]:
     """
     place = Path(path)
     try:
-        sealed, whole = seal.is_sealed(place), seal.is_whole(place)
+        whole = seal.is_whole(place)
     except OSError as error:
         message = f"{place} cannot be read: {error.strerror}"
         raise ResultFileError(message) from error
-    if not sealed:
+    if whole is None:
         return [f"{place} is not an archive of `nearharmonic archive`, or its end is missing or damaged"]
     broken = [] if whole else [f"{place} is damaged: its bytes do not have the digest at its end"]
     try:
@@ -86,17 +85,15 @@ def _faults_of_members(place: Path) -> Iterator[str]:
 
 def _digest(archive: ZipFile, name: str) -> tuple[int, str] | None:
     """Return size and digest of a member; None if it cannot be read."""
-    digest, size = hashlib.sha256(), 0
     try:
-        if archive.getinfo(name).compress_type != ZIP_STORED:
+        told = archive.getinfo(name)
+        if told.compress_type != ZIP_STORED:
             return None
-        with archive.open(name) as member:
-            while chunk := member.read(_CHUNK):
-                digest.update(chunk)
-                size += len(chunk)
+        member: Any = archive.open(name)
+        with member:
+            return told.file_size, hashlib.file_digest(member, "sha256").hexdigest()
     except _UNREADABLE:
         return None
-    return size, digest.hexdigest()
 
 
 def _document(archive: ZipFile, name: str) -> dict[str, Any]:

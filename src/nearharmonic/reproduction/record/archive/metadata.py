@@ -7,12 +7,14 @@ the content, so that equal results give equal bytes.
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, BinaryIO
 
+from nearharmonic.errors import ResultFileError
 from nearharmonic.reproduction.record.archive.software import HOMES, citation, homepage
 
 #: Name of the metadata in the archive.
@@ -76,6 +78,29 @@ class Member:
         digest = hashlib.sha256(content).hexdigest()
         return cls(path=path, source=content, size=len(content), sha256=digest, description=description)
 
+    @classmethod
+    def of_file(cls, path: str, place: Path, description: str) -> Member:
+        """Return the member with the present bytes of a file that has no digest on record."""
+        with opened(place) as file:
+            return cls.of_bytes(path, file.read(), description)
+
+
+def opened(source: Path | bytes) -> BinaryIO:
+    """Open the source of a member for reading.
+
+    Raises
+    ------
+    ResultFileError
+        The file cannot be read.
+    """
+    if isinstance(source, bytes):
+        return io.BytesIO(source)
+    try:
+        return source.open("rb")
+    except OSError as error:
+        message = f"{source} cannot be read: {error.strerror}"
+        raise ResultFileError(message) from error
+
 
 def format_of(path: str) -> tuple[str, str]:
     """Return the media type of a file and its format in words, by the ending of ``path``."""
@@ -137,12 +162,7 @@ def metadata(
 
 def _add(crate: Any, identifier: str, **properties: Any) -> Any:
     """Return the contextual entity ``identifier`` of ``crate``; add it if it is missing."""
-    from rocrate.model.contextentity import ContextEntity
-
-    found = crate.get(identifier)
-    if found is None:
-        found = crate.add(ContextEntity(crate, identifier, properties={"@type": properties.pop("type"), **properties}))
-    return found
+    return crate.get(identifier) or crate.add_jsonld({"@id": identifier, "@type": properties.pop("type"), **properties})
 
 
 def _describe_root(crate: Any, result: str, cited: Mapping[str, Any], runs: Sequence[Run], left_out: int) -> None:

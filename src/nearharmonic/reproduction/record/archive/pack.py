@@ -7,20 +7,18 @@ compression, because its output depends on the version of zlib. Almost all membe
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import os
 from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
 from pathlib import Path, PurePosixPath
-from typing import Any, BinaryIO
+from typing import Any
 from zipfile import ZIP_STORED, ZipFile, ZipInfo
 
 from nearharmonic.errors import ResultFileError, SettingError, bad_setting
 from nearharmonic.output.atomic import replacing
 from nearharmonic.reproduction.record import history
 from nearharmonic.reproduction.record.archive import seal
-from nearharmonic.reproduction.record.archive.metadata import METADATA, Member, Run, format_of, metadata
+from nearharmonic.reproduction.record.archive.metadata import METADATA, Member, Run, format_of, metadata, opened
 from nearharmonic.reproduction.record.archive.readme import readme
 from nearharmonic.reproduction.record.archive.software import DOCUMENTS, document
 from nearharmonic.reproduction.record.archive.user_files import UserFiles
@@ -151,7 +149,7 @@ def _members(result: Path, *, with_runs: bool) -> list[Member]:
     configs, texts = _configs(runs, user_files)
     members = [_result_file(result, path, entry) for path, entry in taken.items()]
     members += [Member.of_bytes(path, text, _ADDED["config"]) for path, text in texts.items()]
-    members += [Member.of_bytes(name, _content(result / name), _ADDED[name]) for name in RECORD]
+    members += [Member.of_file(name, result / name, _ADDED[name]) for name in RECORD]
     members += [Member.of_bytes(name, document(name), _ADDED[name]) for name in DOCUMENTS]
     members += user_files.members()
     text = readme(result.name, members, runs, left_out)
@@ -187,14 +185,6 @@ def _set(value: Any) -> Any:
     return value
 
 
-def _content(place: Path) -> bytes:
-    try:
-        return place.read_bytes()
-    except OSError as error:
-        message = f"{place} cannot be read: {error.strerror}"
-        raise ResultFileError(message) from error
-
-
 def _result_file(result: Path, path: str, entry: Mapping[str, Any]) -> Member:
     """Return the member for the file ``path`` of ``result`` with this ``entry`` in the manifest."""
     first = PurePosixPath(path).parts[0]
@@ -217,20 +207,10 @@ def _write(place: Path, members: Sequence[Member]) -> None:
             information.external_attr = _FILE_MODE << 16
             information.file_size = member.size
             digest = hashlib.sha256()
-            with archive.open(information, "w") as copy, _opened(member) as source:
+            with archive.open(information, "w") as copy, opened(member.source) as source:
                 while chunk := source.read(_CHUNK):
                     digest.update(chunk)
                     copy.write(chunk)
             if digest.hexdigest() != member.sha256:
                 message = f"{member.path} is not the file that the manifest records: see `nearharmonic verify`"
                 raise ResultFileError(message)
-
-
-def _opened(member: Member) -> AbstractContextManager[BinaryIO]:
-    if isinstance(member.source, bytes):
-        return io.BytesIO(member.source)
-    try:
-        return member.source.open("rb")
-    except OSError as error:
-        message = f"{member.source} cannot be read: {error.strerror}"
-        raise ResultFileError(message) from error

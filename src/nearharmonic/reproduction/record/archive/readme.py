@@ -59,13 +59,13 @@ def readme(result: str, members: Sequence[Member], runs: Sequence[Run], left_out
         "The archive is an RO-Crate 1.1 with the profile Process Run Crate 0.5. `ro-crate-metadata.json` gives the "
         "size and the SHA-256 of each file, and for each run its settings, its software and its files.",
         "",
-        *(_left_out(left_out) if left_out else ()),
+        *(
+            [f"Trajectories, below `runs/` in `manifest.json`, are not in this archive (files: {left_out}).", ""]
+            if left_out
+            else ()
+        ),
         "- Check the archive: `nearharmonic verify FILE.zip`.",
         "- Run again with the same settings: `snakemake -j2 --configfile config.json`.",
         "",
     ]
     return "\n".join(lines).encode()
-
-
-def _left_out(count: int) -> list[str]:
-    return [f"Trajectories, below `runs/` in `manifest.json`, are not in this archive (files: {count}).", ""]

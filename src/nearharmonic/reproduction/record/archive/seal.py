@@ -11,25 +11,22 @@ import os
 from pathlib import Path
 from typing import BinaryIO
 
+from nearharmonic.output.store.seal import digest_of_first
+
 #: Text of the comment of the zip file before the digest.
 WORDS = b"nearharmonic archive 1; sha256 of all bytes before this comment: "
 #: Placeholder of the right length until the digest is known.
 BLANK = WORDS + b"0" * (2 * hashlib.sha256().digest_size)
 
-_CHUNK = 1 << 20
-
 
 def close(place: str | os.PathLike[str]) -> None:
     """Write the digest of a zip file, made with the comment :data:`BLANK`, into that comment."""
     with Path(place).open("r+b") as file:
-        start = file.seek(-len(BLANK), os.SEEK_END)
-        seal = _seal(file, start)
-        file.seek(start)
-        file.write(seal)
+        file.write(_seal(file))
 
 
-def is_sealed(place: str | os.PathLike[str]) -> bool:
-    """Return True if ``place`` ends with a seal; :func:`is_whole` checks its digest.
+def is_whole(place: str | os.PathLike[str]) -> bool | None:
+    """Return True if the digest in the seal of ``place`` equals that of the bytes before it; None without a seal.
 
     Raises
     ------
@@ -37,41 +34,12 @@ def is_sealed(place: str | os.PathLike[str]) -> bool:
         ``place`` cannot be read.
     """
     with Path(place).open("rb") as file:
-        return _start(file) is not None
+        seal = _seal(file)
+        written = file.read()
+    return written == seal if written.startswith(WORDS) and len(written) == len(BLANK) else None
 
 
-def is_whole(place: str | os.PathLike[str]) -> bool:
-    """Return True if the digest in the seal of ``place`` equals that of the bytes before the seal.
-
-    Raises
-    ------
-    OSError
-        ``place`` cannot be read.
-    """
-    with Path(place).open("rb") as file:
-        start = _start(file)
-        if start is None:
-            return False
-        written = file.read(len(BLANK))
-        return written == _seal(file, start)
-
-
-def _start(file: BinaryIO) -> int | None:
-    """Move ``file`` to its seal and return the position; None without a seal."""
-    start = file.seek(0, os.SEEK_END) - len(BLANK)
-    if start < 0:
-        return None
-    file.seek(start)
-    words = file.read(len(WORDS))
-    file.seek(start)
-    return start if words == WORDS else None
-
-
-def _seal(file: BinaryIO, size: int) -> bytes:
-    """Return the seal of the first ``size`` bytes of ``file``."""
-    digest = hashlib.sha256()
-    file.seek(0)
-    while size > 0 and (chunk := file.read(min(_CHUNK, size))):
-        digest.update(chunk)
-        size -= len(chunk)
-    return WORDS + digest.hexdigest().encode()
+def _seal(file: BinaryIO) -> bytes:
+    """Return the seal of all bytes before the place of the seal, and move ``file`` to that place."""
+    start = max(0, file.seek(0, os.SEEK_END) - len(BLANK))
+    return WORDS + digest_of_first(file, start).encode()

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from nearharmonic.errors import ResultFileError
 from nearharmonic.registry.registry import split_path
 from nearharmonic.reproduction.record.archive.metadata import Member
 from nearharmonic.reproduction.tasks.user_sources import files_of
@@ -50,12 +49,7 @@ class UserFiles:
         for path in (*self._systems.values(), *self._integrators.values()):
             for one in files_of(path):
                 name = f"{self._folders[path.parent]}/{one.relative_to(path.parent).as_posix()}"
-                try:
-                    content = one.read_bytes()
-                except OSError as error:
-                    message = f"{one} cannot be read: {error.strerror}"
-                    raise ResultFileError(message) from error
-                found[name] = Member.of_bytes(name, content, "Python file of a system or an integrator of the config.")
+                found[name] = Member.of_file(name, one, "Python file of a system or an integrator of the config.")
         return list(found.values())
 
     def config(self, given: Mapping[str, Any]) -> dict[str, Any]:

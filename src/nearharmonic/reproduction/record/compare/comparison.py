@@ -141,49 +141,45 @@ class _Pair:
 
     def cubes(self) -> Iterator[Difference]:
         """Yield the differences in the cubes, including missing cubes."""
-        for name, volatile in self._comparable("cubes/*.h5"):
-            if isinstance(volatile, Difference):
-                yield volatile
+        return self._files("cubes/*.h5", self._cube)
+
+    def _cube(self, name: str, volatile: set[str]) -> Iterator[Difference]:
+        one, other = [folder / name for folder in self._folders]
+        groups = [store.groups_of(path) for path in (one, other)]
+        for group in dict.fromkeys([None, *groups[0], *groups[1]]):
+            place = name if group is None else f"{name}/{group}"
+            if group is not None and not all(group in names for names in groups):
+                yield missing(place, in_a=group in groups[0])
                 continue
-            one, other = [folder / name for folder in self._folders]
-            groups = [store.groups_of(path) for path in (one, other)]
-            for group in dict.fromkeys([None, *groups[0], *groups[1]]):
-                place = name if group is None else f"{name}/{group}"
-                if group is not None and not all(group in names for names in groups):
-                    yield missing(place, in_a=group in groups[0])
-                    continue
-                datasets = store.read(one, group), store.read(other, group)
-                measured = {str(v) for d in datasets for v in d.variables if "volatile" in d[v].attrs} | volatile
-                self.left_out += [f"{place}: {v}" for v in sorted(measured) if any(v in d for d in datasets)]
-                yield from dataset_differences(place, *datasets, measured)
+            datasets = store.read(one, group), store.read(other, group)
+            measured = {str(v) for d in datasets for v in d.variables if "volatile" in d[v].attrs} | volatile
+            self.left_out += [f"{place}: {v}" for v in sorted(measured) if any(v in d for d in datasets)]
+            yield from dataset_differences(place, *datasets, measured)
 
     def tables(self) -> Iterator[Difference]:
         """Yield the differences in the tables, including missing tables."""
-        for name, volatile in self._comparable("tables/*.csv"):
-            if isinstance(volatile, Difference):
-                yield volatile
-                continue
-            self.left_out += [f"{name}: {column}" for column in sorted(volatile)]
-            shown_above = {"verdict"} if name == str(CLAIMS.with_suffix(".csv")) else set()
-            one, other = map(Texts, self._folders)
-            yield from table_differences(name, one, other, volatile | shown_above)
+        return self._files("tables/*.csv", self._table)
 
-    def _comparable(self, pattern: str) -> Iterator[tuple[str, set[str] | Difference]]:
-        """Yield each common file with its volatile parts, and each missing file with its difference."""
+    def _table(self, name: str, volatile: set[str]) -> Iterator[Difference]:
+        self.left_out += [f"{name}: {column}" for column in sorted(volatile)]
+        shown_above = {"verdict"} if name == str(CLAIMS.with_suffix(".csv")) else set()
+        one, other = map(Texts, self._folders)
+        return table_differences(name, one, other, volatile | shown_above)
+
+    def _files(
+        self, pattern: str, differences: Callable[[str, set[str]], Iterator[Difference]]
+    ) -> Iterator[Difference]:
+        """Yield the differences of each common file, from its name and volatile parts, and each missing file."""
         for name in self._names(pattern):
             there = [(folder / name).exists() for folder in self._folders]
-            volatile = {part for told in self._manifests for part in self._entry(told, name).get("volatile", ())}
+            entries = [told.get("files", {}).get(name, {}) for told in self._manifests]
+            volatile = {part for entry in entries for part in entry.get("volatile", ())}
             if not all(there):
-                yield name, missing(name, in_a=there[0])
+                yield missing(name, in_a=there[0])
             elif WHOLE in volatile:
                 self.left_out.append(name)
             else:
-                yield name, volatile
-
-    @staticmethod
-    def _entry(told: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-        entry: Mapping[str, Any] = told.get("files", {}).get(name, {})
-        return entry
+                yield from differences(name, volatile)
 
 
 def _claims(folder: Path) -> dict[str, str] | None:

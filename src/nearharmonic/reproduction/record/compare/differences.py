@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
+    import pandas as pd
     import xarray as xr
 
 #: Maximum number of values of a coordinate that are listed one by one.
@@ -98,7 +99,7 @@ def array_difference(
         a=a[index].item(),
         b=b[index].item(),
         relative=float(distances[index]) if numbers else None,
-        at={name: _plain(values[i]) for (name, values), i in zip(coordinates, index, strict=True)},
+        at={name: values[i] for (name, values), i in zip(coordinates, index, strict=True)},
         differ=int(unequal.sum()),
         compared=int(a.size),
         unit=unit if numbers and unit != "1" else "",
@@ -118,41 +119,34 @@ def dataset_differences(file: str, a: xr.Dataset, b: xr.Dataset, leave_out: Coll
     leave_out : collection of str
         Variables that are not compared.
     """
-    rows: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-    labels: dict[str, Sequence[Any]] = {}
-    for dimension in map(str, [*a.sizes, *(d for d in b.sizes if d not in a.sizes)]):
-        if dimension not in a.sizes or dimension not in b.sizes:
-            continue
-        one, other = (_labels(dataset, dimension) for dataset in (a, b))
-        labels[dimension], *indices = _common(one, other)
-        rows[dimension] = (indices[0], indices[1])
-        if len(one) != len(other) or len(one) != len(labels[dimension]):
-            yield _only(f"{file}: {dimension}", one, other, _unit(a, dimension))
-    names = [str(name) for name in a.variables]
-    for name in [*names, *(str(name) for name in b.variables if name not in a.variables)]:
-        if name in leave_out or name in rows:
-            continue
+    rows: tuple[dict[Any, Any], dict[Any, Any]] = {}, {}
+    for dimension in [name for name in a.sizes if name in b.sizes]:
+        one, other = (dataset.get_index(dimension) for dataset in (a, b))
+        common = one[one.isin(other)]
+        firsts = ~other.duplicated()
+        rows[0][dimension] = np.flatnonzero(one.isin(other))
+        rows[1][dimension] = np.flatnonzero(firsts)[other[firsts].get_indexer(common)]
+        if len(one) != len(other) or len(one) != len(common):
+            yield _only(f"{file}: {dimension}", one, other, _unit(a, str(dimension)))
+    names = [name for name in dict.fromkeys([*a.variables, *b.variables]) if name not in (*leave_out, *rows[0])]
+    a, b = a.isel(rows[0]), b.isel(rows[1])
+    for name in names:
+        where = f"{file}: {name}"
         if name not in a.variables or name not in b.variables:
-            yield missing(f"{file}: {name}", in_a=name in a.variables)
-            continue
-        if a[name].dims != b[name].dims:
-            yield Difference(kind="missing", where=f"{file}: {name}", a=_over(a[name].dims), b=_over(b[name].dims))
-            continue
-        along = [(d, labels[d], *rows[d]) for d in map(str, a[name].dims)]
-        yield from _values(f"{file}: {name}", a[name], b[name], along)
+            yield missing(where, in_a=name in a.variables)
+        elif a[name].dims != b[name].dims:
+            yield Difference(kind="missing", where=where, a=_over(a[name].dims), b=_over(b[name].dims))
+        else:
+            yield from _values(where, a[name], b[name])
 
 
-def _values(
-    where: str, a: xr.DataArray, b: xr.DataArray, along: Sequence[tuple[str, Sequence[Any], np.ndarray, np.ndarray]]
-) -> Iterator[Difference]:
-    one, other = a.values, b.values
-    if along:
-        one = one[np.ix_(*(rows for _, _, rows, _ in along))]
-        other = other[np.ix_(*(rows for _, _, _, rows in along))]
+def _values(where: str, a: xr.DataArray, b: xr.DataArray) -> Iterator[Difference]:
+    """Yield the differences of the units and of the values of two arrays on the same coordinates."""
     units = [str(values.attrs.get("units", "1")) for values in (a, b)]
     if units[0] != units[1]:
         yield Difference(kind="text", where=f"{where}, unit", a=units[0], b=units[1])
-    found = array_difference(where, one, other, [(name, labels) for name, labels, _, _ in along], unit=units[0])
+    coordinates = [(str(name), a.get_index(name).tolist()) for name in a.dims]
+    found = array_difference(where, a.values, b.values, coordinates, unit=units[0])
     if found:
         at_units = {name: _unit(a, name) for name in found.at}
         yield replace(found, at_units={name: unit for name, unit in at_units.items() if unit})
@@ -163,32 +157,10 @@ def missing(where: str, *, in_a: bool) -> Difference:
     return Difference(kind="missing", where=where, a="there" if in_a else "missing", b="missing" if in_a else "there")
 
 
-def _labels(dataset: xr.Dataset, dimension: str) -> np.ndarray:
-    """Return the coordinate of a dimension, or the numbers from 0 if it has none."""
-    if dimension in dataset.variables:
-        return np.asarray(dataset[dimension].values)
-    return np.arange(dataset.sizes[dimension])
-
-
-def _common(a: np.ndarray, b: np.ndarray) -> tuple[list[Any], np.ndarray, np.ndarray]:
-    """Return the common values, in the order of ``a``, and their indices in both."""
-    place = {value: i for i, value in reversed(list(enumerate(b.tolist())))}
-    pairs = [(value, i, place[value]) for i, value in enumerate(a.tolist()) if value in place]
-    values = [value for value, _, _ in pairs]
-    return values, np.array([i for _, i, _ in pairs], dtype=int), np.array([j for _, _, j in pairs], dtype=int)
-
-
-def _only(where: str, a: np.ndarray, b: np.ndarray, unit: str) -> Difference:
-    """Yield the values of a coordinate that only one result has."""
-    one, other = a.tolist(), b.tolist()
-    here, there = set(one), set(other)
-    return Difference(
-        kind="missing",
-        where=where,
-        a=_listed([value for value in one if value not in there]),
-        b=_listed([value for value in other if value not in here]),
-        unit=unit,
-    )
+def _only(where: str, a: pd.Index, b: pd.Index, unit: str) -> Difference:
+    """Return the values of a coordinate that only one result has."""
+    one, other = a[~a.isin(b)].tolist(), b[~b.isin(a)].tolist()
+    return Difference(kind="missing", where=where, a=_listed(one), b=_listed(other), unit=unit)
 
 
 def _listed(values: Sequence[Any]) -> str:
@@ -212,7 +184,3 @@ def _over(dimensions: Sequence[Any]) -> str:
 def _unit(dataset: xr.Dataset | xr.DataArray, name: str) -> str:
     unit = str(dataset[name].attrs.get("units", "1")) if name in dataset.coords else "1"
     return "" if unit == "1" else unit
-
-
-def _plain(value: Any) -> Any:
-    return value.item() if isinstance(value, np.generic) else value

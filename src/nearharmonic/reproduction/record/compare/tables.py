@@ -7,10 +7,10 @@ from decimal import Decimal, InvalidOperation
 from math import inf, isfinite
 from typing import Any
 
+import pandas as pd
+
 from nearharmonic.reproduction.record.compare.differences import Difference, missing
 from nearharmonic.reproduction.record.files.texts import Texts
-
-Rows = list[list[str]]
 
 
 def table_differences(name: str, a: Texts, b: Texts, leave_out: Collection[str]) -> Iterator[Difference]:
@@ -33,22 +33,22 @@ def table_differences(name: str, a: Texts, b: Texts, leave_out: Collection[str])
         A file that is damaged, or no table.
     """
     tables = a.table(name), b.table(name)
-    (header_a, rows_a), (header_b, rows_b) = ((table.header, table.rows) for table in tables)
-    for column in [*header_a, *(column for column in header_b if column not in header_a)]:
-        if column not in leave_out and (column not in header_a or column not in header_b):
-            yield missing(f"{name}: {column}", in_a=column in header_a)
-    columns = [c for c in header_a if c in header_b and c not in leave_out]
-    one = [[row[header_a.index(c)] for c in columns] for row in rows_a]
-    other = [[row[header_b.index(c)] for c in columns] for row in rows_b]
-    texts = [i for i in range(len(columns)) if not all(_is_number(row[i]) for row in [*one, *other])]
-    names = _naming(one, other, texts)
-    pairs = _paired(one, other, names)
-    if len(pairs) < max(len(one), len(other)):
-        more = [f"{len(rows) - len(pairs) or 'no'} more" for rows in (one, other)]
+    one, other = (pd.DataFrame(table.rows, columns=list(table.header), dtype=object) for table in tables)
+    for column in dict.fromkeys([*one, *other]):
+        if column not in leave_out and (column not in one or column not in other):
+            yield missing(f"{name}: {column}", in_a=column in one)
+    columns = [column for column in one if column in other and column not in leave_out]
+    names = _naming(one[columns], other[columns])
+    if names:
+        one, other = (table.set_index(names, drop=False) for table in (one, other))
+    common = one.index[one.index.isin(other.index)]
+    if len(common) < max(len(one), len(other)):
+        more = [f"{len(rows) - len(common) or 'no'} more" for rows in (one, other)]
         yield Difference(kind="missing", where=f"{name}: rows", a=more[0], b=more[1])
-    at = [" ".join(one[j][i] for i in names) or str(j + 1) for j, _ in pairs]
-    for i, column in enumerate(columns):
-        found = _column_difference(f"{name}: {column}", [(one[j][i], other[k][i]) for j, k in pairs], at)
+    at = [" ".join(key) if len(names) > 1 else key if names else str(key + 1) for key in common]
+    one, other = one.loc[common], other.loc[common]
+    for column in columns:
+        found = _column_difference(f"{name}: {column}", list(zip(one[column], other[column], strict=True)), at)
         if found:
             yield found
 
@@ -61,21 +61,13 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _naming(one: Rows, other: Rows, texts: Sequence[int]) -> Sequence[int]:
+def _naming(one: pd.DataFrame, other: pd.DataFrame) -> list[str]:
     """Return the first columns of text that identify the rows of both tables uniquely, if there are any."""
-    for end in range(1, len(texts) + 1):
-        if all(len({tuple(row[i] for i in texts[:end]) for row in rows}) == len(rows) for rows in (one, other)):
-            return texts[:end]
-    return ()
-
-
-def _paired(one: Rows, other: Rows, names: Sequence[int]) -> list[tuple[int, int]]:
-    """Return the matching rows, by names, or else by position."""
-    if not names:
-        return [(j, j) for j in range(min(len(one), len(other)))]
-    place = {tuple(row[i] for i in names): k for k, row in enumerate(other)}
-    keys = [tuple(row[i] for i in names) for row in one]
-    return [(j, place[key]) for j, key in enumerate(keys) if key in place]
+    texts = [column for column in one if not all(map(_is_number, [*one[column], *other[column]]))]
+    firsts = (texts[:end] for end in range(1, len(texts) + 1))
+    return next(
+        (names for names in firsts if not one.duplicated(names).any() and not other.duplicated(names).any()), []
+    )
 
 
 def _column_difference(where: str, cells: Sequence[tuple[str, str]], at: Sequence[str]) -> Difference | None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from nearharmonic.errors import NearharmonicError, ResultFileError
-from nearharmonic.output.store import command_for
+from nearharmonic.output.store import unusable
 from nearharmonic.output.table import Table, from_csv
 from nearharmonic.reproduction.record.files import manifest
 
@@ -65,5 +65,4 @@ class Texts:
 
     def unusable(self, name: str, complaint: str) -> ResultFileError:
         """Return the error for the file ``name``."""
-        place = self._folder / name
-        return ResultFileError(f"{place} {complaint}. Make it again: {command_for(place)}")
+        return unusable(self._folder / name, complaint)

@@ -85,7 +85,7 @@ class _Condition:
         self._source = source
         self._columns = columns
         #: Columns and constants, each as long as a column, by their names in the generated text.
-        self._rows = range(len(next(iter(columns.values()))) if columns else 0)
+        self._rows = range(next((len(columns[name]) for name in columns), 0))
         self.operands: dict[str, Any] = {}
 
     def written(self, node: ast.expr) -> tuple[str, str]:
@@ -149,10 +149,11 @@ class _Condition:
                 pass
             case _:
                 self._refuse(node, f"allowed are {_ALLOWED}")
-        kind = TEXT if np.asarray(value).dtype.kind == "U" else NUMBER
+        is_text = not isinstance(value, int | float) and np.asarray(value).dtype.kind in "UO"
+        kind = TEXT if is_text else NUMBER
         try:
             # Integers become floats, so that products do not overflow 64 bits.
-            series = pd.Series(value, self._rows, dtype=object if kind == TEXT else float)
+            series = pd.Series(np.asarray(value)[()], self._rows, dtype=object if kind == TEXT else float)
         except OverflowError:
             self._refuse(node, "it is larger than any number of a column")
         text = f"operand_{len(self.operands)}"

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+import pandas as pd
+from pandas.api.types import is_numeric_dtype
 
-from nearharmonic.errors import ResultFileError, unknown_name
+from nearharmonic.errors import unknown_name
 from nearharmonic.output import store
 
 #: Columns of every system, in the displayed order; columns of single systems follow.
@@ -25,35 +25,10 @@ DIMENSIONS = ("integrator", "precision", "tau_per_stage")
 #: Status of a cell without a run.
 SKIPPED = "skipped"
 
-Columns = dict[str, np.ndarray]
+Units = dict[str, dict[str, str]]
 
 
-@dataclass(frozen=True)
-class RunTable:
-    """Table of runs, one per row.
-
-    Attributes
-    ----------
-    columns : dict of str to ndarray
-        Numbers or texts of each run, all of the same length; NaN or an empty text if a system has no such quantity.
-    units : dict
-        ``units[system][column]``: the unit of a column, if it has one.
-    """
-
-    columns: Columns
-    units: dict[str, dict[str, str]]
-
-    @property
-    def rows(self) -> int:
-        """Number of runs."""
-        return len(self.columns["system"])
-
-    def taken(self, rows: Any) -> RunTable:
-        """Return the rows of a mask or of indices."""
-        return RunTable({name: values[rows] for name, values in self.columns.items()}, self.units)
-
-
-def run_table(folders: Mapping[str, Path]) -> RunTable:
+def run_table(folders: Mapping[str, Path]) -> tuple[pd.DataFrame, Units]:
     """Return every run of some results, sorted by result, system, integrator, precision and step size.
 
     Parameters
@@ -63,26 +38,29 @@ def run_table(folders: Mapping[str, Path]) -> RunTable:
 
     Returns
     -------
-    RunTable
-        One row for each step size of each cube of a system. Step sizes that round to the same number of steps share one
-        run. Cells without a run are omitted.
+    DataFrame
+        One row for each step size of each cube of a system; NaN or an empty text if a system has no such quantity.
+        Step sizes that round to the same number of steps share one run. Cells without a run are omitted.
+    dict
+        ``units[system][column]``: the unit of a column, if it has one.
 
     Raises
     ------
     ResultFileError
         A cube that cannot be read.
     """
-    parts: list[Columns] = []
-    units: dict[str, dict[str, str]] = {}
+    leading = ["result", *COLUMNS] if len(folders) > 1 else list(COLUMNS)
+    parts: list[pd.DataFrame] = []
+    units: Units = {}
     for result, folder in folders.items():
         for path in system_cubes(folder):
-            part, its_units = runs_of_cube(path)
-            rows = len(part["system"])
-            parts.append({"result": np.full(rows, result), **part} if len(folders) > 1 else part)
-            units |= dict.fromkeys(part["system"][:1].tolist(), its_units)
-    leading = ("result", *COLUMNS) if len(folders) > 1 else COLUMNS
-    extra = sorted({name for part in parts for name in part} - set(leading))
-    return RunTable({name: _stacked(name, parts) for name in (*leading, *extra)}, units)
+            part, units[path.stem] = runs_of_cube(path)
+            parts.append(part.assign(result=result) if len(folders) > 1 else part)
+    if not parts:
+        return pd.DataFrame({name: pd.Series(dtype=str if name in TEXTS else float) for name in leading}), units
+    stacked = pd.concat(parts, ignore_index=True)
+    texts = [name for name in stacked if not is_numeric_dtype(stacked[name])]
+    return stacked.fillna(dict.fromkeys(texts, ""))[[*leading, *sorted({*stacked} - {*leading})]], units
 
 
 def system_cubes(folder: Path) -> Iterator[Path]:
@@ -104,8 +82,8 @@ def settings_of(attributes: Any) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def runs_of_cube(path: Path) -> tuple[Columns, dict[str, str]]:
-    """Return the columns of the runs in the cube of one system, and their units.
+def runs_of_cube(path: Path) -> tuple[pd.DataFrame, dict[str, str]]:
+    """Return the runs in the cube of one system, one per row, and the units of the columns.
 
     Raises
     ------
@@ -115,65 +93,16 @@ def runs_of_cube(path: Path) -> tuple[Columns, dict[str, str]]:
     cube = store.read(path)
     missing = [name for name in COLUMNS if name not in cube.variables and name != "system"]
     if missing:
-        message = f"{path} has no {' and no '.join(missing)}. Make it again: {store.command_for(path)}"
-        raise ResultFileError(message)
-    cube = cube.sortby(["integrator", "precision", "tau_per_stage"])
-    shape = tuple(cube.sizes[dimension] for dimension in DIMENSIONS)
+        raise store.unusable(path, f"has no {' and no '.join(missing)}")
     names = [name for name in cube.data_vars if set(cube[name].dims) == set(DIMENSIONS)]
-    arrays = {str(name): cube[name].transpose(*DIMENSIONS).values for name in names}
-    ran = (arrays["status"] != SKIPPED) & (arrays["steps"] > 0)
-    columns: Columns = {}
-    for axis, name in enumerate(DIMENSIONS):
-        # xarray stores the texts of an index as objects, whose comparison is a hundred times slower.
-        values = cube[name].values.astype(str) if name in TEXTS else cube[name].values
-        columns[name] = _along(axis, values, shape)[ran]
-    columns["label"] = _along(0, cube["label"].values, shape)[ran]
-    columns["system"] = np.full(int(ran.sum()), cube.attrs["system"])
-    columns |= {name: values[ran] for name, values in arrays.items()}
-    columns |= {name: values.astype(str, copy=False) for name, values in columns.items() if name in TEXTS}
-    units = {name: str(cube[name].attrs.get("units", "1")) for name in (*arrays, "tau_per_stage")}
-    return columns, {name: unit for name, unit in units.items() if unit != "1"}
+    frame = cube.set_coords("label")[names].sortby(list(DIMENSIONS)).to_dataframe(DIMENSIONS).reset_index()
+    frame = frame[(frame["status"] != SKIPPED) & (frame["steps"] > 0)].assign(system=cube.attrs["system"])
+    units = {str(name): str(cube[name].attrs.get("units", "1")) for name in (*names, "tau_per_stage")}
+    described = {name: unit for name, unit in units.items() if unit != "1"}
+    return frame[[*COLUMNS, *sorted({*frame} - {*COLUMNS})]], described
 
 
-def _along(axis: int, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """Return ``values`` of one dimension, repeated over the others."""
-    return np.broadcast_to(values.reshape([-1 if i == axis else 1 for i in range(len(shape))]), shape)
-
-
-def _stacked(name: str, parts: Sequence[Columns]) -> np.ndarray:
-    """Concatenate the column ``name`` of all ``parts``."""
-    held = [part[name] for part in parts if name in part]
-    if not held:
-        return np.array([], dtype=str if name in TEXTS else float)
-    empty: Any = "" if held[0].dtype.kind == "U" else np.nan
-    return np.concatenate([part[name] if name in part else np.full(len(part["system"]), empty) for part in parts])
-
-
-def order_by(key: str, columns: Columns) -> np.ndarray:
-    """Return the indices of the rows in a stable sort by a column.
-
-    Parameters
-    ----------
-    key : str
-        Name of a column; a minus sign before it means descending order. NaN is last in both directions.
-    columns : dict of str to ndarray
-        All columns.
-
-    Raises
-    ------
-    UnknownNameError
-        There is no such column.
-    """
-    name = key.removeprefix("-")
-    values = column_of(name, columns)
-    if name == key:
-        return np.argsort(values, kind="stable")
-    if values.dtype.kind == "U":
-        _, values = np.unique(values, return_inverse=True)
-    return np.argsort(-values, kind="stable")
-
-
-def column_of(name: str, columns: Columns) -> np.ndarray:
+def column_of(name: str, runs: pd.DataFrame) -> pd.Series:
     """Return the column ``name``.
 
     Raises
@@ -181,6 +110,6 @@ def column_of(name: str, columns: Columns) -> np.ndarray:
     UnknownNameError
         There is no such column; the message has the nearest match.
     """
-    if name not in columns:
-        raise unknown_name("column", name, columns)
-    return columns[name]
+    if name not in runs:
+        raise unknown_name("column", name, runs)
+    return runs[name]

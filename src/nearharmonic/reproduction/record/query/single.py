@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from math import log
@@ -15,14 +15,7 @@ import numpy as np
 from nearharmonic.engine.settings import HandedOn, checked_tau, one_of
 from nearharmonic.errors import NearharmonicError, bad_setting, unknown_name
 from nearharmonic.output import store
-from nearharmonic.reproduction.record.query.run_table import (
-    COLUMNS,
-    SKIPPED,
-    Columns,
-    runs_of_cube,
-    settings_of,
-    system_cubes,
-)
+from nearharmonic.reproduction.record.query.run_table import SKIPPED, runs_of_cube, settings_of, system_cubes
 from nearharmonic.reproduction.tasks.definitions import defined, read_definitions
 from nearharmonic.systems import systems
 from nearharmonic.systems.user_file import SystemDefinition
@@ -96,18 +89,18 @@ def single_run(
     cubes = {path.stem: path for path in system_cubes(folder)}
     if system not in cubes:
         raise unknown_name("system", system, cubes)
-    columns, units = runs_of_cube(cubes[system])
-    columns = _of(columns, "integrator", _known(columns["integrator"], integrator))
-    present = list(dict.fromkeys(columns["precision"].tolist()))
-    asked = present[0] if precision is None else one_of("precision", precision, present)
-    columns = _of(columns, "precision", asked)
-    row = _nearest(columns["tau_per_stage" if per_stage else "tau"], checked_tau(tau), f"{integrator} on {system}")
-    cells = {name: columns[name][row].item() for name in (*COLUMNS, *sorted(set(columns) - set(COLUMNS)))}
+    runs, units = runs_of_cube(cubes[system])
+    runs = runs[runs["integrator"] == _known(runs["integrator"].tolist(), integrator)]
+    present = list(dict.fromkeys(runs["precision"]))
+    runs = runs[runs["precision"] == (present[0] if precision is None else one_of("precision", precision, present))]
+    taus = runs["tau_per_stage" if per_stage else "tau"].to_numpy()
+    row = _nearest(taus, checked_tau(tau), f"{integrator} on {system}")
+    (cells,) = runs[row : row + 1].to_dict("records")
     attributes = store.attributes_of(cubes[system])
     told = settings_of(attributes)
     file, samples = _trajectory(folder, cells)
     return SingleRun(
-        cells=cells,
+        cells={str(name): cell for name, cell in cells.items()},
         units=units,
         system_units=_units(system, told.get("definitions", {})),
         settings=told.get("sweep", {}),
@@ -126,15 +119,10 @@ def _units(system: str, definitions: Mapping[str, Any]) -> dict[str, str]:
     return {}
 
 
-def _known(integrators: np.ndarray, name: str) -> str:
+def _known(integrators: Sequence[str], name: str) -> str:
     if name not in integrators:
-        raise unknown_name("integrator", name, dict.fromkeys(integrators.tolist()))
+        raise unknown_name("integrator", name, dict.fromkeys(integrators))
     return name
-
-
-def _of(columns: Columns, name: str, value: str) -> Columns:
-    chosen = columns[name] == value
-    return {key: values[chosen] for key, values in columns.items()}
 
 
 def _nearest(taus: np.ndarray, asked: float, whose: str) -> int:
@@ -170,8 +158,10 @@ def _origin(attributes: Mapping[str, Any]) -> dict[str, str]:
 def python_lines(run: SingleRun) -> list[str]:
     """Return Python code that repeats a run; the printed number is bitwise identical to that of the cube."""
     cells, settings = run.cells, run.settings
-    system, before = _system_lines(str(cells["system"]), run.definitions)
-    integrator = _integrator_text(str(cells["integrator"]), run.definitions)
+    definitions = read_definitions(run.definitions)
+    system, before = _system_lines(str(cells["system"]), definitions)
+    own = definitions.get("integrators", {}).get(str(cells["integrator"]))
+    integrator = f'"{cells["integrator"]}"' if own is None else f'"{own.file}:{cells["integrator"]}"'
     given: dict[str, Any] = {name: settings[name] for name in ("t_end", "summation", "samples") if name in settings}
     given |= {
         name: settings[name] for name, usual in HandedOn().handed_on.items() if settings.get(name, usual) != usual
@@ -191,19 +181,13 @@ def python_lines(run: SingleRun) -> list[str]:
 
 def _system_lines(name: str, definitions: Mapping[str, Any]) -> tuple[str, list[str]]:
     """Return the argument for a system in a call, and the lines before the call."""
-    told = read_definitions(definitions).get("systems", {}).get(name)
+    told = definitions.get("systems", {}).get(name)
     if told is None:
         return f'"{name}"', []
     if told == SystemDefinition(file=told.file):
         return f'"{told.file}"', []
     lines = ["from nearharmonic.systems.user_file import SystemDefinition", "", f'system = {told!r}.make("{name}")']
     return "system", lines
-
-
-def _integrator_text(name: str, definitions: Mapping[str, Any]) -> str:
-    """Return the argument for an integrator in a call."""
-    told = read_definitions(definitions).get("integrators", {}).get(name)
-    return f'"{name}"' if told is None else f'"{told.file}:{name}"'
 
 
 def files_of(run: SingleRun, folder: Path, manifest: Mapping[str, Any]) -> Iterator[tuple[str, str, dict[str, Any]]]:

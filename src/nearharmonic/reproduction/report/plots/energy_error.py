@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from bokeh import models as bokeh
+from bokeh.models import ColumnDataSource as Source
 from bokeh.models import Plot
 
 from nearharmonic.plotting.floor import floor_name, floor_near
@@ -107,7 +108,7 @@ def _add_slopes(plot: Plot) -> None:
     """Draw two short lines of slope 4 and 6 in the empty lower right corner, to read the order of a curve."""
     x, y = plot.x_range.end / 12, plot.y_range.start * 30
     ends = [(4 * x, y * 4.0**order) for order in (4, 6)]
-    lines = panels.source_as_is({"x": [np.array([x, a]) for a, _ in ends], "y": [np.array([y, b]) for _, b in ends]})
+    lines = Source(data={"x": [np.array([x, a]) for a, _ in ends], "y": [np.array([y, b]) for _, b in ends]})
     look = {"line_color": "#8a8a8a", "line_width": 1.0}
     panels.add(plot, lines, bokeh.MultiLine(xs="x", ys="y", **look))
     for order, (a, b) in zip((4, 6), ends, strict=True):

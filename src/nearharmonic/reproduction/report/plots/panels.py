@@ -19,7 +19,6 @@ from bokeh.models import Plot
 from nearharmonic.plotting.palette import style_of
 from nearharmonic.reproduction.report.plots.markers import MARKERS
 
-Array = np.ndarray[Any, np.dtype[Any]]
 #: Width in pixels: a hover finds curves within half of it.
 _REACH = 12
 #: Number of markers on a curve, interleaved with those of other methods.
@@ -94,7 +93,7 @@ def new_plot(ranges: tuple[bokeh.Range1d, bokeh.Range1d], labels: tuple[str, str
     """Return an empty plot with these ranges (linear or logarithmic) and labels of x and y."""
     tools = [bokeh.BoxZoomTool(), bokeh.PanTool(), bokeh.WheelZoomTool(), bokeh.SaveTool(), bokeh.ResetTool()]
     axes = [_axis(one, label) for one, label in zip(ranges, labels, strict=True)]
-    scales = [bokeh.LogScale() if _is_logarithmic(one) else bokeh.LinearScale() for one in ranges]
+    scales = [bokeh.LogScale() if _LOGARITHMIC in one.tags else bokeh.LinearScale() for one in ranges]
     return Plot(
         title=None,
         x_range=ranges[0],
@@ -114,12 +113,8 @@ def new_plot(ranges: tuple[bokeh.Range1d, bokeh.Range1d], labels: tuple[str, str
     )
 
 
-def _is_logarithmic(one: bokeh.Range1d) -> bool:
-    return _LOGARITHMIC in one.tags
-
-
 def _axis(one: bokeh.Range1d, label: str) -> bokeh.LinearAxis | bokeh.LogAxis:
-    if _is_logarithmic(one):
+    if _LOGARITHMIC in one.tags:
         ticks = {"ticker": bokeh.LogTicker(mantissas=[1, 5]), "formatter": bokeh.LogTickFormatter(min_exponent=4)}
         return bokeh.LogAxis(axis_label=label, major_label_policy=bokeh.NoOverlap(), **ticks, **_AXIS)
     return bokeh.LinearAxis(axis_label=label, ticker=bokeh.BasicTicker(mantissas=[1, 2, 5]), **_AXIS)
@@ -135,15 +130,10 @@ def source_of(**columns: Any) -> Source:
     arrays = {name: np.asarray(values) for name, values in columns.items()}
     kept = {name: array if array.dtype.kind in "UO" or array.dtype == np.uint8 else array.astype(np.float64)
             for name, array in arrays.items()}  # fmt: skip
-    return source_as_is(kept)
+    return Source(data=kept)
 
 
-def source_as_is(columns: Mapping[str, Any]) -> Source:
-    """Return a source of ``columns``, arrays or lists of arrays."""
-    return Source(data=dict(columns))
-
-
-def drawable(values: Any) -> Array:
+def drawable(values: Any) -> np.ndarray:
     """Return ``values`` with NaN for values that a logarithmic axis cannot show."""
     numbers = np.array(values, dtype=float)
     numbers[~(np.isfinite(numbers) & (numbers > 0))] = np.nan

@@ -70,7 +70,7 @@ def _hamiltonian(path: xr.Dataset) -> tuple[Any, Any]:
     levels = np.linspace(H.min(), H.max(), len(_SHADES) + 1)[1:-1]
     bands = np.searchsorted(levels, H).astype(np.uint8)
     place = {"x": [q[0]], "y": [p[0]], "dw": [q[-1] - q[0]], "dh": [p[-1] - p[0]]}
-    return panels.source_as_is({"bands": [bands], **place}), _lines(path, levels)
+    return Source(data={"bands": [bands], **place}), _lines(path, levels)
 
 
 def _lines(path: xr.Dataset, levels: Any) -> Any:
@@ -79,7 +79,7 @@ def _lines(path: xr.Dataset, levels: Any) -> Any:
     lines: list[Any] = [
         np.round(np.asarray(line, dtype=float), 4) for level in levels for line in generator.lines(level)
     ]
-    return panels.source_as_is({"q": [line[:, 0] for line in lines], "p": [line[:, 1] for line in lines]})
+    return Source(data={"q": [line[:, 0] for line in lines], "p": [line[:, 1] for line in lines]})
 
 
 def _add_hamiltonian(plot: Plot, around: tuple[Source, Source]) -> None:
@@ -101,7 +101,7 @@ def _add_path(plot: Plot, path: xr.Dataset) -> None:
     panels.add(plot, surface, _contours("#1f2d3d", line_width=1.3, line_dash=[5, 3]), method)
     q, p, error = (path[name].values for name in ("q", "p", "energy_error"))
     legs = [_legs(*one, drift_first=path.attrs["first"] == "drift") for one in zip(q, p, strict=True)]
-    lines = panels.source_as_is({"q": [leg[0] for leg in legs], "p": [leg[1] for leg in legs]})
+    lines = Source(data={"q": [leg[0] for leg in legs], "p": [leg[1] for leg in legs]})
     panels.add(plot, lines, _contours("#4d5661", line_width=1.0), method)
     for end, at in (("initial", 0), ("final", -1)):
         place = panels.source_of(q=q[:, at], p=p[:, at])

@@ -1,16 +1,23 @@
-"""Figures of the page, interactive and static, with their texts."""
+"""Figures of the page, interactive and static, with their texts and the legend of the methods."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatch
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from nearharmonic.output.store import read
 from nearharmonic.plotting.levels import energy_error_label
+from nearharmonic.plotting.palette import style_of
+from nearharmonic.reproduction.experiments.paper.orbits.substeps import paper_panels
+from nearharmonic.reproduction.report.plots.decomposition import decomposition
+from nearharmonic.reproduction.report.plots.energy_error import energy_error
+from nearharmonic.reproduction.report.plots.markers import MARKERS
 from nearharmonic.reproduction.report.plots.panels import Panel
+from nearharmonic.reproduction.report.plots.perihelion import perihelion
+from nearharmonic.reproduction.report.plots.phase_space import phase_space
 from nearharmonic.reproduction.report.shown.pictures import picture
 from nearharmonic.reproduction.report.shown.results import ShownResults, number_of
 from nearharmonic.reproduction.tasks.declarations import Declaration
@@ -119,44 +126,49 @@ def _figure(one: Declaration, results: ShownResults, title: str, **more: Any) ->
 
 def _drawn(one: Declaration, cubes: Callable[[str], xr.Dataset]) -> tuple[list[Panel], dict[str, str], str, str]:
     """Return panels, methods, title and hint of one figure; no panels if it has no interactive version."""
-    if one.profile and one.cube:
-        from nearharmonic.reproduction.report.plots.energy_error import energy_error
-
-        cube = cubes(one.cube)
+    cube = cubes(one.cube) if one.cube else None
+    if one.profile and cube is not None:
         title = f"Energy error against step size: {cube.attrs['system_label']}"
         return energy_error(cube), _methods(cube), title, _HINT
     title = experiments()["paper"].figures.get(one.stem, one.stem.replace("_", " ").capitalize())
-    draw = _OTHERS.get(one.stem)
-    panels, methods, hint = draw(cubes(one.cube) if one.cube else None) if draw else ([], {}, "")
-    return panels, methods, title, hint
+    if one.stem == "fig6_substeps":
+        paths = paper_panels()
+        methods = {path.attrs["integrator"]: path.attrs["label"] for path in paths.values()}
+        return phase_space(paths), methods, title, ""
+    if one.stem not in _OTHERS:
+        return [], {}, title, ""
+    draw, hint = _OTHERS[one.stem]
+    return draw(cube), _methods(cube), title, hint
 
 
-def _decomposition(terms: Any) -> tuple[list[Panel], dict[str, str], str]:
-    from nearharmonic.reproduction.report.plots.decomposition import decomposition
-
-    return decomposition(terms), _methods(terms), ""
-
-
-def _perihelion(cube: Any) -> tuple[list[Panel], dict[str, str], str]:
-    from nearharmonic.reproduction.report.plots.perihelion import perihelion
-
-    hint = "The interactive figure has arcseconds per century at each point."
-    return perihelion(cube), _methods(cube), hint
+#: Figures of other quantities than energy errors, by their file names: drawing function and hint.
+_OTHERS: dict[str, tuple[Callable[[Any], list[Panel]], str]] = {
+    "fig2_decomposition": (decomposition, ""),
+    "fig4_perihelion": (perihelion, "The interactive figure has arcseconds per century at each point."),
+}
 
 
-def _substeps(_: Any) -> tuple[list[Panel], dict[str, str], str]:
-    from nearharmonic.reproduction.experiments.paper.orbits.substeps import paper_panels
-    from nearharmonic.reproduction.report.plots.phase_space import phase_space
-
-    paths = paper_panels()
-    methods = {path.attrs["integrator"]: path.attrs["label"] for path in paths.values()}
-    return phase_space(paths), methods, ""
-
-
-#: Figures of other quantities than energy errors, by their file names.
-_OTHERS = {"fig2_decomposition": _decomposition, "fig4_perihelion": _perihelion, "fig6_substeps": _substeps}
-
-
-def _methods(cube: xr.Dataset) -> dict[str, str]:
+def _methods(cube: Any) -> dict[str, str]:
     names, labels = (map(str, cube[name].values) for name in ("integrator", "label"))
     return dict(zip(names, labels, strict=True))
+
+
+class Entry(NamedTuple):
+    """A method in the legend: name, label, and marker as an SVG path with colours."""
+
+    method: str
+    label: str
+    outline: str
+    colour: str
+    fill: str
+
+
+def entries(figures: Iterable[ShownFigure]) -> list[Entry]:
+    """Return an entry for each method that a figure draws, in the order of the figure with the most methods."""
+    drawn = sorted(figures, key=lambda figure: -len(figure.methods))
+    methods = {method: label for figure in reversed(drawn) for method, label in figure.methods.items()}
+    ordered = dict.fromkeys(method for figure in drawn for method in figure.methods)
+    return [
+        Entry(name, methods[name], MARKERS[one.marker].outline, one.colour, one.colour if one.filled else "#ffffff")
+        for name, one in zip(ordered, map(style_of, ordered), strict=True)
+    ]
