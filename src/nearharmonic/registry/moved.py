@@ -100,6 +100,15 @@ MOVED = {
     "theory.word_sums": "exact.words",
 } | {f"{old}.{name}".removeprefix("."): f"{new}.{name}" for old, new, names in _ROOMS for name in names.split()}
 
+MOVED |= {
+    f"experiments.{place}.{old}": f"reproduction.experiments.{place}.reductions"
+    for place in (
+        "exact_oscillator", "stability.conservation", "stability.henon_heiles", "stability.kepler",
+        "stability.kinetic_energy", "stability.rounding", "trained.ideas", "trained.long_runs", "trained.proof",
+    )
+    for old in ("reduce", "tables")
+}  # fmt: skip
+
 PACKAGE = "nearharmonic"
 
 
