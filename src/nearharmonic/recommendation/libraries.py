@@ -14,7 +14,7 @@ from nearharmonic.recommendation.step_search import fewest_steps
 from nearharmonic.systems import systems
 
 CUBE = Path("cubes/work_precision.h5")
-#: What is timed: one trajectory.
+#: Mode that is timed: one trajectory.
 TIMED = "trajectory"
 
 
@@ -42,7 +42,7 @@ def library_choices(asked: Question, results: Path) -> tuple[list[Choice], str]:
 
 
 def _choice(curve: Curve, asked: Question) -> Choice:
-    """The fastest setting among those that meet the bound as do all finer ones, from the coarsest of them on."""
+    """Return the fastest setting that meets the bound, if all finer settings meet it too."""
     reason = "" if curve.status == "ok" else curve.status
     choice = Choice(method=curve.method, label=curve.label, kind="peer", status="not run", reason=reason)
     if not curve.points:

@@ -40,7 +40,7 @@ def start_row(q: Sequence[Fraction], p: Sequence[Fraction], *, plain: bool = Fal
     q, p : sequence of d Fraction
         Exact position and momentum.
     plain : bool
-        Whether the digits below a double are dropped.
+        True drops the digits below a double.
     """
     pairs = [[rounded_pair(*x.as_integer_ratio()) for x in row] for row in (q, p)]
     keep = 0.0 if plain else 1.0
@@ -90,7 +90,7 @@ def moves(step: Composition, taus: Sequence[Fraction], parts: int, *, rounded: b
     parts : {1, 2}
         Doubles that make a number: 2 for double-doubles.
     rounded : bool
-        Whether coefficients times powers of tau are rounded to doubles before any are added; kicks of V alone have no
+        True if coefficients times powers of tau are rounded to doubles before any are added; kicks of V alone have no
         other numbers with one part.
     """
     array = np.empty((len(taus), step.stages + 2, modified_columns(parts) if step.modified else COLUMNS))
@@ -100,7 +100,7 @@ def moves(step: Composition, taus: Sequence[Fraction], parts: int, *, rounded: b
 
 
 def pieces(tableau: Tableau, taus: Sequence[Fraction]) -> Floats:
-    """Return what moves are made of, for a step size that is a multiple of tau: (len(taus), s + 3, 6).
+    """Return the factors of moves, for step sizes that are multiples of tau: (len(taus), s + 3, 6).
 
     A row has pairs of kick, drift and their product. The rows are those of :func:`moves`, and behind them one that
     begins with tau as a pair.
@@ -116,7 +116,7 @@ def pieces(tableau: Tableau, taus: Sequence[Fraction]) -> Floats:
 
 
 def moves_of(system: System, tableau: Tableau, taus: Sequence[Fraction], numerics: Numerics) -> Floats:
-    """Return what a kernel of ``system`` takes of a method and its step sizes: moves, or pieces of them."""
+    """Return the coefficients of a kernel of ``system`` for these step sizes: moves, or pieces of moves."""
     if system.regularisation is not None:
         return pieces(tableau, taus)
     if numerics.exact_oscillator:

@@ -13,7 +13,7 @@ from nearharmonic.core.layout import KICK, TURN, TURNS, columns
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
 
-#: Bits of sines and cosines: those of a double-double, and as many again.
+#: Bits of sines and cosines: twice the bits of a double-double.
 BITS = 212
 
 
@@ -37,7 +37,7 @@ def rotations(
     parts : {1, 2}
         Doubles that make a number: 2 for double-doubles.
     rounded : bool
-        Whether kicks and drifts times tau are rounded to doubles before anything follows from them.
+        True if kicks and drifts times tau are rounded to doubles before anything follows from them.
     """
     found = tableau.moves(tau, rounded=rounded)
     kicks, drifts = [kick for kick, _, _ in found], [drift for _, drift, _ in found]

@@ -74,7 +74,7 @@ def run_at(
         As for :func:`nearharmonic.engine.batch.batch.integrate_batch`.
     """
     count = np.asarray(steps, np.int64)
-    # Members of an ensemble take equal steps: what is exact, and slow, is worked out once for all of them.
+    # Members of an ensemble take equal steps: exact arithmetic, which is slow, is done once for all of them.
     different, which = np.unique(count, return_inverse=True)
     exact_before = [[int(time * n / problem.end) for time in times] for n in different.tolist()]
     rests = [[time - problem.end * k / n for k, time in zip(row, times, strict=True)]
