@@ -14,6 +14,8 @@ from nearharmonic.recommendation.step_search import fewest_steps
 from nearharmonic.systems import systems
 
 CUBE = Path("cubes/work_precision.h5")
+#: Fields of a point that a choice takes over.
+SHARED = ("tau", "tolerance", "steps", "evaluations", "max_energy_error", "mean_energy_error")
 #: Mode that is timed: one trajectory.
 TIMED = "trajectory"
 
@@ -59,12 +61,7 @@ def _choice(curve: Curve, asked: Question) -> Choice:
     return replace(
         choice,
         status="met" if settings else "missed",
-        tau=point.tau,
-        tolerance=point.tolerance,
-        steps=point.steps,
-        evaluations=point.evaluations,
         error=errors[best],
-        max_energy_error=float(point.max_energy_error),
-        mean_energy_error=float(point.mean_energy_error),
         time=times[best] if settings else nan,
+        **{name: getattr(point, name) for name in SHARED},
     )

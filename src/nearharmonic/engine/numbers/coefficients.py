@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from nearharmonic.core.arithmetic import rounded_pair, two_products
+from nearharmonic.core.arithmetic import two_products
 from nearharmonic.core.layout import (
     COLUMNS,
     DRIFT,
@@ -23,7 +23,7 @@ from nearharmonic.core.layout import (
     running_at,
     running_rows,
 )
-from nearharmonic.engine.numbers.rotations import rotations
+from nearharmonic.engine.numbers.rotations import pair_of, rotations
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators.composition import Composition
 from nearharmonic.integrators.tableau import Tableau
@@ -42,14 +42,14 @@ def start_row(q: Sequence[Fraction], p: Sequence[Fraction], *, plain: bool = Fal
     plain : bool
         True drops the digits below a double.
     """
-    pairs = [[rounded_pair(*x.as_integer_ratio()) for x in row] for row in (q, p)]
+    pairs = [[pair_of(x) for x in row] for row in (q, p)]
     keep = 0.0 if plain else 1.0
     return np.array([part for row in pairs for part in ([h for h, _ in row], [low * keep for _, low in row])]).ravel()
 
 
 def parameter_row(values: Sequence[Fraction]) -> Floats:
     """Return parameters (2 P,) as the kernel takes them: each rounded to a double, and the digits below it."""
-    pairs = [rounded_pair(*value.as_integer_ratio()) for value in values]
+    pairs = [pair_of(value) for value in values]
     return np.array(pairs, dtype=np.float64).reshape(-1)
 
 
@@ -110,8 +110,8 @@ def pieces(tableau: Tableau, taus: Sequence[Fraction]) -> Floats:
         powers = tau, tau, tau * tau
         for row, numbers in zip(rows, exact_products(tableau), strict=False):
             exact = [Fraction(*number) * power for number, power in zip(numbers, powers, strict=True)]
-            row[:] = [half for number in exact for half in rounded_pair(*number.as_integer_ratio())]
-        rows[-1, :2] = rounded_pair(*tau.as_integer_ratio())
+            row[:] = [half for number in exact for half in pair_of(number)]
+        rows[-1, :2] = pair_of(tau)
     return found
 
 
@@ -140,7 +140,7 @@ def _moves(step: Composition, numerator: int, denominator: int, parts: int, roun
         return _modified(step, Fraction(numerator, denominator), parts, rounded)
     if parts == 2:
         found = step.moves(Fraction(numerator, denominator), rounded=rounded)
-        return np.array([[half for c in row[:2] for half in rounded_pair(*c.as_integer_ratio())] for row in found])
+        return np.array([[half for c in row[:2] for half in pair_of(c)] for row in found])
     return _products(step, numerator, denominator)
 
 
@@ -160,7 +160,7 @@ def _modified(step: Composition, tau: Fraction, parts: int, rounded: bool) -> Fl
     found = step.moves(tau, rounded=rounded)
     array = np.zeros((len(found), modified_columns(parts)))
     for i, (row, move) in enumerate(zip(array, found, strict=True)):
-        row[:-1] = [part for c in move for part in rounded_pair(*c.as_integer_ratio())[:parts]]
+        row[:-1] = [part for c in move for part in pair_of(c)[:parts]]
         row[-1] = any(found[k][2] for k in moves_behind(i, len(found)))
     return array
 

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.core.arithmetic import rounded_pair
 from nearharmonic.engine.numbers.arrays import array_of
 from nearharmonic.engine.numbers.coefficients import parameter_row, start_row
+from nearharmonic.engine.numbers.rotations import pair_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import bad_setting, unknown_name
 from nearharmonic.numerics.types import Floats
@@ -180,7 +180,7 @@ def _pair(key: str, value: object) -> tuple[float, float]:
     """A double and the digits below it."""
     if type(value) is float and value - value == 0:
         return value, 0.0
-    return rounded_pair(*exact(key, value).as_integer_ratio())
+    return pair_of(exact(key, value))
 
 
 def _rows(key: str, values: Any, d: int) -> Floats:
