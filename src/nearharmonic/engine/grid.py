@@ -1,4 +1,4 @@
-"""Grids of step sizes: which there are, how many steps and force evaluations each takes, what fits which system."""
+"""Grids of step sizes, numbers of steps, and methods that fit a system."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def steps_of(t_end: str, tau: float, key: str = "tau", given: object = None) -> 
     t_end : str
         Length of the interval, a decimal string.
     tau : float
-        Step size asked for, taken as the double that it is.
+        Requested step size, taken as its binary value.
     key : str
         Name of the setting in the error.
     given : object
@@ -83,7 +83,7 @@ def misfit(system: System, tableau: Tableau, split: str = KINETIC_POTENTIAL) -> 
 
 
 def check_fit(system: System, tableau: Tableau, split: str = KINETIC_POTENTIAL) -> None:
-    """Refuse a method that is not for a system, as :func:`misfit` tells.
+    """Raise an error for a method that does not fit a system, as :func:`misfit` tells.
 
     Raises
     ------

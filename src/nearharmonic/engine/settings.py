@@ -119,7 +119,7 @@ def checked_summation(summation: object, key: str = "summation") -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class HandedOn:
-    """Settings that a config hands on to the kernels as they are: what is a field here is one of all that inherit it.
+    """Settings that a config hands on to the kernels unchanged; all carriers between the two inherit them.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ class Numerics(HandedOn):
         With "samples", measure the energy also every so many steps, for the maxima and to find what has diverged.
         Errors are independent of which runs share the lanes if ``look`` divides the number of steps between samples.
     double_coefficients : bool
-        Whether the products of step size and coefficient are rounded to double in extended precision too.
+        True if the products of step size and coefficient are rounded to double in extended precision too.
 
     See Also
     --------

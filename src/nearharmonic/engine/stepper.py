@@ -106,7 +106,7 @@ def step_of(problem: Setup, parameters: Mapping[str, Any] | None = None) -> Step
 
 
 def _check(problem: Setup) -> None:
-    """Refuse what a step by itself is not."""
+    """Raise an error for settings that a single step does not have."""
     system, tableau, numerics = problem.system, problem.tableau, problem.numerics
     if numerics.parts > 1:
         raise bad_setting("precision", numerics.precision, "the arrays of a step are doubles")

@@ -1,4 +1,4 @@
-"""Choice of a method for an error bound: for each method the largest step that meets the bound, run and timed here."""
+"""Choice of a method for an error bound: the largest step of each method that meets the bound, run and timed."""
 
 from __future__ import annotations
 
@@ -29,18 +29,17 @@ from nearharmonic.recommendation.question import Question
 from nearharmonic.recommendation.recommendation import Choice, Recommendation
 from nearharmonic.recommendation.step_search import fewest_steps, ladder, measured_errors
 
-#: The ranking rests on least times, most of which are below 1 ms: more repeats than for whole curves.
+#: The ranking compares least times, most of them below 1 ms: more repeats than for curves.
 REPEATS = Patience(least=15, most=25, seconds=0.01)
-#: Relative distance that the mean keeps from the bound: its last digits depend on how many samples a run keeps.
+#: Relative margin of the mean below the bound: its last digits depend on the number of samples of a run.
 MEAN_ROUNDING = 1e-9
 
 
 def recommendation(asked: Question, results: str | Path | None = None) -> Recommendation:
-    """Rank methods by the wall time of the cheapest run of each that meets an error bound.
+    """Rank methods by the wall time of the cheapest run of each method that meets an error bound.
 
     Each recommended step was run over the whole interval and meets the bound, as do all finer steps that were run.
-    Times are taken here and now. Other libraries are taken from a finished target ``work_precision``, at settings that
-    were run there.
+    Times are measured during the call. Choices of other libraries are read from a finished target ``work_precision``.
 
     Parameters
     ----------
@@ -69,7 +68,7 @@ def recommendation(asked: Question, results: str | Path | None = None) -> Recomm
 
 
 def _choice(asked: Question, name: str, exact: Reference | None) -> Choice:
-    """The largest step of a method that meets the bound, not timed yet."""
+    """Return the largest step of a method that meets the bound, not timed yet."""
     tableau = asked.methods[name]
     choice = Choice(method=name, label=tableau.label, kind="splitting", status="not run")
     reason, _ = misfit(asked.system, tableau)
@@ -101,7 +100,7 @@ def _choice(asked: Question, name: str, exact: Reference | None) -> Choice:
 
 
 def _measured(asked: Question, choice: Choice, exact: Reference | None, summation: str) -> Choice:
-    """``choice`` with the errors of its run."""
+    """Return ``choice`` with the errors of its run."""
     run = _runs(asked, asked.methods[choice.method], [int(choice.steps)], summation)
     return replace(
         choice,
@@ -125,7 +124,7 @@ def _runs(asked: Question, tableau: Tableau, steps: Sequence[int], summation: st
 
 
 def _errors(asked: Question, paths: Trajectories, exact: Reference | None) -> list[float]:
-    """Errors of runs in the measure asked for, infinite where a run failed."""
+    """Return the errors of runs in the requested measure, infinite where a run failed."""
     if exact is None:
         found = getattr(paths, MEASURES[asked.measure])
     else:
@@ -134,7 +133,7 @@ def _errors(asked: Question, paths: Trajectories, exact: Reference | None) -> li
 
 
 def _timed(asked: Question, choices: Sequence[Choice]) -> list[Choice]:
-    """``choices`` with the least time of each run that meets the bound, all in turns."""
+    """Return ``choices`` with the least time of each run that meets the bound, from interleaved repeats."""
     calls: dict[str, Callable[[], object]] = {}
     for choice in choices:
         if choice.status == "met":

@@ -1,4 +1,4 @@
-"""Curves of work against precision, and where they cross an error that is asked for."""
+"""Curves of work against precision, and the points where they reach a given error."""
 
 from __future__ import annotations
 
@@ -8,30 +8,30 @@ from itertools import accumulate
 from math import exp, inf, isfinite, isnan, log, nan
 from typing import Literal
 
-#: The errors that a curve is read against, as the names of a :class:`Point`'s fields.
+#: Fields of :class:`Point` with the error of each measure.
 MEASURES = {"max": "max_energy_error", "mean": "mean_energy_error", "position": "position_error"}
-#: What readers call the measures.
+#: Names of the measures in texts.
 NAMES = {
     "max": "maximum of |H - H0|/|H0|",
     "mean": "mean of |H - H0|/|H0|",
     "position": "position error at the end, relative",
 }
 
-#: What a timed call does: one trajectory; many at once in SIMD lanes; one whose energy is measured at every step.
+#: Modes of a timed call: one trajectory; many in SIMD lanes; one with the energy measured at every step.
 MODES = ("trajectory", "lanes", "energy")
 
-#: Errors that tables tell the cost of.
+#: Errors at which tables list the cost.
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
 
 
 @dataclass(kw_only=True)
 class Point:
-    """One setting of one method: what it costs and how far off it is.
+    """One setting of one method: its cost and its errors.
 
-    ``tau`` is the step (NaN if the method chooses its own), ``tolerance`` the other way round; ``evaluations`` of the
-    force, NaN if unknown. ``compensated`` is 1 or 0 as the sums are compensated or plain, NaN for other libraries.
-    Errors as in a cube; infinite where the run failed. ``members`` is the number of trajectories that a call in lanes
-    integrates. ``calls`` holds what is to be timed, by mode, and ``times`` the seconds of each repeat, per trajectory.
+    ``tau``: step size, NaN for adaptive methods. ``tolerance``: requested tolerance, NaN for fixed-step methods.
+    ``evaluations`` of the force, NaN if unknown. ``compensated``: 1 for compensated sums, 0 for plain, NaN for other
+    libraries. Errors are those of a cube, infinite where the run failed. ``members``: trajectories of a call in lanes.
+    ``calls``: functions to be timed, by mode. ``times``: seconds of each repeat, per trajectory, by mode.
     """
 
     tau: float = nan
@@ -50,11 +50,11 @@ class Point:
 
 @dataclass(kw_only=True)
 class Curve:
-    """The points of one method, from the cheapest to the most expensive; ``status`` "ok", or why there are none.
+    """Points of one method, from the cheapest to the most expensive.
 
-    ``kind`` is "splitting" for the methods of this package, "peer" for what others offer; ``setup`` the seconds that a
-    call of a prepared problem takes for one step, ``sweep`` those for all points at once in lanes, energies measured at
-    every step.
+    ``status``: "ok", or the reason for an empty curve. ``kind``: "splitting" for methods of this package, "peer" for
+    other libraries. ``setup``: seconds of a call of a prepared problem for one step. ``sweep``: seconds of one call for
+    all points in lanes, with the energy measured at every step.
     """
 
     method: str
@@ -67,7 +67,7 @@ class Curve:
     points: list[Point] = field(default_factory=list)
 
 
-#: What one interval of a system has to show: (t_end, measures, curves).
+#: Curves of one interval of a system: (t_end, measures, curves).
 Part = tuple[str, Sequence[str], Sequence[Curve]]
 
 
@@ -75,8 +75,8 @@ Part = tuple[str, Sequence[str], Sequence[Curve]]
 class Crossing:
     """Point where a curve reaches an error.
 
-    ``status`` is "reached", "below throughout" (the coarsest setting is good enough already, and its cost an upper
-    bound) or "not reached"; cost and setting there are NaN where there is none.
+    ``status``: "reached"; "below throughout" (the coarsest setting meets the error, and its cost is an upper bound); or
+    "not reached", with NaN for cost and setting.
     """
 
     status: Literal["reached", "below throughout", "not reached"]
@@ -87,13 +87,13 @@ class Crossing:
 
 
 def cross(errors: Sequence[float], columns: Sequence[Sequence[float]], target: float) -> tuple[str, tuple[float, ...]]:
-    """Each of ``columns`` where ``errors``, from coarse to fine, falls to ``target`` for good; and the status there.
+    """Return the status, and each of ``columns`` where ``errors``, from coarse to fine, falls to ``target`` for good.
 
-    "For good" as in :func:`for_good`, so that neither a lucky zero of a signed error nor a gap between step-size
+    "For good" is defined by :func:`for_good`, so that neither a zero of a signed error nor a gap between step-size
     resonances counts. Between the last point above and the first at or below, logarithms of error and column are
-    joined by a straight line; a point above that is not finite is no end for a line, and the first below counts as it
-    stands. Where a finer point costs less, in the first of ``columns``, that point is taken: adaptive methods may get
-    more expensive as their tolerance gets coarser.
+    interpolated linearly; if the point above is not finite, the first point below is taken. If a finer point costs
+    less, in the first of ``columns``, that point is taken: adaptive methods may be more expensive at a coarser
+    tolerance.
     """
     none = (nan,) * len(columns)
     settled = for_good(errors)
@@ -109,15 +109,15 @@ def cross(errors: Sequence[float], columns: Sequence[Sequence[float]], target: f
     return "reached" if i else "below throughout", min([at, *finer], key=lambda row: row[0])
 
 
-#: How far rounding lifts a curve again beyond its least error; what rises further was not that low but by luck.
+#: Largest rise of a curve by rounding beyond its smallest error; if it rises further, that error is accidental.
 ROUNDING_RISE = 100
 
 
 def for_good(errors: Sequence[float]) -> list[float]:
-    """For each of ``errors``, from coarse to fine, the largest from there to the least of all; NaN counts as infinite.
+    """Return for each of ``errors``, from coarse to fine, the largest error from there to the smallest of all.
 
-    What comes after the least error is dropped: there rounding makes curves rise again, which is no fault of a coarser
-    setting. An error that finer settings exceed by more than :data:`ROUNDING_RISE` is not the least but a lucky one.
+    NaN counts as infinite. Errors after the smallest are dropped: there curves rise again by rounding. An error that
+    finer settings exceed by more than :data:`ROUNDING_RISE` is accidental, and not taken as the smallest.
     """
     usable = [inf if isnan(error) else error for error in errors]
     if not usable:
@@ -151,12 +151,12 @@ def crossing(curve: Curve, measure: str, target: float, mode: str = "trajectory"
 def ranking(
     curves: Sequence[Curve], measure: str, target: float, mode: str = "trajectory"
 ) -> list[tuple[Curve, Crossing]]:
-    """``curves`` with their crossings, the fastest first; those that do not reach ``target`` last, in their order."""
+    """Return ``curves`` with their crossings, the fastest first, and last the curves that do not reach ``target``."""
     found = [(curve, crossing(curve, measure, target, mode)) for curve in curves]
     return sorted(found, key=lambda pair: pair[1].time if isfinite(pair[1].time) else inf)
 
 
 def ns_per_evaluation(curve: Curve, mode: str = "trajectory") -> float:
-    """Least nanoseconds per evaluation of the force among the points of ``curve``; NaN if it was not timed."""
+    """Return the least nanoseconds per evaluation of the force on ``curve``; NaN if it was not timed."""
     each = [min(p.times[mode]) / p.evaluations for p in curve.points if p.times.get(mode) and p.evaluations > 0]
     return 1e9 * min(each, default=nan)

@@ -35,7 +35,7 @@ def recommend(
 ) -> xr.Dataset:
     """Rank methods by the time that each takes to integrate a system within an error bound.
 
-    The step of each method is searched for, run over the whole interval, and timed here and now. It meets the bound,
+    The step of each method is searched for, run over the whole interval, and timed during the call. It meets the bound,
     as do all finer steps that were run, of up to 5/4 of ``budget``.
 
     Parameters
@@ -45,7 +45,7 @@ def recommend(
     error : float or str
         Error bound, above 0.
     measure : {"max", "mean", "position"}
-        What is bounded: the maximum or the mean of the energy error over every step, or the distance at the end from
+        Bounded quantity: the maximum or the mean of the energy error over every step, or the distance at the end from
         the exact position, relative to the distance from the origin.
     t_end : float or str, optional
         End of the interval [0, t_end], above 0; a decimal string is exact. By default the system's own. Positions are
@@ -64,8 +64,8 @@ def recommend(
         Over ``rank``, 1 for the fastest: ``integrator``, a name or a path as :func:`nearharmonic.integrate` takes it;
         ``label``; ``tau``, ``summation``, ``steps`` and ``evaluations`` of its run; ``max_energy_error`` and
         ``mean_energy_error``, which ``integrate`` finds for this ``tau`` and ``summation``, and ``position_error`` if
-        that is the measure; ``time``, the least wall time of the run in s, of one trajectory on one core. Sums are
-        plain where that loses nothing, and compensated elsewhere. Methods that miss the bound are left out: the
+        that is the measure; ``time``, the least wall time of the run in s, of one trajectory on one core. Uncompensated
+        sums are used where they do not increase the error. Methods that miss the bound are left out: the
         attributes ``missed`` and ``not_run`` name them with the reason, ``basis`` tells what was measured where.
 
     Raises

@@ -14,7 +14,9 @@ from nearharmonic.recommendation.step_search import fewest_steps
 from nearharmonic.systems import systems
 
 CUBE = Path("cubes/work_precision.h5")
-#: What is timed: one trajectory.
+#: Fields of a point that a choice takes over.
+SHARED = ("tau", "tolerance", "steps", "evaluations", "max_energy_error", "mean_energy_error")
+#: Mode that is timed: one trajectory.
 TIMED = "trajectory"
 
 
@@ -42,7 +44,7 @@ def library_choices(asked: Question, results: Path) -> tuple[list[Choice], str]:
 
 
 def _choice(curve: Curve, asked: Question) -> Choice:
-    """The fastest setting among those that meet the bound as do all finer ones, from the coarsest of them on."""
+    """Return the fastest setting that meets the bound, if all finer settings meet it too."""
     reason = "" if curve.status == "ok" else curve.status
     choice = Choice(method=curve.method, label=curve.label, kind="peer", status="not run", reason=reason)
     if not curve.points:
@@ -59,12 +61,7 @@ def _choice(curve: Curve, asked: Question) -> Choice:
     return replace(
         choice,
         status="met" if settings else "missed",
-        tau=point.tau,
-        tolerance=point.tolerance,
-        steps=point.steps,
-        evaluations=point.evaluations,
         error=errors[best],
-        max_energy_error=float(point.max_energy_error),
-        mean_energy_error=float(point.mean_energy_error),
         time=times[best] if settings else nan,
+        **{name: getattr(point, name) for name in SHARED},
     )

@@ -1,4 +1,4 @@
-"""The curves of this package's own methods: errors of whole sweeps, and calls of prepared problems to be timed."""
+"""Curves of this package's own methods: errors of sweeps, and calls of prepared problems to be timed."""
 
 from __future__ import annotations
 
@@ -21,29 +21,31 @@ from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.recommendation.curve import MEASURES, Curve, Point
 from nearharmonic.systems.definition.system import System
 
-#: Below this all errors are rounding: finer steps cost more and show nothing.
+#: Errors below this are rounding: finer steps cost more and do not reduce them.
 ROUNDING = 1e-15
-#: Relative to the distance; positions lose the digits that the phase does.
+#: As above for positions, relative to the distance: rounding of the phase is added.
 POSITION_ROUNDING = 1e-14
-#: Plain sums lose nothing where no error is more than this many times that of compensated sums.
+#: Largest ratio of errors, plain over compensated sums, at which plain sums are used.
 LOSSLESS = 1.05
-#: Modes of one trajectory, and when they look at the energy.
+#: Modes of one trajectory, and when each measures the energy.
 ENERGIES = {"trajectory": "none", "energy": "every"}
-#: Repeats of the call that measures what surrounds the kernel.
+#: Repeats of the call that measures the cost outside the kernel.
 SETUP_REPEATS = 5
-#: An ensemble has as many members as take about this many evaluations of the force, some milliseconds,
+#: Evaluations of the force by all members of an ensemble, some milliseconds;
 ENSEMBLE_EVALUATIONS = 2**25
-#: or this of a regularised system, whose members run one by one instead of in lanes,
+#: as above for a regularised system, whose members run one by one instead of in lanes;
 ONE_BY_ONE_EVALUATIONS = 2**21
-#: but no fewer and no more than this: what a call costs beside the kernel is shared by so many.
+#: fewest and most members, which share the cost of a call outside the kernel.
 FEWEST_MEMBERS, MOST_MEMBERS = 64, 2048
 
 
 def grid(
     tableau: Tableau, t_end: str, lowest: float, highest: float, points_per_decade: int, evaluations: int
 ) -> list[tuple[float, int]]:
-    """(tau per stage, steps) from coarse to fine, each number of steps once; runs of more than ``evaluations`` of the
-    force are left out, and the grid begins where a run has one step at least."""
+    """Return (tau per stage, steps) from coarse to fine, each number of steps once, at least one step a run.
+
+    Runs of more than ``evaluations`` of the force are left out.
+    """
     taus = tau_grid(lowest, highest, points_per_decade)
     steps = {tableau.steps(tau, t_end): tau for tau in taus}
     return [(tau, n) for n, tau in sorted(steps.items()) if tableau.evaluations(n) <= evaluations]
@@ -57,11 +59,11 @@ def splitting_curve(
     exact: Reference | None,
     summation: str = "compensated",
 ) -> Curve:
-    """The errors of ``tableau`` at ``points`` (tau per stage, steps), with calls for one trajectory to be timed.
+    """Return the errors of ``tableau`` at ``points`` (tau per stage, steps), with calls for one trajectory to be timed.
 
-    Sums are plain, which takes less time, at the points where that loses nothing (:data:`LOSSLESS`), and compensated at
-    all others; ``summation="plain"`` makes all plain. Stops at the first point where every error is down to rounding.
-    A system that the method is not made for gives a curve without points whose status says so.
+    Uncompensated sums are used at points where they do not increase the errors (:data:`LOSSLESS`), compensated sums at
+    all others; ``summation="plain"`` makes all plain. The curve ends at the first point where every error is rounding.
+    A method that does not fit the system gives a curve without points whose status has the reason.
     """
     curve = Curve(method=tableau.name, label=tableau.label, kind="splitting")
     reason, _ = misfit(system, tableau)
@@ -126,7 +128,7 @@ def _cheaper(careful: Point, plain: Point) -> Point:
 
 
 def _until_rounding(points: Sequence[Point]) -> list[Point]:
-    """The points up to the first where every error is down to rounding."""
+    """Points up to the first where every error is rounding."""
     settled = (
         i for i, p in enumerate(points) if p.max_energy_error <= ROUNDING and not p.position_error > POSITION_ROUNDING
     )
@@ -134,7 +136,7 @@ def _until_rounding(points: Sequence[Point]) -> list[Point]:
 
 
 def way_of(point: Point) -> str:
-    """The summation of a point: "compensated" or "plain"."""
+    """Return the summation of a point: "compensated" or "plain"."""
     return "compensated" if point.compensated else "plain"
 
 
@@ -146,7 +148,7 @@ def prepared_calls(
     summation: str = "compensated",
     modes: Collection[str] = tuple(ENERGIES),
 ) -> dict[str, Callable[[], Any]]:
-    """Return whole calls of a prepared problem, to be timed, each of which returns the final q (d,) and p (d,).
+    """Return complete calls of a prepared problem, to be timed, each of which returns the final q (d,) and p (d,).
 
     Parameters
     ----------
@@ -157,28 +159,26 @@ def prepared_calls(
     summation
         "compensated" or "plain".
     modes
-        Of ``trajectory``, without a look at the energy, and ``energy``, with one at every step.
+        Of ``trajectory``, which measures no energy, and ``energy``, which measures it at every step.
 
     Returns
     -------
     dict
         Call by mode, each of which has run once.
     """
-    return {
-        mode: _call(
-            Problem(system, tableau, t_end=t_end, summation=summation, energy=ENERGIES[mode]), float(t_end) / steps
-        )
-        for mode in modes
-    }
+    tau = float(t_end) / steps
 
+    def prepared(mode: str) -> Callable[[], Any]:
+        problem = Problem(system, tableau, t_end=t_end, summation=summation, energy=ENERGIES[mode])
 
-def _call(problem: Problem, tau: float) -> Callable[[], Any]:
-    def call() -> Any:
-        solution = problem(tau)
-        return solution.q[-1], solution.p[-1]
+        def call() -> Any:
+            solution = problem(tau)
+            return solution.q[-1], solution.p[-1]
 
-    call()
-    return call
+        call()
+        return call
+
+    return {mode: prepared(mode) for mode in modes}
 
 
 def ensemble_call(
@@ -206,7 +206,7 @@ def ensemble_call(
 
 
 def _setup(system: System, tableau: Tableau, t_end: str) -> float:
-    """Least seconds of a whole call of a prepared problem for one step: what Python takes."""
+    """Least seconds of a call of a prepared problem for one step: the overhead of Python."""
     call, least = prepared_calls(system, tableau, t_end, 1, "plain", ("trajectory",))["trajectory"], inf
     for _ in range(SETUP_REPEATS):
         begin = time.perf_counter()

@@ -11,7 +11,7 @@ from typing import Any
 
 from nearharmonic.engine.reference import position_t_end
 from nearharmonic.engine.runs.continuation import start_of
-from nearharmonic.engine.runs.setup import Setup, checked_scale
+from nearharmonic.engine.runs.setup import ANY, Setup, checked_scale
 from nearharmonic.engine.runs.trajectory import sweep
 from nearharmonic.engine.settings import MOST_STEPS, checked_count, checked_tau, one_of, positive
 from nearharmonic.errors import bad_setting
@@ -25,8 +25,6 @@ from nearharmonic.systems import System
 
 #: Evaluations of the force in a run that may be recommended, unless another budget is given.
 EVALUATIONS = 200_000
-#: A method that fits every system: it looks at the initial values.
-ANY = "ruth"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +34,7 @@ class Question:
     Attributes
     ----------
     system : System
-        The system, with the initial values that were asked for.
+        The system, with the requested initial values.
     t_end : str
         End of the interval [0, t_end], a decimal string above 0, in the system's unit of time.
     measure : str
@@ -46,7 +44,7 @@ class Question:
     budget : int
         Most evaluations of the force in a run that is recommended.
     methods : mapping
-        Methods to choose from by name, those of users' files by path.
+        Candidate methods by name; methods of users' files by path.
     energy_attributes : mapping
         Attributes of the variables ``max_energy_error`` and ``mean_energy_error``: what they are relative to.
     floor : float
@@ -93,7 +91,7 @@ def question(
     methods: object = None,
     budget: object = None,
 ) -> Question:
-    """Check what is asked; arguments as for :func:`nearharmonic.recommendation`.
+    """Validate a question; arguments as for :func:`nearharmonic.recommend`.
 
     Raises
     ------
@@ -141,7 +139,7 @@ def _decimals(values: Sequence[float], low: Sequence[float]) -> tuple[str, ...]:
 
 
 def _methods(asked: object) -> dict[str, Tableau]:
-    """Methods by name; those of users' files by the path that stands for each."""
+    """Return the methods by name, methods of users' files by path."""
     if asked is None:
         return dict(integrators)
     key, allowed = "methods", "a list of names, paths of files or Tableaus, one at least"

@@ -1,4 +1,4 @@
-"""Methods for an error bound as they are found: each at one setting, and in words."""
+"""Result of a recommendation: one setting of each method, and its description in words."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DIGITS = 4
 
 @dataclass(frozen=True, kw_only=True)
 class Choice:
-    """One method at the setting that is recommended, or at its best where none can be.
+    """One method at its recommended setting, or at its most accurate setting if none meets the bound.
 
     Attributes
     ----------
@@ -25,22 +25,23 @@ class Choice:
     kind
         "splitting": a method of this package; "peer": another library's.
     status
-        "met": the run meets the error bound, as do all finer ones made. "missed": no run within the budget does; the
-        setting is that of the least error. "not run": ``reason`` says why.
+        "met": the run and all finer runs meet the error bound. "missed": no run within the budget meets it, and the
+        setting is that of the smallest error. "not run": for the given ``reason``.
     tau, tolerance
         Step size in the system's unit of time, NaN for adaptive methods; tolerance, NaN for fixed-step methods.
     summation
-        Of the run: "plain" where that is faster and loses nothing, else "compensated"; empty for other libraries.
+        Summation of the run: "plain" where this does not increase the error, else "compensated"; empty for other
+        libraries.
     steps, evaluations
         Steps of the run, and evaluations of the force; NaN if unknown.
     error
-        Error of this run, in the measure asked for.
+        Error of this run, in the requested measure.
     max_energy_error, mean_energy_error
         Energy errors of this run; NaN if unknown.
     time
         Least wall time of this run in s; NaN unless the status is "met".
     reason
-        Why the method was not run, or its runs ended early; empty otherwise.
+        Reason why the method was not run, or why its runs ended early; empty otherwise.
     """
 
     method: str
@@ -66,7 +67,7 @@ class Recommendation:
     Attributes
     ----------
     question
-        What was asked.
+        System, error bound and methods.
     choices
         Methods that meet the bound, the fastest first; then the others.
     basis
@@ -79,7 +80,7 @@ class Recommendation:
 
     @property
     def floor_in_words(self) -> str:
-        """The sentence about choices whose error is marked as rounding, "" if there is none."""
+        """Sentence about choices whose error is marked as rounding, "" if there is none."""
         marked = any(is_rounding(choice, self.question) for choice in self.choices)
         return f"*: {floor_in_words(self.question.floor)}" if marked else ""
 
@@ -89,7 +90,7 @@ class Recommendation:
         return tuple(choice for choice in self.choices if choice.status == "met")
 
     def missed(self, kind: str) -> str:
-        """Return the methods of one kind that miss the bound, each with the best that it does."""
+        """Return the methods of one kind that miss the bound, each with its smallest error."""
         missed = [choice for choice in self.choices if (choice.status, choice.kind) == ("missed", kind)]
         return "; ".join(_at_best(choice, self.question) for choice in missed)
 
@@ -100,7 +101,7 @@ class Recommendation:
 
 
 def is_rounding(choice: Choice, asked: Question) -> bool:
-    """Return whether the energy error of a choice is near the rounding of V."""
+    """Return True if the energy error of a choice is near the rounding of V."""
     return asked.measure != "position" and choice.error <= NEAR_FLOOR * asked.floor
 
 

@@ -1,7 +1,7 @@
 """Search for the fewest steps that meet an error bound, over a ladder of integer numbers of steps.
 
-The search knows no kernel: it takes a function from numbers of steps to errors, so that error curves of known shape
-can test it.
+The search is independent of kernels: it takes a function from numbers of steps to errors, so that it can be tested on
+error curves of known shape.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from math import ceil, sqrt
 
 #: Ratio of the finest two step sizes that may be run: 1 + 1/FINE.
 FINE = 24
-#: Every SCOUT-th rung is run whatever the error bound is: step-size resonances below the recommended step are seen.
+#: Every SCOUT-th rung is run for any error bound, so that step-size resonances below the recommended step are seen.
 SCOUT = 8
 #: All rungs are run from the last step size that misses the bound to the recommended one divided by MARGIN.
 MARGIN = 2
-#: Relative distance of the recommended step from one that misses the bound: closer is not worth a run.
+#: Relative distance of the recommended step from one that misses the bound: closer steps are not run.
 CLOSE = 1 / 200
 #: Runs side by side in one call: the lanes of the kernel.
 LANES = 8
@@ -24,7 +24,7 @@ LANES = 8
 def ladder(most: int) -> list[int]:
     """Return numbers of steps from 1 to ``most``, the denser the cheaper their runs are.
 
-    The ratio of neighbours n' and n is 1 + (n / ``most``)^(1/2) / ``FINE``, rounded to a whole n' > n: the narrow
+    The ratio of neighbours n' and n is 1 + (n / ``most``)^(1/2) / ``FINE``, rounded to an integer n' > n: the narrow
     step-size resonances lie at few steps, where every number of steps is a rung.
     """
     rungs, steps = [], 1
@@ -96,8 +96,11 @@ def measured_errors(
 
 
 def _neighbours(errors: Mapping[int, float], rungs: Sequence[int], bound: float) -> list[int]:
-    """Rungs from the last number of steps that misses ``bound`` to ``MARGIN`` times the fewest, and the next numbers of
-    steps, ``LANES`` at least and more where runs are cheap: those among them that were not run yet."""
+    """Return the numbers of steps around the fewest that were not run yet.
+
+    They are the rungs from the last number of steps that misses ``bound`` to ``MARGIN`` times the fewest, and the next
+    numbers of steps, at least ``LANES`` and more where runs are cheap.
+    """
     fewest = fewest_steps(errors, bound)
     if fewest is None:
         return []
@@ -109,8 +112,10 @@ def _neighbours(errors: Mapping[int, float], rungs: Sequence[int], bound: float)
 
 
 def _between(errors: Mapping[int, float], bound: float) -> list[int]:
-    """Up to ``LANES`` numbers of steps between the last that misses ``bound`` and the fewest that meet it; none if
-    these differ by less than ``CLOSE``."""
+    """Return up to ``LANES`` numbers of steps between the last that misses ``bound`` and the fewest that meet it.
+
+    There are none if the two differ by less than ``CLOSE``.
+    """
     fewest = fewest_steps(errors, bound)
     if fewest is None:
         return []

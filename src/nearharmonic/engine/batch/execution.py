@@ -13,28 +13,28 @@ from numpy.typing import NDArray
 
 from nearharmonic.core.layout import PROGRESS, STOP
 
-#: Products of steps, stages and the cost of a force: below this a call takes less than about 20 ms, and is simply made.
+#: Product of steps, stages and the cost of a force below which a call takes less than about 20 ms and is not watched.
 SHORT = 5_000_000
-#: Seconds between looks at the keyboard, and after which a call is worth a progress bar.
+#: Seconds between looks at the keyboard, and seconds after which a progress bar is shown.
 PATIENCE, LONG = 0.05, 2.0
-#: Most products of these between two looks of a kernel at what it is told.
+#: Largest product of steps and cost between two looks of a kernel at its control array.
 STRETCH = 2_000_000
 
 
 def control() -> NDArray[np.int64]:
-    """Return a fresh array by which a call is told to stop and tells how many steps it has done."""
+    """Return a new control array: the flag that stops a call, and the number of steps done."""
     return np.zeros(2, np.int64)
 
 
 def stretch(cost: int) -> int:
-    """Return the steps of so much cost between two looks of a kernel at its control array: some milliseconds."""
+    """Return the number of steps of this cost between two looks of a kernel at its control array."""
     return max(1, STRETCH // cost)
 
 
 def execute(call: Callable[[], Any], state: NDArray[np.int64], steps: int, cost: int) -> None:
-    """Make the call; Ctrl-C stops it within a stretch, and one of more than two seconds shows its progress.
+    """Make the call; Ctrl-C stops it within a stretch, and a call of more than two seconds shows its progress.
 
-    Inside of :class:`Blocks` the call is one of theirs, and is stopped and shown with them.
+    A call inside of :class:`Blocks` is stopped and shown together with the blocks.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def execute(call: Callable[[], Any], state: NDArray[np.int64], steps: int, cost:
     Raises
     ------
     KeyboardInterrupt
-        When the kernel has stopped. What it computed until then is not to be used.
+        When the kernel has stopped. Its results must not be used.
     """
     if (blocks := getattr(_OWN, "blocks", None)) is not None:
         blocks.call(call, state)
@@ -77,7 +77,7 @@ def execute(call: Callable[[], Any], state: NDArray[np.int64], steps: int, cost:
             raise
 
 
-#: The blocks of which a thread computes one.
+#: Blocks that the current thread works for.
 _OWN = threading.local()
 
 

@@ -1,4 +1,4 @@
-"""Kernels of systems: what a kernel has to know of a system, and the compiled code for one choice of arithmetic."""
+"""Kernels of systems: description of a system for the compiler, and compiled code for one choice of arithmetic."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from nearharmonic.systems.numba.potential import numba_potential
 if TYPE_CHECKING:
     from nearharmonic.core.loops.kernel import Kernel, Physics
 
-#: Numerics of the calls that name none.
+#: Default numerics.
 STANDARD = Numerics()
 
 
@@ -31,10 +31,10 @@ def kernel_of(system: System, numerics: Numerics = STANDARD, *, modified: bool =
     system : System
         Its gradients are compared with its energies when it is first used in this process.
     numerics : Numerics
-        Of these, the code depends on those that :attr:`Numerics.compiled` keeps. Lanes that are left open are those of
+        The code depends on the settings that :attr:`Numerics.compiled` keeps. The default number of lanes is that of
         one register.
     modified : bool
-        Whether kicks are of a modified potential.
+        True if kicks are of a modified potential.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def _width(system: System, numerics: Numerics) -> int:
 
 @cache
 def cost_of(system: System, numerics: Numerics, *, modified: bool = False) -> int:
-    """Return the time that a force takes, in units of a few nanoseconds at most."""
+    """Return the time of a force evaluation in units of at most a few nanoseconds."""
     from nearharmonic.core.loops.kernel import cost
 
     return cost(physics_of(system, numerics, modified=modified), extended=numerics.precision == "extended")
@@ -72,7 +72,7 @@ def cost_of(system: System, numerics: Numerics, *, modified: bool = False) -> in
 
 @cache
 def formulas_digest(system: System) -> str:
-    """Return a digest of what is integrated: of the instructions that the formulas emit, with parameters as values."""
+    """Return a digest of the equations of motion: the instructions of the formulas, with parameters as values."""
     from nearharmonic.core.formulas.emission import fingerprint
     from nearharmonic.core.formulas.rules import Rules
 
@@ -80,16 +80,16 @@ def formulas_digest(system: System) -> str:
 
 
 def physics_of(system: System, numerics: Numerics = STANDARD, *, modified: bool = False) -> Physics:
-    """Return what a kernel has to know of ``system``, whose gradients are compared with its energies first.
+    """Return the description of ``system`` for the compiler; its gradients are compared with its energies first.
 
     Parameters
     ----------
     system : System
-        What is integrated.
+        System of d coordinates.
     numerics : Numerics
-        Of these, what the two operators of a method solve.
+        Only ``split`` is used.
     modified : bool
-        Whether kicks are of a modified potential.
+        True if kicks are of a modified potential.
 
     Raises
     ------

@@ -17,7 +17,7 @@ MEMBERS = 8
 
 
 def check_precision(system: System, precisions: Sequence[str], key: str = "precision") -> None:
-    """Refuse extended precision for a V that is computed in doubles.
+    """Raise an error for extended precision with a V that is computed in doubles.
 
     Raises
     ------
@@ -30,7 +30,7 @@ def check_precision(system: System, precisions: Sequence[str], key: str = "preci
 
 
 def check_width(system: System, width: int | None) -> None:
-    """Refuse several SIMD lanes for a V that takes one position at a time.
+    """Raise an error for several SIMD lanes with a V that takes one position at a time.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def check_width(system: System, width: int | None) -> None:
 
 
 def energy_floor(system: System, scale: float, start: Floats, parameters: Floats, H0: Floats) -> dict[str, float]:
-    """Return the attribute ``energy_floor`` of results; none where V is measured as precisely as wanted.
+    """Return the attribute ``energy_floor`` of results; none unless V is a function of numba.
 
     It is the rounding noise of V relative to what energy errors are relative to; of several runs the largest of the
     first :data:`MEMBERS`.

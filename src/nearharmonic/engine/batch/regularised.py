@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @cache
 def landing_of(system: System, numerics: Numerics) -> Callable[..., PreparedCall]:
-    """Return what prepares calls of the compiled runs of ``system``, from the cache on disk if it is there."""
+    """Return a function that prepares calls of the compiled runs of ``system``, cached on disk."""
     from nearharmonic.core.loops.kernel import build_landing
 
     return build_landing(
@@ -35,7 +35,7 @@ def landing_of(system: System, numerics: Numerics) -> Callable[..., PreparedCall
 
 @cache
 def unperturbed(system: System) -> System:
-    """Return ``system`` without its perturbation: its forces are those of an oscillator, and cheap."""
+    """Return ``system`` without its perturbation: an oscillator, whose forces are cheap."""
     assert system.regularisation is not None
     return replace(system, regularisation=replace(system.regularisation, perturbation=None))
 
@@ -48,7 +48,7 @@ def landing_call(
     Parameters
     ----------
     system, numerics
-        What is integrated, and how.
+        Regularised system, and arithmetic.
     parameters : (R or 1, 2 P) array of float
         Parameters of the runs, which may change from call to call.
     arguments : tuple
@@ -68,7 +68,7 @@ def landing_call(
 
 
 def check_bound(system: System, start: Floats, parameters: Floats) -> None:
-    """Refuse starts of a regularised system from which the orbit is not bound.
+    """Raise an error for starts of a regularised system whose orbit is not bound.
 
     Parameters
     ----------

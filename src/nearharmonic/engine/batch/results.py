@@ -78,7 +78,7 @@ def joined(parts: Sequence[Trajectories]) -> Trajectories:
 
 
 def energy_unit(energy: Floats, scale: float) -> Floats:
-    """Return what energy errors are divided by: |H0| (R,), 1 where that is 0, or ``scale`` if that is not 0."""
+    """Return the divisor of energy errors: |H0| (R,), 1 where H0 = 0, or ``scale`` if it is not 0."""
     unit = np.abs(energy) if scale == 0 else np.full(energy.size, scale)
     unit[unit == 0] = 1.0
     return unit
@@ -174,6 +174,6 @@ def surface_limit(system: System, scale: float) -> float:
     """Return the largest energy error of a run, in units of |H0| or of ``scale``, beyond which it has diverged.
 
     The energy of a system that depends on time starts at any value, so that |H0| is no measure of it: without a
-    ``scale`` only what is not finite has diverged.
+    ``scale`` only a state that is not finite has diverged.
     """
     return inf if system.time_dependent and scale == 0 else system.surface_limit

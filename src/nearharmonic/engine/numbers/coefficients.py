@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from nearharmonic.core.arithmetic import rounded_pair, two_products
+from nearharmonic.core.arithmetic import two_products
 from nearharmonic.core.layout import (
     COLUMNS,
     DRIFT,
@@ -23,7 +23,7 @@ from nearharmonic.core.layout import (
     running_at,
     running_rows,
 )
-from nearharmonic.engine.numbers.rotations import rotations
+from nearharmonic.engine.numbers.rotations import pair_of, rotations
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators.composition import Composition
 from nearharmonic.integrators.tableau import Tableau
@@ -40,16 +40,16 @@ def start_row(q: Sequence[Fraction], p: Sequence[Fraction], *, plain: bool = Fal
     q, p : sequence of d Fraction
         Exact position and momentum.
     plain : bool
-        Whether the digits below a double are dropped.
+        True drops the digits below a double.
     """
-    pairs = [[rounded_pair(*x.as_integer_ratio()) for x in row] for row in (q, p)]
+    pairs = [[pair_of(x) for x in row] for row in (q, p)]
     keep = 0.0 if plain else 1.0
     return np.array([part for row in pairs for part in ([h for h, _ in row], [low * keep for _, low in row])]).ravel()
 
 
 def parameter_row(values: Sequence[Fraction]) -> Floats:
     """Return parameters (2 P,) as the kernel takes them: each rounded to a double, and the digits below it."""
-    pairs = [rounded_pair(*value.as_integer_ratio()) for value in values]
+    pairs = [pair_of(value) for value in values]
     return np.array(pairs, dtype=np.float64).reshape(-1)
 
 
@@ -90,7 +90,7 @@ def moves(step: Composition, taus: Sequence[Fraction], parts: int, *, rounded: b
     parts : {1, 2}
         Doubles that make a number: 2 for double-doubles.
     rounded : bool
-        Whether coefficients times powers of tau are rounded to doubles before any are added; kicks of V alone have no
+        True if coefficients times powers of tau are rounded to doubles before any are added; kicks of V alone have no
         other numbers with one part.
     """
     array = np.empty((len(taus), step.stages + 2, modified_columns(parts) if step.modified else COLUMNS))
@@ -100,7 +100,7 @@ def moves(step: Composition, taus: Sequence[Fraction], parts: int, *, rounded: b
 
 
 def pieces(tableau: Tableau, taus: Sequence[Fraction]) -> Floats:
-    """Return what moves are made of, for a step size that is a multiple of tau: (len(taus), s + 3, 6).
+    """Return the factors of moves, for step sizes that are multiples of tau: (len(taus), s + 3, 6).
 
     A row has pairs of kick, drift and their product. The rows are those of :func:`moves`, and behind them one that
     begins with tau as a pair.
@@ -110,13 +110,13 @@ def pieces(tableau: Tableau, taus: Sequence[Fraction]) -> Floats:
         powers = tau, tau, tau * tau
         for row, numbers in zip(rows, exact_products(tableau), strict=False):
             exact = [Fraction(*number) * power for number, power in zip(numbers, powers, strict=True)]
-            row[:] = [half for number in exact for half in rounded_pair(*number.as_integer_ratio())]
-        rows[-1, :2] = rounded_pair(*tau.as_integer_ratio())
+            row[:] = [half for number in exact for half in pair_of(number)]
+        rows[-1, :2] = pair_of(tau)
     return found
 
 
 def moves_of(system: System, tableau: Tableau, taus: Sequence[Fraction], numerics: Numerics) -> Floats:
-    """Return what a kernel of ``system`` takes of a method and its step sizes: moves, or pieces of them."""
+    """Return the coefficients of a kernel of ``system`` for these step sizes: moves, or pieces of moves."""
     if system.regularisation is not None:
         return pieces(tableau, taus)
     if numerics.exact_oscillator:
@@ -140,7 +140,7 @@ def _moves(step: Composition, numerator: int, denominator: int, parts: int, roun
         return _modified(step, Fraction(numerator, denominator), parts, rounded)
     if parts == 2:
         found = step.moves(Fraction(numerator, denominator), rounded=rounded)
-        return np.array([[half for c in row[:2] for half in rounded_pair(*c.as_integer_ratio())] for row in found])
+        return np.array([[half for c in row[:2] for half in pair_of(c)] for row in found])
     return _products(step, numerator, denominator)
 
 
@@ -160,7 +160,7 @@ def _modified(step: Composition, tau: Fraction, parts: int, rounded: bool) -> Fl
     found = step.moves(tau, rounded=rounded)
     array = np.zeros((len(found), modified_columns(parts)))
     for i, (row, move) in enumerate(zip(array, found, strict=True)):
-        row[:-1] = [part for c in move for part in rounded_pair(*c.as_integer_ratio())[:parts]]
+        row[:-1] = [part for c in move for part in pair_of(c)[:parts]]
         row[-1] = any(found[k][2] for k in moves_behind(i, len(found)))
     return array
 

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.core.arithmetic import rounded_pair
 from nearharmonic.engine.numbers.arrays import array_of
 from nearharmonic.engine.numbers.coefficients import parameter_row, start_row
+from nearharmonic.engine.numbers.rotations import pair_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import bad_setting, unknown_name
 from nearharmonic.numerics.types import Floats
@@ -24,7 +24,7 @@ from nearharmonic.systems.definition.quantities import is_extreme, is_list
 from nearharmonic.systems.definition.system import System
 from nearharmonic.systems.formulas.oscillator import frequency_parameters
 
-#: What a number may be, as errors tell.
+#: Description of a valid number in errors.
 NUMBER = "a finite number: a float, or an exact decimal string or fraction"
 
 
@@ -88,11 +88,11 @@ def start_array(system: System, q0: object, p0: object, *, plain: bool) -> Float
     Parameters
     ----------
     system : System
-        Gives what is None: its own initial values.
+        Gives its own initial values for None.
     q0, p0 : sequence of d numbers or strings, (d,) or (R, d) array of float, or None
         Positions and momenta; a single number for one coordinate. R is 1 unless one of them has R rows.
     plain : bool
-        Whether the digits below a double are dropped.
+        True drops the digits below a double.
 
     Raises
     ------
@@ -149,26 +149,17 @@ def parameter_array(system: System, parameters: Mapping[str, Any]) -> Floats:
 
 
 def parameters_at_run_time(system: System, numerics: Numerics, parameters: Floats) -> Floats:
-    """Return the parameters that runs are given: those asked for, or none if they are compiled in.
+    """Return the parameters that a kernel is given: ``parameters``, or none (1, 0) if they are compiled in.
 
     Raises
     ------
     SettingError
-        They are others than those that are compiled in, or that the coefficients of the runs are made for.
+        They differ from the parameters that are compiled in, or for which the coefficients of the runs are computed.
     """
     if numerics.exact_oscillator:
         _check_frequencies(system, parameters)
-    return parameters if system.parameters_at_run_time else parameters_compiled_in(system, parameters)
-
-
-def parameters_compiled_in(system: System, parameters: Floats) -> Floats:
-    """Return no parameters (1, 0) at run time, if those asked for are those that are compiled in.
-
-    Raises
-    ------
-    SettingError
-        They are others.
-    """
+    if system.parameters_at_run_time:
+        return parameters
     if (parameters == standard_parameters(system)).all():
         return np.empty((1, 0))
     what = f"a formula of {system.name} decides by its parameters, so that they are compiled in: make a copy of the "
@@ -176,7 +167,7 @@ def parameters_compiled_in(system: System, parameters: Floats) -> Floats:
 
 
 def _check_frequencies(system: System, parameters: Floats) -> None:
-    """Refuse another value of a parameter that is a frequency: the coefficients of all runs are of the system's own."""
+    """Raise an error for another value of a frequency: the coefficients of all runs use the system's own."""
     own, names = standard_parameters(system), list(system.parameters)
     remedy = f"it is a frequency of {system.name}, whose oscillators are solved exactly: make a copy of the system with"
     for i in frequency_parameters(system):
@@ -189,7 +180,7 @@ def _pair(key: str, value: object) -> tuple[float, float]:
     """A double and the digits below it."""
     if type(value) is float and value - value == 0:
         return value, 0.0
-    return rounded_pair(*exact(key, value).as_integer_ratio())
+    return pair_of(exact(key, value))
 
 
 def _rows(key: str, values: Any, d: int) -> Floats:

@@ -13,7 +13,7 @@ from nearharmonic.core.layout import KICK, TURN, TURNS, columns
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
 
-#: Bits of sines and cosines: those of a double-double, and as many again.
+#: Bits of sines and cosines: twice the bits of a double-double.
 BITS = 212
 
 
@@ -37,17 +37,17 @@ def rotations(
     parts : {1, 2}
         Doubles that make a number: 2 for double-doubles.
     rounded : bool
-        Whether kicks and drifts times tau are rounded to doubles before anything follows from them.
+        True if kicks and drifts times tau are rounded to doubles before anything follows from them.
     """
     found = tableau.moves(tau, rounded=rounded)
     kicks, drifts = [kick for kick, _, _ in found], [drift for _, drift, _ in found]
     array = np.zeros((len(found), columns(len(frequencies))))
-    array[:, KICK : KICK + parts] = [_pair(kick)[:parts] for kick in kicks]
+    array[:, KICK : KICK + parts] = [pair_of(kick)[:parts] for kick in kicks]
     for place, frequency in enumerate(frequencies):
         shears, size = list(_shears(drifts, frequency)), 6 if parts == 2 else TURNS
         at = TURN * parts + size * place
         if parts == 2:
-            array[:, at : at + size] = [[half for x in row for half in _pair(x)] for row in shears]
+            array[:, at : at + size] = [[half for x in row for half in pair_of(x)] for row in shears]
         else:
             array[:, at : at + size] = _in_doubles(kicks, shears)
     return array
@@ -86,5 +86,6 @@ def _shear_and_drift(drift: Fraction, frequency: Fraction) -> tuple[Fraction, Fr
     return frequency * s / c, 2 * s * c / frequency
 
 
-def _pair(x: Fraction) -> tuple[float, float]:
+def pair_of(x: Fraction) -> tuple[float, float]:
+    """Return the double nearest to x, and the digits below it."""
     return rounded_pair(*x.as_integer_ratio())

@@ -48,7 +48,7 @@ class Start:
     parameters : (1, 2 P) array of float
         Parameters of the system, as pairs.
     system : System
-        What is integrated.
+        System of d coordinates.
     given : mapping
         Parameters in place of the system's own by name, as the caller gave them.
     t : float
@@ -107,7 +107,7 @@ def parameter_attributes(system: System, given: Mapping[str, Any]) -> dict[str, 
 
 
 def moves_digest(problem: Setup, steps: int) -> str:
-    """Return a digest of what moves a state in a run of so many steps: coefficients, step size and arithmetic."""
+    """Return a digest of the moves of a run of so many steps: coefficients, step size and arithmetic."""
     numerics = problem.numerics
     text = f"{numerics.precision} {numerics.compensated} {numerics.double_coefficients}"
     return sha256(text.encode() + problem.moves([problem.end / steps]).tobytes()).hexdigest()
@@ -233,7 +233,7 @@ def _mapping(parameters: object) -> Mapping[str, Any]:
 
 
 def _exact_text(value: Any) -> str:
-    """A number that was accepted, in digits: those of its binary value if it is a float of any type."""
+    """Return the digits of a valid number; a float of any type gives its binary value."""
     if isinstance(value, str | Decimal | Rational):
         return str(value)
     if isinstance(value, Sequence):  # of one number

@@ -1,4 +1,4 @@
-"""Trajectories as described variables and Datasets: names, units, and what a system records or conserves besides."""
+"""Trajectories as described variables and Datasets: names, units, observables and invariants."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def error_variables(paths: Trajectories, problem: Setup) -> Variables:
 
 
 def energy_scale(paths: Trajectories, problem: Setup) -> tuple[str, str]:
-    """Return what energy errors are relative to, as in "|H - H0|/|H0|", and their unit."""
+    """Return the divisor of energy errors as text, as in "|H - H0|/|H0|", and their unit."""
     if problem.scale != 0:
         return f"/({problem.scale:g} {problem.system.units['energy']})", "1"
     unit, none = problem.system.units["energy"], paths.energy == 0
@@ -140,12 +140,12 @@ def clock_variables(problem: Setup, paths: Trajectories) -> Variables:
 
 
 def invariant_variables(problem: Setup, paths: Trajectories, start: Floats, constants: Sequence[Any]) -> Variables:
-    """Return what a system conserves besides the energy, at the samples, and the largest change of each.
+    """Return the invariants of a system at the samples, and the largest change of each.
 
     Parameters
     ----------
     problem, paths
-        What was integrated, and R runs.
+        System and settings, and R runs.
     start : (R or 1, 4 d) array of float
         Initial states.
     constants : sequence of float or (R, 1) array of float
@@ -177,17 +177,12 @@ def trajectory_dataset(
     notes |= problem.floor(begin.state, begin.parameters, paths.energy[:1])
     ends = times is None or np.ravel(times)[-1] == float(problem.end) + begin.t  # the last sample is the end of the run
     if ends and paths.running.size:
-        one |= running_variable(problem, paths)
+        units = problem.system.units
+        what = "state of the last force: position, momentum, the digits below each, and what the next position adds"
+        one["running"] = ("running_component",), paths.running[0], described(what, f"{units['q']}, {units['p']}")
         notes["moves"] = moves_digest(problem, int(paths.steps[0]))
         notes["end"] = end_digest(one, notes.get("parameters", ""))
     return assembled(one, ["t"], notes)
-
-
-def running_variable(problem: Setup, paths: Trajectories) -> Variables:
-    """Return the state of the last force of the first run, from which a run goes on with the same bits."""
-    units = problem.system.units
-    meaning = "state of the last force: position, momentum, the digits below each, and what the next position adds"
-    return {"running": (("running_component",), paths.running[0], described(meaning, f"{units['q']}, {units['p']}"))}
 
 
 def initial_energy_variables(problem: Setup, paths: Trajectories) -> Variables:
@@ -206,7 +201,7 @@ def tau_variable(problem: Setup, paths: Trajectories) -> Variables:
 
 
 def problem_attributes(problem: Setup) -> dict[str, Any]:
-    """Return the attributes of a Dataset: what was integrated, and how."""
+    """Return the attributes of a Dataset: system, method and settings."""
     notes = {
         "system": problem.system.name,
         "integrator": problem.tableau.name,

@@ -45,7 +45,7 @@ from nearharmonic.systems.definition.system import System
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Members that a thread integrates at a time: enough that the lanes that run empty at the end do not count.
+#: Members that a thread integrates at a time: so many that idle lanes at the end take little time.
 BLOCK = 2048
 #: Bytes of results that one call keeps at most.
 MOST_BYTES = 8_000_000_000
@@ -90,7 +90,7 @@ def ensemble(
     xarray.Dataset
         Over (member, sample, component): ``t``, ``q``, ``p``, ``energy_error``; and over member ``max_energy_error``,
         ``mean_energy_error``, ``initial_energy``, ``status``, ``diverged_at`` and the parameters that vary. Each member
-        has the bits of a run by :func:`nearharmonic.integrate`. What a member did not reach is NaN.
+        has the bits of a run by :func:`nearharmonic.integrate`. Samples that a member did not reach are NaN.
 
     Raises
     ------

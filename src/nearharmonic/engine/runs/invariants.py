@@ -91,7 +91,7 @@ def _at_state(
 
 @lru_cache(maxsize=128)
 def check_quantities(system: System) -> None:
-    """Evaluate what a system conserves and records at its start, so that what fails does so before any work.
+    """Evaluate invariants and observables at the start, so that formulas that fail do so before any work.
 
     Raises
     ------
@@ -135,7 +135,7 @@ def invariant_variables(
     q, p : (R, S, d) array of float
         States at the samples; NaN where a run has no sample.
     diverged : (R,) array of bool
-        Whether each run left its energy surface.
+        True for runs that left their energy surface.
     constants : sequence of floats or arrays, optional
         Parameters of the system; its own by default.
     start : pair of (R, d) arrays of float, optional

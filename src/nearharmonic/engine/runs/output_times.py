@@ -11,7 +11,7 @@ import numpy as np
 from nearharmonic.engine.batch.batch import single_steps
 from nearharmonic.engine.batch.results import Integers, Trajectories, energy_unit
 from nearharmonic.engine.numbers.arrays import list_of
-from nearharmonic.engine.numbers.initial_values import exact, standard_parameters
+from nearharmonic.engine.numbers.initial_values import exact
 from nearharmonic.engine.runs.setup import Setup
 from nearharmonic.engine.settings import MOST_SAMPLES
 from nearharmonic.errors import bad_setting
@@ -74,7 +74,7 @@ def run_at(
         As for :func:`nearharmonic.engine.batch.batch.integrate_batch`.
     """
     count = np.asarray(steps, np.int64)
-    # Members of an ensemble take equal steps: what is exact, and slow, is worked out once for all of them.
+    # Members of an ensemble take equal steps: exact arithmetic, which is slow, is done once for all of them.
     different, which = np.unique(count, return_inverse=True)
     exact_before = [[int(time * n / problem.end) for time in times] for n in different.tolist()]
     rests = [[time - problem.end * k / n for k, time in zip(row, times, strict=True)]
@@ -108,7 +108,7 @@ def _step_on(
     columns: dict[str, Floats],
     shorter: Integers,
     lengths: Sequence[Fraction],
-    parameters: Floats | None,
+    parameters: Floats,
 ) -> None:
     """Replace states of the step before by those one shorter step later.
 
@@ -116,10 +116,9 @@ def _step_on(
     """
     members, samples = np.nonzero(shorter >= 0)
     first = [columns[name][members, samples] for name in ("q", "q_low", "p", "p_low")]
-    given = standard_parameters(problem.system)[None, :] if parameters is None else parameters
     batch = problem.batch(
         problem.moves(lengths), single_steps(members.size), shorter[members, samples], np.concatenate(first, axis=1),
-        given if len(given) == 1 else given[members],
+        parameters if len(parameters) == 1 else parameters[members],
     )  # fmt: skip
     batch.run()
     found = batch.filled

@@ -25,17 +25,24 @@ MOST_STEP_SIZES = 4096
 class _Slot:
     """A batch of one run, with what its arrays hold."""
 
-    __slots__ = ("batch", "default", "given", "step")
+    __slots__ = ("batch", "given", "step")
 
     def __init__(self, batch: Batch, step: StepSize) -> None:
-        self.batch, self.step, self.default = batch, step, True
-        self.given: Start | None = None
+        self.batch, self.step = batch, step
+        self.given: Start | None = None  # the system's own start
 
 
 class Problem(Setup):
     """Runs of one method on one system, prepared for calls that cost microseconds: ``nearharmonic.problem``.
 
-    Arguments and attributes are those of :class:`Setup`; ``samples`` are by default the first and the last.
+    Parameters
+    ----------
+    system, integrator, precision, summation, first, energy, t_end, energy_scale, split
+        As for :func:`nearharmonic.integrate`.
+    samples : int
+        Most states that a run keeps, by default the first and the last.
+
+    See :class:`Setup` for the attributes.
     """
 
     @cached_property
@@ -102,12 +109,12 @@ class Problem(Setup):
             slot.step = step
         if q0 is not None or p0 is not None or parameters is not None:
             self._fill(slot, q0, p0, parameters)
-        elif not slot.default:
+        elif slot.given is not None:
             slot.batch.start[:] = standard_start(self.system, self.plain)
             slot.batch.parameters[:] = standard_parameters(self.system)
-            slot.default = True
+            slot.given = None
         slot.batch.run(step.steps)
-        solution = Solution(self, step, slot.batch, None if slot.default else slot.given)
+        solution = Solution(self, step, slot.batch, slot.given)
         slots.append(slot)
         return solution
 
@@ -131,7 +138,7 @@ class Problem(Setup):
         """The initial values and parameters of a run, which the slot holds only once all of them are checked."""
         given = start_of(self, q0, p0, parameters)
         slot.batch.start[:], slot.batch.parameters[:] = given.state, given.parameters
-        slot.given, slot.default = given, False
+        slot.given = given
 
 
 #: The name at the top of the package.

@@ -36,6 +36,9 @@ from nearharmonic.systems.definition.system import System
 from nearharmonic.systems.formulas.oscillator import check_oscillator
 from nearharmonic.systems.numba.potential import numba_potential
 
+#: A method that fits every system, for checks of the system alone.
+ANY = "ruth"
+
 
 class Setup:
     """Validated description of runs: a system, a method, and how to integrate.
@@ -50,13 +53,13 @@ class Setup:
     Attributes
     ----------
     system : System
-        What is integrated.
+        System of d coordinates.
     tableau : Tableau
         The method, in the role that is used.
     t_end : str
         End of the interval [0, t_end], a decimal string; negative to run backwards.
     numerics : Numerics
-        Arithmetic, when the energy is measured, and what the two operators of the method solve.
+        Arithmetic, times at which the energy is measured, and the split of H.
     scale : float
         Energy that errors are relative to; 0 for |H0|, or for the unit of energy where H0 = 0.
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class StepSize:
-    """A step size, as used, with what a kernel needs of it."""
+    """A step size as used, with its marks and moves."""
 
     tau: float
     steps: int

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from nearharmonic.engine.numbers.initial_values import exact
-from nearharmonic.engine.runs.problem import Problem
+from nearharmonic.engine.runs.setup import ANY, Setup
 from nearharmonic.engine.settings import checked_count, checked_tau
 from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.numerics.types import Floats
@@ -31,8 +31,6 @@ ERROR = 1e-6
 SECONDS, SEED, MOST_TRIALS, LARGEST_SEED = 30.0, 0, 10**8, 2**31 - 1
 #: Value of the option for the energy of the given start.
 SAME = "same"
-#: A method for every system, for the validation of initial values.
-ANY = "ruth"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,7 +97,7 @@ def question(
     if starts is not None and energy is not None:
         raise bad_setting("energy", energy, "starts are given, which have energies of their own")
     place = os.fspath(system) if isinstance(system, os.PathLike) else system
-    problem = Problem(place, ANY)
+    problem = Setup(place, ANY)
     subject = problem.system
     if subject.regularisation is not None:
         what = "a system in its physical time: this one is regularised, and its steps are of a fictitious time"
