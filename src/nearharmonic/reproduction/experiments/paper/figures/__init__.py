@@ -1,1 +1,2 @@
-"""Figures of the paper, one module each: ``figure(...)`` takes Datasets and returns a matplotlib Figure, no maths."""
+"""Figures of the paper, one module each: ``figure(...)`` draws Datasets as a matplotlib Figure, without
+computations."""
