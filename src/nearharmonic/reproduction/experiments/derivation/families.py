@@ -198,8 +198,7 @@ def derived_tableaus(
     printed: Sequence[PrintedPoint],
     digits: int,
 ) -> dict[str, Tableau]:
-    """Return the derived counterpart of each printed set, by name: an isolated root, or the nearest member of its
-    family.
+    """Return the derived counterpart of each printed set, by name: a root, or the nearest member of its family.
 
     Parameters
     ----------
@@ -259,8 +258,7 @@ def _ranking(name: str, equations: Equations, starts: int, points: Any, criteria
 
 
 def _criteria(equations: Equations, x: Sequence[float]) -> list[float]:
-    """Return the sum of the absolute values of all coefficients, then |kappa| of the orders above the harmonic
-    order."""
+    """Return the sum of all |coefficients|, then |kappa| of the orders above the harmonic order."""
     outer, inner = equations.palindromes(x)
     highest = equations.harmonic_order
     higher = equations.errors(x, highest + HIGHER_ORDERS)[highest:]

@@ -233,8 +233,7 @@ def _joined(candidates: list[Candidate], start: Sequence[Any]) -> list[Candidate
 def _proved(
     equations: Equations, candidates: Sequence[Candidate], digits: int, report: Callable[[str], None]
 ) -> tuple[list[Root], list[str]]:
-    """Return the proved solutions near ``candidates``, sorted by the sum of absolute values, and remarks on the
-    others."""
+    """Return the proved solutions near ``candidates``, sorted by sum of |coefficients|, and remarks on the others."""
     roots: list[Root] = []
     unfinished: list[str] = []
     for start, hits, eliminated in candidates:

@@ -38,8 +38,7 @@ TAU_PER_STAGE = (0.02, 0.05, 0.1)
 
 @dataclass(frozen=True)
 class Derivation:
-    """All results. ``seconds`` are wall times by part; only these and the times of the simplex runs differ between
-    equal runs."""
+    """All results; ``seconds`` are wall times by part, which differ between equal runs."""
 
     seed: int
     digits: int

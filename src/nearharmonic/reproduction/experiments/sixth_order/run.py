@@ -1,4 +1,4 @@
-"""The whole search, from a seed to polished methods, and these measured beside others."""
+"""The whole search, from a seed to refined methods, and a comparison with other methods."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from nearharmonic.reproduction.experiments.sixth_order.settings import SixthOrde
 from nearharmonic.systems import henon_heiles, kepler, sho
 
 SOURCE = "found by nearharmonic.reproduction.experiments.sixth_order"
-#: Methods of the same kind that others published: 6A8.
+#: Published methods of this kind: 6A8.
 PUBLISHED = zymplectic.TABLEAUS
 
 
 def search(
     settings: SixthOrderSettings, integrators: Sequence[str], threads: int, report: Callable[[str], None]
 ) -> dict[str, Table | Mapping[str, Any]]:
-    """Search for methods of order six with a harmonic order, and tabulate what is found.
+    """Search for methods of order six with a harmonic order, and tabulate the results.
 
     Parameters
     ----------
     settings : SixthOrderSettings
-        How hard to search.
+        Effort of the search.
     integrators : sequence of str
-        Names of the methods that the winners are measured beside, and :data:`PUBLISHED`; those with kicks of a modified
-        potential are left out.
+        Names of the methods for comparison, in addition to :data:`PUBLISHED`; methods with modified potentials are
+        omitted.
     threads : int
-        The result does not depend on it.
+        Number of threads; the result does not depend on it.
     report : callable
-        Is told of the progress.
+        Function that is called with a line on the progress.
 
     Returns
     -------

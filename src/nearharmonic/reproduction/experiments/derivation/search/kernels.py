@@ -30,8 +30,7 @@ class Case(NamedTuple):
 
 @jit
 def solve(case: Case, starts: Floats, bound: float) -> tuple[Floats, Flags]:
-    """Iterate from ``starts`` (start, unknown); return the ends, and a mask of those that are solutions in [-bound,
-    bound]."""
+    """Iterate from ``starts`` (start, unknown); return the ends, and the mask of solutions in [-bound, bound]."""
     ends, solved = starts.copy(), np.zeros(len(starts), np.bool_)
     for start in range(len(starts)):
         solved[start] = iterate(case, ends[start], bound, DAMPING)
@@ -40,8 +39,7 @@ def solve(case: Case, starts: Floats, bound: float) -> tuple[Floats, Flags]:
 
 @jit
 def residuals(case: Case, x: Floats) -> tuple[Floats, float, tuple[Floats, Floats, Floats]]:
-    """Return signed kappa_3 ... kappa_highest, the sum of their squares, and the coefficients and states of the
-    step."""
+    """Return signed kappa_3 ... kappa_highest, their sum of squares, and the coefficients and states of the step."""
     rows = expand(case.stages, x)
     q, p = states(case, rows)
     F = np.empty(case.highest - 2)
@@ -95,8 +93,7 @@ def states(case: Case, rows: Floats) -> tuple[Floats, Floats]:
 
 @jit
 def slopes(case: Case, x: Floats, step: tuple[Floats, Floats, Floats]) -> Floats:
-    """Return the derivatives of kappa_3 ... kappa_highest (equation, unknown), for the coefficients and states of
-    ``step``."""
+    """Return the derivatives of kappa_3 ... kappa_highest (equation, unknown) at ``step`` (coefficients and states)."""
     stages, highest, drift_first = case
     rows, q, p = step
     jacobian = np.zeros((highest - 2, stages - 1))

@@ -72,8 +72,7 @@ class Minimum:
 
 @dataclass(frozen=True)
 class SimplexRun:
-    """One run of the method of the paper, from ``start``, one of the ``promising`` points among ``starts`` random
-    points.
+    """One run of the method of the paper, from ``start``: one of the ``promising`` among ``starts`` random points.
 
     ``reached`` is the index of the root to which it converged, and ``distance`` the largest difference of an unknown
     from this root; None if it did not converge, or not to a known root.

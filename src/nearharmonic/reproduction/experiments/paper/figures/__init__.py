@@ -1,2 +1,1 @@
-"""Figures of the paper, one module each: ``figure(...)`` draws Datasets as a matplotlib Figure, without
-computations."""
+"""Figures of the paper, one module each: functions that draw Datasets, without computations."""

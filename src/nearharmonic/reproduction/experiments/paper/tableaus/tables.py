@@ -89,8 +89,7 @@ def recursion_symbols(integrator: str | Tableau, *, first: First | None = None) 
 
 
 def recursion_values(integrator: str | Tableau, *, first: First | None = None) -> Columns:
-    """Return Table 2 in numbers for m = k = 1: even powers of tau in units of q_a, odd ones of p_a, momentum vice
-    versa."""
+    """Return Table 2 in numbers for m = k = 1; even powers have units of q_a, odd ones p_a (momentum: vice versa)."""
     tableau = tableau_of(integrator, first)
     width = _powers(tableau)
     rows: list[Cells] = [
@@ -126,7 +125,7 @@ def _highest(tableau: Tableau, h: int) -> int:
 
 
 def _powers(tableau: Tableau) -> int:
-    """Return the powers for position and momentum; one of them has tau^(2s + 1)."""
+    """Return the number of powers for position and momentum; one of them has tau^(2s + 1)."""
     return 2 * tableau.stages + 2
 
 

@@ -1,8 +1,8 @@
 """Reductions of the Henon-Heiles ensembles: an ``xarray.Dataset`` of all methods in, numbers for the cube out.
 
-It has ``escaped`` over (integrator, energy, tau_per_stage), and ``energy_error`` over quantile as well. These two are
-distributions over the trajectories, taken in the jobs that integrate: the errors of all trajectories would be 34 MB a
-method. No integration depends on this module.
+It has ``escaped`` over (integrator, energy, tau_per_stage), and ``energy_error`` with the additional dimension
+quantile. The integrating jobs compute these two distributions over the trajectories, because the errors of all
+trajectories would be 34 MB per method. No integration depends on this module.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from nearharmonic.theory.linear_stability import stability_limit
 
 reduction = Reductions()
 
-#: A step size is trusted as long as at most this fraction escapes at it.
+#: A step size is trusted if at most this fraction of trajectories escapes.
 TOLERATED = 0.01
 
 

@@ -1,8 +1,8 @@
 """Reductions of the Kepler maps: an ``xarray.Dataset`` of all methods in, numbers for the cube out.
 
-It has ``q`` and ``p``, once a period, over (integrator, tau_per_stage, eccentricity, sample, component), and what the
-cube takes over, over (integrator, tau_per_stage, eccentricity). With ``over="tau_per_stage"`` a reduction takes whole
-curves of the cube instead. No integration depends on this module.
+It has ``q`` and ``p``, once per period, over (integrator, tau_per_stage, eccentricity, sample, component), and the
+variables that the cube copies, over (integrator, tau_per_stage, eccentricity). With ``over="tau_per_stage"`` a
+reduction takes whole curves of the cube instead. No integration depends on this module.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from nearharmonic.systems.kepler import perihelion_angle
 
 reduction = Reductions()
 
-#: The energy error whose contour is drawn and tabulated.
+#: Energy error of the contour in figure and table.
 CONTOUR = 1e-6
 
 
@@ -72,8 +72,8 @@ def rotation_per_sample(q: Floats, p: Floats) -> Floats:
     Returns
     -------
     array of shape (...)
-        NaN where a sample is missing or where the vector turns by more than a quarter turn between two samples, which
-        tells a rotation from its opposite no longer.
+        NaN if a sample is missing, or if the vector rotates by more than a quarter turn between two samples, so that
+        the sense of rotation is ambiguous.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         angle = perihelion_angle((q[..., 0], q[..., 1]), (p[..., 0], p[..., 1]), 1.0)
@@ -86,21 +86,21 @@ def rotation_per_sample(q: Floats, p: Floats) -> Floats:
 
 
 def evaluations_below(evaluations: NDArray[Any], error: Floats, level: float) -> float:
-    """Return the number of evaluations at which an error falls below ``level`` for good.
+    """Return the number of evaluations from which on an error stays below ``level``.
 
     Parameters
     ----------
     evaluations : array of shape (n,)
         Ascending; neighbours may be equal if their errors are.
     error : array of shape (n,)
-        NaN where nothing was run, which counts as below.
+        NaN without a run, which counts as below.
     level : float
         Above 0.
 
     Returns
     -------
     float
-        Interpolated in the logarithms; NaN where the error never falls below for good.
+        Number of evaluations, interpolated in the logarithms; NaN if the last error is not below.
     """
     above = np.flatnonzero(error >= level)
     last = above[-1] if above.size else len(evaluations)

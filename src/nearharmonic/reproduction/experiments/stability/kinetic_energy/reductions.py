@@ -18,9 +18,10 @@ from nearharmonic.systems.relativistic_oscillator import SYSTEM
 
 reduction = Reductions()
 
-#: Step size per stage at which methods are compared: errors far above rounding, and below all step-size resonances.
+#: Step size per stage of the comparison: errors are far above rounding, and all step-size resonances are at larger
+#: steps.
 COMPARED_AT = 0.05
-#: The method that others are measured by.
+#: Reference method.
 YARDSTICK = "ruth"
 
 

@@ -79,7 +79,7 @@ def growth(errors: Floats, time: Floats) -> tuple[float, float]:
     Returns
     -------
     tuple of float
-        Slope of log rms against log time, and the half width of its 95 % interval by the jackknife over orbits, since
+        Slope of log rms against log time, and the half width of its 95 % interval by the jackknife over orbits, because
         the times of one orbit are not independent.
     """
     squares, x = errors * errors, log(time)
