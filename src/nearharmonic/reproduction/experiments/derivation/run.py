@@ -57,9 +57,9 @@ def derive(settings: DerivationSettings, report: Report) -> dict[str, Table | di
     Parameters
     ----------
     settings : DerivationSettings
-        How hard to search.
+        Effort of the search.
     report : callable
-        Is told of the progress.
+        Function that is called with a line on the progress.
 
     Returns
     -------

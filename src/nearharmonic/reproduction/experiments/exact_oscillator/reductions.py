@@ -126,7 +126,7 @@ def _quantiles(errors: xr.DataArray) -> xr.DataArray:
     return found.assign_attrs(described(text))
 
 
-#: In place of a method: the best of those that split into T and V, at each energy.
+#: Entry in place of a method name: the best method for T and V at each energy.
 BEST = "best of T + V"
 CAPTION = (
     "Henon-Heiles system: energy H and amplitude sqrt(2H) up to which the median energy error of a method with the "
@@ -161,7 +161,7 @@ def reduce(split: Sequence[str], exact: Sequence[str], settings: ExactOscillator
     Parameters
     ----------
     split, exact : sequence of str
-        Names of the methods, which go into the files beside the numbers.
+        Names of the methods, which are stored in the files.
     settings : ExactOscillatorSettings
         The seed of the resamples.
     run : str

@@ -103,7 +103,7 @@ def radius(energy: float) -> float:
 
 
 def starts_on(energy: float, count: int, seed: int) -> Floats:
-    """Return starts (count, 8), laid out for the kernel, in the microcanonical measure of H = ``energy``.
+    """Return starts (count, 8) in the layout of the kernel, in the microcanonical measure of H = ``energy``.
 
     The position is uniform where V < ``energy``, the direction of the momentum uniform on the circle. Surfaces of
     different energies have nearly the same points, in units of their radius.
@@ -111,7 +111,7 @@ def starts_on(energy: float, count: int, seed: int) -> Floats:
     Parameters
     ----------
     energy : float
-        Above 0 and at most 1/6, the energy of escape.
+        Energy, above 0 and at most 1/6, the escape energy.
     count : int
         Number of starts.
     seed : int

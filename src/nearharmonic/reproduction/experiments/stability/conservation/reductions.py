@@ -193,7 +193,7 @@ CAPTION = "Reversibility, symplecticity and mean energy, relative, each beside w
 
 
 def structure_table(cube: xr.Dataset) -> Table:
-    """Return a row for each system and each method that was measured on it, with every variable of ``cube``."""
+    """Return a row for each system and each method measured on it, with all variables of ``cube``."""
     keys = [str(key) for key in cube.data_vars]
     rows: list[tuple[Any, ...]] = []
     for system in map(str, cube.system.values):

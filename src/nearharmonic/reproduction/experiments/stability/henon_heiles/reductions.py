@@ -68,7 +68,7 @@ def henon_heiles_table(cube: xr.Dataset) -> Table:
 
 
 def reduce(integrators: Sequence[str], settings: EnsembleSettings, **runs: str) -> dict[str, Any]:
-    """Return what :func:`cube_and_table` does; ``settings`` go into the files beside the numbers."""
+    """Return the result of :func:`cube_and_table`; ``settings`` are stored in the files."""
     return cube_and_table(henon_heiles_cube, henon_heiles_table, integrators, runs)
 
 

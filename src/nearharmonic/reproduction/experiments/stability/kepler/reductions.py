@@ -112,12 +112,12 @@ def evaluations_below(evaluations: NDArray[Any], error: Floats, level: float) ->
 
 
 CAPTION = f"Kepler: force evaluations per orbit from which on the largest energy error stays below {CONTOUR:g}."
-#: Eccentricities that are shown: the nearest of the grid to each.
+#: Eccentricities of the table; the nearest value of the grid is used.
 TABULATED = (0.0, 0.2, 0.5, 0.8, 0.9, 0.95, 0.99)
 
 
 def kepler_table(cube: xr.Dataset) -> Table:
-    """Return a row for each method: force evaluations per orbit for the contour's error at some eccentricities."""
+    """Return a row for each method: force evaluations per orbit for the error of the contour at some eccentricities."""
     nearest = cube.get_index("eccentricity").get_indexer(TABULATED, method="nearest")
     shown = cube.evaluations_for_contour.isel(eccentricity=np.unique(nearest))  # a coarse grid has one for several
     return Table(
@@ -128,7 +128,7 @@ def kepler_table(cube: xr.Dataset) -> Table:
 
 
 def reduce(integrators: Sequence[str], settings: MapSettings, **runs: str) -> dict[str, Any]:
-    """Return what :func:`cube_and_table` does; ``settings`` go into the files beside the numbers."""
+    """Return the result of :func:`cube_and_table`; ``settings`` are stored in the files."""
     return cube_and_table(kepler_cube, kepler_table, integrators, runs)
 
 

@@ -135,7 +135,7 @@ def orbit_map(tableau: Tableau, settings: MapSettings) -> Contents:
 
 
 def kepler_apoapsis(eccentricity: Floats, orientation: Floats | float = 0.0) -> Floats:
-    """Return starts (n, 8), laid out for the kernel, at the apoapsis of orbits of semi-major axis 1 with GM = 1.
+    """Return starts (n, 8) in the layout of the kernel, at the apoapsis of orbits of semi-major axis 1 with GM = 1.
 
     Parameters
     ----------

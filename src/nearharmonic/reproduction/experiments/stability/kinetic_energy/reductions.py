@@ -39,10 +39,10 @@ CAPTION = "Relativistic oscillator: largest energy error at tau/s = 0.05 over th
 
 
 def kinetic_energy_table(cube: xr.Dataset) -> Table:
-    """Return a row for each method and roles: its error over Ruth's at each amplitude, and the decline.
+    """Return a row for each method and roles: its error relative to Ruth's at each amplitude, and the decline.
 
-    The decline is the ratio at amplitude 1, where speeds reach 0.75 of light's, over that at the least amplitude: by
-    what factor the method's lead over Ruth's shrinks.
+    The decline is the ratio at amplitude 1, where speeds reach 0.75 of the speed of light, divided by the ratio at the
+    smallest amplitude: the factor by which the advantage over Ruth's method decreases.
     """
     ratio = cube.relative_error
     amplitudes = [float(a) for a in ratio.amplitude.values]
@@ -59,7 +59,7 @@ def kinetic_energy_table(cube: xr.Dataset) -> Table:
 
 
 def reduce(integrators: Sequence[str], run: str) -> dict[str, Any]:
-    """Return the ``cube`` and its ``table``; the names ``integrators`` go into the files beside the numbers."""
+    """Return the ``cube`` and its ``table``; the names ``integrators`` are stored in the files."""
     cube = kinetic_energy_cube(read(run))
     return {"cube": cube, "table": kinetic_energy_table(cube)}
 

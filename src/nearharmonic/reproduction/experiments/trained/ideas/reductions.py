@@ -1,9 +1,9 @@
-"""Reductions over the problems: the best method of each idea, what it gains, and which idea is ahead.
+"""Reductions over the problems: the best method of each idea, its gain, and the best idea.
 
 The dataset has ``log_error`` over (integrator, tau_per_stage, strength, problem) with the coordinate ``idea`` of each
 integrator, ``exact_log_error`` over (exact_integrator, ...), ``anharmonicity`` over (strength, problem), and the
-attribute ``seed``, which chooses the resamples. With ``over="resample"`` a reduction takes the errors of the best in
-place of those of all. No integration depends on this module.
+attribute ``seed``, the seed of the resamples. With ``over="resample"`` a reduction gets the errors of the best methods
+instead of those of all methods. No integration depends on this module.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from nearharmonic.reproduction.tasks.reduction import Reductions
 
 reduction = Reductions()
 
-#: The idea that the others are compared with.
+#: Reference idea.
 REFERENCE = "general"
 
 
@@ -132,12 +132,12 @@ def ideas_table(cube: xr.Dataset) -> Table:
 
 
 def reduce(methods: Sequence[str], exact: Sequence[str], settings: ProofSettings, run: str) -> dict[str, Any]:
-    """Return the ``cube`` of ideas over step size and strength, and the ``table`` of which is ahead.
+    """Return the ``cube`` of ideas over step size and strength, and the ``table`` of the best ideas.
 
     Parameters
     ----------
     methods, exact : sequence of str
-        Names of the methods, which go into the files beside the numbers.
+        Names of the methods, which are stored in the files.
     settings : ProofSettings
         The seed of the resamples.
     run : str

@@ -87,7 +87,7 @@ CAPTION = (
 
 
 def reduce(methods: Sequence[str], beside: str, settings: ProofSettings, run: str) -> dict[str, Any]:
-    """Return the ``table`` of long runs; the names and ``settings`` go into the files beside the numbers."""
+    """Return the ``table`` of long runs; the names and ``settings`` are stored in the files."""
     return {"table": long_table(read(run))}
 
 

@@ -87,15 +87,15 @@ def log_errors(ensemble: Ensemble, methods: Sequence[str], tau_per_stage: Floats
     return found
 
 
-#: Coordinates of the random potentials, and bands of their strength, the widest last.
+#: Numbers of coordinates of the random potentials, and ranges of their strength, the widest last.
 DIMENSIONS = (2, 3)
 BANDS = ((1e-3, 1e-2), (1e-2, 1e-1), (1e-1, 0.5), (1e-2, 0.5))
-#: Systems with a name that have more coordinates are chains.
+#: Named systems with more coordinates are chains.
 CHAIN = 2
 
 
 class Trial(NamedTuple):
-    """An ensemble, step sizes over the cost of a step (T,), the panel of its curve, and what a gradient costs."""
+    """An ensemble, step sizes over the cost of a step (T,), the panel of its curve, and the cost of a gradient."""
 
     ensemble: Ensemble
     tau_per_stage: Floats
