@@ -192,12 +192,12 @@ def _walked(
 
 
 def assessed(equations: NystromEquations, solutions: Doubles) -> Doubles:
-    """Return Return (e_N, e_H, A, tau*, J) of each of ``solutions`` (solution, unknown)."""
+    """Return (e_N, e_H, A, tau*, J) of each of ``solutions`` (solution, unknown)."""
     return assess(system_of(equations), criterion_of(equations.stages), solutions)
 
 
 def candidates_of(equations: NystromEquations, solutions: Doubles, multiplicity: Sequence[int]) -> list[Candidate]:
-    """Return Return ``solutions`` (solution, unknown) with their merits, the best first."""
+    """Return ``solutions`` (solution, unknown) with their merits, the best first."""
     kind = (equations.stages, equations.first, equations.harmonic_order, equations.free)
     rows = [
         Candidate(*kind, tuple(map(float, x)), hits, Merit(*map(float, merit)))

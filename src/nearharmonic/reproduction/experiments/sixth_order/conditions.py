@@ -60,7 +60,7 @@ class WordTable:
         return cls(words, parent, letter)
 
     def weights(self, equations: Sequence[Equation]) -> tuple[Doubles, Doubles]:
-        """Return Return ``equations`` as a matrix (equation, word) and the right-hand sides (equation)."""
+        """Return ``equations`` as a matrix (equation, word) and the right-hand sides (equation)."""
         rows = [[float(left.get(word, 0)) for word in self.words] for left, _ in equations]
         return np.array(rows), np.array([float(right) for _, right in equations])
 

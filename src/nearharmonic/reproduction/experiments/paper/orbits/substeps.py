@@ -182,7 +182,7 @@ class _Plane:
 
 
 def _walk(start: State, pairs: list[State], plane: _Plane, tau: float, *, drift_first: bool) -> list[State]:
-    """Return Return ``start`` and the state after each (drift, kick) pair: Eq. 3 if ``drift_first``, else Eq. 4."""
+    """Return ``start`` and the state after each (drift, kick) pair: Eq. 3 if ``drift_first``, else Eq. 4."""
     q, p = start
     points = [start]
     for drift, kick in pairs:

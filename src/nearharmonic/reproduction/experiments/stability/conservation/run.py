@@ -170,7 +170,7 @@ def _beside(system: System, scale: Floats) -> Floats:
 
 
 def _rates(system: System, path: Trajectories) -> tuple[Floats, Floats]:
-    """Return Return dT/dp and dV/dq (d, S) at the states of a run."""
+    """Return dT/dp and dV/dq (d, S) at the states of a run."""
     formulas, constants = system.formulas(), system.constants(float)
     velocity, force = formulas.grad_T(tuple(path.p[0].T), *constants), formulas.grad_V(tuple(path.q[0].T), *constants)
     return np.array(velocity), np.array(force)

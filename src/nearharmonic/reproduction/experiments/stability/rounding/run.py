@@ -119,7 +119,7 @@ class _Paths:
     scale: int = 1
 
     def state(self, orbit: int, sample: int) -> list[Decimal]:
-        """Return Return x, y, u, v with all their digits, in units of the unscaled orbit."""
+        """Return x, y, u, v with all their digits, in units of the unscaled orbit."""
         paths, root = self.paths, Decimal(self.scale)
         q = [Decimal(a) + Decimal(b) for a, b in zip(paths.q[orbit, sample], paths.q_low[orbit, sample], strict=True)]
         p = [Decimal(a) + Decimal(b) for a, b in zip(paths.p[orbit, sample], paths.p_low[orbit, sample], strict=True)]

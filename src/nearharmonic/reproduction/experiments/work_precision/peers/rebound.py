@@ -110,7 +110,7 @@ class _Setup:
 
 
 def _keys(system: System) -> tuple[str, ...]:
-    """Return Return rebound's names of the components of a state (2 d)."""
+    """Return rebound's names of the components of a state (2 d)."""
     d = system.dimension
     return ("x", "y", "z")[:d] + ("vx", "vy", "vz")[:d]
 
