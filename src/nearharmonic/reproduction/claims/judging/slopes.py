@@ -52,8 +52,7 @@ class Stretch(NamedTuple):
 
 
 def local_slopes(curves: Curves, name: str, variable: str = "max_energy_error") -> Floats:
-    """Return the slope around each step size; NaN if an error around it is not finite, or there are fewer than
-    three."""
+    """Return the slope around each step size; NaN if an error around it is not finite or fewer than three exist."""
     found: Floats = curves.kept(("slopes", name, variable), lambda: _local_slopes(curves, name, variable))
     return found
 
