@@ -9,7 +9,7 @@ rule search_sixth_order:
         sixth_order_measured=TABLE("sixth_order_measured"),
     log:
         LOG("sixth_order"),
-    priority: 2  # two cores are free together only at the start and at the end
+    priority: 2  # two cores are free together only at the start
     threads: 2
     params:
         task=task("reproduction.experiments.sixth_order.run:search", settings=CONFIG.beyond, integrators=CONFIG.methods),

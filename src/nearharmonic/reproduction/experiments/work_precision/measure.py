@@ -74,8 +74,10 @@ def peer_curve(
     exact: Reference | None,
     longest: float,
 ) -> Curve:
-    """The errors of ``peer`` from its coarsest setting to the first whose path takes over ``longest`` seconds, with
-    calls to be timed. ``steps_per_stage`` is the range (lowest, highest) of step sizes per stage.
+    """Return the errors of ``peer`` with the calls for the timing.
+
+    Settings become finer until a path takes more than ``longest`` seconds. ``steps_per_stage`` is the range (lowest,
+    highest) of step sizes per stage.
 
     A missing library or an unsupported system gives a curve without points, with the reason as status.
     """

@@ -46,7 +46,7 @@ def growth(runs: xr.Dataset) -> xr.DataArray:
 
 @reduction("neighbour", "state", "state_low", "rate")
 def return_errors(runs: xr.Dataset) -> xr.Dataset:
-    """Distance from the start after the run and the run back, in both summations, beside what rounding gives."""
+    """Distance from the start after the run and the backward run, in both summations, with estimates for rounding."""
     symmetric = [registry[name].symmetric for name in runs.integrator.values]
     found, carried = xr.Dataset(), UNIT_ROUNDOFF * growth(runs)
     for prefix, summation in (("", "compensated"), ("plain_", "plain")):
