@@ -2,7 +2,7 @@
 
 import gc
 
-# While this is read, nothing that is made can go: the garbage collector would scan it in vain.
+# While this file is read, no object becomes garbage: collections would waste time.
 gc.disable()
 
 from snakemake.utils import min_version
@@ -12,7 +12,7 @@ from nearharmonic.reproduction.experiments.paper.grid.omissions import summary_l
 min_version("9.0")
 
 
-# Snakemake merges configs, and systems of the default would leak into another: one that is given stands alone.
+# Snakemake merges configs, so systems of the default config would appear in another: a given config is used alone.
 if not workflow.overwrite_configfiles:
 
     configfile: "config/config.yaml"
@@ -61,7 +61,7 @@ onstart:
 
 onsuccess:
     record_end(exit_status=0)
-    # Only a run that made the table again has something new to say.
+    # Only a run that made the table again prints the summary.
     if THIS_RUN.made("tables/skipped.csv"):
         print(summary_line(f"{RESULTS}/tables/skipped.csv"))
     if THIS_RUN.made(CLAIMS):

@@ -1,4 +1,4 @@
-"""The command line: subcommands and their formats, and the exit status: 0 yes, 1 no, 2 bad input, with one message."""
+"""The command line: subcommands, formats, and exit status (0 yes, 1 no, 2 bad input with one message)."""
 
 from __future__ import annotations
 

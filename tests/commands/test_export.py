@@ -1,4 +1,4 @@
-"""``nearharmonic export``: texts for other programs, and one error for what it cannot write."""
+"""``nearharmonic export``: texts for other programs, and errors for unsupported input."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command ``nearharmonic new``: files that run as they are written, and names that are refused."""
+"""The command ``nearharmonic new``: new files run unchanged, and invalid names are refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Constants and units of the systems against an independent statement of them, in the units of the sources."""
+"""Constants and units of the systems, compared with independent values in the units of the sources."""
 
 from __future__ import annotations
 

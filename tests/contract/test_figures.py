@@ -1,4 +1,4 @@
-"""Every figure draws one method alone and a cube without a number in it, and says in its caption what it shows."""
+"""Every figure: a cube with one method, a cube without numbers, and the content of the caption."""
 
 from __future__ import annotations
 

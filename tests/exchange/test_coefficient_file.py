@@ -1,4 +1,4 @@
-"""Files of coefficients: the same digits from JSON, TOML and CSV, and one sentence for what cannot be read."""
+"""Files of coefficients: equal digits from JSON, TOML and CSV, and one sentence for unreadable files."""
 
 from __future__ import annotations
 

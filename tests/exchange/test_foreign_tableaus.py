@@ -1,4 +1,4 @@
-"""Coefficients from elsewhere: what papers say of theirs is proved, and what is wrong is named for what it is.
+"""Coefficients from other sources: proofs of published claims, and descriptions of errors.
 
 The orders of the published files are those of their papers. The states that show the order of a library's method are
 computed here, by a loop of drifts and kicks in multiprecision that shares no code with the proofs.

@@ -1,4 +1,4 @@
-"""Bounds of residuals by digits: never below the residuals of coefficients that fulfil the conditions."""
+"""Bounds of residuals due to digits: never below the residuals of rounded correct coefficients."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Mistakes made on purpose in sound coefficients are found where they are, and nothing else is suspected."""
+"""Deliberate errors in correct coefficients are found at their positions, without other suspects."""
 
 from __future__ import annotations
 

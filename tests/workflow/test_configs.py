@@ -1,4 +1,4 @@
-"""The shipped configs: what they plan, and that they stay small enough to be read."""
+"""The shipped configs: their plans and their sizes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Nothing is computed that the requested target does not need: the files a run would make, and those it did make."""
+"""Only files for the requested target are computed: planned files, and files of a run."""
 
 from __future__ import annotations
 

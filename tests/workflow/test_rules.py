@@ -1,4 +1,4 @@
-"""A rule gives its function the files that it reads, and the cores and the compiler: all rules, planned and run."""
+"""All rules, planned and run: inputs, cores and the compiler agree with the function of the rule."""
 
 from __future__ import annotations
 

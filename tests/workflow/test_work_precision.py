@@ -1,4 +1,4 @@
-"""The target work_precision: a job that holds all cores, its files, and nothing for those who did not ask."""
+"""The target work_precision: a job that uses all cores, its files, and no cost for other targets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The statements of the paper that numbers decide; cubes of other targets count as far as they are there."""
+"""Decisions on the statements of the paper; existing cubes of other targets are used."""
 
 from nearharmonic.integrators import plain_integrators
 from nearharmonic.reproduction.claims.own import digest as digest_of_own
@@ -6,7 +6,7 @@ from nearharmonic.reproduction.claims.own import digest as digest_of_own
 
 rule decide_claims:
     input:
-        # By position: the job looks for them, and for those of other targets, in the folder.
+        # Unnamed inputs: the job finds them, and those of other targets, in the folder.
         [CUBE(stem) for stem in (*SWEEPS, *PAPER.cubes)],
         list(PAPER_TABLES.values()),
     output:
@@ -15,7 +15,7 @@ rule decide_claims:
     log:
         LOG("tables/claims"),
     params:
-        own=digest_of_own(),  # of statements that the code of the task does not reach
+        own=digest_of_own(),  # statements that the code digest of the task does not cover
         task=task("reproduction.claims.table:decided", folder=RESULTS, integrators=plain_integrators.registered),
     script:
         "../scripts/task.py"

@@ -1,4 +1,4 @@
-"""The config, checked before any rule exists, and how rules name their files and their work.
+"""The config, validated before any rule exists, and functions for the files and tasks of rules.
 
 Rules name no environments of their own, as ``snakemake --lint`` asks for. They all run in the one that the package is
 installed in, whose versions ``constraints.txt`` pins and every result file records.
@@ -26,7 +26,7 @@ EXPERIMENTS = experiments()
 FIGURES = figures_of(
     "reproduction.experiments", CONFIG.systems, [stem for one in EXPERIMENTS.values() for stem in one.cubes]
 )
-RUNS, TWO_STEPS = [], {}  # each experiment adds its own
+RUNS, TWO_STEPS = [], {}  # each experiment adds its files
 
 try:
     ALL_CORES = workflow.cores
@@ -41,32 +41,32 @@ wildcard_constraints:
 
 
 def RUN(stem):
-    """The run file of this name."""
+    """Return the run file of this name."""
     return f"{RESULTS}/runs/{stem}.h5"
 
 
 def CUBE(stem):
-    """The cube of this name."""
+    """Return the cube of this name."""
     return f"{RESULTS}/cubes/{stem}.h5"
 
 
 def TABLE(stem):
-    """The three files of a table."""
+    """Return the three files of a table."""
     return multiext(f"{RESULTS}/tables/{stem}", ".csv", ".md", ".tex")
 
 
 def FIGURE(stem):
-    """The three files of a figure."""
+    """Return the three files of a figure."""
     return multiext(f"{RESULTS}/figures/{stem}", ".pdf", ".svg", ".png")
 
 
 def FILES(experiment, **values):
-    """The files of an experiment's target; values are those of placeholders in their names, beside {system}."""
+    """Return the files of an experiment's target; values are those of placeholders except {system}."""
     return [f"{RESULTS}/{name}" for name in EXPERIMENTS[experiment].files(system=CONFIG.systems, **values)]
 
 
 def LOG(stem):
-    """The log file of a job."""
+    """Return the log file of a job."""
     return f"{RESULTS}/logs/{stem}.log"
 
 
@@ -76,7 +76,7 @@ def add_runs(experiment, **values):
 
 
 def run_files(system):
-    """The run files of each method on one system, by method."""
+    """Return the run files of each method on one system, by method."""
     folder = f"{RESULTS}/runs/{system}"
     return {
         name: [f"{folder}/{name}/{shard}.h5" for shard in range(shards_of(SWEEPS[system], name))]
@@ -85,7 +85,7 @@ def run_files(system):
 
 
 def installed():
-    """Tell which libraries are installed: one that is installed later on is to be timed as well."""
+    """Return the installed libraries as a setting, so that a library that is installed later is timed too."""
     from nearharmonic.reproduction.experiments.work_precision.peers import LIBRARIES
     from nearharmonic.reproduction.experiments.work_precision.measure import is_installed
 

@@ -1,4 +1,4 @@
-"""Coefficients from nothing: the sets of Table 4 from random starts, with proofs."""
+"""Derivation of coefficients: the sets of Table 4 from random starts, with proofs."""
 
 
 rule derive_coefficients:
@@ -13,7 +13,7 @@ rule derive_coefficients:
         derived_errors=TABLE("derived_errors"),
     log:
         LOG("derive"),
-    priority: 1  # the longest job on one core: begun first, it leaves none idle at the end
+    priority: 1  # the longest job on one core starts first, so that no core is idle at the end
     params:
         task=task("reproduction.experiments.derivation.run:derive", settings=CONFIG.derive),
     script:

@@ -1,4 +1,4 @@
-"""The oscillator of Henon-Heiles solved exactly beside T + V: errors and crossings, and what that costs here."""
+"""Henon-Heiles with an exactly solved oscillator compared with T + V: errors, crossings, and cost on this machine."""
 
 add_runs("exact_oscillator")
 EXACT_OSCILLATOR = {
@@ -22,7 +22,7 @@ rule exact_oscillator_times:
         table=TABLE("exact_oscillator_times"),
     log:
         LOG("exact_oscillator/times"),
-    threads: ALL_CORES  # nothing runs beside what is timed
+    threads: ALL_CORES  # no other job runs during the timing
     params:
         task=task(
             "reproduction.experiments.exact_oscillator.times:measure",

@@ -1,8 +1,8 @@
-"""Figures: one job draws all that are declared of a cube, which it reads once; each figure is a target of its name."""
+"""Figures: one job draws all declared figures of a cube, which it reads once; each figure is a target."""
 
 
 def drawn(one):
-    """The files of a figure, its picture marked for the report."""
+    """Return the files of a figure, with its picture marked for the report."""
     *vector, png = FIGURE(one.stem)
     labels = {"figure": one.target}
     return [*vector, report(png, caption="../report/figures.rst", category=one.category, labels=labels)]

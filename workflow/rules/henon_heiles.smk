@@ -1,4 +1,4 @@
-"""Long orbits of the Henon-Heiles system: how chaotic the paper's is, and panel D of figure 6 beside its plane."""
+"""Long orbits of the Henon-Heiles system: Lyapunov exponents, and panel D of figure 6 outside its plane."""
 
 
 rule chaos:
@@ -7,7 +7,7 @@ rule chaos:
     log:
         LOG("reduce/henon_heiles_chaos"),
     resources:
-        compiler=1,  # as the jobs that compile, whose code it shares
+        compiler=1,  # like the compiling jobs, whose code it shares
     params:
         task=task("reproduction.experiments.paper.orbits.chaos:chaos", integrator="babps8o7h", t_end=200_000),
     script:

@@ -1,4 +1,4 @@
-"""The paper: runs, cubes, figures, and tables of coefficients and of what was left out."""
+"""The paper: runs, cubes, figures, and tables of coefficients and of omissions."""
 
 PAPER = EXPERIMENTS["paper"]
 PAPER_FIGURES = [one for one in FIGURES if one.function.startswith(f"{PAPER.room}.")]
@@ -7,14 +7,14 @@ TABLE_FILES = [f"{RESULTS}/tables/skipped.csv", *PAPER_TABLES.values()]
 
 
 rule compile:
-    # Once for each system, so that the jobs that fan out find the kernels and do not compile them side by side.
+    # One job per system, so that later parallel jobs find the kernels and do not compile them again.
     output:
         touch(f"{RESULTS}/logs/compile/{{system}}.done"),
     log:
         LOG("compile/{system}"),
     priority: 1  # all runs wait for these
     resources:
-        compiler=1,  # of which the profile has one: the first system's kernel is half of the others'
+        compiler=1,  # the profile allows one: half of the first system's kernel is common to all systems
     params:
         task=lambda wildcards: task(
             "engine.runs.trajectory:warm_up", system=wildcards.system, precisions=SWEEPS[wildcards.system].precision

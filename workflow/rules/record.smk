@@ -1,4 +1,4 @@
-"""The record of this run: history.jsonl and manifest.json. They are no outputs of rules, since any target adds to them."""
+"""The record of this run: history.jsonl and manifest.json. They are no outputs: every target changes them."""
 
 import os
 import sys
@@ -13,7 +13,7 @@ THIS_RUN = WorkflowRun(RESULTS, CONFIG, sources=workflow.basedir)
 
 
 def record_start():
-    """Leave a marker, and hand the id of the run to its jobs."""
+    """Write a marker, and pass the id of the run to its jobs."""
     if workflow.touch and ADOPTING in os.environ:
         check_jobs(Path(RESULTS), workflow.dag.jobs)
     if not workflow.touch:
@@ -21,7 +21,7 @@ def record_start():
 
 
 def record_end(exit_status):
-    """Bring the page up to date, then write the manifest and the line of the history."""
+    """Update the page, then write the manifest and the line of the history."""
     if not workflow.touch:
         working = {job for job in workflow.dag.jobs if not job.is_norun}
         needed = set(workflow.dag.needrun_jobs(exclude_finished=False))
@@ -32,14 +32,14 @@ def record_end(exit_status):
 
 
 def makeable():
-    """Names of all files that jobs of this config make, in the folder of results."""
+    """Return the names of all files that jobs of this config make, in the folder of results."""
     runs = [path for system in SWEEPS for paths in run_files(system).values() for path in paths]
     files = [*rules.everything.input, *RUNS, *runs, *map(CUBE, [*SWEEPS, *PAPER.cubes])]
     return {str(Path(path).relative_to(RESULTS)) for path in files}
 
 
 def refresh():
-    """Make claims and page again if this run made results after them: those of other targets than theirs."""
+    """Make claims and page again if this run made newer results, of other targets."""
     from nearharmonic.reproduction.claims.own import own_claims
     from nearharmonic.reproduction.claims.table import FILES
 
@@ -51,12 +51,12 @@ def refresh():
 
 
 def again(rule, log):
-    """Carry out the job of a rule in this process."""
+    """Run the job of a rule in this process."""
     run(SimpleNamespace(input=rule.input, output=rule.output, params=rule.params, log=[log], threads=1))
 
 
 def verdicts(document):
-    """Return a line on this run's verdicts, and the command that decides the statements it leaves open."""
+    """Return a line on the verdicts of this run, and the command that decides the open statements."""
     from nearharmonic.reproduction.claims.pages.summary import verdicts_line
     from nearharmonic.output.store import workflow_command
 

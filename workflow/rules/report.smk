@@ -1,4 +1,4 @@
-"""The page of results: one file with claims, figures, tables and history, to look at without a network."""
+"""The page of results: one file with claims, figures, tables and history, which needs no network."""
 
 from nearharmonic.reproduction.report.assets import digest
 
@@ -14,7 +14,7 @@ rule page:
     log:
         LOG("report"),
     params:
-        assets=digest(),  # template, style and script are no code
+        assets=digest(),  # the code digest does not cover template, style and script
         task=task("reproduction.report.page:page", folder=RESULTS),
     script:
         "../scripts/task.py"

@@ -1,4 +1,4 @@
-"""Beyond the paper: methods of order six with a harmonic order, searched for, ranked and measured."""
+"""Methods of order six with a harmonic order, which are not in the paper: search, ranking and measurements."""
 
 
 rule search_sixth_order:
@@ -9,7 +9,7 @@ rule search_sixth_order:
         sixth_order_measured=TABLE("sixth_order_measured"),
     log:
         LOG("sixth_order"),
-    priority: 2  # two cores are free together at the start, and then no more until the end
+    priority: 2  # two cores are free together only at the start
     threads: 2
     params:
         task=task("reproduction.experiments.sixth_order.run:search", settings=CONFIG.beyond, integrators=CONFIG.methods),
@@ -22,6 +22,6 @@ rule sixth_order:
         FILES("sixth_order"),
 
 
-rule beyond:  # the target's former name
+rule beyond:  # former name of the target
     input:
         rules.sixth_order.input,

@@ -1,4 +1,4 @@
-"""Limits of trust in the methods: three ensembles, one job a method and then a cube; and three cubes beside them."""
+"""Stress tests of the methods: three ensembles, each with one job per method and then a cube; and three other cubes."""
 
 ENSEMBLES = ("henon_heiles", "kepler", "rounding")
 

@@ -2,8 +2,8 @@
 
 from nearharmonic.systems import systems
 
-# Each over the interval that the config gives or the system has.
-# The phase space in which a regularised system is integrated is not that of its states.
+# The interval is that of the config, or else that of the system.
+# A regularised system is integrated in another phase space than that of its states.
 STRUCTURE_T_END = {
     name: system.t_end
     for name, system in systems.items()

@@ -1,4 +1,4 @@
-"""Methods trained on near-harmonic systems: all methods on problems that none was trained on, and what they show."""
+"""Methods trained on near-harmonic systems: all methods on problems that were not used in training."""
 
 from nearharmonic.reproduction.experiments.trained.comparison.contestants import contestants, kind_of
 
@@ -41,7 +41,7 @@ rule trained_times_table:
         table=TABLE("trained_times"),
     log:
         LOG("trained/times"),
-    threads: ALL_CORES  # nothing runs beside what is timed
+    threads: ALL_CORES  # no other job runs during the timing
     params:
         task=task("reproduction.experiments.trained.proof.times:measure", **PROOF),
     script:

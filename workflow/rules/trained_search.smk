@@ -1,4 +1,4 @@
-"""Methods trained on near-harmonic systems: the search for each purpose, and the modules that register what it finds."""
+"""Methods trained on near-harmonic systems: the search for each purpose, and the modules that register the methods."""
 
 from nearharmonic.reproduction.experiments.trained.problems.purposes import PURPOSES, trained_before
 
@@ -7,7 +7,7 @@ TRAINED_METHODS = expand(f"{RESULTS}/derived/trained_{{purpose}}.toml", purpose=
 
 rule train:
     input:
-        # The method of a window beside this one.
+        # The method of a neighbouring window.
         before=lambda wildcards: expand(
             f"{RESULTS}/derived/trained_{{purpose}}.toml",
             purpose=trained_before(wildcards.purpose, CONFIG.trained.purposes),

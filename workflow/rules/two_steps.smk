@@ -1,4 +1,4 @@
-"""Work in two steps: one job integrates everything and writes a run file, another makes a cube or a table of it.
+"""Work in two steps: one job integrates all problems and writes a run file, another makes a cube or a table from it.
 
 A change of what is made of the runs integrates nothing again. Each experiment adds its own to TWO_STEPS.
 """

@@ -1,4 +1,4 @@
-"""Run time against error. One job measures everything and holds all cores, so that nothing runs beside it."""
+"""Run time against error. One job does all measurements and uses all cores, so that no other job runs."""
 
 from nearharmonic.systems import systems
 
@@ -10,7 +10,7 @@ rule work_precision_times:
         LOG("work_precision/times"),
     threads: ALL_CORES
     params:
-        # Looked for where the job is wanted only: other targets start sooner.
+        # Searched for only if the job is requested, so that other targets start sooner.
         task=lambda wildcards: task(
             "reproduction.experiments.work_precision.run:measure",
             sweeps=CONFIG.sweeps,
@@ -72,7 +72,7 @@ rule work_precision_table:
         "../scripts/task.py"
 
 
-# What shows all systems together: the files by the names of the results, and the function that makes them.
+# Files on all systems together, by the names of the results, and the function that makes them.
 _TOGETHER = {
     "library_times_figures": (
         {"trajectory": FIGURE("library_times_trajectory"), "lanes": FIGURE("library_times_ensemble")},
@@ -110,7 +110,7 @@ for _name, (_files, _made) in _TOGETHER.items():
             "../scripts/task.py"
 
 
-# Drawn where a config has a system whose equations are regularised.
+# Drawn if a config has a regularised system.
 _IS_DRAWN = any(systems[name].regularisation is not None for name in CONFIG.systems)
 _LEFT_OUT = [] if _IS_DRAWN else FIGURE("regularised_times")
 

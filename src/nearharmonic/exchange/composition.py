@@ -52,7 +52,7 @@ class Digits(NamedTuple):
 
     @property
     def words(self) -> str:
-        """The digits in words."""
+        """Number of digits, as text."""
         return f"{self.number} digits" if self.number else "exact coefficients"
 
 

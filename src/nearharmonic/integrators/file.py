@@ -1,4 +1,4 @@
-"""Integrators in Python files of users."""
+"""Integrators from users' Python files."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def tableaus_of(place: str | os.PathLike[str], registered: Collection[str]) -> d
 
 
 def _check_order(path: str, tableau: Tableau) -> None:
-    """Refuse a tableau whose coefficients contradict the order that it declares, as far as orders are examined."""
+    """Raise an error for a tableau whose coefficients contradict its declared order, as far as it is examined."""
     from nearharmonic.integrators.order_conditions import HIGHEST_DECLARED, proved_order
 
     quadratic = tableau.requires is not None

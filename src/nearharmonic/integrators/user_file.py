@@ -1,4 +1,4 @@
-"""Integrators from users' Python files."""
+"""Definitions of integrators from users' Python files."""
 
 from __future__ import annotations
 

@@ -32,12 +32,12 @@ class ShiftedKick:
 
     @property
     def net(self) -> float:
-        """a + b."""
+        """Sum a + b of the kicks."""
         return self.before + self.behind
 
     @property
     def square(self) -> float:
-        """m."""
+        """Coefficient m of C."""
         return -self.drift * (self.before**2 - 4 * self.before * self.behind + self.behind**2) / 12
 
 

@@ -137,12 +137,12 @@ class ConditionedSteps(SymmetricSteps):
 
 
 def alternating(length: int, start: str = "A") -> str:
-    """The word of ``length`` letters ABAB..., or BABA... for ``start`` B."""
+    """Return the word ABAB... of ``length`` letters, or BABA... for ``start`` B."""
     return "".join((start if i % 2 == 0 else LETTERS.replace(start, "")) for i in range(length))
 
 
 def _closed(half: Sequence[Any] | Floats, length: int, one: Any) -> list[Any]:
-    """The palindrome of sum ``one`` that begins with ``half``."""
+    """Return the palindrome of sum ``one`` that begins with ``half``."""
     start = list(half)
     rest = one - 2 * sum(start[1:], start[0] if start else 0 * one)
     inmost = [rest] if length % 2 else [rest / 2, rest / 2]

@@ -1,4 +1,4 @@
-"""Numbers that README and the pages under docs state, as far as they are cheap: each is computed and compared."""
+"""Numbers in README and docs that are cheap to compute: each is computed and compared."""
 
 from __future__ import annotations
 

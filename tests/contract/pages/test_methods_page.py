@@ -1,4 +1,4 @@
-"""docs/methods.md: its table is that of the registry, and what it says of single methods is computed."""
+"""docs/methods.md: its table is that of the registry, and its statements on single methods are computed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""docs/ranking.md against runs made here, and its words against its tables."""
+"""docs/ranking.md: comparison with runs, and of its text with its tables."""
 
 from __future__ import annotations
 

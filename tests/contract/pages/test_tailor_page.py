@@ -1,4 +1,4 @@
-"""docs/tailor.md: its words against its tables, its options against the command, and its numbers against searches."""
+"""docs/tailor.md: comparison of its text with its tables, its options with the command, its numbers with searches."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page on how trained methods were found says what is proved of the registered ones."""
+"""docs/training.md: its statements on registered methods are proved."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Dependencies: each package that is imported is declared, and pinned for the results that are published."""
+"""Dependencies: each imported package is declared, and pinned for published results."""
 
 from __future__ import annotations
 

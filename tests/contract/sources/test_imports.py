@@ -1,4 +1,4 @@
-"""The registries are packages and mappings at once, so that every import works whatever was imported before."""
+"""The registries are packages and mappings: every import works after any other import."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Other libraries are used by their public names alone, which their next version still has."""
+"""Only public names of other libraries are used, which their next version still has."""
 
 from __future__ import annotations
 

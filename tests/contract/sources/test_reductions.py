@@ -1,4 +1,4 @@
-"""Reductions of every experiment are declared apart from what integrates, so that editing one integrates nothing."""
+"""Reductions of every experiment are separate from integrations: an edit of a reduction repeats no integration."""
 
 from __future__ import annotations
 

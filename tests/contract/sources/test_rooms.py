@@ -1,4 +1,4 @@
-"""Rooms are not full: what comes next is nested in one of them, or has a room of its own."""
+"""Packages have a limited number of members: additions need a nested or a new package."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The library stands without the reproduction: README's Python in a process that has no package of the workflow."""
+"""Independence of the library from the reproduction: README's Python runs without packages of the workflow."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every writer of the package: a failure in the middle leaves the old file as it was, and nothing beside it."""
+"""Every writer of the package: a failure during writing leaves the old file unchanged, and no other file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Coefficients of methods from the literature as their papers print them."""
+"""Printed coefficients of methods from the literature."""
 
 #: (outer, inner) values as printed, from the outside inwards, those left out that the sums imply.
 PRINTED = {

@@ -1,4 +1,4 @@
-"""Methods that are not symmetric: what is proved, integrated, exported and loaded of them, beside symmetric ones."""
+"""Asymmetric methods: proofs, integration, export and loading, compared with symmetric ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Methods from the literature: the decimals that their papers print, and what their authors and others say of them."""
+"""Methods from the literature: printed decimals, and published statements on the methods."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Each order that a method with kicks of a modified potential declares is proved on its printed coefficients."""
+"""Declared orders of methods with modified potentials, proved from their printed coefficients."""
 
 from __future__ import annotations
 

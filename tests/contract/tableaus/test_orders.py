@@ -1,4 +1,4 @@
-"""Each order that a registered tableau declares is proved on its printed coefficients, to their digits, exactly."""
+"""Declared orders of registered tableaus, proved exactly from their printed coefficients to their digits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A tableau proves itself when built, rounds each coefficient once, and says what depends on it."""
+"""Tableaus: validation on construction, single rounding of each coefficient, and digests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The ten methods on which expensive proofs run in README's command: one of each kind that is registered."""
+"""The ten methods for expensive proofs in README's command: one of each registered kind."""
 
 from __future__ import annotations
 

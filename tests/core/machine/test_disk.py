@@ -1,4 +1,4 @@
-"""The folder of compiled code: damage is never executed, trust is checked, and nothing that fails there ends a run."""
+"""The folder of compiled code: damaged code is never executed, ownership is checked, and failures never end a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Functions of numba on disk: found again when loaded anew, and compiled again after an edit of what they use."""
+"""Functions of numba on disk: reused by a new process, and recompiled after an edit of their dependencies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compiled code: found again without the compiler, made again when what it depends on changes, on any processor."""
+"""Compiled code: reused without the compiler, recompiled after a change of its dependencies, on any processor."""
 
 from __future__ import annotations
 

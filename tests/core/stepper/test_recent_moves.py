@@ -1,4 +1,4 @@
-"""Moves that threads keep in common, with other moves at the same place."""
+"""Cache of moves that threads share, with different moves at one memory address."""
 
 from __future__ import annotations
 

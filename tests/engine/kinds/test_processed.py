@@ -1,4 +1,4 @@
-"""Runs of processed methods: what they say of themselves, and that samples and energies are those of processed states.
+"""Runs of processed methods: their attributes, and samples and energies of processed states.
 
 Their states, orders and bits are tested with those of the other methods with kicks of a modified potential.
 """

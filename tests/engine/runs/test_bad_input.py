@@ -1,4 +1,4 @@
-"""Bad input: what makes no sense ends in one sentence of our own errors, soon, and before any work."""
+"""Bad input: invalid arguments raise an error of this package with one sentence before any computation."""
 
 from __future__ import annotations
 

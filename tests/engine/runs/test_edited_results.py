@@ -1,4 +1,4 @@
-"""Results that were edited before a run goes on from them."""
+"""Continued runs from edited results."""
 
 from __future__ import annotations
 

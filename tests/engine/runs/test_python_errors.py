@@ -1,4 +1,4 @@
-"""The Python functions refuse what makes no sense in one family of errors, before any work."""
+"""Python functions raise errors of this package for invalid arguments before any computation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""docs/stepper.md: its programs run as printed, and what they find is what it has to be."""
+"""docs/stepper.md: its programs run as printed, and their results are correct."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""docs/choices.md: what other choices would change, against runs."""
+"""docs/choices.md: effects of other choices, compared with runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ranges of step sizes and slopes, on curves of which they are known."""
+"""Ranges of step sizes and slopes, for curves with known values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The table of verdicts: its keys, its bytes, what is not there, and what is damaged."""
+"""The table of verdicts: its keys, its bytes, missing and damaged files."""
 
 from __future__ import annotations
 

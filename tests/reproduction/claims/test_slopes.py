@@ -1,4 +1,4 @@
-"""Local slopes and how long they stay with an order, on curves of which both are known."""
+"""Local slopes and the lengths of their ranges, for curves with known values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sums of verdicts, and what a run says of the statements that it leaves open."""
+"""Sums of verdicts, and the message of a run on open statements."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Each threshold that result files are held against, on results just below and just above it."""
+"""Thresholds of result files, for results just below and just above each threshold."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Statements that trained methods bear on, against errors that are known."""
+"""Statements on trained methods, for known errors."""
 
 from __future__ import annotations
 

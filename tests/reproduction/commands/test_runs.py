@@ -1,4 +1,4 @@
-"""``nearharmonic runs``: the cells of the cubes that were run, as xarray reads them, chosen, sorted and cut."""
+"""``nearharmonic runs``: cells of the cubes, compared with xarray: selection, sorting and limits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``nearharmonic show``: the run asked for, its files, and lines of Python that make its numbers again."""
+"""``nearharmonic show``: the requested run, its files, and Python code that reproduces its numbers."""
 
 from __future__ import annotations
 

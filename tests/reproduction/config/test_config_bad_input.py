@@ -1,4 +1,4 @@
-"""Configs and files of systems that make no sense: each is refused in one sentence, whatever YAML made of it."""
+"""Invalid configs and files of systems: each is refused in one sentence, for all types that YAML reads."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Systems and integrators that a config, or a path, names by file: what they are."""
+"""Systems and integrators from files in a config or a path: their definitions."""
 
 from __future__ import annotations
 

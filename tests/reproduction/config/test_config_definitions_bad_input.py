@@ -1,4 +1,4 @@
-"""Systems and integrators that a config, or a path, names by file: which are refused, and with what words."""
+"""Systems and integrators from files in a config or a path: invalid definitions and their errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Results by folder or by name, and what is said of a name that is none."""
+"""Results by folder or by name, and errors for unknown names."""
 
 from __future__ import annotations
 

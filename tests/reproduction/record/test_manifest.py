@@ -1,4 +1,4 @@
-"""The manifest: every file as its job left it; what changed without a job is reported and never blessed."""
+"""The manifest: every file as its job wrote it; files changed without a job are reported and never accepted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The recording of a run: what fails in it is a warning, and pages are outdated by what was made after them."""
+"""The record of a run: failures are warnings, and newer files invalidate pages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who reads the page otherwise: by keyboard, in a narrow window, in the dark, on paper, or without scripts."""
+"""Other ways to read the page: by keyboard, in a narrow window, in dark mode, on paper, or without scripts."""
 
 from __future__ import annotations
 

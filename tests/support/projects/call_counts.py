@@ -1,4 +1,4 @@
-"""Calls that Python makes: a measure of work that knows no load of the machine."""
+"""Number of Python calls: a measure of work that does not depend on the load of the machine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Changes of sound results that turn verdicts: each takes results, some a factor on the number that is put there."""
+"""Changes of correct results that change verdicts; some have a factor of the inserted number."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Changes of sound results that put a number at a given share of the threshold it is asked against."""
+"""Changes of correct results that set a number to a given multiple of its threshold."""
 
 from __future__ import annotations
 

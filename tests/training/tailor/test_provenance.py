@@ -1,4 +1,4 @@
-"""The file of a method: it is Python, and gives back each digit, whatever the texts hold."""
+"""The file of a method: valid Python with all digits, for any texts."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
-"""A statement of the paper that numbers decide, and what they say of it.
+"""Statements of the paper that can be decided by numbers, and their decisions.
 
-A statement is a :class:`Claim` in a file of its group; nothing else lists it. It is made by the decorator of its kind,
-:data:`result` for example, which takes its words, from the function that decides it. Statements that are decided alike
-are rows of a tuple: ``result(...)(judge)``, where a function with the parameters of the row returns the judge.
+A statement is a :class:`Claim` in a file of its group; there is no other list. The decorator of its kind, for example
+:data:`result`, takes its texts and makes the statement from the function that decides it. Statements with a common
+method of decision are rows of a tuple: ``result(...)(judge)``, where a function with the parameters of the row returns
+the judge.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ from nearharmonic.reproduction.tasks.experiment import beside_the_paper
 Verdict = Literal["holds", "holds but for edges", "holds in part", "fails", "erratum", "not decided here"]
 OPEN: Verdict = "not decided here"
 
-#: What a statement is. A result is measured or found in the paper; mathematics is proved there or follows. A misprint
-#: is a slip of print, which its context puts right. An attribution says whose something is; background is quoted from
-#: others or describes what is compared. A finding is this project's, and not the paper's.
+#: Kinds of statements. A result is measured or found in the paper. Mathematics is proved in the paper or follows. A
+#: misprint can be corrected from its context. An attribution names an author. Background is quoted from others or
+#: describes the compared objects. A finding is a statement of this project, not of the paper.
 Kind = Literal["result", "mathematics", "misprint", "attribution", "background", "finding"]
 
 
@@ -34,7 +35,7 @@ class Decision(NamedTuple):
     margin: str = ""
 
 
-#: Takes the results, and the threshold if the statement has one that is a number.
+#: Function of the results, and of the threshold if it is a number.
 Decide = Callable[..., Decision]
 
 
@@ -47,25 +48,24 @@ class Claim:
     id : str
         Name in tables, lower case with hyphens.
     paper : str
-        Where the paper says it.
+        Position in the paper.
     sentence : str
-        Its words.
+        Words of the paper.
     kind : str
         One of :data:`Kind`.
     statement : str
-        What of it is decided here, and in which sense.
+        The part of the sentence that is decided here, with its interpretation.
     threshold : str
-        What is asked of the numbers, and where the numbers in it come from.
+        Condition on the numbers, and origin of its constants.
     bound : float, optional
-        The threshold, if it is one number: ``decide`` takes it beside the results, and the margin is the interval of
-        bounds with the same verdict.
+        The threshold, if it is one number: ``decide`` has it as a second argument, and the margin is the interval of
+        bounds with an equal verdict.
     needs : tuple of str
-        Result files that it is decided on, relative to the folder of results.
+        Result files for the decision, relative to the folder of results.
     also : tuple of str
-        Result files of other targets. Where they are there, the value tells something from them; the verdict does not
-        depend on them.
+        Result files of other targets. If they exist, the value uses them; the verdict does not depend on them.
     decide : callable
-        Takes :class:`~nearharmonic.reproduction.claims.results.Results` to a :class:`Decision`.
+        Function of :class:`~nearharmonic.reproduction.claims.results.Results` that returns a :class:`Decision`.
     """
 
     id: str
@@ -81,11 +81,11 @@ class Claim:
 
     @property
     def target(self) -> str:
-        """Target of the workflow that makes the files it needs."""
+        """Target of the workflow for its files."""
         return next((one.cubes_target for one in beside_the_paper() if any(map(one.makes, self.needs))), "all")
 
     def decision(self, results: Results) -> Decision:
-        """Decide the statement on ``results``; what is not there leaves it undecided.
+        """Decide the statement on ``results``; missing data leave it undecided.
 
         Raises
         ------
@@ -114,7 +114,7 @@ class Claim:
         return found._replace(margin=margin(lambda other: self.decide(results, other).verdict, bound))
 
     def _as_told(self, found: Decision) -> Decision:
-        """``found``, but that a print that is wrong is an erratum, and no failure of what it stands for."""
+        """Return ``found``; the failure of a misprint becomes an erratum."""
         wrong = self.kind == "misprint" and found.verdict in ("fails", "holds in part")
         return found._replace(verdict="erratum") if wrong else found
 
@@ -130,12 +130,12 @@ attribution, background, finding = _statements("attribution"), _statements("back
 
 
 def either(good: bool, value: str) -> Decision:
-    """Say that a statement holds or fails."""
+    """Return the decision that a statement holds or fails."""
     return Decision("holds" if good else "fails", value)
 
 
 def counted(good: Sequence[bool], value: str) -> Decision:
-    """Say that a statement of several things holds, holds in part or fails: all, some or none of them are good."""
+    """Return the decision on several objects: holds, in part or fails, if all, some or none of them are good."""
     return Decision("holds" if all(good) else "holds in part" if any(good) else "fails", value)
 
 
@@ -146,10 +146,10 @@ def tallied(good: Iterable[bool], things: str, beside: str = "") -> Decision:
 
 
 def combined(verdicts: Iterable[Verdict], value: str) -> Decision:
-    """Say what becomes of a statement of several parts.
+    """Return the decision on a statement of several parts.
 
-    It holds or fails if all of them do, holds but for edges if all of them do at least that, and holds in part
-    otherwise.
+    It holds or fails if all parts do. It holds but for edges if all parts hold at least but for edges. Otherwise it
+    holds in part.
     """
     found = set(verdicts)
     if len(found) == 1:

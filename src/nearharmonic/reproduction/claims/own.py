@@ -1,4 +1,4 @@
-"""Statements of the experiments themselves, in the module ``claims`` of their folders; nothing lists them."""
+"""Statements of experiments, found in the modules ``claims`` of their folders."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from nearharmonic.reproduction.tasks.sources import PACKAGE, ROOT
 
 
 def modules() -> list[str]:
-    """Return the dotted names of the modules that hold statements."""
+    """Return the dotted names of the modules with statements."""
     places = sorted(ROOT.joinpath(*ROOM.split(".")).glob("*/claims.py"))
     return [f"{PACKAGE}.{ROOM}.{place.parent.name}.claims" for place in places]
 
 
 def digest() -> str:
-    """Return the SHA-256 of their code, which the digest of the job that decides does not cover."""
+    """Return the SHA-256 of their code, which the digest of the deciding job does not cover."""
     return code_digest(*modules())
 
 

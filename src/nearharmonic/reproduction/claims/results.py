@@ -1,4 +1,4 @@
-"""Data that statements are decided on: the files of one folder of results, each read once, and the methods."""
+"""Data for decisions: the files of one folder of results, each read once, and the methods."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Undecided(Exception):
-    """The results lack what a statement is about; the message says what."""
+    """The results lack the data of a statement; the message names them."""
 
 
 def require(known: object, lacking: str) -> None:
@@ -36,7 +36,7 @@ class Memory:
         self._kept: dict[Hashable, Any] = {}
 
     def kept(self, key: Hashable, make: Callable[[], Any]) -> Any:
-        """Return what ``make`` returns, called at the first use of ``key``."""
+        """Return the result of ``make``, which is called at the first use of ``key``."""
         if key not in self._kept:
             self._kept[key] = make()
         return self._kept[key]
@@ -50,7 +50,7 @@ class Results(Memory):
     folder : path
         The folder ``results/<name>``.
     methods : mapping of str to Tableau, optional
-        The methods that statements are about, by name; the registered splitting methods by default.
+        The methods of the statements, by name; by default the registered splitting methods.
     """
 
     def __init__(self, folder: str | os.PathLike[str], methods: Mapping[str, Tableau] | None = None) -> None:
@@ -64,7 +64,7 @@ class Results(Memory):
         return (self.folder / name).is_file()
 
     def cube(self, stem: str) -> xr.Dataset:
-        """Return the cube of this name, without methods that are not looked at.
+        """Return the cube of this name, only with the methods of the statements.
 
         Raises
         ------
@@ -85,7 +85,7 @@ class Results(Memory):
     def rows(self, stem: str) -> list[dict[str, str]]:
         """Return the rows of the table of this name, each cell a text by the name of its column.
 
-        Rows of methods that are not looked at are left out.
+        Rows of other methods are omitted.
 
         Raises
         ------
@@ -155,7 +155,7 @@ def only(rows: Sequence[Mapping[str, str]], key: str, value: str) -> Mapping[str
 
 
 def label(name: str) -> str:
-    """Return what readers call a method: its label, or its name if it is not registered."""
+    """Return the label of a method, or its name if it is not registered."""
     return integrators[name].label if name in integrators else name
 
 
@@ -163,7 +163,7 @@ _SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
 def short(number: float, digits: int = 3) -> str:
-    """A number for a reader: ``digits`` significant ones, in words if it is not finite."""
+    """Return the text of a number with ``digits`` significant digits, in words if it is not finite."""
     if not isfinite(number):
         return "beyond all bounds"
     mantissa, _, exponent = f"{number:.{digits}g}".partition("e")
@@ -171,5 +171,5 @@ def short(number: float, digits: int = 3) -> str:
 
 
 def power_of_ten(exponent: int) -> str:
-    """A power of ten for a reader: 10⁻³⁰."""
+    """Return the text of a power of ten, such as 10⁻³⁰."""
     return f"10{str(exponent).translate(_SUPERSCRIPTS)}"

@@ -25,7 +25,8 @@ from nearharmonic.reproduction.claims.statements.tableaus import (
     trained,
 )
 
-#: The groups in the order of the paper; a digest of the job follows these imports, so that an edit of one decides anew.
+#: The groups in the order of the paper; the digest of the job covers these imports, so that an edit invalidates
+#: decisions.
 GROUPS = (
     splitting, decomposition, identities, misprints, search, coefficients, sizes, trained, roles, methods, oscillator,
     henon_heiles, kepler, substeps, comparisons, discussion,
@@ -33,7 +34,7 @@ GROUPS = (
 
 
 def _claims(group: ModuleType) -> Iterator[Claim]:
-    """The statements of a module in their order, those in tuples among them."""
+    """Return the statements of a module in their order, including those in tuples."""
     for value in vars(group).values():
         rows = value if isinstance(value, tuple) else (value,)
         yield from (one for one in rows if isinstance(one, Claim))
@@ -41,10 +42,10 @@ def _claims(group: ModuleType) -> Iterator[Claim]:
 
 CLAIMS: tuple[Claim, ...] = tuple(one for group in GROUPS for one in _claims(group))
 
-#: Result files that a statement may need or tell of, relative to the folder of results.
+#: Result files for decisions or values of statements, relative to the folder of results.
 FILES: tuple[str, ...] = tuple(sorted({name for one in CLAIMS for name in (*one.needs, *one.also)}))
 
-#: Keys of an entry. That of the paper has the keys ``section`` and ``sentence``.
+#: Keys of an entry. The entry ``paper`` has the keys ``section`` and ``sentence``.
 KEYS = ("id", "paper", "statement", "kind", "verdict", "value", "threshold", "margin", "needs")
 #: Columns of the table.
 COLUMNS = ("id", "section", "sentence", *KEYS[2:])
@@ -84,8 +85,8 @@ def decided(folder: str | os.PathLike[str], integrators: Sequence[str] | None = 
     folder : path
         The folder of results.
     integrators : sequence of str, optional
-        Names of the methods that statements about all methods look at; every registered splitting method by default.
-        Those that a user's config adds are not among them, so that they change no verdict.
+        Names of the methods for statements about all methods; by default every registered splitting method. Methods of
+        a user's config are not included, so that they change no verdict.
 
     Returns
     -------

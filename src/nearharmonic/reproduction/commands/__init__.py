@@ -1,1 +1,1 @@
-"""Subcommands that ask results and their record; see :mod:`nearharmonic.commands`."""
+"""Subcommands for queries of results and their record; see :mod:`nearharmonic.commands`."""

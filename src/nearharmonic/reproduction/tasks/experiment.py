@@ -116,7 +116,7 @@ class Experiment:
 
     @property
     def table_patterns(self) -> tuple[str, ...]:
-        """Patterns of the names of all its tables, for :mod:`fnmatch`."""
+        """Patterns for :mod:`fnmatch` of the names of all its tables."""
         others = [name for name in self.others if name.startswith("tables/")]
         stems = (*self.tables, *(name.removeprefix("tables/").rpartition(".")[0] for name in others))
         return tuple(dict.fromkeys(map(_pattern, stems)))

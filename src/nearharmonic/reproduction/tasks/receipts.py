@@ -127,7 +127,7 @@ def folder_of(log: str | os.PathLike[str]) -> Path:
 
 
 def receipts_in(folder: Path) -> Iterator[dict[str, dict[str, Any]]]:
-    """Yield the receipts of a folder of results, each as its files by name; what cannot be read is passed over."""
+    """Yield the receipts of a folder of results, each as its files by name; unreadable receipts are skipped."""
     for _, receipt in _receipts(folder):
         yield receipt
 

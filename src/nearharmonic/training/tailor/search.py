@@ -139,7 +139,7 @@ class _Watched(Objective):
 
 
 class TailorSearch:
-    """The search.
+    """Search for a tailored method.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Each cell of the derivation's tables from findings made by hand, no two numbers of which are equal."""
+"""Each cell of the tables of the derivation, from handwritten results with different numbers."""
 
 from __future__ import annotations
 

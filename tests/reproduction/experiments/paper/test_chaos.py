@@ -1,4 +1,4 @@
-"""Lyapunov exponents: their definition, their interval, and what they say of the two orbits."""
+"""Lyapunov exponents: definition, interval, and values for the two orbits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figure 2: kappa of either composition, which orders vanish, and who is who."""
+"""Figure 2: kappa of both compositions, vanishing orders, and the legend."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Paths of panel D of Figure 6 from beside its plane, against steps written out here and against single runs."""
+"""Paths of panel D of Figure 6 from starts outside its plane, compared with explicit steps and single runs."""
 
 from __future__ import annotations
 

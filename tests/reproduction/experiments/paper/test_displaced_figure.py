@@ -1,4 +1,4 @@
-"""The figure of panel D beside its plane: curves, crosses where they leave, and what the legend calls them."""
+"""The figure of panel D outside its plane: curves, crosses at divergence, and legend."""
 
 from __future__ import annotations
 

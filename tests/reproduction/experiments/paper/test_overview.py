@@ -1,4 +1,4 @@
-"""Rows of the table of methods are made once, and looked up by what they depend on afterwards."""
+"""Rows of the table of methods are computed once, and then found in a cache by their dependencies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figure 4: advances with their intervals, what is told from zero, and the axis in arcseconds per century."""
+"""Figure 4: advances with their intervals, significance, and the axis in arcseconds per century."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The plan: grids, shards, steps, precision and what is left out."""
+"""The plan: grids, shards, steps, precision and omissions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Substeps follow Eqs. 3 and 4 of the paper; their signs, energies and fate are those that Figure 6 shows."""
+"""Substeps by Eqs. 3 and 4 of the paper; signs, energies and divergence as in Figure 6."""
 
 from __future__ import annotations
 

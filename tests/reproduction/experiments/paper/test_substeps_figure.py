@@ -1,4 +1,4 @@
-"""Figure 6: dots coloured by the signs that follow, the way between them, and what each panel states."""
+"""Figure 6: dots coloured by the next signs, the path between them, and the text of each panel."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ideas over anharmonicity and step size: systems at all strengths, errors against single runs, who is ahead."""
+"""Ideas over anharmonicity and step size: systems at all strengths, errors against single runs, best idea."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Long runs: trends that are put in, the way back, rounding as a random walk; and gains at equal time."""
+"""Long runs: artificial trends, backward runs, rounding as a random walk; and gains at equal time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""This package beside other libraries: ratios of times at equal error, and the figures of them."""
+"""Comparison with other libraries: ratios of times at equal error, and their figures."""
 
 from __future__ import annotations
 

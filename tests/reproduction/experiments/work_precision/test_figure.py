@@ -1,4 +1,4 @@
-"""Work-precision diagrams: whose points a curve shows, who is best at each time, and what is missing."""
+"""Work-precision diagrams: points of each curve, best method at each time, and missing curves."""
 
 from __future__ import annotations
 

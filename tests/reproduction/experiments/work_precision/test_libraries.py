@@ -1,4 +1,4 @@
-"""Each other library by itself: what it integrates, from where, and that nothing but it is timed."""
+"""Each library separately: its equations, its initial state, and the timed call."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Other libraries on the same systems: named when missing, fair when there, their errors those of closed forms."""
+"""Other libraries on equal systems: messages for missing ones, fair timing, and errors against closed forms."""
 
 from __future__ import annotations
 

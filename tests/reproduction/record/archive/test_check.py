@@ -1,4 +1,4 @@
-"""A damaged archive: every change of a bit is found, nothing hangs, and what is wrong is told in sentences."""
+"""Damaged archives: every changed bit is found, no check hangs, and each fault is a sentence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The archive of a result: what is in it, that it is the same every time, and when it is refused."""
+"""The archive of a result: its content, its reproducibility, and reasons for refusal."""
 
 from __future__ import annotations
 

@@ -25,47 +25,47 @@ if TYPE_CHECKING:
     import xarray as xr
 
 LOST = RANGE.number
-#: A part of a range counts from half a decade on, the width that observed orders are fitted to.
+#: Minimum width of a part of a range: half a decade, the width of fits of observed orders.
 PART = sqrt(10) * (1 - 1e-9)  # step sizes that are half a decade apart are so but for rounding
-#: Step sizes at least, for a statement about a range.
+#: Minimum number of step sizes for a statement about a range.
 FEWEST = 3
-#: A statement holds but for edges if it does at this share of the step sizes, and the others are among the first or
-#: last tenth of them.
+#: A statement holds but for edges if it holds at this fraction of the step sizes, and the others are in the first or
+#: last tenth.
 MOST, EDGE = EDGES.number, 0.1
-#: The two errors of the paper's figures.
+#: The two errors in the figures of the paper.
 MEASURES = {"maximum": "max_energy_error", "mean": "mean_energy_error"}
 
 
 def range_words(end: str = "") -> str:
-    """Say on which step sizes a statement is decided; the last is by the curve ``end``, or by all compared."""
+    """Describe the step sizes of a statement; the curve ``end``, or all compared curves, determine the last one."""
     return "over the range of comparison" + (f", up to where the maximum error of {end} passes 1 %" if end else "")
 
 
 class Range(NamedTuple):
-    """Step sizes per stage, which of them a statement is about, and their unit."""
+    """Step sizes per stage, the mask of those of a statement, and their unit."""
 
     x: Floats
     asked: Bools
     unit: str
 
     def words(self, chosen: Bools | None = None) -> str:
-        """The longest piece of those asked for at which ``chosen`` is true, all by default."""
+        """Describe the longest part of the range where ``chosen`` is true; by default the whole range."""
         low, high = self.longest(self.asked if chosen is None else chosen)
         return f"τ/s = {short(low)} to {short(high)}{self.unit}"
 
     def longest(self, chosen: Bools) -> tuple[float, float]:
-        """Lowest and highest step size of the longest piece, in decades, without a gap; (1, 0) if there is none."""
+        """Return the ends of the longest part (in decades) of the range without a gap; (1, 0) if there is none."""
         pieces = list(_pieces(self.x[self.asked], chosen[self.asked]))
         return max(pieces, key=lambda piece: piece[1] / piece[0], default=(1.0, 0.0))
 
     def but_for_edges(self, chosen: Bools) -> bool:
-        """Return True if ``chosen`` is true at most step sizes asked for, and at all but the first and the last."""
+        """Return True if ``chosen`` is true at most step sizes of the range, and false only near its ends."""
         asked = chosen[self.asked]
         edge = int(EDGE * asked.size)
         return bool(asked.mean() >= MOST and asked[edge : asked.size - edge].all())
 
     def at_the_end(self, chosen: Bools) -> tuple[float, float]:
-        """Lowest and highest step size of the piece that ends with the last one asked for; (1, 0) if there is none."""
+        """Return the ends of the part at the end of the range; (1, 0) if there is none."""
         asked = self.x[self.asked]
         last = [piece for piece in _pieces(asked, chosen[self.asked]) if piece[1] == asked[-1]]
         return last[0] if last else (1.0, 0.0)
@@ -83,7 +83,7 @@ class Curves(Memory):
     Parameters
     ----------
     cube : xarray.Dataset
-        Its cube, of which the runs in double precision count: they have all step sizes.
+        Its cube. Only runs in double precision are used: they have all step sizes.
     """
 
     def __init__(self, cube: xr.Dataset) -> None:
@@ -111,14 +111,14 @@ class Curves(Memory):
         return np.where(np.isnan(rows), np.inf, rows)
 
     def compared(self, *rows: Floats, kept: Floats | None = None) -> Range:
-        """Return the range over which all ``rows`` of errors, or tables of them, may be compared.
+        """Return the range in which all ``rows`` of errors, or tables of them, can be compared.
 
-        It ends where one of ``kept`` passes 1 %; those are all of them by default.
+        It ends at the first error of ``kept`` above 1 %; by default ``kept`` are all rows.
 
         Raises
         ------
         Undecided
-            It has fewer than three step sizes.
+            The range has fewer than three step sizes.
         """
         every = np.concatenate([np.atleast_2d(one) for one in rows])
         floors = np.maximum(every.min(axis=1, keepdims=True, initial=np.inf), np.finfo(float).eps / 2)
@@ -132,7 +132,7 @@ class Curves(Memory):
 
 
 def over(asked: Range, good: Bools, value: str = "") -> Decision:
-    """Say that a statement holds at every step size of a range, at all but its edges, over a part of it, or fails."""
+    """Return the verdict on a statement over a range: holds everywhere, but for edges, in part, or fails."""
     count = int(asked.asked.sum())
     tail = f"; {value}" if value else ""
     if good[asked.asked].all():
@@ -146,7 +146,7 @@ def over(asked: Range, good: Bools, value: str = "") -> Decision:
 
 
 def for_larger_steps(asked: Range, good: Bools) -> Decision:
-    """Say that a statement about the larger step sizes of a range holds, if it does over half a decade to its end."""
+    """Return the verdict on a statement about large step sizes: it holds if it is true in the last half decade."""
     if good[asked.asked].all() and PART * asked.longest(good)[0] <= asked.longest(good)[1]:
         return Decision("holds", f"at all step sizes of {asked.words()}")
     low, high = asked.at_the_end(good)
@@ -159,13 +159,13 @@ def for_larger_steps(asked: Range, good: Bools) -> Decision:
 
 
 def curves_of(results: Results, system: str) -> Curves:
-    """Return the curves of a system, made once."""
+    """Return the curves of a system, which are created once."""
     found: Curves = results.kept(("curves", system), lambda: Curves(results.cube(system)))
     return found
 
 
 def rank_correlation(one: Floats, other: Floats) -> Floats:
-    """Return Spearman's rank correlation over the rows for each column; 0 where all of one are equal.
+    """Return Spearman's rank correlation over the rows for each column; 0 if all values of one are equal.
 
     Parameters
     ----------

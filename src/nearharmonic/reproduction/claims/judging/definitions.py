@@ -1,4 +1,4 @@
-"""The paper's general words, and terms of the verdicts, each with the one meaning in which all statements are read."""
+"""Definitions of the paper's general words and of terms in verdicts, used for all statements."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Meaning(NamedTuple):
-    """A number, the definition with its origin, and the same in short, as a threshold cites it."""
+    """A number, its definition with the origin, and a short form for thresholds."""
 
     number: float
     words: str
@@ -88,7 +88,7 @@ SLOPES = Meaning(
     "half a decade, and in part over 0.2 decades, two windows of the fits",
     "",
 )
-#: All of them, for the page.
+#: All definitions, for the page.
 MEANINGS = (
     PERFORMANCE, APPROXIMATELY, SIGNIFICANTLY, GENERALLY, GREATLY, SEVERAL, SEVERAL_ORDERS, NOT_SUITABLE, LARGE,
     MODERATE, SMALL, STABLE, RANGE, EDGES, SLOPES,

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 
 from nearharmonic.reproduction.claims.results import Undecided, short
 
-#: The margin of what is proved, counted or compared digit by digit.
+#: The margin of proofs, counts and comparisons of digits.
 EXACT = "exact: no threshold"
-#: Factors by which a threshold is moved, one after the other: in steps of 12 % up to ten, then by squares.
+#: Successive factors of a threshold: in steps of 12 % up to ten, then by squares.
 _STEP, _CLOSE, _FARTHEST = 10 ** (1 / 20), 20, 1e150
 
 
@@ -18,8 +18,8 @@ def margin(verdict_at: Callable[[float], str], bound: float) -> str:
     Parameters
     ----------
     verdict_at : callable
-        Takes a threshold to a verdict. It is asked at some fifty thresholds, and at some ten more between two of them
-        where the verdict changes.
+        Function that returns the verdict for a threshold. It is called for about fifty thresholds, and for about ten
+        more between two thresholds with different verdicts.
     bound : float
         The threshold, above 0.
     """
@@ -33,7 +33,7 @@ def margin(verdict_at: Callable[[float], str], bound: float) -> str:
 
 
 def _guarded(verdict_at: Callable[[float], str]) -> Callable[[float], str]:
-    """A threshold that leaves nothing to decide on has a verdict of its own."""
+    """Return a separate verdict for thresholds without data."""
 
     def asked(bound: float) -> str:
         try:
@@ -45,7 +45,7 @@ def _guarded(verdict_at: Callable[[float], str]) -> Callable[[float], str]:
 
 
 def _last(asked: Callable[[float], str], bound: float, way: int) -> float | None:
-    """The last threshold in one direction with the same verdict, to a hundredth; None if none changes it."""
+    """Return the last threshold with an equal verdict in one direction, to a hundredth; None if it never changes."""
     verdict, inside = asked(bound), bound
     for factor in _factors():
         outside = bound * factor**way
@@ -64,7 +64,7 @@ def _factors() -> Iterator[float]:
 
 
 def _between(asked: Callable[[float], str], verdict: str, inside: float, outside: float) -> float:
-    """The threshold with ``verdict`` at which it changes on the way from ``inside`` to ``outside``."""
+    """Return the last threshold with ``verdict`` between ``inside`` and ``outside``."""
     while max(inside, outside) > 1.001 * min(inside, outside):
         middle = (inside * outside) ** 0.5
         inside, outside = (middle, outside) if asked(middle) == verdict else (inside, middle)

@@ -1,7 +1,7 @@
-"""Local slopes of errors over step sizes, and over how long a stretch they keep to an order.
+"""Local slopes of errors over step sizes, and lengths of ranges where they agree with an order.
 
-All statements about slopes are decided alike. A fit over half a decade would smear the end of one power law with the
-beginning of the next; a local slope and the length of the stretch over which it stays tell both.
+All statements about slopes are decided in this way. A fit over half a decade would mix the end of one power law with
+the beginning of the next one; local slopes with the length of their range distinguish them.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from nearharmonic.reproduction.claims.judging.curves import FEWEST, LOST, Curves
 from nearharmonic.reproduction.claims.judging.definitions import SLOPES
 from nearharmonic.reproduction.claims.results import label, require, short
 
-#: Decades on either side of a step size over which its local slope is fitted: five step sizes, forty a decade.
+#: Half width in decades of the fit of a local slope: five step sizes in total, with forty per decade.
 WINDOW = 0.05
-#: A local slope that is nearer to an order than this is not nearer to another integer.
+#: Tolerance of a local slope: within it no other integer is nearer.
 BAND = SLOPES.number
-#: Decades over which slopes have to stay with an order; in part: two windows, which have no step size in common.
+#: Required length in decades of agreement with an order; for "in part" two windows without a common step size.
 LONG, SHORT = 0.5, 4 * WINDOW
 SLOPE = (
     f"local slopes of the maximum error within {BAND} of the order over {LONG} decades or more of its range of "
@@ -34,7 +34,7 @@ _ROUNDED = 1e-5  # decades: step sizes of a grid are rounded to six digits
 
 
 class Stretch(NamedTuple):
-    """The longest stretch of step sizes per stage without a slope off the band; 0 and 0 if there is none."""
+    """The longest range of step sizes per stage whose slopes are all within the band; 0 and 0 if there is none."""
 
     low: float
     high: float
@@ -52,7 +52,7 @@ class Stretch(NamedTuple):
 
 
 def local_slopes(curves: Curves, name: str, variable: str = "max_energy_error") -> Floats:
-    """Return the slope around each step size, NaN where fewer than three errors around it are finite or one is not."""
+    """Return the slope around each step size; NaN if an error around it is not finite or fewer than three exist."""
     found: Floats = curves.kept(("slopes", name, variable), lambda: _local_slopes(curves, name, variable))
     return found
 
@@ -68,7 +68,7 @@ def _local_slopes(curves: Curves, name: str, variable: str) -> Floats:
 
 
 def stretch(asked: Range, slopes: Floats, order: float, band: float) -> Stretch:
-    """Return the longest stretch of the step sizes asked for with slopes within ``band`` of an order."""
+    """Return the longest range of the requested step sizes with slopes within ``band`` of an order."""
     good: Bools = np.abs(slopes - order) <= band
     low, high = asked.longest(good)
     return Stretch(low, high) if high > 0 else Stretch(0.0, 0.0)
@@ -81,14 +81,14 @@ def truncation_of(curves: Curves, name: str) -> Range:
 
 
 def judged(found: Stretch) -> Verdict:
-    """The verdict on one stretch."""
+    """Return the verdict on one range."""
     if found.decades >= LONG - _ROUNDED:
         return "holds"
     return "holds in part" if found.decades >= SHORT - _ROUNDED else "fails"
 
 
 def slopes_are(system: str, expected: Mapping[str, int]) -> Decide:
-    """Judge of statements about the orders of methods that a figure of one system shows."""
+    """Return the judge of statements about the orders of methods in a figure of one system."""
     return lambda results, band: orders(curves_of(results, system), expected, band)
 
 
@@ -103,12 +103,12 @@ def orders(curves: Curves, expected: Mapping[str, int], band: float) -> Decision
 
 
 def large_steps(curves: Curves, *names: str) -> Range:
-    """Return the step sizes of the decade that ends where the first of some maximum errors passes 1 %.
+    """Return the step sizes of the decade that ends at the first maximum error above 1 %.
 
     Raises
     ------
     Undecided
-        There are fewer than three, or none passes it.
+        There are fewer than three step sizes, or no error above 1 %.
     """
     end = curves.x[(curves.errors(names) > LOST).any(axis=0)].min(initial=np.inf)
     asked = (curves.x > end / 10) & (curves.x < end)

@@ -1,1 +1,1 @@
-"""Pages that show verdicts: sums by kind, README, docs/claims.md."""
+"""Pages of verdicts: sums by kind, README, docs/claims.md."""

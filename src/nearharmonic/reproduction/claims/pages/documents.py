@@ -2,8 +2,8 @@
 
 ``python -m nearharmonic.reproduction.claims.pages.documents FILE`` writes all of them.
 
-``docs/claims.json`` is a copy of FILE, the ``tables/claims.json`` of a result in which every target has run. README
-shows some of it, ``docs/claims.md`` all.
+``docs/claims.json`` is a copy of FILE, the ``tables/claims.json`` of a result with all targets. README shows some
+verdicts, ``docs/claims.md`` all.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from nearharmonic.reproduction.claims.pages.summary import (
 
 COPY, PAGE, README = "docs/claims.json", "docs/claims.md", "README.md"
 
-#: What README shows: of what, in which words, and the statements; several have a verdict for each system.
+#: Rows in README: subject, words, and statements; several statements have a verdict for each system.
 SHOWN = (
     ("abstract and conclusion", "perform significantly better than previous integrators", ("significantly-better",)),
     ("", "outperform Ruth", ("outperform-ruth",)),
@@ -51,14 +51,14 @@ SHOWN = (
     ("", "(A), (B) and (D) are stable; (D) in its plane alone: `fig6_displaced`", ("fig-6-others-stable",)),
 )
 
-#: The dozen statements that carry the paper, with which its page begins.
+#: The dozen main statements of the paper, with which its page begins.
 CARRYING = (
     "significantly-better", "outperform-ruth", "best-performance", "greatly-and-consistently",
     "stable-with-large-steps", "fig-1-sixth-order", "fig-2-reads-order", "fig-3-sixth-order-descent",
     "fig-4-coincide", "fig-5-best-mean", "table-4-solves", "table-4-fourth-order",
 )  # fmt: skip
 
-#: What README says of each failure of substance.
+#: Text in README for each failure of substance.
 SUBSTANCE = {
     "outperform-ruth-kepler": "on the Sun-Mercury system the new methods beat Ruth's by factors and not by several "
     "orders of magnitude",
@@ -79,7 +79,7 @@ statements that need another target which it is. This page is generated from [cl
 
 
 def verdict_table(entries: Sequence[Entry]) -> str:
-    """Return README's table of verdicts, a row a statement, and the sentences below it."""
+    """Return README's table of verdicts, one row per statement, and the sentences below it."""
     by_id = {entry["id"]: entry for entry in entries}
     rows = []
     for of, words, ids in SHOWN:
@@ -99,7 +99,7 @@ def verdict_table(entries: Sequence[Entry]) -> str:
 
 
 def failures_in_words(entries: Sequence[Entry]) -> str:
-    """Return what fails in substance, in a sentence."""
+    """Return the failures of substance in a sentence."""
     failing = {entry["id"] for entry in failures(entries)}
     said = [words for name, words in SUBSTANCE.items() if name in failing]
     number = {1: "One fails", 2: "Two fail", 3: "Three fail"}.get(len(said), f"{len(said)} fail")
@@ -127,7 +127,7 @@ def _table_of_sums(entries: Sequence[Entry]) -> list[str]:
     return [*pipes(["kind", "statements", *(VERDICTS[verdict] for verdict in shown)], rows, align="lr"), ""]
 
 
-#: The section in which an equation, table or figure stands, by its kind and the last number of each.
+#: Section of an equation, table or figure, by its kind and the last number in each section.
 _PLACES = {
     "Eq": ((4, "Section 2"), (17, "Section 3"), (20, "Section 4.B")),
     "Table": ((1, "Section 2"), (3, "Section 3"), (4, "Section 4.A")),
@@ -146,7 +146,7 @@ _TITLES = {
 
 
 def section_of(place: str) -> str:
-    """Return the section of a place in the paper: that which it names, or that of its equation, table or figure."""
+    """Return the section of a place in the paper: the named section, or that of its equation, table or figure."""
     named = re.match(r"(Abstract|Section \d(?:\.[AB])?)", place)
     if named:
         return named[1]
@@ -155,7 +155,7 @@ def section_of(place: str) -> str:
 
 
 def _by_section(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
-    """The statements of the paper by section, in its order."""
+    """Return the statements of the paper by section, in order."""
     found: dict[str, list[Entry]] = {section: [] for section in _TITLES}
     for entry in of_the_paper(entries):
         found[section_of(entry["paper"]["section"])].append(entry)
@@ -171,7 +171,7 @@ def _folded(section: str, entries: Sequence[Entry]) -> Iterator[str]:
 
 
 def _in_short(entry: Entry) -> Iterator[str]:
-    """A statement, its verdict and what was measured."""
+    """Return a statement, its verdict and its value."""
     yield from _item(f"“{entry['paper']['sentence']}” ({entry['paper']['section']}; `{entry['id']}`): ")
     yield ""
     first, *rest = _lines(f"{entry['verdict']}: {entry['value']}.")
@@ -181,7 +181,7 @@ def _in_short(entry: Entry) -> Iterator[str]:
 
 
 def _told(entry: Entry) -> Iterator[str]:
-    """A statement, its verdict, what was measured and what was asked."""
+    """Return a statement, its verdict, its value and its threshold."""
     yield f"**{entry['verdict']}** · `{entry['id']}` · {entry['kind']} · {entry['paper']['section']}"
     yield ""
     yield from (f"> {line}" for line in _lines(f"“{entry['paper']['sentence']}”"))
@@ -208,7 +208,7 @@ def _wrapped(text: str) -> list[str]:
 
 
 def _escaped(text: str) -> str:
-    """Text in which Markdown finds no marks but those of code."""
+    """Return text with escaped Markdown marks, except those of code."""
     parts = text.split("`")
     return "`".join(part if i % 2 else re.sub(r"([|*_\[\]])", r"\\\1", part) for i, part in enumerate(parts))
 

@@ -1,4 +1,4 @@
-"""Measured values in a few words, as README's table shows them: parts of the values of statements."""
+"""Short forms of measured values for README's table: parts of the values of statements."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ Shorten = Callable[[str], str]
 
 
 def found(pattern: str, value: str) -> str:
-    """Return the groups of the first match, the first that matched; the whole match if there are none.
+    """Return the first matching group of the first match, or the whole match without groups.
 
     Raises
     ------
     ValueError
-        Nothing matches: the value has other words than README expects.
+        There is no match: the value has other words than README expects.
     """
     match = re.search(pattern, value)
     if match is None:
@@ -39,7 +39,7 @@ def _decades(value: str) -> str:
 
 
 def _ahead(value: str) -> str:
-    """The fewest and the most step sizes at which a new method is ahead."""
+    """Return the smallest and the largest number of step sizes at which a new method is better."""
     total = int(found(r"of (\d+):", value))
     counts = [int(one) for one in re.findall(r"B\S+ (\d+)", value)]
     if "each at all" in value or not counts:
@@ -49,12 +49,12 @@ def _ahead(value: str) -> str:
 
 
 def _share(value: str) -> str:
-    """The step sizes at which a statement about a range is true."""
+    """Return the step sizes at which a statement about a range is true."""
     every = re.search(r"all (\d+) step sizes", value)
     return f"{every[1]} of {every[1]}" if every else found(r"\d+ of \d+(?= step sizes)", value)
 
 
-#: id -> what is shown of its value; the value itself for the others.
+#: id -> short form of its value; other ids show the whole value.
 SHORT: Mapping[str, Shorten] = {
     "significantly-better": lambda value: (
         "pairs won by maximum / mean error, of 24: " + _each_system(r"(\d+) and (\d+) of 24", value)
@@ -69,7 +69,7 @@ SHORT: Mapping[str, Shorten] = {
     "fig-5-best-maximum": lambda value: f"{_share(value)} step sizes: {found(r'^(.*?),', value)}",
     "fig-5-best-mean": lambda value: f"{_share(value)} step sizes: {found(r'^(.*?),', value)}",
 }
-#: Beginning of ids -> words, and what is shown of the value for each system.
+#: Beginning of ids -> words, and short form of the value for each system.
 BY_SYSTEM: Mapping[str, tuple[str, Shorten]] = {
     "outperform-kahan": ("step sizes at which a new method is ahead", _ahead),
     "outperform-blanes": ("step sizes at which a new method is ahead", _ahead),
@@ -87,12 +87,12 @@ def _spread(listed: str) -> str:
 
 
 def in_short(name: str, value: str) -> str:
-    """Return what README shows of the value of a statement."""
+    """Return the short form of the value of a statement in README."""
     return SHORT.get(name, str)(value)
 
 
 def by_system(name: str, values: Sequence[str]) -> str:
-    """Return what README shows of statements about each system, in the order of :data:`SYSTEMS`."""
+    """Return the short forms of statements about each system, in the order of :data:`SYSTEMS`."""
     words, shorten = BY_SYSTEM[name]
     listed = ", ".join(f"{system} {shorten(value)}" for system, value in zip(SYSTEMS.values(), values, strict=True))
     return f"{words}: {listed}"

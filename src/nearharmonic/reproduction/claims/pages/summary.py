@@ -12,13 +12,13 @@ from nearharmonic.reproduction.claims.claim import OPEN
 
 Entry = Mapping[str, Any]
 
-#: Kinds in the order of their weight, and what many of them are called; findings are this project's, and not counted.
+#: Kinds in the order of their weight, with plurals; findings are not counted, because they are not in the paper.
 KINDS = {
     "result": "results", "mathematics": "mathematics", "background": "background", "attribution": "attributions",
     "misprint": "misprints",
 }  # fmt: skip
 FINDING = "finding"
-#: Verdicts, and what many statements do.
+#: Verdicts, with plurals.
 VERDICTS = {
     "holds": "hold",
     "holds but for edges": "hold but for edges",
@@ -27,12 +27,12 @@ VERDICTS = {
     "erratum": "are errata",
     OPEN: "are not decided here",
 }
-#: Kinds of which a statement that fails is a failure of substance.
+#: Kinds whose failures are failures of substance.
 SUBSTANCE = ("result", "mathematics")
 
 
 def of_the_paper(entries: Iterable[Entry]) -> list[Entry]:
-    """Return the statements of the paper: all but findings."""
+    """Return the statements of the paper: all except findings."""
     return [entry for entry in entries if entry["kind"] != FINDING]
 
 
@@ -54,7 +54,7 @@ def tally(entries: Sequence[Entry]) -> str:
 
 
 def in_words(found: Mapping[str, int]) -> str:
-    """Return how many statements have which verdict: 1 holds, 2 are errata."""
+    """Return the numbers of statements by verdict in words: 1 holds, 2 are errata."""
     told = ((found[verdict], verdict if found[verdict] == 1 else many) for verdict, many in VERDICTS.items())
     return ", ".join(f"{number} {words}" for number, words in told if number)
 
@@ -65,7 +65,7 @@ def failures(entries: Iterable[Entry]) -> list[Entry]:
 
 
 def verdicts_line(document: str | Path, command: str) -> str:
-    """Return what a run says of its statements, and the command that decides those it leaves open.
+    """Return a line on the verdicts of a run, and the command that decides the open statements.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""Splitting coefficients from nothing: the harmonic order conditions, their solutions, and proofs that none lacks.
+"""Derivation of splitting coefficients: harmonic order conditions, their solutions, and proofs of completeness.
 
 ``conditions`` states the conditions, and ``starts`` finds solutions in double from random starts. ``elimination`` finds
-all of them exactly where the conditions leave nothing free; ``isolated`` joins both and proves each solution.
-``families`` compares with the printed sets, and ``simplex`` is the route of the paper.
+all solutions exactly if there are no free parameters. ``isolated`` combines both and proves each solution. ``families``
+compares the solutions with the printed sets. ``simplex`` is the method of the paper.
 """

@@ -1,4 +1,4 @@
-"""The harmonic order conditions of a symmetric tableau, in whatever arithmetic their unknowns come in."""
+"""The harmonic order conditions of a symmetric tableau, in the arithmetic of their unknowns."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ LOWEST_CONDITION = 3
 class Equations(SymmetricSteps):
     """The equations kappa_3 = ... = kappa_lambda = 0 (Nielsen 2015, Eq. 17) for the position after one symmetric step.
 
-    Unknowns may be mpf, Fraction, float or mpmath's intervals; results are of the same kind.
+    Unknowns may be mpf, Fraction, float or intervals of mpmath; results have the same type.
 
     Parameters
     ----------
@@ -71,11 +71,11 @@ class Equations(SymmetricSteps):
 
     @property
     def free_parameters(self) -> int:
-        """Dimension of the solution set where the conditions are independent; 0 for isolated solutions."""
+        """Dimension of the solution set if the conditions are independent; 0 for isolated solutions."""
         return self.unknowns - self.conditions
 
     def tableau_unknowns(self, tableau: Tableau) -> Numbers:
-        """The unknowns of ``tableau`` in its own role, exact."""
+        """Return the exact unknowns of ``tableau`` in its declared role."""
         return self.halved(*tableau.rows_exact())
 
     def tableau(self, outer: Sequence[str], inner: Sequence[str], **about: Any) -> Tableau:
@@ -84,16 +84,16 @@ class Equations(SymmetricSteps):
         return Tableau(order=4, first=self.first, kick=tuple(kick), drift=tuple(drift), **about)
 
     def residuals(self, x: Sequence[BigFloat]) -> Numbers:
-        """Signed kappa_3, ..., kappa_lambda: q^(l)(0) - l! zeta_l."""
+        """Return signed kappa_3, ..., kappa_lambda: q^(l)(0) - l! zeta_l."""
         return self.errors(x, self.harmonic_order)[LOWEST_CONDITION - 1 :]
 
     def errors(self, x: Sequence[BigFloat], highest: int) -> Numbers:
-        """Signed kappa_1, ..., kappa_highest, of which this case makes those up to its harmonic order vanish."""
+        """Return signed kappa_1, ..., kappa_highest; the conditions make them vanish up to the harmonic order."""
         zeta = states(self.step(x), highest)[-1][0]
         return [DERIVATIVES[n % 4] - factorial(n) * zeta[n] for n in range(1, highest + 1)]
 
     def jacobian(self, x: Sequence[BigFloat]) -> list[Numbers]:
-        """Derivatives of the residuals: one row per condition, one column per unknown."""
+        """Return the derivatives of the residuals: one row per condition, one column per unknown."""
         powers = range(LOWEST_CONDITION, self.harmonic_order + 1)
         by_factor = slopes(self.step(x), self.harmonic_order, POSITION)
         gradients = [[-factorial(n) * row[n] for n in powers] for row in by_factor]
@@ -103,7 +103,7 @@ class Equations(SymmetricSteps):
 
 @dataclass(frozen=True)
 class PolishedSolution:
-    """A solution, or how far Newton's method came: the fields of :class:`~nearharmonic.exact.newton.Limit`.
+    """A solution, or the last state of Newton's method: the fields of :class:`~nearharmonic.exact.newton.Limit`.
 
     ``unknowns`` (mpf), and the decimal strings of the ``outer`` and ``inner`` rows, are empty unless ``converged``.
     """
@@ -120,7 +120,7 @@ class PolishedSolution:
 def polish(
     equations: Equations, start: Sequence[BigFloat], *, digits: int = 128, fixed: Sequence[int] = ()
 ) -> PolishedSolution:
-    """The solution near ``start``, its rows to ``digits`` decimals, with the unknowns of the indices ``fixed`` kept."""
+    """Return the solution near ``start``, its rows to ``digits`` decimals; unknowns with indices ``fixed`` are kept."""
     limit = newton(equations.residuals, equations.jacobian, start, digits=digits, fixed=fixed)
     with mp.workdps(digits + GUARD):
         outer, inner = equations.palindromes(limit.point) if limit.converged else ([], [])
@@ -136,15 +136,15 @@ def polish(
 
 
 def equations_of(tableau: Tableau) -> Equations:
-    """Return the conditions that ``tableau`` declares to solve."""
+    """Return the conditions that ``tableau`` solves according to its declaration."""
     assert tableau.harmonic_order is not None
     return Equations(tableau.stages, tableau.harmonic_order, tableau.first)
 
 
 def agreeing_decimals(tableau: Tableau, outer: Sequence[str], inner: Sequence[str]) -> int:
-    """Return to how many decimals a tableau and derived rows agree.
+    """Return the number of decimals to which a tableau and derived rows agree.
 
-    Agreement to n decimals is a difference below 10^-n: less than one unit of the last digit, however it was rounded.
+    Agreement to n decimals is a difference below 10^-n: less than one unit of the last digit, for any rounding.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def agreeing_decimals(tableau: Tableau, outer: Sequence[str], inner: Sequence[st
     Returns
     -------
     int
-        The least number among the independent coefficients, at most the decimals that the tableau guarantees.
+        The minimum over the independent coefficients, at most the guaranteed decimals of the tableau.
     """
     equations = equations_of(tableau)
     printed = equations.halved(tableau.outer, tableau.inner)
@@ -165,9 +165,9 @@ def agreeing_decimals(tableau: Tableau, outer: Sequence[str], inner: Sequence[st
 
 
 def _folded(gradients: list[Numbers]) -> list[Numbers]:
-    """Derivatives by the unknowns of a row from those by its coefficients: mirror images move with their originals."""
+    """Return the derivatives by the unknowns of a row from those by its coefficients: mirror images change together."""
     length = len(gradients)
     count = (length - 1) // 2
     mirrored = [[a + b for a, b in zip(gradients[i], gradients[-1 - i], strict=True)] for i in range((length + 1) // 2)]
-    # The centre of an odd row loses twice what an unknown gains; the fold above has counted it twice.
+    # The centre of an odd row changes by -2 times the change of an unknown; the fold above has counted it twice.
     return [[a - b for a, b in zip(mirrored[i], mirrored[count], strict=True)] for i in range(count)]

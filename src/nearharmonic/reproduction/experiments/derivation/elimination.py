@@ -1,15 +1,15 @@
-"""All solutions of a case with nothing left free, by exact elimination: how many are complex, how many real, and which.
+"""All solutions of a case without free parameters, by exact elimination: numbers of complex and real solutions.
 
-Half a symmetric step, up to the centre of the tableau, is a matrix H = [[A, B], [C, D]] of polynomials in tau with
-A D - B C = 1, A and D even, B and C odd; the step is K = [[A D + B C, 2 B D], [2 A C, A D + B C]]. The conditions on
-the position up to tau^lambda then read A D = cos(tau/2)^2 and B D = sin(tau/2) cos(tau/2) up to that power, so that one
-of the polynomials, as B or D, determines the others as truncated series, and what remains is that A D - B C has no
-higher powers. In the coefficients y_i of tau^(2i) of that polynomial, with y_i of weight i, the remaining conditions
-have weights w_1, ..., w_k whose leading parts vanish together at y = 0 only. By Bezout's theorem there are then exactly
-w_1 ... w_k / k! complex solutions with their multiplicities, and the quotient ring has that dimension.
+Half a symmetric step, up to the centre of the tableau, is a matrix H = [[A, B], [C, D]] of polynomials in tau with A D
+- B C = 1, A and D even, B and C odd; the step is K = [[A D + B C, 2 B D], [2 A C, A D + B C]]. The conditions on the
+position up to tau^lambda then read A D = cos(tau/2)^2 and B D = sin(tau/2) cos(tau/2) up to that power, so that one of
+the polynomials (B or D) determines the others as truncated series. The remaining conditions are that A D - B C has no
+higher powers. Let y_i, with weight i, be the coefficients of tau^(2i) of this polynomial. The remaining conditions in
+y_i have weights w_1, ..., w_k, and their leading parts have y = 0 as the only common zero. By Bezout's theorem there
+are then exactly w_1 ... w_k / k! complex solutions with their multiplicities, and the quotient ring has that dimension.
 
-Coefficients follow from A and B by Euclid's algorithm, so two solutions in y never share a tableau; those that have no
-tableau (a degree that drops) can only make the count of tableaus smaller.
+The coefficients follow from A and B by Euclid's algorithm, so different solutions in y have different tableaus.
+Solutions without a tableau (a degree is too low) can only reduce the number of tableaus.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ from nearharmonic.exact.polynomials import real_root_count, real_roots, sturm_ch
 from nearharmonic.exact.quotient_ring import Echelon, Quotient, SparseVector, weight
 from nearharmonic.reproduction.experiments.derivation.conditions import Equations
 
-#: Bits to which roots of the eliminant are narrowed down: enough for Newton's method to start from them.
+#: Bits of the isolating intervals of the roots of the eliminant: sufficient as starts of Newton's method.
 BITS = 400
 
 
 @dataclass(frozen=True)
 class ReducedSystem:
-    """The conditions left in y_1, ..., y_k, their weights, and the series A and B in terms of y."""
+    """The remaining conditions in y_1, ..., y_k, their weights, and the series A and B in terms of y."""
 
     variables: int
     conditions: tuple[Multivariate, ...]
@@ -63,8 +63,8 @@ class ReducedSystem:
 class Elimination:
     """Results of a case, proved by elimination.
 
-    ``complex_solutions`` is the degree of ``eliminant``, the minimal polynomial of y_1; where ``simple``, it has no
-    multiple root, and its real roots are the real solutions one by one. ``starts`` holds the tableau unknowns of each
+    ``complex_solutions`` is the degree of ``eliminant``, the minimal polynomial of y_1; if ``simple``, it has no
+    multiple root, and its real roots correspond to the real solutions. ``starts`` holds the tableau unknowns of each
     real solution (as floats of 50 digits), for Newton's method; fewer than ``real_solutions`` if some have no tableau.
     """
 
@@ -81,17 +81,17 @@ def eliminate(equations: Equations) -> Elimination:
     Parameters
     ----------
     equations : Equations
-        A case with nothing left free.
+        A case without free parameters.
 
     Returns
     -------
     Elimination
-        How many solutions there are, complex and real, and starts for Newton's method towards the real ones.
+        Numbers of complex and real solutions, and starts of Newton's method for the real ones.
 
     Raises
     ------
     SettingError
-        A harmonic order other than stages + 1, which alone leaves isolated solutions.
+        The harmonic order is not stages + 1: only this order has isolated solutions.
     """
     system = reduced_system(equations)
     ring = Quotient(system.conditions, system.weights)
@@ -120,7 +120,7 @@ def eliminate(equations: Equations) -> Elimination:
 
 
 def reduced_system(equations: Equations) -> ReducedSystem:
-    """Return the polynomial conditions in y that ``equations`` amount to.
+    """Return the polynomial conditions in y that are equivalent to ``equations``.
 
     Raises
     ------
@@ -140,15 +140,15 @@ def reduced_system(equations: Equations) -> ReducedSystem:
     y = [one, *(variable(i, k) for i in range(k))]
     sin_cos, cos_cos = constants(sine, k), constants(cosine, k)
     tangent = product(sin_cos, inverse(cos_cos, length), length)
-    if odd:  # D has m + 1 coefficients, B as many, C as many, A one more
+    if odd:  # B, C and D have m + 1 coefficients, A one more
         D = y
         A, B = product(inverse(D, m + 2), cos_cos, m + 2), product(inverse(D, m + 1), sin_cos, m + 1)
         C = _negative(product(D, tangent, m + 1))
-    elif equations.first == "drift":  # the roles exchanged: 2 A C is what has to be the sine
+    elif equations.first == "drift":  # exchanged roles: 2 A C has to be the sine
         A = y
         D, C = product(inverse(A, m + 1), cos_cos, m + 1), _negative(product(inverse(A, m + 1), sin_cos, m + 1))
         B = product(A, tangent, m)
-    else:  # B has m coefficients, A and D one more, and C one that only the determinant fixes
+    else:  # B has m coefficients, A and D one more; only the determinant fixes one coefficient of C
         b = y
         B = [{n: c / 2 for n, c in p.items()} for p in b]
         D = product(inverse(b, m + 1), [{n: 2 * c for n, c in p.items()} for p in sin_cos], m + 1)
@@ -167,7 +167,7 @@ def _negative(series: PowerSeries) -> PowerSeries:
 
 
 def _tableau_unknowns(equations: Equations, system: ReducedSystem, y: Sequence[Any]) -> tuple[Any, ...] | None:
-    """The coefficients behind A and B, by Euclid's algorithm; None where a degree drops and there are none."""
+    """Return the coefficients of the tableau for A and B, by Euclid's algorithm; None if a degree is too low."""
     A, B = ([_value(p, y) for p in series] for series in (system.A, system.B))
     outer, inner = [], []
     smallest = mpf(2) ** (-BITS // 4)

@@ -1,6 +1,6 @@
-"""Printed sets compared with what is derived: the isolated roots that they are, the families that they lie in.
+"""Comparison of printed sets with derived solutions: isolated roots and families.
 
-A set that lies in a family with free parameters is proved, continued to more digits, and ranked among random members.
+A set in a family with free parameters is proved, continued to more digits, and ranked among random members.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from nearharmonic.reproduction.experiments.derivation.conditions import (
 from nearharmonic.reproduction.experiments.derivation.isolated import IsolatedSolutions, Root
 from nearharmonic.reproduction.experiments.derivation.search.starts import sample
 
-#: The sets of Nielsen (2015), Table 4, that its conditions fix.
+#: The sets of Nielsen (2015), Table 4, that the conditions determine uniquely.
 UNIQUE = tuple(tableau.name for tableau in TABLEAUS if equations_of(tableau).free_parameters == 0)
-#: The sets of Nielsen (2015), Table 4, that its conditions do not fix.
+#: The sets of Nielsen (2015), Table 4, with free parameters.
 PRINTED = tuple(tableau.name for tableau in TABLEAUS if equations_of(tableau).free_parameters > 0)
-#: How many orders beyond the harmonic one count as the "higher order SHO errors" of the paper's criterion.
+#: Number of orders above the harmonic order that are the "higher order SHO errors" of the paper's criterion.
 HIGHER_ORDERS = 4
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """A printed set that is a derived root: number ``root`` of its case, equal to ``decimals`` decimals."""
+    """A printed set that is a derived root: index ``root`` in its case, agreement to ``decimals`` decimals."""
 
     name: str
     root: int | None
@@ -50,11 +50,12 @@ class Agreement:
 class PrintedPoint:
     """One printed set as a solution of its own conditions.
 
-    ``rank`` of the Jacobian there, in multiprecision, leaves ``free_parameters``. ``printed_residual`` is the largest
-    |kappa| up to the harmonic order of the set as printed. ``proof`` is about the solution with the unknowns of the
-    indices ``fixed`` exactly as printed, the others being those that the conditions fix best. ``continued`` is the
-    solution nearest to the print: corrected in the directions that the conditions fix, left alone along the family;
-    ``decimals`` is to how many decimals every unknown then agrees with the print.
+    ``rank`` is the rank of the Jacobian there, in multiprecision; it determines the number of ``free_parameters``.
+    ``printed_residual`` is the largest |kappa| of the printed set up to its harmonic order. ``proof`` concerns the
+    solution whose unknowns with the indices ``fixed`` are exactly as printed; the conditions determine the others best.
+    ``continued`` is the solution nearest to the printed set: it is corrected in the directions that the conditions
+    determine, and unchanged along the family. ``decimals`` is the number of decimals to which every unknown of it
+    agrees with the printed set.
     """
 
     name: str
@@ -70,14 +71,14 @@ class PrintedPoint:
 
 @dataclass(frozen=True)
 class Ranking:
-    """Rank of a printed set among the members of its family that random starts lead to.
+    """Rank of a printed set among the members of its family that are found from random starts.
 
     ``sum_of_absolute_values`` and ``higher`` (|kappa| of the next four orders) are the paper's criteria;
-    ``smaller_sum`` and ``smaller_higher`` the fractions of members with less. ``better_in_all`` counts the members that
-    are better by every one of them, ``smallest_sum`` is the least sum met, ``nearest`` the distance (largest difference
-    of an unknown) of the member nearest to the printed set. ``sum_slope`` and ``higher_slope`` are the lengths of the
-    gradients of the sum and of the first higher |kappa| along the family: where neither is 0, the printed set is not
-    where a criterion is least, and no criterion can give its digits.
+    ``smaller_sum`` and ``smaller_higher`` are the fractions of members with smaller values. ``better_in_all`` is the
+    number of members that are better by all criteria. ``smallest_sum`` is the smallest sum found. ``nearest`` is the
+    distance (largest difference of an unknown) of the nearest member from the printed set. ``sum_slope`` and
+    ``higher_slope`` are the lengths of the gradients of the sum and of the first higher |kappa| along the family: if
+    both are nonzero, the printed set is not at the minimum of a criterion, and no criterion can reproduce its digits.
     """
 
     name: str
@@ -95,14 +96,14 @@ class Ranking:
 
 
 def agreement(name: str, isolated: Sequence[IsolatedSolutions]) -> Agreement:
-    """Find which root a printed set is, and to how many decimals.
+    """Find the root that equals a printed set, and the number of equal decimals.
 
     Parameters
     ----------
     name : str
         Name of the printed set.
     isolated : sequence of IsolatedSolutions
-        The solutions of the cases, that of the set among them; otherwise it is no root.
+        The solutions of the cases; without the case of the set, the set is no root.
 
     Raises
     ------
@@ -128,7 +129,7 @@ def printed_point(name: str, *, digits: int = 128) -> PrintedPoint:
     Parameters
     ----------
     name : str
-        Name of the set, which has to declare its harmonic order.
+        Name of the set; it must declare its harmonic order.
     digits : int
         Decimals of the continued solution.
 
@@ -162,18 +163,18 @@ def printed_point(name: str, *, digits: int = 128) -> PrintedPoint:
 def rank_printed(
     names: Sequence[str], starts: RandomStarts, report: Callable[[str], None] = lambda _: None
 ) -> list[Ranking]:
-    """Rank printed sets among the members of their families, of which random starts give a sample.
+    """Rank printed sets among members of their families, found from random starts.
 
-    The sample is not a uniform one. Sets of one family share it.
+    The sample of members is not uniform. Sets of one family share a sample.
 
     Parameters
     ----------
     names : sequence of str
         Names of the sets.
     starts : RandomStarts
-        Where the search of each family begins.
+        Starts of the search in each family.
     report : callable
-        Is told of the progress.
+        Function that is called with a line on the progress.
 
     Raises
     ------
@@ -197,18 +198,18 @@ def derived_tableaus(
     printed: Sequence[PrintedPoint],
     digits: int,
 ) -> dict[str, Tableau]:
-    """Return the derived counterpart of each printed set, by name: the root it is, or the nearest of its family.
+    """Return the derived counterpart of each printed set, by name: a root, or the nearest member of its family.
 
     Parameters
     ----------
     isolated : sequence of IsolatedSolutions
         The solutions of the cases.
     agreements : sequence of Agreement
-        Which of them each set is that its conditions fix; a set that is none is left out.
+        Agreements of the sets without free parameters; a set without an equal root is omitted.
     printed : sequence of PrintedPoint
-        The other sets; one that was not continued is left out.
+        The other sets; a set that was not continued is omitted.
     digits : int
-        Decimals to which both are known.
+        Decimals of the solutions and of the continued sets.
     """
     cases = {case.equations.stages: case for case in isolated}
     tableaus = {}
@@ -251,7 +252,7 @@ def _ranking(name: str, equations: Equations, starts: int, points: Any, criteria
 
 
 def _criteria(equations: Equations, x: Sequence[float]) -> list[float]:
-    """The sum of the absolute values of all coefficients, then |kappa| of the orders beyond the harmonic one."""
+    """Return the sum of all |coefficients|, then |kappa| of the orders above the harmonic order."""
     outer, inner = equations.palindromes(x)
     highest = equations.harmonic_order
     higher = equations.errors(x, highest + HIGHER_ORDERS)[highest:]
@@ -259,10 +260,10 @@ def _criteria(equations: Equations, x: Sequence[float]) -> list[float]:
 
 
 def _slopes(equations: Equations, x: Sequence[float]) -> list[float]:
-    """Lengths of the gradients of the criteria along the family, by central differences."""
+    """Return the lengths of the gradients of the criteria along the family, by central differences."""
     jacobian = np.array(equations.jacobian(x), dtype=float)
     tangents = np.linalg.svd(jacobian)[2][len(jacobian) :]
-    at, step = np.array(x), 1e-6  # both truncation and rounding of the difference leave about 1e-10
+    at, step = np.array(x), 1e-6  # truncation and rounding errors of the difference are both about 1e-10
     gradients = [
         (np.array(_criteria(equations, at + step * t)) - np.array(_criteria(equations, at - step * t))) / (2 * step)
         for t in tangents

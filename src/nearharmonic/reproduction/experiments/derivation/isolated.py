@@ -1,6 +1,6 @@
-"""Every real solution of a case with nothing left free: searched for, counted exactly, polished and proved.
+"""All real solutions of a case without free parameters: search, exact count, refinement and proof.
 
-How far the harmonic order goes with the number of stages (the remark on Eq. 17 in Nielsen 2015) follows from these.
+They determine the largest harmonic order for a number of stages (the remark on Eq. 17 in Nielsen 2015).
 """
 
 from __future__ import annotations
@@ -21,26 +21,27 @@ from nearharmonic.reproduction.experiments.derivation.conditions import Equation
 from nearharmonic.reproduction.experiments.derivation.elimination import eliminate, reduced_system
 from nearharmonic.reproduction.experiments.derivation.search.starts import sample, search
 
-#: The cases of Nielsen (2015) that leave nothing free, as (stages, harmonic order).
+#: The cases of Nielsen (2015) without free parameters, as (stages, harmonic order).
 CASES = ((5, 6), (6, 7), (7, 8))
-#: Stages up to which elimination takes seconds; 9 stages have a ring of 126 dimensions and take minutes.
+#: Largest number of stages for which elimination takes seconds; 9 stages have a ring of 126 dimensions and take
+#: minutes.
 ELIMINABLE_STAGES = 8
-#: Starts of a search for any solution of an order, and the bound of its unknowns.
+#: Number of starts of a search for any solution of an order, and bound of the unknowns.
 FEW, NEAR = 500, 10.0
-#: Unknowns near a solution, how many random starts led there, and whether elimination finds it.
+#: Unknowns near a solution, number of random starts that lead there, and True if elimination finds it.
 Candidate = tuple[tuple[Any, ...], int, bool]
-#: A higher kappa of a solution proved to 100 digits that is above this is no zero.
+#: Threshold: a higher kappa above this is nonzero for a solution proved to 100 digits.
 NOT_ZERO = 1e-9
 
 
 @dataclass(frozen=True)
 class Root:
-    """One real solution: decimal strings of both rows, and how well it is known.
+    """One real solution: decimal strings of both rows, and the accuracy of the proof.
 
     ``residual`` is the largest |kappa| up to the harmonic order. ``proved``: by Krawczyk's test, exactly one solution
-    lies within ``radius`` of each unknown, which is at most ``distance`` from it. ``hits`` counts the random starts
-    that led here, and ``eliminated`` tells whether elimination finds it as well. ``higher`` holds |kappa| of the three
-    orders that follow.
+    is within ``radius`` of the unknowns, and its distance is at most ``distance``. ``hits`` is the number of random
+    starts that lead here. ``eliminated`` is True if elimination finds the solution too. ``higher`` has |kappa| of the
+    next three orders.
     """
 
     outer: tuple[str, ...]
@@ -65,13 +66,13 @@ class Root:
 
 @dataclass(frozen=True)
 class IsolatedSolutions:
-    """The real solutions of one case, by the sum of their absolute values.
+    """The real solutions of one case, sorted by the sum of the absolute values of the coefficients.
 
     ``complex_solutions`` is the exact number of complex solutions, and ``real_solutions`` that of the real ones, by
-    Sturm's theorem; None where elimination was left out. ``complete``: as many distinct solutions were proved, so none
-    is missing, with coefficients of whatever size. Otherwise the roots are those that the search found in its ``box``
-    with no unknown beyond ``bound``. ``unfinished`` says of each candidate that was not polished to its digits, or not
-    proved, how far it came.
+    Sturm's theorem; None without elimination. ``complete``: this number of distinct solutions was proved, so that no
+    solution is missing, with coefficients of any size. Otherwise the roots are those that the search found from its
+    ``box``, with no unknown above ``bound``. ``unfinished`` describes each candidate that was not refined to its digits
+    or not proved.
     """
 
     equations: Equations
@@ -91,10 +92,10 @@ class Reach:
     """The largest harmonic order with a real solution for one number of stages, kick first.
 
     ``lambda_max`` = 2s is the highest power of tau in the new position. ``harmonic_order`` is the largest order with a
-    solution proved to exist (0 if none was found); ``solutions`` counts the distinct real ones found at s + 1, where
-    Bezout's theorem gives ``complex_solutions`` complex ones with their multiplicities. ``proved_largest``: all real
-    solutions at that order are known and none of them meets the next one, so that there is no larger order; otherwise
-    it is the largest found from ``starts``.
+    proved solution (0 if none was found). ``solutions`` is the number of distinct real solutions found at s + 1, where
+    Bezout's theorem gives ``complex_solutions`` complex solutions with their multiplicities. ``proved_largest``: all
+    real solutions at this order are known, and none of them has the next order, so that no larger order exists.
+    Otherwise it is the largest order found from ``starts``.
     """
 
     stages: int
@@ -121,11 +122,11 @@ def solve(
     equations : Equations
         The case.
     starts : RandomStarts
-        Where the search begins.
+        Starts of the search.
     digits : int
         Decimals of the solutions.
     exact : bool, optional
-        Whether to eliminate; by default up to 8 stages.
+        True to eliminate; by default up to 8 stages.
     report : callable
         Is told of the progress.
 
@@ -164,17 +165,17 @@ def reach(
 ) -> list[Reach]:
     """Find the largest harmonic order for each number of stages.
 
-    s + 1 uses up all the unknowns. If that has real solutions, a higher order would have to be met by one of them; if
-    it has none, s is tried.
+    Order s + 1 determines all unknowns. If it has real solutions, a higher order could only be that of one of them; if
+    it has none, order s is tried.
 
     Parameters
     ----------
     stages : sequence of int
         The numbers of stages.
     starts : RandomStarts
-        Where the search begins for each of them.
+        Starts of the search for each of them.
     known : mapping of int to IsolatedSolutions, optional
-        Cases of order s + 1 solved before, by their stages.
+        Already solved cases of order s + 1, by their stages.
     report : callable
         Is told of the progress.
 
@@ -193,7 +194,7 @@ def reach(
 
 
 def _reach_of(case: IsolatedSolutions, starts: RandomStarts) -> Reach:
-    """The largest harmonic order, from the solutions of order s + 1."""
+    """Return the largest harmonic order, from the solutions of order s + 1."""
     s = case.equations.stages
     if case.roots:
         highest, settled = s + 1, case.complete and all(root.higher[0] > NOT_ZERO for root in case.roots)
@@ -212,7 +213,7 @@ def _reach_of(case: IsolatedSolutions, starts: RandomStarts) -> Reach:
 
 
 def _joined(candidates: list[Candidate], start: Sequence[Any]) -> list[Candidate]:
-    """``candidates`` with the solution that elimination found marked, or added if no start led to it."""
+    """Mark the solution from elimination among ``candidates``, or add it if no start led to it."""
     scale = max(1.0, *(abs(float(c)) for c in start))
     for i, (point, hits, _) in enumerate(candidates):
         if max(abs(float(a) - b) for a, b in zip(start, point, strict=True)) < 1e-6 * scale:
@@ -223,7 +224,7 @@ def _joined(candidates: list[Candidate], start: Sequence[Any]) -> list[Candidate
 def _proved(
     equations: Equations, candidates: Sequence[Candidate], digits: int, report: Callable[[str], None]
 ) -> tuple[list[Root], list[str]]:
-    """The solutions next to ``candidates``, by the sum of their absolute values, and what is said of the others."""
+    """Return the proved solutions near ``candidates``, sorted by sum of |coefficients|, and remarks on the others."""
     roots: list[Root] = []
     unfinished: list[str] = []
     for start, hits, eliminated in candidates:
@@ -265,7 +266,7 @@ def _root(equations: Equations, start: Sequence[Any], digits: int, hits: int, el
 
 
 def _exists(equations: Equations, starts: RandomStarts) -> bool:
-    """Return True if a random start leads to a solution that is then proved."""
+    """Return True if a random start leads to a proved solution."""
     for x in sample(equations, replace(starts, count=min(starts.count, FEW), bound=NEAR))[:10].tolist():
         _, pivots = rank_and_pivots(equations.jacobian, x)
         fixed = [j for j in range(equations.unknowns) if j not in pivots]

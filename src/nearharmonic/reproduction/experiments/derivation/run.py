@@ -1,4 +1,4 @@
-"""The whole derivation, from a seed to proved coefficients, and the comparison with what is printed."""
+"""The whole derivation, from a seed to proved coefficients, and the comparison with the printed sets."""
 
 from __future__ import annotations
 
@@ -38,8 +38,7 @@ TAU_PER_STAGE = (0.02, 0.05, 0.1)
 
 @dataclass(frozen=True)
 class Derivation:
-    """Everything that is derived. ``seconds`` are wall times by part; they alone differ between two equal runs, besides
-    the time that each simplex run took."""
+    """All results; ``seconds`` are wall times by part, which differ between equal runs."""
 
     seed: int
     digits: int
@@ -53,14 +52,14 @@ class Derivation:
 
 
 def derive(settings: DerivationSettings, report: Report) -> dict[str, Table | dict[str, Any]]:
-    """Derive the sets of Nielsen (2015), Table 4, and tabulate what is found.
+    """Derive the sets of Nielsen (2015), Table 4, and tabulate the results.
 
     Parameters
     ----------
     settings : DerivationSettings
-        How hard to search.
+        Effort of the search.
     report : callable
-        Is told of the progress.
+        Function that is called with a line on the progress.
 
     Returns
     -------
@@ -135,7 +134,7 @@ def _timed(seconds: dict[str, float], report: Report, part: str) -> Iterator[Non
 
 
 def document(found: Derivation) -> dict[str, Any]:
-    """Return all but the times, in the types that TOML has; what is None is left out."""
+    """Return all results except times, in types of TOML; None is omitted."""
     told = plain(found)
     told.pop("seconds")
     for run in told["simplex"]:

@@ -1,4 +1,4 @@
-"""Tables of the results of a derivation, and the solutions of one case measured side by side."""
+"""Tables of the results of a derivation, and energy errors of the solutions of one case."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from nearharmonic.theory.oscillator import harmonic_energy_error
 from nearharmonic.theory.table_4 import table_4
 
 ROLES: tuple[First, ...] = ("drift", "kick")
-#: Decimals of the coefficients that errors are measured with.
+#: Decimals of the coefficients in measurements of errors.
 DIGITS = 40
 
 
@@ -28,8 +28,8 @@ DIGITS = 40
 class SolutionErrors:
     """Energy errors of one solution in one role at one step size: |H - H0|/|H0|, infinite where it left its surface.
 
-    ``harmonic_oscillator`` is the exact supremum over arbitrarily many steps, ``henon_heiles`` the maximum over every
-    step of the system's whole interval.
+    ``harmonic_oscillator`` is the exact supremum over arbitrarily many steps, ``henon_heiles`` the maximum over all
+    steps of the interval of the system.
     """
 
     solution: int
@@ -91,7 +91,7 @@ def solutions(cases: Sequence[IsolatedSolutions]) -> Table:
 
 
 def counts(cases: Sequence[IsolatedSolutions]) -> Table:
-    """Tabulate how many solutions each isolated case has, and why none is missing."""
+    """Tabulate the number of solutions of each isolated case, and the proof of completeness."""
     header = (
         "stages", "harmonic order", "complex solutions", "real solutions by Sturm", "proved to exist", "complete",
         "starts", "converged",
@@ -115,7 +115,7 @@ def reach_of_stages(reaches: Sequence[Reach]) -> Table:
 
 
 def families(printed: Sequence[PrintedPoint], rankings: Sequence[Ranking]) -> Table:
-    """Tabulate each printed set that its conditions leave free.
+    """Tabulate each printed set with free parameters.
 
     Parameters
     ----------
@@ -144,16 +144,16 @@ def families(printed: Sequence[PrintedPoint], rankings: Sequence[Ranking]) -> Ta
 
 
 def routes(cases: Sequence[IsolatedSolutions], simplex: Sequence[SimplexRun], seconds: Mapping[str, float]) -> Table:
-    """Tabulate the two routes to the coefficients in digits and work.
+    """Compare the two methods for the coefficients by digits and work.
 
     Parameters
     ----------
     cases : sequence of IsolatedSolutions
-        What our route found.
+        Results of our method.
     simplex : sequence of SimplexRun
-        What the route of the paper found.
+        Results of the method of the paper.
     seconds : mapping
-        Wall time of our route by case, in seconds of this machine and this run.
+        Wall time of our method by case, in seconds on this machine.
     """
     header = ("route", "stages", "start", "reached", "largest kappa", "agrees to", "evaluations", "restarts", "seconds")
     rows: list[tuple[Any, ...]] = []

@@ -1,1 +1,1 @@
-"""The oscillator of the Henon-Heiles system solved exactly, beside the split into T and V."""
+"""Comparison of the splitting with an exactly solved oscillator and the splitting into T and V, on Henon-Heiles."""

@@ -1,4 +1,4 @@
-"""Figures of energy error against amplitude: the oscillator solved exactly beside the split into T and V."""
+"""Figures of energy error against amplitude: exactly solved oscillator, and splitting into T and V."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def _energy(amplitude: Any) -> Any:
 
 
 def _legend(drawn: Figure, cube: xr.Dataset) -> None:
-    """Solid methods on the left, dashed ones on the right."""
+    """Draw the legend with solid methods on the left, dashed ones on the right."""
     split = method_handles(cube["integrator"].values, cube["label"].values)
     exact = method_handles(cube["exact_integrator"].values, cube["exact_label"].values, linestyle=DASHES)
     strip = Patch(color=SHADE, label="95 % interval of a crossing")

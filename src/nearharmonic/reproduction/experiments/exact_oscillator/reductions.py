@@ -28,9 +28,9 @@ reduction = Reductions()
 Values = TypeVar("Values", xr.DataArray, xr.Dataset)
 
 QUANTILES = (0.05, 0.5, 0.95)
-#: Resamples of the trajectories, and the part of them that an interval holds.
+#: Number of resamples of the trajectories, and coverage of the interval.
 RESAMPLES, CONFIDENCE = 200, 0.95
-#: Resamples that are computed together, which bounds the memory.
+#: Number of resamples that are computed together, to limit the memory.
 TOGETHER = 10
 TAILS = (0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2)
 
@@ -83,7 +83,7 @@ def crossings_of_medians(runs: xr.Dataset) -> xr.Dataset:
 
 
 def crossing(logarithms: Floats, energies: Floats) -> Floats:
-    """Return the energies (...) up to which the exact oscillator errs less.
+    """Return the energies (...) up to which the error with the exact oscillator is smaller.
 
     Parameters
     ----------
@@ -95,8 +95,8 @@ def crossing(logarithms: Floats, energies: Floats) -> Floats:
     Returns
     -------
     array of float
-        Where the logarithm first rises above 0, interpolated in the logarithm of the energy; 0 if it is above 0 at the
-        first energy already, infinite if it is never.
+        First energy at which the logarithm exceeds 0, interpolated in the logarithm of the energy; 0 if it exceeds 0 at
+        the first energy, infinite if it never does.
     """
     log_energy, worse = log(energies), logarithms > 0
     first = worse.argmax(axis=-1)
@@ -109,9 +109,9 @@ def crossing(logarithms: Floats, energies: Floats) -> Floats:
 
 
 def ranked(values: Values, over: str, fractions: Sequence[float], name: str) -> Values:
-    """Return the values of these ranks among those along ``over``, along a dimension ``name``.
+    """Return the quantiles of ``values`` along ``over`` as a new dimension ``name``, without interpolation.
 
-    A rank is a value that is there: errors of trajectories that diverged are infinite.
+    Interpolation would fail because errors of diverged trajectories are infinite.
     """
     count = values.sizes[over]
     ranks = xr.DataArray([min(count - 1, int(fraction * count)) for fraction in fractions], dims=name)
@@ -126,7 +126,7 @@ def _quantiles(errors: xr.DataArray) -> xr.DataArray:
     return found.assign_attrs(described(text))
 
 
-#: In place of a method: the best of those that split into T and V, at each energy.
+#: Entry in place of a method name: the best method for T and V at each energy.
 BEST = "best of T + V"
 CAPTION = (
     "Henon-Heiles system: energy H and amplitude sqrt(2H) up to which the median energy error of a method with the "

@@ -1,4 +1,4 @@
-"""Energy errors of single trajectories: with the oscillator solved exactly, and with T and V."""
+"""Energy errors of single trajectories: with an exactly solved oscillator, and with T and V."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def measure(split: Sequence[str], exact: Sequence[str], settings: ExactOscillato
     Parameters
     ----------
     split, exact : sequence of str
-        Names of the methods that split into T and V, and of those that solve the oscillator exactly.
+        Names of the methods for T and V, and of the methods for the exactly solved oscillator.
     settings : ExactOscillatorSettings
         Energies, starts, interval and step sizes.
 
@@ -79,11 +79,11 @@ def largest_error(tableau: Tableau, tau_per_stage: Fraction, t_end: Fraction, st
     tableau : Tableau
         The method.
     tau_per_stage, t_end : Fraction
-        Step size divided by the stages, and interval; the step as used is that of an integer number of steps.
+        Step size divided by the stages, and interval; the step size is adapted to an integer number of steps.
     start : (runs, 8) array of float
         Initial conditions.
     split : str
-        What the two operators solve.
+        Splitting: the parts of H that the two operators solve.
     """
     steps = tableau.steps(tau_per_stage, t_end)
     paths = integrate_batch(
@@ -103,7 +103,7 @@ def radius(energy: float) -> float:
 
 
 def starts_on(energy: float, count: int, seed: int) -> Floats:
-    """Return starts (count, 8), laid out for the kernel, in the microcanonical measure of H = ``energy``.
+    """Return starts (count, 8) in the layout of the kernel, in the microcanonical measure of H = ``energy``.
 
     The position is uniform where V < ``energy``, the direction of the momentum uniform on the circle. Surfaces of
     different energies have nearly the same points, in units of their radius.
@@ -111,7 +111,7 @@ def starts_on(energy: float, count: int, seed: int) -> Floats:
     Parameters
     ----------
     energy : float
-        Above 0 and at most 1/6, the energy of escape.
+        Energy, above 0 and at most 1/6, the escape energy.
     count : int
         Number of starts.
     seed : int

@@ -1,4 +1,4 @@
-"""Settings of the comparison of an oscillator solved exactly with the split into T and V."""
+"""Settings of the comparison of an exactly solved oscillator with the splitting into T and V."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from nearharmonic.numerics.geometric import geometric
 from nearharmonic.reproduction.entries import POSITIVE, STRICT, PositiveDecimal, check_affordable, setting, whole_from
 from nearharmonic.systems.henon_heiles import SYSTEM
 
-#: Energies of the smallest and the largest amplitude: the latter is that of escape.
+#: Energies of the smallest and the largest amplitude; the largest is the escape energy.
 LOWEST, HIGHEST = Fraction(1, 80_000), Fraction(1, 6)
-#: Factors by which a step with the exact oscillator may be more expensive, at which it is compared.
+#: Cost ratios of a step with the exact oscillator for the comparison.
 CHARGES = (1.0, 1.1, 1.25, 1.5, 2.0)
 
 
@@ -52,12 +52,12 @@ class ExactOscillatorSettings:
     seed: int = setting("Chooses the quasi-random points", default=1, **whole_from(0))
 
     def check(self, methods: Sequence[Tableau], problems: Collection[str]) -> None:
-        """Refuse unknown integrators and more force evaluations than a machine can make.
+        """Raise an error for unknown integrators and for too many force evaluations.
 
         Raises
         ------
         NearharmonicError
-            The first fault found; keys are named as in a config.
+            The first error found, with keys as in a config.
         """
         exact = [integrators[name] for name in expanded(self.integrators)]
         for tableau in exact:
@@ -68,7 +68,7 @@ class ExactOscillatorSettings:
 
     @property
     def methods(self) -> tuple[str, ...]:
-        """Names of the methods that solve the oscillator exactly, those of files included."""
+        """Names of the methods for the exactly solved oscillator, including those from files."""
         return expanded(self.integrators)
 
     def surfaces(self) -> list[float]:

@@ -22,9 +22,9 @@ from nearharmonic.reproduction.experiments.exact_oscillator.settings import Exac
 from nearharmonic.reproduction.tasks.receipts import measures_time
 from nearharmonic.systems.henon_heiles import SYSTEM
 
-#: Members of the ensemble that is timed.
+#: Number of members of the timed ensemble.
 MEMBERS = 256
-#: Intervals over which one trajectory and the ensemble are timed: a millisecond or more.
+#: Integration intervals of one trajectory and of the ensemble in the timing: a millisecond or more.
 LONG, SHORT = 20_000, 4_000
 PATIENCE = Patience(least=9, most=41, seconds=0.3, longest=3.0)
 CAPTION = (
@@ -46,7 +46,7 @@ def measure(cube: str, exact: Sequence[str], settings: ExactOscillatorSettings) 
     exact : sequence of str
         Names of the methods that solve the oscillator exactly.
     settings : ExactOscillatorSettings
-        The step sizes, of which the first is timed.
+        The step sizes; the first one is timed.
     """
     found, timed = read(cube), []
     with pinned():
@@ -54,7 +54,7 @@ def measure(cube: str, exact: Sequence[str], settings: ExactOscillatorSettings) 
             for what, calls, evaluations in _calls(name, settings):
                 found_times = [summary(times) for times in interleaved(calls, PATIENCE)]
                 timed.append((what, name, [(least / evaluations, middle) for least, _, middle, _ in found_times]))
-    # All methods share the two kernels: what a neighbour on the machine took from one is not lost of all.
+    # All methods share the two kernels, so that a disturbance of one measurement does not affect all.
     charges = {
         what: min(exact[0] for kind, _, (_, exact) in timed if kind == what)
         / min(split[0] for kind, _, (split, _) in timed if kind == what)
@@ -72,9 +72,9 @@ def measure(cube: str, exact: Sequence[str], settings: ExactOscillatorSettings) 
 
 
 def crossing_at(cube: xr.Dataset, name: str, tau: float, charge: float) -> float:
-    """Return the energy of crossing with the best of T + V at a charge between those of the cube.
+    """Return the energy of crossing with the best T + V method at a charge between those of the cube.
 
-    It is interpolated in the logarithm where both neighbours have one, and else the lower of the two.
+    It is interpolated in the logarithm if both neighbours have a crossing; otherwise it is the smaller one.
     """
     one = cube.best_crossing.sel(exact_integrator=name, tau_per_stage=tau)
     charges, energies = one.charge.values, one.values
@@ -88,7 +88,7 @@ def crossing_at(cube: xr.Dataset, name: str, tau: float, charge: float) -> float
 
 
 def _calls(name: str, settings: ExactOscillatorSettings) -> Iterator[tuple[str, list[Callable[[], Any]], int]]:
-    """Yield a name, the calls with T + V and with the exact oscillator, and evaluations of each."""
+    """Yield a name, the calls with T + V and with the exact oscillator, and their numbers of evaluations."""
     splits = KINETIC_POTENTIAL, EXACT_OSCILLATOR
     problems = [Problem(SYSTEM, name, t_end=LONG, energy="none", split=split) for split in splits]
     tau = float(Fraction(settings.tau_per_stage[0]) * problems[0].tableau.stages)

@@ -1,4 +1,4 @@
-"""From run files to cubes: the reduced numbers of every method lined up."""
+"""Assembly of cubes from run files: the reduced numbers of all methods."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from nearharmonic.output.dataset import described
 from nearharmonic.reproduction.experiments.paper.reductions import PAPER, orbital_period, reduction
 from nearharmonic.systems import systems
 
-#: Values of a cell that no run fills; others are NaN.
+#: Values of cells without a run; other variables are NaN.
 NO_RUN: dict[Any, Any] = {"status": "skipped", "steps": 0, "evaluations": 0, "diverged_at": 0}
-#: States, most of a run file. Drifts of invariants need them; the files of the paper's systems show what these would.
+#: States, the largest part of a run file. Only drifts of invariants need them, and the systems of the paper do without.
 STATES = ("q", "p", "q_low", "p_low")
-#: Variables that a cube takes over from run files.
+#: Variables that a cube copies from run files.
 TAKEN_OVER = ("tau_per_stage", "tau", "steps", "evaluations", "status", "diverged_at")
 
 
@@ -38,7 +38,7 @@ def reduce(sweep: Sweep, integrators: Sequence[str], **runs: Sequence[str]) -> d
     Returns
     -------
     dict
-        ``cube``, as :func:`cube_of` makes it.
+        ``cube``, the result of :func:`cube_of`.
     """
     leave_out = STATES if sweep.system in PAPER else ()
     return {"cube": cube_of(sweep.system, {name: numbers_of(runs[name], leave_out) for name in integrators})}
@@ -47,7 +47,7 @@ def reduce(sweep: Sweep, integrators: Sequence[str], **runs: Sequence[str]) -> d
 def numbers_of(paths: Iterable[str], leave_out: Collection[str] = ()) -> xr.Dataset:
     """Return the counts and the reduced numbers of one method's runs over (precision, tau_per_stage).
 
-    One file is read at a time, but for the variables in ``leave_out`` and the reductions that need them.
+    One file is read at a time, without the variables in ``leave_out`` and the reductions that need them.
     """
     shards: dict[str, list[xr.Dataset]] = {}
     for path in paths:
@@ -76,7 +76,7 @@ def cube_of(system: str, methods: Mapping[str, xr.Dataset]) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        Over (precision, integrator, tau_per_stage). Runs that the plan left out have status "skipped" and NaN errors.
+        Over (precision, integrator, tau_per_stage). Runs that the plan omits have the status "skipped" and NaN errors.
     """
     problem = systems[system]
     labels = [methods_by_name[name].label for name in methods]
@@ -97,7 +97,7 @@ def cube_of(system: str, methods: Mapping[str, xr.Dataset]) -> xr.Dataset:
 
 
 def _joined(parts: Sequence[xr.Dataset], dimension: str) -> xr.Dataset:
-    """Concatenate along ``dimension``, filling what a part lacks."""
+    """Concatenate along ``dimension``, with fill values for missing variables of a part."""
     names = {name for part in parts for name in part.data_vars}
     return xr.concat(
         parts, dimension, data_vars="all", coords="minimal", compat="override", join="outer",

@@ -1,4 +1,4 @@
-"""Runs of one method on one system, as they were computed; :mod:`.reductions` has what follows from them."""
+"""Runs of one method on one system; :mod:`.reductions` derives further quantities."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def integrate(sweep: Sweep, integrator: str, shard: int) -> dict[str, Contents]:
     Returns
     -------
     dict
-        ``run``: the runs in double precision in the root of a file, those in extended precision in a group. Beside runs
-        in double precision the group has the same step sizes and samples, so that ``xarray.open_datatree`` opens both;
-        runs that the plan left out have status "skipped".
+        ``run``: the runs in double precision in the root of a file, those in extended precision in a group. If there
+        are runs in double precision, the group has their step sizes and samples, so that ``xarray.open_datatree`` opens
+        both; runs that the plan omits have the status "skipped".
     """
     planned = runs_of(sweep, integrator, shard)
     problems = {run.precision: _problem(run) for run in planned}
@@ -55,7 +55,7 @@ def integrate(sweep: Sweep, integrator: str, shard: int) -> dict[str, Contents]:
 
 
 def _evaluations(variables: Variables) -> int:
-    """Force evaluations of runs; step sizes that round to one number of steps share a run."""
+    """Return the force evaluations of runs; step sizes with equal numbers of steps share a run."""
     _, first = np.unique(variables["steps"][1], return_index=True)
     return int(np.asarray(variables["evaluations"][1])[first].sum())
 
@@ -68,7 +68,7 @@ def integrate_run(run: Run) -> Variables:
     Variables
         Trajectories over (tau_per_stage, sample, component), blocks over (tau_per_stage, sample), and counts over
         tau_per_stage. ``block_max_energy_error`` and ``block_mean_energy_error`` cover the ``block_steps`` steps since
-        the sample before, so that maximum and mean over every step follow from them.
+        the previous sample, so that they determine maximum and mean over all steps.
     """
     problem = _problem(run)
     grid = coordinate("tau_per_stage", run.tau_per_stage, "step size per stage", problem.system.units["t"])
@@ -84,7 +84,7 @@ def _problem(run: Run) -> Problem:
 
 
 def _padded(part: Variables, whole: Mapping[str, Variable]) -> Variables:
-    """The runs of ``part`` among all step sizes and samples of ``whole``."""
+    """Return the runs of ``part``, padded to all step sizes and samples of ``whole``."""
     grid = np.asarray(whole["tau_per_stage"][1])
     rows = np.searchsorted(grid, np.asarray(part["tau_per_stage"][1]))
     sizes = {"tau_per_stage": grid.size, "sample": len(whole["sample"][1])}

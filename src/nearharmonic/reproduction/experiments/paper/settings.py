@@ -29,7 +29,7 @@ FINITE = "a finite number, or a decimal string, which keeps all its digits"
 
 
 def _exact_decimal(value: object) -> str:
-    """A finite number of any sign, or a decimal string, as a plain decimal string."""
+    """Convert a finite number of any sign, or a decimal string, to a plain decimal string."""
     if isinstance(value, bool) or not isinstance(value, Real | Decimal | str):
         raise TypeError
     try:
@@ -42,7 +42,7 @@ def _exact_decimal(value: object) -> str:
 
 
 _NUMBER = (("type", ("number", "string")),)
-#: A finite number or the decimal string of one, with all its digits, as a decimal string.
+#: A finite number or its decimal string, as a decimal string with all digits.
 ExactDecimal = Annotated[str, Reading(_exact_decimal, _NUMBER)]
 ParameterValue = Annotated[
     str,
@@ -55,7 +55,7 @@ ParameterValue = Annotated[
 
 @dataclass(frozen=True, kw_only=True)
 class StepSizes:
-    """A grid of step sizes per stage, even in the logarithm."""
+    """A grid of logarithmically spaced step sizes per stage."""
 
     __pydantic_config__ = STRICT
 

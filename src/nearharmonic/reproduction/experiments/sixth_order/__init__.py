@@ -1,1 +1,1 @@
-"""Methods of order six for quadratic kinetic energy that have a harmonic order as well, searched for and ranked."""
+"""Search and ranking of methods of order six for quadratic kinetic energy with a higher harmonic order."""

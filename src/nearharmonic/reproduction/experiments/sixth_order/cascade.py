@@ -1,8 +1,8 @@
-"""The search for sixth-order near-harmonic methods: a cascade of random starts, families walked along, all ranked.
+"""Search for sixth-order near-harmonic methods: a cascade of random starts, walks along families, and a ranking.
 
-For each number of stages and each operator that comes first, random points lead to solutions of order six; these,
-and points near them, to solutions with one harmonic order more, and so on until nothing is left free. One in fifty
-random starts would find an isolated solution of eight stages, one in thousands those of ten: the cascade finds both.
+For each number of stages and each first operator, the search from random points finds solutions of order six. Starts
+near these find solutions of the next harmonic order, and so on until there are no free parameters. Without the cascade
+one of fifty random starts would find an isolated solution of eight stages, and one of thousands a solution of ten.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ from nearharmonic.reproduction.experiments.sixth_order.criterion import Merit, c
 from nearharmonic.reproduction.experiments.sixth_order.kernels import assess, descend, solve
 from nearharmonic.reproduction.experiments.sixth_order.settings import SixthOrderSettings
 
-#: Bound of the solutions that are kept: longer substeps serve nobody.
+#: Bound of the solutions that are kept: methods with longer substeps are not useful.
 BOUND = 2.0
-#: Standard deviation of the points near a solution from which one of the next harmonic order is sought.
+#: Standard deviation of the starts near a solution for the search at the next harmonic order.
 NEAR = 0.1
-#: At most so many points near each.
+#: Maximum number of starts near each solution.
 MOST_NEAR = 20
-#: Walks along a family start from its best solutions that are this far apart, in the largest difference.
+#: Minimum distance (largest difference) between the starts of walks along a family.
 APART = 0.05
 
 
 @dataclass(frozen=True)
 class Count:
-    """Search results of one kind: ``solutions`` are distinct ones, sampled ones if parameters are free."""
+    """Search results of one kind; ``solutions`` counts distinct solutions, or samples with free parameters."""
 
     stages: int
     first: First
@@ -53,7 +53,7 @@ class Count:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A solution: its unknowns, how many starts led there (0 after a walk along its family), and its merit."""
+    """A solution: unknowns, number of starts that led there (0 after a walk along its family), and merit."""
 
     stages: int
     first: First
@@ -65,7 +65,7 @@ class Candidate:
 
     @property
     def composition(self) -> str:
-        """BAB if the kick comes first, else ABA."""
+        """BAB if the kick is first, else ABA."""
         return "BAB" if self.first == "kick" else "ABA"
 
     def row(self) -> dict[str, str | int | float]:
@@ -97,14 +97,14 @@ def find_solutions(
     threads: int | None = None,
     report: Callable[[str], None] = lambda _: None,
 ) -> Findings:
-    """Find solutions of Nystrom order six for all stages, operators that come first and harmonic orders, and rank them.
+    """Find and rank solutions of Nystrom order six for all stages, first operators and harmonic orders.
 
-    The result depends on everything but ``threads``.
+    The result does not depend on ``threads``.
 
     Parameters
     ----------
     settings : SixthOrderSettings
-        How hard to search: there are ``starts`` points for each number of stages, operator and harmonic order, and
+        Effort of the search: ``starts`` points for each number of stages, first operator and harmonic order, and
         ``walks`` along each family with free parameters, from its best solutions.
     stages : tuple of int
         Numbers of stages, from 7 to 11.
@@ -113,7 +113,7 @@ def find_solutions(
     threads : int, optional
         One per processor by default.
     report : callable
-        Is told of each count when it is known, from the thread that made it.
+        Function that is called with each count, in the thread of its computation.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def find_solutions(
         value = getattr(settings, key)
         if isinstance(value, bool) or not isinstance(value, int) or value < 1:
             raise bad_setting(key, value, "an integer >= 1")
-    # The longest first, so that no thread is left alone at the end.
+    # The longest tasks first, so that all threads finish together.
     tasks = [(s, first) for s in sorted(stages, reverse=True) for first in firsts]
     for s, first in tasks:
         NystromEquations(s, first, NYSTROM_ORDER)
@@ -137,9 +137,9 @@ def find_solutions(
 
 
 def winners(findings: Findings, most: int = 4) -> tuple[Candidate, ...]:
-    """The best candidates whose harmonic order exceeds their order, at most one per number of stages and composition.
+    """Return the best candidates whose harmonic order exceeds their order, one per number of stages and composition.
 
-    Within a family, and from one harmonic order to the next, candidates are neighbours: one of them speaks for all.
+    Candidates of one family, and of successive harmonic orders, are similar: one represents all.
     """
     chosen: dict[tuple[int, First], Candidate] = {}
     for candidate in findings.candidates:
@@ -167,12 +167,12 @@ def _cascade(
             best = candidates_of(equations, solutions, multiplicity)
         report(_sentence(count, best))
         yield count, best
-        # What the walks have found lies where good methods of the next harmonic order are.
+        # The ends of the walks are near good methods of the next harmonic order.
         points = _near(np.concatenate([hits, solutions]), settings.starts, random)
 
 
 def _near(hits: Doubles, wanted: int, random: np.random.Generator) -> Doubles:
-    """About ``wanted`` points: each of ``hits`` and as many near it as that takes."""
+    """Return about ``wanted`` points: each of ``hits``, and points near it."""
     copies = min(MOST_NEAR, max(1, wanted // max(1, len(hits))))
     near = np.repeat(hits, copies, axis=0)[: max(wanted, len(hits))]
     noise = random.normal(0, NEAR, near.shape)
@@ -192,12 +192,12 @@ def _walked(
 
 
 def assessed(equations: NystromEquations, solutions: Doubles) -> Doubles:
-    """(e_N, e_H, A, tau*, J) of each of ``solutions`` (solution, unknown)."""
+    """Return (e_N, e_H, A, tau*, J) of each of ``solutions`` (solution, unknown)."""
     return assess(system_of(equations), criterion_of(equations.stages), solutions)
 
 
 def candidates_of(equations: NystromEquations, solutions: Doubles, multiplicity: Sequence[int]) -> list[Candidate]:
-    """``solutions`` (solution, unknown) with their merits, the best first."""
+    """Return ``solutions`` (solution, unknown) with their merits, the best first."""
     kind = (equations.stages, equations.first, equations.harmonic_order, equations.free)
     rows = [
         Candidate(*kind, tuple(map(float, x)), hits, Merit(*map(float, merit)))

@@ -1,13 +1,13 @@
-"""The equations of symmetric integrators of Nystrom order six with a harmonic order, all of them linear in word sums.
+"""Equations of symmetric integrators of Nystrom order six with a harmonic order, which are linear in word sums.
 
-A step is a product of exponentials exp(c X), X being A for a drift and B for a kick; S(w) is the coefficient in it of
-the word w, and 1/n! in the exact exp(A + B) for a word of n letters. The logarithm of a symmetric step has no terms of
-even degree. Hence, taken in turn:
+A step is a product of exponentials exp(c X), X being A for a drift and B for a kick; S(w) is the coefficient of the
+word w in this product; in the exact exp(A + B) it is 1/n! for a word of n letters. The logarithm of a symmetric step
+has no terms of even degree. The equations by degree are therefore:
 
 - degree 1: both rows sum to 1, which eliminates the innermost value of each row;
 - degree 3: the two order conditions of :func:`~nearharmonic.exact.lie.conditions`;
-- degree 5: the four that quadratic kinetic energy leaves. The degrees below being exact, the logarithm of the step has
-  the coefficients S(w) - 1/n! on words of five letters, and each condition is a weighted sum of these;
+- degree 5: the four that remain for quadratic kinetic energy. If the lower degrees are exact, the logarithm of the step
+  has the coefficients S(w) - 1/n! on words of five letters, and each condition is a weighted sum of these;
 - degree 7 and beyond, for the harmonic oscillator only: there A and B are nilpotent, so that the powers of tau in the
   step matrix are the alternating words, and kappa_l = 0 (Nielsen 2015, Eq. 17) reads S(ABAB...) = 1/l!, l letters.
   Up to l = 6 that follows from the order.
@@ -34,15 +34,15 @@ Integers = npt.NDArray[np.int64]
 
 #: Order for quadratic kinetic energy.
 NYSTROM_ORDER = 6
-#: Fewer stages leave no solution; more than these have not been searched.
+#: Fewer stages have no solution; more stages have not been searched.
 STAGES = range(7, 12)
 
 
 @dataclass(frozen=True)
 class WordTable:
-    """Words as kernels read them: word i is word ``parent[i]`` with the letter ``LETTERS[letter[i]]`` behind it.
+    """Words in the form for kernels: word i is word ``parent[i]`` followed by the letter ``LETTERS[letter[i]]``.
 
-    The empty word comes first, shorter words before longer ones, and with each word all of its beginnings.
+    The empty word is first, shorter words precede longer ones, and the table has all prefixes of its words.
     """
 
     words: tuple[str, ...]
@@ -51,7 +51,7 @@ class WordTable:
 
     @classmethod
     def of(cls, needed: Iterable[str]) -> WordTable:
-        """The table of ``needed`` and their beginnings."""
+        """Return the table of ``needed`` and their prefixes."""
         closed = {word[:n] for word in needed for n in range(len(word) + 1)}
         words = tuple(sorted(closed, key=lambda word: (len(word), word)))
         place = {word: i for i, word in enumerate(words)}
@@ -60,14 +60,14 @@ class WordTable:
         return cls(words, parent, letter)
 
     def weights(self, equations: Sequence[Equation]) -> tuple[Doubles, Doubles]:
-        """``equations`` as a matrix (equation, word) and the right-hand sides (equation)."""
+        """Return ``equations`` as a matrix (equation, word) and the right-hand sides (equation)."""
         rows = [[float(left.get(word, 0)) for word in self.words] for left, _ in equations]
         return np.array(rows), np.array([float(right) for _, right in equations])
 
 
 @dataclass(frozen=True)
 class NystromEquations(ConditionedSteps):
-    """The equations for one number of stages, one operator that comes first, and one harmonic order.
+    """The equations for one number of stages, one first operator, and one harmonic order.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ class NystromEquations(ConditionedSteps):
 
     @property
     def free(self) -> int:
-        """Number of parameters that the equations leave free."""
+        """Number of free parameters."""
         return self.unknowns - self.harmonic_order
 
     @cached_property

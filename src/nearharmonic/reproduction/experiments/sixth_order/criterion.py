@@ -1,4 +1,4 @@
-"""By what sixth-order near-harmonic methods are ranked, without a look at any problem they are meant for.
+"""Criterion for the ranking of sixth-order near-harmonic methods; it uses no test problem.
 
     J = log10 [ (e_H + epsilon e_N) (A / 2) (2 s / tau*) ],
     e_N = |E_7| (s h)^6,    e_H = |K_7| (s h)^6 + |K_9| (s h)^8 + |K_11| (s h)^10
@@ -6,16 +6,17 @@
 - |E_7| is the norm of the leading error term for quadratic kinetic energy
   (:func:`nearharmonic.theory.order.error_norm`): e_N is the local error per unit time at h = tau/s, the time between
   two evaluations of the force, so at equal cost.
-- |K_d| is the norm of the error of degree d of the step matrix on the harmonic oscillator: e_H likewise. More than the
-  leading term is needed where a harmonic order makes that vanish; errors of even degree follow, as det K = 1.
-- A near-harmonic system is a harmonic one and epsilon times another: its error is e_H + epsilon e_N. A harmonic order
-  is worth what it gains until the anharmonic errors hide it, and no more.
-- A, the sum of the absolute values of all coefficients, is at least 2: A/2 is by how much a step wanders more than one
-  that only goes ahead. Rounding errors grow with it, and so do the error terms beyond the leading ones.
-- tau*/s, the linear stability limit per stage, is at most 2, that of the leapfrog: 2s/tau* is what is lost of it.
+- |K_d| is the norm of the error of degree d of the step matrix on the harmonic oscillator: e_H is defined in the same
+  way. Terms beyond the leading one are needed because a harmonic order makes it vanish. Errors of even degree follow
+  from det K = 1.
+- A near-harmonic system is a harmonic system plus epsilon times another one: its error is e_H + epsilon e_N. A harmonic
+  order improves J only until the anharmonic errors dominate.
+- A, the sum of the absolute values of all coefficients, is at least 2: A/2 is the length of all substeps relative to a
+  step without backward substeps. Rounding errors and higher error terms grow with it.
+- tau*/s, the linear stability limit per stage, is at most 2, the limit of leapfrog: 2s/tau* is the reduction.
 
-Both factors are 1 at best. h and epsilon set the scale: h = 0.1 is 63 evaluations of the force per period, where such
-methods begin to pay, and epsilon = 0.1 is what "near" says.
+Both factors are at least 1. h and epsilon set the scale: h = 0.1 corresponds to 63 evaluations of the force per period,
+where such methods begin to be efficient, and epsilon = 0.1 is the meaning of "near".
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ from nearharmonic.theory.symmetric import Equation, alternating
 TAU_PER_STAGE, ANHARMONICITY = 0.1, 0.1
 #: Degrees of the harmonic error terms.
 HARMONIC_DEGREES = (7, 9, 11)
-#: Distance of the step sizes between which the stability limit is looked for, and the largest limit told apart.
+#: Spacing of the step sizes in the search for the stability limit, and upper end of the search.
 SCAN, FARTHEST = 0.02, 8.0
 
 
@@ -57,18 +58,18 @@ class Merit:
 
 
 def leading_nystrom_error() -> tuple[Equation, ...]:
-    """The orthonormal coordinates of the error term of degree 7, as equations that would make it vanish.
+    """Return the orthonormal coordinates of the error term of degree 7, as equations for its vanishing.
 
-    Errors of degree 5 that quadratic kinetic energy makes vanish are there: with X = A + B and errors E_5, E_7 the step
-    is exp(X + E_5 + E_7), whose part of degree 7 is X^7/7! + E_7 + (X X E_5 + X E_5 X + E_5 X X)/6, and E_5 is its part
-    of degree 5 less X^5/5!.
+    Words also contain errors of degree 5 that vanish for quadratic kinetic energy. With X = A + B and errors E_5, E_7
+    the step is exp(X + E_5 + E_7). Its part of degree 7 is X^7/7! + E_7 + (X X E_5 + X E_5 X + E_5 X X)/6, and E_5 is
+    its part of degree 5 minus X^5/5!.
     """
     degree, found = NYSTROM_ORDER + 1, []
     words = lyndon_words(degree)
     for row in conditions(degree, quadratic=True):
         left: dict[str, Fraction] = {}
         right = Fraction(0)
-        # The square root is taken where doubles are made: here the weights stay rational.
+        # The conversion to doubles takes the square root; the weights here are rational.
         for word, weight in zip(words, row.weights, strict=True):
             if weight:
                 parts = [(word, Fraction(1)), *((word[k : k + 5], Fraction(-1, 6)) for k in range(3))]
@@ -106,7 +107,7 @@ class Criterion(NamedTuple):
 
 @cache
 def criterion_of(stages: int) -> Criterion:
-    """Return the arrays of the criterion for steps of so many stages."""
+    """Return the arrays of the criterion for a number of stages."""
     equations = leading_nystrom_error()
     chains = [[alternating(n, start) for n in range(1, 2 * stages + 2)] for start in "AB"]
     table = WordTable.of([*(word for left, _ in equations for word in left), *chains[0], *chains[1]])

@@ -1,7 +1,7 @@
-"""The compiled part of the search: word sums of a step, solutions from many points, and a descent along them.
+"""Compiled part of the search: word sums of a step, solutions from many points, and a descent along solutions.
 
-A step comes as ``letters`` and coefficients ``c`` of its operators. exp(c X) behind a product adds c^k/k! S(v) to S(w)
-for w = v X^k.
+A step is given by ``letters`` and coefficients ``c`` of its operators. A factor exp(c X) at the end of a product adds
+c^k/k! S(v) to S(w) for w = v X^k.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from nearharmonic.reproduction.experiments.sixth_order.criterion import (
     System,
 )
 
-#: Norms of the residuals are in units of kappa, of which rounding leaves about 1e-13.
+#: Norms of the residuals are in units of kappa, whose rounding error is about 1e-13.
 DAMPING = Damping(
     iterations=150, enough=1e-12, solved=1e-10, first=1e-2, fall=(0.15, 1.0), rise=4.0, most=1e10, by_residual=True,
     bounded=True,
 )  # fmt: skip
-#: Steps of Newton's method to the solution next to a point.
+#: Number of steps of Newton's method to the solution near a point.
 PROJECTION = Damping(iterations=7, enough=1e-12, solved=1e-12, lost=1.0, monotone=False)
 
 #: Descent: length of the first random step, and the factors after success and failure.
@@ -36,7 +36,7 @@ FIRST_LENGTH, LONGER, SHORTER = 0.05, 1.6, 0.85
 
 @jit
 def solve(system: System, starts: Doubles, bound: float) -> tuple[Doubles, Flags]:
-    """Iterate from ``starts`` (start, unknown); return the ends, and which of them are solutions in [-bound, bound]."""
+    """Iterate from ``starts`` (start, unknown); return the ends, and the mask of solutions in [-bound, bound]."""
     ends, solved = starts.copy(), np.zeros(len(starts), np.bool_)
     for start in range(len(starts)):
         solved[start] = iterate(system, ends[start], bound, DAMPING)
@@ -45,9 +45,9 @@ def solve(system: System, starts: Doubles, bound: float) -> tuple[Doubles, Flags
 
 @jit
 def descend(system: System, criterion: Criterion, bound: float, noise: Doubles, starts: Doubles) -> Doubles:
-    """Solutions of lower J, to which ``noise`` (start, step, unknown) leads from the solutions ``starts``.
+    """Return solutions of lower J, found by random walks with ``noise`` (start, step, unknown) from ``starts``.
 
-    A random step, projected back on the solutions, is kept if J gets less; its length adapts to success.
+    A random step, projected back to the solutions, is accepted if J decreases; its length is adapted to the success.
     """
     ends, trial = starts.copy(), np.empty(starts.shape[1])
     for walk in range(len(ends)):
@@ -67,7 +67,7 @@ def descend(system: System, criterion: Criterion, bound: float, noise: Doubles, 
                 length *= LONGER
             else:
                 length *= SHORTER
-            # A walk that has come to rest begins again at a coarse scale: gaps of stability make cliffs.
+            # A walk with vanishing steps restarts with long steps, because gaps of stability make J discontinuous.
             if length < 1e-7:
                 length = FIRST_LENGTH
     return ends
@@ -141,7 +141,7 @@ def merit(system: System, criterion: Criterion, x: Doubles) -> tuple[float, floa
 
 @jit
 def first_gap(sums: Doubles, places: Integers) -> float:
-    """tau*: the first step size at which K12 or K21 vanishes, behind which (tr K / 2)^2 - 1 = K12 K21 is positive.
+    """Return tau*: the first zero of K12 or K21; (tr K / 2)^2 - 1 = K12 K21 is positive for larger step sizes.
 
     Both are sums over the alternating words, (-1)^j S(w) tau^(2j + 1) for the word of 2j + 1 letters.
     """
@@ -162,7 +162,7 @@ def first_gap(sums: Doubles, places: Integers) -> float:
 
 @jit
 def coefficients(system: System, x: Doubles) -> Doubles:
-    """The coefficients of a step from its unknowns."""
+    """Return the coefficients of a step from its unknowns."""
     c = system.offset.copy()
     for i in range(len(c)):
         for u in range(len(x)):
@@ -172,11 +172,11 @@ def coefficients(system: System, x: Doubles) -> Doubles:
 
 @jit
 def word_sums(parent: Integers, letter: Integers, letters: Integers, c: Doubles) -> Doubles:
-    """S(w) of all words of a ``conditions.WordTable``, which comes as its arrays."""
+    """Return S(w) of all words of a ``conditions.WordTable``, given by its arrays."""
     sums = np.zeros(len(parent))
     sums[0] = 1.0
     for i in range(len(letters)):
-        # Longer words first: what they draw on is still that of the product so far.
+        # Longer words first: they need the old sums of shorter words.
         for w in range(len(parent) - 1, 0, -1):
             if letter[w] == letters[i]:
                 v, factor, k = parent[w], c[i], 1
@@ -190,7 +190,7 @@ def word_sums(parent: Integers, letter: Integers, letters: Integers, c: Doubles)
 
 @jit
 def word_slopes(system: System, c: Doubles) -> Doubles:
-    """Derivatives (word, unknown) of S(w) for all words of the equations."""
+    """Return derivatives (word, unknown) of S(w) for all words of the equations."""
     parent, letter, letters, directions = system.parent, system.letter, system.letters, system.directions
     unknowns = directions.shape[1]
     sums, slopes = np.zeros(len(parent)), np.zeros((len(parent), unknowns))
@@ -207,7 +207,7 @@ def word_slopes(system: System, c: Doubles) -> Doubles:
                         break
                     k += 1
                     v, factor = parent[v], factor * c[i] / k
-        # d exp(c X) = exp(c X) X dc: the sums are those behind the operator by now.
+        # d exp(c X) = exp(c X) X dc: the sums already include the operator.
         for w in range(1, len(parent)):
             if letter[w] == letters[i]:
                 for u in range(unknowns):

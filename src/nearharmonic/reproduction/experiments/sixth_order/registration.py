@@ -1,4 +1,4 @@
-"""From a candidate in doubles to the tableau that is registered: named, its free parameters rounded, polished.
+"""Conversion of a candidate in doubles to a registered tableau: name, rounded free parameters, and all digits.
 
 Newton's method in multiprecision gives any number of digits; free parameters are fixed as short decimals.
 """
@@ -16,26 +16,26 @@ from nearharmonic.reproduction.experiments.sixth_order.cascade import Candidate
 from nearharmonic.reproduction.experiments.sixth_order.conditions import NYSTROM_ORDER, NystromEquations
 from nearharmonic.training.polish import tableau_of
 
-#: Decimals to which free parameters are rounded: the criterion changes by less than 1e-3.
+#: Decimals of rounded free parameters: the criterion changes by less than 1e-3.
 DECIMALS = 4
 
 
 def registered(candidate: Candidate, *, source: str, digits: int = 76) -> Tableau:
-    """Return the tableau of a candidate, named after the paper's convention with the order before the harmonic order.
+    """Return the tableau of a candidate, with a name like in the paper and the order before the harmonic order.
 
     Parameters
     ----------
     candidate : Candidate
         The solution in doubles.
     source : str
-        Where the tableau is from.
+        Source of the tableau.
     digits : int
-        Decimals that it guarantees.
+        Guaranteed decimals.
 
     Raises
     ------
     NotConvergedError
-        The equations have no solution next to the rounded candidate.
+        The equations have no solution near the rounded candidate.
     """
     equations = NystromEquations(candidate.stages, candidate.first, candidate.harmonic_order)
     fixed = short_decimals(equations, candidate.unknowns, DECIMALS)
@@ -49,9 +49,9 @@ def registered(candidate: Candidate, *, source: str, digits: int = 76) -> Tablea
 
 
 def short_decimals(equations: NystromEquations, x: Sequence[float], decimals: int) -> dict[int, str]:
-    """Choose the unknowns that are fixed as free parameters of a family: those along which it moves most.
+    """Choose the free parameters of a family: the unknowns that vary most along it.
 
-    The others then follow from them in a stable way.
+    The other unknowns are then well-conditioned functions of them.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The whole search, from a seed to polished methods, and these measured beside others."""
+"""The whole search, from a seed to refined methods, and a comparison with other methods."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from nearharmonic.reproduction.experiments.sixth_order.settings import SixthOrde
 from nearharmonic.systems import henon_heiles, kepler, sho
 
 SOURCE = "found by nearharmonic.reproduction.experiments.sixth_order"
-#: Methods of the same kind that others published: 6A8.
+#: Published methods of this kind: 6A8.
 PUBLISHED = zymplectic.TABLEAUS
 
 
 def search(
     settings: SixthOrderSettings, integrators: Sequence[str], threads: int, report: Callable[[str], None]
 ) -> dict[str, Table | Mapping[str, Any]]:
-    """Search for methods of order six with a harmonic order, and tabulate what is found.
+    """Search for methods of order six with a harmonic order, and tabulate the results.
 
     Parameters
     ----------
     settings : SixthOrderSettings
-        How hard to search.
+        Effort of the search.
     integrators : sequence of str
-        Names of the methods that the winners are measured beside, and :data:`PUBLISHED`; those with kicks of a modified
-        potential are left out.
+        Names of the methods for comparison, in addition to :data:`PUBLISHED`; methods with modified potentials are
+        omitted.
     threads : int
-        The result does not depend on it.
+        Number of threads; the result does not depend on it.
     report : callable
-        Is told of the progress.
+        Function that is called with a line on the progress.
 
     Returns
     -------
@@ -58,7 +58,7 @@ def search(
 
 #: Candidates that the ranking shows.
 RANKED = 40
-#: Where the winners are measured: systems, and step sizes per stage in their units of time, from coarse to fine.
+#: Comparison of the winners: systems, and step sizes per stage in their units of time, from coarse to fine.
 MEASURED = (
     (sho.SYSTEM, (0.3, 0.2, 0.1, 0.05, 0.03)),
     (henon_heiles.SYSTEM, (0.3, 0.2, 0.1, 0.05, 0.03, 0.02, 0.01)),
@@ -67,14 +67,14 @@ MEASURED = (
 
 
 def counts(findings: Findings) -> Table:
-    """Tabulate how many solutions of each kind there are, or, where parameters are free, how many were sampled."""
+    """Tabulate the numbers of solutions of each kind, or of samples if parameters are free."""
     header = ("stages", "first", "harmonic order", "free parameters", "starts", "hits", "distinct solutions")
     rows = [tuple(asdict(count).values()) for count in findings.counts]
     return Table(header=header, rows=rows, caption="Solutions by stages, composition and harmonic order.")
 
 
 def ranking(candidates: Sequence[Candidate]) -> Table:
-    """Tabulate the best candidates by the criterion, which no benchmark problem enters."""
+    """Tabulate the best candidates by the criterion, which uses no benchmark problem."""
     rows = [candidate.row() for candidate in candidates[:RANKED]]
     return Table(
         header=tuple(rows[0]) if rows else (),
@@ -84,7 +84,7 @@ def ranking(candidates: Sequence[Candidate]) -> Table:
 
 
 def measured(methods: Iterable[Tableau]) -> Table:
-    """Measure the largest and mean energy error of each method at the same cost on each system, and its rank there."""
+    """Measure the largest and mean energy error of each method at equal cost on each system, and its rank."""
     header = ("system", "tau/s", "method", "order", "max energy error", "mean energy error", "rank by maximum")
     tableaus, rows = list(methods), []
     for system, grid in MEASURED:

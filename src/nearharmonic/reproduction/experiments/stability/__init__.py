@@ -1,1 +1,1 @@
-"""Stress tests: ensembles over energy surfaces, eccentricities and long times, and what becomes of each method."""
+"""Stress tests of all methods: ensembles over energy surfaces, eccentricities and long times."""

@@ -25,9 +25,9 @@ def cube_and_table(
     Parameters
     ----------
     assemble : callable
-        Makes the cube from the methods and from the runs of each, by name.
+        Function that makes the cube from the methods and from their runs by name.
     tabulate : callable
-        Makes the table from the cube.
+        Function that makes the table from the cube.
     names : sequence of str
         Names of the methods, in the order of the cube.
     runs : mapping
@@ -45,7 +45,7 @@ def stacked(methods: Sequence[Tableau], runs: Mapping[str, xr.Dataset]) -> xr.Da
     methods : sequence of Tableau
         The methods in the order of the cube.
     runs : mapping
-        The runs of each by its name; attributes of the files that they come from are left out.
+        The runs of each method by its name; attributes of their files are omitted.
     """
     parts = [runs[method.name] for method in methods]
     cube = xr.concat(parts, "integrator", combine_attrs="override", data_vars="all", coords="all")

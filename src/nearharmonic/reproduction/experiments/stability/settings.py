@@ -26,9 +26,9 @@ from nearharmonic.reproduction.entries import (
 #: The energy of the three saddle points of the Henon-Heiles potential: above it, the exact motion may escape.
 ESCAPE_ENERGY = Fraction(1, 6)
 
-#: Step sizes of one map.
+#: Maximum number of step sizes of one map.
 MOST_POINTS = 10**4
-#: Bytes of the states in one run file, twice that in memory.
+#: Maximum size of the states in one run file in bytes; memory needs twice this.
 MOST_BYTES = 10**9
 
 
@@ -105,7 +105,7 @@ class EnsembleSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluationsGrid:
-    """A grid of force evaluations per period, even in the logarithm."""
+    """A grid of logarithmically spaced force evaluations per period."""
 
     __pydantic_config__ = STRICT
 
@@ -178,12 +178,12 @@ class StabilitySettings:
     )
 
     def check(self, methods: Sequence[Tableau], problems: Collection[str]) -> None:
-        """Refuse what takes more than a machine has; keys are named as in a config.
+        """Raise an error for settings that exceed the limits of a machine; keys are named as in a config.
 
         Raises
         ------
         SettingError
-            A range whose end lies below its beginning, too many step sizes, or too many force evaluations.
+            A range whose end is below its beginning, too many step sizes, or too many force evaluations.
         """
         _check_ensemble(self.henon_heiles, len(methods))
         _check_map(self.kepler, len(methods))
@@ -226,11 +226,11 @@ def _check_rounding(asked: RoundingSettings, stages: int) -> None:
     if asked.steps < 20 * asked.evaluations_per_orbit:
         allowed = "at least 20 times the evaluations per orbit: growth is fitted over more than a decade of time"
         raise bad_setting(f"{here}.steps", asked.steps, allowed)
-    # In double-double, three times; it costs about eight times a double.
+    # Three runs in double-double, which costs about eight times as much as double.
     check_affordable(f"{here}.ensemble", asked.ensemble, asked.steps * 24 * stages)
 
 
 def _number(value: Any) -> float | int:
-    """A number as a user would write it."""
+    """Return a number in the form of a config."""
     number = float(value)
     return int(number) if number.is_integer() else number

@@ -1,1 +1,1 @@
-"""Methods trained on near-harmonic systems: their search, and the proof on problems that nobody trained on."""
+"""Methods trained on near-harmonic systems: their search, and the comparison on other problems."""

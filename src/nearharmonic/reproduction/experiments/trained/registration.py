@@ -1,4 +1,4 @@
-"""The module that registers trained methods, written from what their searches found."""
+"""Generator of the modules that register trained methods, from the results of their searches."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SOURCE = (
 TABLEAUS = ('''
 PLAIN = "Methods trained on near-harmonic systems."
 MODIFIED = "Methods with kicks of a modified potential, trained on near-harmonic systems."
-#: Characters of a line, at which formatters break it.
+#: Maximum length of a line for formatters.
 LONGEST = 120
 
 
@@ -43,7 +43,7 @@ def register(documents: Sequence[str]) -> dict[str, str]:
     Returns
     -------
     dict
-        ``plain``, the module of the methods that use V alone, and ``modified``, that of the others.
+        ``plain``, the module of the methods without modified potentials, and ``modified``, that of the others.
     """
     found = [tomllib.loads(Path(place).read_text(encoding="utf-8")) for place in documents]
     plain = [one for one in found if "square" not in one]
@@ -61,7 +61,7 @@ def _module(methods: Sequence[Mapping[str, Any]], title: str) -> str:
 
 
 def _needs_requirement(one: Mapping[str, Any]) -> bool:
-    """Return True if a method is for a quadratic T without squares that say so."""
+    """Return True if a method needs a quadratic T but has no squares that imply it."""
     return one["family_order"] > 4 and "square" not in one
 
 

@@ -1,4 +1,4 @@
-"""The search for the method of one purpose: families in turn, the choice on a validation set, the digits."""
+"""Search for the method of one purpose: families one after another, selection on a validation set, all digits."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from nearharmonic.training.published import published_methods
 from nearharmonic.training.search import Effort, Found, Searcher, search, starts_of
 
 SOURCE = "trained by nearharmonic.reproduction.experiments.trained"
-#: Of the searches of each family, how many methods are compared on the validation set.
+#: Number of methods of each family that are compared on the validation set.
 SHORT_LIST = 3
-#: The seed of each set is three times that of the settings and one of these.
+#: The seed of each set is three times the seed of the settings plus one of these.
 TRAINING, VALIDATION, TEST = 0, 1, 2
-#: Intervals of validation and test over those of training.
+#: Ratios of the intervals of validation and test to those of training.
 LONGER = 2.0
 CAPTION = (
     "{title}: the families searched for {what}, tau/s {low:.3g} to {high:.3g}, {problems}. Objective: worst over the "
@@ -47,7 +47,7 @@ HEADER = (
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """A method of the short list: its family, how it was found, and its objective on the validation set."""
+    """A method of the short list: its family, its search result, and its objective on the validation set."""
 
     family: Family
     found: Found
@@ -68,13 +68,13 @@ def train(
     purpose : str
         Name among :data:`PURPOSES`.
     settings : SearchSettings
-        How hard to search.
+        Effort of the search.
     known : sequence of str
-        Names of the methods that it begins with; published ones are what it is compared with.
+        Names of the starting methods; published ones among them are the reference.
     report : callable
-        Is told of the progress.
+        Function that is called with a line on the progress.
     before : sequence of str
-        Paths of the documents of other purposes, whose methods it begins from as well.
+        Paths of the documents of other purposes, whose methods are additional starts.
 
     Returns
     -------
@@ -114,7 +114,7 @@ def _all_findings(
         for family in chain.families():
             starts = starts_of(family, begun, [one.best for one in before if one.found], effort)
             before.append(search(judge.objective(family, effort.population), starts, effort, settings.seed, None))
-            if not before[-1].found:  # no published method has its shape, and random starts are not asked for
+            if not before[-1].found:  # no published method has its shape, and there are no random starts
                 continue
             best = before[-1].best
             report(
@@ -151,7 +151,7 @@ class _Judge:
 
 
 def _method(place: Path) -> Tableau:
-    """The method of a document, in the digits of doubles at least."""
+    """Return the method of a document, at least in double precision."""
     found = tomllib.loads(place.read_text(encoding="utf-8"))
     rows: dict[str, Any] = {name: tuple(found[name]) for name in ("kick", "drift")}
     about = {name: found[name] for name in ("name", "first", "order", "digits")}
@@ -159,7 +159,7 @@ def _method(place: Path) -> Tableau:
 
 
 def _short_list(findings: Searcher, validation: _Judge) -> list[Candidate]:
-    """The best few of a family, each on the validation set."""
+    """Return the best few methods of a family, with objectives on the validation set."""
     ranked = sorted(findings.found, key=lambda one: one.value)[:SHORT_LIST]
     objective = validation.objective(findings.best.family, SHORT_LIST)
     values = objective(np.stack([one.unknowns for one in ranked])).tolist()
@@ -181,7 +181,7 @@ def _row(findings: Searcher, short: Sequence[Candidate], test: _Judge) -> list[A
 
 
 def _document(goal: Purpose, settings: SearchSettings, best: Candidate, test: _Judge) -> Mapping[str, Any]:
-    """The method with every digit, what is proved of it, and what found it."""
+    """Return the method with all digits, its proved properties, and its search."""
     tableau = tableau_of(best.family, best.found.unknowns.tolist(), name=goal.title, source=SOURCE)
     gains = test.gains(best.family, best.found)
     squares = {"square": list(tableau.square)} if tableau.modified else {}
@@ -210,7 +210,7 @@ def _document(goal: Purpose, settings: SearchSettings, best: Candidate, test: _J
 
 
 def _digest(goal: Purpose, settings: SearchSettings, tableau: Tableau) -> str:
-    """SHA-256, in hex, of what the search was asked and of what it found in doubles."""
+    """Return the SHA-256, in hex, of the settings of the search and of its result in doubles."""
     rows = [[float(c) for c in row] for row in (tableau.kick, tableau.drift)]
     asked = {"purpose": asdict(goal), "settings": asdict(settings), "rows": rows}
     return sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()

@@ -14,7 +14,7 @@ from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSe
 
 @dataclass(frozen=True, kw_only=True)
 class SearchSettings:
-    """Effort of the search for trained methods; all budgets are numbers of methods tried."""
+    """Effort of the search for trained methods; all budgets are numbers of tried methods."""
 
     __pydantic_config__ = STRICT
 
@@ -45,12 +45,12 @@ class TrainedSettings:
     proof: ProofSettings = setting("What all methods are tried on beside trained ones", default=ProofSettings)
 
     def check(self, methods: Sequence[Tableau], problems: Collection[str]) -> None:
-        """Refuse unknown purposes, and a proof of too many evaluations; keys are named as in a config.
+        """Raise an error for unknown purposes and too many evaluations; keys are named as in a config.
 
         Raises
         ------
         SettingError
-            The first fault found.
+            The first error found.
         """
         for i, purpose in enumerate(self.purposes):
             one_of(f"trained.purposes[{i}]", purpose, tuple(PURPOSES))

@@ -1,4 +1,4 @@
-"""This package beside other libraries: whole calls at equal error, one trajectory and ensembles, as ratios of times."""
+"""Comparison with other libraries: ratios of times of whole calls at equal error, for one trajectory and ensembles."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from nearharmonic.reproduction.tasks.receipts import measures_time
 from nearharmonic.systems import systems
 from nearharmonic.systems.definition.system import System
 
-#: The library that ratios are relative to, as a user gets it.
+#: Reference library of the ratios, with its default settings.
 STANDARD = "heyoka"
 #: Errors at which times are compared.
 ERRORS = (1e-6, 1e-9, 1e-12)
-#: Errors that are compared, of those of a work-precision curve, as a table has them.
+#: Kinds of errors of a work-precision curve that are compared, with their names in tables.
 COMPARED_MEASURES = {"max": "energy", "position": "position"}
-#: Relative difference of initial energies beyond which two systems are not the same one.
+#: Largest relative difference of initial energies of equal systems.
 SAME_ENERGY = 1e-12
-#: What is compared, as titles have it, by mode of the timing.
+#: Text in titles by mode of the timing.
 COMPARED = {"trajectory": "one trajectory", "lanes": "ensembles"}
 
 CAPTION = (
@@ -36,10 +36,10 @@ CAPTION = (
 
 @dataclass(frozen=True, kw_only=True)
 class Pair:
-    """The curves on one system: this package's, those of other libraries, and on a regularised system the originals.
+    """The curves on one system: this package, other libraries, and the original equations of a regularised system.
 
-    ``others`` of a regularised system are those on its original equations and those on its own. ``original`` is the
-    name of the system of the original equations, where there is one, and ``own_original`` this package's curves there.
+    For a regularised system ``others`` has curves on its original equations and on its own. ``original`` is the name of
+    the system with the original equations, if there is one, and ``own_original`` has the curves of this package there.
     """
 
     system: str
@@ -52,7 +52,7 @@ class Pair:
 
     @property
     def label(self) -> str:
-        """The system, as titles have it."""
+        """The label of the system in titles."""
         return systems[self.system].label
 
     def fastest(self, error: float, mode: str, *, others: bool = False) -> list[tuple[Curve, Crossing]]:
@@ -61,19 +61,19 @@ class Pair:
         return [found for found in ranking(curves, self.measure, error, mode) if isfinite(found[1].time)]
 
     def standard(self, error: float, mode: str) -> float:
-        """Seconds of the library that ratios are relative to, NaN if it was not timed."""
+        """Return the seconds of the reference library, NaN if it was not timed."""
         return next((crossing(c, self.measure, error, mode).time for c in self.others if c.method == STANDARD), nan)
 
 
 def original_of(name: str, names: Sequence[str]) -> str:
-    """Return the first of ``names`` that has the original equations of a regularised system, or "".
+    """Return the first of ``names`` with the original equations of a regularised system, or "".
 
     Parameters
     ----------
     name : str
         A system; one that is not regularised has no original.
     names : sequence of str
-        Systems to choose from: another without a regularisation, with the same initial values, units and energy.
+        Candidates: the original system has no regularisation, but equal initial values, units and energy.
     """
     system = systems[name]
     if system.regularisation is None:
@@ -91,16 +91,16 @@ def _is_original(other: System, system: System) -> bool:
 def pairs(
     cube: str, names: Sequence[str], quartile: str = "min", measure: str = "max"
 ) -> tuple[list[Pair], dict[str, object]]:
-    """Return what was measured on each system, and the facts of the machine.
+    """Return the measurements on each system, and the properties of the machine.
 
     Parameters
     ----------
     cube : str
         Path of the cube that :func:`nearharmonic.reproduction.experiments.work_precision.run.measure` makes.
     names : sequence of str
-        Systems; those on which ``measure`` was not of interest are left out.
+        Systems; systems without this ``measure`` are omitted.
     quartile : str
-        Which time of each point: one of :data:`nearharmonic.numerics.clock.QUARTILES`.
+        Quartile of the times of each point: one of :data:`nearharmonic.numerics.clock.QUARTILES`.
     measure : str
         The error: a key of :data:`nearharmonic.recommendation.curve.MEASURES`.
     """
@@ -166,6 +166,6 @@ def _rows(least: Pair, median: Pair, mode: str) -> Iterator[list[object]]:
 
 
 def _sums(curve: Curve, found: Crossing) -> str:
-    """The summation at the setting nearest to where the error is reached."""
+    """Return the summation at the setting nearest to the error."""
     nearest = min(curve.points, key=lambda point: abs(point.tau / found.tau - 1))
     return "compensated" if nearest.compensated else "plain"

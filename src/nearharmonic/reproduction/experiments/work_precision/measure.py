@@ -1,8 +1,8 @@
-"""Errors of other libraries' solvers over their settings, with the runs that are to be timed.
+"""Errors of the solvers of other libraries over their settings, with the runs for the timing.
 
-Adaptive solvers are given tolerances, the others step sizes. The time is that of a run from start to end as a user
-would write it; errors come from a second run that looks at the solver's own steps. Energies are computed in double
-precision, so errors below 1e-15 mean no more than that.
+Adaptive solvers are given tolerances, the others step sizes. The time is that of a run from start to end in a user's
+code; errors come from a second run with the states at the solver's own steps. Energies are computed in double
+precision, so errors below 1e-15 are only upper bounds.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ from nearharmonic.recommendation.curve import Curve, Point
 from nearharmonic.reproduction.experiments.work_precision.peers.peer import Peer, States
 from nearharmonic.systems.definition.system import System
 
-#: Above this an error that does not fall with the step is an accident, below it the end of the fall.
+#: An error above this that does not decrease with the step is an exception; below it rounding dominates.
 NEAR_ROUNDING = 1e-9
-#: An energy error of a run that no longer follows the trajectory.
+#: Energy error of a run that does not follow the trajectory.
 ASTRAY = 1.0
-#: What is looked for as a program instead of a module.
+#: Names of programs instead of modules.
 COMPILERS = ("gcc",)
-#: Step-size grid of the peers, per decade.
+#: Step sizes per decade of the peers.
 POINTS_PER_DECADE = 4
 
 
 def is_installed(library: str) -> bool:
-    """Return True if ``library``, a compiler or a module that is not imported for this, exists."""
+    """Return True if ``library``, a compiler or a module, exists; the module is not imported."""
     return (which(library) if library in COMPILERS else find_spec(library)) is not None
 
 
 def missing(library: str) -> str:
-    """Why ``library`` cannot be used, in words for a table; empty if it can."""
+    """Return the reason why ``library`` cannot be used, for a table; empty if it can."""
     if library in COMPILERS:
         return "" if is_installed(library) else "not installed"
     try:
@@ -55,7 +55,7 @@ def missing(library: str) -> str:
 
 
 def version_of(library: str) -> str:
-    """The installed version of ``library``."""
+    """Return the installed version of ``library``."""
     from importlib.metadata import PackageNotFoundError, version
 
     if library in COMPILERS:
@@ -74,10 +74,12 @@ def peer_curve(
     exact: Reference | None,
     longest: float,
 ) -> Curve:
-    """The errors of ``peer`` from its coarsest setting to the first whose path takes over ``longest`` seconds, with
-    calls to be timed. ``steps_per_stage`` is the range (lowest, highest) of step sizes per stage.
+    """Return the errors of ``peer`` with the calls for the timing.
 
-    A library that is missing, or a system it cannot take, gives a curve without points whose status says so.
+    Settings become finer until a path takes more than ``longest`` seconds. ``steps_per_stage`` is the range (lowest,
+    highest) of step sizes per stage.
+
+    A missing library or an unsupported system gives a curve without points, with the reason as status.
     """
     curve, system = Curve(method=peer.name, label=peer.label, kind="peer"), system.autonomous()
     curve.status = missing(peer.module) or _misfit(peer, system) or "ok"
@@ -88,7 +90,7 @@ def peer_curve(
     with quiet():
         for setting in peer.settings or _steps(peer, steps_per_stage):
             point, seconds = _measured(peer, system, end, setting, exact)
-            # A coarse run that goes astray may take for ever, which says nothing about finer ones.
+            # A diverging coarse run may take very long; finer runs are then still useful.
             if seconds > longest:
                 if point.max_energy_error < ASTRAY or seconds == inf:
                     curve.status = f"stopped where a run took longer than {longest:g} s"
@@ -119,7 +121,7 @@ def _steps(peer: Peer, per_stage: tuple[float, float]) -> Sequence[float]:
 
 
 def _measured(peer: Peer, system: System, t_end: float, setting: float, exact: Reference | None) -> tuple[Point, float]:
-    """One setting's point, and the seconds of its path, which also warms the solver up."""
+    """Return the point of one setting, and the seconds of its path, which also warms up the solver."""
     point = Point(tolerance=setting) if peer.adaptive else Point(tau=setting)
     try:
         attempt = peer.attempt(system, t_end, setting)
@@ -129,7 +131,7 @@ def _measured(peer: Peer, system: System, t_end: float, setting: float, exact: R
     except TimeoutError:
         return point, inf
     except (ArithmeticError, RuntimeError, ValueError):
-        return point, 0.0  # a run that breaks down is as good as infinitely far off
+        return point, 0.0  # a failed run has an infinite error
     point.max_energy_error, point.mean_energy_error = energy_errors(system, states)
     if exact is not None:
         point.position_error = float(exact.error(states[-1, : system.dimension]))
@@ -137,7 +139,7 @@ def _measured(peer: Peer, system: System, t_end: float, setting: float, exact: R
         point.steps, point.evaluations = len(states) - 1, evaluations
         point.calls["trajectory"] = attempt.run
         if attempt.lanes is not None:
-            attempt.lanes()  # warmed up as the path was
+            attempt.lanes()  # warm-up, as for the path
             point.calls["lanes"], point.members = attempt.lanes, attempt.members
         if not peer.adaptive:
             point.tau = t_end / point.steps
@@ -147,7 +149,7 @@ def _measured(peer: Peer, system: System, t_end: float, setting: float, exact: R
 
 
 def energy_errors(system: System, states: States) -> tuple[float, float]:
-    """Maximum and mean of |H - H0|/|H0| over the states (n + 1, 2 d) but the first; infinite if one is no number."""
+    """Return maximum and mean of |H - H0|/|H0| over the states (n + 1, 2 d) after the first; infinite if one is NaN."""
     q, p = (tuple(half) for half in np.split(states.T, 2))
     H = system.energy(q, p, system.constants(float))
     error = np.abs(H[1:] - H[0]) / abs(H[0])
@@ -157,7 +159,7 @@ def energy_errors(system: System, states: States) -> tuple[float, float]:
 
 
 def _settled(points: list[Point]) -> bool:
-    """Return True if a finer setting no longer gains: rounding has taken over."""
+    """Return True if finer settings do not reduce the error, because rounding dominates."""
     if len(points) < 2:
         return False
     before, last = points[-2:]
@@ -171,7 +173,7 @@ def _settled(points: list[Point]) -> bool:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Coarse settings overflow and warn: what comes of them is in the errors. Libraries warn of their own affairs."""
+    """Suppress warnings: coarse settings overflow, which the errors show, and libraries have unrelated warnings."""
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         yield

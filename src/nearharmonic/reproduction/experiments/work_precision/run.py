@@ -1,4 +1,4 @@
-"""Run time against error, for every method and peer on one machine: measured in turns, then kept with the machine."""
+"""Run time against error, for every method and peer on one machine, in interleaved measurements."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ from nearharmonic.reproduction.tasks.receipts import measures_time
 from nearharmonic.systems import systems
 from nearharmonic.systems.definition.system import System
 
-#: Calls of ensembles take some milliseconds, and their arrays are new each time.
+#: Timing of ensembles: calls take some milliseconds, and allocate new arrays.
 ENSEMBLES = Patience(least=5, most=15, seconds=0.05, longest=0.1)
-#: Methods whose ensembles are timed, at each error.
+#: Number of methods per error whose ensembles are timed.
 FRONT = 3
 
 
@@ -53,7 +53,7 @@ class Problem:
     system : System
         The system, from its initial state.
     t_end : str
-        End of the interval [0, t_end], in the system's unit of time.
+        End of the interval [0, t_end], in the unit of time of the system.
     measures : tuple of str
         Errors of interest, keys of :data:`nearharmonic.recommendation.curve.MEASURES`.
     """
@@ -73,14 +73,14 @@ def measure(
     Parameters
     ----------
     sweeps : sequence of Sweep
-        What is asked of each system.
+        Runs on each system.
     methods : sequence of str
         Names of integrators.
     settings : WorkPrecisionSettings
-        What is timed beside them, how finely, and for how long at most.
+        Further timed methods and libraries, resolution, and time limit.
     installed : mapping of str to bool
-        Libraries, and whether they are there. The measurement finds out by itself: as one of the settings that a
-        workflow compares, this makes it measure again where a library is installed later on.
+        Libraries, and True if they are installed. The measurement does not use it. It is one of the settings that a
+        workflow compares, so that the measurement is repeated after the installation of a library.
 
     Returns
     -------
@@ -111,14 +111,14 @@ def measure(
 
 
 def problems(system: System, t_end: str) -> tuple[Problem, ...]:
-    """Return the intervals on which a system is timed: one, or a second one for positions where chaos forbids.
+    """Return the intervals of the timing: one, and a second one for positions if the system is chaotic.
 
     Parameters
     ----------
     system : System
         The system.
     t_end : str
-        End of the interval asked for, in the system's unit of time.
+        End of the requested interval, in the unit of time of the system.
     """
     short = position_t_end(system, t_end)
     if Fraction(short) == Fraction(t_end):
@@ -132,7 +132,7 @@ def problems(system: System, t_end: str) -> tuple[Problem, ...]:
 def curves_on(
     problem: Problem, tableaus: Sequence[Tableau], sweep: Sweep, settings: WorkPrecisionSettings
 ) -> tuple[list[Curve], Reference | None]:
-    """Return the curves of methods and peers on one problem, timed in turns on this thread.
+    """Return the curves of methods and peers on one problem, timed in interleaved order on this thread.
 
     Parameters
     ----------
@@ -143,14 +143,14 @@ def curves_on(
     sweep : Sweep
         Range of step sizes, and the summation.
     settings : WorkPrecisionSettings
-        The peers, and how finely and how long all are run.
+        The peers, resolution, and time limit.
 
     Returns
     -------
     curves : list of Curve
         The methods, then the peers.
     exact : Reference or None
-        What positions were compared with, if they are of interest.
+        Reference of the positions, if their errors are measured.
     """
     exact = reference(problem.system, problem.t_end) if "position" in problem.measures else None
     curves = []
@@ -171,9 +171,9 @@ def curves_on(
 
 
 def front_runners(curves: Sequence[Curve], measures: Sequence[str]) -> list[str]:
-    """The names of this package's methods that are among the fastest :data:`FRONT` at some error, one at a time.
+    """Return the names of the methods of this package that are among the fastest :data:`FRONT` at some error.
 
-    Ensembles of these alone are timed: a slow method is as slow in lanes.
+    Only their ensembles are timed: a slow method is slow in lanes too.
     """
     own = [curve for curve in curves if curve.kind == "splitting"]
     names = []
@@ -192,7 +192,7 @@ def _prepare_ensembles(problem: Problem, tableau: Tableau, points: Sequence[Poin
 
 
 def clock(curves: Iterable[Curve], modes: Iterable[str]) -> None:
-    """Time the calls of all points in turns, into their ``times``.
+    """Time the calls of all points in interleaved order, and store the times in ``times``.
 
     Parameters
     ----------
@@ -202,7 +202,7 @@ def clock(curves: Iterable[Curve], modes: Iterable[str]) -> None:
         Of :data:`nearharmonic.recommendation.curve.MODES`.
     """
     waiting = [(point, mode, call) for curve in curves for point in curve.points for mode, call in point.calls.items()]
-    # A mode at a time, so that no wide registers lower the clock of narrow code beside them.
+    # One mode at a time, because wide registers may reduce the clock rate for other code.
     for mode in modes:
         chosen = [(point, call) for point, own, call in waiting if own == mode]
         with quiet():

@@ -13,13 +13,13 @@ from nearharmonic.integrators.user_file import expanded
 from nearharmonic.reproduction.entries import STRICT, PositiveNumber, setting, whole_from
 from nearharmonic.systems import systems
 
-#: Holds Nielsen's Table 4, of which his figures show a choice.
+#: Module of Nielsen's Table 4; his figures have some of its methods.
 PAPER = "nearharmonic.integrators.nielsen_2015"
 
 
 @dataclass(frozen=True, kw_only=True)
 class WorkPrecisionSettings:
-    """Run time against error: methods beside those of the figures, other libraries, and how long a run may take."""
+    """Run time against error: further methods, other libraries, and time limits."""
 
     __pydantic_config__ = STRICT
 
@@ -49,12 +49,12 @@ class WorkPrecisionSettings:
     )
 
     def check(self, methods: Sequence[Tableau], problems: Collection[str]) -> None:
-        """Refuse unknown integrators and libraries, and methods that do not fit one of the systems ``problems``.
+        """Raise an error for unknown integrators and libraries, and methods that do not fit one of the ``problems``.
 
         Raises
         ------
         NearharmonicError
-            The first fault found; keys are named as in a config.
+            The first error found; keys are named as in a config.
         """
         from nearharmonic.reproduction.experiments.work_precision.peers import LIBRARIES
 
@@ -65,7 +65,7 @@ class WorkPrecisionSettings:
             one_of(f"work_precision.peers[{i}]", library, LIBRARIES)
 
     def methods(self, figures: Collection[str]) -> list[str]:
-        """Return the names of all methods that are timed: those of the ``figures``, then the others."""
+        """Return the names of all timed methods: those of the ``figures``, then the others."""
         if self.integrators is None:
             others = tuple(name for name in integrators if integrators.module_of(name) != PAPER)
         else:
@@ -73,7 +73,7 @@ class WorkPrecisionSettings:
         return [*figures, *(name for name in others if name not in figures)]
 
     def solvers(self) -> list[str]:
-        """Return the names of the peers' solvers that are timed, in the order of the peers."""
+        """Return the names of the timed solvers of peers, in the order of the peers."""
         from nearharmonic.reproduction.experiments.work_precision.peers import PEERS
 
         return [name for name, peer in PEERS.items() if self.peers is None or peer.module in self.peers]

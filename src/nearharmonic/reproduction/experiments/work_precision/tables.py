@@ -40,7 +40,7 @@ MORE = ("lanes", "energy")
 
 @measures_time
 def time_to_error(system: str, cube: str) -> dict[str, Table | str]:
-    """Tell what it costs each method to reach an error on one system.
+    """Tabulate the cost of each method for given errors on one system.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def table(label: str, lines: Sequence[Row]) -> Table:
     Parameters
     ----------
     label : str
-        The system, as a title has it.
+        Label of the system in titles.
     lines : sequence of mappings
         From :func:`rows`, one at least.
     """
@@ -145,7 +145,7 @@ def _table(measure: str, curves: Sequence[Curve]) -> list[str]:
 
 
 def milliseconds(found: Crossing) -> str:
-    """A time in ms to three digits; "-" if there is none."""
+    """Return a time in ms to three digits; "-" if there is none."""
     if not isfinite(found.time):
         return "-"
     bound = "<= " if found.status == "below throughout" else ""
@@ -153,12 +153,12 @@ def milliseconds(found: Crossing) -> str:
 
 
 def count(number: float) -> str:
-    """A number of evaluations to three digits; "-" if there is none."""
+    """Return a number of evaluations to three digits; "-" if there is none."""
     return f"{float(f'{number:.3g}'):.0f}" if isfinite(number) else "-"
 
 
 def _winners(measure: str, curves: Sequence[Curve]) -> list[str]:
-    """One line for each target: the fastest of all, and if that is a peer, by how much."""
+    """Return one line for each target: the fastest of all, and the ratio if it is a peer."""
     lines = []
     for target in TARGETS:
         order = [(curve, found) for curve, found in ranking(curves, measure, target) if isfinite(found.time)]

@@ -94,8 +94,7 @@ def _contours(colour: str, **look: Any) -> bokeh.MultiLine:
 
 
 def _add_path(plot: Plot, path: xr.Dataset) -> None:
-    """Draw the path, its dots and ends, and the energy surface through its start; the legend shows and hides all of
-    them."""
+    """Draw the path, its dots and ends, and the energy surface through its start, tagged with the method."""
     method, label = path.attrs["integrator"], path.attrs["label"]
     surface = _lines(path, path["H"].values[:1, 0])
     panels.add(plot, surface, _contours("#1f2d3d", line_width=1.3, line_dash=[5, 3]), method)

@@ -90,7 +90,7 @@ def c_n_as_printed(results: Results) -> Decision:
 
 
 def _off(coefficients: Drawn, ratios: Row) -> Any:
-    """The largest error of a term of the position by Eq. 6 with these C_2, C_3, ..."""
+    """Return the largest error of a term of the position by Eq. 6 with these C_2, C_3, ..."""
     kicks, drifts = coefficients
     exact = position_terms(coefficients)[-1]
     none = [Fraction(0)] * (len(exact) - 1)
@@ -124,7 +124,7 @@ def _momenta_agree(kicks: Row, drifts: Row) -> bool:
 
 
 def last_row(m: Any, q: tuple[Any, Any], drift: Any, kick: Any) -> Any:
-    """The momentum by Eq. 6 from the last two positions."""
+    """Return the momentum by Eq. 6 from the last two positions."""
     return m * (q[1] - q[0]) / drift - kick * q[1]
 
 

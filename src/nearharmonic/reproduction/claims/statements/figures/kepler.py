@@ -158,7 +158,7 @@ COINCIDING = ("abas5o6h", "aba104", "babps8o7h")
 
 
 def _advance(curves: Curves, names: tuple[str, ...]) -> tuple[Floats, Floats]:
-    """Absolute advance and interval, a row a method."""
+    """Return absolute advances and intervals, one row per method."""
     rows = [[np.abs(curves.of(n, v)) for n in names] for v in ("perihelion_advance", "perihelion_advance_interval")]
     return np.array(rows[0]), np.array(rows[1])
 

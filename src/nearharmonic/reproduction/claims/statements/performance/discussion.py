@@ -65,7 +65,7 @@ def _limit(method: Tableau) -> float:
 
 
 def _growing(method: Tableau) -> float:
-    """The first step size per stage at which a gap of stability makes the oscillator grow by ten."""
+    """Return the first step size per stage at which the oscillator grows by a factor of ten in a gap of stability."""
     for low, high in stability_gaps(method):
         # Growth rises from the edge of a gap; the last gap has no end.
         steps = np.linspace(float(low), min(float(high), 1.5 * float(low)), 402)[1:-1]

@@ -1,7 +1,7 @@
-"""The compiled part of the search: the conditions in doubles and their derivatives, and the iteration from many points.
+"""Compiled part of the search: conditions and derivatives in doubles, and the iteration from many points.
 
-A case has its number s of stages, its highest harmonic order, and whether its outer row drifts. The states of a step
-are series in tau, by powers from 0 to the highest order.
+A case has its number s of stages, its highest harmonic order, and a flag for drift as the outer row. The states of a
+step are series in tau, with powers from 0 to the highest order.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from nearharmonic.core.layout import Flags, Floats
 from nearharmonic.core.machine.jit import jit
 from nearharmonic.numerics.search.damped import Damping, iteration, marquardt_step
 
-#: Starts that converge do so in 10 to 60 steps, to full steps that move no unknown.
+#: Maximum number of steps: convergent starts need 10 to 60 steps until no unknown changes.
 DAMPING = Damping(
     iterations=200, rest=1e-10, undamped=1e-10, first=1e-2, fall=(1.0, 10.0), rise=8.0, lowest=(1e-16, 1e-12), most=1e12
 )
 
 
 class Case(NamedTuple):
-    """Numbers that the kernels need of the equations of a case."""
+    """Parameters of a case for the kernels."""
 
     stages: int
     highest: int
@@ -30,7 +30,7 @@ class Case(NamedTuple):
 
 @jit
 def solve(case: Case, starts: Floats, bound: float) -> tuple[Floats, Flags]:
-    """Iterate from ``starts`` (start, unknown); return the ends, and which of them are solutions in [-bound, bound]."""
+    """Iterate from ``starts`` (start, unknown); return the ends, and the mask of solutions in [-bound, bound]."""
     ends, solved = starts.copy(), np.zeros(len(starts), np.bool_)
     for start in range(len(starts)):
         solved[start] = iterate(case, ends[start], bound, DAMPING)
@@ -39,7 +39,7 @@ def solve(case: Case, starts: Floats, bound: float) -> tuple[Floats, Flags]:
 
 @jit
 def residuals(case: Case, x: Floats) -> tuple[Floats, float, tuple[Floats, Floats, Floats]]:
-    """The signed kappa_3 ... kappa_highest, the sum of their squares, and the coefficients and states of the step."""
+    """Return signed kappa_3 ... kappa_highest, their sum of squares, and the coefficients and states of the step."""
     rows = expand(case.stages, x)
     q, p = states(case, rows)
     F = np.empty(case.highest - 2)
@@ -53,7 +53,7 @@ def residuals(case: Case, x: Floats) -> tuple[Floats, float, tuple[Floats, Float
 
 @jit
 def expand(stages: int, x: Floats) -> Floats:
-    """The 2s + 1 coefficients in the order of a step."""
+    """Return the 2s + 1 coefficients in the order of a step."""
     rows = np.empty(2 * stages + 1)
     cut = stages // 2
     for parity in range(2):
@@ -75,7 +75,7 @@ def expand(stages: int, x: Floats) -> Floats:
 
 @jit
 def states(case: Case, rows: Floats) -> tuple[Floats, Floats]:
-    """Positions and momenta (2s + 2, power of tau) between the operators of a step from q = -p = 1."""
+    """Return positions and momenta (2s + 2, power of tau) between the operators of a step from q = -p = 1."""
     stages, highest, drift_first = case
     q, p = np.zeros((2 * stages + 2, highest + 1)), np.zeros((2 * stages + 2, highest + 1))
     q[0, 0], p[0, 0] = 1.0, -1.0
@@ -93,11 +93,11 @@ def states(case: Case, rows: Floats) -> tuple[Floats, Floats]:
 
 @jit
 def slopes(case: Case, x: Floats, step: tuple[Floats, Floats, Floats]) -> Floats:
-    """The derivatives of kappa_3 ... kappa_highest (equation, unknown), for the coefficients and states of ``step``."""
+    """Return the derivatives of kappa_3 ... kappa_highest (equation, unknown) at ``step`` (coefficients and states)."""
     stages, highest, drift_first = case
     rows, q, p = step
     jacobian = np.zeros((highest - 2, stages - 1))
-    # The new position is alpha q + beta p of the state before an operator, followed backwards.
+    # The new position is alpha q + beta p of the state before an operator; alpha and beta are computed backwards.
     alpha, beta = np.zeros(highest + 1), np.zeros(highest + 1)
     alpha[0] = 1.0
     cut = stages // 2

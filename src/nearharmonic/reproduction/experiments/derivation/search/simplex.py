@@ -1,10 +1,10 @@
-"""The route of the paper: minimise max(kappa_1, ..., kappa_lambda) with an adaptive simplex in long arithmetic.
+"""The method of the paper: minimise max(kappa_1, ..., kappa_lambda) with an adaptive simplex in multiprecision.
 
 Nelder & Mead's method with the coefficients of Gao & Han (2012), doi:10.1007/s10589-010-9329-3, which depend on the
-dimension n: reflection 1, expansion 1 + 2/n, contraction 3/4 - 1/(2n), shrinkage 1 - 1/n. Numbers are whole, in units
-of 2^-bits; gmpy2's are the same as Python's, and a product of 2048 bits takes a tenth of the time. The objective has a
-kink wherever two kappa are equal, and there the simplex collapses short of the minimum: it then starts afresh from its
-best point, with edges whose signs are drawn anew.
+dimension n: reflection 1, expansion 1 + 2/n, contraction 3/4 - 1/(2n), shrinkage 1 - 1/n. Numbers are integers in units
+of 2^-bits; a product of 2048 bits with gmpy2 takes a tenth of the time of Python's integers, with the same result. The
+objective is not smooth where two kappa are equal, and there the simplex collapses before the minimum. It then restarts
+from its best point, with new random signs of the edges.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ class Simplex:
     bits : int
         Precision of the arithmetic.
     digits : int
-        Decimals to which kappa vanishes at a solution.
+        Number of decimals to which kappa vanishes at a solution.
     evaluations : int
-        Most evaluations of the objective from one point.
+        Maximum number of evaluations of the objective from one point.
     collapsed_bits : int
-        A simplex has collapsed when its values agree to this many bits.
+        A simplex has collapsed if its values agree to this number of bits.
     longest_edge : int
-        The inverse of the edges of a fresh simplex.
+        The inverse of the edges of a new simplex.
     edge_factor : int
-        Edges are at most this many times the objective: a solution lies within that many times the objective where the
-        conditions are as badly scaled as those of the sets in Table 4.
+        Maximum ratio of edges to objective: with conditions as badly scaled as those of the sets in Table 4, a solution
+        is within this multiple of the objective.
     """
 
     bits: int = 2048
@@ -54,13 +54,13 @@ class Simplex:
     edge_factor: int = 10_000
 
 
-#: The short run that tells whether a random start is worth a long one.
+#: Settings of the short run that selects random starts for long runs.
 SHORT = Simplex(bits=192, digits=4, evaluations=800)
 
 
 @dataclass(frozen=True)
 class Minimum:
-    """End of the simplex: ``unknowns`` (mpf) only if ``converged``, else the least value of the largest kappa."""
+    """End of the simplex: ``unknowns`` (mpf) only if ``converged``, else the smallest value of the largest kappa."""
 
     converged: bool
     kappa_max: Any
@@ -72,10 +72,10 @@ class Minimum:
 
 @dataclass(frozen=True)
 class SimplexRun:
-    """One run of the paper's route, from ``start``, one of the ``promising`` among ``starts`` random points.
+    """One run of the method of the paper, from ``start``: one of the ``promising`` among ``starts`` random points.
 
-    ``reached`` is the number of the root it converged to and ``distance`` the largest difference of an unknown from
-    that root; None where it did not converge, or not to a root that is known.
+    ``reached`` is the index of the root to which it converged, and ``distance`` the largest difference of an unknown
+    from this root; None if it did not converge, or not to a known root.
     """
 
     stages: int
@@ -95,7 +95,7 @@ def minimise(
     settings: Simplex = Simplex(),
     report: Callable[[str], None] = lambda _: None,
 ) -> Minimum:
-    """The simplex from ``start`` until kappa_max < 10^-digits, or until the evaluations are used up."""
+    """Run the simplex from ``start`` until kappa_max < 10^-digits, or until the evaluations are spent."""
     bits, evaluations = settings.bits, settings.evaluations
     clock, generator, one = perf_counter(), random.Random(seed), mpz(1) << bits
     objective = _Objective(equations, bits)
@@ -122,9 +122,9 @@ def minimise(
 def promising_starts(
     equations: Equations, *, starts: int, seed: int, box: float = 1.0, report: Callable[[str], None] = lambda _: None
 ) -> list[list[float]]:
-    """Return those of ``starts`` points in [-box, box] from which a short run in short arithmetic gets near a root.
+    """Return the points among ``starts`` in [-box, box] from which a short run in low precision comes near a root.
 
-    A start in a ridge of the max norm stalls at once, however long the arithmetic; a short run tells.
+    A start in a ridge of the maximum norm stalls at once in any precision; a short run detects this.
     """
     generator, found = random.Random(seed), []
     for number in range(starts):
@@ -143,18 +143,18 @@ def simplex_runs(
     settings: Simplex,
     report: Callable[[str], None] = lambda _: None,
 ) -> list[SimplexRun]:
-    """Solve a case by the route of the paper, from every random point that a short run finds promising.
+    """Solve a case by the method of the paper, from every random point that a short run finds promising.
 
     Parameters
     ----------
     case : IsolatedSolutions
-        The case, with the roots to compare with.
+        The case, with its known roots.
     starts, seed : int
-        Number of random points, and the seed of these and of the simplex.
+        Number of random points, and seed of the points and of the simplex.
     settings : Simplex
-        Of each run.
+        Settings of each run.
     report : callable
-        Is told of the progress.
+        Function that is called with a line on the progress.
     """
     promising = promising_starts(case.equations, starts=starts, seed=seed, report=report)
     runs = []
@@ -167,7 +167,7 @@ def simplex_runs(
 
 
 def _nearest_root(case: IsolatedSolutions, outcome: Minimum, digits: int) -> tuple[int | None, Any]:
-    """Number of the root that a simplex converged to, and how far from it the simplex ended."""
+    """Return the index of the root to which a simplex converged, and the distance of its end from the root."""
     with mp.workdps(digits + 30):
         for number, other in enumerate(case.roots) if outcome.converged else ():
             centre = [mpf(c) for c in case.equations.halved(other.outer, other.inner)]
@@ -180,7 +180,7 @@ def _nearest_root(case: IsolatedSolutions, outcome: Minimum, digits: int) -> tup
 def _collapse(
     simplex: list[Vertex], objective: Callable[[list[int]], int], tolerance: int, settings: Simplex
 ) -> Vertex:
-    """The best vertex when the simplex has collapsed, converged, or used up the evaluations."""
+    """Return the best vertex after collapse, convergence, or the last evaluation."""
     n, bits = len(simplex) - 1, settings.bits
     one = mpz(1) << bits
     expansion, contraction = one + 2 * one // n, 3 * one // 4 - one // (2 * n)
@@ -213,13 +213,13 @@ def _collapse(
 def _moved(
     objective: Callable[[list[int]], int], centroid: list[int], worst: list[int], factor: int, bits: int
 ) -> Vertex:
-    """The vertex at centroid + factor (centroid - worst)."""
+    """Return the vertex at centroid + factor (centroid - worst)."""
     x = [c + (factor * (c - w) >> bits) for c, w in zip(centroid, worst, strict=True)]
     return objective(x), x
 
 
 class _Objective:
-    """max(kappa_1, ..., kappa_lambda) of a point, in units of 2^-bits, and how often it was asked for."""
+    """max(kappa_1, ..., kappa_lambda) of a point, in units of 2^-bits, with the number of evaluations."""
 
     def __init__(self, equations: Equations, bits: int) -> None:
         self._equations, self._bits = equations, bits
@@ -249,7 +249,7 @@ class _Objective:
 
 
 def _shear(moved: list[int], by: list[int], c: int, sign: int, bits: int) -> None:
-    """moved += sign c tau by, with one power of tau more each."""
+    """Add sign c tau ``by`` to ``moved``; tau shifts each coefficient by one power."""
     for n in range(len(moved) - 1, 0, -1):
         moved[n] += sign * (c * by[n - 1] >> bits)
 

@@ -1,4 +1,4 @@
-"""Many random starts in double precision, and the solutions that they lead to with duplicates merged."""
+"""Random starts in double precision, and the distinct solutions that are found from them."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from nearharmonic.numerics.types import Floats
 from nearharmonic.reproduction.experiments.derivation.conditions import Equations
 from nearharmonic.reproduction.experiments.derivation.search.kernels import Case, solve
 
-#: Starts per call of the kernel, between two reports.
+#: Number of starts per call of the kernel, between two reports.
 BATCH = 4096
 
 
 @dataclass(frozen=True)
 class SearchResult:
-    """Solutions in double, most often hit first: ``points`` (solution, unknown), ``hits`` how many starts led there."""
+    """Solutions in double, most frequent first: ``points`` (solution, unknown), ``hits`` (numbers of starts)."""
 
     points: Floats
     hits: tuple[int, ...]
@@ -29,7 +29,7 @@ class SearchResult:
 
 
 def search(equations: Equations, starts: RandomStarts, report: Callable[[str], None] = lambda _: None) -> SearchResult:
-    """Return the isolated solutions that random points lead to, with duplicates merged.
+    """Return the distinct isolated solutions that are found from random points.
 
     Parameters
     ----------
@@ -38,17 +38,17 @@ def search(equations: Equations, starts: RandomStarts, report: Callable[[str], N
     starts : RandomStarts
         The points; solutions are the same if they agree relative to their largest unknown.
     report : callable
-        Takes a line on the progress, after each batch of starts.
+        Function that is called with a line on the progress after each batch of starts.
 
     Returns
     -------
     SearchResult
-        The solutions, most often hit first.
+        The solutions, most frequent first.
 
     Raises
     ------
     SettingError
-        No isolated solutions: a free parameter is left.
+        The solutions are not isolated, because there is a free parameter.
     """
     if equations.free_parameters != 0:
         key = "harmonic_order"
@@ -60,15 +60,14 @@ def search(equations: Equations, starts: RandomStarts, report: Callable[[str], N
 
 
 def sample(equations: Equations, starts: RandomStarts, report: Callable[[str], None] = lambda _: None) -> Floats:
-    """Return points (solution, unknown) where the conditions hold, one per start that converged, in their order.
+    """Return one solution (solution, unknown) per convergent start, in the order of the starts.
 
-    With free parameters left, a start goes to a point near it by steps of least length: dense where the solution set
-    faces the box, and no uniform sample of it.
+    With free parameters, a start converges to a point near it by steps of minimal length. The sample is not uniform.
 
     Parameters
     ----------
     equations, starts, report
-        As for :func:`search`, but free parameters may be left.
+        As for :func:`search`, but free parameters are allowed.
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""Figures of the paper, one module each: ``figure(...)`` takes Datasets and returns a matplotlib Figure, no maths."""
+"""Figures of the paper, one module each: functions that draw Datasets, without computations."""

@@ -81,7 +81,7 @@ def _draw_terms(axes: Axes, kappa: xr.DataArray) -> None:
 
 
 def _circles(axes: Axes, x: Any, y: Any, style: Style) -> None:
-    """Circles around the method's own marker, which tells them apart without colour."""
+    """Draw circles around the marker of the method, which identifies it without colour."""
     axes.plot(x, y, **style.points(marker="o", markersize=8, markerfacecolor="none", markeredgewidth=0.9))
     axes.plot(x, y, **style.points(markersize=3.2, markeredgewidth=0.8))
 

@@ -40,8 +40,8 @@ if TYPE_CHECKING:
 def fig4_perihelion(cube: xr.Dataset) -> Figure:
     """Draw |perihelion_advance| of ``cube``, dimensions (precision, integrator, tau_per_stage), in rad per orbit.
 
-    ``cube.attrs["orbital_period"]``, in h, turns it into arcseconds per century. Runs without a finite advance or
-    interval are left out.
+    ``cube.attrs["orbital_period"]``, in h, converts it to arcseconds per century. Runs without a finite advance or
+    interval are omitted.
     """
     drawn = new_figure(7, 6.4)
     drawn.subplots_adjust(left=0.105, right=0.895, top=0.865, bottom=0.08)
@@ -80,7 +80,7 @@ def _draw_method(axes: Axes, runs: xr.Dataset, name: str, position: int, methods
 
 
 def _add_century_axis(axes: Axes, arcseconds: float) -> None:
-    """A second axis, ``arcseconds`` per century for 1 rad/orbit, and the relativistic advance as a line."""
+    """Add a second axis, ``arcseconds`` per century for 1 rad/orbit, and a line for the relativistic advance."""
 
     def to_century(y: Any) -> Any:
         return y * arcseconds

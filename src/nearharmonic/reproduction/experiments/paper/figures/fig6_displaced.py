@@ -1,4 +1,4 @@
-"""Energy errors of panel D of Figure 6 from starts beside its plane, up to where the paths leave their surfaces."""
+"""Energy errors of panel D of Figure 6 from starts outside its plane, until the paths diverge."""
 
 from __future__ import annotations
 
@@ -82,5 +82,5 @@ def _legend_entries(displacements: np.ndarray[Any, Any]) -> tuple[list[Line2D], 
 
 
 def _power(number: float) -> str:
-    """A power of ten, or zero."""
+    """Return the text of a power of ten, or zero."""
     return f"$10^{{{np.log10(number):.0f}}}$" if number else "0"

@@ -1,4 +1,4 @@
-"""Figure 6: substeps of two methods in phase space, coloured by the signs of the coefficients that follow."""
+"""Figure 6: substeps of two methods in phase space, coloured by the signs of the next coefficients."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _BLUE, _RED, _GREEN = "#0b5fb5", "#d7301f", "#1a9850"
 _PALE = LinearSegmentedColormap.from_list("pale", ["#ffffff", "#b9c3cf"])
 _LEVELS = 12
 
-#: (next drift negative, next kick negative) -> what it means, and the markers drawn over each other.
+#: (next drift negative, next kick negative) -> meaning, and markers drawn over each other.
 _DOTS: dict[tuple[bool, bool], tuple[str, tuple[dict[str, Any], ...]]] = {
     (False, False): ("next c, d ≥ 0", ({"marker": "o", "color": _BLUE, "markersize": 5},)),
     (True, False): (

@@ -1,1 +1,1 @@
-"""The grid of runs: which are made, and what is left out."""
+"""The grid of runs, and the omitted runs."""

@@ -1,4 +1,4 @@
-"""Work left out of the computation, the reasons, and the force evaluations saved: as CSV, and in one line."""
+"""Omitted runs, with reasons and saved force evaluations: as CSV, and in one line."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from nearharmonic.reproduction.experiments.paper.grid.plan import Omission, plan
 if TYPE_CHECKING:
     import xarray as xr
 
-#: What stands for system, integrator and precision in the rows of totals.
+#: Entry for system, integrator and precision in the rows of totals.
 ALL = "all"
 #: The rows of totals, by their ``what``.
 DONE, FULL, SAVED = "done", "full grid", "saved"
@@ -30,17 +30,17 @@ NOT_ASKED = "the config does not ask for this precision"
 
 
 def skipped(sweeps: Sequence[Sweep], methods: Sequence[str], cubes: Mapping[str, xr.Dataset]) -> list[Omission]:
-    """Return the omissions of the plan, and those of its runs in ``cubes`` (by system) that ended early."""
+    """Return the omissions of the plan, and those of runs in ``cubes`` (by system) that ended early."""
     not_asked = (row for sweep in sweeps for name in methods for row in _not_asked(sweep, name))
     ended = (row for system, cube in cubes.items() for row in _ended_early(system, cube))
     return [*plan(sweeps, methods).omissions, *not_asked, *ended]
 
 
 def totals(rows: Sequence[Omission], cubes: Mapping[str, xr.Dataset]) -> list[Omission]:
-    """Over all systems: what was done, what the full grid would have cost, and the saving by reason, largest first.
+    """Return totals over all systems: work done, work of the full grid, and savings by reason, largest first.
 
-    The full grid is every step size in both precisions to the end of its interval. To the runs that were made it adds
-    what they share: the second pass over Kepler orbits, and the forces that one step hands on to the next.
+    The full grid is every step size in both precisions to the end of its interval. It also counts work that the actual
+    runs share: the second pass over Kepler orbits, and forces that a step takes over from the previous one.
     """
     done = [run for cube in cubes.values() for _, _, runs in _distinct(cube) for run in runs]
     saved: dict[str, tuple[int, int]] = {}
@@ -73,7 +73,7 @@ def totals_in(text: str) -> Totals:
     Raises
     ------
     NearharmonicError
-        It lacks a total, or a number.
+        The text lacks a total, or a number.
     """
     try:
         rows = {(row["what"], row["reason"]): row for row in from_csv(text).records() if row["system"] == ALL}
@@ -86,7 +86,7 @@ def totals_in(text: str) -> Totals:
 
 
 def summary_line(path: str | os.PathLike[str]) -> str:
-    """The totals of the table at ``path`` in one line."""
+    """Return the totals of the table at ``path`` in one line."""
     _, done, full, saved = totals_in(Path(path).read_text(encoding="utf-8"))
     shares = (f"{number / full:.2g} ({reason})" for reason, number in saved.items())
     return (
@@ -96,12 +96,12 @@ def summary_line(path: str | os.PathLike[str]) -> str:
 
 
 def table(sweeps: Sequence[Sweep], integrators: Sequence[str], **cubes: str) -> dict[str, Table]:
-    """Make the table of what was left out.
+    """Make the table of omissions.
 
     Parameters
     ----------
     sweeps : sequence of Sweep
-        What is asked of each system.
+        Runs of each system.
     integrators : sequence of str
         Names of the methods.
     **cubes
@@ -125,7 +125,7 @@ def table_of(rows: Sequence[Omission]) -> Table:
 
 
 def _not_asked(sweep: Sweep, name: str) -> Iterator[Omission]:
-    """One row for each precision that ``sweep`` leaves aside."""
+    """Yield one row for each precision that ``sweep`` does not use."""
     tableau = methods_by_name[name]
     grid = tau_grid(sweep.lowest, sweep.highest, sweep.points_per_decade)
     for precision in PRECISIONS:
@@ -142,7 +142,7 @@ def _not_asked(sweep: Sweep, name: str) -> Iterator[Omission]:
 
 
 def _ended_early(system: str, cube: xr.Dataset) -> Iterator[Omission]:
-    """One row for each integrator and precision with runs that left their energy surface."""
+    """Yield one row for each integrator and precision with diverged runs."""
     for precision, name, runs in _distinct(cube):
         left = [(steps, evaluations) for steps, evaluations, status in runs if status == "diverged"]
         if left:
@@ -158,7 +158,7 @@ def _ended_early(system: str, cube: xr.Dataset) -> Iterator[Omission]:
 
 
 def _distinct(cube: xr.Dataset) -> Iterator[tuple[str, str, list[tuple[int, int, str]]]]:
-    """(precision, integrator, [(steps, evaluations, status)]) of the runs made: one for equal numbers of steps."""
+    """Yield (precision, integrator, [(steps, evaluations, status)]) of the runs: one for equal numbers of steps."""
     for precision in cube.precision.values:
         for name in cube.integrator.values:
             runs: Any = cube.sel(precision=precision, integrator=name)

@@ -1,4 +1,4 @@
-"""Config -> frozen runs: which step sizes in which precision, and why the rest is left out. Pure, and quick."""
+"""Plan of the runs for a config: step sizes and precisions, and reasons for omissions. It computes no trajectories."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from nearharmonic.reproduction.experiments.paper.settings import StepSizes
 from nearharmonic.systems import System, systems
 from nearharmonic.systems.formulas.oscillator import check_oscillator
 
-#: Bytes of trajectories in one job, which needs about twice that.
+#: Maximum size of the trajectories in one job in bytes; the job needs about twice this memory.
 MOST_BYTES = 4 * 10**8
-#: Step sizes of one system's grid.
+#: Maximum number of step sizes of one system.
 MOST_POINTS = 10**4
 
-#: Where rounding ends the fall of a compensated double run's max |dH/H0|: 1e-16 to 1e-15, depending on the method.
+#: Rounding floor of max |dH/H0| of a compensated double run: 1e-16 to 1e-15, depending on the method.
 DOUBLE_FLOOR = 1e-15
-#: Extended precision is run as far as the double curve stays within two decades of its floor.
+#: Extended precision is used while the double curve is within two decades of its floor.
 NEAR_FLOOR = 100
 
 
 @dataclass(frozen=True, kw_only=True)
 class Run(HandedOn):
-    """One method on one system over some step sizes: what one call of the integration computes.
+    """One method on one system with some step sizes: the work of one call of the integration.
 
-    ``steps[i]`` belongs to ``tau_per_stage[i]``. Where step sizes round to the same number of steps, these stand next
-    to each other and are one and the same computation.
+    ``steps[i]`` belongs to ``tau_per_stage[i]``. Step sizes that round to the same number of steps are neighbours and
+    share one computation.
     """
 
     system: str
@@ -65,14 +65,14 @@ class Omission:
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """All runs of some sweeps and all that is left out."""
+    """All runs of some sweeps, and all omissions."""
 
     runs: tuple[Run, ...]
     omissions: tuple[Omission, ...]
 
 
 def check_sweep(sweep: Sweep, methods: Sequence[str]) -> None:
-    """Refuse what takes more steps, runs or memory than a machine has; keys are named as in a config.
+    """Raise an error for too many steps, runs or too much memory; keys are named as in a config.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def check_sweep(sweep: Sweep, methods: Sequence[str]) -> None:
     Raises
     ------
     SettingError
-        Too many steps in a run, step sizes in the grid, evaluations in all, or bytes in a job; a method that does not
+        Too many steps in a run, step sizes in the grid, evaluations in total, or bytes in a job; a method that does not
         fit the system; a system whose oscillators cannot be solved exactly.
     """
     tableaus = [integrators[name] for name in methods]
@@ -98,12 +98,12 @@ def check_sweep(sweep: Sweep, methods: Sequence[str]) -> None:
 
 
 def _bytes(system: System, points: int, samples: int) -> int:
-    """Bytes of the trajectories of ``points`` runs: t, q, p, and three numbers of each block."""
+    """Return the bytes of the trajectories of ``points`` runs: t, q, p, and three numbers of each block."""
     return points * samples * (3 + 2 * system.dimension) * 8
 
 
 def fewest_shards(system: System, grid: StepSizes, samples: int) -> int:
-    """The fewest files among which the runs of one method are shared, so that none takes too many bytes."""
+    """Return the smallest number of files for the runs of one method such that no file is too large."""
     points = _grid_points(grid.lowest, grid.highest, grid.points_per_decade)
     return min(points, ceil(_bytes(system, points, samples) / MOST_BYTES)) if points > 0 else 1
 
@@ -113,7 +113,7 @@ def _grid_points(lowest: float, highest: float, points_per_decade: int) -> int:
 
 
 def _excesses(sweep: Sweep, tableaus: Sequence[Tableau]) -> Iterator[tuple[str, object, str]]:
-    """Each limit that ``sweep`` breaks, as (key, value, what is allowed): cheap checks precede expensive ones."""
+    """Yield each limit that ``sweep`` exceeds, as (key, value, allowed values); cheap checks come first."""
     here = f"systems.{sweep.system}.tau_per_stage"
     steps_of(sweep.t_end, sweep.lowest * min(t.stages for t in tableaus), key=f"{here}.lowest", given=sweep.lowest)
     points = _grid_points(sweep.lowest, sweep.highest, sweep.points_per_decade)
@@ -135,7 +135,7 @@ def shards_of(sweep: Sweep, integrator: str) -> int:
 
 
 def runs_of(sweep: Sweep, integrator: str, index: int) -> list[Run]:
-    """Return the runs of shard ``index`` of a method on a system: one for each precision, empty ones left out."""
+    """Return the runs of shard ``index`` of a method on a system: one for each precision, without empty ones."""
     tableau = integrators[integrator]
     mine = shard(_distinct(sweep, tableau), index, shards_of(sweep, integrator))
     runs = []
@@ -161,7 +161,7 @@ def runs_of(sweep: Sweep, integrator: str, index: int) -> list[Run]:
 
 
 def plan(sweeps: Sequence[Sweep], methods: Sequence[str]) -> Plan:
-    """All that the ``sweeps`` of ``methods`` make Snakemake compute, and all that it does not."""
+    """Return all runs of the ``sweeps`` of ``methods``, and all omissions."""
     runs = [
         run
         for sweep in sweeps
@@ -177,23 +177,23 @@ GridPoint = tuple[float, int]
 
 @cache
 def _points(sweep: Sweep, tableau: Tableau) -> tuple[GridPoint, ...]:
-    """(tau_per_stage, steps) over the grid."""
+    """Return (tau_per_stage, steps) over the grid."""
     grid = tau_grid(sweep.lowest, sweep.highest, sweep.points_per_decade)
     t_end = exact_decimal(sweep.t_end)
     return tuple((tau, tableau.steps(tau, t_end)) for tau in grid)
 
 
 def _distinct(sweep: Sweep, tableau: Tableau) -> list[list[GridPoint]]:
-    """The grid in groups that one computation serves: those with the same number of steps."""
+    """Return the groups of grid points that share one computation: those with equal numbers of steps."""
     return [list(group) for _, group in groupby(_points(sweep, tableau), key=lambda point: point[1])]
 
 
 def _extended_up_to(sweep: Sweep, tableau: Tableau) -> float:
-    """The largest tau per stage that is worth extended precision beside double, 0 if none is.
+    """Return the largest tau per stage for which extended precision is useful in addition to double, 0 if none is.
 
-    For the harmonic oscillator, split into T and V, the closed form of the energy error tells; it grows with tau as
-    long as it is this small, so the limit is found by bisection. For others nothing tells beforehand, and without runs
-    in double nothing stands in: every step size is run.
+    For the harmonic oscillator, split into T and V, the closed form of the energy error determines it. The error
+    increases with tau while it is this small, so the limit is found by bisection. For other systems, and without runs
+    in double, every step size is run.
     """
     known = systems[sweep.system].harmonic and sweep.split == KINETIC_POTENTIAL
     if not known or "double" not in sweep.precision:
@@ -227,7 +227,7 @@ def _left_out(sweep: Sweep, tableau: Tableau) -> Iterator[dict[str, Any]]:
         repeated = [n for group in groups for tau, n in group[1:] if tau <= limit]
         far = [n for group in groups for tau, n in group if tau > limit]
         again = kept if systems[sweep.system].observables else []
-        # Each step but the last hands the force of its closing kick on.
+        # The force of the last kick of a step is reused by the next step.
         handed_on = [n for n in kept if tableau.first_same_as_last and n > 1]
         for what, reason, runs, evaluations in (
             ("runs of a step size", "it rounds to as many steps as its neighbour", repeated, cost(repeated)),

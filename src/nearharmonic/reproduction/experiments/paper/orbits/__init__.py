@@ -1,1 +1,1 @@
-"""Single orbits: substeps in phase space, paths beside the plane, Lyapunov exponents."""
+"""Single orbits: substeps in phase space, paths outside the plane, Lyapunov exponents."""

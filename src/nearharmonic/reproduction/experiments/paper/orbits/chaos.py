@@ -24,13 +24,14 @@ ORBITS: dict[str, Orbit] = {
 }
 #: Step size: the energy error of BAB's8o7H on the paper's orbit stays below 1e-7.
 TAU = 0.5
-#: Time between two scalings: deviations grow by e^50 at most.
+#: Time between two rescalings: deviations grow at most by e^50.
 SCALED_EVERY = 500
-#: Blocks of equal length for the interval. Up to t = 2e5 they last 2e4, long beside the times that the orbit stays near
-#: regular ones: of fifty such stretches of a longer run, the intervals of 45 hold the exponent of the whole run.
+#: Blocks of equal length for the interval. For t = 2e5 their length is 2e4, long compared with the times that the orbit
+#: stays near regular orbits. In a test with fifty such parts of a longer run, 45 intervals contained the exponent of
+#: the whole run.
 BLOCKS = 10
 
-#: Variables over orbit: their further dimensions, their meaning, and the quantity whose unit they have.
+#: Variables over orbit: their further dimensions, their meaning, and the quantity that determines their unit.
 MEANINGS = {
     "q0": (("component",), "initial position", "q"),
     "p0": (("component",), "initial momentum", "p"),
@@ -71,16 +72,16 @@ def chaos(integrator: str, t_end: int) -> dict[str, Contents]:
 
 
 def lyapunov_exponents(system: System, problem: Problem, scalings: int) -> Variables:
-    """Follow each of :data:`ORBITS` with a deviation from it.
+    """Integrate each of :data:`ORBITS` with a deviation from it.
 
     Parameters
     ----------
     system : System
         System of the orbits, without parameters.
     problem : Problem
-        Runs of its tangent system over the time between two scalings.
+        Runs of its tangent system over the time between two rescalings.
     scalings : int
-        Number of scalings, a multiple of :data:`BLOCKS`.
+        Number of rescalings, a multiple of :data:`BLOCKS`.
 
     Returns
     -------
@@ -102,7 +103,7 @@ def lyapunov_exponents(system: System, problem: Problem, scalings: int) -> Varia
 
 
 def _of_orbit(system: System, problem: Problem, orbit: Orbit, time: Floats) -> dict[str, object]:
-    """The variables of one orbit."""
+    """Return the variables of one orbit."""
     q0, p0 = (tuple(map(float, values)) for values in orbit)
     states, growth = follow(problem, TAU, orbit, time.size)
     q, p = (tuple(rows) for rows in states.transpose(1, 2, 0))

@@ -1,4 +1,4 @@
-"""Panel D of Figure 6 from starts beside the plane q_x = 0: there the paths leave their energy surface in the end."""
+"""Panel D of Figure 6 from starts outside the plane q_x = 0: there the paths finally diverge."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from nearharmonic.reproduction.experiments.paper.orbits.substeps import PAPER_PA
 #: Initial q_x.
 DISPLACEMENTS = ("0", "1e-12", "1e-6", "1e-3", "1e-2")
 SUMS = ("compensated", "plain")
-#: Samples in each factor of ten of the iterations.
+#: Samples per decade of the iterations.
 PER_DECADE = 24
 
 
@@ -47,7 +47,7 @@ def displaced(integrator: str, iterations: int) -> dict[str, Contents]:
 
 
 def displaced_paths(tableau: Tableau, panel: dict[str, Any], iterations: int) -> Variables:
-    """Integrate a panel with each of :data:`DISPLACEMENTS` in place of q_x = 0, with either summation.
+    """Integrate a panel with each of :data:`DISPLACEMENTS` in place of q_x = 0, with both summations.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def displaced_paths(tableau: Tableau, panel: dict[str, Any], iterations: int) ->
 
 
 def _integrated(tableau: Tableau, panel: dict[str, Any], summation: str, marks: np.ndarray[Any, Any]) -> Trajectories:
-    """The runs with one summation, sampled at ``marks``, of which the last is their number of steps."""
+    """Return the runs with one summation, sampled at ``marks``; the last mark is the number of steps."""
     system, (q_y, p_y), runs = panel["system"], map(str, panel["start"]), len(DISPLACEMENTS)
     starts = [start_array(system, (q_x, q_y), ("0", p_y), plain=summation == "plain") for q_x in DISPLACEMENTS]
     steps = int(marks[-1])

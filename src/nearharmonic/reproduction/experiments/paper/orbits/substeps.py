@@ -21,17 +21,17 @@ if TYPE_CHECKING:
 
 Array = np.ndarray[Any, np.dtype[Any]]
 State = tuple[float, float]
-#: (lowest, highest) q and (lowest, highest) p of the grid that carries the Hamiltonian.
+#: (lowest, highest) q and (lowest, highest) p of the grid of the Hamiltonian.
 Window = tuple[State, State]
 
 #: Points per axis of that grid: contours look smooth in print.
 GRID = 161
-#: Iterations over which a path is followed on, to say whether it stays on its energy surface.
+#: Number of further iterations of a path, to check that it stays on its energy surface.
 FOLLOWED = 1000
 
 _OSCILLATOR = {"system": sho.SYSTEM, "start": (0.0, 1.0), "tau": math.pi / 4, "window": ((-0.1, 1.2), (-0.4, 1.2))}
 _Y_PLANE = {"system": henon_heiles.SYSTEM, "start": (0.4, 0.4), "tau": 2.0, "window": ((0.0, 1.0), (-0.8, 0.6))}
-#: Panel letter -> integrator, and what it is applied to (Nielsen 2015, caption of Fig. 6); one window per system.
+#: Panel letter -> integrator, system, start and step size (Nielsen 2015, caption of Fig. 6); one window per system.
 PAPER_PANELS: dict[str, tuple[str, dict[str, Any]]] = {
     "A": ("yoshida_s7o6a", _OSCILLATOR),
     "B": ("babs7o7h", _OSCILLATOR),
@@ -41,7 +41,7 @@ PAPER_PANELS: dict[str, tuple[str, dict[str, Any]]] = {
 
 
 def paper_panels() -> dict[str, xr.Dataset]:
-    """The Datasets of :func:`substeps` for the four panels of Fig. 6, by letter: two iterations each."""
+    """Return the Datasets of :func:`substeps` for the four panels of Fig. 6, by letter: two iterations each."""
     panels = {}
     for letter, (name, settings) in PAPER_PANELS.items():
         (tableau,) = (one for one in (*yoshida_1990.TABLEAUS, *nielsen_2015.TABLEAUS) if one.name == name)
@@ -59,34 +59,34 @@ def substeps(
     component: int = 0,
     window: Window | None = None,
 ) -> xr.Dataset:
-    """Return every substep of some steps in doubles, of one degree of freedom.
+    """Return all substeps of some steps in doubles, for one degree of freedom.
 
     Parameters
     ----------
     tableau, system
-        The method, and what it is applied to.
+        The method and the system.
     start : (float, float)
-        q and p of the coordinate that moves, in the system's units.
+        q and p of the moving coordinate, in the units of the system.
     tau : float
-        Step size, in the system's unit of time.
+        Step size, in the unit of time of the system.
     iterations : int
         Number of steps.
     component : int
-        The coordinate that moves; the others and their momenta are zero and must stay so.
+        Index of the moving coordinate; the other coordinates and momenta are zero and must stay zero.
     window : ((float, float), (float, float)), optional
-        The part of the phase plane that carries the Hamiltonian; by default the path and a margin.
+        The part of the phase plane for the Hamiltonian; by default the path and a margin.
 
     Returns
     -------
     xr.Dataset
-        What :func:`_dataset` describes, and ``max_energy_error`` after any of :data:`FOLLOWED` iterations, inf if one
-        of them leaves the energy surface, and ``left_at``, the number of that iteration, else 0.
+        The dataset of :func:`_dataset`; ``max_energy_error`` over :data:`FOLLOWED` iterations, inf if the path
+        diverges; and ``left_at``, the number of the iteration at which it diverges, else 0.
 
     Raises
     ------
     SettingError
-        A tau or start that is not usable, fewer than one iteration, a component that the system lacks or that pulls the
-        others along, a window without area.
+        An invalid tau or start, fewer than one iteration, a component that the system lacks or whose motion exerts
+        forces on the others, or a window without area.
     """
     tau = checked_tau(tau)
     complaint = next(_complaints(system, start, iterations, component, window), None)
@@ -110,7 +110,7 @@ def _followed(
     points = np.array(path)
     q, p = points[..., 0], points[..., 1]
     q_grid, p_grid = (np.linspace(low, high, GRID) for low, high in window or _window_around(points))
-    with np.errstate(over="ignore", invalid="ignore"):  # a path may leave for infinity
+    with np.errstate(over="ignore", invalid="ignore"):  # a path may go to infinity
         energy = plane.hamiltonian(q, p)
         around = plane.hamiltonian(q_grid[None, :], p_grid[:, None])
         error = (energy - energy[0, 0]) / abs(energy[0, 0])
@@ -123,13 +123,12 @@ def _followed(
 
 
 def _dataset(units: Mapping[str, str], path: Sequence[Array], signs: Array, around: Sequence[Array]) -> xr.Dataset:
-    """Return the data drawn, from q, p, H and its error along the ``path`` and from the H of a grid ``around`` it.
+    """Return the drawn data: q, p, H and its error along the ``path``, and H on a grid ``around`` it.
 
     q, p, H and ``energy_error`` (relative to the start, signed) over (iteration, substep): substep 0 is the initial and
-    substep s + 1 the final position, and substep i the state after the i-th pair of drift and kick, the shorter row
-    being filled up with a zero. Over substep: ``kind`` ("initial", "substep", "final") and ``next_drift_sign``,
-    ``next_kick_sign``, the signs (-1, 0, 1) of pair i + 1, 0 also where no pair follows. Over (p_grid, q_grid):
-    ``hamiltonian``.
+    substep s + 1 the final position, and substep i the state after the i-th pair of drift and kick; a zero completes
+    the shorter row. Over substep: ``kind`` ("initial", "substep", "final") and ``next_drift_sign``, ``next_kick_sign``,
+    the signs (-1, 0, 1) of pair i + 1, 0 also where no pair follows. Over (p_grid, q_grid): ``hamiltonian``.
     """
     import xarray as xr
 
@@ -158,7 +157,7 @@ def _dataset(units: Mapping[str, str], path: Sequence[Array], signs: Array, arou
 
 
 class _Plane:
-    """A system with all coordinates but one at rest at zero."""
+    """A system with all coordinates except one at rest at zero."""
 
     def __init__(self, system: System, component: int) -> None:
         self._system, self._component = system, component
@@ -177,13 +176,13 @@ class _Plane:
         return -float(self._system.grad_V(self._embed(q), *self._parameters)[self._component])
 
     def is_invariant(self, q: float) -> bool:
-        """Return True if no force pulls out of the plane at ``q``."""
+        """Return True if no force acts out of the plane at ``q``."""
         gradient = self._system.grad_V(self._embed(q), *self._parameters)
         return not any(g for i, g in enumerate(gradient) if i != self._component)
 
 
 def _walk(start: State, pairs: list[State], plane: _Plane, tau: float, *, drift_first: bool) -> list[State]:
-    """``start`` and the state after each (drift, kick) pair: Eq. 3 if ``drift_first``, else Eq. 4."""
+    """Return ``start`` and the state after each (drift, kick) pair: Eq. 3 if ``drift_first``, else Eq. 4."""
     q, p = start
     points = [start]
     for drift, kick in pairs:
@@ -198,20 +197,20 @@ def _walk(start: State, pairs: list[State], plane: _Plane, tau: float, *, drift_
 
 
 def _follow(walk: Callable[[State], list[State]], start: State, plane: _Plane, limit: float) -> tuple[float, int]:
-    """Largest |dH/H0| after each of FOLLOWED iterations and 0, or inf and the iteration that left the surface."""
+    """Return the largest |dH/H0| over FOLLOWED iterations and 0, or inf and the iteration of divergence."""
     reference = plane.hamiltonian(*start)
     state, largest = start, 0.0
     for iteration in range(1, FOLLOWED + 1):
         state = walk(state)[-1]
         error = abs(plane.hamiltonian(*state) - reference) / abs(reference)
-        if not error <= limit:  # true for NaN as well
+        if not error <= limit:  # true for NaN too
             return math.inf, iteration
         largest = max(largest, error)
     return largest, 0
 
 
 def _window_around(points: np.ndarray[Any, np.dtype[np.float64]]) -> Window:
-    """The bounding box of the finite points (iteration, substep, 2) and a fifth of its size on each side."""
+    """Return the bounding box of the finite points (iteration, substep, 2) plus a fifth of its size on each side."""
     finite = points[np.isfinite(points).all(axis=-1)]
     low, high = finite.min(axis=0), finite.max(axis=0)
     margin = np.where(high > low, (high - low) / 5, 1.0)
@@ -222,7 +221,7 @@ def _window_around(points: np.ndarray[Any, np.dtype[np.float64]]) -> Window:
 def _complaints(
     system: System, start: State, iterations: int, component: int, window: Window | None
 ) -> Iterator[tuple[str, object, str]]:
-    """Key, value and what is allowed, for each setting that cannot be used."""
+    """Yield key, value and allowed values of each invalid setting."""
     if len(start) != 2 or not all(math.isfinite(x) for x in start):
         yield "start", start, "two finite numbers (q, p)"
     if isinstance(iterations, bool) or not isinstance(iterations, int) or iterations < 1:
@@ -232,7 +231,7 @@ def _complaints(
     if system.time_dependent:
         yield "system", system.name, "a potential that does not depend on time"
         return
-    # Also at 1: the start may lie where the pull happens to vanish.
+    # Also at 1, because the force may vanish by chance at the start.
     if not all(_Plane(system, component).is_invariant(q) for q in (start[0], 1.0)):
         yield "component", component, f"in {system.name} it pulls the others out of rest"
     for axis, (low, high) in zip("qp", window or (), strict=False):

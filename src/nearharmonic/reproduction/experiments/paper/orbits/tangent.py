@@ -1,8 +1,8 @@
-"""Tangent map of a splitting method: the linear map of deviations from an orbit, step by step.
+"""Tangent map of a splitting method: the linear map of deviations from an orbit for each step.
 
-The derivative of a step is the same step applied to a separable Hamiltonian of twice as many coordinates,
-K = grad T(p).w + grad V(q).u, with coordinates (q, u) and momenta (w, p): q and p move as without deviation, u and w by
-the linearised equations. So deviations run on the kernels of any other system.
+The derivative of a step is the same step applied to a separable Hamiltonian of twice as many coordinates, K = grad
+T(p).w + grad V(q).u, with coordinates (q, u) and momenta (w, p): q and p follow the orbit, u and w the linearised
+equations. Deviations therefore use the kernels of ordinary systems.
 """
 
 from __future__ import annotations
@@ -54,12 +54,12 @@ def _product(one: Vector, other: Vector) -> Any:
 
 
 def follow(problem: Problem, tau: float, orbit: tuple[Vector, Vector], runs: int) -> tuple[Floats, Floats]:
-    """Chain runs of a tangent system; the deviation is scaled to length 1 between them, so that it does not overflow.
+    """Chain runs of a tangent system; the deviation is rescaled to length 1 after each run to avoid overflow.
 
     Parameters
     ----------
     problem : Problem
-        Runs of :func:`tangent_system` of d coordinates, without energy, over the time between two scalings.
+        Runs of :func:`tangent_system` of d coordinates, without energy, over the time between two rescalings.
     tau : float
         Step size.
     orbit : (q, p), tuples of d numbers or strings

@@ -1,4 +1,4 @@
-"""Error terms of the oscillator: how the position after one step differs from the exact one, order by order."""
+"""Error terms of the oscillator: errors of the position after one step, order by order."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from nearharmonic.theory.oscillator import kappa, lambda_max
 
 
 def decompose(integrators: Sequence[str]) -> dict[str, xr.Dataset]:
-    """Compute the position error terms of methods; the dataset ``cube`` is that of :func:`harmonic_terms`."""
+    """Compute the position error terms of methods; ``cube`` is the dataset of :func:`harmonic_terms`."""
     return {"cube": harmonic_terms(integrators)}
 
 
 def harmonic_terms(methods: Sequence[str]) -> xr.Dataset:
-    """Return the terms kappa over (integrator, first, order), as far as the stages of each composition reach.
+    """Return the terms kappa over (integrator, first, order), up to the highest order of each composition.
 
-    Terms are NaN in the role that a method with kicks of a modified potential does not have.
+    Terms are NaN in the exchanged role of a method with modified potentials, which does not exist.
     """
     tableaus, roles = [registry[name] for name in methods], get_args(First)
     terms = [[_terms(t, first) for first in roles] for t in tableaus]

@@ -1,7 +1,7 @@
-"""The table that the paper lacks: all methods compared, nothing integrated.
+"""Table of all methods, computed without integration; the paper has no such table.
 
-It is apart from the paper's tables because its rows are kept on disk: what a row says depends on the coefficients and
-on the code alone, and to prove it takes up to a second for a method of order ten.
+The module is separate from the tables of the paper because its rows are cached on disk: a row depends only on the
+coefficients and the code, and its proofs take up to a second for a method of order ten.
 """
 
 from __future__ import annotations
@@ -32,22 +32,22 @@ Cell = str | int | float
 Cells = tuple[Cell, ...]
 Columns = tuple[Header, list[Cells]]
 
-#: Rows on disk, half a kilobyte each. Beyond this number they are made afresh.
+#: Maximum number of rows on disk, half a kilobyte each. A larger cache is cleared.
 MOST_KEPT = 1000
 #: Quantities whose harmonic order is a column.
 HARMONIC = ("position", "momentum", "energy")
 
 
 def overview(*names: str) -> Columns:
-    """Return one row for each method: what decides between them, nothing integrated.
+    """Return one row for each method: properties for a comparison, computed without integration.
 
-    Errors are powers of tau, with norms as :func:`nearharmonic.theory.order.leading_errors` defines them; an effective
-    error is s norm^(1/order), which allows for the cost of s stages. Edges of stability have 12 decimals.
+    Errors are powers of tau with the norms of :func:`nearharmonic.theory.order.leading_errors`. An effective error is s
+    norm^(1/order), which includes the cost of s stages. Edges of stability have 12 decimals.
 
     Parameters
     ----------
     *names : str
-        Names of the methods; every registered one with kicks of V alone if none is given.
+        Names of the methods; by default all registered methods without modified potentials.
 
     Returns
     -------
@@ -70,10 +70,10 @@ def overview(*names: str) -> Columns:
 
 
 class KeptRows:
-    """The rows that were made before, by the digest of their method, kept on disk from process to process.
+    """On-disk cache of rows, by the digest of their method.
 
-    The file is in the folder of compiled code, which only the user can write to. Its name depends on all code that
-    makes a row.
+    The file is in the folder of compiled code, which is writable only for the user. Its name depends on all code that
+    computes a row.
     """
 
     def __init__(self) -> None:
@@ -82,7 +82,7 @@ class KeptRows:
         self.rows: dict[str, Any] = json.loads(kept[1]) if kept else {}
 
     def add(self, rows: dict[str, dict[str, Cell]]) -> None:
-        """Add rows, and write the file: with all rows, or with the new ones alone beyond :data:`MOST_KEPT`."""
+        """Add rows, and write the file: all rows, or only the new ones if there are more than :data:`MOST_KEPT`."""
         self.rows.update(rows)
         if self._place:
             written = self.rows if len(self.rows) <= MOST_KEPT else rows

@@ -1,9 +1,9 @@
 """The paper's tables for a named method.
 
-Each function but :func:`paper_tables` returns ``(header, rows)``: names of columns, and rows of strings, integers and
-floats as long as the header. Symbols are the paper's, d for kicks and c for drifts, both counted from 1, k = s + 1 and
-a padding 0 at the end of the shorter row. ``first`` chooses the composition, "drift" for ABA and "kick" for BAB; None
-is the method's own.
+Each function except :func:`paper_tables` returns ``(header, rows)``: names of columns, and rows of strings, integers
+and floats as long as the header. Symbols are the paper's, d for kicks and c for drifts, both counted from 1, k = s + 1
+and a padding 0 at the end of the shorter row. ``first`` selects the composition, "drift" for ABA and "kick" for BAB;
+None for the declared one.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ STEMS = (
 def paper_tables(integrators: Sequence[str]) -> dict[str, Table]:
     """Make the paper's tables, and the table of methods.
 
-    The paper illustrates its Tables 2 and 3 with three stages, composed as BAB; here they are those of Ruth's method.
+    The paper illustrates its Tables 2 and 3 with three stages in the BAB composition; here they are for Ruth's method.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def paper_tables(integrators: Sequence[str]) -> dict[str, Table]:
 
 
 def structure(integrator: str | Tableau) -> Columns:
-    """Table 1: which coefficients are equal in either composition, in symbols and in numbers.
+    """Return Table 1: equal coefficients of both compositions, in symbols and in numbers.
 
     One row for each i = 1, ..., k; four columns name the mirror image of d_i and c_i, four hold their values.
     """
@@ -73,10 +73,10 @@ def structure(integrator: str | Tableau) -> Columns:
 
 
 def recursion_symbols(integrator: str | Tableau, *, first: First | None = None) -> Columns:
-    """Table 2 in symbols, for as many stages as the method has: Cbar_h = 1 + C_h, and Qbar is the force at Q over m.
+    """Return Table 2 in symbols, for the stages of the method: Cbar_h = 1 + C_h, and Qbar is the force at Q over m.
 
     C_h = c_h / c_(h-1), and D_h = -c_h d_h for BAB, -c_h d_(h-1) for ABA. The last row adds the new momentum over m,
-    which the paper leaves in one piece (last line of Eq. 6).
+    which the paper does not decompose (last line of Eq. 6).
     """
     tableau = tableau_of(integrator, first)
     drifts, width = len(tableau.drift), _powers(tableau)
@@ -89,7 +89,7 @@ def recursion_symbols(integrator: str | Tableau, *, first: First | None = None) 
 
 
 def recursion_values(integrator: str | Tableau, *, first: First | None = None) -> Columns:
-    """Table 2 in numbers for m = k = 1: even powers of tau in units of q_a and odd ones of p_a, momentum vice versa."""
+    """Return Table 2 in numbers for m = k = 1; even powers have units of q_a, odd ones p_a (momentum: vice versa)."""
     tableau = tableau_of(integrator, first)
     width = _powers(tableau)
     rows: list[Cells] = [
@@ -100,9 +100,9 @@ def recursion_values(integrator: str | Tableau, *, first: First | None = None) -
 
 
 def even_orders(integrator: str | Tableau, *, first: First | None = None) -> Columns:
-    """Table 3: the closed sums for q_a = m = 1, beside the recursion's numbers.
+    """Return Table 3: the closed sums for q_a = m = 1, and the numbers of the recursion.
 
-    The column as printed has the inner upper limit h - 1 of Table 3 in place of the right one, h, of Eq. 16.
+    The column "as printed" has the inner upper limit h - 1 of Table 3 in place of the correct limit h of Eq. 16.
     """
     tableau = tableau_of(integrator, first)
     header = ("h", "tau^0", "tau^2", "tau^4", "tau^2 of Table 2", "tau^4 of Table 2", "tau^4 as printed")
@@ -120,12 +120,12 @@ def _equality(symbol: str, i: int, length: int, tableau: Tableau) -> str:
 
 
 def _highest(tableau: Tableau, h: int) -> int:
-    """The highest power of tau in row h of Table 2."""
+    """Return the highest power of tau in row h of Table 2."""
     return max(0, 2 * h - (tableau.first == "drift"))
 
 
 def _powers(tableau: Tableau) -> int:
-    """Columns that position and momentum need: one of them reaches tau^(2s + 1)."""
+    """Return the number of powers for position and momentum; one of them has tau^(2s + 1)."""
     return 2 * tableau.stages + 2
 
 
@@ -139,7 +139,7 @@ def _padded(cells: Iterable[str | float], width: int) -> Cells:
 
 
 def _recursion_entry(tableau: Tableau, h: int, power: int) -> str:
-    """Entry (h, power) of Table 2 with the terms that are not empty."""
+    """Return entry (h, power) of Table 2 without empty terms."""
     before, two_before = _highest(tableau, h - 1), _highest(tableau, h - 2)
     text = f"Q[{h - 1},{power}] Cbar_{h}" if power <= before else ""
     text += f" - C_{h} Q[{h - 2},{power}]" if power <= two_before else ""
@@ -148,7 +148,7 @@ def _recursion_entry(tableau: Tableau, h: int, power: int) -> str:
 
 
 def _momentum_entries(tableau: Tableau) -> list[str]:
-    """The last line of Eq. 6, one entry for each power."""
+    """Return the last line of Eq. 6, one entry for each power."""
     h, kicked = len(tableau.drift), tableau.first == "kick"
     entries = []
     for power in range(_highest(tableau, h) + 2 * kicked):

@@ -1,1 +1,1 @@
-"""Reversibility, symplecticity and mean energy beside what rounding alone gives."""
+"""Reversibility, symplecticity and mean energy, compared with pure rounding errors."""

@@ -1,4 +1,4 @@
-"""Reductions of the runs of all methods on one system: each measured number, and beside it what rounding alone gives.
+"""Reductions of the runs of all methods on one system: measured numbers, and estimates for pure rounding errors.
 
 A step makes 2 s + 1 updates y += c tau dy/dt, each rounded by up to u = 2^-53 of y (plain summation) or of the
 increment (compensated), of either sign: N of them add up to sqrt(N) u times their root mean square as a random walk,
@@ -47,7 +47,7 @@ def growth(runs: xr.Dataset) -> xr.DataArray:
 
 @reduction("neighbour", "state", "state_low", "rate")
 def return_errors(runs: xr.Dataset) -> xr.Dataset:
-    """Distance from the start after the run and the run back, in both summations, beside what rounding gives."""
+    """Distance from the start after the run and the backward run, in both summations, with estimates for rounding."""
     symmetric = [registry[name].symmetric for name in runs.integrator.values]
     found, carried = xr.Dataset(), UNIT_ROUNDOFF * growth(runs)
     for prefix, summation in (("", "compensated"), ("plain_", "plain")):
@@ -86,8 +86,8 @@ def symplectic_walk(runs: xr.Dataset) -> xr.DataArray:
 def energy_trend(runs: xr.Dataset) -> xr.Dataset:
     """Least squares through the means of the blocks of the long run; NaN if it left its energy surface.
 
-    The interval takes blocks as independent: those of a chaotic orbit are not, and its trends may pass it two or three
-    times.
+    The interval assumes independent blocks. Blocks of a chaotic orbit are dependent, and its trend may exceed the
+    interval two or three times.
     """
     x = (runs.block.values + 0.5) / runs.block.size - 0.5
     drift, interval = _of_each(lambda means: line_fit(x, means), runs.energy_error, outputs=2)
@@ -112,14 +112,14 @@ def energy_walk(runs: xr.Dataset) -> xr.DataArray:
 
 
 def tangent_map(high: Any, low: Any, spacing: float) -> NDArray[Any]:
-    """Return the derivatives (2 d, 2 d) of a state by its start, exact by the five-point rule.
+    """Return the derivatives (2 d, 2 d) of a state by its start, by the five-point rule in exact arithmetic.
 
     Parameters
     ----------
     high, low : array of shape (2 d, 4, 2 d)
-        States as pairs of doubles, begun at -2, -1, 1 and 2 spacings along each axis.
+        States as pairs of doubles, from starts at -2, -1, 1 and 2 spacings along each axis.
     spacing : float
-        Distance of neighbours at the start.
+        Distance of neighbouring starts.
     """
     far_below, below, above, far_above = np.moveaxis(_exact(high) + _exact(low), 1, 0)
     map_: NDArray[Any] = ((8 * (above - below) - (far_above - far_below)) / (12 * Fraction(spacing))).T
@@ -135,13 +135,13 @@ def defect(J: NDArray[Any]) -> float:
 
 
 def _distance(state: Any, low: Any) -> float:
-    """Largest distance of a component from its start, exact and rounded once, of states (direction, sample, 2 d)."""
+    """Return the largest distance of a component of states (direction, sample, 2 d) from its start, rounded once."""
     exact = _exact(state[:, [0, -1]]) + _exact(low[:, [0, -1]])
     return float(abs(exact[1, 1] - exact[0, 0]).max())
 
 
 def _roundings(runs: xr.Dataset, summation: str) -> Any:
-    """Sum and sum of squares, over all updates of the run, of the size that is rounded, in units of the scale."""
+    """Return sum and sum of squares, over all updates of the run, of the rounded numbers in units of the scale."""
     compensated, d = summation == "compensated", runs.component.size // 2
     values = runs.rate if compensated else runs.state.sel(summation="compensated", direction="forwards", drop=True)
     sizes = [_of_each(_rms, values.isel(component=half)) for half in (slice(d), slice(d, None))]
@@ -170,7 +170,7 @@ def _rms(values: Any) -> float:
 
 
 def _of_each(function: Callable[..., Any], *columns: xr.DataArray, outputs: int = 1) -> Any:
-    """Apply a function to the arrays of each method, without the samples that its runs do not have."""
+    """Apply a function to the arrays of each method, without padded samples."""
     inner = [[str(name) for name in column.dims if name != "integrator"] for column in columns]
 
     def known(*arrays: Any) -> Any:
@@ -194,7 +194,7 @@ CAPTION = "Reversibility, symplecticity and mean energy, relative, each beside w
 
 
 def structure_table(cube: xr.Dataset) -> Table:
-    """Return a row for each system and each method that was measured on it, with every variable of ``cube``."""
+    """Return a row for each system and each method measured on it, with all variables of ``cube``."""
     keys = [str(key) for key in cube.data_vars]
     rows: list[tuple[Any, ...]] = []
     for system in map(str, cube.system.values):

@@ -1,7 +1,7 @@
-"""Runs whose states show what a symplectic integrator conserves by construction.
+"""Runs for the quantities that a symplectic integrator conserves by construction.
 
-A short run, its way back and its neighbours are kept at their samples; of a long run, which is sampled at every step,
-means are kept.
+The file has the samples of a short run, of its backward run and of its neighbours, and means over all steps of a long
+run.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ from nearharmonic.systems import System, systems
 
 #: Force evaluations over [0, t_end]: tau/s = 0.05 for the oscillator over 500, 241 an orbit for Mercury over ten years.
 EVALUATIONS = 10**4
-#: Return and tangent map are taken over this part of [0, t_end]: some periods, before chaos decides.
+#: Fraction of [0, t_end] for the backward run and the tangent map: some periods, before chaos dominates.
 SHORT = Fraction(1, 25)
-#: The mean energy is followed over this many times [0, t_end], in this many blocks.
+#: Length of the long run in units of [0, t_end], and number of blocks.
 LONG, BLOCKS = 10, 50
 #: Spacing of the difference stencil, in units of the largest coordinate and momentum: its error is of fourth order.
 SPACING = Fraction(1, 2**24)
 #: Starts of the neighbours along each axis of phase space, in spacings.
 OFFSETS = (-2, -1, 1, 2)
-#: States of a short run at most.
+#: Maximum number of states of a short run.
 SAMPLES = 65
 SUMMATIONS = ("compensated", "plain")
 
-#: Variables of the run file: their dimensions behind ``integrator``, and what they are.
+#: Variables of the run file: their dimensions after ``integrator``, and their meaning.
 _STATES = ("summation", "direction", "sample", "component")
 MEANINGS = {
     "tau_per_stage": ((), "step size per stage, in the system's unit of time"),
@@ -82,14 +82,14 @@ def structure_runs(system: System, tableaus: Sequence[Tableau], t_end: Fraction)
     system : System
         The system, from its own initial values.
     tableaus : sequence of Tableau
-        The methods. One that needs a quadratic T is left out if the system has another.
+        The methods. Methods that need a quadratic T are omitted if T is not quadratic.
     t_end : Fraction
         Length of the interval.
 
     Returns
     -------
     dict
-        The variables of :data:`MEANINGS`, NaN behind the last sample of a run.
+        The variables of :data:`MEANINGS`, NaN after the last sample of a run.
     """
     kept = [tableau for tableau in tableaus if tableau.requires is None or system.quadratic_kinetic_energy]
     axes = [f"{kind}{i + 1}" for kind in "qp" for i in range(system.dimension)]
@@ -153,12 +153,12 @@ def _computed(system: System, tableau: Tableau, t_end: Fraction) -> dict[str, An
 
 
 def _end(path: Trajectories) -> Floats:
-    """The last states with all their digits, as starts."""
+    """Return the last states with all their digits, as starts."""
     return np.concatenate([x[:, -1] for x in (path.q, path.q_low, path.p, path.p_low)], axis=1)
 
 
 def _beside(system: System, scale: Floats) -> Floats:
-    """Starts shifted along each axis of phase space, a row for each axis and offset."""
+    """Return starts shifted along each axis of phase space, one row for each axis and offset."""
     q, p = system.start(Fraction)
     rows = []
     for axis, unit in enumerate(map(Fraction, scale)):
@@ -170,12 +170,12 @@ def _beside(system: System, scale: Floats) -> Floats:
 
 
 def _rates(system: System, path: Trajectories) -> tuple[Floats, Floats]:
-    """dT/dp and dV/dq (d, S) at the states of a run."""
+    """Return dT/dp and dV/dq (d, S) at the states of a run."""
     formulas, constants = system.formulas(), system.constants(float)
     velocity, force = formulas.grad_T(tuple(path.p[0].T), *constants), formulas.grad_V(tuple(path.q[0].T), *constants)
     return np.array(velocity), np.array(force)
 
 
 def _phase(path: Trajectories, low: str = "") -> Floats:
-    """States (R, S, 2 d) over q and p, or the digits below them."""
+    """Return states (R, S, 2 d) of q and p, or their low parts."""
     return np.concatenate([getattr(path, f"{kind}{low}") for kind in "qp"], axis=2)

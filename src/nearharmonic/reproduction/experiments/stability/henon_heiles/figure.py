@@ -18,7 +18,7 @@ from nearharmonic.plotting.style import new_figure
 from nearharmonic.reproduction.experiments.stability.henon_heiles.reductions import TOLERATED
 from nearharmonic.reproduction.tasks.declarations import figure
 
-#: Energy errors that the colours span: what is smaller is as good, what is larger is lost.
+#: Range of energy errors of the colours; smaller and larger errors have the colours of the ends.
 SMALLEST, LARGEST = 1e-8, 1.0
 
 ESCAPED_COLOUR, LIMIT_COLOUR = "#000000", "#19e0e0"
@@ -79,7 +79,7 @@ def _draw_method(axes: Axes, one: xr.Dataset, colours: Any) -> Any:
 
 
 def _annotate(figure: Figure, image: Any, height: float) -> None:
-    """The colour bar above the maps, and what black and cyan mean beside it."""
+    """Draw the colour bar above the maps, with the meaning of black and cyan."""
     bar = figure.colorbar(
         image,
         cax=figure.add_axes((0.135, 1 - 0.33 / height, 0.42, 0.12 / height)),

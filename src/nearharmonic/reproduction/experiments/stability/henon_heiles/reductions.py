@@ -25,7 +25,7 @@ from nearharmonic.theory.linear_stability import stability_limit
 
 reduction = Reductions()
 
-#: A step size is trusted as long as at most this fraction escapes at it.
+#: A step size is trusted if at most this fraction of trajectories escapes.
 TOLERATED = 0.01
 
 
@@ -68,7 +68,7 @@ def henon_heiles_table(cube: xr.Dataset) -> Table:
 
 
 def reduce(integrators: Sequence[str], settings: EnsembleSettings, **runs: str) -> dict[str, Any]:
-    """Return what :func:`cube_and_table` does; ``settings`` go into the files beside the numbers."""
+    """Return the result of :func:`cube_and_table`; ``settings`` are stored in the files."""
     return cube_and_table(henon_heiles_cube, henon_heiles_table, integrators, runs)
 
 

@@ -1,4 +1,4 @@
-"""Henon-Heiles ensembles: how many trajectories of an energy surface a method loses, and how far the others err."""
+"""Henon-Heiles ensembles: fraction of escaping trajectories of an energy surface, and errors of the others."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from nearharmonic.systems.henon_heiles import SYSTEM
 
 #: Box around the triangle whose corners are the saddle points: |x| up to sqrt(3)/2, and y from -1/2 to 1.
 _WIDTH, _HEIGHT, _LOWEST = sqrt(3), 1.5, -0.5
-#: Instants at which the energy is looked at, evenly spaced in time: enough to notice an escape soon.
+#: Number of energy measurements, evenly spaced in time: enough to detect an escape soon.
 LOOKS = 25
-#: Lanes of the kernel: two AVX-512 registers, which hide each other's latency.
+#: Number of lanes of the kernel: two AVX-512 registers, which hide each other's latency.
 WIDTH = 16
-#: Of the largest |dH/H0| over the ensemble, an escaped trajectory counting as infinite.
+#: Quantiles of the largest |dH/H0| over the ensemble; an escaped trajectory counts as infinite.
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 
 
@@ -40,11 +40,11 @@ class EnsembleResult:
     escaped : array of shape (n,)
         Fraction of the trajectories that left their surface.
     quantiles : array of shape (n, len(QUANTILES))
-        Quantiles of the largest |dH/H0| over the looks.
+        Quantiles of the largest |dH/H0| over the measurements.
     steps : int
         Steps of a run that does not escape.
     evaluations : int
-        Force evaluations, all trajectories together.
+        Force evaluations of all trajectories together.
     """
 
     escaped: Floats
@@ -65,7 +65,7 @@ def measure(integrator: str, settings: EnsembleSettings) -> dict[str, Contents]:
 
 
 def henon_heiles_surface(energy: Fraction, count: int, seed: int) -> Floats:
-    """Return starts (count, 8), laid out for the kernel, on the bounded part of the surface H = ``energy``.
+    """Return starts (count, 8) in the layout of the kernel, on the bounded part of the surface H = ``energy``.
 
     (x, y) is uniform in the area inside the zero-velocity curve, the direction of the momentum uniform on the circle,
     and |p| = sqrt(2 (energy - V)). In two dimensions this is the microcanonical (Liouville) measure, since
@@ -78,7 +78,7 @@ def henon_heiles_surface(energy: Fraction, count: int, seed: int) -> Floats:
     count : int
         Number of starts.
     seed : int
-        Chooses the quasi-random points.
+        Seed of the quasi-random points.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def henon_heiles_surface(energy: Fraction, count: int, seed: int) -> Floats:
         u = quasi_random(drawn, 3, seed)
         x, y = (u[:, 0] - 0.5) * _WIDTH, u[:, 1] * _HEIGHT + _LOWEST
         kinetic = float(energy) - SYSTEM.V((x, y))
-        # V = 1/6 on the sides of the triangle and more beyond a single side; less again only beyond the box.
+        # V = 1/6 on the sides of the triangle and larger beyond one side; it is smaller again only outside the box.
         inside = np.flatnonzero(kinetic > 0)
         if inside.size >= count:
             break
@@ -112,10 +112,10 @@ def starts(settings: EnsembleSettings) -> Floats:
 
 
 def schedule(t_end: Fraction, tau: Fraction) -> tuple[int, int]:
-    """Return (steps, steps between looks).
+    """Return (steps, steps between measurements).
 
-    Looks come evenly, so that all lanes keep step and a lane is refilled at a look. The step size is kept exactly, for
-    resonances are narrow; the interval covered is ``t_end`` or up to a look longer.
+    Measurements are evenly spaced, so that all lanes are synchronous, and a lane is refilled at a measurement. The step
+    size is exact, because resonances are narrow; the interval is ``t_end`` or longer by less than one spacing.
     """
     look = max(1, round(t_end / (LOOKS * tau)))
     return look * ceil(t_end / (look * tau)), look

@@ -19,7 +19,7 @@ COLUMNS = 5
 LOST_COLOUR = "#000000"
 #: Eccentricities with a tick.
 TICKS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 0.99)
-#: Panel letter, variable, smallest and largest value that the colours span, and the label of the colour bar.
+#: Panel letter, variable, range of the colours, and label of the colour bar.
 MAPS = (
     ("A", "energy_error", 1e-10, 1.0, r"$\max\,|\Delta H/H_0|$"),
     ("B", "perihelion_advance", 1e-10, 1.0, "|perihelion advance|  (rad per orbit)"),
@@ -79,7 +79,7 @@ def _draw_map(axes: Axes, one: xr.Dataset, variable: str, limits: tuple[float, f
     kept = one["orbits_kept"].transpose("tau_per_stage", "eccentricity").values[first]
     shade = np.log10(np.clip(np.where(np.isnan(kept), limits[0], values), limits[0], limits[1]))
     distance = 1 - one["eccentricity"].values
-    circle = distance == 1  # it has no perihelion to advance
+    circle = distance == 1  # a circle has no perihelion
     if variable == "perihelion_advance":
         shade, distance = shade[:, ~circle], distance[~circle]
         values = values[:, ~circle]

@@ -28,7 +28,7 @@ from nearharmonic.systems.kepler import perihelion_angle
 
 reduction = Reductions()
 
-#: The energy error whose contour is drawn and tabulated.
+#: Energy error of the contour in figure and table.
 CONTOUR = 1e-6
 
 
@@ -72,8 +72,8 @@ def rotation_per_sample(q: Floats, p: Floats) -> Floats:
     Returns
     -------
     array of shape (...)
-        NaN where a sample is missing or where the vector turns by more than a quarter turn between two samples, which
-        tells a rotation from its opposite no longer.
+        NaN if a sample is missing, or if the vector rotates by more than a quarter turn between two samples, so that
+        the sense of rotation is ambiguous.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         angle = perihelion_angle((q[..., 0], q[..., 1]), (p[..., 0], p[..., 1]), 1.0)
@@ -86,21 +86,21 @@ def rotation_per_sample(q: Floats, p: Floats) -> Floats:
 
 
 def evaluations_below(evaluations: NDArray[Any], error: Floats, level: float) -> float:
-    """Return the number of evaluations at which an error falls below ``level`` for good.
+    """Return the number of evaluations from which on an error stays below ``level``.
 
     Parameters
     ----------
     evaluations : array of shape (n,)
         Ascending; neighbours may be equal if their errors are.
     error : array of shape (n,)
-        NaN where nothing was run, which counts as below.
+        NaN without a run, which counts as below.
     level : float
         Above 0.
 
     Returns
     -------
     float
-        Interpolated in the logarithms; NaN where the error never falls below for good.
+        Number of evaluations, interpolated in the logarithms; NaN if the last error is not below.
     """
     above = np.flatnonzero(error >= level)
     last = above[-1] if above.size else len(evaluations)
@@ -112,12 +112,12 @@ def evaluations_below(evaluations: NDArray[Any], error: Floats, level: float) ->
 
 
 CAPTION = f"Kepler: force evaluations per orbit from which on the largest energy error stays below {CONTOUR:g}."
-#: Eccentricities that are shown: the nearest of the grid to each.
+#: Eccentricities of the table; the nearest value of the grid is used.
 TABULATED = (0.0, 0.2, 0.5, 0.8, 0.9, 0.95, 0.99)
 
 
 def kepler_table(cube: xr.Dataset) -> Table:
-    """Return a row for each method: force evaluations per orbit for the contour's error at some eccentricities."""
+    """Return a row for each method: force evaluations per orbit for the error of the contour at some eccentricities."""
     nearest = cube.get_index("eccentricity").get_indexer(TABULATED, method="nearest")
     shown = cube.evaluations_for_contour.isel(eccentricity=np.unique(nearest))  # a coarse grid has one for several
     return Table(
@@ -128,7 +128,7 @@ def kepler_table(cube: xr.Dataset) -> Table:
 
 
 def reduce(integrators: Sequence[str], settings: MapSettings, **runs: str) -> dict[str, Any]:
-    """Return what :func:`cube_and_table` does; ``settings`` go into the files beside the numbers."""
+    """Return the result of :func:`cube_and_table`; ``settings`` are stored in the files."""
     return cube_and_table(kepler_cube, kepler_table, integrators, runs)
 
 

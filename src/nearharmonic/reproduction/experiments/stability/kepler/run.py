@@ -32,9 +32,9 @@ SYSTEM: System = replace(
     units=dict.fromkeys(("q", "p", "t", "energy"), "1"),
 )
 PERIOD = Fraction(2 * pi)
-#: Lanes of the kernel: two AVX-512 registers, which hide each other's latency.
+#: Number of lanes of the kernel: two AVX-512 registers, which hide each other's latency.
 WIDTH = 16
-#: An orbit whose energy error is below this at two step sizes running is not run at smaller ones.
+#: Energy error: an orbit with smaller errors at two successive step sizes is not run at smaller step sizes.
 FLOOR = 1e-10
 
 
@@ -50,20 +50,20 @@ def measure(integrator: str, settings: MapSettings) -> dict[str, Contents]:
 
 
 def eccentricities(settings: MapSettings) -> Floats:
-    """Return 0 to the highest, evenly in log(1 - e): what changes is the distance of the perihelion, 1 - e."""
+    """Return eccentricities from 0 to the highest, evenly spaced in the log of the perihelion distance 1 - e."""
     distances = geometric(1.0, 1.0 - settings.highest_eccentricity, settings.eccentricities)
     return 1.0 - np.array(distances)
 
 
 def evaluations_grid(settings: MapSettings) -> Floats:
-    """Return the force evaluations per orbit asked for, fewest first, evenly in the logarithm."""
+    """Return the requested force evaluations per orbit, ascending and evenly spaced in the logarithm."""
     grid = settings.evaluations_per_orbit
     points = int(log10(grid.highest / grid.lowest) * grid.points_per_decade + 1e-9) + 1
     return np.array(decades(grid.lowest, points, grid.points_per_decade), dtype=float)
 
 
 def steps_per_orbit(settings: MapSettings, stages: int) -> Integers:
-    """Return the integer numbers of steps a period nearest to the grid: then all samples are a period apart."""
+    """Return the integer numbers of steps per period nearest to the grid, so that all samples are one period apart."""
     return np.maximum(1, np.rint(evaluations_grid(settings) / stages)).astype(np.int64)
 
 
@@ -75,7 +75,7 @@ def orbit_runs(tableau: Tableau, steps: int, orbits: int, eccentricity: Floats) 
     tableau : Tableau
         The method.
     steps : int
-        Steps to a period.
+        Steps per period.
     orbits : int
         Periods of each run.
     eccentricity : array of shape (n,)
@@ -88,7 +88,7 @@ def orbit_runs(tableau: Tableau, steps: int, orbits: int, eccentricity: Floats) 
 
 
 def _columns(tableau: Tableau, settings: MapSettings) -> Iterator[tuple[int, Integers, Trajectories]]:
-    """(steps per orbit, indices of the orbits run, their runs), coarse steps first, as long as an orbit is needed."""
+    """Yield (steps per orbit, indices of the orbits, their runs), coarse steps first, while any orbit is needed."""
     grid = eccentricities(settings)
     below = np.zeros(grid.size, dtype=np.int64)
     for steps in np.unique(steps_per_orbit(settings, tableau.stages)).tolist():
@@ -103,9 +103,9 @@ def _columns(tableau: Tableau, settings: MapSettings) -> Iterator[tuple[int, Int
 def orbit_map(tableau: Tableau, settings: MapSettings) -> Contents:
     """Return the orbits under one method, over (tau_per_stage, eccentricity), step sizes in periods.
 
-    ``energy_error`` is infinite where the orbit was lost and NaN where it was not run, being below :data:`FLOOR` at
-    two coarser step sizes; ``orbits_kept``, ``q`` and ``p`` are NaN there too. Step sizes that round to the same number
-    of steps a period are one and the same computation.
+    ``energy_error`` is infinite for a lost orbit. It is NaN for an orbit that was not run, because its error is below
+    :data:`FLOOR` at two coarser step sizes; ``orbits_kept``, ``q`` and ``p`` are NaN there too. Step sizes that round
+    to the same number of steps per period share one computation.
     """
     grid = eccentricities(settings)
     distinct, where = np.unique(steps_per_orbit(settings, tableau.stages), return_inverse=True)
@@ -135,7 +135,7 @@ def orbit_map(tableau: Tableau, settings: MapSettings) -> Contents:
 
 
 def kepler_apoapsis(eccentricity: Floats, orientation: Floats | float = 0.0) -> Floats:
-    """Return starts (n, 8), laid out for the kernel, at the apoapsis of orbits of semi-major axis 1 with GM = 1.
+    """Return starts (n, 8) in the layout of the kernel, at the apoapsis of orbits of semi-major axis 1 with GM = 1.
 
     Parameters
     ----------

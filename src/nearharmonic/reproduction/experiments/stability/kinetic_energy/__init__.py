@@ -1,1 +1,1 @@
-"""Energy errors where the kinetic energy is not quadratic."""
+"""Energy errors for a kinetic energy that is not quadratic."""

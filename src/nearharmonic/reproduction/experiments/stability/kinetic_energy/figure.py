@@ -1,4 +1,4 @@
-"""Figure of the kinetic energy: what becomes of the methods as T departs from p^2/2, on the relativistic oscillator."""
+"""Figure of energy errors for a kinetic energy different from p^2/2, on the relativistic oscillator."""
 
 from __future__ import annotations
 

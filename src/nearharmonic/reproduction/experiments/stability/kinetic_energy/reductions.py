@@ -18,9 +18,10 @@ from nearharmonic.systems.relativistic_oscillator import SYSTEM
 
 reduction = Reductions()
 
-#: Step size per stage at which methods are compared: errors far above rounding, and below all step-size resonances.
+#: Step size per stage of the comparison: errors are far above rounding, and all step-size resonances are at larger
+#: steps.
 COMPARED_AT = 0.05
-#: The method that others are measured by.
+#: Reference method.
 YARDSTICK = "ruth"
 
 
@@ -38,10 +39,10 @@ CAPTION = "Relativistic oscillator: largest energy error at tau/s = 0.05 over th
 
 
 def kinetic_energy_table(cube: xr.Dataset) -> Table:
-    """Return a row for each method and roles: its error over Ruth's at each amplitude, and the decline.
+    """Return a row for each method and roles: its error relative to Ruth's at each amplitude, and the decline.
 
-    The decline is the ratio at amplitude 1, where speeds reach 0.75 of light's, over that at the least amplitude: by
-    what factor the method's lead over Ruth's shrinks.
+    The decline is the ratio at amplitude 1, where speeds reach 0.75 of the speed of light, divided by the ratio at the
+    smallest amplitude: the factor by which the advantage over Ruth's method decreases.
     """
     ratio = cube.relative_error
     amplitudes = [float(a) for a in ratio.amplitude.values]
@@ -58,7 +59,7 @@ def kinetic_energy_table(cube: xr.Dataset) -> Table:
 
 
 def reduce(integrators: Sequence[str], run: str) -> dict[str, Any]:
-    """Return the ``cube`` and its ``table``; the names ``integrators`` go into the files beside the numbers."""
+    """Return the ``cube`` and its ``table``; the names ``integrators`` are stored in the files."""
     cube = kinetic_energy_cube(read(run))
     return {"cube": cube, "table": kinetic_energy_table(cube)}
 

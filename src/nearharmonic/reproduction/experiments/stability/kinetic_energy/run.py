@@ -1,9 +1,9 @@
 """Energy errors for a T that is not quadratic: the relativistic oscillator, by amplitude.
 
 At small amplitudes the system is the harmonic oscillator; at amplitude A the momentum reaches sqrt((1 + A^2/2)^2 - 1).
-Each method runs in its own roles and with the roles of T and V exchanged. The latter is, after q -> p, p -> -q, the
-method in its own roles on p^2/2 + sqrt(1 + q^2) - 1, as anharmonic but quadratic in p: what differs between the two is
-the shape of T alone.
+Each method runs in its own roles and with the roles of T and V exchanged. Exchanged roles are equivalent, after q -> p,
+p -> -q, to the method in its own roles on p^2/2 + sqrt(1 + q^2) - 1. This system is equally anharmonic, but quadratic
+in p: only the form of T differs.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def measure(integrators: Sequence[str]) -> dict[str, Contents]:
 
 
 def fitting(tableaus: Sequence[Tableau]) -> list[Tableau]:
-    """Return those of ``tableaus`` that take any T, and so fit the system."""
+    """Return the ``tableaus`` for any T, which fit the system."""
     return [tableau for tableau in tableaus if tableau.requires is None]
 
 
@@ -46,7 +46,7 @@ def exchanged(tableau: Tableau) -> Tableau:
 def energy_errors(tableaus: Sequence[Tableau]) -> Variables:
     """Return energy errors over (roles, amplitude, integrator, tau_per_stage) of the ``tableaus`` that fit.
 
-    max_energy_error and mean_energy_error as everywhere: over every step, relative to H0, infinite if diverged.
+    max_energy_error and mean_energy_error are over all steps, relative to H0, infinite for diverged runs.
     """
     kept, grid = fitting(tableaus), tau_grid(LOWEST, HIGHEST, POINTS_PER_DECADE)
     shape = (len(ROLES), len(AMPLITUDES), len(kept), len(grid))
@@ -66,7 +66,7 @@ def energy_errors(tableaus: Sequence[Tableau]) -> Variables:
 
 
 def _errors(tableau: Tableau, grid: Sequence[float]) -> tuple[Any, Any]:
-    """Largest and mean error (amplitude, tau) of all runs of one method, through the lanes together."""
+    """Return largest and mean error (amplitude, tau) of all runs of one method, computed together in lanes."""
     steps = [tableau.steps(tau, SYSTEM.t_end) for tau in grid]
     _, p0 = SYSTEM.start(Fraction)
     starts = [start_row([Fraction(a)], p0) for a in AMPLITUDES for _ in grid]

@@ -1,1 +1,1 @@
-"""Linear stability: where the harmonic oscillator stays bounded."""
+"""Linear stability: step sizes for which the harmonic oscillator stays bounded."""

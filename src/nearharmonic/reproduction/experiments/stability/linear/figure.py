@@ -1,4 +1,4 @@
-"""Figure of linear stability: half the trace of the oscillator's step matrix against tau/s, one panel a method."""
+"""Figure of linear stability: half the trace of the oscillator's step matrix against tau/s, one panel per method."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from nearharmonic.plotting.style import Style, new_figure, style_of
 from nearharmonic.reproduction.tasks.declarations import figure
 
 COLUMNS = 2
-#: The trace grows without bound; only its passing of +-1 matters.
+#: Limit of the axis: the trace is unbounded, but only its crossings of +-1 matter.
 SHOWN = 1.6
 GAP = "#d62728"
 

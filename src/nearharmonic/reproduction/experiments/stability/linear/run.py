@@ -1,4 +1,4 @@
-"""Linear stability of each method, exact: the trace of the oscillator's step matrix, and the gaps."""
+"""Exact linear stability of each method: the trace of the oscillator's step matrix, and the gaps."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from nearharmonic.output.table import Table
 from nearharmonic.theory.linear_stability import largest_growth, stability_gaps, touching_points
 from nearharmonic.theory.oscillator import step_polynomials
 
-#: The trace is drawn up to this step size per stage, past the end of stability of all ten methods, in so many points.
+#: Largest step size per stage of the curve, above the last stable step size of all ten methods, and number of points.
 HIGHEST_TAU_PER_STAGE, POINTS = 2.4, 961
 
 
@@ -29,7 +29,7 @@ def measure(integrators: Sequence[str]) -> dict[str, Any]:
 def linear_stability_cube(tableaus: Sequence[Tableau]) -> xr.Dataset:
     """Return half the trace over (integrator, tau_per_stage), and the gaps over (integrator, gap).
 
-    Gaps are NaN past a method's last, which ends at infinity.
+    Gaps are NaN after the last gap of a method, which ends at infinity.
     """
     grid = np.linspace(0, HIGHEST_TAU_PER_STAGE, POINTS)
     gaps = [stability_gaps(tableau) for tableau in tableaus]
@@ -65,7 +65,7 @@ CAPTION = "Where the harmonic oscillator stays bounded: intervals of step sizes,
 #: Significant digits of the edges.
 DIGITS = 13
 
-#: First edges as another program found them, in C doubles by bisection of the trace: 10 digits.
+#: First edges from another program, in C doubles by bisection of the trace: 10 digits.
 KNOWN_LIMITS: Mapping[str, str] = {
     "ruth": "1.573401947",
     "s5odr4": "2.720974539",

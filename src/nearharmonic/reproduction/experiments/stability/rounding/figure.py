@@ -1,4 +1,4 @@
-"""Growth of round-off over long times: energy and lag along the track, beside Brouwer's law."""
+"""Growth of round-off over long times: energy and lag along the track, compared with Brouwer's law."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def _draw_growth(axes: Axes, cube: xr.Dataset, names: list[str], variable: str, 
 
 
 def _draw_law(axes: Axes, cube: xr.Dataset, variable: str, exponent: float) -> None:
-    """Brouwer's power, six times above the middle of each bundle of curves so that it does not hide them."""
+    """Draw Brouwer's power law, six times above the middle of each bundle of curves so that it does not hide them."""
     time = cube["time"].isel(integrator=-1).values
     for source in ("plain", "compensated", "extended"):
         level = np.exp(np.log(cube[f"{variable}_rms"].sel(source=source).isel(sample=-1)).mean().item())

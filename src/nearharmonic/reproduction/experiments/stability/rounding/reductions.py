@@ -79,7 +79,7 @@ def growth(errors: Floats, time: Floats) -> tuple[float, float]:
     Returns
     -------
     tuple of float
-        Slope of log rms against log time, and the half width of its 95 % interval by the jackknife over orbits, since
+        Slope of log rms against log time, and the half width of its 95 % interval by the jackknife over orbits, because
         the times of one orbit are not independent.
     """
     squares, x = errors * errors, log(time)
@@ -100,14 +100,14 @@ BROUWER = {"energy_error": 0.5, "lag": 1.5}
 
 
 def rounding_table(cube: xr.Dataset) -> Table:
-    """Return a row for each method, arithmetic and quantity: the power law beside Brouwer's, and bias against rms."""
+    """Return a row for each method, arithmetic and quantity: power law, Brouwer's, and bias relative to rms."""
     header = ["integrator", "source", "quantity", "exponent", "interval_95", "brouwer", "rms_at_end", "bias_over_rms"]
     rows: list[list[Any]] = []
     for name, source, quantity in product(cube.integrator.values, cube.source.values, BROUWER):
         one = cube.sel(integrator=name, source=source)
         rms = one[f"{quantity}_rms"].values[-1]
         law = [one[f"{quantity}_{key}"].item() for key in ("exponent", "interval")]
-        # Rounded coefficients are no random walk.
+        # The error due to rounded coefficients is no random walk.
         brouwer = "" if source == "coefficients" else BROUWER[quantity]
         bias = one[f"{quantity}_bias"].item() / rms
         rows.append([str(name), str(source), quantity, *law, brouwer, float(rms), bias])
@@ -115,7 +115,7 @@ def rounding_table(cube: xr.Dataset) -> Table:
 
 
 def reduce(integrators: Sequence[str], settings: RoundingSettings, **runs: str) -> dict[str, Any]:
-    """Return what :func:`cube_and_table` does; ``settings`` go into the files beside the numbers."""
+    """Return the result of :func:`cube_and_table`; ``settings`` are stored in the files."""
     return cube_and_table(rounding_cube, rounding_table, integrators, runs)
 
 

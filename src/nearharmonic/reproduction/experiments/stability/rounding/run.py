@@ -1,14 +1,14 @@
-"""Round-off over long times: energy and along-track error of an ensemble of Kepler orbits, and how they grow.
+"""Growth of round-off over long times: energy and along-track error of an ensemble of Kepler orbits.
 
-What a run in double precision loses to rounding is its difference from a run of the same method, step size and
-coefficients (rounded to double) in double-double: truncation and rounded coefficients cancel. Rounding the
-coefficients is another method, close to the one meant, and shifts the phase in proportion to time; no compensation of
-sums can remove that, so it is measured by itself. Double-double has no better run to be compared with: its own rounding
-is the difference from a run of the same orbit scaled by 9 (lengths), 1/3 (momenta) and 27 (times), which rounds
-differently at every operation, over sqrt(2).
+The rounding error of a run in double precision is its difference from a run with equal method, step size and
+coefficients (rounded to double) in double-double: truncation errors and rounded coefficients cancel. Rounded
+coefficients define another method, close to the exact one; they shift the phase in proportion to time. Compensated sums
+cannot remove this shift, so it is measured separately. For double-double there is no better reference run: its rounding
+error is the difference from a run of the orbit scaled by 9 (lengths), 1/3 (momenta) and 27 (times), divided by sqrt(2).
+The scaled run rounds differently at every operation.
 
-Brouwer (1937), doi:10.1086/105423: if rounding errors are independent, energy wanders as t^(1/2) and the position along
-the track, driven by the mean motion, as t^(3/2).
+Brouwer (1937), doi:10.1086/105423: with independent rounding errors, the energy error grows as t^(1/2), and the error
+of the position along the track, due to the mean motion, as t^(3/2).
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ from nearharmonic.output.dataset import Contents, coordinate, variable
 from nearharmonic.reproduction.experiments.stability.kepler.run import PERIOD, SYSTEM, kepler_apoapsis
 from nearharmonic.reproduction.experiments.stability.settings import RoundingSettings
 
-#: Lanes of the kernels: two AVX-512 registers, which hide each other's latency.
+#: Number of lanes of the kernels: two AVX-512 registers, which hide each other's latency.
 WIDTH = 16
-#: Eccentricities of the ensemble: round enough for truncation to stay small, so that no error it modulates shows.
+#: Eccentricities of the ensemble: small, so that truncation errors and their modulation are small.
 ECCENTRICITY = (0.05, 0.3)
-#: States kept of a run, evenly spaced; of them, this many times evenly spaced in log t are compared.
+#: Number of stored states of a run, evenly spaced, and number of compared times among them, evenly spaced in log t.
 SAMPLES, TIMES = 2000, 60
-#: Digits of the differences: those of double-double and to spare.
+#: Digits of the differences: more than those of double-double.
 DIGITS = 50
-#: Scale of the second run in double-double, the square of an integer that is no power of two.
+#: Scale of the second run in double-double: the square of an integer that is no power of two.
 SCALE_ROOT = 3
 _CONSTANTS = SYSTEM.constants(Decimal)
-#: What is compared, in this order.
+#: Compared quantities, in this order.
 SOURCES = ("plain", "compensated", "extended", "coefficients")
 
 
@@ -58,7 +58,7 @@ class Schedule:
     steps : int
         Steps in all.
     samples : int
-        States after the start, each an integer number of periods after the one before.
+        Number of states after the start; the spacing is an integer number of periods.
     periods : int
         Periods in all.
     """
@@ -69,10 +69,10 @@ class Schedule:
 
 
 def schedule(settings: RoundingSettings, stages: int) -> Schedule:
-    """Return as many steps as asked for, up to an integer number of samples; all at the apoapsis of the exact orbit.
+    """Return the division with the requested number of steps, rounded to an integer number of samples at apoapsis.
 
-    There the truncation error of the energy is stationary, so that a lag along the track does not show in the energy.
-    The number of samples is that of all methods.
+    At the apoapsis the truncation error of the energy is stationary, so that a lag along the track does not affect the
+    energy. The number of samples is equal for all methods.
     """
     per_orbit = max(1, round(settings.evaluations_per_orbit / stages))
     samples = min(SAMPLES, settings.steps // settings.evaluations_per_orbit)
@@ -100,7 +100,7 @@ def starts(settings: RoundingSettings) -> Floats:
 
 
 def _scaled(start: Floats) -> Floats:
-    """Orbits with lengths times 9 and momenta divided by 3, as double-doubles."""
+    """Return orbits with lengths times 9 and momenta divided by 3, as double-doubles."""
     factors = [Fraction(SCALE_ROOT**2)] * 2 + [Fraction(1, SCALE_ROOT)] * 2
     result = np.zeros_like(start)
     for row, scaled in zip(start, result, strict=True):
@@ -113,13 +113,13 @@ def _scaled(start: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class _Paths:
-    """Sampled states as Decimals; ``scale`` undoes the scaling of lengths."""
+    """Sampled states as Decimals; ``scale`` reverses the scaling of lengths."""
 
     paths: Trajectories
     scale: int = 1
 
     def state(self, orbit: int, sample: int) -> list[Decimal]:
-        """x, y, u, v with all their digits, in units of the unscaled orbit."""
+        """Return x, y, u, v with all their digits, in units of the unscaled orbit."""
         paths, root = self.paths, Decimal(self.scale)
         q = [Decimal(a) + Decimal(b) for a, b in zip(paths.q[orbit, sample], paths.q_low[orbit, sample], strict=True)]
         p = [Decimal(a) + Decimal(b) for a, b in zip(paths.p[orbit, sample], paths.p_low[orbit, sample], strict=True)]
@@ -134,8 +134,8 @@ def _energy(state: list[Decimal]) -> Decimal:
 def errors(paths: _Paths, reference: _Paths, samples: Integers) -> tuple[Floats, Floats]:
     """Return the errors of one run against another.
 
-    The lag is the displacement along the velocity in units of the speed, times the mean motion, which is 1: in mean
-    anomaly because that grows evenly where the distance along the track swings with the speed.
+    The lag is the displacement along the velocity, divided by the speed, times the mean motion, which is 1. It is a
+    mean anomaly, which grows evenly, while the distance along the track oscillates with the speed.
 
     Parameters
     ----------

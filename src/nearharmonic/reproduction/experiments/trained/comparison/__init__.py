@@ -1,1 +1,1 @@
-"""Methods that are compared, and intervals by resampling."""
+"""Methods of the comparison, and intervals by resampling."""

@@ -1,4 +1,4 @@
-"""Methods that are compared: trained ones, published ones, and those of this project that are neither."""
+"""Methods of the comparison: trained ones, published ones, and other methods of this project."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.training.published import OURS, TRAINED, module_of
 
 Kind = Literal["trained", "published", "own"]
-#: In the order of cubes.
+#: Kinds in the order of cubes.
 KINDS: tuple[Kind, ...] = ("published", "own", "trained")
 
-#: What a method is built on, in the order of tables and figures.
+#: Ideas of methods, in the order of tables and figures.
 IDEAS = ("exact_oscillator", "harmonic_conditions", "nystrom", "trained", "general")
-#: Order from which on a method that requires quadratic T counts as a Nystrom method of high order.
+#: Minimum order of a Nystrom method (with quadratic T) of high order.
 NYSTROM_ORDER = 6
 
 
 def contestants() -> tuple[str, ...]:
-    """Return the names of all registered methods whose energy is measured at every step: all but processed ones."""
+    """Return the names of all registered methods whose energy is measured at every step: all except processed ones."""
     modified = [name for name in modified_integrators.registered if not modified_integrators[name].processed]
     return (*plain_integrators.registered, *modified)
 
@@ -32,9 +32,9 @@ def kind_of(name: str) -> Kind:
 
 
 def idea_of(method: Tableau) -> str | None:
-    """Return the idea that a method with T and V stands for; None for kicks of a modified potential.
+    """Return the idea of a method with T and V; None for methods with modified potentials.
 
-    Methods of harmonic orders are of this idea whatever their general order, and whoever found them.
+    Methods with a harmonic order belong to this idea for any general order and any author.
     """
     if method.name.startswith(TRAINED):
         return "trained"

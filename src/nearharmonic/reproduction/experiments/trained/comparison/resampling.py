@@ -10,7 +10,7 @@ import xarray as xr
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import bounds_coordinate, coordinate
 
-#: Resamples of the problems, and the part of them that an interval holds.
+#: Number of resamples of the problems, and coverage of an interval.
 RESAMPLES, CONFIDENCE = 1000, 0.95
 #: Of the anharmonicities of the problems.
 QUANTILES = (0.05, 0.5, 0.95)
@@ -37,10 +37,11 @@ def resampled_means(values: xr.DataArray, seed: int, resamples: int = RESAMPLES)
 
 
 def _means(values: Floats, counts: Floats) -> Floats:
-    """The means (..., R) over the last axis, of M problems, each taken as often as ``counts`` (R, M) says.
+    """Return means (..., R) over the last axis of M problems, weighted by ``counts`` (R, M).
 
-    A matrix product adds in an order of each processor's own. The values are rounded to multiples of a power of two
-    that makes all sums exact, whatever their order: by 10^-12 at most for logarithms of 192 problems. NaN stays.
+    The order of additions in a matrix product depends on the processor. The values are therefore rounded to multiples
+    of a power of two for which all sums are exact in any order: by at most 10^-12 for logarithms of 192 problems. NaN
+    stays NaN.
     """
     sizes = counts.sum(axis=1)
     _, exponent = frexp(float(np.nanmax(np.abs(values))) * int(sizes.max()))
@@ -50,7 +51,7 @@ def _means(values: Floats, counts: Floats) -> Floats:
 
 
 def interval(values: xr.DataArray) -> xr.DataArray:
-    """Return the ends, along ``bound``, of the interval that holds :data:`CONFIDENCE` of the resamples."""
+    """Return the ends, along ``bound``, of the interval with :data:`CONFIDENCE` of the resamples."""
     tails = [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2]
     ends = values.quantile(tails, "resample", skipna=False).rename(quantile="bound")
     return ends.transpose(..., "bound").assign_coords(bounds_coordinate())

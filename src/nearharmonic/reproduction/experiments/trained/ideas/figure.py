@@ -1,4 +1,4 @@
-"""The figure of ideas: gains against anharmonicity, and a map of which idea is ahead where."""
+"""The figure of ideas: gains against anharmonicity, and a map of the best idea."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from nearharmonic.plotting.style import log_scale, new_figure, panel_letter
 from nearharmonic.reproduction.tasks.declarations import figure
 
-#: Of each idea, what it is called, and its colour and marker.
+#: Name, colour and marker of each idea.
 LOOKS = {
     "exact_oscillator": ("oscillator solved exactly", "#2f7fd6", "D"),
     "harmonic_conditions": ("harmonic conditions", "#e08214", "s"),
@@ -20,9 +20,9 @@ LOOKS = {
     "trained": ("trained", "#c1121f", "o"),
     "general": ("general (Blanes-Moan, ABA, ...)", "#6b6b6b", "v"),
 }
-#: Panels of gains, and the lead in decades at which a colour of the map is full.
+#: Number of panels of gains, and lead in decades with full colour in the map.
 PANELS, FULL = 3, 0.8
-#: Least part of its colour that a leader has.
+#: Minimum colour saturation of a leader.
 PALEST = 0.22
 
 
@@ -81,7 +81,7 @@ def _gains(axes: Axes, one: xr.Dataset) -> None:
 
 
 def _map(axes: Axes, cube: xr.Dataset, suffix: str) -> None:
-    """The leader of each cell of ``cube``, of the variables whose names end like this."""
+    """Draw the leader of each cell of ``cube``, from the variables with this suffix."""
     lead, leader = cube[f"lead{suffix}"].values, cube[f"leader{suffix}"].values
     colours = np.ones((*lead.shape, 3))
     for (t, j), name in np.ndenumerate(leader):

@@ -1,8 +1,8 @@
 """Random potentials at all strengths, whose oscillators can be solved exactly.
 
 Each is drawn as :mod:`nearharmonic.reproduction.experiments.trained.problems.random_potentials` has it, with strength
-1; its cubic and quartic coefficients are then multiplied by one strength after the other, from the same start. The
-frequencies stay, so that they can be declared.
+1; its cubic and quartic coefficients are then multiplied by each strength, with the same start. The frequencies do not
+change, so that they can be declared.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from nearharmonic.systems.definition.quantities import Parameter
 from nearharmonic.systems.definition.system import System
 from nearharmonic.training.population import LANES, LEAST, LOST, Ensemble
 
-#: Coordinates, and frequencies among the parameters, which stand first.
+#: Number of coordinates and of frequencies, which are the first parameters.
 DIMENSION = 2
 #: Smallest and largest strength.
 WEAKEST, STRONGEST = 1e-4, 1.0
@@ -41,7 +41,7 @@ class Scaled:
     potentials : Ensemble
         The K potentials at strength 1.
     strengths : (J,) array of float
-        By which cubic and quartic coefficients are multiplied.
+        Factors of the cubic and quartic coefficients.
     """
 
     potentials: Ensemble
@@ -59,16 +59,16 @@ class Scaled:
 
 
 def scaled_potentials(count: int, strengths: int, seed: int, t_end: float) -> Scaled:
-    """Return random potentials at strengths that are even in the logarithm.
+    """Return random potentials at logarithmically spaced strengths.
 
     Parameters
     ----------
     count, strengths : int
         Number of potentials and of strengths.
     seed : int
-        Of the draw.
+        Seed of the random numbers.
     t_end : float
-        Interval of every run, in radians of the frequency 1.
+        Length of every run, in radians of the frequency 1.
     """
     whole = random_ensemble(DIMENSION, count, seed, band=(1.0, 1.0), t_end=t_end)
     return Scaled(potentials=whole, strengths=np.array(geometric(WEAKEST, STRONGEST, strengths)))
@@ -85,7 +85,7 @@ def declared(system: System, squares: Floats, number: int) -> System:
     squares : (d,) array of float
         The squares.
     number : int
-        Tells the systems apart.
+        Number for the name of the system.
     """
     names = list(system.parameters)[: len(squares)]
 
@@ -102,9 +102,9 @@ def declared(system: System, squares: Floats, number: int) -> System:
 
 
 def exact_errors(scaled: Scaled, method: Tableau, tau_per_stage: Floats) -> Floats:
-    """Return the largest |dH/H0| (T, K J) of a method that solves the oscillators exactly, at equal cost.
+    """Return the largest |dH/H0| (T, K J) of a method for exactly solved oscillators, at equal cost.
 
-    An evaluation costs :data:`CHARGE`. Runs that are lost have :data:`LOST`.
+    An evaluation costs :data:`CHARGE`. Diverged runs have :data:`LOST`.
     """
     whole = scaled.ensemble()
     J, P = len(scaled.strengths), whole.parameters.shape[1]

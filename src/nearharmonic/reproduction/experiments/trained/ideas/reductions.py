@@ -1,4 +1,4 @@
-"""Reductions over the problems: the best method of each idea, what it gains, and which idea is ahead.
+"""Reductions over the problems: the best method of each idea, its gain, and the best idea.
 
 The dataset has ``log_error`` over (integrator, tau_per_stage, strength, problem) with the coordinate ``idea`` of each
 integrator, ``exact_log_error`` over (exact_integrator, ...), ``anharmonicity`` over (strength, problem), and the
@@ -32,7 +32,7 @@ from nearharmonic.reproduction.tasks.reduction import Reductions
 
 reduction = Reductions()
 
-#: The idea that the others are compared with.
+#: Reference idea.
 REFERENCE = "general"
 
 

@@ -22,7 +22,7 @@ from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSe
 from nearharmonic.training.objective import errors_of
 from nearharmonic.training.population import LEAST
 
-#: Part of the problems of an ensemble that are potentials here, as each is taken at so many strengths.
+#: Ratio of the number of potentials to the problems of an ensemble; each potential has several strengths.
 PART, STRENGTHS = 3, 13
 WHAT = "log10 of the largest |H - H0|/|H0| over every step"
 
@@ -33,9 +33,9 @@ def measure(methods: Sequence[str], exact: Sequence[str], settings: ProofSetting
     Parameters
     ----------
     methods : sequence of str
-        Names of the methods with T and V; those with kicks of a modified potential stand for no idea here.
+        Names of the methods with T and V; methods with modified potentials belong to no idea here.
     exact : sequence of str
-        Names of the methods that solve the oscillator exactly.
+        Names of the methods for the exactly solved oscillator.
     settings : ProofSettings
         Number of potentials, and step sizes.
 

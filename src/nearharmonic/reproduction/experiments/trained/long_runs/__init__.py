@@ -1,1 +1,1 @@
-"""Long runs of trained methods: trend of the energy error, way back to the start, and error by rounding alone."""
+"""Long runs of trained methods: trend of the energy error, backward runs, and pure rounding errors."""

@@ -35,8 +35,8 @@ def max_energy_error(runs: xr.Dataset) -> xr.DataArray:
 def trends(runs: xr.Dataset) -> xr.Dataset:
     """Trend of (H - H0)/|H0| over the whole run with the half width of its 95 % interval.
 
-    The trend is the mean over the problems of least squares through the samples of each; the interval takes the
-    problems as independent. NaN if a run left its energy surface.
+    The trend is the mean over the problems of the slopes of least-squares lines; the interval assumes independent
+    problems. NaN if a run diverged.
     """
     time, count = runs.step / runs.step[-1] - 0.5, runs.problem.size
     slopes = (runs.energy_error * time).sum("sample", skipna=False) / (time * time).sum("sample")
@@ -87,7 +87,7 @@ CAPTION = (
 
 
 def reduce(methods: Sequence[str], beside: str, settings: ProofSettings, run: str) -> dict[str, Any]:
-    """Return the ``table`` of long runs; the names and ``settings`` go into the files beside the numbers."""
+    """Return the ``table`` of long runs; the names and ``settings`` are stored in the files."""
     return {"table": long_table(read(run))}
 
 

@@ -1,4 +1,4 @@
-"""Long runs of the trained methods, runs back to the start, and runs with steps so short that rounding alone errs."""
+"""Long runs of the trained methods, backward runs, and runs with steps so short that rounding errors dominate."""
 
 from __future__ import annotations
 
@@ -20,17 +20,18 @@ from nearharmonic.reproduction.experiments.trained.problems.named_systems import
 from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.training.population import LANES, Ensemble
 
-#: Systems of the runs, and starts on each of them.
+#: Systems of the runs, and number of starts on each of them.
 SYSTEMS, STARTS = ("henon_heiles", "morse"), 16
-#: Step sizes per stage, in radians of the fastest small oscillation, of the long runs and of those for rounding.
+#: Step sizes per stage, in radians of the fastest small oscillation, of the long runs and of the runs for rounding.
 TAU_PER_STAGE, FINE = 0.1, 0.02
-#: Samples of a long run; steps there and back, and evaluations of the runs for rounding, as parts of its steps.
+#: Number of samples of a long run; inverse fractions of its steps for forward and backward runs, and for evaluations of
+#: the runs for rounding.
 SAMPLES, BACK, ROUNDED = 4001, Fraction(1, 100), Fraction(1, 10)
 SUMS = ("compensated", "plain")
-#: Samples of the runs for rounding at most.
+#: Maximum number of samples of the runs for rounding.
 SAMPLES_ROUNDED = 64
 
-#: Variables over (system, integrator): their further dimensions, and what they are.
+#: Variables over (system, integrator): their further dimensions and meaning.
 _STATES = ("summation", "problem", "end", "component")
 MEANINGS = {
     "energy_error": (("problem", "sample"), "(H - H0)/|H0| of the long runs"),
@@ -82,7 +83,7 @@ def measure(methods: Sequence[str], beside: str, settings: ProofSettings) -> dic
     methods : sequence of str
         Names of the trained methods.
     beside : str
-        Name of the method that they are compared with; it is the first.
+        Name of the reference method, which is the first one.
     settings : ProofSettings
         Steps, and the seed of the starts.
     """
@@ -107,7 +108,7 @@ def long_runs(ensembles: Mapping[str, Ensemble], methods: Sequence[Tableau], ste
     Returns
     -------
     dict
-        The variables of :data:`MEANINGS`, NaN behind the last sample of a run and the last coordinate of a system.
+        The variables of :data:`MEANINGS`, NaN after the last sample of a run and the last coordinate of a system.
     """
     samples = min(SAMPLES, steps + 1)
     coordinates = {

@@ -1,1 +1,1 @@
-"""Problems that methods are trained and tried on: random potentials, systems with a name, orbits."""
+"""Problems for training and tests of methods: random potentials, named systems, orbits."""

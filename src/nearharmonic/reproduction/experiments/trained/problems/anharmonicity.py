@@ -1,7 +1,7 @@
 """Anharmonicity of orbits: the variation of the Hessian of V along them.
 
 delta = rms |W - mean W| / rms |W| along the orbit, W = V'' and |.| the Frobenius norm, for masses of 1. It is 0 for
-every harmonic system, whatever its frequencies and amplitudes, and at most 1.
+every harmonic system, for all frequencies and amplitudes, and at most 1.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from nearharmonic.numerics.types import Floats
 from nearharmonic.systems.definition.system import System
 from nearharmonic.training.population import Ensemble
 
-#: Time between the states at which the Hessian is taken, in units of the ensemble, and the fewest of them. It is no
-#: simple part of a period, at which an oscillation would seem to rest.
+#: Time between the states at which the Hessian is evaluated, in units of the ensemble, and minimum number of states. It
+#: is no simple fraction of a period, to avoid aliasing.
 BETWEEN, FEWEST = 0.77, 65
-#: Steps from one to the next: enough to follow the orbit.
+#: Number of steps between these states.
 STEPS = 2
 
 

@@ -1,9 +1,9 @@
-"""Systems that have a name, with starts around stated energies: none of them is in a set that methods are trained on.
+"""Named systems, with starts at given energies; no method is trained on them.
 
-All have T = p.p/2 and rest at q = 0, where V is 0. The energy of a start is log-uniform in a stated range. Its
-direction is uniform on the energy surface of the small oscillations, and its length is where H along that direction
-first reaches the energy. Directions of frequency 0, as that of the whole ring of Toda, are left out: these runs have no
-momentum.
+All have T = p.p/2 and rest at q = 0, where V is 0. The energy of a start is log-uniform in a given range. Its direction
+is uniform on the energy surface of the small oscillations, and its length is the first at which H along this direction
+reaches the energy. Directions of frequency 0, such as the translation of the Toda ring, are omitted: the total momentum
+is 0.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from nearharmonic.training.population import Ensemble
 SITES, RING, ATOMS = 8, 6, 5
 #: Coefficients of the cubic and of the quartic chain, and of the quartic well.
 ALPHA, BETA, QUARTIC = 0.25, 1.0, 0.25
-#: Lengths in which a direction is searched, from one to the next, and bisections of the interval that is found.
+#: Ratio of successive lengths in the search along a direction, and number of bisections.
 SHORTEST, RATIO, BISECTIONS = 1e-3, 1.02, 60
-#: Squares of frequencies below which a direction counts as free.
+#: Limit of squared frequencies, below which a direction counts as free.
 FREE = 1e-9
 
 
@@ -105,7 +105,7 @@ class Named:
 
 
 _FPUT = "Fermi, Pasta, Ulam & Tsingou (1955), Los Alamos report LA-1940"
-#: In the order of tables and figures.
+#: Named systems in the order of tables and figures.
 NAMED = (
     Named(name="pendulum", label="pendulum", V=pendulum, dimension=1, energies=(0.005, 0.5), source="textbook"),
     Named(
@@ -141,11 +141,11 @@ def named_ensembles(count: int, seed: int, t_end: float) -> Iterator[Ensemble]:
     Parameters
     ----------
     count : int
-        Number of starts of a system.
+        Number of starts per system.
     seed : int
-        Of the draws.
+        Seed of the random numbers.
     t_end : float
-        Interval of every run, in radians of the fastest small oscillation.
+        Length of every run, in radians of the fastest small oscillation.
     """
     for place, one in enumerate(NAMED):
         yield with_anharmonicity(named_ensemble(one, count, [seed, place], t_end))
@@ -159,7 +159,7 @@ def named_ensemble(one: Named, count: int, seed: int | list[int], t_end: float) 
     low, high = map(log, one.energies)
     energies = exp(random.uniform(low, high, count))
     bound = modes[:, squares >= FREE].T
-    # As the sphere looks alike from all sides, any basis will do: here that of the coordinates.
+    # The distribution on the sphere is isotropic, so that any basis can be used; here that of the coordinates.
     sphere = product(random.normal(size=(count, 2, d)), product(bound.T, bound))
     sphere /= np.sqrt((sphere**2).sum(axis=(1, 2), keepdims=True))
     q = product(sphere[:, 0], product(bound.T / np.sqrt(squares[squares >= FREE]), bound))
@@ -175,7 +175,7 @@ def named_ensemble(one: Named, count: int, seed: int | list[int], t_end: float) 
 
 
 def _lengths(system: System, q: Floats, p: Floats, energies: Floats) -> Floats:
-    """The least r (count,) with H(r q, r p) = E: H rises from 0 up to there."""
+    """Return the smallest r (count,) with H(r q, r p) = E."""
 
     def short(r: Floats) -> Any:
         return system.energy(tuple(r * x for x in q.T), tuple(r * x for x in p.T)) < energies

@@ -9,7 +9,7 @@ from nearharmonic.math import cos, sin
 from nearharmonic.systems import kepler
 from nearharmonic.training.population import Ensemble
 
-#: Newton steps that solve Kepler's equation to all digits of a double from E = M, for e below 0.9.
+#: Number of Newton steps that solve Kepler's equation to double precision from E = M, for e below 0.9.
 ITERATIONS = 12
 
 
@@ -23,13 +23,13 @@ def orbit_ensemble(
     count : int
         Number of orbits.
     seed : int
-        Of the draw.
+        Seed of the random numbers.
     eccentricities : pair of float
         Bounds between which the eccentricity is uniform.
     orbits : float
-        Periods of every run.
+        Number of periods of every run.
     name : str
-        Of the ensemble.
+        Name of the ensemble.
     """
     random = np.random.default_rng([seed, count])
     e = random.uniform(*eccentricities, count)

@@ -13,19 +13,19 @@ from nearharmonic.training.family import Family
 from nearharmonic.training.population import Ensemble
 from nearharmonic.training.published import modified_names, published_names
 
-#: Bands of the strength of random potentials: of all methods but those for small anharmonicity, and of these.
+#: Ranges of the strength of random potentials: for most methods, and for methods for small anharmonicity.
 STRONG, WEAK = (0.01, 0.5), (0.001, 0.03)
 #: Bounds of the eccentricity of orbits.
 ECCENTRICITIES = (0.02, 0.35)
-#: The gradient of the square of grad V costs as much as so many forces, on polynomials and on Kepler: docs/methods.md.
+#: Cost of the gradient of the square of grad V, in forces, for polynomials and for Kepler: docs/methods.md.
 CHARGE, CHARGE_OF_ORBITS = 1.1, 0.3
-#: A window is at least so wide: largest over smallest step size.
+#: Minimum width of a window: ratio of largest to smallest step size.
 NARROWEST = 1.5
 
 
 @dataclass(frozen=True, kw_only=True)
 class Chain:
-    """Families of more and more stages, each grown from the one before.
+    """Families of increasing numbers of stages, each extended from the previous one.
 
     Attributes
     ----------
@@ -59,17 +59,17 @@ class Purpose:
     Attributes
     ----------
     name, what : str
-        Last part of the method's name, and the purpose in words.
+        Suffix of the name of the method, and the purpose in words.
     tau_per_stage : tuple of float
         Step sizes over the cost of a step, in radians of the fastest oscillation.
     t_end : float
-        Interval of a run, in the same unit.
+        Length of a run, in the same unit.
     chains : tuple of Chain
-        What is searched.
+        Families of the search.
     band : pair of float, optional
         Bounds of the strength of random potentials; orbits, if None.
     after : str, optional
-        Purpose whose method the search begins with as well: that of a window beside this one.
+        Purpose whose method is an additional start of the search: that of a neighbouring window.
     """
 
     name: str
@@ -92,7 +92,7 @@ class Purpose:
 
     @property
     def known(self) -> tuple[str, ...]:
-        """Names of the methods that a search begins with; those of others are what it has to beat."""
+        """Names of the starting methods of a search; published methods among them are the reference."""
         modified = any(chain.squares for chain in self.chains)
         return published_names() + (modified_names() if modified else ())
 
@@ -118,7 +118,7 @@ class Purpose:
         seed : int
             Of the draw.
         longer : float
-            By what the interval is multiplied.
+            Factor of the interval.
         """
         t_end = self.t_end * longer
         if self.band is None:
@@ -127,7 +127,7 @@ class Purpose:
 
 
 def evaluations_an_orbit(*counts: int) -> tuple[float, ...]:
-    """Return step sizes over the cost of a step, for so many force evaluations in 2 pi."""
+    """Return step sizes over the cost of a step for numbers of force evaluations in 2 pi."""
     return tuple(2 * pi / count for count in counts)
 
 
@@ -185,6 +185,6 @@ PURPOSES = {one.name: one for one in _ALL}
 
 
 def trained_before(purpose: str, trained: Collection[str]) -> list[str]:
-    """Return the purpose whose method a search begins with, if it is among those that are ``trained``."""
+    """Return the purpose whose method is an additional start, if it is ``trained``."""
     after = PURPOSES[purpose].after
     return [after] if after is not None and after in trained else []

@@ -3,10 +3,10 @@
     V = sum_i q_i^2 (w_i^2 / 2 + sum_j c_ij q_j + sum_(j >= i) e_ij q_j^2) + sum_(i < j < k) c_ijk q_i q_j q_k
 
 One frequency is 1, the others are uniform in [0.2, 1]. The strength s is log-uniform in a band; every cubic coefficient
-is normal with the deviation 0.4 s, every quartic one 0.1 s plus the modulus of such a number. As all quartic
-coefficients are positive, H is bounded from below for every draw. The amplitude is uniform in [0.4, 1], its square
-shared among the coordinates uniformly on the simplex, phases are uniform. A momentum is an amplitude times a sine, a
-coordinate one times a cosine, over its frequency, but over 0.5 at least.
+is normal with the deviation 0.4 s, every quartic one 0.1 s plus the modulus of such a number. All quartic coefficients
+are positive, so that H is bounded from below for every draw. The amplitude is uniform in [0.4, 1]; its square is
+distributed over the coordinates uniformly on the simplex; phases are uniform. A momentum is an amplitude times a sine.
+A coordinate is an amplitude times a cosine, divided by the frequency or 0.5, whichever is larger.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from nearharmonic.training.population import Ensemble
 
 #: Bounds of the slower frequencies, and of amplitudes.
 FREQUENCIES, AMPLITUDES = (0.2, 1.0), (0.4, 1.0)
-#: Deviation of coefficients over the strength, and the least quartic coefficient.
+#: Standard deviations of coefficients over the strength, and smallest quartic coefficient.
 DEVIATION, LEAST = 0.4, 0.1
-#: Frequency below which a coordinate's amplitude no longer grows: its potential is soft there.
+#: Frequency below which the amplitude of a coordinate does not increase, because its potential is soft.
 SOFTEST = 0.5
 
 
 @cache
 def random_potential(dimension: int) -> System:
-    """Return the system whose parameters, of which each run takes its own, are frequencies and coefficients."""
+    """Return the system whose parameters are frequencies and coefficients; each run has its own parameters."""
     pairs = [(i, j) for i in range(dimension) for j in range(i, dimension)]
     triples = list(combinations(range(dimension), 3))
     names = [f"a{i}" for i in range(dimension)]
@@ -75,13 +75,13 @@ def random_ensemble(
     count : int
         Number of systems.
     seed : int
-        Of the draw.
+        Seed of the random numbers.
     band : pair of float
         Bounds of the strength.
     t_end : float
-        Interval of every run, in radians of the frequency 1.
+        Length of every run, in radians of the frequency 1.
     name : str
-        Of the ensemble.
+        Name of the ensemble.
     """
     system, random = random_potential(dimension), np.random.default_rng([seed, dimension, count])
     start = np.zeros((count, 4, dimension))

@@ -1,1 +1,1 @@
-"""The proof: all methods on problems that no method was trained on, and by how much trained methods are ahead."""
+"""Comparison of all methods on problems that were not used in training, and gains of trained methods."""

@@ -1,4 +1,4 @@
-"""Figures of the proof: errors of the best methods on each ensemble, and by how much trained ones are ahead."""
+"""Figures of the comparison: errors of the best methods on each ensemble, and gains of trained ones."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ AHEAD = "#c1121f"
 CURVES = ("#4a90e2", "#e8871a", "#2e8b57", "#8e3fb5", "#8b4513", "#111111")
 MARKERS = ("o", "s", "^", "D", "v", "P")
 COLUMNS = 4
-#: Largest error that is shown, and the step sizes that are labelled.
+#: Largest displayed error, and labelled step sizes.
 HIGHEST, TICKS = 0.02, (0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
 #: Factor between errors that are labelled.
 LABELLED = 1000
@@ -73,14 +73,14 @@ def _errors(axes: Axes, one: xr.Dataset) -> None:
     for name, row in zip(names[kinds == "trained"], trained, strict=True):
         axes.plot(tau, row, **style_of(str(name)).line(markersize=2.6, linewidth=0.7, zorder=5))
     log_scale(axes, "y")
-    # Every decade has its tick, every third its label: more would run into the panel on the left.
+    # Every decade has a tick, every third one a label: more labels would overlap the panel on the left.
     axes.yaxis.set_major_locator(LogLocator(base=LABELLED, numticks=12))
     axes.yaxis.set_minor_locator(LogLocator(base=10, numticks=20))
     step_axis(axes)
 
 
 def step_axis(axes: Axes) -> None:
-    """Make the x axis one of step sizes: logarithmic, with its own labels in what is less than two decades."""
+    """Format the x axis for step sizes: logarithmic, with explicit labels because it has less than two decades."""
     log_scale(axes, "x")
     low, high = axes.get_xlim()
     axes.set_xticks([x for x in TICKS if low <= x <= high] or [low, high])
@@ -148,5 +148,5 @@ def _gains(axes: Axes, inside: xr.Dataset) -> list[Any]:
 
 
 def _band(name: str) -> str:
-    """Return the label of a curve in a panel that names the number of coordinates."""
+    """Return the label of a curve in a panel whose title has the number of coordinates."""
     return name.partition(", ")[2] if name.startswith("d = ") else name

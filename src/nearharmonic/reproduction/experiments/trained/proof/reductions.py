@@ -48,8 +48,8 @@ def anharmonicity(runs: xr.Dataset) -> xr.DataArray:
 def gains(runs: xr.Dataset, resamples: int = RESAMPLES) -> xr.Dataset:
     """Best method of each kind, and the gain of the trained one with its interval, at each step size.
 
-    A gain is the mean logarithm of the error of the best published method, less that of the best trained one. The best
-    of each are chosen anew in each resample. Without a method of a kind its best is "" and the gain is NaN.
+    A gain is the mean logarithm of the error of the best published method minus that of the best trained one. Each
+    resample has its own best methods. Without a method of a kind its best is "" and the gain is NaN.
     """
     errors, seed = runs.log_error.reset_coords(drop=True).assign_coords(kind=runs.kind), runs.attrs["seed"]
     parts = [_gains(errors.sel(ensemble=name), seed, resamples) for name in runs.ensemble.values]
@@ -146,12 +146,12 @@ def gains_of(values: Any, ensemble: int, method: int) -> Floats:
 
 
 def stretch(taus: Floats, gain: Floats) -> tuple[float, float]:
-    """Return the ends of the widest stretch of neighbouring step sizes at which a gain is above 0; NaN for none.
+    """Return the ends of the widest range of neighbouring step sizes with a gain above 0; NaN without a gain.
 
     Parameters
     ----------
     taus, gain : (T,) array of float
-        Step sizes in any order that is monotonic, and gains.
+        Step sizes in monotonic order, and gains.
     """
     best, start = (np.nan, np.nan), None
     for i, ahead in enumerate([*(gain > 0), False]):
@@ -171,7 +171,7 @@ def _points(values: Any) -> Iterator[tuple[int, int]]:
 
 
 def _error(values: Any, ensemble: int, point: int, name: str) -> float:
-    """The mean logarithm of the error of a method; NaN for none."""
+    """Return the mean logarithm of the error of a method; NaN without a method."""
     which = values["integrator"] == name
     return float(values["mean_log_error"][ensemble, which, point][0]) if which.any() else float("nan")
 

@@ -32,15 +32,15 @@ def measure(methods: Sequence[str], settings: ProofSettings) -> dict[str, Conten
     Parameters
     ----------
     methods : sequence of str
-        Names of all methods that are compared.
+        Names of all methods of the comparison.
     settings : ProofSettings
         Ensembles and step sizes.
 
     Returns
     -------
     dict
-        ``run``: ``log_error`` over (ensemble, integrator, point, problem), NaN where an ensemble has fewer step sizes
-        than another, and ``anharmonicity`` over (ensemble, problem).
+        ``run``: ``log_error`` over (ensemble, integrator, point, problem), NaN if an ensemble has fewer step sizes than
+        another, and ``anharmonicity`` over (ensemble, problem).
     """
     trials = list(proof_ensembles(settings))
     ensembles, points = [trial.ensemble for trial in trials], max(trial.tau_per_stage.size for trial in trials)
@@ -69,7 +69,7 @@ def measure(methods: Sequence[str], settings: ProofSettings) -> dict[str, Conten
 
 
 def log_errors(ensemble: Ensemble, methods: Sequence[str], tau_per_stage: Floats, charge: float) -> Floats:
-    """Return log10 max |dH/H0| (methods, T, M) at equal cost, not below what doubles resolve.
+    """Return log10 max |dH/H0| (methods, T, M) at equal cost, at least the resolution of doubles.
 
     Parameters
     ----------
@@ -87,15 +87,15 @@ def log_errors(ensemble: Ensemble, methods: Sequence[str], tau_per_stage: Floats
     return found
 
 
-#: Coordinates of the random potentials, and bands of their strength, the widest last.
+#: Numbers of coordinates of the random potentials, and ranges of their strength, the widest last.
 DIMENSIONS = (2, 3)
 BANDS = ((1e-3, 1e-2), (1e-2, 1e-1), (1e-1, 0.5), (1e-2, 0.5))
-#: Systems with a name that have more coordinates are chains.
+#: Named systems with more coordinates are chains.
 CHAIN = 2
 
 
 class Trial(NamedTuple):
-    """An ensemble, step sizes over the cost of a step (T,), the panel of its curve, and what a gradient costs."""
+    """An ensemble, step sizes over the cost of a step (T,), the panel of its curve, and the cost of a gradient."""
 
     ensemble: Ensemble
     tau_per_stage: Floats

@@ -1,4 +1,4 @@
-"""Settings of the proof, and the limits of a machine."""
+"""Settings of the comparison, and limits of its cost."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from nearharmonic.reproduction.entries import (
     whole_from,
 )
 
-#: Methods and ensembles that a proof has at most, for the estimate of its evaluations.
+#: Maximum numbers of methods and ensembles, for the estimate of evaluations.
 METHODS, ENSEMBLES = 100, 17
 #: Periods of a Kepler orbit.
 ORBITS = 10
-#: Evaluations of a step of the long runs, all methods and starts together.
+#: Evaluations per step of the long runs, all methods and starts together.
 LONG = 10**4
 
 EvaluationsPerOrbit = Annotated[int, Reading(*whole_between(10, 10**6))]
@@ -59,12 +59,12 @@ class ProofSettings:
     steps: int = setting("Steps of the long runs", default=10**6, **whole_from(1000, MOST_STEPS))
 
     def check(self) -> None:
-        """Refuse more force evaluations than a machine can make; keys are named as in a config.
+        """Raise an error for too many force evaluations; keys are named as in a config.
 
         Raises
         ------
         SettingError
-            The first fault found.
+            The first error found.
         """
         each = sum(float(self.t_end) / float(tau) for tau in self.tau_per_stage)
         problem = METHODS * (ENSEMBLES * each + ORBITS * sum(self.evaluations_per_orbit))

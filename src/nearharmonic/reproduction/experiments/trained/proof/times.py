@@ -1,7 +1,7 @@
-"""Gains at equal time on this machine: what the gradient of the square of grad V costs in the kernels.
+"""Gains at equal time on this machine, with the measured cost of the gradient of the square of grad V.
 
-All methods with kicks of V alone take the same time for an evaluation on one system, so that equal evaluations are
-equal time. Those with kicks of a modified potential are run again with the cost that was measured.
+All methods without modified potentials need equal times per evaluation on one system, so that equal evaluations are
+equal times. Methods with modified potentials are run again with the measured cost.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSe
 from nearharmonic.reproduction.tasks.receipts import measures_time
 from nearharmonic.training.population import LANES, Ensemble
 
-#: A method with kicks of V alone, and one of as many stages in each of which a gradient is taken: both are timed.
+#: Timed methods: one without modified potentials, and one with equal stages and a gradient in each stage.
 PLAIN, MODIFIED = "mclachlan_ss5", "abag5o6"
-#: Lanes of what is timed, by the name of the column.
+#: Number of lanes in the timing, by the name of the column.
 WIDTHS = {"lanes": LANES, "single": 1}
-#: Steps of a timed run; problems of one in lanes.
+#: Number of steps of a timed run; number of problems of a run in lanes.
 STEPS, PROBLEMS = 2000, 2 * LANES
 PATIENCE = Patience(least=7, most=25, seconds=0.1, longest=1.0)
 CAPTION = (
@@ -53,7 +53,7 @@ def measure(cube: str, methods: Sequence[str], settings: ProofSettings) -> dict[
     methods : sequence of str
         Names of all methods that are compared.
     settings : ProofSettings
-        Those of the cube.
+        Settings of the cube.
     """
     found = read(cube)
     names = [name for name in methods if integrators[name].modified]
@@ -72,12 +72,12 @@ def measure(cube: str, methods: Sequence[str], settings: ProofSettings) -> dict[
 
 
 def costs(ensemble: Ensemble, width: int) -> tuple[float, float]:
-    """Return nanoseconds of an evaluation and trajectory, and what a gradient costs more, in evaluations.
+    """Return nanoseconds per evaluation and trajectory, and the additional cost of a gradient in evaluations.
 
     Parameters
     ----------
     ensemble : Ensemble
-        Of whose problems some are run.
+        Ensemble; some of its problems are run.
     width : int
         SIMD lanes; with one, a single trajectory is run.
     """
@@ -95,7 +95,7 @@ def costs(ensemble: Ensemble, width: int) -> tuple[float, float]:
 
 
 def prepared_run(ensemble: Ensemble, method: Tableau, width: int) -> Callable[[], None]:
-    """Return a call that makes :data:`STEPS` steps of each problem, of a tenth of a radian a stage."""
+    """Return a call of :data:`STEPS` steps of each problem, with a tenth of a radian per stage."""
     numerics = Numerics(summation="plain", energy="none", width=width)
     tau = Fraction(ensemble.unit * method.stages) / 10
     marks = np.tile(np.array([[0, STEPS]]), (ensemble.size, 1))
@@ -110,7 +110,7 @@ def _rows(
     trial: Trial, methods: Sequence[str], modified: Sequence[str], errors: Floats,
     known: dict[str, tuple[float, float]],
 ) -> Iterator[list[Any]]:  # fmt: skip
-    """The rows of an ensemble, with the modified methods run again at the charge that was measured."""
+    """Return the rows of an ensemble, with the modified methods run again at the measured cost."""
     kinds = np.array([kind_of(name) for name in methods])
     places = [list(methods).index(name) for name in modified]
     gains = [gain(errors, kinds)]
@@ -125,7 +125,7 @@ def _rows(
 
 
 def gain(errors: Floats, kinds: Any) -> Floats:
-    """Return the best published less the best trained (T,) of mean logarithms (A, T); NaN if there is none."""
+    """Return best published minus best trained (T,) of mean logarithms (A, T); NaN if there is none."""
     best = [errors[kinds == kind].min(axis=0, initial=np.inf) for kind in ("published", "trained")]
     found: Floats = np.where(np.isfinite(best).all(axis=0), best[0] - best[1], np.nan)
     return found

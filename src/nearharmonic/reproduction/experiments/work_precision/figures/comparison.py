@@ -1,4 +1,4 @@
-"""Figures of this package beside other libraries: one trajectory, and ensembles, a panel for each system."""
+"""Figures of this package and other libraries: one trajectory, and ensembles, with a panel for each system."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from nearharmonic.reproduction.experiments.work_precision.figures.times import (
 )
 from nearharmonic.reproduction.tasks.receipts import measures_time
 
-#: Panels side by side, and their size and the space at the left in inches.
+#: Number of panels per row, and their size and the left margin in inches.
 _ACROSS, _WIDTH, _HEIGHT, _LEFT = 3, 4.6, 3.6, 0.75
 _XLABELS = {
     "trajectory": "whole call for one trajectory  (ms)",
@@ -39,16 +39,16 @@ def comparison_figures(names: Sequence[str], cube: str) -> dict[str, Figure]:
 
 @house_style
 def comparison_figure(found: Sequence[Pair], mode: str, facts: Mapping[str, object]) -> Figure:
-    """Draw a panel for each system: the methods that are fastest at some error, and all other libraries.
+    """Draw a panel for each system: the fastest methods at some error, and all other libraries.
 
     Parameters
     ----------
     found : sequence of Pair
-        What was measured on each system.
+        Measurements on each system.
     mode : str
         "trajectory" or "lanes".
     facts : mapping
-        The machine, as :func:`nearharmonic.numerics.clock.machine` describes it, and ``libraries``.
+        Properties of the machine from :func:`nearharmonic.numerics.clock.machine`, and ``libraries``.
     """
     across = min(len(found), _ACROSS)
     down = ceil(len(found) / across)
@@ -72,7 +72,7 @@ def comparison_figure(found: Sequence[Pair], mode: str, facts: Mapping[str, obje
 
 
 def leaders(pair: Pair, mode: str) -> list[Curve]:
-    """The methods of this package that are the fastest at one of the errors compared, each once."""
+    """Return the methods of this package that are the fastest at one of the compared errors, each once."""
     first = [found[0][0] for error in ERRORS if (found := pair.fastest(error, mode))]
     return list({curve.method: curve for curve in first}.values())
 
@@ -82,7 +82,7 @@ def _timed(curves: Sequence[Curve], mode: str) -> list[Curve]:
 
 
 def _draw(axes: Axes, curves: Sequence[Curve], mode: str) -> None:
-    """The curves, this package's in full lines and the standard in a broad one, and the legend above them."""
+    """Draw the curves (solid for this package, broad for the reference) and the legend above them."""
     handles = []
     for position, curve in enumerate(curves):
         x, y = points_of(curve, "max", mode)

@@ -1,7 +1,7 @@
-"""The figure of Kepler's problem made near-harmonic: error against time, beside its original equations and heyoka.
+"""Figure of the regularised Kepler problem: error against time, compared with its original equations and heyoka.
 
-It is a figure of its own because it compares two forms of the equations, each integrated by this package and by heyoka,
-where the figures beside other libraries compare programs on one form.
+It compares two forms of the equations, each integrated by this package and by heyoka; the other figures compare
+programs on one form.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from nearharmonic.reproduction.experiments.work_precision.figures.times import (
 )
 from nearharmonic.reproduction.tasks.receipts import measures_time
 
-#: A panel, the space at the left, above each row with and without a legend, and below, in inches.
+#: Size of a panel, left margin, space above each row with and without a legend, and lower margin, in inches.
 _WIDTH, _HEIGHT, _LEFT, _LEGEND, _TITLE, _BELOW = 4.8, 3.3, 0.75, 1.25, 0.65, 1.0
-#: heyoka on the original equations, and on the regularised ones: one colour each, dashed with ``fast_math``.
+#: heyoka on the original and on the regularised equations: one colour each, dashed with ``fast_math``.
 _LIBRARY: dict[str, dict[str, Any]] = {
     STANDARD: {"color": "#9c2f1f", "linewidth": 2.2, "marker": "s", "markersize": 4},
     f"{STANDARD}_fast_math": {"color": "#9c2f1f", "linestyle": (0, (4, 2)), "marker": "s", "markersize": 4},
@@ -63,7 +63,7 @@ def regularised_figure(rows: Sequence[Sequence[Pair]], facts: Mapping[str, objec
     Parameters
     ----------
     rows : sequence of sequences of Pair
-        What was measured on each system, once for each kind of error.
+        Measurements on each system, once for each kind of error.
     facts : mapping
         As for :func:`nearharmonic.reproduction.experiments.work_precision.figures.comparison.comparison_figure`.
     """
@@ -90,7 +90,7 @@ def regularised_figure(rows: Sequence[Sequence[Pair]], facts: Mapping[str, objec
 
 
 def _draw(axes: Axes, pair: Pair, chosen: Sequence[str]) -> None:
-    """The best on the original equations, all methods on the regularised ones, those chosen among them, and heyoka."""
+    """Draw the best methods on the original equations, all methods on the regularised ones, and heyoka."""
     draw_envelope(axes, pair.own_original, pair.measure, "trajectory", _ORIGINAL)
     for curve in pair.own:
         axes.plot(*points_of(curve, pair.measure), zorder=2, **_EVERY)
@@ -101,7 +101,7 @@ def _draw(axes: Axes, pair: Pair, chosen: Sequence[str]) -> None:
 
 
 def _shown(pair: Pair, chosen: Sequence[str]) -> list[tuple[Curve, dict[str, Any]]]:
-    """The curves that have a name in the legend, with their looks."""
+    """Return the curves with a name in the legend, with their styles."""
     own = [(curve, line_of(curve)) for curve in pair.own if curve.method in chosen]
     return own + [(curve, _LIBRARY[curve.method]) for curve in pair.others if curve.method in _LIBRARY]
 

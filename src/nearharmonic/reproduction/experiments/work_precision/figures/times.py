@@ -1,4 +1,4 @@
-"""Work-precision diagrams: error against wall time, for the methods of the paper, those beyond it, and peers."""
+"""Work-precision diagrams: error against wall time, for methods of the paper, further methods, and peers."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ YLABELS = {
     "mean": r"$\mathrm{mean}\,|\Delta H/H_0|$",
     "position": r"position error",
 }
-#: Beyond these nothing is a trajectory any more, or all is rounding.
+#: Limits of errors: larger errors are meaningless, and smaller ones are rounding errors.
 ERRORS = (1e-17, 10.0)
 
-#: What each column of panels shows, and how many of its methods stand in one row of its legend.
+#: Content of each column of panels, and number of methods per row of its legend.
 _COLUMNS = (("methods of the paper", 3), ("beyond the paper", 3), ("other libraries", 2))
-#: Marks behind the name of a curve with no points: because its library is not installed, or for another reason.
+#: Marks after the name of a curve without points: library not installed, or another reason.
 _MISSING = {True: " †", False: " ‡"}
 _MISSING_TEXT = {True: "not installed", False: "no run: see the table"}
 _BEST, _LANES = "#f2d8a7", "#b08030"
@@ -49,16 +49,16 @@ def work_precision(system: str, cube: str) -> dict[str, Figure]:
 
 @house_style
 def work_precision_figure(label: str, parts: Sequence[Part], facts: Mapping[str, object]) -> Figure:
-    """Draw a row of panels for each measure of each part, and name the machine below.
+    """Draw a row of panels for each measure of each part, and the machine below.
 
     Parameters
     ----------
     label : str
-        The system, as a title has it.
+        Label of the system in titles.
     parts : sequence of Part
-        What was measured on each interval.
+        Measurements on each interval.
     facts : mapping
-        The machine, as :func:`nearharmonic.numerics.clock.machine` describes it.
+        Properties of the machine from :func:`nearharmonic.numerics.clock.machine`.
     """
     rows = [(t_end, measure, curves) for t_end, measures, curves in parts for measure in measures]
     legend = 0.5 + 0.145 * max(ceil(len(_column(rows[0][2], i)) / per_row) for i, (_, per_row) in enumerate(_COLUMNS))
@@ -82,14 +82,14 @@ def work_precision_figure(label: str, parts: Sequence[Part], facts: Mapping[str,
 
 
 def _column(curves: Sequence[Curve], column: int) -> list[Curve]:
-    """The curves of one column of panels: the paper's, those beyond it, peers."""
+    """Return the curves of one column of panels: methods of the paper, further methods, or peers."""
     if column == 2:
         return [curve for curve in curves if curve.kind == "peer"]
     return [curve for curve in curves if curve.kind != "peer" and (curve.method in BENCHMARKED) != bool(column)]
 
 
 def points_of(curve: Curve, measure: str, mode: str = "trajectory") -> tuple[list[float], list[float]]:
-    """Milliseconds and errors of the points that were timed and did not fail."""
+    """Return milliseconds and errors of the successfully timed points."""
     pairs = [
         (1e3 * min(point.times[mode]), getattr(point, MEASURES[measure]))
         for point in curve.points
@@ -113,7 +113,7 @@ def line_of(curve: Curve) -> dict[str, Any]:
 
 
 def _envelopes(axes: Axes, curves: Sequence[Curve], measure: str) -> None:
-    """The least error that any of ``curves`` has reached by each time: of one trajectory, and in lanes."""
+    """Draw the smallest error of all ``curves`` at each time, for one trajectory and in lanes."""
     for mode, look in (
         ("trajectory", {"color": _BEST, "linewidth": 5, "solid_capstyle": "round"}),
         ("lanes", {"color": _LANES, "linewidth": 1.1, "linestyle": ":"}),
@@ -150,7 +150,7 @@ def scale_axes(axes: Axes, ylabel: str) -> None:
 
 
 def _legend(figure: Figure, axes: Axes, curves: Sequence[Curve], per_row: int, *, envelopes: bool) -> None:
-    """Draw the legend of the column below ``axes``, above it; a curve that is missing bears a mark."""
+    """Draw the legend above the column of ``axes``; a missing curve has a mark."""
     handles = [
         Line2D(
             [],
@@ -188,7 +188,7 @@ def draw_facts(figure: Figure, facts: Mapping[str, object], left: float, charact
 
 
 def machine_text(facts: Mapping[str, object]) -> str:
-    """Return when and where the times were taken, in two lines."""
+    """Return date and machine of the timing, in two lines."""
     return (
         f"Drawn from timings, not reproducible bit for bit: measured {facts['measured']} on {facts['cpu']},\n"
         f"core {facts['pinned_core']}, one thread, least of interleaved repeats; load average {facts['load_average']}."

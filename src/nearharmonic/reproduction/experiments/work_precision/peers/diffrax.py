@@ -1,6 +1,6 @@
 """diffrax's Dopri8 (Kidger 2022, arXiv:2202.02435) with adaptive steps, in double precision on the processor.
 
-The equations are the system's own formulas. The whole integration is compiled by JAX, and no gradients are asked for.
+The equations are the formulas of the system. JAX compiles the whole integration, without gradients.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from nearharmonic.reproduction.experiments.work_precision.peers.peer import Atte
 from nearharmonic.systems.definition.system import System
 from nearharmonic.systems.formulas.source import velocity
 
-#: Steps for which a path has room.
+#: Maximum number of steps of a path.
 LONGEST_PATH = 2**15
 
 
@@ -42,7 +42,7 @@ def diffrax_dopri8(system: System, t_end: float, tolerance: float) -> Attempt:
         return states, float(STAGES * attempted)
 
     for call in (run, path):
-        call()  # the first of a system compiles it
+        call()  # the first call for a system compiles
     return Attempt(run=run, path=path)
 
 
@@ -71,7 +71,7 @@ def _compiled(system: System) -> tuple[Callable[..., Any], Callable[..., Any]]:
     )
 
 
-#: Evaluations of a step; the first is the last of the step before.
+#: Evaluations per step; the first is the last of the previous step.
 STAGES = 13
 
 PEERS = (

@@ -1,7 +1,7 @@
-"""A method of this package as a plain loop in C: what one would write without a library, and compile with gcc.
+"""A method of this package as a simple loop in C, written without a library and compiled with gcc.
 
-The force is the system's formula. The kick that ends a step and the one that begins the next are one. The compiler may
-contract products and sums, as it does unless told otherwise.
+The force is the formula of the system. The last kick of a step and the first kick of the next are merged. The compiler
+may contract products and sums, which is its default.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def _substep(system: System, gradient: str, of: str, update: str) -> str:
 
 @cache
 def _compiled(system: System) -> Any:
-    """The program, compiled and loaded."""
+    """Return the compiled and loaded program."""
     with TemporaryDirectory() as folder:
         library = Path(folder) / "loop.so"
         command = ["gcc", *FLAGS, "-x", "c", "-", "-o", str(library), "-lm"]

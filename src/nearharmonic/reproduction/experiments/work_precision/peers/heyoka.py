@@ -1,16 +1,16 @@
 """heyoka's adaptive Taylor series (Biscani & Izzo 2021, doi:10.1093/mnras/stab1032), scalar and in batches of lanes.
 
-The equations are the system's own formulas. For V = -GM/|q| there are also those that suit heyoka best, with
-``GM * (x*x + y*y)**-1.5`` written as a power; its own ``model.fixed_centres`` is 4 to 9 % slower than the formulas, and
-``hamiltonian()`` of the system's potential a quarter slower. ``high_accuracy`` stays off, which is the default.
+The equations are the formulas of the system. For V = -GM/|q| there are also the equations that are best for heyoka,
+with ``GM * (x*x + y*y)**-1.5`` written as a power; its own ``model.fixed_centres`` is 4 to 9 % slower than the
+formulas, and ``hamiltonian()`` of the system's potential a quarter slower. ``high_accuracy`` stays off, which is the
+default.
 
 Where a regularisation is known, the regularised equations are the best that users of heyoka can do. With the fictitious
 time s as the variable: u' = v, v' = -dV/du with V of
 :class:`nearharmonic.systems.formulas.regularisation.RegularisedFormulas`, and t' = |u|^2. heyoka's tolerance is
-relative to the largest component of the state, so that t is scaled by ``t_end``; w = -H is a constant, and no
-component. What favours heyoka: the fictitious time at which t = ``t_end`` is found beforehand, by dense output and
-Newton's method, and the final state that is timed is (u, v, t), not mapped back to q and p. Errors are those of q and
-p.
+relative to the largest component of the state, so t is scaled by ``t_end``. w = -H is a constant, not a component. Two
+choices favour heyoka. The fictitious time at which t = ``t_end`` is computed before the timing, by dense output and
+Newton's method. The timed run ends with (u, v, t), without the map to q and p. Errors are those of q and p.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from nearharmonic.systems.formulas.regularisation import RegularisedFormulas
 from nearharmonic.systems.formulas.source import velocity
 
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15)
-#: Doubles of a batch: a register of AVX-512.
+#: Number of doubles in a batch: a register of AVX-512.
 BATCH = 8
 
 
@@ -70,7 +70,7 @@ def taylor_attempt(equations: Sequence[Any], start: States, end: float, toleranc
     start : (n,) array of float
         The variables at 0.
     end
-        End of the interval in what the equations are derivatives by.
+        End of the interval of the independent variable.
     tolerance, fast_math
         As in :func:`heyoka_taylor`.
     """
@@ -107,7 +107,7 @@ def taylor_attempt(equations: Sequence[Any], start: States, end: float, toleranc
 
 
 def _gravity(system: System, variables: Sequence[Any]) -> list[Any]:
-    """dq/dt and dp/dt for V = -GM/|q|."""
+    """Return dq/dt and dp/dt for V = -GM/|q|."""
     q, p = variables[: system.dimension], variables[system.dimension :]
     (GM,) = system.constants(float)
     pull = GM * sum(x * x for x in q) ** -1.5
@@ -115,7 +115,7 @@ def _gravity(system: System, variables: Sequence[Any]) -> list[Any]:
 
 
 def functions_of(hy: Any) -> dict[str, Any]:
-    """The functions of formulas in heyoka's expressions; those that it lacks, in terms of roots and powers."""
+    """Return the functions of formulas as heyoka's expressions; missing functions use roots and powers."""
     own = ("sqrt", "sin", "cos", "tan", "exp", "log", "atan2", "tanh", "sinh", "cosh", "erf")
     derived = {
         "abs": lambda x: hy.sqrt(x * x),
@@ -126,7 +126,7 @@ def functions_of(hy: Any) -> dict[str, Any]:
     return {name: getattr(hy, name) for name in own} | derived
 
 
-#: Repeats of Newton's method for the fictitious time of the end, which converges in four.
+#: Iterations of Newton's method for the final fictitious time; four are sufficient.
 REPEATS = 8
 
 
@@ -159,7 +159,7 @@ def heyoka_regularised(system: System, t_end: float, tolerance: float, *, fast_m
 
 
 def _equations(hy: Any, system: System, coordinates: int, w: float, t_end: float) -> list[tuple[Any, Any]]:
-    """Derivatives of (u, v, t/t_end) by s as this package integrates them; no perturbation if its strength is 0."""
+    """Return the derivatives of (u, v, t/t_end) by s, as in this package; without perturbation if its strength is 0."""
     d = coordinates - 1
     given = system.regularisation
     assert given is not None
@@ -174,7 +174,7 @@ def _equations(hy: Any, system: System, coordinates: int, w: float, t_end: float
 
 
 def _fictitious_end(solver: Any) -> float:
-    """The s at which the last component of the state, which grows, is 1."""
+    """Return the s at which the last component of the state, which increases, is 1."""
     for _ in range(MOST_STEPS):
         before = solver.time
         solver.step(write_tc=True)
@@ -192,7 +192,7 @@ def _fictitious_end(solver: Any) -> float:
 
 
 def _physical(maps: RegularisedFormulas, states: States, w: float) -> States:
-    """(n, 2 d) physical states of (n, 2 c + 1) states (u, v, t)."""
+    """Return (n, 2 d) physical states of (n, 2 c + 1) states (u, v, t)."""
     c = maps.coordinates - 1
     x, y = (*states[:, :c].T, w), (*states[:, c : 2 * c].T, 0.0)
     q, p = maps.to_physical(x, y)

@@ -1,4 +1,4 @@
-"""Methods of this package in a dozen lines of plain numpy: what one would write without a library."""
+"""Methods of this package in a dozen lines of numpy, written without a library."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from nearharmonic.systems.definition.system import System
 
 
 def numpy_splitting(tableau: Tableau) -> Callable[[System, float, float], Attempt]:
-    """Return the method ``tableau`` in numpy, the force of a closing kick used again."""
+    """Return the method ``tableau`` in numpy; the next step reuses the force of the last kick."""
 
     def attempt(system: System, t_end: float, step: float) -> Attempt:
         steps = max(1, round(t_end / step))
@@ -56,7 +56,8 @@ def numpy_splitting(tableau: Tableau) -> Callable[[System, float, float], Attemp
     return attempt
 
 
-#: A drift first and a kick first. Taken from their files: a digest of the code behind the times covers these.
+#: One method with the drift first and one with the kick first, imported from their files so that the code digest covers
+#: these.
 METHODS = ("aba864", "babps9o7h")
 
 PEERS = tuple(

@@ -1,4 +1,4 @@
-"""A solver of another library, and one prepared run of it: what the file of each library is made of."""
+"""A solver of another library, and one prepared run: common types of the files of all libraries."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from nearharmonic.systems.definition.system import System
 
 States = NDArray[np.float64]
 
-#: A bound on steps that ends a run which has gone astray.
+#: Maximum number of steps, which ends a diverging run.
 MOST_STEPS = 200_000
 
 
@@ -24,16 +24,15 @@ class Attempt:
     Attributes
     ----------
     run
-        What is timed: the whole call for one trajectory from start to end, which returns an object that holds the final
-        state. The energy is not looked at.
+        Timed call for one trajectory from start to end; it returns an object with the final state, without energies.
     path
-        Returns the states (n + 1, 2 d) at the solver's own steps, the start included, and the evaluations of the
-        force (NaN if the library does not tell).
+        Returns the states (n + 1, 2 d) at the solver's own steps, including the start, and the number of force
+        evaluations (NaN if unknown).
     lanes
-        What is timed in SIMD lanes: ``members`` trajectories at once, each equal to that of ``run``; None if the
-        library offers a Python user no lanes.
+        Timed call in SIMD lanes: ``members`` trajectories at once, each equal to that of ``run``; None if the Python
+        interface of the library has no lanes.
     members
-        Trajectories of a call of ``lanes``.
+        Number of trajectories in a call of ``lanes``.
     """
 
     run: Callable[[], Any]
@@ -53,19 +52,19 @@ class Peer:
     module
         The library, as it is imported, or the name of a compiler.
     attempt
-        ``attempt(system, t_end, setting)`` prepares a run. Building a solver, compiling included, is part of this and
-        not timed.
+        ``attempt(system, t_end, setting)`` prepares a run. It includes construction and compilation of a solver, which
+        are not timed.
     settings
         Tolerances from coarse to fine; empty for step sizes, which come from the common grid.
     stages
-        Evaluations of the force a step, which turn step sizes per stage into step sizes.
+        Force evaluations per step, which convert step sizes per stage to step sizes.
     quadratic_only
-        Whether the solver takes accelerations as functions of position alone, which T = p.p/2 allows.
+        True if the solver needs accelerations that depend only on the position, as for T = p.p/2.
     gravity_only
-        Whether the solver is written for V = -GM/|q| alone.
+        True if the solver is only for V = -GM/|q|.
     regularised
-        Whether the solver integrates the regularised equations of a system that has them, and fits no other; all
-        other solvers integrate the original ones.
+        True if the solver integrates the regularised equations of a system and supports no other system; all other
+        solvers integrate the original equations.
     """
 
     name: str
@@ -90,7 +89,7 @@ def start_of(system: System) -> States:
 
 
 def gradients_of(system: System) -> tuple[Callable[[States], States], Callable[[States], States]]:
-    """Return dT/dp and dV/dq of arrays (d), as one would write them with numpy."""
+    """Return dT/dp and dV/dq as functions of arrays (d) in numpy."""
     formulas, constants = system.formulas(), system.constants(float)
     if system.unit_masses:
         return lambda p: p, lambda q: np.array(formulas.grad_V(q, *constants))

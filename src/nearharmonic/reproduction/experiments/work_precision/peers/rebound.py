@@ -1,8 +1,8 @@
-"""rebound's integrators: its own gravity in C for V = -GM/|q|, any other force as a C function compiled by numba.
+"""rebound's integrators: its own gravity in C for V = -GM/|q|, other forces as C functions compiled by numba.
 
-IAS15 is that of Rein & Spiegel (2015), doi:10.1093/mnras/stu2164. WHFast is left out: for two bodies it moves along the
-ellipse in closed form and integrates nothing. A force in Python instead of C would time Python: the leapfrog of order 8
-then takes about a hundred times as long.
+IAS15 is that of Rein & Spiegel (2015), doi:10.1093/mnras/stu2164. WHFast is omitted: for two bodies it uses the closed
+form of the ellipse. A force in Python instead of C would dominate the time: the leapfrog of order 8 would take about a
+hundred times as long.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from nearharmonic.reproduction.experiments.work_precision.peers.peer import Atte
 from nearharmonic.systems.definition.system import System
 from nearharmonic.systems.formulas.source import velocity
 
-#: A bound on the seconds of a path: IAS15's steps can shrink to nothing where a force passes through 0.
+#: Time limit of a path in seconds: the steps of IAS15 can become extremely small if a force passes through 0.
 PATH_SECONDS = 2.0
-#: First step of an adaptive run, in parts of the interval.
+#: First step of an adaptive run, as a fraction of the interval.
 FIRST_STEP = 1e-4
 
 
@@ -63,7 +63,7 @@ class _Setup:
         return Attempt(run=run, path=self.path)
 
     def simulation(self, count: c_double) -> tuple[Any, Any]:
-        """A simulation at the start and its moving body; ``count`` grows with each evaluation of a compiled force."""
+        """Return a simulation at the start and its moving body; ``count`` counts evaluations of a compiled force."""
         import rebound
 
         made = rebound.Simulation()
@@ -81,7 +81,7 @@ class _Setup:
         return made, made.particles[-1]
 
     def begin(self, simulation: Any) -> None:
-        """Set time, first step and integrator, which forgets what it has kept of an earlier run."""
+        """Set time, first step and integrator; this resets the integrator's state of an earlier run."""
         simulation.integrator = self.integrator
         for key, value in self.options.items():
             setattr(simulation.integrator, key, value)
@@ -91,7 +91,7 @@ class _Setup:
     def path(self) -> tuple[States, float]:
         count = c_double()
         simulation, body = self.simulation(count)
-        if self.system.gravity:  # rebound does not count; a force that only counts joins its own
+        if self.system.gravity:  # rebound does not count evaluations; an additional force that only counts does this
             simulation.additional_forces = compiled_force(None).address
         states = [start_of(self.system)]
         deadline = time.perf_counter() + PATH_SECONDS
@@ -110,14 +110,14 @@ class _Setup:
 
 
 def _keys(system: System) -> tuple[str, ...]:
-    """rebound's names of the components of a state (2 d)."""
+    """Return rebound's names of the components of a state (2 d)."""
     d = system.dimension
     return ("x", "y", "z")[:d] + ("vx", "vy", "vz")[:d]
 
 
 @cache
 def compiled_force(system: System | None) -> Any:
-    """A C function of a ``reb_simulation`` that sets the acceleration of its first particle, compiled by numba.
+    """Compile a C function of a ``reb_simulation`` with numba that sets the acceleration of its first particle.
 
     It adds 1 to the double that ``extras`` of the simulation points to; if ``system`` is None, it does only that. It
     reads simulation and particle as arrays of eight-byte words, at the offsets of rebound's own ctypes definitions.

@@ -13,9 +13,9 @@ from nearharmonic.reproduction.experiments.work_precision.peers.peer import MOST
 from nearharmonic.systems.definition.system import System
 from nearharmonic.systems.formulas.source import velocity
 
-#: Outputs at which LSODA's path is seen; it does not give its steps.
+#: Number of outputs of LSODA's path; it does not return its steps.
 ODEINT_OUTPUTS = 1001
-#: scipy takes no tolerance below 2.3e-14.
+#: Smallest tolerance of scipy: 2.3e-14.
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 3e-14)
 
 
@@ -58,7 +58,7 @@ def scipy_odeint(system: System, t_end: float, tolerance: float) -> Attempt:
 
 @cache
 def _compiled_rhs(system: System, arguments: str) -> Callable[..., States]:
-    """dy/dt of the state y and the time t, in the order of ``arguments``, compiled by numba."""
+    """Return dy/dt as a function of the state y and the time t, in the order of ``arguments``, compiled by numba."""
     import numba
 
     unpacked = ", ".join(f"y[{i}]" for i in range(2 * system.dimension))
