@@ -50,7 +50,7 @@ def test_each_page_with_marks_has_a_rule(jobs):
     assert all((ROOT / "docs" / name).is_file() for name in made)
 
 
-def test_what_shows_times_of_methods_is_made_by_a_target_of_its_own(jobs):
+def test_pages_of_times_have_a_target_of_their_own(jobs):
     apart = {rule for rule, job in jobs.items() if job.target == "pages_of_times"}
     assert apart == {"page_of_ranking", "page_of_timings"}
     assert {rule: job.threads for rule, job in jobs.items() if job.threads > 1} == {"page_of_ranking": CORES}
@@ -60,7 +60,7 @@ def test_no_other_target_makes_a_page(planned):
     assert not [job.rule for job in planned if job.rule.startswith("page_of_")]
 
 
-def test_the_function_of_a_page_takes_what_its_rule_gives(jobs):
+def test_the_function_of_a_page_takes_its_rules_inputs(jobs):
     for job in jobs.values():
         task = job.params["task"]
         function = function_of(task)
@@ -69,7 +69,7 @@ def test_the_function_of_a_page_takes_what_its_rule_gives(jobs):
         assert len(task["integrators"]) >= 80
 
 
-def test_a_page_is_made_again_after_an_edit_of_an_example(jobs):
+def test_an_edit_of_an_example_makes_pages_again(jobs):
     for rule in ("page_of_examples", "page_of_tailor"):
         assert jobs[rule].inputs["files"] == sorted(f"examples/{path.name}" for path in ROOT.glob("examples/*.py"))
         assert jobs[rule].compiler == 1
@@ -92,7 +92,7 @@ def fill(project, filled, *more):
     return project.snakemake(page, "-j1", *rest, *more, "--configfile", config)
 
 
-def test_a_page_is_filled_once_and_kept_if_a_job_fails(project, filled):
+def test_a_page_is_filled_once_and_survives_failing_jobs(project, filled):
     page = project.results / "docs/trained.md"
     done = fill(project, filled)
     assert done.returncode == 0, done.stdout
