@@ -72,7 +72,11 @@ def test_the_function_of_a_page_takes_its_rules_inputs(jobs):
 def test_an_edit_of_an_example_makes_pages_again(jobs):
     for rule in ("page_of_examples", "page_of_tailor"):
         assert jobs[rule].inputs["files"] == sorted(f"examples/{path.name}" for path in ROOT.glob("examples/*.py"))
-        assert jobs[rule].compiler == 1
+
+
+def test_pages_that_integrate_compile_one_at_a_time(jobs):
+    alone = {rule for rule, job in jobs.items() if job.compiler}
+    assert alone == {"page_of_examples", "page_of_methods", "page_of_tailor"}
 
 
 @pytest.fixture(scope="module")

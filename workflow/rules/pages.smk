@@ -7,112 +7,77 @@ from nearharmonic.integrators import integrators
 from nearharmonic.systems import systems
 
 DOCS = "docs" if CONFIG.name == "paper" else f"{RESULTS}/docs"
-EXAMPLES = sorted(map(str, Path("examples").glob("*.py")))
-#: Whose names a table may show.
-METHODS = {"integrators": integrators}
-EVERY = METHODS | {"systems": systems}
+_EXAMPLES = {"files": sorted(map(str, Path("examples").glob("*.py")))}
+_PICTURES = [*EXPERIMENTS["trained"].figures]
+#: Registries whose names a table may show.
+_METHODS = {"integrators": integrators}
+_EVERY = _METHODS | {"systems": systems}
 
 
-def PAGE(name):
-    """The file of a page, or of its picture."""
-    return update(f"{DOCS}/{name}")
-
-
-def on(page, **registries):
+def on(page, registries):
     """Settings of a page: its text as it is, and the names of all that its function looks up."""
     return {"page": f"docs/{page}.md", **{name: one.registered for name, one in registries.items()}}
 
 
-rule page_of_examples:
-    input:
-        files=EXAMPLES,
-    output:
-        page=PAGE("examples.md"),
-        figure=PAGE("near_harmonic.png"),
-    log:
-        LOG("pages/examples"),
-    resources:
-        compiler=1,
-    params:
-        task=lambda wildcards: task("reproduction.pages.examples:page", **on("examples", **EVERY)),
-    script:
-        "../scripts/task.py"
+# What each page is made of, its pictures by the names of the results, and the function that fills it.
+_PAGES = {
+    "examples": (
+        _EXAMPLES,
+        {"figure": "near_harmonic"},
+        lambda: task("reproduction.pages.examples:page", **on("examples", _EVERY)),
+    ),
+    "methods": ({}, {}, lambda: task("reproduction.pages.methods:page", **on("methods", _EVERY))),
+    "ranking": ({}, {}, lambda: task("reproduction.pages.ranking:page", **on("ranking", _EVERY))),
+    "tailor": (_EXAMPLES, {}, lambda: task("reproduction.pages.tailor:page", **on("tailor", _EVERY))),
+    "timings": (
+        {"cube": CUBE("work_precision")},
+        {},
+        lambda: task("reproduction.pages.timings:page", **on("timings", _EVERY)),
+    ),
+    "trained": (
+        {
+            "tables": [
+                f"{RESULTS}/tables/trained_{name}.csv" for name in ("gains", "methods", "ideas", "long", "times")
+            ],
+            "pictures": [f"{RESULTS}/figures/{name}.png" for name in _PICTURES],
+        },
+        {name: name for name in _PICTURES},
+        lambda: task("reproduction.pages.trained:page", **on("trained", _METHODS)),
+    ),
+    "training": (
+        {purpose: f"{RESULTS}/tables/trained_landscape_{purpose}.csv" for purpose in CONFIG.trained.purposes},
+        {},
+        lambda: task("reproduction.pages.training:page", **on("training", _METHODS)),
+    ),
+}
+_OF_TIMES = ("ranking", "timings")
 
+for _name, (_inputs, _pictures, _made) in _PAGES.items():
 
-rule page_of_tailor:
-    input:
-        files=EXAMPLES,
-    output:
-        page=PAGE("tailor.md"),
-    log:
-        LOG("pages/tailor"),
-    resources:
-        compiler=1,
-    params:
-        task=lambda wildcards: task("reproduction.pages.tailor:page", **on("tailor", **EVERY)),
-    script:
-        "../scripts/task.py"
-
-
-rule page_of_training:
-    input:
-        **{purpose: f"{RESULTS}/tables/trained_landscape_{purpose}.csv" for purpose in CONFIG.trained.purposes},
-    output:
-        page=PAGE("training.md"),
-    log:
-        LOG("pages/training"),
-    params:
-        task=lambda wildcards: task("reproduction.pages.training:page", **on("training", **METHODS)),
-    script:
-        "../scripts/task.py"
-
-
-rule page_of_trained:
-    input:
-        tables=[f"{RESULTS}/tables/trained_{name}.csv" for name in ("gains", "methods", "ideas", "long", "times")],
-        pictures=[f"{RESULTS}/figures/{name}.png" for name in EXPERIMENTS["trained"].figures],
-    output:
-        **{name: PAGE(f"{name}.png") for name in EXPERIMENTS["trained"].figures},
-        page=PAGE("trained.md"),
-    log:
-        LOG("pages/trained"),
-    params:
-        task=lambda wildcards: task("reproduction.pages.trained:page", **on("trained", **METHODS)),
-    script:
-        "../scripts/task.py"
-
-
-rule page_of_ranking:
-    output:
-        page=PAGE("ranking.md"),
-    log:
-        LOG("pages/ranking"),
-    threads: ALL_CORES  # nothing runs beside what is timed
-    params:
-        task=lambda wildcards: task("reproduction.pages.ranking:page", **on("ranking", **EVERY)),
-    script:
-        "../scripts/task.py"
-
-
-rule page_of_timings:
-    input:
-        cube=CUBE("work_precision"),
-    output:
-        page=PAGE("timings.md"),
-    log:
-        LOG("pages/timings"),
-    params:
-        task=lambda wildcards: task("reproduction.pages.timings:page", **on("timings", **EVERY)),
-    script:
-        "../scripts/task.py"
+    rule:
+        name:
+            f"page_of_{_name}"
+        input:
+            **_inputs,
+        output:
+            **{name: update(f"{DOCS}/{picture}.png") for name, picture in _pictures.items()},
+            page=update(f"{DOCS}/{_name}.md"),
+        log:
+            LOG(f"pages/{_name}"),
+        threads: ALL_CORES if _name == "ranking" else 1  # nothing runs beside what is timed
+        resources:
+            compiler=int(_name in ("examples", "methods", "tailor")),
+        params:
+            task=lambda wildcards, made=_made: made(),
+        script:
+            "../scripts/task.py"
 
 
 rule pages:
     input:
-        [getattr(rules, f"page_of_{name}").output for name in ("examples", "tailor", "training", "trained")],
+        [getattr(rules, f"page_of_{name}").output for name in _PAGES if name not in _OF_TIMES],
 
 
 rule pages_of_times:  # on a machine that does nothing else
     input:
-        rules.page_of_ranking.output,
-        rules.page_of_timings.output,
+        [getattr(rules, f"page_of_{name}").output for name in _OF_TIMES],

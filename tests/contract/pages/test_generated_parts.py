@@ -12,7 +12,7 @@ from PIL import Image
 
 from nearharmonic.output import store
 from nearharmonic.recommendation.timings import variables
-from nearharmonic.reproduction.pages import examples, ranking, tailor, timings, trained, training
+from nearharmonic.reproduction.pages import examples, methods, ranking, tailor, timings, trained, training
 from nearharmonic.reproduction.pages.anharmonicity import NEW, Result, others
 from support.cubes.figure_cubes import FACTS, label, timed
 
@@ -123,8 +123,13 @@ def of_training(monkeypatch, tmp_path):
     return training.page(str(DOCS / "training.md"), (), light=str(path))
 
 
-MADE = {"examples": of_examples, "ranking": of_ranking, "tailor": of_tailor, "timings": of_timings,
-        "trained": of_trained, "training": of_training}  # fmt: skip
+def of_methods(monkeypatch, tmp_path):
+    monkeypatch.setattr(methods, "parts", lambda: dict.fromkeys(("methods", "modified", "errors"), "| a |"))
+    return methods.page(str(DOCS / "methods.md"), (), ())
+
+
+MADE = {"examples": of_examples, "methods": of_methods, "ranking": of_ranking, "tailor": of_tailor,
+        "timings": of_timings, "trained": of_trained, "training": of_training}  # fmt: skip
 
 
 @pytest.fixture
