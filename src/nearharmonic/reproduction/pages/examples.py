@@ -35,17 +35,7 @@ LOOKS = tuple(zip("osD^vP", ("#0b3c8c", "#e86a10", "#00a070", "#8e3fb5", "#8b000
 
 
 def page(page: str, files: Sequence[str], systems: Sequence[str], integrators: Sequence[str]) -> dict[str, Any]:
-    """Fill the page, and draw its figure.
-
-    Parameters
-    ----------
-    page : str
-        Path of the page.
-    files : sequence of str
-        Paths of the examples.
-    systems, integrators : sequence of str
-        Names of all that are looked up.
-    """
+    """Fill the page, and draw its figure. ``files`` are paths of the examples."""
     found, results = tables(files)
     return {"page": filled_page(page, found), "figure": drawn(results)}
 

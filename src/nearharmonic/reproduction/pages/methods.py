@@ -70,13 +70,5 @@ def parts() -> dict[str, str]:
 
 
 def page(page: str, systems: Sequence[str], integrators: Sequence[str]) -> dict[str, str]:
-    """Fill the page.
-
-    Parameters
-    ----------
-    page : str
-        Path of the page.
-    systems, integrators : sequence of str
-        Names of all that are looked up.
-    """
+    """Fill the page."""
     return {"page": filled_page(page, parts())}

@@ -172,14 +172,6 @@ def tables() -> str:
 
 @measures_time
 def page(page: str, systems: Sequence[str], integrators: Sequence[str]) -> dict[str, str]:
-    """Fill the page, and name the machine.
-
-    Parameters
-    ----------
-    page : str
-        Path of the page.
-    systems, integrators : sequence of str
-        Names of all that are looked up.
-    """
+    """Fill the page, and name the machine."""
     text = filled_page(page, {"ranking": tables()})
     return {"page": re.sub(r"Machine: .*? Times", lambda _: f"Machine: {processor()}. Times", text, flags=re.DOTALL)}

@@ -119,17 +119,7 @@ def elsewhere() -> str:
 
 
 def page(page: str, files: Sequence[str], systems: Sequence[str], integrators: Sequence[str]) -> dict[str, str]:
-    """Fill the page.
-
-    Parameters
-    ----------
-    page : str
-        Path of the page.
-    files : sequence of str
-        Paths of the examples.
-    systems, integrators : sequence of str
-        Names of all that are looked up.
-    """
+    """Fill the page. ``files`` are paths of the examples."""
     examples = {Path(path).stem: path for path in files}
     subjects = {name: load_system(examples[name]) if name in examples else registered[name] for name in SYSTEMS}
     parts = {

@@ -24,17 +24,7 @@ SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 @measures_time
 def page(page: str, cube: str, systems: Sequence[str], integrators: Sequence[str]) -> dict[str, str]:
-    """Fill the page; the log names machine and libraries.
-
-    Parameters
-    ----------
-    page : str
-        Path of the page.
-    cube : str
-        Path of the cube.
-    systems, integrators : sequence of str
-        Names of all that are looked up.
-    """
+    """Fill the page; the log names machine and libraries."""
     measured, facts = pairs(cube, SYSTEMS)
     print(f"Machine: {facts['cpu']}; {facts['libraries']}")
     return {"page": filled_page(page, parts(measured))}

@@ -211,19 +211,7 @@ def parts(tables: Tables) -> dict[str, str]:
 
 
 def page(page: str, tables: Sequence[str], pictures: Sequence[str], integrators: Sequence[str]) -> dict[str, Any]:
-    """Fill the page, and make its pictures smaller.
-
-    Parameters
-    ----------
-    page : str
-        Path of the page.
-    tables : sequence of str
-        Paths of the tables trained_*.csv of the results.
-    pictures : sequence of str
-        Paths of figures, as PNG.
-    integrators : sequence of str
-        Names of all that are looked up.
-    """
+    """Fill the page, and make its pictures smaller: ``tables`` are paths of trained_*.csv, ``pictures`` of PNG files."""
     rows = {Path(path).stem.removeprefix("trained_"): rows_of(path) for path in tables}
     return {"page": filled_page(page, parts(rows)), **{Path(path).stem: smaller(path) for path in pictures}}
 

@@ -87,15 +87,5 @@ def parts(landscapes: Mapping[str, str]) -> dict[str, str]:
 
 
 def page(page: str, integrators: Sequence[str], **landscapes: str) -> dict[str, str]:
-    """Fill the page.
-
-    Parameters
-    ----------
-    page : str
-        Path of the page.
-    integrators : sequence of str
-        Names of all that are looked up.
-    **landscapes : str
-        Path of the table of the search for each purpose.
-    """
+    """Fill the page. ``landscapes`` are paths of tables by purpose."""
     return {"page": filled_page(page, parts(landscapes))}
