@@ -211,7 +211,7 @@ def parts(tables: Tables) -> dict[str, str]:
 
 
 def page(page: str, tables: Sequence[str], pictures: Sequence[str], integrators: Sequence[str]) -> dict[str, Any]:
-    """Fill the page, and make its pictures smaller: ``tables`` are paths of trained_*.csv, ``pictures`` of PNG files."""
+    """Fill the page, and make its pictures smaller: ``tables`` are trained_*.csv, ``pictures`` paths of PNG files."""
     rows = {Path(path).stem.removeprefix("trained_"): rows_of(path) for path in tables}
     return {"page": filled_page(page, parts(rows)), **{Path(path).stem: smaller(path) for path in pictures}}
 
