@@ -32,6 +32,7 @@ include: "workflow/rules/trained_search.smk"
 include: "workflow/rules/trained.smk"
 include: "workflow/rules/two_steps.smk"
 include: "workflow/rules/figures.smk"
+include: "workflow/rules/pages.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/record.smk"
 

@@ -12,18 +12,24 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.registry.user_module import load
+from nearharmonic.output.page import filled
+from nearharmonic.reproduction.pages import anharmonicity, examples
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/examples.md").read_text(encoding="utf-8")
 
 
-def benchmark():
-    return load(ROOT / "benchmarks/near_harmonic.py", "the benchmark", ValueError)
+FILES = sorted(map(str, (ROOT / "examples").glob("*.py")))
+
+
+@pytest.fixture(scope="module")
+def systems():
+    """The examples."""
+    return anharmonicity.examples_in(FILES)
 
 
 def variation(system, tau, t_end, **start):
-    return benchmark().variation(benchmark().Orbit(system=system, family="", start=start), tau, t_end)
+    return anharmonicity.variation(anharmonicity.Orbit(system=system, family="", start=start), tau, t_end)
 
 
 def table(name):
@@ -62,8 +68,8 @@ def test_the_hessian_of_a_harmonic_system_does_not_vary():
     assert omega == pytest.approx(np.sqrt(4.5 + np.sqrt(4.5**2 - 7)), rel=5e-3)  # rounded to three digits
 
 
-def test_variation_of_pendulum_is_that_of_its_cosine_along_orbit():
-    pendulum = benchmark().example("pendulum")
+def test_variation_of_pendulum_is_that_of_its_cosine_along_orbit(systems):
+    pendulum = systems["pendulum"]
     q = nh.integrate(pendulum, "srkn_a14", 0.01, samples=257, q0=[1.0]).q.values[:, 0]
     delta, omega = variation(pendulum, 0.01, 60.0, q0=[1.0])
     stiffness = np.cos(q)
@@ -81,26 +87,26 @@ def test_circular_kepler_orbit_varies_by_its_rotating_axes():
     assert omega == pytest.approx(np.sqrt(2), rel=5e-3)
 
 
-def test_random_probes_find_the_variation_of_a_large_system(monkeypatch):
-    chain = benchmark().example("fput_recurrence")
+def test_random_probes_find_the_variation_of_a_large_system(systems, monkeypatch):
+    chain = systems["fput_recurrence"]
     formed = variation(chain, 0.5, 200.0)
-    monkeypatch.setattr(benchmark(), "FORMED", 5)
+    monkeypatch.setattr(anharmonicity, "FORMED", 5)
     probed = variation(chain, 0.5, 200.0)
     assert probed == pytest.approx(formed, rel=0.25)  # 16 probes at 9 samples
 
 
 @pytest.mark.parametrize("place", [1, *(pytest.param(place, marks=pytest.mark.slow) for place in [2, 6])])
-def test_a_row_of_the_page_is_what_the_benchmark_finds(place):
-    orbit = [*benchmark().families()][place]
+def test_a_row_of_the_page_is_found_again(systems, place):
+    orbit = [*anharmonicity.families(systems)][place]
     (text,) = (row for row in table("families") if row[:2] == [orbit.family, orbit.amplitude])
-    again = benchmark().table_of_families([benchmark().measured(orbit)]).splitlines()[-1]
+    again = examples.table_of_families([anharmonicity.measured(orbit)]).splitlines()[-1]
     assert [cell.strip() for cell in again.strip("|").split("|")] == text
 
 
 @pytest.mark.slow
-def test_the_tables_of_the_page_are_what_the_benchmark_finds():
-    found, _ = benchmark().tables()
-    assert benchmark().filled(PAGE, found) == PAGE
+def test_the_tables_of_the_page_are_found_again():
+    found, _ = examples.tables(FILES)
+    assert filled(PAGE, found) == PAGE
 
 
 def test_page_on_small_variations_matches_its_tables():
@@ -133,7 +139,7 @@ def test_what_page_says_about_families_is_what_its_tables_say():
 
 def test_best_methods_of_page_are_those_that_it_names():
     rows = [row for row in table("examples") if row[4] != "rounding"]
-    new = [nh.integrators[name].label for name in benchmark().NEW]
+    new = [nh.integrators[name].label for name in anharmonicity.NEW]
     best = {cost: [row[3] for row in rows if int(row[1]) == cost and row[3] in new] for cost in (25, 50, 100)}
     assert {row[3] for row in rows if "/outer_solar_system.py" in row[0]} == {"ABA104"}
     assert max(set(best[50]), key=best[50].count) == "BABs7o7H"
@@ -141,10 +147,10 @@ def test_best_methods_of_page_are_those_that_it_names():
         assert max(set(best[cost]), key=best[cost].count) == "BAB's9o7H"
 
 
-def test_the_page_counts_the_methods_and_systems_that_it_compares():
+def test_the_page_counts_the_methods_and_systems_that_it_compares(systems):
     (others,) = re.findall(r"all (\d+) methods of other authors", re.sub(r"\s+", " ", PAGE))
-    assert int(others) == len(benchmark().OTHERS)
-    assert set(benchmark().SIX) < set(benchmark().OTHERS)
-    assert not set(benchmark().NEW) & set(benchmark().OTHERS)
+    assert int(others) == len(anharmonicity.others())
+    assert set(anharmonicity.SIX) < set(anharmonicity.others())
+    assert not set(anharmonicity.NEW) & set(anharmonicity.others())
     assert "six systems from small to large amplitudes" in re.sub(r"\s+", " ", PAGE)
-    assert len({orbit.family for orbit in benchmark().families()}) == 6
+    assert len({orbit.family for orbit in anharmonicity.families(systems)}) == 6

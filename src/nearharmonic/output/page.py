@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.output.table import Cell
@@ -40,3 +41,8 @@ def filled(page: str, parts: Mapping[str, str]) -> str:
         _, end, after = rest[0].partition("<!-- end -->")
         page = f"{before}<!-- {name} -->\n{text}\n{end}{after}"
     return page
+
+
+def filled_page(place: str, parts: Mapping[str, str]) -> str:
+    """Return the page of a file, filled as :func:`filled` does."""
+    return filled(Path(place).read_text(encoding="utf-8"), parts)

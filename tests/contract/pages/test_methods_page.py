@@ -9,9 +9,10 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.integrators import plain_integrators
+from nearharmonic.output.page import filled
+from nearharmonic.reproduction.pages import methods
 from support.results.stated_numbers import ROOT, flat, states
 
-from . import modified_page
 from .test_documented_numbers import decades, least_and_most
 
 PAGE = "docs/methods.md"
@@ -20,18 +21,21 @@ FLAT = flat(PAGE)
 STEPS = [0.03, 0.05, 0.1, 0.2, 0.3]
 
 
-def table():
-    """The rows of all methods, in the order of the registry."""
-    lines = ["| name | label | composition | stages | order | order for quadratic T |", "|---|---|---|---:|---:|---:|"]
-    for name, one in plain_integrators.items():
+def test_tables_are_those_of_the_registry_and_of_runs():
+    assert filled(TEXT, methods.parts()) == TEXT
+    assert states(PAGE, methods.FACTORS.values(), "as long as a force", "Hénon-Heiles", "Kepler")
+
+
+def test_each_method_has_a_row_with_its_proved_orders():
+    tables = TEXT.partition("<!-- errors -->")[0]
+    rows = {name: cells.split(" | ") for name, cells in re.findall(r"^\| `(\w+)` \| (.*) \|$", tables, re.MULTILINE)}
+    assert rows.keys() == {*nh.integrators}
+    for name, one in nh.integrators.items():
+        last = one.gradients, nh.order_of(name)
+        if not one.modified:
+            last = nh.order_of(name), one.order if one.requires else nh.order_of(name)
         composition = {"drift": "ABA", "kick": "BAB"}[one.first]
-        orders = f"{nh.order_of(name)} | {one.order if one.requires else nh.order_of(name)}"
-        lines.append(f"| `{name}` | {one.label} | {composition} | {one.stages} | {orders} |")
-    return "\n".join(lines)
-
-
-def test_table_has_row_for_each_method_with_its_proved_orders():
-    assert table() in TEXT
+        assert rows[name] == [one.label, composition, str(one.stages), *map(str, last)]
 
 
 @pytest.mark.parametrize("name", [name for name, one in plain_integrators.items() if one.requires is None])
@@ -73,17 +77,11 @@ def test_6a8_is_as_good_as_babs8o6_7h():
     assert states(PAGE, [*least_and_most(loss), STEPS[0], STEPS[-1]], "oscillator", "`babs8o6_7h` is better")
 
 
-def test_the_tables_of_modified_integrators_are_computed():
-    assert modified_page.methods_table() in TEXT
-    assert modified_page.errors_table() in TEXT
-    assert states(PAGE, modified_page.FACTORS.values(), "as long as a force", "Hénon-Heiles", "Kepler")
-
-
 def test_what_page_says_of_modified_integrators_follows_from_their_errors():
     def errors(system, charged):
-        factor = modified_page.FACTORS[system] if charged else 1
-        modified = {name: modified_page.decades(system, one, factor) for name, one in nh.modified_integrators.items()}
-        return modified, {name: modified_page.decades(system, nh.integrators[name], 1) for name in modified_page.PLAIN}
+        factor = methods.FACTORS[system] if charged else 1
+        modified = {name: methods.decades(system, one, factor) for name, one in nh.modified_integrators.items()}
+        return modified, {name: methods.decades(system, nh.integrators[name], 1) for name in methods.PLAIN}
 
     modified, plain = errors("kepler", charged=False)
     best = np.min([*plain.values()], axis=0)

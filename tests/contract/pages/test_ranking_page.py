@@ -9,7 +9,7 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.integrators import plain_integrators
-from nearharmonic.registry.user_module import load
+from nearharmonic.reproduction.pages import ranking
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs/ranking.md").read_text(encoding="utf-8")
@@ -44,11 +44,10 @@ def by_label(label):
     [(0, "1e-06"), *(pytest.param(*row, marks=pytest.mark.slow) for row in [(2, "1e-09"), (4, "1e-06")])],
 )
 def test_evaluations_are_those_of_runs(number, error):
-    benchmark = load(ROOT / "benchmarks/ranking.py", "the benchmark", ValueError)
-    contest = benchmark.contests()[number]
+    contest = ranking.contests()[number]
     stated, *_ = rows()[contest.name.partition(",")[0], error]
-    curves = [benchmark.curve(contest, by_label(label)) for label, _ in stated]
-    found = benchmark.by_evaluations(curves, float(error))
+    curves = [ranking.curve(contest, by_label(label)) for label, _ in stated]
+    found = ranking.by_evaluations(curves, float(error))
     assert [round(evaluations) for evaluations, _, _ in found] == [count for _, count in stated]
     for _, steps, one in found:
         tau = float(contest.t_end) / steps

@@ -9,7 +9,7 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.cli import main
-from nearharmonic.registry.user_module import load
+from nearharmonic.reproduction.pages import tailor as made
 from nearharmonic.training.tailor import budget, question, search, tailoring
 from nearharmonic.training.tailor.inputs import starts
 
@@ -26,10 +26,6 @@ def part(name):
 def rows(name):
     lines = [line for line in part(name).splitlines() if line.startswith("|")]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
-
-
-def benchmark():
-    return load(ROOT / "benchmarks/tailor.py", "the benchmark", ValueError)
 
 
 def test_the_options_of_the_page_are_those_of_the_command(capsys):
@@ -54,7 +50,7 @@ def test_defaults_and_bounds_are_those_of_the_code():
 
 def test_bold_gains_are_those_whose_interval_is_above_zero():
     found = rows("gains")
-    assert len(found) == len(benchmark().SYSTEMS)
+    assert len(found) == len(made.SYSTEMS)
     for *_, cell in found:
         (numbers,) = GAIN.findall(cell)
         mean, low, high = map(float, numbers)
@@ -69,7 +65,6 @@ def test_every_published_method_of_the_page_is_registered():
 
 
 def test_over_fitting_differences_follow_from_columns_and_words():
-    made = benchmark()
     found = rows("over-fitting")
     assert len(found) == len(made.OVER) * len(made.STARTS)
     by_count = {}
@@ -99,7 +94,7 @@ def test_the_method_loses_where_the_page_says_so():
 @pytest.mark.slow
 def test_example_is_what_command_prints_but_for_time(capsys):
     """Searches of 6000 trials on other processors end nearby: gains to a tenth."""
-    assert main(["tailor", *benchmark().EXAMPLE]) == 0
+    assert main(["tailor", *made.EXAMPLE]) == 0
     stated, found = (
         [line for line in text.splitlines() if not line.startswith("over the methods trained")]
         for text in (part("example").strip("`\n"), capsys.readouterr().out)
@@ -113,8 +108,7 @@ def test_example_is_what_command_prints_but_for_time(capsys):
 
 @pytest.mark.slow
 def test_a_row_of_gains_is_found_again():
-    made = benchmark()
     number = made.SYSTEMS.index("kepler")
     (stated,) = GAIN.findall(rows("gains")[number][-1])
-    found = made.gain_of("kepler")
+    found = made.gain_of(nh.systems["kepler"])
     assert found.test.gain.mean == pytest.approx(float(stated[0]), abs=0.3)

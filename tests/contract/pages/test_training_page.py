@@ -5,15 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from nearharmonic.output.page import filled
-from nearharmonic.registry.user_module import load
+from nearharmonic.reproduction.pages.training import parts
 
-ROOT = Path(__file__).parents[3]
+PAGE = (Path(__file__).parents[3] / "docs/training.md").read_text(encoding="utf-8")
 
 
 def test_tables_of_page_are_those_of_registered_methods():
-    made = load(ROOT / "benchmarks/training_page.py", "the page", ValueError)
-    page = (ROOT / "docs/training.md").read_text(encoding="utf-8")
-    parts = made.parts()
-    assert all(text.count("\n|") > 2 for text in parts.values())
-    assert set(parts) == {"methods", "shifted"}
-    assert filled(page, parts) == page
+    found = parts({})
+    del found["landscape"]  # of searches
+    assert all(text.count("\n|") > 2 for text in found.values())
+    assert filled(PAGE, found) == PAGE

@@ -15,7 +15,7 @@ from nearharmonic.output.store import DEFAULT_CONFIG
 from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.record.verify import faults
 from nearharmonic.reproduction.tasks.provenance import settings_digest
-from nearharmonic.reproduction.tasks.receipts import forget
+from nearharmonic.reproduction.tasks.receipts import BESIDE, forget
 
 #: Environment variable that tells the workflow to compare its jobs with the manifest before it touches a file.
 ADOPTING = "NEARHARMONIC_ADOPTING"
@@ -125,10 +125,10 @@ def check_jobs(folder: Path, jobs: Iterable[Any]) -> None:
 
 
 def _made_by(job: Any) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Yield each file that a job makes below the results, except logs, and its task."""
+    """Yield each result that a job makes, and its task."""
     params = dict(job.params.items())
     for name, made in job.output.items():
         task = params["tasks"][name] if "tasks" in params else params.get("task")
         for path in [made] if isinstance(made, str) else made:
-            if task is not None and manifest.LOGS not in Path(path).parts:
+            if task is not None and not {*BESIDE} & {*Path(path).parts}:
                 yield str(path), task

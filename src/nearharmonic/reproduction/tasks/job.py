@@ -154,7 +154,7 @@ def write(result: Any, places: Places, origin: Mapping[str, str]) -> None:
     result : object
         A :class:`~nearharmonic.output.dataset.Contents` or an ``xarray.Dataset`` goes to an HDF5 file, a
         :class:`~nearharmonic.output.table.Table` to CSV, Markdown and LaTeX, a matplotlib ``Figure`` to PDF, SVG and
-        PNG, a dict to TOML, and a string to a text file.
+        PNG, a dict to TOML, and a string or bytes to a file as they are.
     places : sequence of str
         The files; files of one table or figure differ only in their endings.
     origin : mapping
@@ -169,6 +169,8 @@ def write(result: Any, places: Places, origin: Mapping[str, str]) -> None:
         save_table(result, places)
     elif isinstance(result, str):
         write_text(places[0], result)
+    elif isinstance(result, bytes):
+        write_bytes(places[0], result)
     elif hasattr(result, "data_vars"):  # a Dataset is a mapping too
         store.write_dataset(places[0], result, origin)
     elif hasattr(result, "savefig"):

@@ -26,6 +26,8 @@ REQUIRED = frozenset(
     {"size", "sha256", "modified", "function", "code", "coefficients", "settings", "systems", "integrators", "volatile",
      "evaluations", "inputs", "run"}
 )  # fmt: skip
+#: Folders of files that are no results: logs, the marks of jobs among them, and copies of pages of the documentation.
+BESIDE = ("logs", "docs")
 #: Marks a whole file as volatile, in place of columns.
 WHOLE = "*"
 
@@ -52,17 +54,21 @@ class Receipt:
         self._folder = folder_of(log)
         self._files: dict[str, dict[str, Any]] = {}
         self._inputs = {
-            name: identity(self._folder / name) for name in sorted(map(self._name, inputs)) if _counts(name)
+            name: identity(self._folder / name) for name in sorted(map(self._name, filter(self._is_result, inputs)))
         }
 
     def _name(self, place: str) -> str:
         """Return the name of a file in the folder of results."""
         return Path(os.path.relpath(place, self._folder)).as_posix()
 
+    def _is_result(self, place: str) -> bool:
+        """Return True if a file is a result: in the folder, and in none of BESIDE."""
+        return self._name(place).partition("/")[0] not in {*BESIDE, ".."}
+
     def add(
         self, places: Sequence[str], task: Mapping[str, Any], *, volatile: Sequence[str] = (), evaluations: int = 0
     ) -> None:
-        """Add files that a task has written.
+        """Add results that a task has written.
 
         Parameters
         ----------
@@ -75,7 +81,7 @@ class Receipt:
         evaluations : int
             Number of force evaluations for the files.
         """
-        for place in places:
+        for place in filter(self._is_result, places):
             self._files[self._name(place)] = {
                 **measured(place),
                 "modified": Path(place).stat().st_mtime_ns,
@@ -112,11 +118,6 @@ def measured(place: str | os.PathLike[str]) -> dict[str, Any]:
 def identity(place: Path) -> str:
     """Return what tells the content of a file from any other: the digest in its last line, or else its own."""
     return sealed_digest(place) or str(measured(place)["sha256"])
-
-
-def _counts(name: str) -> bool:
-    """Return True if a file is a result; logs and the marks of jobs among them are not."""
-    return not name.startswith(("logs/", "../"))
 
 
 def folder_of(log: str | os.PathLike[str]) -> Path:

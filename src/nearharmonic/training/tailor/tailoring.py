@@ -35,6 +35,8 @@ from nearharmonic.training.tailor.question import Question, question
 from nearharmonic.training.tailor.result import Tailored, comparison
 from nearharmonic.training.tailor.search import SearchResult, TailorSearch
 
+Starts = Callable[[Question, Orbit], tuple[Ensemble, Ensemble]]
+
 #: Ratio of the lengths of runs of the test and of the search.
 LONGER = 4.0
 #: Minimum number of steps per run, and maximum numbers of evaluations per run of the search and of the test.
@@ -117,7 +119,9 @@ def tailor(
     return best
 
 
-def tailored(asked: Question, show: Callable[[float, float], None] | None = None) -> Tailored:
+def tailored(
+    asked: Question, show: Callable[[float, float], None] | None = None, starts: Starts | None = None
+) -> Tailored:
     """Return the tailored method and its test.
 
     Parameters
@@ -126,6 +130,8 @@ def tailored(asked: Question, show: Callable[[float, float], None] | None = None
         The request.
     show : callable, optional
         Function that is called with the spent fraction of the budget and the smallest objective.
+    starts : callable, optional
+        Function that returns the starts of the search and those of the test in place of :func:`ensembles`.
 
     Raises
     ------
@@ -134,7 +140,7 @@ def tailored(asked: Question, show: Callable[[float, float], None] | None = None
     """
     subject, methods = asked.system, published(asked.system)
     orbit = orbit_of(subject)
-    ensemble, held_out = ensembles(asked, orbit)
+    ensemble, held_out = (starts or ensembles)(asked, orbit)
     window = asked.window or window_at(ensemble, methods, asked.error, orbit.frequency)
     ensemble = _fitted(ensemble, window, asked, MOST_EVALUATIONS)
     held_out = _fitted(held_out, window, asked, MOST_IN_TEST)

@@ -12,13 +12,12 @@ from nearharmonic.output.atomic import write_text
 from nearharmonic.output.store import command_for
 from nearharmonic.reproduction.record.files.fingerprint import digest_of
 from nearharmonic.reproduction.record.history import HISTORY
-from nearharmonic.reproduction.tasks.receipts import measured, receipts_in
+from nearharmonic.reproduction.tasks.receipts import BESIDE, measured, receipts_in
 
 MANIFEST = "manifest.json"
 FORMAT = "nearharmonic manifest 1"
 #: Files that no manifest lists, because they change with every run.
 LEFT_OUT = (HISTORY, MANIFEST)
-LOGS = "logs"
 
 
 def read(folder: Path) -> dict[str, Any]:
@@ -118,7 +117,12 @@ def names_in(folder: Path) -> Iterator[str]:
     """Yield the names of all files for a manifest, without temporary files of unfinished writes."""
     for place in sorted(folder.rglob("*")):
         name = place.relative_to(folder)
-        if name.parts[0] != LOGS and str(name) not in LEFT_OUT and not place.name.endswith(".part") and place.is_file():
+        if (
+            name.parts[0] not in BESIDE
+            and str(name) not in LEFT_OUT
+            and not place.name.endswith(".part")
+            and place.is_file()
+        ):
             yield name.as_posix()
 
 

@@ -1,36 +1,48 @@
-"""The tables of times in docs/timings.md, as Markdown, from the file that ``snakemake work_precision`` writes.
+"""The tables of times in docs/timings.md, from the cube of times against errors.
 
-Run: ``python benchmarks/time_tables.py [results/paper/cubes/work_precision.h5]``. First the times of the fastest method
-over those of heyoka as a user gets it. Then for each system two tables: one trajectory, and each of an ensemble. A cell
-is the time in ms to reach a maximum energy error, and in brackets its ratio to the least of its column. Rows: the
-fastest of the paper's methods and of those beyond it, at each error, and every other library.
+First the times of the fastest method over those of heyoka as a user gets it. Then for each system two tables: one
+trajectory, and each of an ensemble. A cell is the time in ms to reach a maximum energy error, and in brackets its ratio
+to the smallest of its column. Rows: the fastest of the paper's methods and of those beyond it, at each error, and every
+other library.
 """
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
-from math import isfinite
+from math import inf, isfinite
 
 from nearharmonic.integrators import BENCHMARKED
-from nearharmonic.output.page import pipes
+from nearharmonic.output.page import filled_page, pipes
 from nearharmonic.recommendation.curve import TARGETS, Curve, crossing
 from nearharmonic.reproduction.experiments.work_precision.comparison import ERRORS, Pair, pairs
+from nearharmonic.reproduction.tasks.receipts import measures_time
 
 HEADS = {"trajectory": "one trajectory", "lanes": "each of an ensemble"}
 SYSTEMS = ("sho", "henon_heiles", "kepler")
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("cube", nargs="?", default="results/paper/cubes/work_precision.h5")
-    path = parser.parse_args().cube
-    measured, facts = pairs(path, SYSTEMS)
-    print(f"Machine: {facts['cpu']}; {facts['libraries']}", *ratios(measured), sep="\n")
+@measures_time
+def page(page: str, cube: str, systems: Sequence[str], integrators: Sequence[str]) -> dict[str, str]:
+    """Fill the page; the log names machine and libraries."""
+    measured, facts = pairs(cube, SYSTEMS)
+    print(f"Machine: {facts['cpu']}; {facts['libraries']}")
+    return {"page": filled_page(page, parts(measured))}
+
+
+def parts(measured: Sequence[Pair]) -> dict[str, str]:
+    """Return the tables by their marks on the page."""
+    each = []
     for pair in measured:
-        print(f"\n### {pair.label}, t = {pair.t_end}")
+        each += [f"### {pair.label}, t = {pair.t_end}", ""]
         for mode in HEADS:
-            print("", *table([*pair.own, *pair.others], mode), sep="\n")
+            each += [*table([*pair.own, *pair.others], mode), ""]
+    return {"ratios": "\n".join(ratios(measured)), "times": "\n".join(each[:-1])}
+
+
+def power(error: float) -> str:
+    """A power of ten as pages have it, 10⁻³."""
+    return f"10{f'{error:.0e}'.removeprefix('1e').replace('-0', '-').translate(SUPERSCRIPTS)}"
 
 
 def ratios(measured: Sequence[Pair]) -> list[str]:
@@ -41,7 +53,7 @@ def ratios(measured: Sequence[Pair]) -> list[str]:
             cells = [pair.fastest(error, mode)[0][1].time / pair.standard(error, mode) for error in ERRORS]
             shown = (f"**{digits(x)}**" if x > 1 else digits(x) for x in cells)
             rows.append([f"{pair.label}, {head}", *shown])
-    return pipes(["system", *(f"{error:.0e}" for error in ERRORS)], rows, align="lr")
+    return pipes(["system", *map(power, ERRORS)], rows, align="lr")
 
 
 def table(curves: Sequence[Curve], mode: str) -> list[str]:
@@ -54,7 +66,7 @@ def table(curves: Sequence[Curve], mode: str) -> list[str]:
         if curve.method in times and curve.method in shown(curves, times):
             cells = [cell(time, best) for time, best in zip(times[curve.method], least, strict=True)]
             rows.append([curve.label, *cells])
-    return pipes([HEADS[mode], *(f"{target:.0e}" for target in TARGETS)], rows, align="lr")
+    return pipes([HEADS[mode], *map(power, TARGETS)], rows, align="lr")
 
 
 def shown(curves: Sequence[Curve], times: dict[str, list[float]]) -> set[str]:
@@ -62,7 +74,7 @@ def shown(curves: Sequence[Curve], times: dict[str, list[float]]) -> set[str]:
     own = [curve.method for curve in curves if curve.kind == "splitting" and curve.method in times]
     groups = [[m for m in own if (m in BENCHMARKED) == paper] for paper in (True, False)]
     fastest = {
-        min(group, key=lambda method: times[method][i] if isfinite(times[method][i]) else float("inf"))
+        min(group, key=lambda method: times[method][i] if isfinite(times[method][i]) else inf)
         for group in groups
         if group
         for i in range(len(TARGETS))
@@ -82,7 +94,3 @@ def cell(time: float, best: float) -> str:
 def digits(number: float) -> str:
     """A number with two significant digits, without an exponent."""
     return f"{float(f'{number:.2g}'):g}"
-
-
-if __name__ == "__main__":
-    main()

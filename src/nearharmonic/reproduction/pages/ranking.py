@@ -1,34 +1,36 @@
-"""Ranking of the methods: all registered ones on five systems, by evaluations of the force and by time.
+"""The tables of docs/ranking.md: all methods on five systems, by evaluations of the force and by time.
 
-Run: ``python benchmarks/ranking.py`` (about three minutes). Writes the tables into docs/ranking.md. The evaluations
-that a method takes to an error are read off its curve of error against evaluations, by a straight line through the
-logarithms between the last run that misses the error and the first from which on all meet it; they are the same on
-every machine. Times are those of whole calls of prepared problems at that step, without a look at the energy, in
-turns on one core.
+The evaluations that a method takes to an error are read off its curve of error against evaluations, by a straight line
+through the logarithms between the last run that misses the error and the first from which on all meet it; they are the
+same on every machine. Times are those of whole calls of prepared problems at that step, without a look at the energy,
+interleaved on one core.
 """
 
 from __future__ import annotations
 
-import argparse
 import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import exp, inf, isfinite, log
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-import nearharmonic as nh
 from nearharmonic.engine.grid import check_fit, steps_of
+from nearharmonic.engine.runs.trajectory import sweep
 from nearharmonic.errors import SettingError
+from nearharmonic.integrators import integrators as registered
 from nearharmonic.integrators import plain_integrators
 from nearharmonic.math import cos
 from nearharmonic.numerics.clock import Patience, interleaved, pinned, processor
-from nearharmonic.output.page import filled, pipes
+from nearharmonic.output.page import filled_page, pipes
 from nearharmonic.recommendation.own import LOSSLESS, prepared_calls
+from nearharmonic.reproduction.tasks.receipts import measures_time
+from nearharmonic.systems import System
+from nearharmonic.systems import systems as known
 from nearharmonic.training.published import published_names
 
-PAGE = Path(__file__).parents[1] / "docs/ranking.md"
 ERRORS = (1e-3, 1e-6, 1e-9, 1e-12)
 #: Evaluations of the runs of a curve: 15 % more from one to the next.
 RATIO, FEWEST, MOST = 1.15, 150, 1_500_000
@@ -42,7 +44,7 @@ class Contest:
     """A system, how it is called, and the interval of its runs."""
 
     name: str
-    system: object
+    system: System
     t_end: str
 
 
@@ -79,21 +81,20 @@ class Curve:
 def contests() -> list[Contest]:
     """The systems, from near-harmonic to not."""
 
-    def chain(q):
-        q = (0, *q, 0)
-        return sum((b - a) ** 2 / 2 + (b - a) ** 4 / 40 for a, b in pairwise(q))
+    def chain(q: Sequence[Any]) -> Any:
+        return sum((b - a) ** 2 / 2 + (b - a) ** 4 / 40 for a, b in pairwise((0, *q, 0)))
 
-    def pair(q):
+    def pair(q: Sequence[Any]) -> Any:
         x, y = q
         return (x * x + 2 * y * y) / 2 + (x**4 + y**4) / 8 + x * x * y * y / 2
 
-    first_mode = [f"{np.sin(np.pi * (i + 1) / 9):.6f}" for i in range(8)]
-    pendulum = nh.System(name="pendulum", V=lambda q: -cos(q[0]), q0=("1",), p0=("0",), t_end="200")
-    quartic = nh.System(name="quartic_pair", V=pair, q0=("1", "0.5"), p0=("0", "0.3"), t_end="200")
-    fput = nh.System(name="fput_8", V=chain, q0=first_mode, p0=[0] * 8, t_end="400")
+    first_mode = tuple(f"{np.sin(np.pi * (i + 1) / 9):.6f}" for i in range(8))
+    pendulum = System(name="pendulum", V=lambda q: -cos(q[0]), q0=("1",), p0=("0",), t_end="200")
+    quartic = System(name="quartic_pair", V=pair, q0=("1", "0.5"), p0=("0", "0.3"), t_end="200")
+    fput = System(name="fput_8", V=chain, q0=first_mode, p0=("0",) * 8, t_end="400")
     return [
-        Contest("Hénon-Heiles, H = 1/8", nh.systems["henon_heiles"], "200"),
-        Contest("Kepler, e = 0.206", nh.systems["kepler"], "87660"),
+        Contest("Hénon-Heiles, H = 1/8", known["henon_heiles"], "200"),
+        Contest("Kepler, e = 0.206", known["kepler"], "87660"),
         Contest("pendulum, 1 rad", pendulum, "200"),
         Contest("quartic pair", quartic, "200"),
         Contest("FPUT-8, first mode", fput, "400"),
@@ -102,7 +103,7 @@ def contests() -> list[Contest]:
 
 def curve(contest: Contest, name: str) -> Curve | None:
     """The errors of a method, or None if it does not fit."""
-    tableau, found = nh.integrators[name], Curve(name)
+    tableau, found = registered[name], Curve(name)
     try:
         check_fit(contest.system, tableau)
     except SettingError:
@@ -112,7 +113,7 @@ def curve(contest: Contest, name: str) -> Curve | None:
     for part in (counts[i : i + 8] for i in range(0, len(counts), 8)):
         taus = [float(contest.t_end) / n for n in part]
         for errors, summation in ((found.errors, "compensated"), (found.plain, "plain")):
-            run = nh.sweep(contest.system, tableau, taus, t_end=contest.t_end, summation=summation)
+            run = sweep(contest.system, tableau, taus, t_end=contest.t_end, summation=summation)
             errors.update(zip(run.steps.values.tolist(), run.max_energy_error.values.tolist(), strict=True))
         found.evaluations.update(zip(run.steps.values.tolist(), run.evaluations.values.tolist(), strict=True))
         if max(found.errors[n] for n in part) < ERRORS[-1]:
@@ -127,7 +128,7 @@ def curves(contest: Contest) -> list[Curve]:
 
 def by_evaluations(found: list[Curve], error: float) -> list[tuple[float, int, Curve]]:
     """Evaluations, steps and curve of the methods that reach an error, the fewest evaluations first."""
-    reached = [(*one.reached(error), one) for one in found if one.reached(error)]
+    reached = [(*place, one) for one in found if (place := one.reached(error))]
     return sorted(reached, key=lambda row: row[0])
 
 
@@ -135,7 +136,7 @@ def by_time(contest: Contest, rows: list[tuple[float, int, Curve]]) -> list[tupl
     """Seconds of the methods that lead by evaluations, the fastest first."""
     calls = []
     for _, steps, one in rows[:CANDIDATES]:
-        tableau = nh.integrators[one.method]
+        tableau = registered[one.method]
         made = prepared_calls(
             contest.system, tableau, contest.t_end, steps_of(contest.t_end, float(contest.t_end) / steps),
             one.summation(steps), modes=("trajectory",),
@@ -145,45 +146,32 @@ def by_time(contest: Contest, rows: list[tuple[float, int, Curve]]) -> list[tupl
     return sorted(((time, one) for time, (_, _, one) in zip(times, rows, strict=False)), key=lambda row: row[0])
 
 
-def label(method: str) -> str:
-    """As pages name it."""
-    return nh.integrators[method].label
-
-
-def counted(rows: list[tuple[float, int, Curve]]) -> str:
+def counted(rows: Iterable[tuple[float, int, Curve]]) -> str:
     """Methods with their evaluations."""
-    return ", ".join(f"{label(one.method)} {evaluations:.0f}" for evaluations, _, one in rows)
+    return ", ".join(f"{registered[one.method].label} {evaluations:.0f}" for evaluations, _, one in rows)
+
+
+def table(contest: Contest) -> list[str]:
+    """Lines of the table of a system."""
+    found, lines = curves(contest), []
+    for error in ERRORS:
+        rows = by_evaluations(found, error)
+        cheap = counted(rows[:PLACES])
+        public = counted([row for row in rows if row[-1].method in published_names()][:PLACES])
+        fast = (f"{registered[one.method].label} {1e6 * time:.0f} µs" for time, one in by_time(contest, rows)[:PLACES])
+        lines.append((f"{error:.0e}", cheap, public, ", ".join(fast)))
+    return pipes(("error", "fewest evaluations", "of published methods", "shortest time"), lines)
 
 
 def tables() -> str:
-    """The tables of the page."""
-    lines = []
+    """Return the tables of all systems."""
     with pinned():
-        for contest in contests():
-            found = curves(contest)
-            lines += [f"### {contest.name}, t = {contest.t_end}", ""]
-            lines_of_table = []
-            for error in ERRORS:
-                rows = by_evaluations(found, error)
-                cheap = counted(rows[:PLACES])
-                known = counted([row for row in rows if row[-1].method in published_names()][:PLACES])
-                fast = ", ".join(
-                    f"{label(one.method)} {1e6 * time:.0f} µs" for time, one in by_time(contest, rows)[:PLACES]
-                )
-                lines_of_table.append((f"{error:.0e}", cheap, known, fast))
-            lines += [
-                *pipes(("error", "fewest evaluations", "of published methods", "shortest time"), lines_of_table),
-                "",
-            ]
-    return "\n".join(lines).rstrip()
+        each = [[f"### {one.name}, t = {one.t_end}", "", *table(one)] for one in contests()]
+    return "\n\n".join("\n".join(lines) for lines in each)
 
 
-def main() -> None:
-    argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0]).parse_args()
-    text = filled(PAGE.read_text(encoding="utf-8"), {"ranking": tables()})
-    PAGE.write_text(re.sub(r"Machine: .*? Times", f"Machine: {processor()}. Times", text, flags=re.DOTALL))
-    print(f"wrote {PAGE}")
-
-
-if __name__ == "__main__":
-    main()
+@measures_time
+def page(page: str, systems: Sequence[str], integrators: Sequence[str]) -> dict[str, str]:
+    """Fill the page, and name the machine."""
+    text = filled_page(page, {"ranking": tables()})
+    return {"page": re.sub(r"Machine: .*? Times", lambda _: f"Machine: {processor()}. Times", text, flags=re.DOTALL)}

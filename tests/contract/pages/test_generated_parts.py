@@ -1,0 +1,193 @@
+"""A fresh generation from small inputs fills each marked part of a page and leaves its text."""
+
+from __future__ import annotations
+
+import json
+import re
+from itertools import cycle
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from nearharmonic.output import store
+from nearharmonic.recommendation.timings import variables
+from nearharmonic.reproduction.pages import examples, methods, ranking, tailor, timings, trained, training
+from nearharmonic.reproduction.pages.anharmonicity import NEW, Result, others
+from support.cubes.figure_cubes import FACTS, label, timed
+
+DOCS = Path(__file__).parents[3] / "docs"
+MARKED = sorted(path.stem for path in DOCS.glob("*.md") if "<!-- end -->" in path.read_text(encoding="utf-8"))
+#: Rows of a table of the results of each kind, two ensembles, one of which is of orbits.
+TRAINED = {
+    "gains": """ensemble,tau_per_stage,best published,log10_error,best trained,log10_error_trained,gain,\
+gain_low,gain_high,verdict
+"d = 2, 0.01 to 0.5",0.1,srkn_a14,-5,trained_light,-5.5,0.5,0.4,0.6,ahead
+Morse,0.1,srkn_a14,-5,trained_light,-4.75,-0.25,-0.3,-0.2,behind
+"Kepler, e 0.02",0.1,ruth,-3,trained_orbits,-4,1,0.9,1.1,ahead
+""",
+    "methods": """method,ensemble,ahead_from,ahead_to,largest_gain
+trained_light,"d = 2, 0.01 to 0.5",0.1,0.2,0.5
+trained_light,Morse,nan,nan,nan
+""",
+    "ideas": """tau_per_stage,anharmonicity,ahead,ahead with T + V
+0.1,0.01,exact_oscillator,trained
+0.1,0.1,exact_oscillator,general
+""",
+    "long": """system,method,sum of coefficients,max_energy_error,trend,trend_half_width,return_compensated,\
+rounding_plain,rounding_ratio
+morse,trained_light,3.5,1e-5,-1e-9,2e-9,1e-13,1e-14,1.25
+""",
+    "times": """ensemble,tau_per_stage,ns_lanes,ns_single,charge_lanes,charge_single,gain,gain_lanes,gain_single
+"d = 2, 0.001 to 0.01",0.1,0.5,7.5,2,0.8,0.5,0.5,0.5
+"d = 2, 0.01 to 0.5",0.1,0.5,7.5,2,0.8,0.5,0.5,0.25
+"Kepler, e 0.02",0.1,1,9,2,1,1,1.5,0.75
+""",
+}
+#: A cell of each table that they give: the numbers above, as a page has them.
+CELLS = {
+    "gains": "| Morse | −0.25 |",
+    "widest": "| 0.1 | SRKN 14a | −5.00 | trained_light | −5.50 | **+0.50** (+0.40 to +0.60) |",
+    "orbits": "| 63 | Ruth | −3.00 | trained_orbits | −4.00 | **+1.00** (+0.90 to +1.10) | +1.50 | +0.75 |",
+    "losses": "| Morse | 0.1 | SRKN 14a | +0.25 |", "windows": "| 0.1 to 0.2, +0.50 |",
+    "ideas": "| 0.1 | oscillator solved exactly 0.1 | trained 0.01, general 0.1 |",
+    "long": "| morse | trained_light | 3.5 | 1.0e-05 | -1e-09 | 2e-09 | 1e-13 | 1e-14 | 1.2 |",
+    "times": "| random potentials, d = 2 | 0.5 | 7.5 | 2 | 0.8 | 0.25 |",
+}  # fmt: skip
+
+
+def text_of(name):
+    return (DOCS / f"{name}.md").read_text(encoding="utf-8")
+
+
+def split(text):
+    """The text of a page outside its marks, and its parts by name."""
+    pattern = r"(?<=<!-- )(?!end )([\w-]+)( -->\n)(.*?)(?=\n<!-- end -->)"
+    parts = {name: part for name, _, part in re.findall(pattern, text, flags=re.DOTALL)}
+    return re.sub(pattern, r"\1\2", text, flags=re.DOTALL), parts
+
+
+def of_examples(monkeypatch, tmp_path):
+    """All errors of the new methods are a tenth of the others', of which two are alike."""
+    errors = dict.fromkeys(others(), 1e-4) | dict.fromkeys(NEW, 1e-5)
+    deltas = cycle((1e-3, 0.05, 0.3, 0.9))
+    monkeypatch.setattr(
+        examples,
+        "measured",
+        lambda orbit: Result(orbit=orbit, delta=next(deltas), omega=1, errors=dict.fromkeys((25, 50, 100), errors)),
+    )
+    files = [str(path) for path in DOCS.parent.glob("examples/*.py")]
+    return examples.page(str(DOCS / "examples.md"), files, (), ())
+
+
+def of_ranking(monkeypatch, tmp_path):
+    monkeypatch.setattr(ranking, "table", lambda contest: ["| error |", "|---|", f"| {contest.t_end} |"])
+    return ranking.page(str(DOCS / "ranking.md"), (), ())
+
+
+def of_tailor(monkeypatch, tmp_path):
+    for name in ("example", "elsewhere"):
+        monkeypatch.setattr(tailor, name, lambda name=name: name)
+    for name in ("over_fitting", "gains"):
+        monkeypatch.setattr(tailor, name, lambda subjects, name=name: f"{name} of {len(subjects)}")
+    files = [str(path) for path in DOCS.parent.glob("examples/*.py")]
+    return tailor.page(str(DOCS / "tailor.md"), files, (), ())
+
+
+def of_timings(monkeypatch, tmp_path):
+    path, errors = tmp_path / "times.h5", [1e-3, 1e-6, 1e-9, 1e-12]
+    found = [timed("ruth", errors, [1e-5, 2e-5, 4e-5, 9e-5], lanes=[1e-6] * 4),
+             timed("heyoka", errors, [5e-5] * 4, kind="peer", lanes=[4e-6] * 4)]  # fmt: skip
+    for i, point in enumerate(point for curve in found for point in curve.points):
+        point.tau = 1 / (i + 1)
+    problems = {name: {"system": name, "t_end": "20", "measures": ["max"]} for name in timings.SYSTEMS}
+    facts = {**FACTS, "libraries": "heyoka 7", "problems": json.dumps(problems)}
+    store.write(path, {}, facts, groups=dict.fromkeys(problems, variables(found, "s")))
+    return timings.page(str(DOCS / "timings.md"), str(path), (), ())
+
+
+def of_trained(monkeypatch, tmp_path):
+    for name, text in TRAINED.items():
+        (tmp_path / f"trained_{name}.csv").write_text(text)
+    picture = tmp_path / "trained_gain.png"
+    Image.effect_noise((99, 99), 50).convert("RGB").save(picture)
+    return trained.page(str(DOCS / "trained.md"), [*map(str, tmp_path.glob("*.csv"))], [str(picture)], ())
+
+
+def of_training(monkeypatch, tmp_path):
+    path = tmp_path / "light.csv"
+    path.write_text(
+        "composition,stages,squares,searches,methods tried,ended at the best,best from,least gain,mean gain\n"
+        "BAB,6,,21,90340,13,refined,-0.281,0.43\n"
+    )
+    return training.page(str(DOCS / "training.md"), (), light=str(path))
+
+
+def of_methods(monkeypatch, tmp_path):
+    monkeypatch.setattr(methods, "parts", lambda: dict.fromkeys(("methods", "modified", "errors"), "| a |"))
+    return methods.page(str(DOCS / "methods.md"), (), ())
+
+
+MADE = {"examples": of_examples, "methods": of_methods, "ranking": of_ranking, "tailor": of_tailor,
+        "timings": of_timings, "trained": of_trained, "training": of_training}  # fmt: skip
+
+
+@pytest.fixture
+def made(request, monkeypatch, tmp_path):
+    """Results of the function of a page."""
+    return MADE[request.param](monkeypatch, tmp_path)
+
+
+def test_there_is_a_generator_of_every_page_with_marks():
+    assert sorted(MADE) == MARKED
+
+
+@pytest.mark.parametrize(("made", "name"), [(name, name) for name in MARKED], indirect=["made"])
+def test_all_parts_are_filled_and_the_text_stays(made, name):
+    text, parts = split(made["page"])
+    before, old = split(text_of(name))
+    if name == "ranking":  # whose text names the machine
+        text, before = (re.sub(r"Machine: .*? Times", "", one, flags=re.DOTALL) for one in (text, before))
+    assert text == before
+    assert parts.keys() == old.keys()
+    if name != "training":
+        assert all(parts[part] != old[part] for part in parts)
+    assert all(part.strip() for part in parts.values())
+
+
+@pytest.mark.parametrize("made", ["trained"], indirect=True)
+def test_tables_of_trained_methods_show_the_numbers_of_the_results(made):
+    _, parts = split(made["page"])
+    assert {part for part, cell in CELLS.items() if cell in parts[part]} == set(parts)
+
+
+@pytest.mark.parametrize("made", ["training"], indirect=True)
+def test_the_landscape_shows_the_numbers_of_the_searches(made):
+    _, parts = split(made["page"])
+    assert "| low accuracy | BAB | 6 | 21 | 90340 | 13 | refined | −0.28 | 0.43 |" in parts["landscape"]
+
+
+@pytest.mark.parametrize("made", ["timings"], indirect=True)
+def test_tables_of_times_have_milliseconds_and_ratios_to_the_shortest(made):
+    _, parts = split(made["page"])
+    assert parts["ratios"].count("\n") == 7
+    assert "each of an ensemble | 0.25 | 0.25 | 0.25 |" in parts["ratios"]
+    assert "one trajectory | 0.4 | 0.8 | **1.8** |" in parts["ratios"]
+    assert "### simple harmonic oscillator, t = 20\n\n| one trajectory | 10⁻³ | 10⁻⁶ | 10⁻⁹ | 10⁻¹² |" in parts["times"]
+    assert f"| {label('ruth')} | **0.01** | **0.02** | **0.04** | 0.09 (1.8) |" in parts["times"]
+
+
+@pytest.mark.parametrize("made", ["examples"], indirect=True)
+def test_gains_on_examples_are_ratios_of_the_smallest_errors(made):
+    _, parts = split(made["page"])
+    assert parts["bands"].count("+1.0 / **+1.0** / +1.0") == 4 * 2 * 3
+    assert made["figure"].axes[0].lines[0].get_ydata() == pytest.approx([1])
+
+
+@pytest.mark.parametrize("made", ["trained"], indirect=True)
+def test_a_picture_of_a_page_has_few_colours(made, tmp_path):
+    place = tmp_path / "small.png"
+    place.write_bytes(made["trained_gain"])
+    with Image.open(place) as picture:
+        assert picture.size == (99, 99)
+        assert len(picture.getcolors()) <= trained.COLOURS

@@ -1,0 +1,117 @@
+"""Targets ``pages`` and ``pages_of_times``: their jobs, and a page that is filled in place."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from inspect import signature
+from types import SimpleNamespace
+
+import pytest
+from PIL import Image
+
+from nearharmonic.reproduction.tasks.provenance import function_of
+from support.projects import planned_jobs
+from support.projects.planned_jobs import CORES
+from support.projects.workflow_project import ROOT, TINY
+
+MARKED = {path.name for path in ROOT.glob("docs/*.md") if "<!-- end -->" in path.read_text(encoding="utf-8")}
+#: Tables of the results that docs/trained.md shows, as short as can be.
+TABLES = {
+    "gains": "ensemble,tau_per_stage,best published,log10_error,best trained,log10_error_trained,gain,gain_low,"
+    "gain_high,verdict\nMorse,0.1,srkn_a14,-5,trained_light,-5.5,0.5,0.4,0.6,ahead\n",
+    "methods": "method,ensemble,ahead_from,ahead_to,largest_gain\ntrained_light,Morse,0.1,0.2,0.5\n",
+    "ideas": "tau_per_stage,anharmonicity,ahead,ahead with T + V\n",
+    "long": "system,method\n",
+    "times": "ensemble,gain\n",
+}
+PICTURES = ("trained_error", "trained_gain", "trained_ideas")
+
+
+@pytest.fixture(scope="module")
+def jobs(project):
+    """Rule -> the job of a page, with the target that makes it."""
+    for name in ("docs", "examples"):
+        shutil.copytree(ROOT / name, project.folder / name)
+    found = {}
+    for target in ("pages", "pages_of_times"):
+        done = project.python(planned_jobs.__file__, TINY[1], target)
+        assert done.returncode == 0, done.stderr
+        for job in (SimpleNamespace(**json.loads(line), target=target) for line in done.stdout.splitlines()):
+            if job.rule.startswith("page_of_"):
+                found[job.rule] = job
+    return found
+
+
+def test_each_page_with_marks_has_a_rule(jobs):
+    made = {name.rpartition("/")[2] for job in jobs.values() for name in job.output}
+    assert {name for name in made if name.endswith(".md")} == MARKED
+    assert all((ROOT / "docs" / name).is_file() for name in made)
+
+
+def test_pages_of_times_have_a_target_of_their_own(jobs):
+    apart = {rule for rule, job in jobs.items() if job.target == "pages_of_times"}
+    assert apart == {"page_of_ranking", "page_of_timings"}
+    assert {rule: job.threads for rule, job in jobs.items() if job.threads > 1} == {"page_of_ranking": CORES}
+
+
+def test_no_other_target_makes_a_page(planned):
+    assert not [job.rule for job in planned if job.rule.startswith("page_of_")]
+
+
+def test_the_function_of_a_page_takes_its_rules_inputs(jobs):
+    for job in jobs.values():
+        task = job.params["task"]
+        function = function_of(task)
+        signature(function).bind(**task["settings"], **job.inputs)
+        assert task["settings"]["page"] == f"docs/{job.outputs['page'][0].rpartition('/')[2]}"
+        assert len(task["integrators"]) >= 80
+
+
+def test_an_edit_of_an_example_makes_pages_again(jobs):
+    for rule in ("page_of_examples", "page_of_tailor"):
+        assert jobs[rule].inputs["files"] == sorted(f"examples/{path.name}" for path in ROOT.glob("examples/*.py"))
+
+
+def test_pages_that_integrate_compile_one_at_a_time(jobs):
+    alone = {rule for rule, job in jobs.items() if job.compiler}
+    assert alone == {"page_of_examples", "page_of_methods", "page_of_tailor"}
+
+
+@pytest.fixture(scope="module")
+def filled(jobs, project):
+    """The project with tables of trained methods, and the arguments that fill the page from them."""
+    for folder in ("tables", "figures"):
+        (project.results / folder).mkdir(parents=True, exist_ok=True)
+    for name, text in TABLES.items():
+        (project.results / f"tables/trained_{name}.csv").write_text(text)
+    for name in PICTURES:
+        Image.new("RGB", (9, 9), "navy").save(project.results / f"figures/{name}.png")
+    return (f"{TINY[1]}", "results/tiny/docs/trained.md", "--allowed-rules", "page_of_trained")
+
+
+def fill(project, filled, *more):
+    config, page, *rest = filled
+    return project.snakemake(page, "-j1", *rest, *more, "--configfile", config)
+
+
+def test_a_page_is_filled_once_and_survives_failing_jobs(project, filled):
+    page = project.results / "docs/trained.md"
+    done = fill(project, filled)
+    assert done.returncode == 0, done.stdout
+    text = page.read_text(encoding="utf-8")
+    assert "| Morse | **+0.50** |" in text
+    own = (ROOT / "docs/trained.md").read_text(encoding="utf-8")
+    assert (project.folder / "docs/trained.md").read_text(encoding="utf-8") == own
+    assert re.findall(r"^#.*", text, re.MULTILINE) == re.findall(r"^#.*", own, re.MULTILINE)
+    assert "page_of_trained" not in fill(project, filled, "-n").stdout
+
+    (project.results / "tables/trained_gains.csv").write_text("ensemble\nMorse\n")
+    assert fill(project, filled).returncode != 0
+    assert page.read_text(encoding="utf-8") == text
+
+
+def test_a_page_is_no_result(project, filled):
+    fill(project, filled)
+    assert not [name for name in project.manifest()["files"] if "docs" in name]
