@@ -78,18 +78,6 @@ def test_the_legend_has_the_look_of_each_method_and_says_what_circles_and_lines_
     assert circle.get_markersize() == lines_of(upper, ORDERS, remaining(cube, "ruth", "drift"))[0].get_markersize()
 
 
-def test_titles_say_which_panel_shows_what_remains_and_below_which_number_a_term_vanishes(cube):
-    upper, lower = fig2_decomposition.fig2_decomposition(cube).axes
-    assert upper.get_title(loc="left") == r"$\mathbf{A}$  error terms that remain"
-    assert lower.get_title(loc="left") == r"$\mathbf{B}$  error terms that vanish ($\kappa_\lambda < 10^{-30}$)"
-    assert lower.get_xlabel() == r"order, $\lambda$"
-    assert upper.get_position().y0 > lower.get_position().y1
-
-
-def test_orders_are_whole_numbers_on_the_axis(cube):
-    np.testing.assert_array_equal(np.diff(fig2_decomposition.fig2_decomposition(cube).axes[1].get_xticks()), 1)
-
-
 def test_terms_that_all_vanish_leave_an_empty_panel_and_full_rows(cube):
     cube["kappa"][:] = 0.0
     upper, lower = fig2_decomposition.fig2_decomposition(cube).axes
