@@ -76,33 +76,6 @@ def test_verify_tableau_proves_the_file(place, capsys):
     assert any(claim.startswith("harmonic_order = ") for claim in says)
 
 
-def test_recommend_ranks_the_file(place, capsys):
-    words = ["henon_heiles", "--error", "1e-6", "--t-end", "50", "--methods", f"{place},ruth", "--budget", "5000"]
-    assert main(["recommend", *words, "--format", "json"]) == 0
-    first, *_ = json.loads(capsys.readouterr().out)["choices"]
-    assert (first["method"], first["status"]) == (place, "met")
-
-
-def test_export_writes_the_file_as_data(place, capsys):
-    assert main(["export", place, "--to", "json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert tuple(found["kick"]) == nh.integrators[place].kick
-    assert found["digits"] == 60
-
-
-def test_a_config_names_the_file(place):
-    from nearharmonic.integrators.user_file import expanded
-    from nearharmonic.reproduction.config.reading import read
-
-    Path("mine.yaml").write_text(
-        f"name: mine\nintegrators: [ruth, {place}]\nsystems:\n  henon_heiles:\n    t_end: 30\n"
-        "    tau_per_stage: {lowest: 0.05, highest: 0.2, points_per_decade: 10}\n"
-    )
-    config = read(Path("mine.yaml"))
-    assert expanded(config.integrators) == ("ruth", "my_method")
-    assert nh.integrators["my_method"].kick == nh.integrators[place].kick
-
-
 def test_a_table_says_what_is_gained_over_which_method_and_how_far_the_search_came(capsys):
     assert main(["tailor", *QUICK]) == 0
     title, header, *lines = capsys.readouterr().out.splitlines()
