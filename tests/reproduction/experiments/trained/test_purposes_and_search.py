@@ -12,7 +12,8 @@ import nearharmonic as nh
 from nearharmonic.errors import SettingError
 from nearharmonic.integrators import plain_integrators
 from nearharmonic.output.table import save_document
-from nearharmonic.reproduction.experiments.trained import purposes, search
+from nearharmonic.reproduction.experiments.trained import search
+from nearharmonic.reproduction.experiments.trained.problems import purposes
 from nearharmonic.reproduction.experiments.trained.problems.purposes import PURPOSES, Chain, Purpose
 from nearharmonic.reproduction.experiments.trained.registration import register
 from nearharmonic.reproduction.experiments.trained.settings import SearchSettings

@@ -12,9 +12,7 @@ from mpmath import cos, mpf
 from nearharmonic.engine.reference import position_t_end, reference
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.integrators import integrators
-from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY
 from nearharmonic.output import store
-from nearharmonic.output.table import save
 from nearharmonic.recommendation.curve import (
     Curve,
     Point,
@@ -33,9 +31,7 @@ from nearharmonic.recommendation.own import (
 from nearharmonic.recommendation.timings import curves_of, variables
 from nearharmonic.reproduction.experiments.work_precision.run import clock, curves_on, problems
 from nearharmonic.reproduction.experiments.work_precision.settings import WorkPrecisionSettings
-from nearharmonic.reproduction.experiments.work_precision.tables import markdown, rows, table
 from nearharmonic.systems import systems
-from support.methods.own_systems import spring
 from support.oracles.reference_solutions import oscillator_state
 
 
@@ -199,13 +195,6 @@ def test_sums_are_plain_where_that_loses_nothing_and_compensated_where_it_does()
     assert plain.max_energy_error > 1.05 * fine.max_energy_error
 
 
-def test_a_nystrom_method_is_refused_where_the_kinetic_energy_is_not_quadratic():
-    nystrom = next(t for t in integrators.values() if t.requires == QUADRATIC_KINETIC_ENERGY)
-    light = spring(T=lambda p: p[0] ** 4 / 4, grad_T=lambda p: (p[0] ** 3,))
-    curve = splitting_curve(light, nystrom, "20", [(0.1, 10)], None)
-    assert (curve.points, curve.status) == ([], "does not fit: it requires a quadratic kinetic energy")
-
-
 def test_times_are_per_trajectory(monkeypatch):
     monkeypatch.setattr(
         "nearharmonic.reproduction.experiments.work_precision.run.interleaved",
@@ -230,27 +219,6 @@ def test_the_file_gives_back_what_was_measured(tmp_path):
     assert group.repeats_trajectory.sel(solver="first").values.tolist() == [3, 3, 3]
     assert group.time_trajectory.sel(solver="first", quartile="median").values.tolist() == [2e-5, 2e-4, 2e-3]
     assert crossing(back, "max", 1e-7).time == crossing(first, "max", 1e-7).time
-
-
-def test_the_table_says_who_wins_what_is_missing_and_whence_the_times_are(tmp_path):
-    curves = [
-        made("ours", [1e-2, 1e-7], [1e-5, 1e-4]),
-        made("theirs", [1e-4, 1e-13], [5e-5, 6e-5], kind="peer"),
-        Curve(method="absent", label="Absent", kind="peer", status="not installed"),
-    ]
-    facts = {"measured": "today", "cpu": "Fast 9", "pinned_core": "1", "load_average": "0", "clock": "c"}
-    page = markdown("toy", [("20", ("max",), curves)], facts)
-    assert "1e-12: **a peer wins**: THEIRS" in page
-    assert "- Absent: not installed" in page
-    assert "Fast 9" in page
-    lines = list(rows("toy", "20", ("max",), curves))
-    assert [(row.method, row.rank) for row in lines if row.target == 1e-12] == [
-        ("theirs", 1),
-        ("ours", 0),
-        ("absent", 0),
-    ]
-    save(table("toy", lines), [tmp_path / "table.csv"])
-    assert len((tmp_path / "table.csv").read_text().splitlines()) == 1 + 4 * 3
 
 
 def test_a_small_measurement_has_every_method_and_every_mode():
