@@ -30,7 +30,7 @@ def rows_of(capsys, *arguments):
     return list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
 
 
-def test_list_prints_one_kind_or_all_in_the_order_of_the_registries(capsys):
+def test_list_prints_one_kind_or_all_in_order_of_registries(capsys):
     one = [row["name"] for row in rows_of(capsys, "list", "systems")]
     other = [row["name"] for row in rows_of(capsys, "list", "integrators")]
     modified = [row["name"] for row in rows_of(capsys, "list", "modified_integrators")]
@@ -58,7 +58,7 @@ def test_json_has_null_for_what_is_no_finite_number():
     assert json.loads(answers.printed(plain, "json"), parse_constant=pytest.fail) == [{"a": None, "b": 1.5}]
 
 
-def test_an_empty_answer_prints_its_header_as_csv_an_empty_list_as_json_and_its_notes_as_a_table():
+def test_empty_answer_prints_csv_header_json_list_and_table_notes():
     answer = Answer(header=["a", "b"], rows=[], notes=["no run"])
     assert [answers.printed(answer, form) for form in ("csv", "json", "table")] == ["a,b\n", "[]\n", "no run\n"]
 
@@ -100,7 +100,7 @@ def test_the_version_is_that_of_the_package(capsys):
     assert capsys.readouterr().out == f"nearharmonic {nh.__version__}\n"
 
 
-def test_help_names_every_command_and_each_has_help_of_its_own(capsys):
+def test_help_names_every_command_and_each_has_help(capsys):
     assert main(["--help"]) == 0
     overview = capsys.readouterr().out
     for name in command_names():
@@ -140,7 +140,7 @@ def test_a_new_file_is_a_new_command(folder_of_commands, capsys):
     ("raised", "status", "says"),
     [("KeyboardInterrupt", 130, ""), ("PermissionError(13, 'Permission denied', 'x.png')", 2, "Permission denied")],
 )
-def test_an_interrupt_is_quiet_and_a_file_that_cannot_be_written_is_one_message(
+def test_interrupt_is_quiet_and_unwritable_file_gives_one_message(
     raised, status, says, folder_of_commands, capsys
 ):
     (folder_of_commands / "fail.py").write_text(COMMAND.format(body=f"raise {raised}"))
@@ -173,7 +173,7 @@ def test_a_reader_that_has_seen_enough_is_no_error(arguments):
     assert unread("-m", "nearharmonic.cli", *arguments.split()) == ("", 0)
 
 
-def test_the_status_of_an_answer_is_that_of_the_answer_also_if_nobody_reads_it(folder_of_commands):
+def test_answer_status_survives_closed_output(folder_of_commands):
     body = "return Answer(header=['a'], rows=[['x']], status=1)"
     (folder_of_commands / "say_no.py").write_text(COMMAND.format(body=body))
     lines = ["import sys", "from nearharmonic import cli, commands"]
@@ -181,7 +181,7 @@ def test_the_status_of_an_answer_is_that_of_the_answer_also_if_nobody_reads_it(f
     assert unread("-c", "\n".join(lines)) == ("", 1)
 
 
-def test_a_terminal_without_the_letters_of_a_name_shows_question_marks():
+def test_terminal_without_letters_of_name_shows_question_marks():
     command = [sys.executable, "-m", "nearharmonic.cli", "list", "systems"]
     environment = {**ENVIRONMENT, "PYTHONIOENCODING": "ascii"}
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)

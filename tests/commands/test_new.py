@@ -50,7 +50,7 @@ def with_option(place, option):
 
 
 @pytest.mark.usefixtures("well")
-def test_a_new_system_is_integrated_by_its_path_as_it_stands():
+def test_new_system_is_integrated_by_its_path_as_it_stands():
     run = nh.integrate("my_well.py", "babps9o7h", 0.2)
     assert (run.attrs["system"], run.status.item()) == ("my_well", "ok")
     assert run.max_energy_error < 1e-8
@@ -59,7 +59,7 @@ def test_a_new_system_is_integrated_by_its_path_as_it_stands():
 
 
 @pytest.mark.usefixtures("well")
-def test_the_parameters_of_a_new_system_are_those_of_its_hamiltonian():
+def test_parameters_of_new_system_are_those_of_its_hamiltonian():
     # By hand at q = (1, 0), p = (0, 0.5): 0.25/2 + k/2 + b/4.
     assert nh.integrate("my_well.py", "ruth", 1.0, t_end=1).initial_energy.item() == pytest.approx(0.65, rel=1e-15)
     given = {"k": 3, "b": 2}
@@ -80,7 +80,7 @@ def test_each_optional_line_of_a_new_system_is_correct(well, option):
 
 
 @pytest.mark.usefixtures("method")
-def test_a_new_integrator_runs_by_its_path_and_has_the_order_that_it_declares():
+def test_new_integrator_runs_by_path_and_has_declared_order():
     assert nh.order_of("my_method.py") == integrators["my_method.py"].order == 2
     errors = nh.sweep("sho", "my_method.py", [0.02, 0.01]).max_energy_error.values
     # 2^2; the next term of the error, tau^2 times a constant of about 10, is seen at 0.1 (3.93), not at 0.02.
@@ -88,7 +88,7 @@ def test_a_new_integrator_runs_by_its_path_and_has_the_order_that_it_declares():
 
 
 @pytest.mark.usefixtures("method")
-def test_the_coefficients_of_a_new_integrator_are_those_of_its_source():
+def test_coefficients_of_new_integrator_are_those_of_its_source():
     # Omelyan, Mryglod and Folk (2002): lambda = 1/2 - r/12 + 1/(6 r) with r^3 = 2 sqrt(326) + 36.
     root = mpmath.cbrt(2 * mpmath.sqrt(326) + 36)
     exact = mpmath.mpf(1) / 2 - root / 12 + 1 / (6 * root)
@@ -123,7 +123,7 @@ def test_a_config_names_new_files_as_their_comments_say(well, method):
     assert integrators["my_method"].label == "my_method"
 
 
-def test_a_file_of_another_name_is_written_and_named_in_its_text(capsys):
+def test_output_option_changes_file_and_name_in_its_text(capsys):
     assert main(["new", "system", "my_well", "-o", "models/well.py", "--format", "json"]) == 0
     assert json.loads(capsys.readouterr().out) == [{"file": "models/well.py"}]
     assert "recommend models/well.py --error" in Path("models/well.py").read_text()
@@ -171,7 +171,7 @@ def test_bad_input_is_one_sentence_and_nothing_is_written(words, says, capsys, t
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_module_below_the_working_folder_is_not_hidden_and_one_in_it_is_no_fault(tmp_path, monkeypatch, capsys):
+def test_module_below_working_folder_is_visible_without_fault(tmp_path, monkeypatch, capsys):
     (tmp_path / "lib").mkdir()
     (tmp_path / "lib/theirs.py").write_text("")
     (tmp_path / "ours").mkdir()
@@ -183,7 +183,7 @@ def test_a_module_below_the_working_folder_is_not_hidden_and_one_in_it_is_no_fau
     assert main(["new", "system", "ours"]) == 0
 
 
-def test_a_name_of_one_kind_may_be_registered_for_the_other():
+def test_name_of_one_kind_may_be_registered_for_other():
     assert main(["new", "system", "ruth"]) == 0
     assert systems["ruth.py"].name == "ruth"
 

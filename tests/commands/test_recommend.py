@@ -30,7 +30,7 @@ def test_interval_methods_and_budget_are_those_of_the_options(capsys):
         assert run.evaluations.item() == choice["evaluations"] <= 5000
 
 
-def test_a_method_that_misses_the_error_has_no_rank_and_the_status_is_1_if_all_do(capsys):
+def test_missed_error_gives_no_rank_and_status_1_for_all(capsys):
     words = ["sho", "--error", "1e-6", "--methods", "leapfrog,babps9o7h"]
     document, status = told(capsys, *words, "--budget", "20000")
     assert status == 0
@@ -40,7 +40,7 @@ def test_a_method_that_misses_the_error_has_no_rank_and_the_status_is_1_if_all_d
     assert {choice["rank"] for choice in document["choices"]} == {None}
 
 
-def test_an_interval_of_the_option_takes_the_place_of_that_of_a_config(capsys, tmp_path, monkeypatch):
+def test_interval_of_option_takes_place_of_that_of_config(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("mine.yaml").write_text(
         "name: mine\nintegrators: [ruth]\nsystems:\n  far:\n    system: sho\n    q0: [2]\n    t_end: 30\n"

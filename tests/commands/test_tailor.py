@@ -76,7 +76,7 @@ def test_verify_tableau_proves_the_file(place, capsys):
     assert any(claim.startswith("harmonic_order = ") for claim in says)
 
 
-def test_a_table_says_what_is_gained_over_which_method_and_how_far_the_search_came(capsys):
+def test_table_states_gain_method_and_extent_of_search(capsys):
     assert main(["tailor", *QUICK]) == 0
     title, header, *lines = capsys.readouterr().out.splitlines()
     assert title.startswith("Hénon-Heiles system, tau/s = 0.08 to 0.12: a gain of 0.")
@@ -89,7 +89,7 @@ def test_a_table_says_what_is_gained_over_which_method_and_how_far_the_search_ca
     assert "--output FILE.py writes the method" in notes
 
 
-def test_without_a_gain_the_status_is_1_the_published_method_is_named_and_nothing_is_written(
+def test_without_gain_status_is_1_and_nothing_is_written(
     capsys, tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
@@ -114,7 +114,7 @@ def test_step_sizes_without_a_gain_are_named(capsys):
     assert [place.partition(":")[0] for place in places.split(", ")] == low
 
 
-def test_a_system_of_a_file_in_its_own_units_is_taken(capsys, tmp_path):
+def test_system_of_file_in_its_own_units_is_taken(capsys, tmp_path):
     assert main(["new", "system", "well", "--output", str(tmp_path / "well.py")]) == 0
     capsys.readouterr()
     document, status = told(capsys, str(tmp_path / "well.py"), "--trials", "40", "--stages", "6")
@@ -148,7 +148,7 @@ def test_bad_input_gives_status_2_and_one_sentence(words, message, tmp_path, mon
 
 
 @pytest.mark.slow
-def test_ctrl_c_on_a_terminal_gives_the_best_so_far_behind_a_bar():
+def test_ctrl_c_on_terminal_gives_best_so_far_behind_bar():
     reader, terminal = pty.openpty()
     fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 100, 0, 0))
     environment = {**os.environ, "PYTHONPATH": str(Path(nh.__file__).parents[1])}

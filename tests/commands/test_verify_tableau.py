@@ -10,7 +10,7 @@ from nearharmonic.cli import main
 from support.methods.tableau_files import path
 
 
-def test_a_claim_that_does_not_hold_gives_status_1_with_its_proof_in_its_line(capsys):
+def test_failing_claim_gives_status_1_and_its_proof(capsys):
     assert main(["verify-tableau", path("libraries", "desolver_babs9o7h")]) == 1
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "BABs9o7H of desolver: 1 of 2 claims does not hold"
@@ -69,7 +69,7 @@ def test_a_file_as_export_writes_it_is_read(tmp_path, capsys):
     assert "nearest registered method: ABA864 (aba864): the same to all digits" in capsys.readouterr().out
 
 
-def test_a_python_file_of_an_integrator_is_verified_as_its_export_would_be(capsys):
+def test_python_file_of_integrator_is_verified_like_its_export(capsys):
     from pathlib import Path
 
     example = Path(__file__).parents[2] / "examples/fourth_order.py"

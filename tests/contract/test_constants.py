@@ -40,7 +40,7 @@ def test_every_system_is_stated_here():
 
 
 @pytest.mark.parametrize("name", STARTS)
-def test_a_system_starts_where_its_source_says_and_runs_as_long(name):
+def test_system_starts_where_its_source_says_and_runs_as_long(name):
     system, (q0, p0, t_end, _) = nh.systems[name], STARTS[name]
     assert [Fraction(x) for x in system.q0] == [Fraction(x) for x in q0]
     assert [Fraction(x) for x in system.p0] == [Fraction(x) for x in p0]
@@ -70,7 +70,7 @@ def test_units_are_those_of_the_numbers():
     assert {name: dict(system.units) for name, system in nh.systems.items()} == expected
 
 
-def test_the_period_is_that_of_kepler_s_third_law_in_km_and_s():
+def test_period_follows_from_keplers_third_law_in_km_and_s():
     semi_major_axis = 1 / (2 / APHELION_KM - MINIMUM_VELOCITY_KM_S**2 / GM_KM3_S2)  # the vis-viva equation
     seconds = 2 * math.pi * math.sqrt(semi_major_axis**3 / GM_KM3_S2)
     assert orbital_period(nh.systems["kepler"]) == pytest.approx(seconds / SECONDS_PER_HOUR, rel=1e-14)
@@ -78,7 +78,7 @@ def test_the_period_is_that_of_kepler_s_third_law_in_km_and_s():
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.3, 2.0, -2.0])
-def test_the_perihelion_is_opposite_to_the_aphelion_and_turns_with_the_orbit(turn):
+def test_perihelion_is_opposite_to_aphelion_and_turns_with_orbit(turn):
     """Begun at the aphelion in direction ``turn``, the orbit counterclockwise."""
     system = nh.systems["kepler"]
     r, v = float(system.q0[0]), float(system.p0[1])
@@ -88,6 +88,6 @@ def test_the_perihelion_is_opposite_to_the_aphelion_and_turns_with_the_orbit(tur
     assert np.exp(1j * angle) == pytest.approx(-np.exp(1j * turn), abs=1e-14)
 
 
-def test_a_run_has_left_where_its_energy_error_is_its_energy_but_for_the_closed_ellipses_of_the_oscillator():
+def test_diverged_run_has_energy_error_of_one_except_oscillator_ellipses():
     limits = {name: system.surface_limit for name, system in nh.systems.items()}
     assert limits == dict.fromkeys(STARTS, 1.0) | {"sho": 1e6}

@@ -35,14 +35,14 @@ class Cells(HTMLParser):
 
 
 @pytest.mark.parametrize("name", TOP)
-def test_a_name_stands_at_the_top_of_the_package_and_is_listed(name):
+def test_name_stands_at_top_of_package_and_is_listed(name):
     assert name in dir(nh)
     assert name in nh.__all__
     assert getattr(nh, name) is not None
 
 
 @pytest.mark.parametrize("entry", [*nh.systems.values(), *nh.integrators.values()], ids=lambda entry: entry.name)
-def test_an_entry_is_one_line_with_its_name_and_a_table_of_its_facts(entry):
+def test_entry_is_line_with_name_and_table_of_facts(entry):
     line = repr(entry)
     assert line.startswith(f"<{type(entry).__name__} {entry.name}: label {entry.label}, ")
     assert "\n" not in line
@@ -51,7 +51,7 @@ def test_an_entry_is_one_line_with_its_name_and_a_table_of_its_facts(entry):
     assert {entry.name, entry.label} <= set(cells)
 
 
-def test_the_lines_of_two_entries_read_as_the_paper_has_them():
+def test_lines_of_two_entries_read_as_paper_has_them():
     assert repr(nh.integrators["ruth"]) == "<Tableau ruth: label Ruth, stages 3, order 4, first drift>"
     assert repr(nh.systems["sho"]) == "<System sho: label simple harmonic oscillator, coordinates 1, t_end 500>"
 
@@ -62,7 +62,7 @@ def test_a_tableau_shows_each_coefficient():
 
 
 @pytest.mark.parametrize("registry", [nh.systems, nh.integrators], ids=["systems", "integrators"])
-def test_a_registry_is_a_table_with_a_row_for_each_entry(registry):
+def test_registry_is_table_with_row_for_each_entry(registry):
     html = registry._repr_html_()
     assert html.count("<tr>") == len(registry) + 1
     assert set(registry) <= set(Cells(html).cells)

@@ -17,7 +17,7 @@ def text_of(page):
     return (ROOT / page).read_text(encoding="utf-8")
 
 
-def test_every_folder_of_experiments_is_one_in_the_order_of_places():
+def test_every_folder_of_experiments_is_one_in_order_of_places():
     folders = {path.parent.name for path in ROOT.glob("src/nearharmonic/reproduction/experiments/*/__init__.py")}
     assert set(experiments()) == folders
     assert [one.place for one in EXPERIMENTS] == sorted(one.place for one in EXPERIMENTS)
@@ -25,7 +25,7 @@ def test_every_folder_of_experiments_is_one_in_the_order_of_places():
     assert len(beside_the_paper()) == len(EXPERIMENTS) - 1
 
 
-def test_no_two_experiments_share_a_target_a_key_or_a_file():
+def test_no_two_experiments_share_target_key_or_file():
     for values in (
         [one.target for one in EXPERIMENTS],
         [one.key for one in EXPERIMENTS],
@@ -38,7 +38,7 @@ def test_no_two_experiments_share_a_target_a_key_or_a_file():
 
 
 @pytest.mark.parametrize("experiment", EXPERIMENTS, ids=lambda one: one.name)
-def test_an_experiment_says_in_words_what_it_shows_and_what_is_in_its_cubes(experiment):
+def test_experiment_describes_its_purpose_and_cubes(experiment):
     assert experiment.title
     assert experiment.about.endswith(".")
     assert (experiment.settings is None) == (not experiment.effect)

@@ -81,12 +81,12 @@ def test_every_figure_has_an_example_cube():
 
 
 @pytest.mark.parametrize("experiment", EXPERIMENTS.values(), ids=lambda one: one.name)
-def test_every_figure_has_a_title_in_the_declaration_of_its_experiment(experiment):
+def test_every_figure_has_title_in_declaration_of_its_experiment(experiment):
     drawn = {one.stem for one in DECLARED.values() if one.function.startswith(f"{experiment.room}.")}
     assert drawn - {"sho_energy_error"} <= {*experiment.figures}
 
 
-def test_the_energy_error_figure_of_a_system_of_the_paper_is_the_papers_figure_under_a_second_name():
+def test_paper_system_figure_equals_paper_figure():
     for number, system in (("fig1", "sho"), ("fig3", "henon_heiles"), ("fig5", "kepler")):
         (papers,) = (one for one in DECLARED.values() if one.target == number)
         second = OWN[f"{system}_energy_error"]
@@ -97,7 +97,7 @@ def test_the_energy_error_figure_of_a_system_of_the_paper_is_the_papers_figure_u
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[] if name.startswith("fig") else pytest.mark.slow) for name in CUBES]
 )
-def test_a_figure_draws_one_method_alone_that_the_table_of_styles_does_not_hold(name):
+def test_figure_draws_single_method_without_style(name):
     cube, _ = CUBES[name]
     is_drawn(drawing(name)(cube(["a_method_of_tomorrow"])))
 
@@ -108,20 +108,20 @@ def test_a_figure_draws_a_cube_without_a_number(name):
     is_drawn(drawing(name)(made.emptied(cube(["ruth", "babps9o7h"]), *kept)))
 
 
-def test_figure_6_draws_one_panel_alone_and_a_path_without_a_number():
+def test_figure_6_draws_one_panel_alone_and_path_without_number():
     panels = made.toy_panels()
     is_drawn(draw_panels({"A": panels["A"]}))
     is_drawn(draw_panels({k: made.emptied(panel, "H", "hamiltonian") for k, panel in panels.items()}))
 
 
-def test_the_work_precision_figure_draws_one_method_alone_and_curves_without_points():
+def test_work_precision_figure_draws_single_method_and_empty_curves():
     is_drawn(work_precision_figure("toy", [("20", ("max",), [made.timed("ruth", [1e-3], [1e-4])])], made.FACTS))
     absent = [Curve(method=name, label=name, kind="splitting", status="no") for name in made.METHODS]
     is_drawn(work_precision_figure("toy", [("20", ("max", "mean"), absent), ("5", ("position",), absent)], made.FACTS))
 
 
 @pytest.mark.parametrize("name", DECLARED)
-def test_each_entry_of_a_legend_has_the_look_of_what_is_drawn(name):
+def test_each_entry_of_legend_has_look_of_what_is_drawn(name):
     """A method has its own; what stands for all methods is of the grey of no method, and of a form that is drawn."""
     artists = [one for axes in figure_of(name).axes for one in axes.findobj() if one.axes is axes]
     lines = [one for one in artists if isinstance(one, Line2D)]

@@ -75,7 +75,7 @@ def _attraction(q, *constants):
 
 
 @pytest.mark.parametrize(("name", "potential"), [("harmonic", _harmonic), ("gravity", _attraction)])
-def test_what_a_system_declares_of_its_potential_is_so_and_nothing_that_is_so_is_left_undeclared(
+def test_system_declares_exactly_the_properties_of_its_potential(
     system, name, potential
 ):
     """V = q^2/2 of one coordinate, V = -GM/|q|; T = p.p/2 for both."""
@@ -86,7 +86,7 @@ def test_what_a_system_declares_of_its_potential_is_so_and_nothing_that_is_so_is
 
 
 @pytest.mark.parametrize("system", [s for s in nh.systems.values() if s.exact_position], ids=lambda s: s.name)
-def test_an_exact_position_obeys_the_equations_of_motion_from_the_initial_values(system):
+def test_exact_position_obeys_equations_of_motion_from_initial_values(system):
     """q'' = -grad_V at some time, by mpmath's differences."""
     (q0, p0), t = system.start(mpf), mpf("0.37") * mpf(system.t_end)
     force = system.grad_V(system.exact_position(system, t), *_constants(system))
@@ -109,7 +109,7 @@ def test_the_oscillators_exact_position_turns_with_its_own_start():
         assert abs(sho.exact_position(moved, t)[0] - expected) < mpf(10) ** -55
 
 
-def test_the_planets_exact_position_is_that_of_keplers_equation_for_its_own_start_and_mass():
+def test_exact_planet_position_solves_keplers_equation_for_own_mass():
     planet = nh.systems["kepler"]
     given = (planet.q0[0], planet.p0[1], planet.parameters["GM"].value)
     x, y, u, v = (mpmath.nstr(number, 45) for number in kepler_state(*given, 700))
@@ -144,7 +144,7 @@ def test_invariants_commute_with_the_energy(system):
             assert abs(bracket) < mpf(10) ** -25
 
 
-def test_a_system_says_its_units_its_source_and_why_it_counts_as_left(system):
+def test_system_states_units_source_and_reason_of_divergence(system):
     assert set(system.units) >= {"q", "p", "t", "energy"}
     assert all(system.units.values())
     assert system.source
@@ -214,7 +214,7 @@ OTHER_FORMULAS = [
 
 
 @pytest.mark.parametrize(("name", "V", "grad_V"), OTHER_FORMULAS)
-def test_a_potential_that_is_not_the_one_declared_is_refused_at_first_use(name, V, grad_V):
+def test_potential_other_than_declared_is_refused_at_first_use(name, V, grad_V):
     sound, declared = nh.systems[name], {"sho": "harmonic", "kepler": "gravity"}[name]
     wanted = ("name", "label", "q0", "p0", "t_end", "units", "source", "parameters")
     fields = {key: getattr(sound, key) for key in wanted} | {"V": V, "grad_V": grad_V}
@@ -224,7 +224,7 @@ def test_a_potential_that_is_not_the_one_declared_is_refused_at_first_use(name, 
 
 
 @pytest.mark.parametrize(("name", "V", "grad_V"), OTHER_FORMULAS)
-def test_a_copy_with_another_potential_drops_what_was_declared_of_the_first(name, V, grad_V):
+def test_copy_with_another_potential_drops_what_was_declared_of_first(name, V, grad_V):
     changed = replace(nh.systems[name], V=V, grad_V=grad_V)
     assert (changed.harmonic, changed.gravity, changed.exact_position) == (False, False, None)
     check_gradients(changed)
@@ -234,7 +234,7 @@ def test_a_copy_with_another_potential_drops_what_was_declared_of_the_first(name
     assert replace(nh.systems["henon_heiles"], V=lambda q: q[0] ** 2).position_t_end is None
 
 
-def test_a_copy_with_another_start_or_other_parameters_keeps_what_was_declared():
+def test_copy_with_another_start_keeps_declarations():
     for name, change in (("sho", {"q0": ("2",)}), ("kepler", {"parameters": dict(nh.systems["kepler"].parameters)})):
         system, copy = nh.systems[name], replace(nh.systems[name], **change, t_end="7")
         assert (copy.harmonic, copy.gravity) == {"sho": (True, False), "kepler": (False, True)}[name]
@@ -242,7 +242,7 @@ def test_a_copy_with_another_start_or_other_parameters_keeps_what_was_declared()
     assert replace(nh.systems["henon_heiles"], q0=("0.1", "0")).position_t_end == "20"
 
 
-def test_a_formula_that_branches_on_a_value_is_refused_with_the_systems_name():
+def test_formula_that_branches_on_value_is_refused_with_systems_name():
     def grad_V(q):
         return (q[0] if q[0] else -q[0],)
 

@@ -59,7 +59,7 @@ def test_neither_neighbours_nor_sampling_change_a_run(system):
     assert alone.mean_energy_error[0] == pytest.approx(together.mean_energy_error[2], rel=1e-13)
 
 
-def test_a_block_holds_the_maximum_and_mean_of_its_own_steps_alone():
+def test_block_holds_maximum_and_mean_of_its_own_steps_alone():
     every, few = (batch("henon_heiles", "ruth", steps=[800], samples=n) for n in (801, 9))
     errors = np.abs(every.energy_error[0])
     for k in range(1, 9):
@@ -135,7 +135,7 @@ def test_one_step_is_symplectic(system, integrator):
     assert np.linalg.det(M) == pytest.approx(1.0, abs=1e-13)
 
 
-def test_first_same_as_last_counts_one_force_a_stage_and_one_to_begin():
+def test_fsal_method_counts_one_force_per_stage_plus_one():
     assert nh.sweep("sho", "babs7o7h", [0.5]).evaluations.item() == 7 * 1000 + 1
     assert nh.sweep("sho", "aba864", [0.5]).evaluations.item() == 7 * 1000
 

@@ -207,7 +207,7 @@ def test_parameters_of_loops_are_given_at_run_time(looped):
     assert not np.array_equal(once.q[-1], problem(0.1).q[-1])
 
 
-def test_a_parameter_that_decides_what_a_formula_does_is_compiled_in(looped):
+def test_parameter_that_decides_what_formula_does_is_compiled_in(looped):
     def reach(q, neighbours):
         return sum((q[i] - q[i - k]) ** 2 / 2 for k in range(1, int(neighbours) + 1) for i in range(k, len(q)))
 
@@ -244,7 +244,7 @@ def test_the_layout_of_loops_is_that_of_their_terms():
     assert all((np.diff(totals.sources, axis=1) > 0).all() for totals in looped_energy(bodies, 60).gradient_of(0))
 
 
-def test_terms_of_too_many_forms_are_refused_before_they_are_compiled():
+def test_terms_of_too_many_forms_are_refused_before_compilation():
     def different(q):
         return sum(x * prod(sin(x + k * k) for k in range(i)) for i, x in enumerate(q))
 

@@ -72,7 +72,7 @@ def joined(pieces):
     return found
 
 
-def test_moves_are_the_substeps_of_the_method_rounded_once_whatever_was_asked_before():
+def test_moves_are_rounded_substeps_independent_of_earlier_requests():
     """Twice through methods, roles, steps and parts, so that each follows each other one; to u/2 or (u/2)^2."""
     own, other = nh.integrators["babps9o7h"], nh.integrators["aba864"]
     taus = [Fraction(9, 10), Fraction(-1, 3), Fraction(10, 9)]
@@ -92,7 +92,7 @@ def test_moves_are_the_substeps_of_the_method_rounded_once_whatever_was_asked_be
                     assert abs(sum(map(Fraction, found)) - c) <= abs(c) / 2 ** (53 * parts)
 
 
-def test_the_product_of_kick_and_drift_is_rounded_once_and_comes_with_what_that_leaves_out():
+def test_kick_drift_product_is_rounded_once_with_its_rest():
     tableau, tau = nh.integrators["srkn_b11"], Fraction(7, 30)
     exact = [c for _, c in joined(substeps(tableau, tau, 2))]
     opening, merged, *inner, _ = moves(tableau, [tau], 1)[0]
@@ -111,7 +111,7 @@ def test_moves_of_a_rounded_method_are_exactly_its_rounded_coefficients():
     assert order == [c for _, c in joined(pieces * 2)]
 
 
-def test_what_a_caller_does_to_coefficients_or_states_does_not_reach_later_runs():
+def test_callers_changes_of_arrays_do_not_affect_later_runs():
     tableau, sho = nh.integrators["ruth"], nh.systems["sho"]
     settings = {"t_end": Fraction(3), "steps": [6], "samples": 2}
     before = integrate_batch(sho, tableau, **settings)
@@ -121,7 +121,7 @@ def test_what_a_caller_does_to_coefficients_or_states_does_not_reach_later_runs(
     assert np.array_equal(integrate_batch(sho, tableau, **settings).q, kept)
 
 
-def test_runs_start_from_the_initial_values_with_the_digits_that_their_summation_keeps():
+def test_runs_start_with_digits_that_their_summation_keeps():
     """0.3 and 0.4 are no doubles; twice through every arithmetic, so that each follows each other one."""
     settings = {"t_end": Fraction(3), "steps": [6, 7], "samples": 2}
     for how in ({}, {"summation": "plain"}, {"precision": "extended", "summation": "plain"}, {}):
@@ -133,7 +133,7 @@ def test_runs_start_from_the_initial_values_with_the_digits_that_their_summation
             assert first == {(float(decimal), 0.0 if how == {"summation": "plain"} else rest)}
 
 
-def test_a_start_may_be_an_array_that_cannot_be_written_to():
+def test_start_may_be_array_that_cannot_be_written_to():
     start = np.array([[0.25, 0.0, 0.5, 0.0]])
     start.flags.writeable = False
     settings = {"t_end": Fraction(3), "steps": [6], "samples": 2}
@@ -166,7 +166,7 @@ def test_a_single_sample_is_the_end_of_the_run(numerics):
     assert nh.integrate("sho", "ruth", 0.5, t_end=9, samples=1).t.values.tolist() == [9.0]
 
 
-def test_runs_in_threads_side_by_side_are_those_one_after_another():
+def test_concurrent_runs_equal_sequential_runs():
     steps = [list(range(20_000 + i, 20_016 + i)) for i in range(8)]
 
     def errors(count):

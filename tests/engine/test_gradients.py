@@ -144,7 +144,7 @@ def test_a_component_that_should_vanish_is_found():
     assert (formula, index, value, derivative) == ("grad_V", 1, 1e-9, 0)
 
 
-def test_a_wrong_term_that_is_small_away_from_the_start_is_found():
+def test_wrong_term_that_is_small_away_from_start_is_found():
     """The repulsion of two atoms a unit apart at coordinates of 1000: negligible a few units further."""
 
     def wrong(q):
@@ -167,7 +167,7 @@ coefficients = st.lists(st.fractions(-9, 9, max_denominator=9), min_size=6, max_
 
 @settings(max_examples=25, deadline=None)
 @given(coefficients, st.integers(0, 5), st.sampled_from(["1", "-2.5"]))
-def test_a_polynomial_passes_and_any_changed_coefficient_of_its_gradient_is_found(terms, changed, start):
+def test_polynomial_gradient_passes_and_any_changed_coefficient_is_found(terms, changed, start):
     """V = sum of c_jk x^j y^k, one coefficient of dV/dx too large by 1e-6 of it.
 
     At a coordinate near 1 or -2.5 that is at least 1e-6 * 0.9 / 9; dV/dx has five terms below 9 * 4 * 2.7^3, each the

@@ -27,7 +27,7 @@ def test_a_positive_number_passes_in_any_guise(value):
     "value",
     [0, -1, -0.0, float("nan"), float("inf"), "nan", "-inf", "", "ten", "1e-400", 10**400, True, None, [1], 1j, b"1"],
 )
-def test_anything_else_is_refused_with_key_value_and_what_is_allowed(value):
+def test_anything_else_is_refused_with_allowed_values(value):
     backwards = ", or below 0 to run backwards"
     for check, key, more in ((checked_tau, "tau", ""), (checked_t_end, "t_end", backwards)):
         if (key, value) == ("t_end", -1):
@@ -51,7 +51,7 @@ def test_samples_is_a_whole_number_within_memory(value):
     ("t_end", "tau", "steps"),
     [("500", 0.25, 2000), ("500", 0.3, 1667), ("1", 3.0, 1), ("500", 400.0, 1), ("500", 300.0, 2)],
 )
-def test_steps_are_rounded_to_the_nearest_whole_number_and_at_least_one(t_end, tau, steps):
+def test_steps_are_rounded_to_nearest_integer_of_at_least_one(t_end, tau, steps):
     assert steps_of(t_end, tau) == steps
 
 

@@ -30,7 +30,7 @@ from nearharmonic.exact.decimals import as_fraction, as_mpf, decimals_in_common,
         (inf, 3, "inf"),
     ],
 )
-def test_a_number_is_rounded_to_so_many_decimals_and_all_are_written(number, places, text):
+def test_number_is_rounded_to_given_decimals_with_trailing_zeros(number, places, text):
     assert fixed_point(number, places) == text
 
 
@@ -45,7 +45,7 @@ def test_fixed_point_agrees_with_decimal_arithmetic(numerator, places):
     assert len(found.partition(".")[2]) == places
 
 
-def test_every_bit_of_a_number_is_written_whatever_the_current_precision():
+def test_every_bit_of_number_is_written_whatever_current_precision():
     with mp.workdps(60):
         root = sqrt(mpf(2))
     with mp.workdps(5):
@@ -75,7 +75,7 @@ def test_a_fraction_is_rounded_to_the_precision_at_hand():
     ("number", "text"),
     [(mpf("3.25"), "3.2500"), (mpf("0.5"), "0.50000"), (mpf("12.34567"), "12.346"), (inf, "inf"), (0, "0")],
 )
-def test_significant_digits_are_counted_from_the_first_that_is_not_zero(number, text):
+def test_significant_digits_are_counted_from_first_that_is_not_zero(number, text):
     assert significant(number, 5) == text
 
 

@@ -42,7 +42,7 @@ def mechanical_dimensions(highest):
     return [X[n] + free[n - 1] for n in range(1, highest + 1)]
 
 
-def test_the_conditions_are_as_many_as_the_lie_algebras_have_dimensions():
+def test_conditions_are_as_many_as_lie_algebras_have_dimensions():
     general = [len(lie.conditions(n, quadratic=False)) for n in range(1, 9)]
     assert general == free_dimensions({1: 2}, 8) == [2, 1, 2, 3, 6, 9, 18, 30]
     nystrom = [len(lie.conditions(n, quadratic=True)) for n in range(1, 9)]

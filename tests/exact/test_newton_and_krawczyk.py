@@ -39,7 +39,7 @@ def test_newton_comes_to_the_zero_to_the_digits_asked_for(digits):
     assert limit.iterations <= 11
 
 
-def test_of_a_surface_newton_finds_the_point_nearest_to_the_start_at_first_order():
+def test_newton_finds_nearest_surface_point_at_first_order():
     # Steps along the gradient of |x|^2 lead straight to the centre: the direction of the start is kept.
     limit = newton(sphere, sphere_slopes, [2, 4, 4], digits=40)
     assert max(abs(a - b) for a, b in zip(limit.point, (1, 2, 2), strict=True)) < mpf(10) ** -40
@@ -53,14 +53,14 @@ def test_unknowns_that_are_fixed_stay_where_they_are():
     assert not off.converged  # x = 5 meets no sphere of radius 3
 
 
-def test_where_no_zero_is_newton_says_how_large_the_residual_is():
+def test_where_no_zero_is_newton_says_how_large_residual_is():
     limit = newton(lambda x: [x[0] ** 2 + 1], lambda x: [[2 * x[0]]], [mpf("0.5")], digits=30)
     assert not limit.converged
     assert abs(limit.residual - (limit.point[0] ** 2 + 1)) < mpf(10) ** -10 * limit.residual
     assert limit.residual >= 1
 
 
-def test_a_double_zero_is_approached_too_slowly_to_be_told_from_none():
+def test_double_zero_is_not_distinguished_from_no_zero():
     # Each step halves the distance: 2^-16 after 15 of them.
     limit = newton(lambda x: [x[0] ** 2], lambda x: [[2 * x[0]]], [mpf("0.5")], digits=10)
     assert (limit.converged, limit.iterations) == (False, 15)
@@ -73,7 +73,7 @@ def test_a_singular_start_ends_at_once():
     assert limit.residual == 2
 
 
-def test_the_rank_counts_independent_values_and_pivots_are_the_unknowns_with_the_largest_slopes():
+def test_rank_counts_independent_values_and_pivots_have_largest_slopes():
     rows = [[1, 2, 100, 0], [2, 4, 200, 0], [0, 0, 1, 3]]
     rank, pivots = rank_and_pivots(lambda _: [list(map(mpf, row)) for row in rows], [0] * 4)
     assert (rank, pivots) == (2, (2, 3))
@@ -84,7 +84,7 @@ def test_the_rank_counts_independent_values_and_pivots_are_the_unknowns_with_the
     assert rank_and_pivots(slopes, [Fraction(1, 2), Fraction(-1, 2)])[0] == 1  # there circle and line are parallel
 
 
-def test_a_zero_that_is_near_is_proved_and_its_distance_bounded():
+def test_zero_that_is_near_is_proved_and_its_distance_bounded():
     with mp.workdps(60):
         exact = sqrt(mpf(2))
         near = [exact + mpf("2e-21"), exact - mpf("1e-21")]
@@ -101,7 +101,7 @@ def test_a_zero_that_is_near_is_proved_and_its_distance_bounded():
         ([Fraction(1), Fraction(-1)], "1e-3"),  # the Jacobian is singular
     ],
 )
-def test_nothing_is_proved_where_no_zero_or_more_than_one_lies_in_the_box(point, radius):
+def test_nothing_is_proved_without_exactly_one_zero_in_box(point, radius):
     assert not prove(circle_and_line, slopes, point, radius=radius).proved
 
 

@@ -44,7 +44,7 @@ def rationals(lowest=-50):
 
 @given(st.lists(rationals(), min_size=1, max_size=6), st.sampled_from([[1], *COMPLEX]))
 @settings(max_examples=60, deadline=None)
-def test_real_roots_are_those_that_a_polynomial_was_made_of_each_once(roots, without):
+def test_real_roots_are_factors_of_polynomial_once_each(roots, without):
     polynomial, distinct = product(with_roots(roots), without), sorted(set(roots))
     found = real_roots(polynomial, 80)
     assert len(found) == len(distinct) == real_root_count(sturm_chain(polynomial))
@@ -60,7 +60,7 @@ def test_positive_roots_are_found_to_111_bits_from_below(roots, without):
     assert all(0 <= b - a <= a / 2**110 for a, b in zip(found, distinct, strict=True))
 
 
-def test_positive_roots_that_are_whole_over_a_power_of_two_are_found_exactly():
+def test_positive_dyadic_roots_are_found_exactly():
     # On these the halved intervals end: each has to be counted once, and neither by its neighbour.
     roots = [Fraction(n, 8) for n in (-16, -3, 1, 2, 4, 8, 20)]
     assert positive_roots(with_roots(roots)) == roots[2:]
@@ -74,7 +74,7 @@ def test_two_roots_are_told_apart_however_close_they_are(bits):
     assert [abs(a - b) <= Fraction(1, 2 ** (bits + 10)) for a, b in zip(found, roots, strict=True)] == [True] * 3
 
 
-def test_a_polynomial_without_roots_on_the_side_asked_for_has_none():
+def test_polynomial_without_roots_on_side_asked_for_has_none():
     assert (
         positive_roots([7]) == positive_roots([0, 1]) == positive_roots(with_roots([Fraction(-2), Fraction(0)])) == []
     )
@@ -112,14 +112,14 @@ def test_sturm_counts_and_isolates_the_roots_of_known_polynomials():
 
 @given(st.lists(rationals(-9), min_size=1, max_size=4), st.lists(rationals(-9), max_size=3), st.booleans())
 @settings(max_examples=60, deadline=None)
-def test_the_greatest_common_divisor_has_the_roots_in_common_as_often_as_both(roots, others, negative):
+def test_greatest_common_divisor_has_common_roots_with_multiplicity(roots, others, negative):
     left, right = with_roots([*roots, *others]), with_roots(roots)
     divisor = common_divisor([-c for c in left] if negative else left, product(right, [1, 0, 1]))
     content = np.gcd.reduce(np.array(right, dtype=object))
     assert divisor == [c // content for c in right]
 
 
-def test_polynomials_that_agree_modulo_the_prime_are_not_taken_to_share_a_root():
+def test_agreement_modulo_prime_does_not_prove_common_root():
     prime = 2**61 - 1
     assert common_divisor([1, 1], [1 + prime, 1]) == [1]
     # Leading terms that vanish modulo the prime: there the first is 1, which has no root at all.
@@ -142,7 +142,7 @@ def test_a_row_of_fractions_becomes_the_smallest_whole_multiple():
     assert whole([Fraction(0)]) == []
 
 
-def test_a_chain_of_sturm_changes_sign_by_one_at_each_root_and_nowhere_else():
+def test_sturm_chain_changes_sign_once_at_each_root_only():
     roots = [Fraction(-3), Fraction(1, 2), Fraction(5)]
     chain = sturm_chain(with_roots(roots))
 

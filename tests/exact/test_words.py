@@ -65,7 +65,7 @@ def random_operators(seed):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_product_of_exponentials_and_its_logarithm_are_those_of_matrices(seed):
+def test_product_of_exponentials_and_its_logarithm_are_those_of_matrices(seed):
     operators = random_operators(seed)
     expected = ONE
     for letter, c in operators:

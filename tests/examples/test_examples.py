@@ -41,7 +41,7 @@ def test_an_example_draws_its_picture_into_the_working_directory(path, tmp_path)
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_an_example_is_one_file_of_at_most_sixty_lines_that_says_what_it_is(path):
+def test_example_is_one_described_file_of_at_most_sixty_lines(path):
     text = path.read_text(encoding="utf-8")
     assert text.count("\n") <= 60
     assert text.startswith('"""')

@@ -44,7 +44,7 @@ def test_the_hessian_of_a_harmonic_system_does_not_vary():
     assert omega == pytest.approx(np.sqrt(4.5 + np.sqrt(4.5**2 - 7)), rel=5e-3)  # rounded to three digits
 
 
-def test_the_variation_of_the_pendulum_is_that_of_its_cosine_along_the_orbit():
+def test_variation_of_pendulum_is_that_of_its_cosine_along_orbit():
     pendulum = benchmark().example("pendulum")
     q = nh.integrate(pendulum, "srkn_a14", 0.01, samples=257, q0=[1.0]).q.values[:, 0]
     delta, omega = variation(pendulum, 0.01, 60.0, q0=[1.0])
@@ -53,7 +53,7 @@ def test_the_variation_of_the_pendulum_is_that_of_its_cosine_along_the_orbit():
     assert omega == pytest.approx(np.sqrt(9.80665), rel=5e-3)
 
 
-def test_the_variation_of_a_circular_kepler_orbit_is_that_of_its_turning_axes():
+def test_circular_kepler_orbit_varies_by_its_rotating_axes():
     circle = replace(
         nh.systems["kepler"], q0=("1", "0"), p0=("0", "1"), parameters={"GM": "1"}, t_end="62.83185307179586"
     )

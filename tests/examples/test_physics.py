@@ -44,20 +44,20 @@ def test_morse_oscillator_in_closed_form_solves_its_equation_of_motion():
         assert abs(velocity**2 / 2 + (1 - mpmath.exp(-q)) ** 2 - (1 - mpmath.exp(mpmath.mpf("-0.5"))) ** 2) < 1e-25
 
 
-def test_runs_of_the_morse_oscillator_end_where_the_closed_form_says():
+def test_runs_of_morse_oscillator_end_where_closed_form_says():
     system, exact = module("morse").SYSTEM, module("morse").exact_position
     end = nh.integrate(system, "s15odr8", 0.025, samples=2, precision="extended")
     # Of order eight: 1e-14, and 4e-12 at twice the step.
     assert float(end.q[-1, 0]) == pytest.approx(float(exact(system, mpmath.mpf(100))[0]), abs=1e-13)
 
 
-def test_a_pendulum_is_back_after_the_period_that_the_arithmetic_geometric_mean_gives():
+def test_pendulum_is_back_after_period_that_arithmetic_geometric_mean_gives():
     system = module("pendulum").SYSTEM
     period = 2 * mpmath.pi * mpmath.sqrt(1 / mpmath.mpf("9.80665")) / mpmath.agm(1, mpmath.cos(mpmath.mpf("0.25")))
     assert returns(system, float(period), 0.5) < RETURN
 
 
-def test_a_particle_in_the_double_well_is_back_after_the_period_of_its_elliptic_cosine():
+def test_double_well_particle_returns_after_elliptic_period():
     system = module("double_well").SYSTEM
     a = mpmath.mpf("1.42")
     period = 4 * mpmath.ellipk(a**2 / (2 * (a**2 - 1))) / mpmath.sqrt(a**2 - 1)
@@ -95,7 +95,7 @@ def test_the_quadrupole_boson_has_threefold_symmetry():
         assert np.ptp(energies) < 1e-13 * max(map(abs, energies))
 
 
-def test_the_eigenvalues_of_the_lax_matrix_are_those_of_its_known_traces():
+def test_eigenvalues_of_lax_matrix_are_those_of_its_known_traces():
     toda = module("toda_chain")
     q, p = np.random.default_rng(1).normal(size=(2, 8))
     values = np.array(toda.lax(q[:, None], p[:, None]))[:, 0]
@@ -108,7 +108,7 @@ def test_the_eigenvalues_of_the_lax_matrix_are_those_of_its_known_traces():
 
 
 @pytest.mark.parametrize(("name", "order"), [("leapfrog", 2), ("aba864", 4), ("babps9o7h", 4), ("srkn_b11", 6)])
-def test_lax_invariants_of_the_toda_chain_are_kept_to_the_order_of_the_method(name, order):
+def test_toda_lax_invariants_are_conserved_to_method_order(name, order):
     system, per_stage = module("toda_chain").SYSTEM, {2: 0.002, 4: 0.01, 6: 0.025}[order]
     taus = [nh.integrators[name].stages * per_stage / k for k in (1, 2)]
     coarse, fine = (float(nh.integrate(system, name, tau, t_end=20).lax_drift) for tau in taus)
@@ -123,7 +123,7 @@ def recurrence(system, name, tau):
     return float(run.t[last]) / (pi / sin(pi / 64)), energy[last] / energy[0]
 
 
-def test_the_fput_chain_recurs_after_157_periods_with_the_step_of_the_report_and_after_146_without_its_error():
+def test_fput_chain_recurs_after_157_or_146_periods_as_stated():
     system = module("fput_recurrence").SYSTEM
     # "After 157 periods of the mode": Dauxois (2008), Physics Today 61(1), 55; the report's step is sqrt(1/8).
     periods, share = recurrence(system, "leapfrog", 8**-0.5)
@@ -133,14 +133,14 @@ def test_the_fput_chain_recurs_after_157_periods_with_the_step_of_the_report_and
     assert [round(x) for x in exact] == [146, 146]
 
 
-def test_mode_energies_add_up_to_the_energy_of_the_chain_without_its_cubic_terms():
+def test_mode_energies_add_up_to_energy_without_cubic_terms():
     fput = module("fput_recurrence")
     q, p = np.random.default_rng(1).normal(size=(2, 31))
     energy = (p @ p + (np.diff(q, prepend=0, append=0) ** 2).sum()) / 2
     assert fput.mode_energies(q, p).sum() == pytest.approx(energy, rel=1e-13)
 
 
-def test_half_of_the_stars_of_a_plummer_sphere_are_within_its_half_mass_radius():
+def test_half_of_plummer_stars_are_within_half_mass_radius():
     star = module("plummer_sphere").star
     stars = np.array([star() for _ in range(8000)])
     r, v = np.linalg.norm(stars, axis=-1).T
@@ -166,7 +166,7 @@ def heyoka_positions(kind, tolerance):
 
 
 @pytest.mark.slow
-def test_the_outer_solar_system_is_after_200_000_days_where_heyoka_says():
+def test_outer_solar_system_after_200_000_days_matches_heyoka():
     end = nh.integrate(
         module("outer_solar_system").SYSTEM, "srkn_a14", 5, samples=2, precision="extended", energy="none"
     )
@@ -177,7 +177,7 @@ def test_the_outer_solar_system_is_after_200_000_days_where_heyoka_says():
     assert abs(heyoka_positions(float, "1e-16") - ours).max() < 3e-11
 
 
-def test_the_outer_solar_system_keeps_its_momentum_and_its_centre_moves_evenly():
+def test_outer_solar_system_conserves_momentum_and_moves_centre_evenly():
     planets = module("outer_solar_system")
     run = nh.integrate(planets.SYSTEM, "aba104", 200, t_end=20000, samples=50)
     q, p = (x.values.reshape(-1, 6, 3) for x in (run.q, run.p))
@@ -214,7 +214,7 @@ def test_the_planets_have_the_momenta_of_the_table():
         assert abs(Fraction(p) / mass - Fraction(v)) <= abs(Fraction(v)) / 10**27
 
 
-def test_orbits_of_one_energy_in_the_galaxy_start_on_its_long_axis():
+def test_galaxy_orbits_of_one_energy_start_on_long_axis():
     galaxy = module("poincare_section").SYSTEM
     for x in (0.1, 0.4, 0.69):
         speed = np.sqrt(-0.674 - np.log(0.14**2 + x**2))  # as in the file
@@ -239,7 +239,7 @@ def test_the_tabulated_well_is_the_natural_spline_of_another_library():
     np.testing.assert_allclose(system.grad_V((q,))[0], spline(q, 1), atol=60 * 2.0**-53 / spacing, rtol=0)
 
 
-def test_a_mass_with_clearance_is_back_after_its_flights_and_oscillations():
+def test_mass_with_clearance_is_back_after_its_flights_and_oscillations():
     system = module("clearance").SYSTEM
     period, stiffness, speed = 4 + 2 * pi / 2, 4, 1
     assert system.period((0,), (1.0,), stiffness) == period

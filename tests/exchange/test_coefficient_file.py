@@ -43,7 +43,7 @@ def test_every_digit_is_kept_whatever_the_format(tmp_path, name):
 
 
 @pytest.mark.parametrize("header", ["kick,drift", "drift, kick"])
-def test_a_table_of_two_columns_has_the_name_of_its_file_and_claims_nothing(tmp_path, header):
+def test_table_of_two_columns_is_named_by_file_without_claims(tmp_path, header):
     cells = [("0.25", "0.5"), ("0.5", "0.5"), ("0.25", "")]
     lines = [",".join(pair if header.startswith("kick") else pair[::-1]) for pair in cells]
     file = read(written(tmp_path, "table.csv", "\n".join([header, *lines])))
@@ -57,7 +57,7 @@ def test_a_requirement_has_one_spelling_inside(tmp_path, requires):
     assert read(written(tmp_path, "a.json", text)).requires == "quadratic kinetic energy"
 
 
-def test_zeros_at_the_ends_are_left_out_and_neighbours_of_one_operator_joined():
+def test_end_zeros_are_removed_and_equal_neighbours_joined():
     step = step_of(("0", "0.25", "0.25", "0.5"), ("0.5", "0", "0.5", "0"), "kick", 3)
     assert [(letter, float(c), c.place) for letter, c in step] == [
         ("A", 0.5, "drift[0]"),

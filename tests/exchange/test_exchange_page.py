@@ -17,7 +17,7 @@ def page():
     return " ".join(" ".join(path.read_text(encoding="utf-8") for path in sorted(DOCS.glob("exchange*.md"))).split())
 
 
-def test_the_table_holds_every_file_of_a_library_whose_order_is_wrong():
+def test_table_holds_every_file_of_library_whose_order_is_wrong():
     rows = set()
     for name in names("libraries"):
         found = verdict("libraries", name)
@@ -37,7 +37,7 @@ def test_the_wrong_decimal_is_that_of_the_page():
 
 
 @pytest.mark.parametrize("n", [3, 5])
-def test_the_weights_of_gromacs_have_the_root_of_the_page_upside_down(n):
+def test_weights_of_gromacs_have_root_of_page_upside_down(n):
     weights = [mpf(text) for text in verdict("libraries", f"suzuki_yoshida_{n}").file.kick]
     root = cbrt(mpf(n - 1))
     assert abs(weights[0] - 1 / (n - 1 - 1 / root)) < 1e-15
@@ -48,7 +48,7 @@ def test_the_weights_of_gromacs_have_the_root_of_the_page_upside_down(n):
     assert abs(sum(w**3 for w in right)) < 1e-14
 
 
-def test_the_methods_of_ordinarydiffeq_have_the_orders_of_the_page_with_their_roles_exchanged():
+def test_ordinarydiffeq_methods_have_page_orders_with_exchanged_roles():
     warning = verdict("libraries", "ordinarydiffeq_calvosanz4").warnings[0]
     assert warning == "for quadratic T the order is 3 with the drift first, and 4 with the roles exchanged"
     assert "CalvoSanz4 has order 4 for quadratic T" in page()

@@ -95,7 +95,7 @@ def test_what_a_paper_says_of_its_method_is_proved(name):
 
 
 @pytest.mark.parametrize("name", LIBRARIES)
-def test_the_order_that_a_library_states_is_refuted_if_it_is_wrong(name):
+def test_order_that_library_states_is_refuted_if_it_is_wrong(name):
     found = verdict("libraries", name)
     claimed, *proved = LIBRARIES[name]
     assert found.file.order == claimed
@@ -104,14 +104,14 @@ def test_the_order_that_a_library_states_is_refuted_if_it_is_wrong(name):
 
 
 @pytest.mark.parametrize("name", [name for name in LIBRARIES if name.startswith("ordinarydiffeq")])
-def test_what_is_proved_of_a_library_is_what_its_steps_show(name):
+def test_what_is_proved_of_library_is_what_its_steps_show(name):
     found = verdict("libraries", name)
     assert observed_order(found.file, henon_heiles) == pytest.approx(found.quadratic_order.order, abs=0.1)
     assert observed_order(found.file, oscillator) == pytest.approx(found.oscillator.order, abs=0.1)
 
 
 @pytest.mark.parametrize(("name", "order"), [("ordinarydiffeq_mcate4", 4), ("ordinarydiffeq_mcate5", 5)])
-def test_a_nystrom_method_whose_kicks_and_drifts_are_exchanged_is_said_to_be_in_the_wrong_role(name, order):
+def test_exchanged_nystrom_method_is_reported_in_wrong_role(name, order):
     found = verdict("libraries", name)
     assert failing(found) == ["order", "first"]
     (role,) = [claim for claim in found.claims if claim.says == "first = drift"]
@@ -121,7 +121,7 @@ def test_a_nystrom_method_whose_kicks_and_drifts_are_exchanged_is_said_to_be_in_
     assert (suspect.rows.kick, suspect.rows.drift, suspect.rows.first) == (found.file.drift, found.file.kick, "kick")
 
 
-def test_the_role_that_no_claim_depends_on_is_judged_by_the_nearest_method():
+def test_nearest_method_decides_role_without_dependent_claim():
     found = verdict("libraries", "desolver_abas5o6h")
     assert failing(found) == ["order"]
     assert found.nearest.tableau.name == "abas5o6h"
@@ -137,7 +137,7 @@ def test_the_role_that_no_claim_depends_on_is_judged_by_the_nearest_method():
     assert own.warnings == []
 
 
-def test_a_digit_that_a_transcription_has_wrong_is_found_at_its_twenty_first_decimal():
+def test_verify_finds_wrong_digit_at_twenty_first_decimal():
     found = verdict("libraries", "teloy_8a17c")
     assert failing(found) == ["rows", "order"]
     assert found.digits_that_hold == 22
@@ -198,7 +198,7 @@ def energy_error(file, tau):
         ("libraries", "geometricintegrators_mclachlan4", 2, 2),
     ],
 )
-def test_the_energy_order_on_the_oscillator_is_that_of_many_steps(kind, name, position, energy):
+def test_energy_order_on_oscillator_is_that_of_many_steps(kind, name, position, energy):
     """BAB's9o7H is of order 7 in the position (Nielsen 2015, Table 4)."""
     found = verdict(kind, name)
     assert (found.oscillator.harmonic_order, found.oscillator.energy_order) == (position, energy)

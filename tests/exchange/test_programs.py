@@ -49,7 +49,7 @@ def test_the_tolerance_tells_exchanged_roles():
 
 @needs_c
 @pytest.mark.parametrize("name", METHODS)
-def test_a_program_in_c_compiles_without_warnings_and_reproduces_our_states(name, tmp_path):
+def test_program_in_c_compiles_without_warnings_and_reproduces_our_states(name, tmp_path):
     file = written(tmp_path, name, "c", "c")
     run(["cc", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-o", "program", file], tmp_path)
     check(name, run(["./program"], tmp_path))
@@ -57,7 +57,7 @@ def test_a_program_in_c_compiles_without_warnings_and_reproduces_our_states(name
 
 @needs_c
 @pytest.mark.parametrize("name", ["leapfrog", *ROLES])
-def test_a_program_in_c_with_more_digits_reproduces_our_extended_states(name, tmp_path):
+def test_program_in_c_with_more_digits_reproduces_our_extended_states(name, tmp_path):
     if not compiles(QUADRUPLE, tmp_path):
         pytest.skip("the C compiler or its library has no _Float128")
     file = written(tmp_path, name, "c", "c", digits=36)
@@ -67,7 +67,7 @@ def test_a_program_in_c_with_more_digits_reproduces_our_extended_states(name, tm
 
 @needs_fortran
 @pytest.mark.parametrize(("name", "digits"), [*((name, None) for name in METHODS), *((name, 36) for name in ROLES)])
-def test_a_program_in_fortran_compiles_without_warnings_and_reproduces_our_states(name, digits, tmp_path):
+def test_program_in_fortran_compiles_without_warnings_and_reproduces_our_states(name, digits, tmp_path):
     file = written(tmp_path, name, "fortran", "f90", digits)
     run(["gfortran", "-std=f2008", "-Wall", "-Wextra", "-Werror", "-o", "program", file], tmp_path)
     check(name, run(["./program"], tmp_path), "extended" if digits else "double")
@@ -108,7 +108,7 @@ print(errors[0] / errors[1])
 
 @needs_rebound
 @pytest.mark.parametrize("name", ROLES)
-def test_an_integrator_of_rebound_moves_its_planets_with_the_order_of_the_integrator(name, tmp_path):
+def test_integrator_of_rebound_moves_its_planets_with_order_of_integrator(name, tmp_path):
     written(tmp_path, name, "rebound", "py")
     (tmp_path / "planets.py").write_text(PLANETS.format(name=name), encoding="utf-8")
     ratio = float(run([sys.executable, "planets.py"], tmp_path))

@@ -150,7 +150,7 @@ def rebound(monkeypatch):
 
 
 @METHODS
-def test_the_program_for_rebound_gives_our_states_and_forces_at_the_time_of_the_positions(name, rebound, capsys):
+def test_rebound_program_gives_our_states_with_forces_at_position_times(name, rebound, capsys):
     space = {"__name__": "__main__"}
     exec(export(nh.integrators[name], "rebound"), space)
     check(name, capsys.readouterr().out)
@@ -192,7 +192,7 @@ def diffrax(monkeypatch):
 
 
 @METHODS
-def test_the_solver_for_diffrax_gives_our_states_and_forces_at_the_time_of_the_positions(name, diffrax, capsys):
+def test_diffrax_solver_gives_our_states_with_forces_at_position_times(name, diffrax, capsys):
     space = {"__name__": "__main__"}
     exec(export(nh.integrators[name], "diffrax"), space)
     check(name, capsys.readouterr().out)

@@ -40,7 +40,7 @@ def file_of(tableau, digits=None, claimed=True):
     )
 
 
-def test_the_majorant_is_the_series_of_minus_the_logarithm_of_two_minus_exp():
+def test_majorant_is_series_of_minus_logarithm_of_two_minus_exp():
     with mp.workdps(30):
         for n, coefficient in enumerate(taylor(lambda x: -log(2 - mp.exp(x)), 0, 8)[1:], start=1):
             one = residuals.majorant(n)
@@ -57,7 +57,7 @@ def test_no_rounding_of_a_registered_method_refutes_what_it_declares(name, digit
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", list(integrators))
-def test_every_registered_method_proves_what_it_declares_as_a_file_of_many_digits(name):
+def test_every_registered_method_proves_declarations_from_digits(name):
     for digits in (None, 8, 15, 17, 40):
         if digits is None or digits <= integrators[name].digits:
             found = Verdict(file_of(integrators[name], digits))
@@ -121,7 +121,7 @@ def test_the_stability_limit_is_where_the_trace_leaves_two(kick, drift, first, l
     assert float(OscillatorStep(step_of(kick, drift, first, 0)).stability_limit()) == pytest.approx(limit, abs=1e-15)
 
 
-def test_the_stability_limit_of_a_step_that_is_not_symmetric_is_that_of_its_trace_in_multiprecision():
+def test_asymmetric_stability_limit_matches_multiprecision_trace():
     file = CoefficientFile(
         path="", name="", label="", source="", first="drift",
         kick=("0.515352837431122936", "-0.085782019412973646", "0.441583023616466524", "0.128846158365384185"),
@@ -156,7 +156,7 @@ def test_the_stability_limit_of_a_step_that_is_not_symmetric_is_that_of_its_trac
         ((f"{0.04649290043965892:.22f}", f"{0.154901012702888:.25f}", "0.5"), 16),
     ],
 )
-def test_the_digits_of_a_file_that_does_not_claim_any_are_those_that_it_shows(texts, number):
+def test_unclaimed_digits_of_file_are_its_shown_digits(texts, number):
     file = CoefficientFile(path="", name="", label="", source="", first="kick", kick=texts, drift=("1",))
     assert digits_of(file).number == number
     assert digits_of(replace(file, digits=12)).number == 12

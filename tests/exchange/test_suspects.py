@@ -35,7 +35,7 @@ def rows_of(file):
 
 
 @pytest.mark.parametrize("place", [0, 5, 30, 70])
-def test_a_digit_of_one_of_two_mirror_images_is_found_by_the_other(place):
+def test_mirror_image_reveals_wrong_digit(place):
     text = sound().drift[2]
     k = text.index(".") + 1 + place
     wrong = f"{text[:k]}{(int(text[k]) + 5) % 10}{text[k + 1 :]}"
@@ -56,7 +56,7 @@ def test_two_neighbouring_digits_exchanged_are_found():
     assert "two neighbouring digits exchanged" in found.suspects[0].says
 
 
-def test_two_coefficients_exchanged_are_found_with_their_mirror_images_and_without():
+def test_exchanged_coefficients_are_found_with_and_without_mirror_images():
     k = sound().kick
     assert suspected(altered("kick", {1: k[2], 2: k[1]})) == [rows_of(sound())]
     found = altered("kick", {1: k[3], 3: k[1], -2: k[3], -4: k[1]})
@@ -64,7 +64,7 @@ def test_two_coefficients_exchanged_are_found_with_their_mirror_images_and_witho
     assert found.suspects[0].says == "kick[1] and kick[3]: exchanged, as their mirror images, every claim holds"
 
 
-def test_a_digit_is_found_although_the_middle_of_the_row_closes_the_sum():
+def test_digit_is_found_although_middle_of_row_closes_sum():
     """0.327... is 0.337... in two places, and 0.268... in the middle, twice, is less by 0.01."""
     d = sound().drift
     wrong, closing = d[1].replace("0.327", "0.337"), d[3].replace("0.268", "0.258")
@@ -73,7 +73,7 @@ def test_a_digit_is_found_although_the_middle_of_the_row_closes_the_sum():
     assert found.suspects[0].says.endswith(", every claim holds, drift[3] closing the sum")
 
 
-def test_of_rows_of_one_length_the_first_operator_is_suspected_too():
+def test_of_rows_of_one_length_first_operator_is_suspected_too():
     own = verdict("published", "mclachlan_atela_4").file
     found = Verdict(replace(own, first="drift"))
     assert failing(found) == ["order"]
@@ -99,7 +99,7 @@ def registered(name, **changes):
     return Verdict(replace(sound(), order=None, requires=None, **(rows | changes)))
 
 
-def test_the_nearest_method_is_found_with_fewer_digits_and_with_its_roles_exchanged():
+def test_nearest_method_is_found_with_fewer_digits_and_exchanged_roles():
     short = tuple(f"{float(text):.9f}" for text in integrators["aba864"].kick)
     shorter = registered("aba864", kick=short, drift=tuple(f"{float(t):.9f}" for t in integrators["aba864"].drift))
     assert (shorter.nearest.tableau.name, shorter.nearest.is_same, shorter.nearest.exchanged) == ("aba864", True, False)
@@ -111,7 +111,7 @@ def test_the_nearest_method_is_found_with_fewer_digits_and_with_its_roles_exchan
     assert exchanged.warnings[-1].startswith("the kick is first here, and the drift is in ABA864")
 
 
-def test_the_nearest_method_is_found_in_other_units_of_the_step():
+def test_nearest_method_is_found_in_other_units_of_step():
     twice = registered("leapfrog", kick=("1", "1"), drift=("2",))
     assert (twice.nearest.tableau.name, twice.nearest.is_same, twice.nearest.rescaled) == ("leapfrog", True, True)
 
@@ -130,7 +130,7 @@ def test_methods_with_another_number_of_stages_are_not_compared():
     assert nearest(three[:1] + three[2:3] * 40) is None
 
 
-def test_a_method_that_is_not_symmetric_is_recognised_backwards_and_with_exchanged_roles():
+def test_asymmetric_method_is_recognised_reversed_and_with_exchanged_roles():
     exchanged = verdict("libraries", "ordinarydiffeq_mcate5").nearest
     assert (exchanged.tableau.name, exchanged.is_same) == ("mclachlan_atela_5", True)
     assert (exchanged.exchanged, exchanged.reversed) == (True, False)
@@ -167,7 +167,7 @@ def test_few_digits_are_said_to_prove_little():
     assert not any("allow so much" in warning for warning in registered("ruth").warnings)
 
 
-def test_the_method_with_most_coefficients_in_common_is_nearest_although_one_of_them_is_far_off():
+def test_method_with_most_common_coefficients_is_nearest():
     found = registered("aba864", drift=("9.5", *integrators["aba864"].drift[1:]))
     assert found.nearest.tableau.name == "aba864"
     assert [place for place, _, _ in found.nearest.differing] == ["drift[0]"]

@@ -58,7 +58,7 @@ def test_json_says_null_and_toml_nothing_where_there_is_nothing():
 
 @EVERY_METHOD
 @pytest.mark.parametrize("digits", [1, 16, 33])
-def test_a_rounded_coefficient_is_off_by_at_most_half_a_unit_of_its_last_digit(name, digits):
+def test_rounded_coefficient_error_is_at_most_half_last_unit(name, digits):
     tableau = integrators[name]
     digits = min(digits, tableau.digits)
     read = json.loads(export(tableau, "json", digits))
@@ -71,7 +71,7 @@ def test_a_rounded_coefficient_is_off_by_at_most_half_a_unit_of_its_last_digit(n
 
 @EVERY_METHOD
 @pytest.mark.parametrize("to", PROGRAMS)
-def test_a_program_has_by_default_the_doubles_that_our_kernels_have(name, to):
+def test_program_has_by_default_doubles_that_our_kernels_have(name, to):
     tableau = integrators[name]
     kick, drift = arrays(tableau, to, export(tableau, to))
     if to == "sundials":  # a zero stands where a stage of ARKODE has no kick or no drift
@@ -94,7 +94,7 @@ def test_a_program_has_the_digits_that_are_asked_for(to, digits):
 
 
 @EVERY_METHOD
-def test_stages_of_sundials_apply_the_substeps_of_a_step_in_their_order(name):
+def test_stages_of_sundials_apply_substeps_of_step_in_their_order(name):
     tableau = integrators[name]
     kicks, drifts = arrays(tableau, "sundials", export(tableau, "sundials"))
     applied = [one for a, b in zip(kicks, drifts, strict=True) for one in (("kick", float(a)), ("drift", float(b)))]
@@ -107,7 +107,7 @@ def test_stages_of_sundials_apply_the_substeps_of_a_step_in_their_order(name):
 
 
 @EVERY_METHOD
-def test_a_loop_in_c_begins_with_the_operator_that_is_first_and_repeats_the_other_one_before_it(name):
+def test_loop_order_in_c_follows_the_first_operator(name):
     """The loops of the other languages are run by test_read_as_python.py."""
     tableau = integrators[name]
     other = "drift" if tableau.first == "kick" else "kick"
@@ -134,7 +134,7 @@ def test_the_head_says_name_orders_roles_and_source(name, to):
 
 @EVERY_METHOD
 @pytest.mark.parametrize("to", ["rebound", "diffrax", "sundials"])
-def test_the_head_says_if_a_step_takes_more_force_evaluations_than_stages(name, to):
+def test_head_says_if_step_takes_more_force_evaluations_than_stages(name, to):
     tableau = integrators[name]
     (comments,) = re.findall(r"\A((?:(?:#|//) .*\n)+)", export(tableau, to))
     said = re.findall(r" (\d+) times", " ".join(comments.replace("//", "").replace("#", "").split()))
@@ -152,7 +152,7 @@ def test_the_head_says_if_a_step_takes_more_force_evaluations_than_stages(name, 
         ("julia", "BigFloat"),
     ],
 )
-def test_a_program_with_more_digits_than_a_double_says_what_becomes_of_them(to, says):
+def test_program_with_extra_digits_states_their_use(to, says):
     tableau = integrators["babps8o7h"]
     heads = [export(tableau, to, digits).split("\n\n")[0] for digits in (17, 18)]
     assert [says in head for head in heads] == [False, True]

@@ -16,7 +16,7 @@ def test_repeats_take_turns():
     assert seen == ["a", "b"] * 3
 
 
-def test_patience_ends_with_the_time_but_not_before_the_least_number():
+def test_patience_ends_with_time_but_not_before_least_number():
     patience = Patience(least=3, most=9, seconds=1.0, longest=10.0)
     assert patience.goes_on([])
     assert patience.goes_on([4.0, 4.0])  # over the time, under the least number

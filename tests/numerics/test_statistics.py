@@ -31,7 +31,7 @@ def sixth_order(tau):
     return 0.1 * tau**6
 
 
-def test_a_slope_is_that_between_the_floor_and_the_bent_top():
+def test_slope_is_that_between_floor_and_bent_top():
     """Below the curve a floor of 1e-16 to 3e-16, in no order; above 1e-4 errors that grow faster."""
     floor = np.where(np.arange(TAU.size) % 2, 3e-16, 1e-16)
     errors = np.maximum(sixth_order(TAU), floor)
@@ -40,7 +40,7 @@ def test_a_slope_is_that_between_the_floor_and_the_bent_top():
     assert order_of(TAU[::-1], errors[::-1]) == pytest.approx(6, abs=1e-9)  # whatever the order of the points
 
 
-def test_points_within_a_factor_of_100_of_the_lowest_error_are_left_out():
+def test_points_within_factor_100_of_lowest_error_are_skipped():
     tau = TAU[TAU > 0.02]
     errors = 1e3 * tau**6
     errors /= errors[0] / 1e-13
@@ -53,7 +53,7 @@ def test_points_within_a_factor_of_100_of_the_lowest_error_are_left_out():
     assert abs(order_of(tau, bent) - 6) > 1e-3
 
 
-def test_a_peak_among_the_points_of_the_floor_is_no_truncation():
+def test_peak_among_points_of_floor_is_no_truncation():
     errors = np.maximum(sixth_order(TAU), 1e-15)
     errors[3] = 1e-9
     assert order_of(TAU, errors) == pytest.approx(6, abs=1e-9)
@@ -77,7 +77,7 @@ def test_errors_above_one_in_ten_thousand_are_left_out():
     assert order_of(np.append(1e-6, tau), np.append(floor, errors)) < 5.999
 
 
-def test_a_slope_is_fitted_to_the_twenty_smallest_errors_above_the_floor():
+def test_slope_is_fitted_to_twenty_smallest_errors_above_floor():
     tau = 10.0 ** (np.arange(60) / 80 - 2)
     errors = 1e-12 * (tau / tau[0]) ** 6
     at = np.append(tau[0] / 10, tau)  # a floor of one point, 100 times lower than the rest
@@ -119,7 +119,7 @@ def allowed(freedom):
     return 1e-14 if freedom < 3 else 2e-3 * (3 / freedom) ** 5 + 1e-13
 
 
-def test_the_quantile_is_student_s_for_1_to_200_degrees_of_freedom():
+def test_quantile_is_students_for_1_to_200_degrees_of_freedom():
     for freedom in range(1, 201):
         assert student_975(freedom) == pytest.approx(student.ppf(0.975, freedom), rel=allowed(freedom)), freedom
 
@@ -132,7 +132,7 @@ def test_the_trend_of_four_points_and_its_interval_by_hand():
 
 
 @pytest.mark.parametrize("points", [3, 4, 7, 50])
-def test_the_trend_is_that_of_ordinary_least_squares_with_n_minus_2_degrees_of_freedom(points):
+def test_trend_is_least_squares_with_n_minus_2_freedoms(points):
     random = np.random.default_rng(points)
     t, angle = np.sort(random.uniform(0, 100, points)), random.normal(0, 0.3, points)
     expected = linregress(t, angle)
@@ -175,7 +175,7 @@ def test_linearity_needs_three_points_and_an_angle_that_turns():
     assert np.isnan(trend_linearity(t, np.array([0.0, 1.0, np.nan, np.inf]))).all()
 
 
-def test_the_jackknife_of_a_mean_is_the_interval_of_the_mean():
+def test_jackknife_of_mean_is_interval_of_mean():
     """Leaving one out in turn gives the standard error s/sqrt(n) of a mean exactly."""
     values = np.random.default_rng(3).normal(5, 2, 9)
     without = np.array([np.delete(values, i).mean() for i in range(9)])
@@ -183,7 +183,7 @@ def test_the_jackknife_of_a_mean_is_the_interval_of_the_mean():
     assert jackknife_interval(without) == pytest.approx(interval, rel=allowed(8) + 1e-12)
 
 
-def test_a_line_is_fitted_to_ordinates_of_any_mean_and_size():
+def test_line_is_fitted_to_ordinates_of_any_mean_and_size():
     """Nothing is unwrapped: ordinates in steps of more than pi stay as they are."""
     x, y = np.array([-3.0, -1.0, 0.0, 4.0]), np.array([100.0, 140.0, 90.0, 210.0])
     expected = linregress(x, y)

@@ -34,7 +34,7 @@ def test_the_old_content_stays_until_the_new_one_is_complete(tmp_path):
 
 
 @pytest.mark.parametrize("stop", [OSError("disk full"), KeyboardInterrupt(), SystemExit(1)])
-def test_a_block_that_raises_leaves_the_old_content_and_nothing_else(tmp_path, stop):
+def test_block_that_raises_leaves_old_content_and_nothing_else(tmp_path, stop):
     place = tmp_path / "table.csv"
     place.write_text("old")
     with pytest.raises(type(stop)):
@@ -43,7 +43,7 @@ def test_a_block_that_raises_leaves_the_old_content_and_nothing_else(tmp_path, s
     assert names(tmp_path) == ["table.csv"]
 
 
-def test_a_file_that_was_not_there_is_not_there_after_a_failure(tmp_path):
+def test_file_that_was_not_there_is_not_there_after_failure(tmp_path):
     with pytest.raises(OSError, match="disk full"):
         stopped(tmp_path / "table.csv", OSError("disk full"))
     assert names(tmp_path) == []
@@ -55,7 +55,7 @@ def test_the_folder_is_made_and_text_is_utf_8(tmp_path):
     assert place.read_bytes() == b"\xcf\x84, H\xc3\xa9non\n"
 
 
-def test_no_two_processes_on_no_two_machines_write_to_one_name(tmp_path, monkeypatch):
+def test_processes_on_all_machines_write_to_different_names(tmp_path, monkeypatch):
     parts = set()
     for host in ("first", "second"):
         for process in (17, 170):
@@ -70,7 +70,7 @@ def test_no_two_processes_on_no_two_machines_write_to_one_name(tmp_path, monkeyp
     assert len(parts) == 2 * 2 * 2
 
 
-def test_a_killed_process_leaves_the_old_content_and_a_hidden_file_that_hinders_nobody(tmp_path):
+def test_killed_process_leaves_old_content_and_hidden_file(tmp_path):
     place = tmp_path / "table.csv"
     place.write_text("old")
     killed = (

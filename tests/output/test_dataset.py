@@ -62,7 +62,7 @@ def test_variables_of_different_sizes_are_refused():
         assembled({"a": variable("x", np.zeros(3), ""), "b": variable("x", np.zeros(2), "")}, [], {})
 
 
-def test_attributes_of_the_dataset_and_of_its_variables_are_its_own():
+def test_attributes_of_dataset_and_of_its_variables_are_its_own():
     attributes = {"system": "sho"}
     made = assembled({**VARIABLES, **COORDINATES[0]}, ["x"], attributes)
     made.attrs["system"] = made.error.attrs["units"] = made.x.attrs["units"] = "changed"

@@ -11,7 +11,7 @@ from nearharmonic.output.page import filled, pipes
 @pytest.mark.parametrize(
     ("align", "marks"), [("l", "|---|---|---|"), ("lr", "|---|---:|---:|"), ("rrl", "|---:|---:|---|")]
 )
-def test_the_last_letter_of_the_alignment_holds_for_all_further_columns(align, marks):
+def test_last_letter_of_alignment_holds_for_all_further_columns(align, marks):
     assert pipes(["a", "b", "c"], [[1, "x", 2.5]], align) == ["| a | b | c |", marks, "| 1 | x | 2.5 |"]
 
 
@@ -23,6 +23,6 @@ def test_each_part_stands_between_its_marks_and_nothing_else_changes():
 
 
 @pytest.mark.parametrize("page", ["", "<!-- one -->\n", "<!-- one -->\n<!-- end -->\n<!-- one -->\n<!-- end -->\n"])
-def test_a_page_without_exactly_one_place_for_a_part_is_refused(page):
+def test_page_without_exactly_one_place_for_part_is_refused(page):
     with pytest.raises(NearharmonicError, match="places for one"):
         filled(page, {"one": "1"})

@@ -61,7 +61,7 @@ def test_the_reader_finds_what_xarray_finds_by_itself(tmp_path, variables, group
         xr.testing.assert_identical(found[alike].drop_attrs(deep=False), dataset[alike].load().drop_attrs(deep=False))
 
 
-def test_words_are_flags_in_the_file_and_words_for_its_reader(tmp_path, variables):
+def test_words_are_flags_in_file_and_words_for_its_reader(tmp_path, variables):
     """CF conventions, section 3.5: integers, with the values that they may have and the meaning of each."""
     store.write(tmp_path / "0.h5", variables, {})
     with xr.open_dataset(tmp_path / "0.h5", engine="h5netcdf") as dataset:
@@ -138,7 +138,7 @@ def test_a_dataset_keeps_its_attributes_and_coordinates(tmp_path, variables):
 
 
 @pytest.mark.parametrize("lost", ["units", "long_name"])
-def test_a_variable_without_units_or_meaning_is_refused_and_leaves_no_file(tmp_path, variables, lost):
+def test_variable_without_units_or_meaning_is_refused_without_file(tmp_path, variables, lost):
     del variables["q"][2][lost]
     with pytest.raises(NearharmonicError, match=f"'q' has no {lost}"):
         store.write(tmp_path / "0.h5", variables, {})
@@ -151,7 +151,7 @@ def test_lengths_that_contradict_a_dimension_are_refused(tmp_path, variables):
         store.write(tmp_path / "0.h5", variables, {})
 
 
-def test_a_file_is_replaced_at_once_so_that_its_readers_keep_the_old_one(tmp_path, variables):
+def test_atomic_replacement_keeps_old_file_for_its_readers(tmp_path, variables):
     store.write(tmp_path / "0.h5", variables, {})
     with (tmp_path / "0.h5").open("rb") as reader:
         before = (tmp_path / "0.h5").read_bytes()
@@ -160,7 +160,7 @@ def test_a_file_is_replaced_at_once_so_that_its_readers_keep_the_old_one(tmp_pat
     assert (tmp_path / "0.h5").read_bytes() != before
 
 
-def test_a_write_that_is_interrupted_leaves_the_old_file_and_nothing_else(tmp_path, variables, monkeypatch):
+def test_write_that_is_interrupted_leaves_old_file_and_nothing_else(tmp_path, variables, monkeypatch):
     store.write(tmp_path / "0.h5", variables, {})
     before = (tmp_path / "0.h5").read_bytes()
 
@@ -175,7 +175,7 @@ def test_a_write_that_is_interrupted_leaves_the_old_file_and_nothing_else(tmp_pa
 
 
 @pytest.mark.parametrize("kept", [0.0, 0.01, 0.5, 0.99])
-def test_a_truncated_file_is_named_with_the_command_that_makes_it_again(tmp_path, variables, kept, monkeypatch):
+def test_truncated_file_is_named_with_command_that_makes_it_again(tmp_path, variables, kept, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = "results/paper/runs/sho/ruth/0.h5"
     store.write(path, variables, {})

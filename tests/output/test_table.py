@@ -23,7 +23,7 @@ def test_each_form_holds_the_digits_that_its_readers_see():
     assert TABLE.records()[1] == {"name": "c", "size": 2}
 
 
-def test_a_table_read_from_its_csv_has_the_same_cells_as_texts():
+def test_table_read_from_its_csv_has_same_cells_as_texts():
     again = from_csv(TABLE.csv())
     assert (again.header, again.rows) == (["name", "size"], [["a, b", "0.1234567"], ["c", "2"]])
 

@@ -41,7 +41,7 @@ def test_a_sweep_is_drawn_against_step_size_per_stage():
     assert legend(figure) == ["Ruth"]
 
 
-def test_several_sweeps_are_told_apart_in_the_legend_and_by_their_lines():
+def test_legend_and_lines_distinguish_several_sweeps():
     curves = [
         nh.sweep("sho", "ruth", TAUS, t_end=20),
         nh.sweep("sho", "ruth", TAUS, t_end=20, precision="extended"),
@@ -58,7 +58,7 @@ def test_several_sweeps_are_told_apart_in_the_legend_and_by_their_lines():
     assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == 4
 
 
-def test_the_stages_of_a_method_are_known_even_if_every_run_diverged():
+def test_stages_of_method_are_known_even_if_every_run_diverged():
     curve = nh.sweep("kepler", "babps9o7h", [20000.0, 40000.0])
     assert (curve.status == "diverged").all()
     nh.plot(curve).draw_without_rendering()
@@ -156,7 +156,7 @@ def test_an_ensemble_is_drawn_against_the_one_parameter_that_varies():
     assert axes.get_yscale() == "log"
 
 
-def test_an_ensemble_of_starts_is_drawn_against_its_members_and_tells_how_many_diverged():
+def test_ensemble_plot_shows_members_and_number_of_diverged_ones():
     starts = [(0.1, 0.0), (0.2, 0.0), (8.0, 8.0)]  # far outside of the well
     many = nh.ensemble("henon_heiles", "ruth", 0.5, q0=starts, p0=(0.0, 0.1), t_end=50)
     (axes,) = nh.plot(many).axes
@@ -173,7 +173,7 @@ def test_errors_relative_to_different_energies_are_refused():
         nh.plot(runs)
 
 
-def test_a_run_without_energies_is_its_orbit_alone_and_a_sweep_without_is_refused():
+def test_run_without_energies_plots_orbit_and_sweep_is_refused():
     (axes,) = nh.plot(nh.integrate("sho", "ruth", 0.5, t_end=20, energy="none")).axes
     assert axes.get_title(loc="left").endswith("phase space, from the dot on")
     with pytest.raises(SettingError, match="energy='none'"):
@@ -187,7 +187,7 @@ def test_a_figure_of_diverged_runs_alone_says_so():
         assert axes.get_xlim()[0] > 1000  # as wide as the steps that were tried
 
 
-def test_ensembles_are_drawn_against_the_one_parameter_that_varies_in_all_of_them():
+def test_ensembles_are_drawn_against_their_only_common_varied_parameter():
     def ensemble(**values):
         return xr.Dataset({f"parameter_{name}": ("member", given) for name, given in values.items()})
 

@@ -57,7 +57,7 @@ def test_every_colour_stands_out_from_white_paper(name):
     assert 1.05 / (luminance(style_of(name).colour) + 0.05) >= 3
 
 
-def test_a_method_the_table_does_not_know_has_its_own_style_every_time():
+def test_unlisted_method_has_reproducible_style():
     assert style_of("rkn_11") == style_of("rkn_11")
     assert style_of("rkn_11") not in [style_of(name) for name in BENCHMARKED]
     unknown = [style_of(f"new method {i}") for i in range(200)]
@@ -67,7 +67,7 @@ def test_a_method_the_table_does_not_know_has_its_own_style_every_time():
 
 
 @pytest.mark.parametrize("filled", [True, False])
-def test_a_line_has_the_colour_and_marker_of_its_style_and_a_hollow_marker_is_white_inside(filled):
+def test_line_has_colour_and_marker_of_its_style(filled):
     style = Style("#123456", "s", filled=filled)
     axes = new_figure(3, 2).subplots()
     face = "#123456" if filled else "#ffffff"
@@ -77,7 +77,7 @@ def test_a_line_has_the_colour_and_marker_of_its_style_and_a_hollow_marker_is_wh
     assert look(axes.plot([1, 2], [3, 4], **style.line(linestyle="none"))[0]) == ("#123456", "s", face, NO_LINE)
 
 
-def test_legend_entries_are_the_styles_of_their_methods_under_their_labels_in_order():
+def test_legend_entries_have_styles_and_labels_in_order():
     names, labels = ["ruth", "babps9o7h", "leapfrog"], ["one", "two", "three"]
     handles = method_handles(names, labels, markersize=4)
     assert [handle.get_label() for handle in handles] == labels
@@ -113,7 +113,7 @@ def test_only_the_axes_asked_for_become_logarithmic(directions, scales):
     assert (axes.get_xscale(), axes.get_yscale()) == scales
 
 
-def test_logarithmic_axes_are_ticked_at_powers_of_ten_and_labelled_there_only():
+def test_logarithmic_axes_have_ticks_and_labels_at_powers_of_ten():
     axes, _ = line_on_log_axes([1, 1000], [1e-5, 1e3])
     axes.figure.draw_without_rendering()
     for axis in (axes.xaxis, axes.yaxis):
@@ -138,7 +138,7 @@ def test_an_axis_with_nothing_to_show_still_has_a_range(values):
     axes.figure.draw_without_rendering()
 
 
-def test_a_panel_letter_is_bold_above_the_left_corner_and_followed_by_what_the_panel_shows():
+def test_panel_letter_is_bold_above_left_corner_before_title():
     left, right = new_figure(3, 2).subplots(1, 2)
     panel_letter(left, "C", "the third")
     panel_letter(right, "D")
@@ -184,7 +184,7 @@ def test_no_file_holds_the_time_of_its_making(tmp_path):
 
 
 @pytest.mark.parametrize("failing", ["pdf", "svg", "png"])
-def test_a_file_that_fails_to_write_leaves_the_old_ones_in_place(tmp_path, monkeypatch, failing):
+def test_file_that_fails_to_write_leaves_old_ones_in_place(tmp_path, monkeypatch, failing):
     figure = plain_figure()
     for suffix in ("pdf", "svg", "png"):
         (tmp_path / f"fig.{suffix}").write_bytes(b"old")
@@ -212,7 +212,7 @@ def test_drawing_leaves_the_callers_matplotlib_settings_alone(tmp_path):
         assert dict(mpl.rcParams) == before
 
 
-def test_importing_the_figures_loads_neither_pyplot_nor_xarray_and_changes_no_setting():
+def test_importing_figures_loads_no_pyplot_and_changes_no_setting():
     # Start-up time: pyplot and xarray cost more than the drawing.
     program = """
 import sys, matplotlib

@@ -104,19 +104,19 @@ def test_other_libraries_are_taken_from_the_timings_that_are_there(results, few)
     ("error", "tolerance", "time"),
     [(1e-5, 1e-3, 1e-9), (1e-6, 1e-9, 2e-9), (2e-9, 1e-9, 2e-9), (2e-12, 1e-9, 2e-9)],
 )
-def test_another_library_keeps_the_fastest_setting_that_was_run_and_meets_the_error(results, error, tolerance, time):
+def test_other_library_keeps_fastest_setting_that_meets_error(results, error, tolerance, time):
     theirs = choice_of(recommend("sho", error, results=results), "theirs")
     assert (theirs.status, theirs.tolerance, theirs.time) == ("met", tolerance, time)
 
 
-def test_a_setting_is_no_choice_if_a_finer_one_misses_the_error(results):
+def test_setting_is_no_choice_if_finer_one_misses_error(results):
     found = recommend("sho", 1e-9, results=results)
     assert choice_of(found, "lucky").status == "missed"
     text = text_of(found)
     assert "not at any setting timed: LUCKY (1.0e-10 at tolerance 0.001, but not at all finer ones)" in text
 
 
-def test_a_coarse_setting_that_meets_the_error_by_luck_is_passed_over(tmp_path):
+def test_coarse_setting_that_meets_error_by_luck_is_passed_over(tmp_path):
     patchy = made("patchy", [1e-10, 1e-3, 1e-10], [1e-9, 2e-9, 3e-9])
     choice = choice_of(recommend("sho", 1e-9, results=written(tmp_path, [patchy])), "patchy")
     assert (choice.status, choice.tolerance) == ("met", 1e-9)
@@ -128,7 +128,7 @@ def test_timings_over_another_interval_are_left_out(tmp_path):
     assert "has no timings of this measure over this interval" in found.basis
 
 
-def test_the_text_has_setting_evaluations_time_ratio_and_error_of_each_method(results):
+def test_text_has_setting_evaluations_time_ratio_and_error_of_methods(results):
     text = text_of(recommend("sho", 1e-7, measure="mean", results=results)).splitlines()
     assert text[0] == "simple harmonic oscillator, t = 500: mean of |H - H0|/|H0| <= 1e-07"
     assert text[1].split() == [
@@ -150,7 +150,7 @@ def test_the_text_has_setting_evaluations_time_ratio_and_error_of_each_method(re
     assert "on Fast 9" in text[-1]
 
 
-def test_an_error_that_nobody_reaches_is_said_with_the_budget_and_the_best_there_is(results):
+def test_unreached_error_is_reported_with_budget_and_best_method(results):
     found = recommend("sho", 1e-20, results=results)
     assert found.ranked == ()
     text = text_of(found)
@@ -166,7 +166,7 @@ def test_json_holds_every_choice_and_no_infinity(results):
     assert told["system"] == "sho"
 
 
-def test_without_timings_methods_are_measured_and_other_libraries_named_as_missing(tmp_path, few):
+def test_without_timings_methods_are_measured_and_libraries_listed_missing(tmp_path, few):
     found = recommend("sho", 1e-6, results=tmp_path)
     assert {choice.method for choice in found.choices} == set(few)
     assert found.ranked[0].status == "met"
@@ -196,7 +196,7 @@ def test_a_system_of_ones_own_is_measured_on_the_spot(tmp_path):
         ("V=lambda q: sum(x**4 for x in q) / 4 - 0.765625,", "maximum of |H - H0| in J <= 0.001"),  # H0 = 0
     ],
 )
-def test_the_bound_is_said_in_the_words_of_the_energy_errors_of_the_system(tmp_path, change, says):
+def test_bound_is_said_in_words_of_energy_errors_of_system(tmp_path, change, says):
     text = QUARTIC.replace('"energy": "1"', '"energy": "J"').replace("    V=lambda q: sum(x**4 for x in q) / 4,", "")
     (tmp_path / "quartic.py").write_text(
         text.replace("    q0=", f"    {'' if 'V=' in change else 'V=lambda q: sum(x**4 for x in q) / 4,'} {change} q0=")
@@ -205,7 +205,7 @@ def test_the_bound_is_said_in_the_words_of_the_energy_errors_of_the_system(tmp_p
     assert text_of(found).splitlines()[0].endswith(says)
 
 
-def test_a_method_that_does_not_fit_the_system_is_named_with_the_reason(tmp_path):
+def test_method_that_does_not_fit_system_is_named_with_reason(tmp_path):
     found = recommend("relativistic_oscillator", 1e-3, results=tmp_path)
     assert choice_of(found, "srkn_a14").status == "not run"
     assert "not run: SRKN 14a (does not fit: it requires a quadratic kinetic energy)" in text_of(found)

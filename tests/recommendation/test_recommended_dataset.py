@@ -68,7 +68,7 @@ def errors_in_floats(tableau, tau, steps, q, p):
         ("sho", 1e-3, "max", {"q0": 2, "p0": -0.7}),
     ],
 )
-def test_each_run_returned_is_that_of_integrate_bit_for_bit_and_meets_the_error(system, error, measure, more):
+def test_returned_run_equals_integrate_bitwise_and_meets_error(system, error, measure, more):
     found = nh.recommend(system, error, measure=measure, methods=FEW, **more)
     assert sorted(found.integrator.values) == sorted(FEW)
     assert found["rank"].values.tolist() == [1, 2, 3]
@@ -79,7 +79,7 @@ def test_each_run_returned_is_that_of_integrate_bit_for_bit_and_meets_the_error(
         assert found[f"{measure}_energy_error"][i] <= float(error)
 
 
-def test_errors_are_those_of_a_loop_in_plain_python_from_the_values_given():
+def test_errors_equal_those_of_plain_python_loop():
     q0, p0 = [0.25, 0.125], [0.0, 0.375]
     found = nh.recommend("henon_heiles", 1e-5, q0=q0, p0=p0, t_end=50, methods=FEW, measure="mean")
     for i in range(3):
@@ -113,13 +113,13 @@ def test_times_are_in_seconds_and_rank_the_methods(monkeypatch):
     assert found.time.attrs["units"] == "s"
 
 
-def test_the_time_of_a_run_is_of_the_size_of_its_evaluations():
+def test_time_of_run_is_of_size_of_its_evaluations():
     found = nh.recommend("kepler", 1e-3, methods=["ruth"], t_end=8766)
     # A kick and a drift of two coordinates take between a nanosecond and a microsecond on any processor.
     assert 1e-9 < float(found.time[0]) / int(found.evaluations[0]) < 1e-6
 
 
-def test_no_run_takes_more_than_the_budget_and_none_is_made_beyond_five_quarters_of_it(monkeypatch):
+def test_no_run_exceeds_budget_or_five_quarters_of_it(monkeypatch):
     longest, integrate_batch = [], choices.integrate_batch
 
     def watched(system, tableau, *, steps, **more):
@@ -195,7 +195,7 @@ def chain(sites):
     return nh.System(name="chain", V=V, q0=q0, p0=[0] * sites, t_end=10)
 
 
-def test_a_system_of_more_coordinates_than_are_unrolled_is_timed_as_it_is_integrated():
+def test_system_of_many_coordinates_is_timed_as_integrated():
     system = chain(MOST_UNROLLED + 1)
     found = nh.recommend(system, 1e-4, methods=FEW)
     for i in range(3):
@@ -206,7 +206,7 @@ def test_a_system_of_more_coordinates_than_are_unrolled_is_timed_as_it_is_integr
         assert calls["trajectory"]()[0].tolist() == run.q[-1].values.tolist()
 
 
-def test_an_error_that_none_meets_gives_no_row_and_says_who_misses_it():
+def test_unmet_error_gives_no_row_and_names_missing_methods():
     found = nh.recommend("sho", 1e-18, methods=FEW, budget=3000)
     assert dict(found.sizes) == {"rank": 0}
     assert [found.attrs["missed"].count(integrators[name].label) for name in FEW] == [1, 1, 1]
@@ -244,7 +244,7 @@ def test_a_bad_question_is_one_sentence_before_any_method_runs(asked, says, monk
     assert "\n" not in str(raised.value)
 
 
-def test_sums_are_plain_where_that_loses_nothing_and_compensated_at_the_last_digits():
+def test_sums_are_plain_if_harmless_and_compensated_at_last_digits():
     """At 1e-6 rounding is nowhere near; below 1e-14 plain sums lose a factor of ten on a thousand periods."""
     coarse, fine = (nh.recommend("sho", error, methods=["srkn_a14", "babs7o7h"], t_end=5000, budget=2_000_000)
                     for error in (1e-6, 2e-15))  # fmt: skip

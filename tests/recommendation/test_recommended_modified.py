@@ -26,7 +26,7 @@ def test_a_recommended_run_is_that_of_integrate(measure):
         assert (one.max_energy_error, one.evaluations) == (run.max_energy_error, run.evaluations)
 
 
-def test_a_processed_method_is_measured_along_its_runs_and_not_at_their_ends():
+def test_processed_method_is_measured_along_its_runs_not_at_ends():
     """The energy error at the end of the interval alone is a tenth of the largest one, and would take longer steps."""
     found = nh.recommend("henon_heiles", 1e-5, methods=["rowlands"], t_end=50, budget=20000).isel(rank=0)
     ends = nh.integrate("henon_heiles", "rowlands", float(found.tau), t_end=50, samples=1)
@@ -34,7 +34,7 @@ def test_a_processed_method_is_measured_along_its_runs_and_not_at_their_ends():
     assert 1e-6 < found.max_energy_error <= 1e-5
 
 
-def test_a_position_at_the_end_is_found_behind_fewer_samples_than_others_have():
+def test_final_position_is_found_after_fewer_samples_than_others():
     system, tableau = systems["henon_heiles"], nh.integrators["rowlands"]
     exact = reference(system, "20")
     points = grid(tableau, "20", 0.005, 0.5, 2, 10_000)

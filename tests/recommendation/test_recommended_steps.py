@@ -83,7 +83,7 @@ def test_steps_among_resonances_meet_the_error_when_they_are_run(capsys, system,
 
 
 @pytest.mark.usefixtures("slippery")
-def test_finer_steps_that_the_search_did_not_choose_meet_the_error_too(capsys):
+def test_finer_steps_that_search_did_not_choose_meet_error_too(capsys):
     for _, label, step, *_ in check(capsys, "sho", "1e-6"):
         n = steps_in("500", float(step))
         # 20 numbers of steps in even ratios up to twice as many.
@@ -112,7 +112,7 @@ def test_steps_for_a_position_end_where_the_cosine_says(capsys):
 
 
 @pytest.mark.usefixtures("slippery")
-def test_the_order_is_that_of_the_times_printed_and_ratios_are_theirs(capsys):
+def test_order_is_that_of_times_printed_and_ratios_are_theirs(capsys):
     rows, _, _ = asked(capsys, "henon_heiles", "--error", "1e-6")
     times = [float(row[4]) for row in rows]
     assert times == sorted(times)
@@ -122,7 +122,7 @@ def test_the_order_is_that_of_the_times_printed_and_ratios_are_theirs(capsys):
 
 
 @pytest.mark.usefixtures("slippery")
-def test_the_run_that_is_timed_is_the_run_that_is_printed(capsys, monkeypatch):
+def test_run_that_is_timed_is_run_that_is_printed(capsys, monkeypatch):
     timed = {}
 
     def calls(system, tableau, t_end, steps, summation, modes):
@@ -143,7 +143,7 @@ def test_the_run_that_is_timed_is_the_run_that_is_printed(capsys, monkeypatch):
 
 
 @pytest.mark.parametrize("steps", [310, 333, 400])
-def test_plain_sums_are_never_above_the_bound_that_compensated_ones_meet_exactly(steps, monkeypatch):
+def test_plain_sums_never_exceed_bound_that_compensated_ones_meet(steps, monkeypatch):
     """At these steps of BABs7o7H plain sums err by 1e-10 to 3e-9 more, on a curve that falls from there on."""
     monkeypatch.setattr("nearharmonic.recommendation.question.integrators", {"babs7o7h": integrators["babs7o7h"]})
     careful, plain = (
@@ -162,7 +162,7 @@ def test_a_printed_step_gives_the_same_number_of_steps(steps, t_end):
     assert steps_in(t_end, float(text)) == steps
 
 
-def test_a_printed_step_has_four_digits_if_these_suffice_and_no_more_than_it_needs():
+def test_printed_step_has_four_digits_or_as_many_as_needed():
     assert printed_step("500", 500 / 474, 474) == "1.055"
     assert printed_step("500", 500 / 30001, 30001) == "0.016666"  # 0.01667 would be 29994 steps
     assert printed_step("500", 500.0, 1) == "500"
@@ -171,7 +171,7 @@ def test_a_printed_step_has_four_digits_if_these_suffice_and_no_more_than_it_nee
 @pytest.mark.slow
 @pytest.mark.parametrize("error", ["1e-3", "1e-6", "1e-9"])
 @pytest.mark.parametrize("system", ["sho", "henon_heiles", "kepler"])
-def test_every_step_printed_for_every_method_meets_the_error_when_it_is_run(capsys, system, error):
+def test_every_printed_step_meets_error_when_run(capsys, system, error):
     rows = check(capsys, system, error)
     # Methods of lower order are beyond the budget at small errors.
     assert {tableau.label for tableau in integrators.values() if tableau.order >= 4} <= {row[1] for row in rows}

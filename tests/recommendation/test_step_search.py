@@ -20,14 +20,14 @@ def search(error_of, bound, floor=NO_FLOOR, most=MOST):
 
 
 @pytest.mark.parametrize("bound", [3.0, 1e-2, 1e-5, 1e-9, 1e-13])
-def test_a_power_law_is_met_within_half_a_percent_of_where_its_formula_says(bound):
+def test_power_law_crosses_within_half_percent_of_formula(bound):
     exact = ceil((3.0 / bound) ** 0.25)  # 3 n^-4 <= bound
     fewest, _ = search(lambda n: 3.0 * n**-4, bound)
     assert exact <= fewest <= exact * (1 + 1 / 200) + 1
 
 
 @pytest.mark.parametrize("spike", [19, 30, MARGIN * 18])
-def test_a_resonance_of_a_single_step_size_down_to_half_the_step_is_seen(spike):
+def test_search_sees_resonance_down_to_half_the_step(spike):
     fewest, _ = search(lambda n: 1.0 if n == spike else 3.0 * n**-2, 1e-2)  # the power law meets it from 18 on
     assert fewest == spike + 1
 
@@ -44,7 +44,7 @@ def test_a_resonance_of_thirty_percent_is_seen_wherever_it_lies(centre):
 
 
 @pytest.mark.parametrize("spike", [501, 533, 578])
-def test_a_resonance_of_a_single_step_size_close_to_the_step_is_seen_where_runs_are_cheap(spike):
+def test_search_sees_resonance_of_single_step_size_near_step(spike):
     # The power law meets the bound from 500 on; rungs lie 3 apart there, and MOST / 500 = 40 times four runs are made.
     fewest, _ = search(lambda n: 1.0 if n == spike else 2500.0 * n**-2, 1e-2)
     assert fewest == spike + 1
@@ -67,7 +67,7 @@ def test_lucky_coarse_steps_do_not_count():
 
 
 @pytest.mark.parametrize("bound", [1e-4, 1e-7])
-def test_every_finer_run_that_was_made_meets_the_error_and_all_near_ones_were_made(bound):
+def test_finer_runs_meet_error_and_all_near_ones_were_made(bound):
     def ragged(n):
         return (5.0 if n % 7 == 0 else 1.0) * n**-2
 
@@ -105,7 +105,7 @@ def test_a_run_of_one_step_may_be_the_answer():
     assert search(lambda n: 0.5, 1.0)[0] == 1
 
 
-def test_a_ladder_takes_every_number_of_steps_where_runs_are_cheap_and_ends_in_ratios_of_one_part_in_24():
+def test_ladder_has_all_cheap_step_counts_then_fixed_ratios():
     rungs = ladder(MOST)
     # n (n / MOST)^(1/2) / 24 < 2 up to n = (48 MOST^(1/2))^(2/3) = 358.
     assert rungs[:358] == list(range(1, 359))

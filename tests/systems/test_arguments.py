@@ -96,7 +96,7 @@ def test_formulas_of_another_number_of_arguments_are_refused(words):
         made(**COUNTS[words])
 
 
-def test_arguments_with_defaults_and_functions_without_a_signature_are_left_alone():
+def test_arguments_with_defaults_and_functions_without_signature_are_left_alone():
     assert made(V=lambda q, m, k, more=2: q[0] ** more).energy((3.0,), (0.0,), (1.0, 4.0)) == 9
     assert made(V=lambda q, *, more=2: q[0] ** more, parameters={}).energy((3.0,), (0.0,)) == 9
     assert made(V=max, parameters={}).energy((3.0,), (0.0,)) == 3
@@ -141,7 +141,7 @@ REFUSED = {
 
 @pytest.mark.parametrize("case", REFUSED)
 @pytest.mark.parametrize("tracer", ["kernel", "text"])
-def test_a_formula_that_cannot_be_traced_is_refused_by_its_name(case, tracer):
+def test_formula_that_cannot_be_traced_is_refused_by_its_name(case, tracer):
     grad_V, words = REFUSED[case]
     trace = {"kernel": traced, "text": velocity_text}[tracer]
     with pytest.raises(SystemDefinitionError, match=f"^mine: {words}") as caught:

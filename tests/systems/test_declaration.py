@@ -15,7 +15,7 @@ def square(q, p, k):
     return q[0] ** 2
 
 
-def test_a_parameter_is_its_value_with_a_unit_and_a_meaning_by_default():
+def test_parameter_is_its_value_with_unit_and_meaning_by_default():
     assert nh.Parameter(value=3) == nh.Parameter(value="3", unit="1", meaning="")
     assert nh.Parameter(value=0.1).value == nh.Parameter(value=np.float64(0.1)).value == "0.1"
     made = spring(V=lambda q, k: k * q[0] ** 2 / 2, grad_V=None, parameters={"k": nh.Parameter(value=4)})
@@ -25,7 +25,7 @@ def test_a_parameter_is_its_value_with_a_unit_and_a_meaning_by_default():
     assert spring(V=lambda q, k: q[0], grad_V=None, parameters={"k": 4}).parameters["k"].meaning == "k"
 
 
-def test_a_fraction_is_exact_where_it_is_a_decimal_and_has_100_digits_elsewhere():
+def test_fraction_is_exact_decimal_or_has_100_digits():
     made = spring(q0=[Fraction(1, 3)], p0=[Fraction(-5, 8)], t_end=Fraction(7, 2))
     assert made.p0 == ("-0.625",)
     assert made.t_end == "3.5"
@@ -34,7 +34,7 @@ def test_a_fraction_is_exact_where_it_is_a_decimal_and_has_100_digits_elsewhere(
     assert Fraction(run.q[0, 0].item()) + Fraction(run.q_low[0, 0].item()) - Fraction(1, 3) < Fraction(1, 2**105)
 
 
-def test_an_observable_is_a_function_with_a_unit_unknown_and_its_name_as_meaning():
+def test_bare_observable_has_unknown_unit_and_name_as_meaning():
     made = spring(V=lambda q, k: k * q[0] ** 2 / 2, grad_V=None, parameters={"k": 1}, observables={"x2": square})
     run = nh.integrate(made, "aba864", 0.05, t_end=1)
     assert made.observables["x2"] == nh.Observable(function=square, unit="unknown", meaning="x2")

@@ -49,7 +49,7 @@ def test_derived_gradients_are_those_given_in_every_number_type(name):
         assert abs(a.value - b.value) < abs(a.value) * Decimal("1e-100")
 
 
-def test_a_derivative_that_is_constant_has_the_shape_of_the_others():
+def test_derivative_that_is_constant_has_shape_of_others():
     made = spring(V=lambda q: q[0] ** 2 + 3 * q[1], grad_V=None, q0=("1", "1"), p0=("0", "0"))
     assert np.array(made.grad_V((np.ones(4), np.ones(4)))).shape == (2, 4)
     assert made.grad_V((Fraction(1), Fraction(1))) == (2, 3)
@@ -126,7 +126,7 @@ def test_parameters_are_values_unless_a_formula_needs_to_know_them(case):
         assert float(made.grad_V((mpf("0.7"),), k)[0]) == pytest.approx(float(exact), rel=1e-12)
 
 
-def test_a_gradient_that_branches_on_a_parameter_keeps_it_a_constant():
+def test_gradient_that_branches_on_parameter_keeps_it_constant():
     made = spring(V=lambda q, k: k * q[0] ** 2 / 2, grad_V=lambda q, k: (k * q[0] if k > 0 else 0,),
                   parameters={"k": constant("1")})  # fmt: skip
     assert not made.parameters_at_run_time
@@ -135,7 +135,7 @@ def test_a_gradient_that_branches_on_a_parameter_keeps_it_a_constant():
     assert nh.systems["sho"].parameters_at_run_time
 
 
-def test_a_formula_that_fails_says_so_once_with_the_name_of_the_energy():
+def test_formula_that_fails_says_so_once_with_name_of_energy():
     def V(q):
         return q[0] if q[0] > 0 else -q[0]
 
@@ -175,7 +175,7 @@ def test_a_formula_of_exploding_size_is_refused_before_any_work(monkeypatch, gra
         nh.integrate(spring(V=V, grad_V=grad_V, name="mine"), "ruth", 0.1)
 
 
-def test_a_formula_that_would_compile_for_minutes_is_refused_by_its_number_of_operations(monkeypatch):
+def test_large_formula_is_refused_by_number_of_operations(monkeypatch):
     def V(q):
         x = q[0]
         for k in range(500):
@@ -188,7 +188,7 @@ def test_a_formula_that_would_compile_for_minutes_is_refused_by_its_number_of_op
         nh.integrate(spring(V=V, grad_V=None, name="mine"), "ruth", 0.1)
 
 
-def test_a_sum_of_many_terms_of_one_coordinate_is_a_loop():
+def test_sum_of_many_terms_of_one_coordinate_is_loop():
     """A Fourier series of 700 terms: a kick against one of mpmath."""
 
     def V(q):

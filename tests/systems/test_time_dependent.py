@@ -64,7 +64,7 @@ def test_a_driven_oscillator_follows_its_closed_form(precision):
     assert run.max_energy_error.item() < 1e-12
 
 
-def test_the_energy_of_the_extended_system_is_conserved_and_p_t_is_the_work_done():
+def test_extended_energy_is_conserved_and_p_t_is_work():
     """In mpmath: H = T + V + p_t, by the formulas that kernels integrate."""
     formulas = driven().formulas()
     q0, p0 = driven().extended_start(mpf)
@@ -113,7 +113,7 @@ def test_a_gradient_that_is_given_is_used_and_compared():
         nh.integrate(extended, "aba864", 0.1)
 
 
-def test_the_extended_system_is_a_system_of_its_own_for_whoever_needs_one():
+def test_extended_system_is_available_as_separate_system():
     made = driven(observables={}, exact_position=lambda system, t: (exact_position(t),))
     own = made.autonomous()
     assert (own.dimension, own.time_dependent, own.q0, own.p0) == (2, False, ("1", "0"), ("0", "0"))

@@ -45,7 +45,7 @@ def test_where_the_trace_only_touches_two_no_gap_opens():
     assert stability_gaps(symmetric(("0.25", "0.5", "0.25"), ("0.5", "0.5"))) == [(4, inf)]
 
 
-def test_the_gap_of_two_stages_is_where_its_quadratic_equations_say():
+def test_gap_of_two_stages_is_where_its_quadratic_equations_say():
     # Kicks b, 1 - 2b, b and drifts 1/2: with x = tau^2, K12/tau = 1 - x(1 - 2b)/4 and K21/tau has a factor
     # 1 - b x/2; at b = 1/4 these roots, 4/(1 - 2b) and 2/b, meet.
     with mp.workdps(30):
@@ -66,7 +66,7 @@ def beside(name, edge):
 
 
 @EVERY_METHOD
-def test_each_edge_is_a_crossing_of_two_to_more_than_twelve_digits(name):
+def test_each_edge_is_crossing_of_two_to_twelve_digits(name):
     tableau, gaps = integrators[name], stability_gaps(name)
     assert stability_limit(name) == gaps[0][0]
     assert stability_end(name) == gaps[-1][0]
@@ -79,7 +79,7 @@ def test_each_edge_is_a_crossing_of_two_to_more_than_twelve_digits(name):
                 assert abs(trace(tableau, end - near)) > 2 > abs(trace(tableau, end + near))
 
 
-def test_the_edges_of_the_stability_limit_and_of_most_methods_are_told_apart_in_30_digits():
+def test_stability_edges_are_distinguished_in_30_digits():
     gaps = {name: stability_gaps(name)[:-1] for name in integrators}
     assert [name for name in gaps if not all(beside(name, end) for _, end in gaps[name])] == ["sofspa_s35o10"]
     assert all(beside(name, stability_limit(name)) for name in integrators)
@@ -119,7 +119,7 @@ def leapfrogs(count):
 
 
 @pytest.mark.parametrize("count", [2, 4, 8])
-def test_leapfrogs_in_a_row_touch_at_their_resonances_and_never_cross(count):
+def test_leapfrogs_in_row_touch_at_their_resonances_and_never_cross(count):
     # A leapfrog step h turns by theta with sin(theta / 2) = h / 2: count of them make half turns at k pi.
     expected = [2 * count * sin(k * mpf(pi) / (2 * count)) for k in range(1, count)]
     assert stability_gaps(leapfrogs(count)) == [(2 * count, inf)]
@@ -187,7 +187,7 @@ def beside_edges(name):
 
 
 @pytest.mark.parametrize("name", BENCHMARKED)
-def test_runs_on_either_side_of_every_edge_do_what_the_edge_says(name):
+def test_runs_on_both_sides_of_every_edge_confirm_it(name):
     """Rounding moves an edge by 1e-16 times the size of the step's operators, below 1e-12; runs keep 5e-9 away."""
     for stable, unstable in beside_edges(name):
         runs = {tau: nh.sweep("sho", name, [float(tau)], t_end=nstr(tau * STEPS, 30)) for tau in (stable, unstable)}

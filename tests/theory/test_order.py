@@ -105,7 +105,7 @@ def test_each_triple_jump_adds_two_orders_up_to_eight():
         leading_errors(tableau, highest=7)
 
 
-def test_a_nystrom_method_has_its_order_for_quadratic_kinetic_energy_and_in_its_own_role_alone():
+def test_nystrom_method_has_its_order_only_for_quadratic_kinetic_energy():
     assert (order_of(SRKN11), nystrom_order_of(SRKN11)) == (4, 6)
     assert nystrom_order_of(SRKN11, first="drift") == 4
 
@@ -128,7 +128,7 @@ def test_the_first_generalised_order_is_that_of_a_quadrature(name):
     assert generalised_order_of(tableau)[0] == exact
 
 
-def test_what_blanes_and_others_call_the_small_part_is_the_kick():
+def test_what_blanes_and_others_call_small_part_is_kick():
     assert generalised_order_of("aba864") == (8, 6, 4)
     assert generalised_order_of("aba864", first="kick") == (4,)
 
@@ -154,7 +154,7 @@ def test_the_nystrom_norm_is_the_distance_to_what_vanishes(name, degree):
 
 
 @pytest.mark.parametrize("name", ["ruth", "abas5o6h", "babs7o7h"])
-def test_the_harmonic_error_is_the_limit_of_the_step_minus_the_rotation(name):
+def test_harmonic_error_is_limit_of_step_minus_rotation(name):
     degree, norm = leading_errors(name).harmonic
     tableau = integrators[name]
     with mp.workdps(60):
@@ -186,7 +186,7 @@ def rounded(tableau, digits):
 
 @pytest.mark.parametrize("digits", [16, 30, 70])
 @pytest.mark.parametrize(("name", "order"), [("yoshida_s7o6a", 6), ("babps9o7h", 4), ("ruth", 4)])
-def test_an_order_is_recognised_from_as_few_digits_as_are_guaranteed_and_no_fewer(name, order, digits):
+def test_order_is_recognised_from_guaranteed_digits_and_no_fewer(name, order, digits):
     tableau = rounded(integrators[name], digits)
     assert order_of(tableau) == order
     # Digits claimed beyond those that are right: found out once the bound no longer covers the difference.
@@ -211,7 +211,7 @@ def test_the_tolerance_bounds_what_wrong_last_digits_do(name, degree):
 
 
 @pytest.mark.parametrize("number", [0, -2, 2.0, True, "4"])
-def test_a_degree_or_a_highest_order_that_is_no_positive_integer_is_refused(number):
+def test_degree_and_highest_order_must_be_positive_integers(number):
     with pytest.raises(SettingError, match=r"highest = .* is not allowed: an integer >= 1"):
         order_of("ruth", highest=number)
     with pytest.raises(SettingError, match=r"degree = .* is not allowed: an integer >= 1"):

@@ -68,7 +68,7 @@ def test_a_step_is_symplectic_and_runs_back(tableau, tau):
 
 
 @given(tableaus())
-def test_exchanging_roles_keeps_the_even_orders_exactly_and_exchanges_the_odd_ones(tableau):
+def test_exchanging_roles_keeps_even_orders_exactly_and_exchanges_odd_ones(tableau):
     # Why lines and circles of the paper's Fig. 2 meet at even orders.
     own, other = (
         step_polynomials(tableau),
@@ -79,7 +79,7 @@ def test_exchanging_roles_keeps_the_even_orders_exactly_and_exchanges_the_odd_on
 
 
 @given(tableaus())
-def test_the_highest_term_is_the_product_of_all_coefficients_at_lambda_max(tableau):
+def test_highest_term_is_product_of_all_coefficients_at_lambda_max(tableau):
     K, highest = step_polynomials(tableau), lambda_max(tableau)
     zeta = [a - b for a, b in zip(K.K11, K.K12, strict=True)]
     assert all(c == 0 for c in zeta[highest + 1 :])
@@ -93,7 +93,7 @@ def test_the_highest_term_is_the_product_of_all_coefficients_at_lambda_max(table
 
 @TEN
 @ROLES
-def test_kappa_is_the_taylor_coefficient_of_the_position_after_one_step(name, first):
+def test_kappa_is_taylor_coefficient_of_position_after_one_step(name, first):
     tableau = integrators[name].role(first)
     highest = lambda_max(tableau)
     with mp.workdps(40):
@@ -116,7 +116,7 @@ def test_no_term_of_the_step_is_left_beyond_lambda_max(name, first):
 
 
 @TEN
-def test_both_compositions_meet_at_even_orders_and_nowhere_else_that_counts(name):
+def test_compositions_agree_at_even_orders_and_nowhere_else(name):
     highest = 2 * integrators[name].stages
     drift, kick = (kappa(name, highest, first=first) for first in ("drift", "kick"))
     assert drift[1::2] == kick[1::2]
@@ -125,13 +125,13 @@ def test_both_compositions_meet_at_even_orders_and_nowhere_else_that_counts(name
     assert min(apart) > 1e-4
 
 
-def test_kappa_takes_a_name_or_a_tableau_and_its_own_role_by_default():
+def test_kappa_takes_name_or_tableau_and_its_own_role():
     tableau = integrators["babs7o7h"]
     assert kappa("babs7o7h", 9) == kappa(tableau, 9) == kappa(tableau, 9, first="kick")
     assert kappa("babs7o7h", 9) != kappa(tableau, 9, first="drift")
 
 
-def test_kappa_keeps_ten_digits_more_than_the_coefficients_have_whatever_the_working_precision():
+def test_kappa_keeps_ten_guard_digits_in_any_working_precision():
     # kappa_8 of this method is 1e-3, so that 86 digits are 1e-89 of it; the reference is the step matrix, exact.
     zeta = step_polynomials("babps9o7h").K11[8]
     with mp.workdps(15):
@@ -165,7 +165,7 @@ def test_a_highest_order_below_one_or_no_integer_is_refused(highest):
         ("babs7o7h", 3.1e-8),
     ],
 )
-def test_energy_errors_at_a_tenth_per_stage_agree_with_an_earlier_implementation(name, published):
+def test_energy_errors_at_tenth_per_stage_agree_with_earlier_implementation(name, published):
     # Known to two digits, and one of the ten is rounded up: half a unit of 1.2 is 4 %.
     assert harmonic_energy_error(name, mpf("0.1") * integrators[name].stages) == pytest.approx(published, rel=0.05)
 
@@ -206,7 +206,7 @@ FIRST_GAPS = {
 
 
 @TEN
-def test_the_first_stability_gap_opens_and_closes_where_it_is_known_to(name):
+def test_first_stability_gap_has_known_edges(name):
     # Edges known to 9 and to 4 or 5 decimals: within one unit of the last one.
     start, end = FIRST_GAPS[name]
     for tau, stable in ((start - 1e-9, True), (start + 1e-9, False)):
@@ -249,13 +249,13 @@ def test_no_narrower_gap_opens_before_the_known_one(name):
 
 
 @TEN
-def test_the_trace_of_a_small_step_is_that_of_the_exact_rotation(name):
+def test_trace_of_small_step_is_that_of_exact_rotation(name):
     # The phase error of an order-4 method is O(tau^5): of the trace, O(tau^6), with constants below 1e3 / 6!.
     with mp.workdps(50):
         assert abs(stability_trace(name, mpf("1e-4")) - 2 * cos(mpf("1e-4"))) < mpf("1e-23")
 
 
 @pytest.mark.parametrize("tau", [0, -0.1, inf, float("nan"), "quick", None])
-def test_a_step_size_that_is_no_finite_number_above_zero_is_refused(tau):
+def test_step_size_must_be_finite_and_positive(tau):
     with pytest.raises(SettingError, match=r"tau = .* is not allowed: a finite number above 0"):
         harmonic_energy_error("ruth", tau)

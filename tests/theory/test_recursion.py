@@ -77,7 +77,7 @@ def other(first):
 
 
 @given(tableaus())
-def test_each_row_of_the_recursion_is_the_product_of_the_matrices_up_to_its_drift(tableau):
+def test_each_recursion_row_is_product_of_matrices(tableau):
     assume(all(map(Fraction, tableau.drift)))
     after, _ = matrices_after_each_drift(tableau)
     rows = position_rows(tableau)
@@ -87,14 +87,14 @@ def test_each_row_of_the_recursion_is_the_product_of_the_matrices_up_to_its_drif
 
 
 @given(tableaus())
-def test_the_momentum_of_the_recursion_is_that_of_the_whole_step(tableau):
+def test_momentum_of_recursion_is_that_of_whole_step(tableau):
     assume(all(map(Fraction, tableau.drift)))
     _, step = matrices_after_each_drift(tableau)
     assert momentum_row(tableau) == merged(*step[1], lambda_max(tableau, variable="momentum") + 1)
 
 
 @given(tableaus())
-def test_zeta_is_the_step_from_one_and_minus_one_order_by_order(tableau):
+def test_zeta_is_step_from_one_and_minus_one_by_order(tableau):
     _, step = matrices_after_each_drift(tableau)
     for variable, (from_q, from_p) in zip(("position", "momentum"), step, strict=True):
         expected = add(from_q, [-c for c in from_p])
@@ -105,7 +105,7 @@ def test_zeta_is_the_step_from_one_and_minus_one_order_by_order(tableau):
 
 
 @EVERY_METHOD
-def test_the_momentum_of_one_composition_errs_as_the_position_of_the_other(name):
+def test_momentum_of_one_composition_errs_as_position_of_other(name):
     # Exchanging q and p (and the sign of time) turns kicks into drifts: kappa must not know the difference.
     tableau = integrators[name]
     highest = 2 * tableau.stages + 2
@@ -129,7 +129,7 @@ def test_a_drift_of_zero_is_named(function):
 
 
 @given(tableaus())
-def test_the_closed_sums_are_orders_zero_two_and_four_with_the_upper_limit_of_equation_16(tableau):
+def test_closed_sums_have_orders_zero_two_four_with_equation_16(tableau):
     after, _ = matrices_after_each_drift(tableau)
     for sums, product in zip(closed_sums(tableau)[1:], after, strict=True):
         from_q = [*product[0][0], *[0] * 5]
@@ -137,14 +137,14 @@ def test_the_closed_sums_are_orders_zero_two_and_four_with_the_upper_limit_of_eq
 
 
 @given(tableaus())
-def test_the_upper_limit_printed_in_table_3_gives_the_row_above(tableau):
+def test_upper_limit_printed_in_table_3_gives_row_above(tableau):
     sums = closed_sums(tableau)
     assert [row.tau4_as_printed for row in sums[1:]] == [row.tau4 for row in sums[:-1]]
 
 
 @pytest.mark.parametrize("name", thinned(name for name, one in integrators.items() if one.order >= 4 and one.symmetric))
 @ROLES
-def test_only_the_upper_limit_of_equation_16_makes_a_registered_method_fourth_order(name, first):
+def test_only_upper_limit_of_equation_16_gives_fourth_order(name, first):
     last = closed_sums(name, first=first)[-1]
     # Printed digits, less five for the few hundred products in a sum and for their size.
     allowed = Fraction(1, 10 ** (integrators[name].digits - 5))
@@ -163,7 +163,7 @@ def evaluated(cell, names):
 
 
 @WITH_LAST_DRIFT
-def test_table_2_in_symbols_evaluates_to_the_product_of_the_matrices(name, first):
+def test_table_2_in_symbols_evaluates_to_product_of_matrices(name, first):
     tableau = integrators[name].role(first)
     after, step = matrices_after_each_drift(tableau)
     c, d = list(map(Fraction, tableau.drift)), list(map(Fraction, tableau.kick))
@@ -189,7 +189,7 @@ def test_table_2_in_symbols_evaluates_to_the_product_of_the_matrices(name, first
 
 
 @WITH_LAST_DRIFT
-def test_table_2_in_numbers_is_rounded_once_and_filled_where_its_symbols_are(name, first):
+def test_table_2_numbers_are_rounded_once_at_their_symbols(name, first):
     tableau = integrators[name].role(first)
     after, step = matrices_after_each_drift(tableau)
     header, rows = recursion_values(name, first=first)
@@ -201,7 +201,7 @@ def test_table_2_in_numbers_is_rounded_once_and_filled_where_its_symbols_are(nam
     assert [[cell == "" for cell in row] for row in rows] == [[cell == "" for cell in row] for row in symbols]
 
 
-def test_a_last_drift_of_zero_is_refused_by_the_recursion_for_the_momentum():
+def test_last_drift_of_zero_is_refused_by_recursion_for_momentum():
     with pytest.raises(TableauError, match=r"drift\[3\] = 0, by which Eq. 6 divides"):
         momentum_row("ruth_s3o3", first="drift")
 

@@ -12,7 +12,7 @@ from nearharmonic.exact.words import SQUARE, logarithm
 from nearharmonic.theory.shifted_kicks import ShiftedKick, shifted_kicks
 
 
-def test_the_coefficient_of_the_square_is_that_of_the_exact_logarithm():
+def test_coefficient_of_square_is_that_of_exact_logarithm():
     a, d, b = Fraction(-2, 5), Fraction(-1, 90), Fraction(7, 10)
     found = logarithm([("B", a), ("A", d), ("B", b)], lyndon_words(3))
     # On the word ABB, C = [B, [A, B]] has -1, and no other bracket of one A and two B is independent of it.
@@ -22,7 +22,7 @@ def test_the_coefficient_of_the_square_is_that_of_the_exact_logarithm():
     assert kick.net == pytest.approx(0.3)
 
 
-def test_pairs_are_found_where_signs_differ_and_the_drift_is_short():
+def test_pairs_are_found_where_signs_differ_and_drift_is_short():
     found = shifted_kicks(nh.integrators["babps8o7h"])
     assert [one.place for one in found] == [2, 5]
     assert all(one.before * one.behind < 0 for one in found)

@@ -37,7 +37,7 @@ def test_a_derived_value_stands_beside_the_printed_one():
     assert {row[4] for row in rows if row[0] != "BABs7o7H"} == {"not derived"}
 
 
-def test_a_table_is_written_three_times_and_csv_keeps_every_digit(tmp_path):
+def test_table_is_written_three_times_and_csv_keeps_every_digit(tmp_path):
     rows = [("Ruth", 1 / 3), ("A & B", 2.0)]
     table = Table(header=("method", "error"), rows=rows, caption="Errors.")
     paths = save(table, [tmp_path / f"errors.{suffix}" for suffix in SUFFIXES])

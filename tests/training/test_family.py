@@ -34,7 +34,7 @@ families = st.sampled_from(SHAPES).map(lambda one: Family(stages=one[0], first=o
 
 
 @given(families, st.integers(0, 10**6))
-def test_rows_are_symmetric_and_sum_to_one_and_hold_the_unknowns(family, seed):
+def test_rows_are_symmetric_and_sum_to_one_and_hold_unknowns(family, seed):
     x = np.random.default_rng(seed).normal(size=family.unknowns).tolist()
     kicks, drifts, squares = family.rows(x)
     assert len(kicks) == len(squares) == family.stages + (family.first == "kick")
@@ -161,7 +161,7 @@ def test_projection_leads_to_the_nearest_member(family):
 
 
 @pytest.mark.parametrize("family", FAMILIES, ids=str)
-def test_what_cannot_be_projected_is_no_member_and_disturbs_no_other(family):
+def test_unprojectable_point_is_no_member_and_disturbs_no_other(family):
     x = members(family, 3) + 1e-3
     alone, inside = family.project(x)
     odd = np.full((5, family.unknowns), np.nan)
@@ -175,7 +175,7 @@ def test_what_cannot_be_projected_is_no_member_and_disturbs_no_other(family):
 
 
 @pytest.mark.parametrize("family", FAMILIES, ids=str)
-def test_projection_of_a_point_does_not_depend_on_the_others_to_the_last_bit(family):
+def test_projection_of_point_is_bitwise_independent_of_others(family):
     points = np.random.default_rng(7).normal(1 / family.stages, 0.2, (23, family.unknowns))
     together, inside = family.project(points)
     order = np.random.default_rng(8).permutation(23)

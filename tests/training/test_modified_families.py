@@ -80,7 +80,7 @@ def test_random_starts_lead_to_the_family_of_the_registered_method():
     assert (np.abs(found - ours)[:, [0, 2]].max(axis=1) < 2e-3).any()
 
 
-def test_the_parameter_of_our_method_makes_the_error_of_degree_seven_least_to_five_digits():
+def test_our_parameter_minimises_degree_seven_error_to_five_digits():
     least = leading_errors(nh.modified_integrators["abag5o6"]).nystrom.norm
     assert leading_errors(member_at("0.061")).nystrom.norm == pytest.approx(least, rel=1e-12)
     for kick in ("0.057", "0.065"):

@@ -34,7 +34,7 @@ def objective_of(family, size=20, **more):
 @pytest.mark.parametrize(
     "family", [Family(stages=6, first="kick"), Family(stages=4, first="drift", squares=(0, 1))], ids=str
 )
-def test_the_value_is_the_worst_difference_and_half_of_the_mean(family):
+def test_value_is_worst_difference_and_half_of_mean(family):
     x = members(family, 3)
     found = objective_of(family, charge=0.5)(x)
     for value, one in zip(found, x, strict=True):
@@ -50,7 +50,7 @@ def test_the_value_is_the_worst_difference_and_half_of_the_mean(family):
         assert value == pytest.approx(max(differences) + sum(differences) / 4, abs=1e-4)
 
 
-def test_gains_are_decades_below_the_reference_for_each_ensemble_and_step_size():
+def test_gains_are_decades_below_reference_by_ensemble_and_step_size():
     family = Family(stages=6, first="kick")
     x = members(family, 4)
     objective = objective_of(family)
@@ -64,14 +64,14 @@ def test_gains_are_decades_below_the_reference_for_each_ensemble_and_step_size()
         assert gains[k, 1] == pytest.approx(wanted, abs=1e-4)
 
 
-def test_the_value_of_a_point_is_that_of_the_member_next_to_it():
+def test_value_of_point_is_that_of_member_next_to_it():
     family = Family(stages=6, first="kick")
     near = members(family, 3) + 1e-3
     objective = objective_of(family)
     assert objective(near) == pytest.approx(objective(family.project(near)[0]), abs=1e-6)
 
 
-def test_what_is_outside_is_worse_than_all_members_and_the_worse_the_larger():
+def test_outside_points_are_worse_than_members_increasing_with_distance():
     family = Family(stages=6, first="kick")
     x = members(family, 3)
     objective = objective_of(family)

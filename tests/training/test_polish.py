@@ -30,7 +30,7 @@ def test_polished_members_have_the_orders_of_their_family_by_proof(family):
         assert tableau.order == family.order
 
 
-def test_conditions_of_order_six_are_needed_for_order_six_and_not_met_by_chance():
+def test_order_six_conditions_are_necessary_and_not_fulfilled_by_chance():
     family = Family(stages=9, first="drift")
     tableau = tableau_of(family, members(family, 1)[0], name="member", source="here")
     assert nystrom_order_of(tableau) == 4
@@ -58,7 +58,7 @@ def test_sixty_decimals_meet_the_equations_in_exact_arithmetic(family):
 
 
 @pytest.mark.parametrize("family", FAMILIES, ids=str)
-def test_polishing_moves_next_to_nothing_and_rounds_to_the_doubles_it_began_with(family):
+def test_polishing_moves_little_and_returns_initial_doubles(family):
     x = members(family, 1)[0]
     with mp.workdps(80):
         found = polished(family, x)

@@ -68,7 +68,7 @@ def test_every_lane_is_the_run_of_a_plain_loop(family):
 
 @pytest.mark.parametrize("first", ["drift", "kick"])
 @pytest.mark.parametrize("squares", [(), (0, 1)])
-def test_a_run_of_one_step_is_that_of_a_plain_loop(first, squares):
+def test_run_of_one_step_is_that_of_plain_loop(first, squares):
     family = Family(stages=3, first=first, squares=squares)
     kicks, drifts, square = rows_of(family, 2)
     population = Population(henon_heiles(t_end=0.4), family.shape(), [10.0], 2)
@@ -146,7 +146,7 @@ def test_steps_cover_the_interval_at_the_cost_that_is_charged():
 
 
 @pytest.mark.parametrize("squares", [(), (0,)])
-def test_a_run_that_is_lost_has_the_error_one_and_the_others_their_own(squares):
+def test_lost_run_has_error_one_without_effect_on_others(squares):
     starts = [*STARTS[:2], (0.9, 1.4, 0.2, 0.5), STARTS[3]]  # the third escapes
     family = Family(stages=3, first="drift", squares=squares)
     kicks, drifts, square = rows_of(family, 1)
@@ -160,7 +160,7 @@ def test_a_run_that_is_lost_has_the_error_one_and_the_others_their_own(squares):
     assert (unstable == LOST).all()
 
 
-def test_coefficients_that_are_no_numbers_lose_their_runs_and_no_others():
+def test_invalid_coefficients_lose_only_their_own_runs():
     family = Family(stages=4, first="kick")
     kicks, drifts, _ = rows_of(family, 3)
     population = Population(henon_heiles(), family.shape(), [0.05], 3)
@@ -172,7 +172,7 @@ def test_coefficients_that_are_no_numbers_lose_their_runs_and_no_others():
 
 
 @pytest.mark.parametrize("squares", [(), (1,)])
-def test_errors_do_not_depend_on_the_other_methods_to_the_last_bit(squares):
+def test_errors_do_not_depend_on_other_methods_to_last_bit(squares):
     family = Family(stages=5, first="kick", squares=squares)
     rows = [row if squares or i < 2 else None for i, row in enumerate(rows_of(family, 7))]
     population = Population(henon_heiles(), family.shape(), [0.04, 0.07], 7)
@@ -198,5 +198,5 @@ def test_part_of_an_ensemble_has_the_parameters_of_its_problems():
     assert one.part(slice(1, 3)).size == 2
 
 
-def test_the_mean_of_logarithms_takes_what_doubles_do_not_resolve_for_the_least():
+def test_logarithmic_mean_replaces_unresolved_errors_by_least():
     assert mean_log(np.array([[1e-4, 1e-6], [0.0, 1.0]])) == pytest.approx([-5, np.log10(LEAST) / 2])

@@ -50,7 +50,7 @@ def names(starts):
     return [start.origin for start in starts]
 
 
-def test_methods_of_the_same_shape_are_starts_and_those_of_a_stage_less_are_grown():
+def test_methods_of_equal_shape_start_and_shorter_ones_are_extended():
     # In turn: too many stages, two that fit, the other role, a stage less, both wrong, not symmetric.
     all_names = "babs7o7h babs6o7h srkn_b6 abas5o6h mclachlan_s5 aba864 mclachlan_atela_5"
     known = [nh.integrators[name] for name in all_names.split()]
@@ -67,7 +67,7 @@ def test_methods_of_the_same_shape_are_starts_and_those_of_a_stage_less_are_grow
     assert [start.point for start in starts[5:]] == [None] * 3
 
 
-def test_the_best_of_a_stage_less_is_grown_and_that_of_no_other_family():
+def test_best_shorter_method_is_extended_only_in_its_family():
     smaller = replace(FAMILY, stages=5)
     x = members(smaller, 1)[0]
     before = [
@@ -84,7 +84,7 @@ def test_the_best_of_a_stage_less_is_grown_and_that_of_no_other_family():
     assert list(starts_of(FAMILY, [], [], replace(EFFORT, random=0))) == []
 
 
-def test_methods_with_squares_are_starts_of_families_that_have_these_squares():
+def test_methods_with_squares_start_families_with_these_squares():
     known = [nh.modified_integrators["omelyan_g5o6"], nh.integrators["mclachlan_s5"]]
     no_random = replace(EFFORT, random=0)
     for squares, wanted in (((), False), ((0, 1, 2), True), ((0, 1), False)):
@@ -96,7 +96,7 @@ def test_methods_with_squares_are_starts_of_families_that_have_these_squares():
 
 
 @pytest.mark.parametrize("family", [FAMILY, Family(stages=4, first="drift", squares=(0, 1))], ids=str)
-def test_a_descent_finds_the_minimum_and_returns_the_member_that_has_it(family):
+def test_descent_finds_minimum_and_returns_member_that_has_it(family):
     target = members(family, 1)[0]
     objective = Distance(family, target)
     near = target + 0.02 * np.random.default_rng(1).normal(size=family.unknowns)
@@ -121,7 +121,7 @@ def test_a_search_finds_again_what_it_found_and_counts_it():
     assert findings.again == sum(a and b for a, b in zip(near, low, strict=True)) >= 2
 
 
-def test_another_minimum_of_the_same_value_and_a_worse_one_at_the_same_place_are_not_the_same():
+def test_equal_minimum_elsewhere_and_worse_one_here_are_different():
     findings = Searcher(EFFORT, 1)
     findings.found = [
         found(-1.0, [0.1, 0.2]),
@@ -175,7 +175,7 @@ print(hashlib.sha256(b"".join(one.unknowns.tobytes() for one in findings.found))
 
 
 @pytest.mark.slow
-def test_a_search_does_not_depend_on_the_order_of_dicts_and_sets():
+def test_search_does_not_depend_on_order_of_dicts_and_sets():
     outputs = {
         subprocess.run(
             [sys.executable, "-c", SCRIPT], env={**os.environ, "PYTHONHASHSEED": seed}, capture_output=True, text=True,

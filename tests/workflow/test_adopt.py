@@ -49,7 +49,7 @@ def test_measured_times_are_marked(everything):
     }
 
 
-def test_the_evaluations_of_a_whole_run_are_those_of_the_table_of_what_was_skipped(finished):
+def test_evaluations_of_run_match_table_of_skipped_work(finished):
     """Counted here by the jobs, there from the cubes of the grid; two cubes of long orbits are no part of that."""
     run = next(run for run in finished.history() if run["targets"] == ["all"])
     rows = (finished.results / "tables/skipped.csv").read_text().splitlines()
@@ -79,7 +79,7 @@ def test_results_that_were_copied_are_adopted_and_nothing_runs_again(finished, t
 
 
 @pytest.mark.parametrize("fault", ["a flipped bit", "another setting", "no config"])
-def test_results_that_are_not_what_they_seem_are_refused_with_the_reason(finished, tmp_path, fault):
+def test_deceptive_results_are_refused_with_reason(finished, tmp_path, fault):
     copy = Project(tmp_path / "copy")
     without_logs = shutil.ignore_patterns("logs")
     shutil.copytree(finished.results, copy.results, ignore=without_logs, copy_function=shutil.copy)
@@ -130,7 +130,7 @@ def test_the_settings_in_an_archive_make_the_same_results(breakable):
 
 
 @pytest.mark.slow
-def test_files_of_a_former_config_are_told_until_they_are_gone(breakable):
+def test_files_of_former_config_are_told_until_they_are_gone(breakable):
     config = breakable.folder / "config/tiny.yaml"
     text = config.read_text()
     config.write_text(text.replace("integrators: [ruth, babs7o7h]", "integrators: [ruth]"))

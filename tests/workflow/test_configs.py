@@ -38,13 +38,13 @@ def test_a_config_is_valid_named_and_short(file, name):
     assert count_keys(mapping(file)) <= 60
 
 
-def test_the_paper_takes_its_ten_methods_in_its_order_on_its_three_systems():
+def test_paper_takes_ten_methods_in_order_on_three_systems():
     paper = loaded("config.yaml")
     assert paper.integrators == BENCHMARKED
     assert [sweep.system for sweep in paper.sweeps] == ["sho", "henon_heiles", "kepler"]
 
 
-def test_the_paper_has_the_intervals_and_grids_that_its_figures_show():
+def test_paper_has_intervals_and_grids_that_its_figures_show():
     for sweep in loaded("config.yaml").sweeps:
         assert sweep.points_per_decade >= 40
         if sweep.system == "kepler":
@@ -69,7 +69,7 @@ def test_the_plan_of_the_paper_states_the_evaluations_it_spares():
     assert {row.system for row in omissions if "share one pass" in row.reason} == {"kepler"}
 
 
-def test_the_smoke_run_has_the_shape_of_the_paper_and_a_thousandth_of_its_steps():
+def test_smoke_run_has_shape_of_paper_with_fewer_steps():
     paper, smoke = loaded("config.yaml"), loaded("smoke.yaml")
     assert [s.system for s in smoke.sweeps] == [s.system for s in paper.sweeps]
     assert [s.precision for s in smoke.sweeps] == [s.precision for s in paper.sweeps]

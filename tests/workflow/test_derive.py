@@ -16,7 +16,7 @@ def table(everything, stem):
 
 
 @pytest.mark.slow
-def test_the_isolated_sets_of_table_4_come_out_to_every_printed_decimal(everything):
+def test_isolated_sets_of_table_4_match_every_printed_decimal(everything):
     rows = [row for row in table(everything, "table4_derived") if row["set"].startswith(("ABAs5o6H", "BABs6o7H"))]
     assert len(rows) == 17
     assert {row["agreeing decimals"] for row in rows} == {"76"}

@@ -53,7 +53,7 @@ def test_the_linter_asks_for_environments_and_for_nothing_else(project):
     assert titles == {"* Specify a conda environment or container for each rule.:"}  # common.smk says why none does
 
 
-def test_kernels_are_compiled_one_system_at_a_time_for_they_share_code(project):
+def test_kernels_compile_one_system_at_a_time_to_share_code(project):
     planned = project.snakemake("results/paper/logs/compile/sho.done", "-n", "--quiet", "host").stdout
     assert "compiler=1" in planned  # what the job takes
     profile = yaml.safe_load((project.folder / "profiles/default/config.yaml").read_text())

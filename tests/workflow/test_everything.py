@@ -94,7 +94,7 @@ def test_statements_are_decided_on_what_is_there(everything):
 
 
 @pytest.mark.slow
-def test_what_snakemake_says_of_a_finished_run_needs_no_number_of_cores(everything):
+def test_snakemake_summary_needs_no_number_of_cores(everything):
     """--summary, --list-changes and --report; by the first, every rule has run and none has to run again."""
     summary = everything.snakemake("everything", "--summary", *TINY)
     assert summary.returncode == 0, summary.stdout
@@ -145,7 +145,7 @@ def same(cell, shown):
 
 
 @each(".tex")
-def test_a_table_has_rows_and_says_the_same_in_csv_markdown_and_latex(after, stem):
+def test_table_has_equal_rows_in_csv_markdown_and_latex(after, stem):
     header, *rows = table = list(csv.reader(text_of(after, f"tables/{stem}.csv").splitlines()))
     assert rows
     assert all(header)
@@ -161,7 +161,7 @@ def test_a_table_has_rows_and_says_the_same_in_csv_markdown_and_latex(after, ste
 
 
 @pytest.mark.slow
-def test_the_tables_of_timings_have_rows_of_every_method_and_peer(everything):
+def test_tables_of_timings_have_rows_of_every_method_and_peer(everything):
     for system in SYSTEMS:
         rows = list(csv.DictReader(text_of(everything, f"tables/work_precision_{system}.csv").splitlines()))
         assert {row["system"] for row in rows} == {system}
@@ -173,7 +173,7 @@ def test_the_tables_of_timings_have_rows_of_every_method_and_peer(everything):
         assert all(f"| {label} |" in page for label in ("Ruth", "BABs7o7H", "ABA864"))
 
 
-def test_no_two_figures_are_one_but_for_those_with_two_names(after):
+def test_no_two_figures_are_equal_except_those_with_two_names(after):
     second = {"fig1_sho": "sho", "fig3_henon_heiles": "henon_heiles", "fig5_kepler": "kepler"}
     pictures = {
         stem: (after.folder / RESULTS / f"figures/{stem}.png").read_bytes() for stem in stems(".png", after.made)

@@ -99,7 +99,7 @@ def extended(tmp_path_factory):
     return project.folder / "results/added"
 
 
-def test_a_system_is_one_file_and_gets_its_cube_and_its_energy_error_figure(extended):
+def test_system_is_one_file_with_cube_and_energy_error_figure(extended):
     with h5py.File(extended / "cubes/quartic.h5") as cube:
         assert cube["max_energy_error"].shape == (1, 2, 3)
         assert (cube["max_energy_error"][:] < 1).all()

@@ -47,7 +47,7 @@ NEEDED = {
 
 
 @pytest.mark.parametrize("target", NEEDED)
-def test_a_target_asks_for_the_files_it_needs_and_for_no_other(project, target):
+def test_target_asks_for_files_it_needs_and_for_no_other(project, target):
     asked = outputs(project, f"results/tiny/{target}" if "/" in target else target)
     assert {name for name in asked if not name.startswith("logs/")} == NEEDED[target]
 
@@ -55,7 +55,7 @@ def test_a_target_asks_for_the_files_it_needs_and_for_no_other(project, target):
 @pytest.mark.parametrize(
     "target", ["cubes/sho.h5", *(pytest.param(target, marks=pytest.mark.slow) for target in ("fig2", "fig4"))]
 )
-def test_a_target_made_leaves_its_files_alone_and_its_jobs_integrate_what_the_plan_says(project, target):
+def test_made_target_keeps_its_files_and_jobs_follow_plan(project, target):
     name = f"alone_{target.partition('.')[0].replace('/', '_')}"
     config = yaml.safe_load((project.folder / "config/tiny.yaml").read_text()) | {"name": name}
     (project.folder / f"{name}.yaml").write_text(yaml.safe_dump(config))
@@ -83,7 +83,7 @@ def test_a_target_made_leaves_its_files_alone_and_its_jobs_integrate_what_the_pl
 
 
 @pytest.mark.slow
-def test_a_run_ends_with_a_line_on_what_was_skipped_or_left_open_and_a_second_run_says_nothing(project):
+def test_run_reports_skipped_work_and_second_run_is_silent(project):
     config = yaml.safe_load((project.folder / "config/tiny.yaml").read_text())
     config |= {"name": "least", "integrators": ["ruth"], "shards": 1, "decomposition": ["ruth"]}
     config["systems"] = {"sho": {"t_end": 5, "tau_per_stage": {"lowest": 0.1, "highest": 1, "points_per_decade": 2}}}

@@ -114,7 +114,7 @@ def numbers(cell):
     return (*found, 1.0)[:2] if found else (nan, nan)
 
 
-def test_the_ratios_in_the_tables_of_times_are_those_of_the_times():
+def test_ratios_in_tables_of_times_are_those_of_times():
     tables = tables_of_times()
     assert len(tables) == 6
     for table in tables.values():
@@ -125,7 +125,7 @@ def test_the_ratios_in_the_tables_of_times_are_those_of_the_times():
                 assert not isfinite(time) or time / best == pytest.approx(ratio, rel=0.16)
 
 
-def test_readme_and_the_page_compare_with_heyoka_as_the_tables_of_times_do():
+def test_readme_and_page_compare_with_heyoka_like_tables():
     others = {peer.label for peer in PEERS.values()}
     page = (ROOT / "docs/timings.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| (.+?), (one trajectory|each of an ensemble) \| (.*) \|$", README, flags=re.MULTILINE)
@@ -150,7 +150,7 @@ def tables_of_regularised_times():
     return tables
 
 
-def test_the_ratios_of_regularised_times_are_to_heyoka_as_a_user_gets_it():
+def test_regularised_ratios_refer_to_default_heyoka():
     tables = tables_of_regularised_times()
     assert set(tables) == {(orbit, kind) for orbit in ("e = 0.206", "e = 0.9") for kind in ("energy", "position")}
     for table in tables.values():

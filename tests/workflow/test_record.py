@@ -94,7 +94,7 @@ def test_the_same_work_has_the_same_digest_and_another_id(fresh, first):
     assert (again["jobs_run"], again["jobs_reused"]) == (1, 0)
 
 
-def test_a_second_target_adds_to_the_manifest_and_reuses_what_is_there(fresh):
+def test_second_target_adds_to_manifest_and_reuses_what_is_there(fresh):
     for folder in ("runs", "logs/compile"):
         shutil.rmtree(fresh.results / folder, ignore_errors=True)
     assert fresh.snakemake("fig2", *COMMAND).returncode == 0
@@ -139,7 +139,7 @@ def test_a_run_that_fails_is_remembered_as_failed(fresh):
     assert fresh.manifest()["configfiles"] == ["config/tiny.yaml"]
 
 
-def test_a_killed_run_is_closed_by_the_next_start_and_nothing_of_it_is_taken_for_good(fresh):
+def test_next_start_closes_killed_run_and_uses_none_of_it(fresh):
     shutil.rmtree(fresh.results / "runs", ignore_errors=True)
     before = len(fresh.history())
     process = subprocess.Popen(
@@ -168,7 +168,7 @@ def test_a_killed_run_is_closed_by_the_next_start_and_nothing_of_it_is_taken_for
 
 
 @pytest.mark.slow
-def test_what_fails_in_the_record_is_one_warning_and_costs_no_result(fresh):
+def test_failure_of_record_is_one_warning_without_lost_result(fresh):
     """No git, and a history that cannot be written; as root, permissions do not stop a writer, a folder does."""
     history = fresh.results / "history.jsonl"
     history.parent.mkdir(parents=True, exist_ok=True)

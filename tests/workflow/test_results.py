@@ -68,7 +68,7 @@ def test_every_file_says_where_it_comes_from(finished):
                 assert file.attrs[key]
 
 
-def test_the_cube_holds_the_maximum_over_the_blocks_of_its_run_files(finished):
+def test_cube_holds_maximum_over_blocks_of_its_run_files(finished):
     with xr.open_dataset(results(finished) / "cubes/henon_heiles.h5", engine="h5netcdf") as cube:
         for shard in (0, 1):
             with h5py.File(results(finished) / f"runs/henon_heiles/babs7o7h/{shard}.h5") as run:
@@ -172,7 +172,7 @@ def test_an_edit_of_coefficients_runs_their_method_and_nothing_else(finished):
 
 
 @pytest.mark.slow
-def test_broken_results_are_named_with_the_commands_that_make_them_again(breakable):
+def test_broken_results_are_named_with_commands_that_make_them_again(breakable):
     """Empty, no HDF5, and cut in half: the cube of each fails by itself."""
     contents = {
         "sho": lambda _: b"",

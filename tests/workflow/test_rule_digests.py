@@ -77,7 +77,7 @@ def edited(package, module):
 
 
 @pytest.mark.slow
-def test_a_digest_changes_with_each_module_that_it_covers_and_with_no_other(package, covered):
+def test_digest_changes_only_with_modules_that_it_covers(package, covered):
     everything = {*sources.closure(*covered, root=package)}
     for module in everything:
         before = sources.module_digest(module, root=package)
@@ -92,13 +92,13 @@ def test_a_digest_changes_with_each_module_that_it_covers_and_with_no_other(pack
             assert code_digest(task, root=package) == before, task
 
 
-def test_there_is_a_task_for_every_rule_that_runs_a_script():
+def test_there_is_task_for_every_rule_that_runs_script():
     scripts = sum(path.read_text(encoding="utf-8").count("scripts/task.py") for path in RULES.glob("*.smk"))
     assert scripts >= 18
     assert len(tasks()) >= 20
 
 
-def test_whatever_comes_with_the_function_is_covered_by_the_digest_of_its_rule(package, covered):
+def test_rule_digest_covers_everything_that_comes_with_function(package, covered):
     done = subprocess.run(
         [sys.executable, "-c", IMPORTER, *covered],
         cwd=package.parent,
@@ -127,7 +127,7 @@ def test_what_no_line_of_its_code_imports_is_not_covered(package, covered, monke
         assert modules <= {name for name in finder.modules if name.startswith("nearharmonic.")}, task
 
 
-def test_a_comment_or_a_reworded_docstring_in_any_module_changes_no_digest(package):
+def test_comment_or_reworded_docstring_in_any_module_changes_no_digest(package):
     before = {task: code_digest(task, root=package) for task in tasks()}
     for path in package.rglob("*.py"):
         text = path.read_text(encoding="utf-8")
@@ -136,7 +136,7 @@ def test_a_comment_or_a_reworded_docstring_in_any_module_changes_no_digest(packa
 
 
 @pytest.mark.parametrize("system", [*systems])
-def test_an_edit_of_one_system_changes_what_names_it_and_leaves_the_others_alone(package, system):
+def test_edit_of_one_system_leaves_other_systems_alone(package, system):
     module = "nearharmonic.reproduction.experiments.paper.run"
     before = {name: code_digest(module, systems.module_of(name), root=package) for name in systems}
     path = sources.path_of(systems.module_of(system), package)

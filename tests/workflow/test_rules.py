@@ -45,7 +45,7 @@ def above(job, makers):
     return found
 
 
-def test_a_function_is_called_with_the_settings_and_inputs_of_its_rule(working):
+def test_function_is_called_with_settings_and_inputs_of_its_rule(working):
     for job in working:
         taken = signature(job.function)
         given = job.task["settings"] | job.inputs
@@ -55,13 +55,13 @@ def test_a_function_is_called_with_the_settings_and_inputs_of_its_rule(working):
             assert set(given) - set(taken.parameters) == one_each, job.rule
 
 
-def test_a_figure_is_drawn_of_a_cube_if_its_function_takes_one(planned):
+def test_figure_is_drawn_of_cube_if_its_function_takes_one(planned):
     for job in planned:
         for task in job.params.get("tasks", {}).values():
             assert len(signature(function_of(task)).parameters) == len(job.inputs.get("cube", ())), job.rule
 
 
-def test_an_experiment_reduces_its_own_runs_with_the_settings_of_the_runs(working, makers):
+def test_experiment_reduces_its_own_runs_with_settings_of_runs(working, makers):
     for job in working:
         for made in (makers[file] for name in ("run", "runs", "cube", *METHODS) for file in job.inputs.get(name, ())):
             room = made.function.__module__.rpartition(".")[0]
@@ -71,7 +71,7 @@ def test_an_experiment_reduces_its_own_runs_with_the_settings_of_the_runs(workin
             assert {key: ours[key] for key in same} == {key: theirs[key] for key in same}, job.rule
 
 
-def test_a_job_that_measures_time_has_all_cores_and_another_has_them_not(working, makers):
+def test_only_jobs_that_measure_times_have_all_cores(working, makers):
     def measures(job):
         reaches = "nearharmonic.numerics.clock" in job.task["modules"]
         return reaches and hasattr(job.function, "measures_time")
@@ -101,7 +101,7 @@ def test_kernels_are_compiled_by_one_job_at_a_time(planned, working, finished):
     )
 
 
-def test_a_run_waits_for_the_kernels_that_it_calls_and_for_no_others(working, makers):
+def test_run_waits_only_for_kernels_that_it_calls(working, makers):
     waiting = [(job, makers[file]) for job in working for file in job.input if file.endswith(".done")]
     assert {job.rule for job, _ in waiting} == {"integrate", "stability_run"}
     for job, compiling in waiting:
@@ -114,7 +114,7 @@ def test_a_run_waits_for_the_kernels_that_it_calls_and_for_no_others(working, ma
             assert compiling.function.__module__ == job.function.__module__
 
 
-def test_a_job_reads_the_results_that_its_rule_names_and_no_other(planned, makers, finished):
+def test_job_reads_results_that_its_rule_names_and_no_other(planned, makers, finished):
     by_log = {job.log[0]: job for job in planned if job.log}
     for log, files in read_by_jobs(finished.folder).items():
         job = by_log[log]
@@ -125,7 +125,7 @@ def test_a_job_reads_the_results_that_its_rule_names_and_no_other(planned, maker
         assert read <= (above(job, makers) if folder else named), job.rule
 
 
-def test_an_edit_of_what_the_page_is_made_of_makes_it_again(finished):
+def test_edit_of_what_page_is_made_of_makes_it_again(finished):
     """Template, style and script, the files of the package that jobs read and that are no Python."""
     package = "src/nearharmonic/"
     read = {

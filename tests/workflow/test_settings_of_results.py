@@ -81,7 +81,7 @@ def test_the_settings_of_an_ensemble_are_those_of_the_config(everything):
                     assert [Fraction(str(x)) for x in numbers[0]] == [Fraction(str(x)) for x in numbers[1]], (name, key)
 
 
-def test_every_cube_and_run_is_planned_with_the_settings_of_the_config(finished, planned):
+def test_every_cube_and_run_is_planned_with_settings_of_config(finished, planned):
     expected = expected_settings(finished)
     settings = {
         file.removeprefix(RESULTS): job.params["task"]["settings"]
@@ -94,7 +94,7 @@ def test_every_cube_and_run_is_planned_with_the_settings_of_the_config(finished,
         assert {key: settings[name].get(key) for key in asked} == asked, name
 
 
-def test_every_cube_and_run_was_made_with_the_settings_of_the_config(after):
+def test_every_cube_and_run_was_made_with_settings_of_config(after):
     expected = expected_settings(after)
     for name in expected.keys() & after.made:
         settings = expected[name]

@@ -35,7 +35,7 @@ def made(tmp_path_factory):
     return project
 
 
-def test_the_figure_and_the_cube_have_the_name_that_the_config_gives(made):
+def test_figure_and_cube_have_name_that_config_gives(made):
     assert (made.folder / "results/mine/figures/well_energy_error.png").stat().st_size > 5000
     with h5py.File(made.folder / "results/mine/cubes/well.h5") as cube:
         assert (cube.attrs["system"], cube.attrs["system_label"]) == ("well", "quartic well")
@@ -45,7 +45,7 @@ def test_the_figure_and_the_cube_have_the_name_that_the_config_gives(made):
         assert cube["angular_momentum_drift"][:].max() < 1e-14
 
 
-def test_an_edit_runs_what_depends_on_the_file_and_nothing_else(made):
+def test_edit_runs_what_depends_on_file_and_nothing_else(made):
     path = made.folder / "own/quartic_well.py"
     text = path.read_text()
     path.write_text(text.replace("b * square**2 / 4", "b * square**2 / 8 * 2"))

@@ -81,7 +81,7 @@ def test_every_system_has_its_cube_its_figure_and_its_rows(made):
     assert not (results / "figures/fig1_sho.pdf").exists()
 
 
-def test_a_cube_has_the_numbers_of_the_same_run_from_python(made):
+def test_cube_has_numbers_of_same_run_from_python(made):
     system = load_system(made.folder / "own/quartic_well.py")
     with h5py.File(made.folder / RESULTS / "cubes/well.h5") as cube:
         tau, found = cube["tau"][0, 1, :], cube["max_energy_error"][0, 1, :]
@@ -104,7 +104,7 @@ def test_the_drift_of_an_invariant_is_that_of_the_samples(made):
         assert cube["eccentricity_vector_drift"].shape == cube["perihelion_advance"].shape == (1, 2, 3)
 
 
-def test_runs_and_the_cube_of_a_potential_of_numba_name_its_floor(made):
+def test_runs_and_cube_of_potential_of_numba_name_its_floor(made):
     floors = set()
     for name in ("runs/gap/ruth/0.h5", "runs/gap/five_leapfrogs/0.h5", "cubes/gap.h5"):
         with h5py.File(made.folder / RESULTS / name) as file:
@@ -114,7 +114,7 @@ def test_runs_and_the_cube_of_a_potential_of_numba_name_its_floor(made):
     assert 1e-17 < floors.pop() < 1e-14
 
 
-def test_an_edit_of_the_integrator_runs_its_runs_and_what_is_made_of_them(made):
+def test_edit_of_integrator_reruns_only_its_dependents(made):
     jobs = edited(made, "fourth_order.py", "five leapfrogs", "leapfrogs, five of them")
     drawn = {f"draw_{name}": 1 for name in ("well", "wide", "venus", "gap", "sho_terms")}
     assert jobs == {
@@ -129,7 +129,7 @@ def test_other_initial_values_run_that_system_alone(made):
     assert [name for name in jobs if name.startswith("draw_")] == ["draw_wide"]
 
 
-def test_verify_finds_no_fault_and_integrates_runs_again_and_an_edit_is_a_fault(made):
+def test_verify_finds_no_fault_reruns_and_reports_edit(made):
     done = made.nearharmonic("verify", RESULTS, "--rerun", "4")
     assert done.returncode == 0, done.stdout
     assert "4 have the same bits" in done.stdout
@@ -153,7 +153,7 @@ def test_the_record_holds_the_digest_of_the_files(made):
     assert told["integrators"]["five_leapfrogs"]["file"] == "own/fourth_order.py"
 
 
-def test_a_shown_run_is_made_again_by_its_lines_of_python(made, tmp_path):
+def test_shown_run_is_made_again_by_its_lines_of_python(made, tmp_path):
     for key, method in (("well", "ruth"), ("wide", "five_leapfrogs"), ("venus", "five_leapfrogs")):
         tau = {"venus": "100"}.get(key, "0.5")
         shown = made.nearharmonic("show", "mine", key, method, tau, "--format", "json")
@@ -166,7 +166,7 @@ def test_a_shown_run_is_made_again_by_its_lines_of_python(made, tmp_path):
         assert float(made_again.stdout) == document["run"]["max_energy_error"]
 
 
-def test_an_archive_holds_the_files_and_its_config_runs_from_them(made, tmp_path):
+def test_archive_holds_files_and_its_config_runs_from_them(made, tmp_path):
     place = tmp_path / "mine.zip"
     done = made.nearharmonic("archive", "mine", "-o", str(place))
     assert done.returncode == 0, done.stderr
@@ -190,7 +190,7 @@ def test_an_archive_holds_the_files_and_its_config_runs_from_them(made, tmp_path
             assert all(again[name][()].tobytes() == before[name][()].tobytes() for name in ("tau", "max_energy_error"))
 
 
-def test_results_are_adopted_by_a_copy_of_the_project_that_has_the_files(made, tmp_path):
+def test_results_are_adopted_by_copy_of_project_that_has_files(made, tmp_path):
     copy = Project(tmp_path / "copy")
     for name in ("own", RESULTS):
         shutil.copytree(made.folder / name, copy.folder / name)

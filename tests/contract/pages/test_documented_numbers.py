@@ -40,7 +40,7 @@ def test_the_terms_of_the_decomposition_are_those_of_the_page():
     assert states("docs/derivation.md", [round(float(exchanged), 3)], "BABs6o7H", "κ₇")
 
 
-def test_the_methods_of_order_six_win_and_lose_on_kepler_by_what_the_page_says():
+def test_order_six_methods_win_and_lose_on_kepler_as_stated():
     won = -lost("kepler", ["babps9o7h"], [2.0])[:, 0]
     assert states(RESULTS, least_and_most(won), "BAB's9o7H", "τ/s = 2 h")
     at_20, at_30 = lost("kepler", ["aba104"], [20.0, 30.0]).T
@@ -49,14 +49,14 @@ def test_the_methods_of_order_six_win_and_lose_on_kepler_by_what_the_page_says()
     assert (at_20[[0, 3]] < 0.1).all()
 
 
-def test_the_methods_of_order_six_lose_on_henon_heiles_by_what_the_page_says():
+def test_order_six_methods_lose_on_henon_heiles_as_stated():
     loss = lost("henon_heiles", ["babps8o7h", "babps9o7h"], [0.03, 0.05, 0.1, 0.2, 0.3])
     assert (loss[:, :4] > 0).all()
     assert states(RESULTS, [0.1, *least_and_most(loss[:, 2])], "Hénon-Heiles", "BAB's8o7H and BAB's9o7H")
     assert (loss[:, 4] > 0.1).sum() == 3
 
 
-def test_the_methods_of_order_six_lose_on_the_oscillator_by_what_the_page_says():
+def test_order_six_methods_lose_on_oscillator_as_stated():
     loss = lost("sho", ["babs7o7h"], [0.03, 0.05, 0.1, 0.2, 0.3])
     assert (loss[:, 3:] > 0).all()
     assert states(RESULTS, [0.03, 0.3, *least_and_most(loss[0])], "`babs8o6_7h`", "every step size")

@@ -30,12 +30,12 @@ def table():
     return "\n".join(lines)
 
 
-def test_the_table_has_a_row_for_each_method_with_its_proved_orders():
+def test_table_has_row_for_each_method_with_its_proved_orders():
     assert table() in TEXT
 
 
 @pytest.mark.parametrize("name", [name for name, one in plain_integrators.items() if one.requires is None])
-def test_no_method_without_a_requirement_has_a_higher_order_for_quadratic_kinetic_energy(name):
+def test_no_method_without_requirement_gains_order_for_quadratic_T(name):
     from nearharmonic.theory.order import nystrom_order_of
 
     assert nystrom_order_of(name) == nh.order_of(name)
@@ -51,7 +51,7 @@ def test_the_corrected_digit_is_where_the_page_says():
     assert f'"0.{digits}"' not in copied
 
 
-def test_the_methods_that_are_not_symmetric_are_those_that_the_page_names():
+def test_methods_that_are_not_symmetric_are_those_that_page_names():
     (sentence,) = re.findall(r"- (`ruth_s3o3`.*?) are not symmetric", FLAT)
     assert sentence == "`ruth_s3o3` and `mclachlan_atela_2` to `mclachlan_atela_5`"
     named = {"ruth_s3o3", *(f"mclachlan_atela_{order}" for order in range(2, 6))}
@@ -61,7 +61,7 @@ def test_the_methods_that_are_not_symmetric_are_those_that_the_page_names():
     assert "if the method is symmetric, as all but five are" in (ROOT / "docs/runs.md").read_text(encoding="utf-8")
 
 
-def test_6a8_is_as_good_as_babs8o6_7h_by_what_the_page_says():
+def test_6a8_is_as_good_as_babs8o6_7h():
     gain = decades("henon_heiles", "babs8o6_7h", STEPS) - decades("henon_heiles", "nystrom_6a8", STEPS)
     better, *worse = dict.fromkeys(abs(gain.round(1)).tolist())
     assert (gain.round(1) > 0).tolist() == [True] * 3 + [False] * 2
@@ -79,7 +79,7 @@ def test_the_tables_of_modified_integrators_are_computed():
     assert states(PAGE, modified_page.FACTORS.values(), "as long as a force", "Hénon-Heiles", "Kepler")
 
 
-def test_what_the_page_says_of_modified_integrators_follows_from_their_errors():
+def test_what_page_says_of_modified_integrators_follows_from_their_errors():
     def errors(system, charged):
         factor = modified_page.FACTORS[system] if charged else 1
         modified = {name: modified_page.decades(system, one, factor) for name, one in nh.modified_integrators.items()}
@@ -97,7 +97,7 @@ def test_what_the_page_says_of_modified_integrators_follows_from_their_errors():
     assert (np.min([*modified.values()], axis=0) > np.min([*plain.values()], axis=0)).all()
 
 
-def test_the_leading_errors_of_two_methods_of_one_family_are_those_that_the_page_says():
+def test_leading_errors_of_family_members_match_page():
     from nearharmonic.theory.order import leading_errors
 
     norms = [float(f"{leading_errors(name).nystrom.norm:.2e}") for name in ("abag5o6", "omelyan_g5o6")]

@@ -51,7 +51,7 @@ def test_evaluations_are_those_of_runs(number, error):
         assert run.max_energy_error <= float(error)
 
 
-def test_every_system_has_every_error_and_three_methods_each_in_order():
+def test_every_system_has_every_error_with_three_ordered_methods():
     table = rows()
     assert len(table) == 5 * len(ERRORS)
     for cheap, published, fast in table.values():

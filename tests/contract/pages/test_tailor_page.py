@@ -69,7 +69,7 @@ def test_every_published_method_of_the_page_is_registered():
 
 
 @pytest.mark.slow
-def test_the_example_is_what_the_command_prints_but_for_the_time(capsys):
+def test_example_is_what_command_prints_but_for_time(capsys):
     """Searches of 6000 trials on other processors end nearby: gains to a tenth."""
     assert main(["tailor", *benchmark().EXAMPLE]) == 0
     stated, found = (

@@ -42,7 +42,7 @@ def header(part):
     return [cell.strip() for cell in text.strip("|").split("|")]
 
 
-def test_methods_of_the_page_are_registered_and_all_that_are_have_a_row():
+def test_page_methods_are_registered_and_all_registered_have_row():
     named = {row[0].strip("`") for row in rows("windows")}
     assert named == {name for name in contestants() if kind_of(name) == "trained"}
     assert set(re.findall(r"\btrained_[a-z0-9_]+", "".join(map(str, rows("widest") + rows("orbits"))))) <= named
@@ -73,7 +73,7 @@ def test_gains_on_named_systems_are_those_of_runs(label):
             assert cell.startswith("(") == (low < 0 < high), cell
 
 
-def test_the_mean_is_that_of_the_rows_and_every_ensemble_has_one():
+def test_mean_is_that_of_rows_and_every_ensemble_has_one():
     *each, mean = rows("gains")
     assert len(each) == 8 + len(NAMED)
     for column in range(1, len(mean)):
@@ -104,7 +104,7 @@ def test_readme_and_page_count_the_published_methods_that_are_compared():
     assert f"whose source is not this project, {len(published)} of them" in page
 
 
-def test_every_loss_of_the_table_of_gains_stands_among_the_losses():
+def test_every_loss_of_table_of_gains_stands_among_losses():
     taus, told = header("gains")[1:], rows("losses")
     for row in rows("gains")[:-1]:
         behind = [float(tau) for tau, cell in zip(taus, row[1:], strict=True) if cell.startswith("\N{MINUS SIGN}")]

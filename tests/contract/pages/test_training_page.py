@@ -10,7 +10,7 @@ from nearharmonic.registry.user_module import load
 ROOT = Path(__file__).parents[3]
 
 
-def test_the_tables_of_the_page_are_those_of_the_registered_methods():
+def test_tables_of_page_are_those_of_registered_methods():
     made = load(ROOT / "benchmarks/training_page.py", "the page", ValueError)
     page = (ROOT / "docs/training.md").read_text(encoding="utf-8")
     parts = made.parts()

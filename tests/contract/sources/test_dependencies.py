@@ -70,7 +70,7 @@ def test_every_package_that_is_imported_is_declared():
     assert {name: place for name, place in found.items() if name not in declared} == {}
 
 
-def test_the_extra_of_tailor_is_part_of_that_of_the_workflow():
+def test_extra_of_tailor_is_part_of_that_of_workflow():
     assert set(EXTRAS["tailor"]) <= set(EXTRAS["workflow"])
 
 

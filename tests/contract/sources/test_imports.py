@@ -84,7 +84,7 @@ def test_a_registry_is_a_module_and_a_mapping(registry, one):
     assert one in repr(registry)
 
 
-def test_a_registry_is_copied_and_pickled_as_the_module_that_it_is():
+def test_registry_is_copied_and_pickled_as_module_that_it_is():
     for registry in (nh.systems, nh.integrators):
         assert copy.deepcopy(registry) is registry
         assert pickle.loads(pickle.dumps(registry)) is registry
@@ -120,7 +120,7 @@ def registry_in(folder):
     )
 
 
-def test_a_file_in_the_folder_is_all_that_an_entry_takes(folder):
+def test_file_in_folder_is_all_that_entry_takes(folder):
     (folder / "second.py").write_text("ENTRY = 'two'")
     assert dict(registry_in(folder)) == {"one": "made_up_registry.first", "two": "made_up_registry.second"}
 
@@ -142,7 +142,7 @@ def test_two_files_that_declare_one_name_are_both_named(folder):
         len(registry_in(folder))
 
 
-def test_a_file_that_would_hide_a_method_of_the_mapping_is_refused(folder):
+def test_file_that_would_hide_method_of_mapping_is_refused(folder):
     (folder / "items.py").write_text("ENTRY = 'two'")
     with pytest.raises(NearharmonicError, match="a file must not have the name 'items' of a method"):
         len(registry_in(folder))
@@ -153,5 +153,5 @@ def test_the_package_lists_what_it_offers():
     assert "kappa" in dir(nh)
 
 
-def test_the_top_lists_what_it_offers_and_nothing_that_it_imports():
+def test_top_lists_what_it_offers_and_nothing_that_it_imports():
     assert {name for name in dir(nh) if not name.startswith("__")} == set(nh.__all__) - {"__version__"}

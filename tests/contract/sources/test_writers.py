@@ -78,7 +78,7 @@ def full_disk(size):
 
 
 @pytest.mark.parametrize("writer", TEXTS)
-def test_a_disk_that_fills_up_leaves_the_old_files_and_nothing_half_written(tmp_path, writer):
+def test_full_disk_leaves_old_files_and_no_partial_file(tmp_path, writer):
     write = TEXTS[writer]
     write(tmp_path, 1)
     before = contents(tmp_path)
@@ -93,7 +93,7 @@ def test_a_disk_that_fills_up_leaves_the_old_files_and_nothing_half_written(tmp_
 
 
 @pytest.mark.parametrize("writer", HDF5)
-def test_a_variable_that_cannot_be_written_leaves_the_old_hdf5_file_and_nothing_half_written(tmp_path, writer):
+def test_unwritable_variable_leaves_old_file_and_no_partial_file(tmp_path, writer):
     """HDF5 itself ends the process when a disk is full (SIGSEGV at close), so here it is the content that fails."""
     write = HDF5[writer]
     write(tmp_path, 1)
@@ -105,7 +105,7 @@ def test_a_variable_that_cannot_be_written_leaves_the_old_hdf5_file_and_nothing_
     assert contents(tmp_path) != before
 
 
-def test_a_figure_that_cannot_be_drawn_leaves_the_old_files_and_nothing_half_written(tmp_path):
+def test_failed_figure_leaves_old_files_and_no_partial_file(tmp_path):
     places = [tmp_path / f"fig1.{suffix}" for suffix in ("pdf", "svg", "png")]
     style.save(figure(1), places)
     before = contents(tmp_path)

@@ -54,7 +54,7 @@ def oscillator_step(tableau, tau):
 
 @BOTH
 @pytest.mark.parametrize("first", ["drift", "kick"])
-def test_the_closed_form_of_the_energy_error_is_that_of_many_steps(name, first):
+def test_closed_form_of_energy_error_is_that_of_many_steps(name, first):
     tableau, tau = integrators[name].role(first), mpf("0.7")
     state, step, worst = matrix([1, 0]), oscillator_step(tableau, tau), mpf(0)
     for _ in range(4000):
@@ -64,13 +64,13 @@ def test_the_closed_form_of_the_energy_error_is_that_of_many_steps(name, first):
     assert float(harmonic_energy_error(tableau, tau)) == pytest.approx(float(worst), rel=1e-4)
 
 
-def test_the_energy_error_has_no_bound_beyond_the_limit_of_stability():
+def test_energy_error_has_no_bound_beyond_limit_of_stability():
     limit = nh.stability_limit("ruth_s3o3")
     assert harmonic_energy_error("ruth_s3o3", limit * mpf("0.999")) < inf
     assert harmonic_energy_error("ruth_s3o3", limit * mpf("1.001")) == inf
 
 
-def test_the_energy_error_has_no_bound_at_the_edge_of_stability():
+def test_energy_error_has_no_bound_at_edge_of_stability():
     """The symplectic Euler method has the trace 2 - tau^2 = -2 at tau = 2, and the conserved form (p - q)^2."""
     euler = Tableau(name="euler", order=1, first="kick", kick=("1", "0"), drift=("1",), source="Euler", digits=50)
     assert harmonic_energy_error(euler, mpf("1.999")) < inf
@@ -78,14 +78,14 @@ def test_the_energy_error_has_no_bound_at_the_edge_of_stability():
 
 
 @BOTH
-def test_a_step_back_undoes_a_step_of_a_symmetric_method_alone(name):
+def test_step_back_undoes_step_of_symmetric_method_alone(name):
     there = nh.integrate("henon_heiles", name, 0.25, t_end=5, samples=2)
     back = nh.integrate("henon_heiles", name, 0.25, t_end=-5, samples=2, q0=there.q.values[-1], p0=there.p.values[-1])
     start = np.array([float(x) for x in nh.systems["henon_heiles"].q0])
     assert (abs(back.q.values[-1] - start).max() < 1e-14) == integrators[name].symmetric
 
 
-def test_what_a_run_and_a_run_back_leave_is_asked_of_symmetric_methods_alone():
+def test_only_symmetric_methods_are_checked_by_running_back():
     found = {name: structure(nh.systems["sho"], integrators[name], t_end="20") for name in ("ruth", "ruth_s3o3")}
     assert isnan(found["ruth_s3o3"].return_error)
     assert isnan(found["ruth_s3o3"].plain_return_error)
@@ -96,7 +96,7 @@ def test_what_a_run_and_a_run_back_leave_is_asked_of_symmetric_methods_alone():
 
 @pytest.mark.parametrize("name", ASYMMETRIC)
 @pytest.mark.parametrize("to", ["json", "toml"])
-def test_an_exported_file_claims_that_it_is_not_symmetric_and_every_claim_holds(tmp_path, name, to):
+def test_exported_file_claims_asymmetry_and_every_claim_holds(tmp_path, name, to):
     place = tmp_path / f"{name}.{to}"
     place.write_text(export(integrators[name], to), encoding="utf-8")
     file = read(str(place))
@@ -117,7 +117,7 @@ TABLEAU = nh.Tableau(
 DECIMALS = {"third": "0.66666666666666666667", "small": "0.04166666666666666667", "large": "0.29166666666666666667"}
 
 
-def test_a_users_file_may_hold_one_and_its_order_is_proved(tmp_path):
+def test_users_file_may_hold_one_and_its_order_is_proved(tmp_path):
     """Ruth's method backwards is of order three as well."""
     place = tmp_path / "own.py"
     place.write_text(OWN.format(order=3, **DECIMALS))

@@ -24,7 +24,7 @@ def nudged(tableau, row, i):
 
 
 @pytest.mark.parametrize("name", plain_integrators)
-def test_every_entry_of_either_row_counts_and_so_does_the_operator_that_comes_first(name):
+def test_every_row_entry_and_first_operator_count(name):
     tableau = nh.integrators[name]
     other = tableau.role("drift" if tableau.first == "kick" else "kick")
     changed = [tableau, other]
@@ -35,6 +35,6 @@ def test_every_entry_of_either_row_counts_and_so_does_the_operator_that_comes_fi
     assert len({coefficients_digest([one]) for one in changed}) == len(changed)
 
 
-def test_what_does_not_change_a_run_does_not_change_the_digest():
+def test_what_does_not_change_run_does_not_change_digest():
     ruth = nh.integrators["ruth"]
     assert replace(ruth, label="another", source="elsewhere", note="none").digest() == ruth.digest()

@@ -148,7 +148,7 @@ def test_mclachlans_methods_have_their_closed_forms():
 
 
 @pytest.mark.parametrize("name", [name for name in names("published") if name in integrators])
-def test_the_digits_are_those_of_the_file_that_was_copied_apart(name):
+def test_digits_are_those_of_file_that_was_copied_apart(name):
     file, tableau = verdict("published", name).file, integrators[name]
     kick = tableau.kick if tableau.symmetric else tableau.kick[:-1]  # which is padded
     assert (file.kick, file.drift, file.first) == (kick, tableau.drift, tableau.first)
@@ -158,7 +158,7 @@ def test_the_digits_are_those_of_the_file_that_was_copied_apart(name):
 @pytest.mark.parametrize(
     "name", ["teloy_8a17c", *(name for name, tableau in integrators.items() if "leapfrog steps" in tableau.note)]
 )
-def test_a_composition_of_leapfrogs_has_half_sums_of_its_weights_outside(name):
+def test_composition_of_leapfrogs_has_half_sums_of_its_weights_outside(name):
     """Teloy's 8A17 are none, so that this can fail."""
     tableau = integrators[name]
     inner = [Fraction(0), *map(Fraction, tableau.inner), Fraction(0)]
@@ -195,7 +195,7 @@ def test_the_parameters_of_omelyan_make_the_error_norm_least(name, left_out, oth
         assert steepness(lambda x: error_norm(step(x), other), conditions, point) > 1e-4
 
 
-def test_the_largest_weight_of_s9odr6a_is_as_small_as_it_can_be():
+def test_largest_weight_of_s9odr6a_is_minimal():
     def coefficient_of_orders(weights, word):
         """Coefficient of a word in the generators Y1, Y3, Y5 of a leapfrog step exp(w Y1 + w^3 Y3 + ...)."""
         read = [mpf(1)] + [mpf(0)] * len(word)
@@ -229,7 +229,7 @@ def test_efficiencies_for_any_separable_system_are_those_of_ostmeyer(name, effic
     assert f"{float(1 / (tableau.stages**4 * error_norm(operators_of(tableau)))):.3g}" == efficiency.rstrip("0")
 
 
-def test_pefrl_is_over_ten_times_as_efficient_as_forest_ruth_and_about_five_times_as_suzuki():
+def test_pefrl_is_ten_times_as_efficient_as_forest_ruth():
     # The abstract of Omelyan et al. (2002); best roles of the others.
     def efficiency(name, first):
         tableau = integrators[name].role(first)
@@ -246,7 +246,7 @@ NYSTROM = [name for name, tableau in plain_integrators.items() if tableau.requir
 
 
 @pytest.mark.parametrize("name", NYSTROM)
-def test_a_nystrom_method_drops_to_order_four_or_three_in_the_wrong_role_and_for_another_kinetic_energy(name):
+def test_nystrom_method_loses_order_in_wrong_role_or_other_T(name):
     tableau = integrators[name]
     less = 4 if tableau.symmetric else 3
     wrong = "kick" if tableau.first == "drift" else "drift"
@@ -257,7 +257,7 @@ def test_a_nystrom_method_drops_to_order_four_or_three_in_the_wrong_role_and_for
 
 
 @pytest.mark.parametrize("name", ["srkn_b11", "srkn_a14"])
-def test_a_plan_refuses_a_nystrom_method_where_kinetic_energy_is_not_quadratic(name):
+def test_plan_refuses_nystrom_method_where_kinetic_energy_is_not_quadratic(name):
     check_fit(systems["kepler"], integrators[name])
     with pytest.raises(SettingError, match=f"{name}.*quadratic kinetic energy"):
         check_fit(systems["relativistic_oscillator"], integrators[name])
@@ -266,7 +266,7 @@ def test_a_plan_refuses_a_nystrom_method_where_kinetic_energy_is_not_quadratic(n
 @pytest.mark.parametrize(
     "name", ["srkn_b6", "mclachlan_sb3a4", "mclachlan_sb3a5", "pefrl", "vefrl", "omelyan_p5", "omelyan_v5"]
 )
-def test_a_method_made_for_quadratic_kinetic_energy_has_smaller_errors_in_its_own_role(name):
+def test_quadratic_kinetic_energy_method_has_smaller_errors_in_own_role(name):
     tableau = integrators[name]
     own, other = (
         error_norm(operators_of(tableau.role(first)), VANISHING) for first in (tableau.first, _other(tableau))

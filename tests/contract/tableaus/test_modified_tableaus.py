@@ -19,7 +19,7 @@ EVERY = pytest.mark.parametrize("name", list(nh.modified_integrators))
 
 
 @EVERY
-def test_the_declared_order_is_the_one_proved_for_quadratic_kinetic_energy(name):
+def test_declared_order_is_one_proved_for_quadratic_kinetic_energy(name):
     tableau = nh.modified_integrators[name]
     assert nystrom_order_of(tableau) == nh.order_of(name) == tableau.order
     assert leading_errors(tableau).nystrom.degree == tableau.order + 1
@@ -94,7 +94,7 @@ def test_the_largest_stable_step_is_that_of_the_trace(name):
     assert all(abs(trace(limit * (i + 0.5) / 200)) <= 2 for i in range(200))
 
 
-def test_a_gradient_is_counted_where_the_kicks_of_neighbouring_steps_meet_too():
+def test_gradient_is_counted_where_kicks_of_neighbouring_steps_meet_too():
     tableau = nh.modified_integrators["chin_4a"]
     assert tableau.gradients == 1
     assert replace(tableau, square=("0.01", "0", "0.01")).gradients == 1

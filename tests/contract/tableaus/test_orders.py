@@ -32,7 +32,7 @@ def declaring(attribute):
 
 
 @EVERY
-def test_the_declared_order_holds_for_the_systems_the_tableau_is_for(name):
+def test_declared_order_holds_for_systems_tableau_is_for(name):
     tableau = integrators[name]
     if tableau.requires is None:
         assert order_of(tableau) == tableau.order
@@ -49,7 +49,7 @@ def test_the_declared_harmonic_order_is_that_of_the_position(name):
 
 
 @declaring("generalised_order")
-def test_the_declared_generalised_order_holds_with_the_kick_as_the_small_part(name):
+def test_declared_generalised_order_holds_with_kick_as_small_part(name):
     tableau = integrators[name]
     assert generalised_order_of(name, quadratic=tableau.requires is not None) == tableau.generalised_order
 
@@ -86,7 +86,7 @@ def test_a_wrong_digit_ten_places_before_the_last_is_found(name):
 
 
 @pytest.mark.slow
-def test_the_overview_has_a_row_for_each_method_and_tells_what_its_tableau_declares():
+def test_overview_has_row_and_declarations_of_each_method():
     header, rows = overview()
     assert [row[0] for row in rows] == list(integrators)
     for row in rows:
@@ -103,7 +103,7 @@ def test_the_overview_has_a_row_for_each_method_and_tells_what_its_tableau_decla
         assert len(cells["stability limit"].partition(".")[2]) == 12
 
 
-def test_the_overview_can_be_asked_for_some_methods_in_an_order():
+def test_overview_can_be_asked_for_some_methods_in_order():
     header, rows = overview("babps9o7h", "ruth")
     assert [row[0] for row in rows] == ["babps9o7h", "ruth"]
     assert dict(zip(header, rows[1], strict=True))["first gap closes"] == "inf"
@@ -118,7 +118,7 @@ TABLEAU = nh.Tableau(
 
 
 @pytest.mark.parametrize(("order", "more"), [(4, ""), (1000, ""), (3, 'requires="quadratic kinetic energy"')])
-def test_a_users_tableau_of_a_lower_order_than_it_declares_is_refused(tmp_path, order, more):
+def test_users_tableau_of_lower_order_than_it_declares_is_refused(tmp_path, order, more):
     """Leapfrog is of order 2."""
     (tmp_path / "own.py").write_text(TABLEAU.format(order=order, kick=("0.5", "0.5"), more=more))
     kind = "a quadratic kinetic energy" if more else "every separable H"
@@ -129,6 +129,6 @@ def test_a_users_tableau_of_a_lower_order_than_it_declares_is_refused(tmp_path, 
         nh.integrate("sho", str(tmp_path / "own.py"), 0.1)
 
 
-def test_a_users_tableau_of_the_order_that_it_declares_is_loaded(tmp_path):
+def test_users_tableau_of_order_that_it_declares_is_loaded(tmp_path):
     (tmp_path / "own.py").write_text(TABLEAU.format(order=2, kick=("0.5", "0.5"), more=""))
     assert load_tableaus(tmp_path / "own.py")["mine"].order == 2

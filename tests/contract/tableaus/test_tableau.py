@@ -53,7 +53,7 @@ LEAPFROG = {
         ({"requires": "luck"}, f"requires = 'luck', expected None or '{QUADRATIC_KINETIC_ENERGY}'"),
     ],
 )
-def test_a_contradiction_is_named_with_tableau_key_value_and_what_was_expected(change, named):
+def test_contradiction_names_tableau_key_value_and_expected_value(change, named):
     with pytest.raises(TableauError) as caught:
         Tableau(**LEAPFROG | change)
     assert str(caught.value).startswith("tableau 'leapfrog': ")
@@ -61,7 +61,7 @@ def test_a_contradiction_is_named_with_tableau_key_value_and_what_was_expected(c
 
 
 @pytest.mark.parametrize(("excess", "accepted"), [(1, True), (2, False)])
-def test_a_row_sum_may_miss_one_by_a_unit_of_the_last_guaranteed_decimal_per_coefficient(excess, accepted):
+def test_row_sum_may_differ_by_one_last_unit_per_coefficient(excess, accepted):
     drift = ("1." + "0" * 38 + str(excess),)
     if accepted:
         assert Tableau(**LEAPFROG | {"drift": drift, "digits": 39}).drift == drift
@@ -85,14 +85,14 @@ def test_a_row_sum_may_miss_one_by_a_unit_of_the_last_guaranteed_decimal_per_coe
         ({"kick": ("0", "1", "0"), "drift": ("0.5", "0.5")}, True),
     ],
 )
-def test_a_tableau_knows_whether_it_is_symmetric_and_rows_padded_at_one_end_may_be_not(change, symmetric):
+def test_tableau_knows_its_symmetry_and_padded_rows_may_lack_it(change, symmetric):
     tableau = Tableau(**LEAPFROG | {"order": 1} | change)
     assert tableau.symmetric is symmetric
     assert replace(tableau, note="again").symmetric is symmetric
     assert ("symmetric no" in repr(tableau)) is not symmetric
 
 
-def test_a_nystrom_method_keeps_order_two_or_one_if_its_roles_are_exchanged():
+def test_nystrom_method_keeps_lower_order_with_exchanged_roles():
     assert integrators["srkn_a14"].role("kick").order == 2
     assert integrators["mclachlan_atela_5"].role("drift").order == 1
     assert integrators["ruth_s3o3"].role("drift").order == 3
@@ -138,7 +138,7 @@ def test_doubles_are_the_nearest_to_the_printed_decimals(name):
 
 
 @pytest.mark.parametrize("name", BENCHMARKED)
-def test_double_double_pairs_hold_the_printed_decimals_to_half_a_unit_of_the_low_part(name):
+def test_double_double_pairs_hold_decimals_to_half_low_unit(name):
     tableau = integrators[name]
     for row, pairs in zip((tableau.outer, tableau.inner), tableau.rows_double_double(), strict=True):
         for text, (high, low) in zip(row, pairs, strict=True):
@@ -157,7 +157,7 @@ def test_a_step_opens_and_closes_with_the_operator_named_first():
     assert kick_first.stages == drift_first.stages == 7
 
 
-def test_exchanging_roles_gives_the_outer_row_to_the_other_operator_and_drops_the_claims_of_the_source():
+def test_exchanged_roles_swap_outer_row_and_drop_source_claims():
     tableau = integrators["babps8o7h"]
     swapped = tableau.role("drift")
     assert (swapped.first, swapped.outer, swapped.inner) == ("drift", tableau.outer, tableau.inner)
@@ -177,7 +177,7 @@ def test_an_unknown_role_is_refused():
         integrators["ruth"].role("both")
 
 
-def test_the_digest_knows_the_numbers_and_roles_but_not_the_names():
+def test_digest_knows_numbers_and_roles_but_not_names():
     tableau = integrators["aba864"]
     assert replace(tableau, name="x", label="y", source="z", note="").digest() == tableau.digest()
     assert tableau.role("kick").digest() != tableau.digest()
@@ -208,7 +208,7 @@ def test_a_double_is_divided_as_doubles_and_a_text_exactly():
     assert integrators["ruth"].steps(0.1, Fraction(10.05)) == 33
 
 
-def test_evaluations_are_stages_a_step_and_one_to_begin_with_a_kick():
+def test_evaluations_are_stages_step_and_one_to_begin_with_kick():
     assert integrators["ruth"].evaluations(7) == 21
     assert integrators["leapfrog"].evaluations(7) == 7 + (integrators["leapfrog"].first == "kick")
     assert integrators["chin_4a"].evaluations(7) == 15

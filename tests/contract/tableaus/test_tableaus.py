@@ -69,7 +69,7 @@ def test_labels_are_unique():
 
 
 @EVERY
-def test_an_entry_is_registered_under_its_name_with_a_source_that_can_be_looked_up(name):
+def test_entry_is_registered_by_name_with_traceable_source(name):
     tableau = integrators[name]
     assert tableau.name == name
     assert tableau.label
@@ -77,7 +77,7 @@ def test_an_entry_is_registered_under_its_name_with_a_source_that_can_be_looked_
 
 
 @EVERY
-def test_rows_are_palindromes_or_padded_of_s_plus_one_and_s_values_that_sum_to_one(name):
+def test_rows_are_palindromes_or_padded_and_sum_to_one(name):
     tableau = integrators[name]
     assert (len(tableau.outer), len(tableau.inner)) == (tableau.stages + 1, tableau.stages)
     assert tableau.symmetric == (("0" in tableau.outer) is False)
@@ -91,7 +91,7 @@ def test_rows_are_palindromes_or_padded_of_s_plus_one_and_s_values_that_sum_to_o
 
 
 @EVERY_METHOD
-def test_the_energy_order_on_a_nonlinear_problem_is_the_declared_order(name):
+def test_energy_order_on_nonlinear_problem_is_declared_order(name):
     with mp.workdps(60):
         assert slope(integrators[name], "henon_heiles", mpf(2) ** -8, 32) == pytest.approx(
             integrators[name].order, abs=SLOPE_TOLERANCE
@@ -99,7 +99,7 @@ def test_the_energy_order_on_a_nonlinear_problem_is_the_declared_order(name):
 
 
 @pytest.mark.parametrize("name", thinned(n for n, t in integrators.items() if t.requires is None))
-def test_the_order_survives_an_exchange_of_roles_unless_the_kinetic_energy_must_be_quadratic(name):
+def test_order_survives_role_exchange_except_for_quadratic_kinetic_energy(name):
     tableau = integrators[name]
     with mp.workdps(60):
         order = slope(tableau.role(other(tableau)), "henon_heiles", mpf(2) ** -8, 32)
@@ -107,7 +107,7 @@ def test_the_order_survives_an_exchange_of_roles_unless_the_kinetic_energy_must_
 
 
 @EVERY_METHOD
-def test_the_energy_order_on_the_harmonic_oscillator_is_that_of_the_step_matrix(name):
+def test_energy_order_on_harmonic_oscillator_is_that_of_step_matrix(name):
     tableau = integrators[name]
     with mp.workdps(60):
         assert slope(tableau, "sho", mpf(2) ** -8, 32) == pytest.approx(
@@ -165,7 +165,7 @@ def test_with_exchanged_roles_the_even_harmonic_order_is_left(name):
     ("system", "tau"),
     [("henon_heiles", "0.25"), ("kepler", "44")],  # Kepler: 48 steps an orbit, 240 evaluations
 )
-def test_abas5o6h_applied_as_the_table_prints_it_is_ten_times_worse(system, tau):
+def test_abas5o6h_applied_as_table_prints_it_is_ten_times_worse(system, tau):
     tableau = integrators["abas5o6h"]
     with mp.workdps(30):
         declared, literal = (

@@ -45,7 +45,7 @@ def force_chain(system):
     return longest_chain(system.formulas().grad_V((x, y), *(Chained() for _ in system.parameters)))
 
 
-def test_the_chain_of_a_derived_gradient_is_that_of_the_one_written_by_hand():
+def test_derived_gradient_chain_equals_hand_written_one():
     derived = replace(KEPLER, grad_V=None)
     assert force_chain(derived).cycles == force_chain(KEPLER).cycles == 34
 

@@ -132,7 +132,7 @@ def counted(V, dimension, more=0):
 
 
 @pytest.mark.parametrize("n", [2, 7])
-def test_partners_share_the_cube_of_their_distance_and_the_force_between_them(n):
+def test_partners_share_cube_of_their_distance_and_force_between_them(n):
     def V(q, *m):
         squares = {
             (i, j): sum((q[3 * i + k] - q[3 * j + k]) ** 2 for k in range(3)) for i, j in combinations(range(n), 2)
@@ -219,7 +219,7 @@ NOT_QUADRATIC = [
 
 
 @pytest.mark.parametrize(("T", "expected"), [(T, True) for T in QUADRATIC] + [(T, False) for T in NOT_QUADRATIC])
-def test_a_polynomial_of_degree_two_is_known_however_it_is_written(T, expected):
+def test_polynomial_of_degree_two_is_known_however_it_is_written(T, expected):
     graph = Graph()
     *p, m = graph.variables(4)
     value = value_of(T(p, m))

@@ -50,7 +50,7 @@ def test_constants_stay_exact_beside_floats(a, b):
     assert all(type(y) is Constant for y in (x + f, f - x, f * x, -x, +x, abs(x), x**3, x**0))
 
 
-def test_the_root_of_a_constant_is_exact_or_good_to_300_digits():
+def test_root_of_constant_is_exact_or_good_to_300_digits():
     assert Constant(4, 9).sqrt() == Fraction(2, 3)
     assert Constant(0).sqrt() == 0
     assert arithmetic.sqrt(Constant(9, 4)) == Fraction(3, 2)

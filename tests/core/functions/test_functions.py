@@ -45,7 +45,7 @@ def outside_of_the_numbers(found, true):
     return None
 
 
-def test_the_page_states_no_more_than_one_unit_and_no_less_than_100_bits():
+def test_page_states_one_unit_at_most_and_100_bits_minimum():
     assert set(STATED) == {"sqrt", *FUNCTIONS}
     assert all(units <= 1 and bits >= 100 for units, bits in STATED.values())
 

@@ -101,7 +101,7 @@ def test_functions_of_constants_are_good_to_300_digits(name):
     [("log", (0,)), ("log", (-2,)), ("exp", (10**9,)), ("exp", (-(10**9),)), ("pow", (-2, Fraction(1, 3))),
      ("pow", (0, -1))],
 )  # fmt: skip
-def test_a_function_of_a_constant_without_a_finite_value_is_an_error(name, operands):
+def test_function_of_constant_without_finite_value_is_error(name, operands):
     with pytest.raises(ArithmeticError, match=f"^{name} of the constant .* is not a finite number$"):
         getattr(functions, name)(*map(Constant, operands))
 

@@ -90,7 +90,7 @@ print(len(damaged), "numba" in sys.modules)
 """
 
 
-def test_no_flipped_bit_and_no_truncation_crashes_or_gives_a_wrong_number(folder, right):
+def test_no_flipped_bit_or_truncation_gives_wrong_number(folder, right):
     value(right)
     (place,) = folder.iterdir()
     done = in_another_process(folder, FUZZ, DOT, right, place)
@@ -111,7 +111,7 @@ print(native.native("dot", signature, lambda: code)(0.5, np.array([1.0, 2.0]), n
 
 
 @pytest.mark.parametrize(("name", "content"), [("no_such_symbol", None), (None, b""), (None, b"no object file")])
-def test_what_cannot_be_loaded_is_made_again_although_its_digest_is_right(folder, right, name, content):
+def test_unloadable_code_with_right_digest_is_made_again(folder, right, name, content):
     """In a process of its own: a call of address 0, or a bad object file, would end this one."""
     place = folder / "dot.kernel"
     disk.write(place, right[0] if name is None else name, right[1] if content is None else content)
@@ -120,7 +120,7 @@ def test_what_cannot_be_loaded_is_made_again_although_its_digest_is_right(folder
     assert disk.read(place) == right
 
 
-def test_code_that_cannot_be_loaded_when_just_made_is_one_clear_error_and_is_not_kept(folder, right):
+def test_new_code_that_fails_to_load_is_one_error(folder, right):
     with pytest.raises(CompiledCodeError, match="no symbol 'no_such_symbol'"):
         value(("no_such_symbol", right[1]))
     with pytest.raises(CompiledCodeError, match="no object file of 14 bytes"):
@@ -128,14 +128,14 @@ def test_code_that_cannot_be_loaded_when_just_made_is_one_clear_error_and_is_not
     assert not list(folder.iterdir())
 
 
-def test_a_fault_of_compiled_code_is_not_blamed_on_the_systems_formulas(folder, monkeypatch):
+def test_fault_of_compiled_code_is_not_blamed_on_systems_formulas(folder, monkeypatch):
     monkeypatch.setattr(link, "linked", lambda *_: ("entry", b"no object file"))
     kernel_of.cache_clear()
     with pytest.raises(CompiledCodeError, match="no object file"):
         kernel_of(nh.systems["sho"], Numerics(width=2))
 
 
-def test_a_file_under_the_name_of_another_key_is_not_executed(folder, right, planted):
+def test_file_under_name_of_another_key_is_not_executed(folder, right, planted):
     value(planted, "other")
     (folder / "other.kernel").rename(folder / "dot.kernel")
     assert value(right) == 5.5

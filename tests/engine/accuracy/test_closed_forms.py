@@ -105,7 +105,7 @@ def test_a_pendulum_returns_after_the_period_of_the_elliptic_integral(p0):
 
 
 @pytest.mark.parametrize(("integrator", "order"), [("leapfrog", 2), ("blanes_moan_s6o4", 4), ("srkn_b11", 6)])
-def test_the_position_of_a_pendulum_converges_with_the_order_of_the_method(integrator, order):
+def test_position_of_pendulum_converges_with_order_of_method(integrator, order):
     angle, velocity = pendulum_state(mpf(3), mpmath.sqrt(mpf("9.81") / mpf("2.25")), mpf(4))
     runs = [nh.integrate(PENDULUM, integrator, tau, t_end=4, p0=[3.0], samples=1) for tau in (0.04, 0.02)]
     coarse, fine = (float(mpmath.hypot(last(run, "q")[0] - angle, last(run, "p")[0] - velocity)) for run in runs)
@@ -119,7 +119,7 @@ def lax_traces(q, p):
     return [sum((L**k)[i, i] for i in range(3)) for k in (2, 3)]
 
 
-def test_the_third_invariant_of_a_toda_ring_drifts_as_its_lax_matrix_says():
+def test_third_toda_invariant_drifts_like_its_lax_matrix():
     """Invariants in the output against tr L^3 of their states; the drift falls with the order of the method."""
     drifts = []
     for tau in (0.1, 0.05):
@@ -184,7 +184,7 @@ def test_a_chain_of_twelve_sites_moves_in_its_normal_modes(precision, tau, close
         assert max(abs(float(x - y)) for x, y in zip(last(run, name), exact, strict=True)) < close
 
 
-def test_the_energy_of_twelve_coordinates_is_as_good_as_in_double_double():
+def test_twelve_coordinate_energy_is_as_accurate_as_double_double():
     """Far above rounding it is measured in double; to rounding, 2^-53 an operation, so are the maxima."""
     for integrator, tau in (("leapfrog", 0.1), ("blanes_moan_s6o4", 0.1), ("s9odr6a", 0.05)):
         double, extended = (nh.integrate(CHAIN, integrator, tau, precision=x) for x in ("double", "extended"))

@@ -52,7 +52,7 @@ def members(count):
 
 
 @pytest.mark.parametrize("t", [None, [0.3, 2.5, 9.99]], ids=["samples", "output times"])
-def test_driven_oscillators_follow_their_closed_forms_for_every_frequency_and_amplitude(t):
+def test_driven_oscillators_follow_closed_forms_for_all_frequencies_and_amplitudes(t):
     """Members have frequencies, amplitudes and starts of their own; the method's error at this step is 1e-12."""
     given = members(37)
     many = nh.ensemble(DRIVEN, "srkn_a14", 0.04, t=t, samples=3, energy_scale=1, **given)
@@ -67,7 +67,7 @@ def test_driven_oscillators_follow_their_closed_forms_for_every_frequency_and_am
 
 
 @pytest.mark.parametrize("first", [None, "drift", "kick"])
-def test_a_driven_run_in_two_parts_has_the_bits_of_one(first):
+def test_driven_run_in_two_parts_has_bits_of_one(first):
     """The time goes on: a run that began anew at t = 0 would be driven by another phase."""
     given = {"parameters": {"F": 1.25, "w": "0.3"}}
     whole = nh.integrate(DRIVEN, "s9odr6a", "0.125", t_end=12, first=first, samples=97, **given)
@@ -78,7 +78,7 @@ def test_a_driven_run_in_two_parts_has_the_bits_of_one(first):
     assert max(half.max_energy_error, rest.max_energy_error) == whole.max_energy_error
 
 
-def test_problems_of_systems_with_parameters_and_time_pickle_with_their_results():
+def test_problems_with_parameters_and_time_pickle_with_results():
     problem = nh.problem(DRIVEN, "blanes_moan_s6o4", t_end=10, samples=4, energy_scale=1)
     given = {"q0": [0.25], "parameters": {"w": Fraction(1, 3)}}
     result, again = problem(0.1, **given), pickle.loads(pickle.dumps(problem))(0.1, **given)

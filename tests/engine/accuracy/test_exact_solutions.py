@@ -16,7 +16,7 @@ def exact(dataset, name):
 
 
 @pytest.mark.parametrize("integrator", BENCHMARKED)
-def test_an_extended_oscillator_is_its_matrix_power_to_31_digits_a_step(integrator):
+def test_extended_oscillator_is_its_matrix_power_to_31_digits_step(integrator):
     """1000 steps of about 20 double-double updates, each good to 5u^2 = 6e-32; they add up at most linearly: 2e-27."""
     tableau = nh.integrators[integrator]
     run = nh.integrate("sho", integrator, 0.25, t_end=250, precision="extended")
@@ -36,7 +36,7 @@ def test_a_double_oscillator_is_its_matrix_power_to_rounding(integrator):
 
 @pytest.mark.parametrize("integrator", BENCHMARKED)
 @pytest.mark.parametrize("tau_per_stage", [0.02, 0.1, 0.2])
-def test_the_oscillators_maximum_energy_error_is_that_of_its_invariant_ellipse(integrator, tau_per_stage):
+def test_oscillators_maximum_energy_error_is_that_of_its_invariant_ellipse(integrator, tau_per_stage):
     """From (1, 0) the ellipse -K21 q^2 + K12 p^2 is conserved, so the error never passes |-K21/K12 - 1| and over 5000 t
     comes within a relative 1e-3 of it (the angle of a step falls within 0.03 of a quarter turn)."""
     tableau = nh.integrators[integrator]
@@ -83,7 +83,7 @@ def test_extended_henon_heiles_agrees_with_multiprecision_to_29_digits(integrato
     assert max(abs(a - b) for a, b in zip(found, (x, y, u, v), strict=True)) < mpf(6) * 10**-27
 
 
-def test_the_energy_error_of_a_sample_is_that_of_its_state():
+def test_energy_error_of_sample_is_that_of_its_state():
     """H from the sample's own q and p in 60 digits; the double state drops its carry, half an ulp: 4e-16 of H."""
     run = nh.integrate("henon_heiles", "ruth", 0.3, t_end=60)
     for sample in range(run.sizes["sample"]):

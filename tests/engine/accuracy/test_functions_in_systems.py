@@ -100,7 +100,7 @@ def test_numba_and_heyoka_understand_every_function():
 
 
 @pytest.mark.parametrize("precision", ["double", "extended"])
-def test_lanes_of_a_pendulum_that_turns_over_have_the_bits_of_single_runs(precision):
+def test_rotating_pendulum_lanes_equal_single_runs_bitwise(precision):
     """A momentum of 1e6 brings angles beyond those that are reduced in floating point, in some lanes only."""
     made = one_dimensional("rotor", lambda q: -cos(q[0]), lambda q: sin(q[0]), p0="1000000")
     steps = [20, 25, 31, 40, 50, 63, 80, 100, 126]

@@ -17,7 +17,7 @@ from support.methods.own_systems import spring
 from support.oracles.reference_solutions import kepler_state
 
 
-def test_positions_of_oscillator_and_planet_are_those_of_the_closed_forms():
+def test_positions_of_oscillator_and_planet_are_those_of_closed_forms():
     sho, kepler = reference(systems["sho"], "500"), reference(systems["kepler"], "87660")
     planet = systems["kepler"]
     exact = kepler_state(planet.q0[0], planet.p0[1], planet.parameters["GM"].value, 87660)
@@ -27,7 +27,7 @@ def test_positions_of_oscillator_and_planet_are_those_of_the_closed_forms():
     assert (sho.scale, kepler.scale) == (1.0, 69.82)
 
 
-def test_the_reference_of_a_copy_is_that_of_its_own_start_and_parameters():
+def test_reference_of_copy_uses_its_own_start_and_parameters():
     """Copies keep the closed form: sin t from (0, 1); Mercury around a star of twice the mass."""
     struck = dataclasses.replace(systems["sho"], q0=("0",), p0=("1",))
     assert reference(struck, "20").error([float(mpmath.sin(20))]) < 1e-15
@@ -39,7 +39,7 @@ def test_the_reference_of_a_copy_is_that_of_its_own_start_and_parameters():
     assert exact.error([float(x) for x in expected[:2]]) < 1e-15
 
 
-def test_a_copy_with_another_potential_is_not_given_the_closed_form_of_the_original():
+def test_copy_with_another_potential_drops_closed_form():
     """It is followed numerically: cos 2t."""
     stiffer = dataclasses.replace(systems["sho"], V=lambda q: 2 * q[0] * q[0], grad_V=lambda q: (4 * q[0],))
     assert reference(stiffer, "3").error([float(cos(mpf(6)))]) < 1e-15
@@ -52,7 +52,7 @@ def test_a_closed_form_that_is_none_is_refused(position):
         reference(spring(exact_position=lambda _, t: (position(t),)), "20")
 
 
-def test_an_orbit_without_a_closed_form_of_its_own_is_followed_numerically():
+def test_orbit_without_closed_form_of_its_own_is_followed_numerically():
     """A hyperbola from its perihelion: x = a (e - cosh F), y = b sinh F, and e sinh F - F proportional to time."""
     fast = dataclasses.replace(systems["kepler"], p0=("0", "0.333"))
     exact = reference(fast, "500")
@@ -66,7 +66,7 @@ def test_an_orbit_without_a_closed_form_of_its_own_is_followed_numerically():
     assert exact.error([float(x) for x in expected]) < 1e-15
 
 
-def test_a_system_without_a_closed_form_is_followed_in_extended_precision():
+def test_system_without_closed_form_is_followed_in_extended_precision():
     found = reference(spring(), "20")
     error = abs(mpf(found.q[0, 0]) + mpf(found.q[0, 1]) - cos(mpf(20)))
     # The error that the reference states, which rests on order 6, to a factor of 3; and far below that of a double.
@@ -74,7 +74,7 @@ def test_a_system_without_a_closed_form_is_followed_in_extended_precision():
     assert found.uncertainty < 1e-17
 
 
-def test_a_system_of_ones_own_does_not_get_a_closed_form_by_its_name():
+def test_user_system_gets_no_closed_form_by_its_name():
     stiffer = spring("sho", V=lambda q: 2 * q[0] * q[0], grad_V=lambda q: (4 * q[0],))
     assert reference(stiffer, "3").error([float(cos(mpf(6)))]) < 1e-15
 
@@ -86,7 +86,7 @@ def test_an_orbit_that_cannot_be_followed_is_refused(monkeypatch):
         reference(spring(), "20")
 
 
-def test_position_errors_are_relative_and_infinite_where_there_is_no_number():
+def test_position_errors_are_relative_and_infinite_without_number():
     exact = reference(systems["kepler"], "87660")
     assert exact.error(exact.q[:, 0] + [69.82, 0.0], exact.q[:, 1]) == pytest.approx(1.0, rel=1e-15)
     assert exact.error([nan, 0.0]) == inf

@@ -53,7 +53,7 @@ def test_runs_are_those_of_rotations_by_cosine_and_sine(name, method, first):
 
 
 @pytest.mark.parametrize("method", ["leapfrog", "aba864", "babps9o7h"])
-def test_the_harmonic_oscillator_is_exact_to_rounding_over_a_hundred_thousand_steps(method):
+def test_harmonic_oscillator_is_exact_to_rounding_over_hundred_thousand_steps(method):
     """A coefficient rounded once turns by an angle that is wrong by 1.5 * 2^-53 of it: in phase 1.7e-16 t. The energy
     gains a rounding of 2^-54 of what a shear adds, at random 1e-17 sqrt(4 s n); and what a product of two coefficients
     leaves out, 2^-53 x^2 for an angle x, misses one shear of x."""
@@ -74,7 +74,7 @@ def test_steps_longer_than_a_turn_are_as_exact():
     assert run.q.values[:, 0] == pytest.approx(np.cos(run.t.values), abs=1e-13)
 
 
-def test_the_energy_does_not_drift_as_it_would_with_a_rotation_that_is_rounded():
+def test_exact_rotation_prevents_energy_drift_of_rounded_one():
     """Ten times the interval: a random walk grows by 3.2, a map that is not symplectic by 10 and to 1e-12 at once."""
     short, long = (nh.integrate("sho", "aba864", 0.5, t_end=t, **EXACT).max_energy_error for t in (5000, 50000))
     assert long < 5e-14
@@ -83,7 +83,7 @@ def test_the_energy_does_not_drift_as_it_would_with_a_rotation_that_is_rounded()
 
 @pytest.mark.parametrize("how", HOW, ids=IDS)
 @pytest.mark.parametrize("method", ["ruth", "babps9o7h"])
-def test_free_coordinates_have_the_bits_of_the_split_into_t_and_v(how, method):
+def test_free_coordinates_have_bits_of_split_into_t_and_v(how, method):
     """A rotation of frequency 0 is a drift, and the rest of V is V: every product, and what it leaves out, is equal."""
     system = replace(nh.systems["henon_heiles"], frequencies=("0", "0"))
     free = nh.integrate(system, method, 0.2, t_end=100, samples=7, **how, **EXACT)
@@ -104,7 +104,7 @@ def test_the_energy_floor_of_henon_heiles_is_a_few_roundings():
     assert plain[0] > 20 * floor
 
 
-def test_what_is_left_of_v_is_simplified_to_what_one_would_write():
+def test_rest_of_v_is_simplified_like_hand_written_code():
     """No rounding: with Constant for x and y the gradient is (2xy, x^2 - y^2) exactly."""
     x, y = Constant(Fraction(3, 7)), Constant(Fraction(-2, 11))
     found = remainder_formulas(nh.systems["henon_heiles"]).grad_V((x, y))
@@ -141,7 +141,7 @@ def near_integrable(epsilon, tau, method):
 
 
 @pytest.mark.parametrize(("method", "far", "near"), [("aba864", 8, 4), ("aba1064", 10, 4), ("aba104", 10, 4)])
-def test_errors_of_near_integrable_methods_have_the_orders_that_their_sources_claim(method, far, near):
+def test_near_integrable_errors_have_orders_of_their_sources(method, far, near):
     """eps tau^r1 where eps is small against any power of tau, and a higher power of eps times tau^4 where it is not."""
     small = [near_integrable("1e-14", tau, method) for tau in (0.5, 0.25)]
     assert np.log2(small[0] / small[1]) == pytest.approx(far, abs=0.5)
@@ -213,7 +213,7 @@ def test_ensembles_problems_and_output_times_are_the_runs_of_integrate():
     assert not np.array_equal(other.q[-1], whole.q[-1])
 
 
-def test_between_two_steps_lies_one_shorter_step_with_the_oscillator_solved_exactly():
+def test_shorter_step_of_exact_oscillator_lies_between_two_steps():
     run = nh.integrate("sho", "aba864", 0.5, t_end=10, t=["0.3", "7.77"], **EXACT)
     assert run.q.values[:, 0] == pytest.approx([float(cos(mpf("0.3"))), float(cos(mpf("7.77")))], abs=1e-15)
 
@@ -224,7 +224,7 @@ def test_a_run_backwards_returns_to_the_start():
     assert np.abs((back.q[-1] - out.q[0]) + (back.q_low[-1] - out.q_low[0])).max() < 1e-28
 
 
-def test_a_parameter_that_is_a_frequency_is_that_of_the_system_and_others_are_free():
+def test_frequency_parameter_is_fixed_and_others_are_free():
     changed = replace(CHAIN.system, parameters=dict(CHAIN.system.parameters) | {"strength": "0.1"}, name="chain_2")
     given = nh.integrate(CHAIN.system, "aba864", 0.2, parameters={"strength": "0.1"}, **EXACT)
     assert np.array_equal(given.q, nh.integrate(changed, "aba864", 0.2, **EXACT).q)

@@ -67,7 +67,7 @@ def test_states_are_those_of_the_same_steps_in_multiprecision(name, system, prec
 
 
 @pytest.mark.parametrize("square", [("0.02", "0"), ("0", "0.02"), ("0", "0")])
-def test_a_kick_that_two_steps_share_takes_the_gradient_for_either(square):
+def test_kick_that_two_steps_share_takes_gradient_for_either(square):
     """The kick that closes a step may need none where the one that opens the next step does."""
     tableau = nh.ModifiedTableau(
         name="shared", order=1, first="kick", kick=("0.4", "0.6"), square=square, drift=("1",), symmetric=False,
@@ -133,7 +133,7 @@ def test_running_back_returns_to_the_start(name):
 
 
 @EVERY
-def test_the_energy_of_many_coordinates_is_measured_as_at_the_samples(name):
+def test_energy_of_many_coordinates_is_measured_as_at_samples(name):
     chain = nh.System(
         name="chain", V=lambda q: sum((a - b) ** 2 / 2 + (a - b) ** 4 for a, b in zip(q[1:], q[:-1], strict=True)),
         q0=tuple(f"0.{i}" for i in (3, 1, 4, 1, 5, 9, 2, 6, 5)), p0=("0",) * 9, t_end="5",
@@ -173,7 +173,7 @@ def test_chins_middle_force_is_that_of_his_paper():
     ],
     ids=["regularised", "loops", "kinetic_energy"],
 )
-def test_a_system_that_has_no_modified_kicks_is_refused_in_one_sentence(system, words):
+def test_system_without_modified_kicks_is_refused_in_one_sentence(system, words):
     with pytest.raises(SettingError, match=f"integrator = 'chin_4a' is not allowed.*{words}") as caught:
         nh.sweep(system, "chin_4a", [0.1])
     assert "\n" not in str(caught.value)
@@ -198,7 +198,7 @@ def test_the_registry_has_all_methods_and_two_views_share_them():
     assert not any(one.square or one.processor for one in plain_integrators.values())
 
 
-def test_a_view_says_what_it_does_not_have_and_is_pickled_as_itself():
+def test_view_names_missing_entries_and_is_pickled_as_itself():
     with pytest.raises(UnknownNameError, match=r"unknown integrator 'chin_4'\. Did you mean 'chin_4a'"):
         nh.modified_integrators["chin_4"]
     with pytest.raises(UnknownNameError, match="unknown integrator 'ruth'"):
@@ -216,7 +216,7 @@ def test_a_tableau_passed_directly_runs_like_the_registered_one():
 
 
 @pytest.mark.parametrize("kind", ["Tableau", "ModifiedTableau"])
-def test_a_users_file_has_a_modified_tableau_whose_order_is_proved(tmp_path, kind):
+def test_users_file_has_modified_tableau_whose_order_is_proved(tmp_path, kind):
     """The leapfrog with the force of Takahashi and Imada has order two, and three for processed states alone."""
     text = (
         "import nearharmonic as nh\n"

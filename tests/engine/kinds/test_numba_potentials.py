@@ -175,7 +175,7 @@ def test_definitions_that_need_an_expression_are_refused(case):
         springs(**changes)
 
 
-def test_the_missing_gradient_is_shown_by_an_example_that_is_right():
+def test_missing_gradient_is_shown_by_example_that_is_right():
     with pytest.raises(SystemDefinitionError) as caught:
         springs(grad_V=None)
     (source, formula) = re.findall(r"(def grad_V.*) for V = (.*)$", str(caught.value))[0]
@@ -206,6 +206,6 @@ def test_lanes_are_refused_in_a_sentence():
         kernel_of(SPRING, Numerics(width=8))
 
 
-def test_what_is_written_from_an_expression_is_refused_in_a_sentence():
+def test_what_is_written_from_expression_is_refused_in_sentence():
     with pytest.raises(NearharmonicError, match=r"^spring: grad_V is a function of numba, which is not traced"):
         SPRING.formulas().grad_V((Chained(),), *(Chained() for _ in SPRING.parameters))

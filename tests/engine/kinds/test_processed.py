@@ -46,19 +46,19 @@ def test_the_first_sample_is_the_start_itself():
     assert run.energy_error[0] == 0
 
 
-def test_without_the_processor_the_order_is_two_in_theory_and_in_runs():
+def test_without_processor_order_is_two_in_theory_and_in_runs():
     assert (nystrom_order_of(ROWLANDS.kernel), nystrom_order_of(ROWLANDS)) == (2, 4)
     errors = nh.sweep("henon_heiles", ROWLANDS.kernel, [0.1, 0.05, 0.025], t_end=20).max_energy_error.values
     assert np.log2(errors[:-1] / errors[1:]) == pytest.approx([2, 2], abs=0.05)
 
 
-def test_a_processor_that_is_wrong_at_degree_three_makes_the_order_three():
+def test_processor_that_is_wrong_at_degree_three_makes_order_three():
     """The step is not symmetric then: conditions of even degree count."""
     forged = replace(ROWLANDS, processor=replace(ROWLANDS.processor, square=("0", "0")))
     assert nystrom_order_of(forged) == 3
 
 
-def test_the_kernel_is_a_leapfrog_with_the_force_of_takahashi_and_imada():
+def test_kernel_is_leapfrog_with_force_of_takahashi_and_imada():
     assert (ROWLANDS.kick, ROWLANDS.drift) == (("1",), ("0.5", "0.5"))
     assert abs(Fraction(ROWLANDS.square[0]) - Fraction(1, 24)) < Fraction(1, 10**80)
     given = ROWLANDS.processor
@@ -67,7 +67,7 @@ def test_the_kernel_is_a_leapfrog_with_the_force_of_takahashi_and_imada():
     assert abs(Fraction(given.square[0]) - a * b * b) < Fraction(1, 10**79)
 
 
-def test_a_result_says_that_it_is_processed_and_where_its_energy_is_measured():
+def test_result_states_processing_and_place_of_energy():
     run = nh.integrate("henon_heiles", "rowlands", 0.1, t_end=5)
     assert run.attrs["processed"].startswith("states and energies are processed at the samples")
     assert run.attrs["energy"] == "samples"
@@ -76,7 +76,7 @@ def test_a_result_says_that_it_is_processed_and_where_its_energy_is_measured():
 
 
 @pytest.mark.parametrize("precision", ["double", "extended"])
-def test_a_prepared_run_has_the_bits_of_a_run_by_itself(precision):
+def test_prepared_run_has_bits_of_run_by_itself(precision):
     """It copies all results at once, whatever they are made of; the second call fills the arrays of the first."""
     asked = {"t_end": 5, "samples": 6, "precision": precision}
     prepared = nh.problem("henon_heiles", "rowlands", **asked)
@@ -92,7 +92,7 @@ def test_a_sweep_measures_at_many_samples():
     assert swept.max_energy_error[0] > 1e-8
 
 
-def test_states_at_times_between_steps_are_those_of_one_shorter_step():
+def test_states_between_steps_are_those_of_one_shorter_step():
     run = nh.integrate("henon_heiles", "rowlands", 0.1, t_end=1, t=["0.5", "0.53"], precision="extended")
     with mp.workdps(40):
         q, p = (
@@ -116,7 +116,7 @@ def test_the_energy_may_be_left_out():
     assert np.array_equal(run.q, other.q)
 
 
-def test_the_way_back_retraces_the_orbit_to_the_order_of_the_method():
+def test_way_back_retraces_orbit_to_order_of_method():
     distances = []
     for tau in (0.1, 0.05):
         there = nh.integrate("henon_heiles", "rowlands", tau, t_end=5, samples=1).isel(sample=-1)

@@ -113,7 +113,7 @@ def test_dense_samples_of_a_near_collision_are_those_by_hand():
 
 
 @pytest.mark.parametrize("A", ["0", "2"])
-def test_mean_and_largest_error_over_three_steps_are_those_by_hand(A):
+def test_errors_over_three_steps_match_hand_calculation(A):
     """Two whole steps, and one that lands."""
     tableau, tau, (q0, p0) = nh.integrators["ruth"], 200, orbit("0.4")
     run = nh.integrate(SYSTEM, tableau, tau, q0=q0, p0=p0, parameters={"A": A}, t_end=3 * tau)
@@ -143,7 +143,7 @@ def test_an_ensemble_of_mixed_strengths_is_made_of_single_runs():
     assert np.abs(np.diff(together.q.values[:, -1, 0])).min() > 1e-3
 
 
-def test_maps_are_inverse_and_keep_the_energy_in_the_plane_and_in_space():
+def test_maps_are_inverse_and_conserve_energy_in_plane_and_space():
     for dimension, starts in ((2, [(3, 4), (-3, 4), (-5, 0), (0, -2)]), (3, [(1, 2, 2), (-1, 2, -2), (-3, 0, 0)])):
         maps = RegularisedFormulas(Regularisation("GM", lambda q, r, GM, A: A * q[0] / r), 0, dimension)
         p = tuple(mpf(k) / 7 for k in (1, -2, 3))[:dimension]
@@ -162,7 +162,7 @@ def test_maps_are_inverse_and_keep_the_energy_in_the_plane_and_in_space():
 
 
 @pytest.mark.parametrize("t", ["100", "1000", "-777.5"])
-def test_samples_land_on_their_times_and_positions_converge_to_the_ellipse(t):
+def test_samples_land_on_their_times_and_positions_converge_to_ellipse(t):
     exact = nh.systems["kepler"].exact_position(nh.systems["kepler"], mpf(t))
     errors = []
     for tau in (20, 10):
@@ -197,7 +197,7 @@ def test_samples_do_not_change_a_run_and_equal_output_times(summation):
     assert swept.max_energy_error[0] == one.max_energy_error
 
 
-def test_members_of_an_ensemble_are_single_runs_each_with_the_step_of_its_own_orbit():
+def test_ensemble_members_are_single_runs_with_their_own_step():
     starts = [orbit(e, a) for e, a in (("0.1", "57.9"), ("0.5", "100"), ("0.9", "30"))]
     q0, p0 = (np.array([[float(x) for x in pair[k]] for pair in starts]) for k in (0, 1))
     together = nh.ensemble("kepler_regularised", "babs7o7h", 200, q0=q0, p0=p0, t_end=20000)
@@ -268,7 +268,7 @@ def test_a_run_back_returns():
 
 
 @pytest.mark.parametrize("energy", ["every", "none"])
-def test_a_run_whose_time_goes_back_has_diverged_instead_of_never_ending(energy):
+def test_run_with_reversed_time_has_diverged_and_ends(energy):
     """Steps of 0.4 periods of a method with negative coefficients, which stay near a bounded curve."""
     run = nh.integrate("kepler_regularised", "ruth", Fraction(87660, 110), energy=energy, samples=2)
     assert run.status.item() == "diverged"

@@ -53,7 +53,7 @@ def sums(q, p):
 
 
 @pytest.mark.slow
-def test_ten_bodies_conserve_what_they_ought_to_and_their_energy_is_measured_well():
+def test_ten_bodies_conserve_invariants_with_accurate_energy():
     """Splitting methods conserve momenta to rounding; the energy error falls with the order, as the sums have it."""
     worst = []
     for tau in (0.02, 0.01):
@@ -70,7 +70,7 @@ def test_ten_bodies_conserve_what_they_ought_to_and_their_energy_is_measured_wel
 
 
 @pytest.mark.slow
-def test_the_energy_of_ten_bodies_is_as_good_as_in_double_double():
+def test_ten_body_energy_is_as_accurate_as_double_double():
     for tau in (0.05, 0.01):
         double, extended = (nh.integrate(BODIES, "leapfrog", tau, precision=x) for x in ("double", "extended"))
         assert abs(double.max_energy_error.item() - extended.max_energy_error.item()) < 2e-15

@@ -44,7 +44,7 @@ def exact_error(run, sample):
 
 @pytest.mark.parametrize("first", ["kick", "drift"])
 @pytest.mark.parametrize("method", ["leapfrog", "aba864"])
-def test_the_energy_error_is_that_of_the_states_to_four_digits(method, first):
+def test_energy_error_is_that_of_states_to_four_digits(method, first):
     run = nh.integrate(CHAIN, method, 0.2, first=first, samples=11)
     exact = [exact_error(run, sample) for sample in range(11)]
     for sample in range(1, 11):
@@ -61,7 +61,7 @@ def test_near_rounding_the_energy_error_is_exact():
     assert run.energy_error.values == pytest.approx(exact, abs=1e-30)
 
 
-def test_lanes_and_every_way_to_measure_the_energy_have_the_same_states():
+def test_lanes_and_every_way_to_measure_energy_have_same_states():
     runs = [nh.integrate(CHAIN, "aba864", 0.2, energy=energy, samples=3) for energy in ("every", "samples", "none")]
     taus = [0.4, 0.3, 0.2]
     swept = nh.sweep(CHAIN, "aba864", taus, t=[10])

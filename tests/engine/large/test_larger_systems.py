@@ -60,7 +60,7 @@ def test_a_linear_chain_of_1024_sites_follows_its_normal_modes():
     assert np.abs(run.q[-1].values - exact).max() < 5e-12
 
 
-def test_the_energy_of_a_chain_of_1024_sites_is_measured_to_rounding():
+def test_energy_of_chain_of_1024_sites_is_measured_to_rounding():
     run = nh.integrate(fput([f"{x:.6f}" for x in mode(3)]), "aba864", 0.5, samples=5)
 
     def energy(k):

@@ -66,7 +66,7 @@ def test_a_force_that_depends_on_time_takes_the_edited_time():
 
 
 @pytest.mark.parametrize("how", HOW.values(), ids=HOW)
-def test_a_result_edited_elsewhere_continues_with_the_bits_of_one_run(how):
+def test_result_edited_elsewhere_continues_with_bits_of_one_run(how):
     whole = nh.integrate("henon_heiles", "aba864", 0.1, t_end=10, samples=2, **how)
     run = first(**how)
     other = run.copy(deep=True)
@@ -76,7 +76,7 @@ def test_a_result_edited_elsewhere_continues_with_the_bits_of_one_run(how):
         assert_equal(rest(start, **how)[LAST], whole[LAST])
 
 
-def test_a_result_read_from_a_file_continues_with_the_bits_of_one_run(tmp_path):
+def test_result_read_from_file_continues_with_bits_of_one_run(tmp_path):
     import xarray as xr
 
     run, whole = first(), nh.integrate("henon_heiles", "aba864", 0.1, t_end=10, samples=2)
@@ -104,7 +104,7 @@ def test_edited_parameters_hold_from_the_first_force_on():
 
 @pytest.mark.parametrize("tau", [0.1, 0.2])
 @pytest.mark.parametrize("running", [[1.0], np.full(10, np.nan), ["a"] * 10, np.zeros((2, 5)), 3.0], ids=str)
-def test_a_state_of_the_last_force_that_is_garbage_is_not_used(running, tau):
+def test_state_of_last_force_that_is_garbage_is_not_used(running, tau):
     run = first()
     dims = ("running_component", "more")[: np.ndim(running)]
     without = run.drop_vars(["running", "running_component"])
@@ -113,7 +113,7 @@ def test_a_state_of_the_last_force_that_is_garbage_is_not_used(running, tau):
 
 @pytest.mark.parametrize("value", [np.zeros(3), 3, "x"], ids=str)
 @pytest.mark.parametrize("name", ["moves", "end"])
-def test_digests_that_are_garbage_leave_the_last_sample_as_the_start(name, value):
+def test_digests_that_are_garbage_leave_last_sample_as_start(name, value):
     run = first()
     assert_equal(rest(run.assign_attrs({name: value})), rest(run.drop_vars("running")))
 
@@ -165,7 +165,7 @@ def test_a_result_without_energies_can_be_continued():
     assert_equal(rest(run, energy="none")[LAST], whole[LAST])
 
 
-def test_a_member_of_an_ensemble_goes_on_with_its_own_parameters():
+def test_member_of_ensemble_goes_on_with_its_own_parameters():
     """An array is found by its coordinate, a common parameter by its exact text: a tenth is not a double."""
     oscillator = nh.System(
         name="two_parameters", V=lambda q, k, m: k * m * q[0] ** 2 / 2, q0=["1"], p0=["0"], t_end="5",

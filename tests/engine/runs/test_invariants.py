@@ -38,7 +38,7 @@ def test_a_drift_is_relative_unless_the_invariant_begins_at_zero():
     assert "|I - I0|/|I0|" in found["ten_drift"][2]["long_name"]
 
 
-def test_a_run_that_leaves_its_energy_surface_has_an_infinite_drift():
+def test_run_that_leaves_its_energy_surface_has_infinite_drift():
     run = nh.integrate("kepler", "ruth", 2000.0)
     assert run.status == "diverged"
     assert np.isinf(run.angular_momentum_drift)
@@ -48,7 +48,7 @@ def test_a_system_without_invariants_has_no_variable_more():
     assert not [name for name in nh.integrate("sho", "ruth", 0.5, t_end=5).variables if str(name).endswith("_drift")]
 
 
-def test_an_invariant_that_fails_far_from_the_start_is_nan_there():
+def test_invariant_that_fails_far_from_start_is_nan_there():
     def picky(q, p, *_):
         if np.any(np.abs(q[0]) > 2):
             raise ValueError("too far")

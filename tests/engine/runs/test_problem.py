@@ -75,7 +75,7 @@ def test_problems_and_results_pickle():
     assert repr(copy) == repr(problem) == "Problem('kepler', 'srkn_a14', t_end=4000)"
 
 
-def test_a_result_of_a_system_in_a_file_is_read_in_another_process(tmp_path):
+def test_result_of_system_in_file_is_read_in_another_process(tmp_path):
     path = tmp_path / "mine.py"
     path.write_text(
         "from nearharmonic import System\n"
@@ -100,7 +100,7 @@ def test_one_problem_serves_several_threads():
 
 @pytest.mark.parametrize("how", [{}, {"summation": "plain"}, {"precision": "extended"}], ids=["carry", "plain", "dd"])
 @pytest.mark.parametrize("system", ["henon_heiles", "kepler"])
-def test_a_member_of_an_ensemble_has_the_bits_of_a_single_run(system, how):
+def test_member_of_ensemble_has_bits_of_single_run(system, how):
     tau, t_end = (100, 4000) if system == "kepler" else (0.1, 10)
     given = {"q0": STARTS[:, :2], "p0": STARTS[:, 2:]}
     if system == "kepler":
@@ -157,7 +157,7 @@ def test_the_width_leaves_half_of_the_registers_to_the_force():
     assert most_lanes(2, compensated=True, extended=True) == 8
 
 
-def test_one_run_takes_one_lane_and_many_take_as_many_as_the_longest_leaves_useful():
+def test_one_run_takes_one_lane_and_many_take_useful_lanes():
     """A queue takes max(longest, total / lanes) steps, one of 1.2, 2.0 or 3.6 times a single run's."""
     equal = np.full(64, 100)
     assert lanes_for(np.array([1000]), 32) == 1
@@ -202,7 +202,7 @@ except KeyboardInterrupt:
     ],
     ids=["one long run", "an ensemble on threads"],
 )
-def test_the_keyboard_stops_a_run_within_a_fraction_of_a_second(call):
+def test_keyboard_stops_run_within_fraction_of_second(call):
     """0.2 s at any length; of the time of the process, on two cores at most, which no other process prolongs."""
     source = str(Path(nh.__file__).parents[1])
     command = [sys.executable, "-c", LONG.format(call=call)]

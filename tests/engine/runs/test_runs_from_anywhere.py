@@ -22,7 +22,7 @@ def same(a, b, names=("q", "p", "energy_error", "max_energy_error")):
 
 
 @pytest.mark.parametrize("precision", ["double", "extended"])
-def test_values_at_run_time_give_the_bits_of_a_system_that_has_them(precision):
+def test_run_time_values_give_bits_of_system_with_them(precision):
     """Strings and fractions exactly, to the digits below a double."""
     kepler = nh.systems["kepler"]
     GM = replace(kepler.parameters["GM"], value="1.7")
@@ -112,7 +112,7 @@ def test_output_times_on_steps_are_the_samples_of_the_run():
 
 @pytest.mark.parametrize("how", [{}, {"summation": "plain"}, {"precision": "extended"}], ids=["carry", "plain", "dd"])
 @pytest.mark.parametrize("method", ["aba864", "babps9o7h"])
-def test_between_two_steps_lies_one_shorter_step_from_the_step_before(method, how):
+def test_between_two_steps_lies_one_shorter_step_from_step_before(method, how):
     """The step is computed by hand: a run of one step from the state of the step before, to 1/3 of a step."""
     asked = [0, Fraction(1, 12), 3, Fraction(37, 12), Fraction(37, 12), "10"]
     found = nh.integrate("henon_heiles", method, 0.25, t_end=10, t=asked, **how)
@@ -168,7 +168,7 @@ def test_the_energy_is_measured_when_it_was_asked_for():
     assert np.isnan([none.max_energy_error, none.mean_energy_error, none.initial_energy]).all()
 
 
-def test_a_run_without_energy_diverges_when_it_is_not_finite_and_one_with_samples_at_the_first_that_says_so():
+def test_unmeasured_run_diverges_if_not_finite_sampled_at_first_sample():
     runs = {e: nh.integrate("henon_heiles", "ruth", 3.0, t_end=300, samples=11, energy=e)
             for e in ("every", "samples", "none")}  # fmt: skip
     assert {run.status.item() for run in runs.values()} == {"diverged"}
@@ -177,7 +177,7 @@ def test_a_run_without_energy_diverges_when_it_is_not_finite_and_one_with_sample
     assert np.isfinite(runs["none"].q).all()
 
 
-def test_what_is_beside_a_run_does_not_change_the_errors_over_its_samples():
+def test_neighbours_of_run_do_not_change_its_sampled_errors():
     """Sixteen runs of different lengths in eight lanes, against each alone."""
     taus = [20 / n for n in range(40, 56)]
     together = nh.sweep("henon_heiles", "ruth", taus, t_end=20, energy="samples", t=[5, 10, 20])
@@ -186,7 +186,7 @@ def test_what_is_beside_a_run_does_not_change_the_errors_over_its_samples():
         assert together.max_energy_error[i] == alone.max_energy_error[0]
 
 
-def test_energy_errors_are_relative_to_the_scale_that_is_asked_for():
+def test_energy_errors_are_relative_to_scale_that_is_asked_for():
     """H0 = 1/8 of the Hénon-Heiles start."""
     own = nh.integrate("henon_heiles", "ruth", 0.3, t_end=20)
     scaled = nh.integrate("henon_heiles", "ruth", 0.3, t_end=20, energy_scale="0.25")
@@ -196,7 +196,7 @@ def test_energy_errors_are_relative_to_the_scale_that_is_asked_for():
     assert nh.integrate(declared, "ruth", 0.3, t_end=20).max_energy_error == scaled.max_energy_error
 
 
-def test_an_energy_of_zero_is_measured_in_its_unit_and_the_dataset_says_so():
+def test_zero_energy_has_its_unit_and_dataset_states_it():
     units = {"q": "m", "p": "kg m s-1", "t": "s", "energy": "J"}
     hill = spring("hill", V=lambda q: -q[0] * q[0] / 2, grad_V=lambda q: (-q[0],), p0=("1",), t_end="3", units=units)
     run = nh.integrate(hill, "yoshida_s7o6a", 0.15)
@@ -205,7 +205,7 @@ def test_an_energy_of_zero_is_measured_in_its_unit_and_the_dataset_says_so():
     assert 0 < run.max_energy_error < 1e-3
 
 
-def test_what_a_system_conserves_is_in_the_output_with_its_drift():
+def test_what_system_conserves_is_in_output_with_its_drift():
     """Angular momentum: q x p is exact for splitting methods, to rounding."""
     run = nh.integrate("kepler", "ruth", 100, t_end=8000)
     L = run.q[:, 0] * run.p[:, 1] - run.q[:, 1] * run.p[:, 0]

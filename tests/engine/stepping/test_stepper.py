@@ -74,7 +74,7 @@ def native_step(system, method, tau, state, **settings):
         pytest.param("relativistic_oscillator", "plain", PLAIN, marks=pytest.mark.slow),
     ],
 )
-def test_a_step_of_every_method_has_the_bits_of_a_run(name, summation, methods):
+def test_step_of_every_method_has_bits_of_run(name, summation, methods):
     system = nh.systems[name]
     for method in methods:
         for tau in (0.28125, -0.40625):
@@ -176,7 +176,7 @@ def test_arguments_of_other_types_are_refused(step, q, tau, named):
         step(q, np.zeros(2), tau)
 
 
-def test_a_step_of_a_potential_of_numba_has_the_bits_of_a_run():
+def test_step_of_potential_of_numba_has_bits_of_run():
     system, state = springs(), tuple(np.array([x]) for x in (0.7, -0.2, 0.0, 0.0))
     after = run_of_one_step(system, "babs7o7h", 0.375, state, summation="plain")
     q, p = (x.copy() for x in state[:2])

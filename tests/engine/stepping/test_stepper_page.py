@@ -50,7 +50,7 @@ def crossings():
     return run("def section")
 
 
-def test_points_of_the_section_lie_on_it_with_the_energy_of_the_orbit(crossings):
+def test_points_of_section_lie_on_it_with_energy_of_orbit(crossings):
     (x, y), (px, py) = crossings["positions"].T, crossings["momenta"].T
     assert len(x) == 200
     assert np.abs(x).max() < 2.0**-52  # Newton's method squares the error: less than 0.3 becomes less than rounding

@@ -66,7 +66,7 @@ def test_without_damping_the_first_step_is_that_of_newtons_method():
     assert x == pytest.approx(np.array([1.0, 2.0, 2.5]) - np.linalg.pinv(J) @ F, rel=1e-14)
 
 
-def test_steps_that_raise_the_residuals_are_taken_by_a_projection_only():
+def test_steps_that_raise_residuals_are_taken_by_projection_only():
     # From near the centre Newton's step is long: 9 / (2 |x|).
     start = [0.1, 0.1, 0.1]
     assert ended(Damping(iterations=1), start)[1].tolist() == start
@@ -74,7 +74,7 @@ def test_steps_that_raise_the_residuals_are_taken_by_a_projection_only():
     assert ended(Damping(iterations=9, solved=1e-12, lost=8.0, monotone=False), start)[1].tolist() == start
 
 
-def test_an_iteration_that_is_bounded_is_given_up_where_it_leaves():
+def test_iteration_that_is_bounded_is_given_up_where_it_leaves():
     # The solution is at (-2, -2, 1), and the step to it is a full one.
     start = [-1.99, -2.0, 1.0]
     assert ended(DAMPED, start)[0]
@@ -84,7 +84,7 @@ def test_an_iteration_that_is_bounded_is_given_up_where_it_leaves():
         assert (x.tolist() == start) == bounded
 
 
-def test_a_step_of_no_length_and_little_damping_ends_at_rest():
+def test_step_of_no_length_and_little_damping_ends_at_rest():
     by_rest = DAMPED._replace(enough=-1.0, solved=0.0, rest=1e-10, undamped=1e-4, most=1e12)
     solved, x = ended(by_rest, [1.0, 2.0, 2.5], radius=3.3)
     assert solved

@@ -22,7 +22,7 @@ def test_every_unknown_has_to_be_near():
 
 
 @pytest.mark.parametrize("relative", [False, True])
-def test_the_distance_is_that_of_the_plain_rule_for_many_points(relative):
+def test_distance_is_that_of_plain_rule_for_many_points(relative):
     points = np.random.default_rng(3).uniform(-3, 3, (400, 2))
     kept: list[np.ndarray] = []
     for x in points:
@@ -34,7 +34,7 @@ def test_the_distance_is_that_of_the_plain_rule_for_many_points(relative):
     assert sum(hits) == 400
 
 
-def test_no_more_are_kept_than_are_wanted_and_of_none_there_are_none():
+def test_at_most_wanted_number_is_kept_and_none_of_none():
     points = np.arange(10.0)[:, None]
     assert distinct(points, 0.1, most=3)[0].tolist() == [[0.0], [1.0], [2.0]]
     kept, hits = distinct(np.empty((0, 4)), 0.1)

@@ -33,19 +33,19 @@ def changes(**other):
     return np.abs(found)
 
 
-def test_a_year_of_8760_hours_changes_errors_by_less_than_a_hundredth():
+def test_year_of_8760_hours_changes_errors_by_less_than_hundredth():
     assert shows(row("year"), [8760, 5, 1])  # h, of Figure 5, %
     assert 1e-4 < changes(t_end="87600").max() < 0.01
 
 
-def test_the_reduced_mass_changes_errors_by_less_than_one_in_a_hundred_thousand():
+def test_reduced_mass_changes_errors_by_less_than_1e_5():
     assert shows(row("mass"), [1.7e-7, 1e-5])
     GM = float(nh.systems["kepler"].parameters["GM"].value)
     assert 1e-7 < changes(parameters={"GM": str(GM * (1 + 0.3301e24 / 1.9885e30))}).max() < 1e-5
 
 
 @pytest.mark.parametrize("name", ["aba104", "abas5o6h", "babps8o7h"])
-def test_samples_and_interval_of_the_regression_change_the_advance_by_as_much_as_is_said(name):
+def test_samples_and_interval_change_advance_as_stated(name):
     assert shows(row("regression"), [250, 2000, 0.1, 0.5])
     tau = PERIOD / 240 * nh.integrators[name].stages
     rates = {}

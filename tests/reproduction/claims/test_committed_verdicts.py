@@ -54,7 +54,7 @@ def test_orders_on_the_oscillator_are_those_of_the_closed_form(statement):
             assert np.log(ratio) / np.log(1.05**2) == pytest.approx(int(order), abs=0.55)
 
 
-def test_the_gain_over_ruth_on_the_oscillator_is_that_of_the_closed_form():
+def test_gain_over_ruth_on_oscillator_is_that_of_closed_form():
     low, high = numbers("outperform-ruth-sho", r"step sizes of τ/s = (\S+) to ([\d.]+);")
     least, most, best = numbers("outperform-ruth-sho", r"worst new method (.*?) to (.*?), over the best up to (.*)")
     # Forty a decade from 1e-4 on. A run of a few steps does not meet the largest error of the closed form.
@@ -69,7 +69,7 @@ def test_the_gain_over_ruth_on_the_oscillator_is_that_of_the_closed_form():
     assert least < 100
 
 
-def test_the_best_methods_on_kepler_win_inside_the_stated_range_and_lose_outside():
+def test_best_kepler_methods_win_only_inside_stated_range():
     names = ("yoshida_s7o6a", "aba104", "babps9o7h", "abas5o6h", "babps8o7h")
     for statement, ours, variable in (
         ("fig-5-best-maximum", "aba104", "max_energy_error"), ("fig-5-best-mean", "babps9o7h", "mean_energy_error"),
@@ -83,7 +83,7 @@ def test_the_best_methods_on_kepler_win_inside_the_stated_range_and_lose_outside
             assert (min(found, key=found.__getitem__) == ours) is wins, (statement, tau_per_stage)
 
 
-def test_the_coincidence_of_the_advances_is_that_of_runs_at_240_evaluations():
+def test_coincidence_of_advances_is_that_of_runs_at_240_evaluations():
     stated = numbers("fig-4-coincide", r"orbit ABAs5o6H (\S+), ABA104 (\S+), BAB's8o7H (\S+) × 10⁻⁶ rad")
     kepler = nh.systems["kepler"]
     start = [tuple(map(float, row)) for row in (kepler.q0, kepler.p0)]
@@ -114,7 +114,7 @@ def test_yoshidas_run_on_henon_heiles_leaves_at_the_stated_iteration():
     assert left == stated
 
 
-def test_the_largest_term_of_yoshida_is_that_of_its_step_matrix():
+def test_largest_term_of_yoshida_is_that_of_its_step_matrix():
     (stated,) = numbers("fig-2-yoshida-diverges", r"^Yosh s7o6 A (.*?), s9odr6a")
     q, p = [mpf(1)] + [mpf(0)] * 15, [mpf(-1)] + [mpf(0)] * 15
     tableau = nh.integrators["yoshida_s7o6a"]
@@ -129,7 +129,7 @@ def sum_of_absolute_values(tableau):
     return float(sum(abs(Fraction(c)) for c in (*tableau.kick, *tableau.drift)))
 
 
-def test_the_sums_of_the_methods_of_least_error_are_those_of_their_coefficients():
+def test_sums_of_best_methods_follow_from_their_coefficients():
     value = VALUES["minimised-coefficients"]
     (listed,) = re.findall(r"least error, with the sum: (.*?);", value)
     led = re.findall(r"(?:^|, )([^,(]+) \(([\d.]+)\) at", listed)
@@ -142,7 +142,7 @@ def test_the_sums_of_the_methods_of_least_error_are_those_of_their_coefficients(
     assert float(stated) == pytest.approx(sums[label], rel=5e-3)
 
 
-def test_a_solution_of_equation_16_of_second_order_is_one_by_runs_on_the_pendulum():
+def test_second_order_solution_of_equation_16_is_so_on_pendulum():
     """H = p^2/2 - cos q, off in the energy by the square of the step; Ruth's method by its fourth power."""
     d1 = 1 - (11 / 48) ** 0.5
     ruth = nh.integrators["ruth"].role("kick")
@@ -165,7 +165,7 @@ def test_a_solution_of_equation_16_of_second_order_is_one_by_runs_on_the_pendulu
         assert np.log2(errors[0] / errors[1]) == pytest.approx(order + 1, abs=0.1)
 
 
-def test_panel_d_stays_in_its_plane_for_300_000_iterations_and_leaves_beside_it():
+def test_panel_d_stays_in_plane_and_leaves_beside_it():
     """Plain steps written out here. Rounding decides which iteration leaves: here it is another one."""
     (stated,) = numbers("fig-6-others-stable", r"\(D\) (\S+) in 100000 iterations in its plane$")
     tableau = nh.integrators["babs7o7h"]
@@ -201,7 +201,7 @@ def _stepped(state, first, pairs):
     return x, u, y, p
 
 
-def test_no_other_coefficient_of_babs8o7h_than_c3_can_be_the_wrong_one():
+def test_no_coefficient_of_babs8o7h_except_c3_can_be_wrong():
     tableau = nh.integrators["babps8o7h"]
     rows = {"d": tableau.kick[:4], "c": tableau.drift[:3]}
     left = {}
@@ -220,7 +220,7 @@ def test_no_other_coefficient_of_babs8o7h_than_c3_can_be_the_wrong_one():
     assert [left["c", 2, 10], left["c", 2, 0]] == pytest.approx(stated, rel=0.03)
 
 
-def test_equation_20_lacks_a_factor_in_other_units_along_a_run():
+def test_equation_20_lacks_factor_in_other_units_along_run():
     (stated,) = numbers("eq-20", r"^length (\S+) within")
     low, high = numbers("eq-20", r"length (\S+) to (\S+)$")
     run = nh.integrate("kepler", "babps9o7h", tau=1.0, t_end=3000, samples=500)

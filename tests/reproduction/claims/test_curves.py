@@ -50,7 +50,7 @@ def test_runs_that_diverged_or_were_not_made_end_the_range():
     assert X[found.compared(found.errors(["fourth"])).asked].max() <= 0.05
 
 
-def test_a_statement_holds_in_part_over_half_a_decade_in_one_piece_and_no_less():
+def test_statement_holds_in_part_over_half_decade_in_one_piece():
     everywhere = Range(X, np.ones(X.size, dtype=bool), " h")
     assert over(everywhere, X > 0).verdict == "holds"
     assert over(everywhere, X > 0).value == "τ/s = 0.0001 to 1 h, all 161 step sizes"
@@ -62,7 +62,7 @@ def test_a_statement_holds_in_part_over_half_a_decade_in_one_piece_and_no_less()
     assert over(everywhere, X < 0).verdict == "fails"
 
 
-def test_a_statement_holds_but_for_edges_at_19_of_20_step_sizes_and_no_fewer():
+def test_statement_holds_but_for_edges_at_19_of_20_sizes():
     hundred = Range(X, np.arange(X.size) < 100, "")
     for missing, verdict in (
         (range(5), "holds but for edges"),
@@ -74,7 +74,7 @@ def test_a_statement_holds_but_for_edges_at_19_of_20_step_sizes_and_no_fewer():
         assert over(hundred, ~np.isin(np.arange(X.size), missing)).verdict == verdict, missing
 
 
-def test_a_statement_about_larger_steps_holds_over_half_a_decade_to_the_end_of_the_range():
+def test_statement_on_larger_steps_holds_over_half_decade_to_end():
     everywhere = Range(X, np.ones(X.size, dtype=bool), " h")
     assert for_larger_steps(everywhere, X > 0)[:2] == ("holds", "at all step sizes of τ/s = 0.0001 to 1 h")
     assert for_larger_steps(everywhere, X > 0.3)[:2] == ("holds", "from τ/s = 0.316 h on, of τ/s = 0.0001 to 1 h")
@@ -108,7 +108,7 @@ def test_several_things_hold_in_part_if_some_do(good, verdict):
         (["holds but for edges", "fails"], "holds in part"),
     ],
 )
-def test_a_statement_of_parts_holds_or_fails_if_all_of_them_do(parts, verdict):
+def test_statement_of_parts_holds_or_fails_with_all_of_them(parts, verdict):
     assert combined(parts, "").verdict == verdict
 
 

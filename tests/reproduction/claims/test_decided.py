@@ -47,7 +47,7 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_an_entry_has_the_agreed_keys_and_no_number_that_json_lacks(tmp_path):
+def test_entry_has_agreed_keys_and_no_number_that_json_lacks(tmp_path):
     text = decided(tmp_path)["document"]
     entries = json.loads(text, parse_constant=refused)
     assert len(entries) >= 25
@@ -71,7 +71,7 @@ def test_no_value_holds_a_number_that_is_none():
         assert not re.search(r"\b(nan|inf)\b", entry["value"]), entry
 
 
-def test_the_files_have_the_verdicts_and_the_same_bytes_each_time(folder):
+def test_files_have_verdicts_and_same_bytes_each_time(folder):
     for attempt in ("a", "b"):
         results = decided(folder)
         write(results["table"], [folder / f"{attempt}.csv", folder / f"{attempt}.md"], {})
@@ -89,14 +89,14 @@ def test_the_files_have_the_verdicts_and_the_same_bytes_each_time(folder):
     )
 
 
-def test_an_empty_folder_leaves_undecided_what_needs_a_file_and_names_the_target(tmp_path):
+def test_empty_folder_leaves_undecided_what_needs_file_and_names_target(tmp_path):
     for one, entry in zip(CLAIMS, decide(Results(tmp_path)), strict=True):
         assert (entry["verdict"] == "not decided here") == bool(one.needs), one.id
         if one.needs:
             assert entry["value"] == f"{one.needs[0]} is not there: target {one.target}"
 
 
-def test_the_target_of_a_statement_makes_the_files_that_it_needs():
+def test_target_of_statement_makes_files_that_it_needs():
     assert set(FILES) == {name for one in CLAIMS for name in (*one.needs, *one.also)}
     for one in CLAIMS:
         others = ALLOWED["all"] if one.target != "all" else set()
@@ -147,7 +147,7 @@ def test_runs_that_all_diverged_are_no_error():
     assert verdicts["fig-3-steepest"] == verdicts["fig-5-best-maximum"] == "not decided here"
 
 
-def test_a_truncated_cube_is_named_with_the_command_that_makes_it_again(folder):
+def test_truncated_cube_is_named_with_command_that_makes_it_again(folder):
     path = folder / "cubes/kepler.h5"
     path.write_bytes(path.read_bytes()[:1000])
     with pytest.raises(ResultFileError, match=r"kepler\.h5 is truncated .* Make it again: snakemake"):

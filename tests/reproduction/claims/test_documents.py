@@ -41,7 +41,7 @@ def test_the_command_writes_all_pages_again_as_they_are(tmp_path):
         assert (tmp_path / name).read_bytes() == (ROOT / name).read_bytes(), name
 
 
-def test_no_line_of_the_page_is_long_and_every_statement_is_folded_in():
+def test_no_page_line_is_long_and_every_statement_is_folded():
     assert max(map(len, PAGE.splitlines())) <= 300
     folded = re.findall(r"<details>.*?</details>", PAGE, re.DOTALL)
     for entry in of_the_paper(ENTRIES):

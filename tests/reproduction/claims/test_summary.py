@@ -47,7 +47,7 @@ def test_only_results_and_mathematics_fail_in_substance():
         (("all",), "1 holds, 1 not decided here."),
     ],
 )
-def test_a_run_names_the_command_that_decides_what_it_leaves_open(tmp_path, missing, end):
+def test_run_names_command_that_decides_what_it_leaves_open(tmp_path, missing, end):
     names = [next(name for name, target in TARGETS.items() if target == one) for one in missing]
     entries = [entry("x", "holds"), *(entry(name, "not decided here") for name in names)]
     document = tmp_path / "claims.json"

@@ -43,12 +43,12 @@ def scattered():
     return np.random.default_rng(5).uniform(-12, -2, (len(HIGH), len(PROOF_STEPS)))
 
 
-def test_the_ensembles_are_those_of_the_experiment_with_the_widest_band():
+def test_ensembles_are_those_of_experiment_with_widest_band():
     assert BANDS[-1] == (min(low for low, _ in BANDS[1:]), max(high for _, high in BANDS))
     assert [random_ensemble(d, 2, 0, band=BANDS[-1], t_end=1.0).name for d in DIMENSIONS] == list(ENSEMBLES)
 
 
-def test_a_random_order_of_twelve_methods_is_related_in_one_of_twenty_cases_and_of_fewer_in_more():
+def test_random_order_is_related_in_one_of_twenty_cases():
     random = np.random.default_rng(1)
     share = {}
     for count in (FEWEST_METHODS - 1, FEWEST_METHODS):
@@ -72,7 +72,7 @@ def test_correlations_are_those_of_scipy(scattered):
 
 
 @pytest.mark.parametrize(("turned", "verdict"), [((), "holds"), ((0, 2), "holds in part"), ((0, 1, 2, 3), "fails")])
-def test_the_verdict_counts_the_step_sizes_at_which_smaller_sums_err_less(turned, verdict):
+def test_verdict_counts_step_sizes_at_which_smaller_sums_err_less(turned, verdict):
     rows = np.array([[total(name)] * len(PROOF_STEPS) for name in HIGH])
     rows[:, list(turned)] *= -1
     decision = minimised_coefficients.decision(with_errors(rows))
@@ -80,7 +80,7 @@ def test_the_verdict_counts_the_step_sizes_at_which_smaller_sums_err_less(turned
     assert f"; 0.5 or more at {4 - len(turned)} of 4 step sizes; " in decision.value
 
 
-def test_the_value_names_the_methods_of_least_error_and_what_the_least_sum_loses(scattered):
+def test_value_names_best_methods_and_loss_of_least_sum(scattered):
     smallest = min(HIGH, key=total)
     scattered[HIGH.index(smallest)] = -5.0
     for step, name in enumerate(("srkn_a14", "ruth", "ruth", "aba864")):
@@ -112,7 +112,7 @@ def test_without_an_ensemble_nothing_is_decided(missing):
     assert best_performance.decision(results).verdict == "holds in part"
 
 
-def test_methods_that_the_job_does_not_name_are_not_looked_at(scattered):
+def test_methods_that_job_does_not_name_are_not_looked_at(scattered):
     results = with_errors(scattered)
     del results.methods["babs7o7h"]
     before = minimised_coefficients.decision(results)
@@ -120,7 +120,7 @@ def test_methods_that_the_job_does_not_name_are_not_looked_at(scattered):
     assert minimised_coefficients.decision(results) == before
 
 
-def test_the_best_three_are_told_how_far_ahead_trained_methods_are():
+def test_best_three_are_told_how_far_ahead_trained_methods_are():
     rows = np.full((len(HIGH), len(PROOF_STEPS)), -3.0)
     rows[HIGH.index(THREE[0])] = -6.0
     trained = [i for i, name in enumerate(HIGH) if name.startswith("trained_")]

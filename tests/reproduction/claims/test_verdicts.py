@@ -171,14 +171,14 @@ def test_a_damaged_result_turns_the_verdict(name, monkeypatch):
 
 
 @pytest.mark.parametrize("name", BY_ID)
-def test_a_statement_reads_the_files_that_it_says_it_needs_and_no_other(name):
+def test_statement_reads_only_files_that_it_declares(name):
     results = sound_results()
     BY_ID[name].decision(results)
     assert results.read == {*BY_ID[name].needs, *BY_ID[name].also}
 
 
 @pytest.mark.parametrize("name", [one.id for one in CLAIMS if one.also])
-def test_what_a_statement_tells_of_other_targets_does_not_change_its_verdict(name):
+def test_information_on_other_targets_does_not_change_verdict(name):
     one, results = BY_ID[name], sound_results()
     full = one.decision(results)
     for file in one.also:

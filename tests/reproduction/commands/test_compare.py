@@ -108,7 +108,7 @@ def test_claims_whose_verdict_changed_come_first(copy, capsys):
     assert [d["kind"] for d in found[3:]] == ["setting", "version", "number"]
 
 
-def test_settings_code_coefficients_and_versions_are_those_of_the_newest_run_that_ended_well(copy, capsys):
+def test_settings_code_and_versions_are_those_of_newest_successful_run(copy, capsys):
     other = config()
     other["systems"]["kepler"]["t_end"] = "8767"
     del other["systems"]["sho"]
@@ -132,7 +132,7 @@ def test_settings_code_coefficients_and_versions_are_those_of_the_newest_run_tha
     assert "The numbers are the same; what made them is not." in capsys.readouterr().out
 
 
-def test_settings_code_and_versions_in_the_attributes_of_a_cube_are_compared(copy, capsys):
+def test_settings_code_and_versions_in_attributes_of_cube_are_compared(copy, capsys):
     (copy / "history.jsonl").unlink()
     with edited(copy / "cubes/kepler.h5") as file:
         settings = json.loads(file.attrs["settings"])
@@ -200,7 +200,7 @@ def test_columns_that_the_manifest_lists_as_volatile_are_left_out(copy, capsys):
 
 
 @pytest.mark.parametrize("folder", ["paper", "copy"])
-def test_variables_and_whole_files_that_either_manifest_lists_as_volatile_are_left_out(copy, folder, capsys):
+def test_variables_and_files_listed_as_volatile_are_skipped(copy, folder, capsys):
     change(copy / "cubes/kepler.h5", "tau", (0, 0), 1.0)
     change(copy / "cubes/sho.h5", "tau", (0, 0, 0), 1.0)
     assert len(differences(capsys)) == 2
@@ -210,7 +210,7 @@ def test_variables_and_whole_files_that_either_manifest_lists_as_volatile_are_le
     assert (status, told["left_out"]) == (0, ["cubes/kepler.h5: tau", "cubes/sho.h5", "tables/methods.csv: seconds"])
 
 
-def test_without_a_manifest_a_variable_says_itself_that_it_is_volatile(copy, capsys):
+def test_without_manifest_variable_says_itself_that_it_is_volatile(copy, capsys):
     (copy / "manifest.json").unlink()
     change(copy / "cubes/kepler.h5", "tau", (0, 0), 1.0)
     with edited(copy / "cubes/kepler.h5") as file:
@@ -233,7 +233,7 @@ def test_a_damaged_file_is_named(copy, capsys):
     assert "cubes/sho.h5 is truncated or no result file. Make it again" in capsys.readouterr().err
 
 
-def test_results_of_other_configs_compare_on_what_they_have_in_common(other, capsys):
+def test_results_of_other_configs_compare_on_common_parts(other, capsys):
     found = differences(capsys, "paper", "other")
     where = {d["where"]: d for d in found}
     assert where["cubes/sho.h5: integrator"]["a"] == "also ruth"

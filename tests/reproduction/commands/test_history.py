@@ -43,7 +43,7 @@ def test_the_runs_of_a_result_are_listed_newest_first(project, capsys):
     assert (second["commit"], second["dirty"], second["status"]) == ("0123456789", "False", "failed")
 
 
-def test_without_a_result_the_runs_of_all_are_listed_with_a_column_that_names_it(project, capsys):
+def test_runs_of_all_results_are_listed_with_naming_column(project, capsys):
     rows = told(capsys)
     assert [(row["result"], row["id"]) for row in rows] == [
         ("paper", run_id(9)), ("smoke", run_id(8)), ("paper", run_id(7)), ("smoke", run_id(6)),
@@ -51,7 +51,7 @@ def test_without_a_result_the_runs_of_all_are_listed_with_a_column_that_names_it
     assert rows[-1]["duration"] == ""
 
 
-def test_a_run_under_way_is_listed_as_running_until_the_history_holds_it(project, capsys):
+def test_current_run_is_listed_as_running_until_history_has_it(project, capsys):
     marker = project / f"results/paper/logs/running/{run_id(10)}.json"
     marker.parent.mkdir(parents=True)
     started = history_line(10, status="running", end=None, duration=None)
@@ -62,7 +62,7 @@ def test_a_run_under_way_is_listed_as_running_until_the_history_holds_it(project
     assert [row["status"] for row in told(capsys, "paper")] == ["ok"]
 
 
-def test_full_shows_every_field_of_the_newest_run_or_of_the_one_named(project, capsys):
+def test_full_shows_every_field_of_newest_or_named_run(project, capsys):
     for arguments, hour in ((["--full"], 9), (["--full", run_id(7)], 7), ([f"--full={run_id(7)[:11]}"], 7)):
         assert main(["history", "paper", *arguments, "--format", "json"]) == 0
         found = json.loads(capsys.readouterr().out)

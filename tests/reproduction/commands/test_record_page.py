@@ -47,7 +47,7 @@ def test_the_rows_on_the_page_are_runs_with_these_numbers():
         assert float(error) == pytest.approx(run.max_energy_error.item(), rel=1e-5)
 
 
-def test_the_lines_of_python_on_the_page_print_the_number_beside_them(capsys):
+def test_lines_of_python_on_page_print_number_beside_them(capsys):
     (block,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     exec(compile(block, "record.md", "exec"), {})
     assert capsys.readouterr().out.strip() == re.search(r"# (\S+)", block)[1]

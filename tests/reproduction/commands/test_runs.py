@@ -48,7 +48,7 @@ def cells(folder, system):
     return found
 
 
-def test_every_cell_that_was_run_is_a_row_with_its_numbers(project, capsys):
+def test_every_cell_that_was_run_is_row_with_its_numbers(project, capsys):
     rows = told(capsys, "paper")
     assert list(rows[0]) == [*COLUMNS, *KEPLER]
     assert [row["system"] for row in rows] == sorted(row["system"] for row in rows)
@@ -75,7 +75,7 @@ def test_a_condition_chooses_rows(project, capsys):
     assert told(capsys, "paper", "--where", "steps < 0") == []
 
 
-def test_rows_are_sorted_by_a_key_with_nan_last_and_ties_in_the_order_without_it(project, capsys):
+def test_rows_are_sorted_with_nan_last_and_stable_ties(project, capsys):
     every = told(capsys, "paper")
     for key, sign in (("perihelion_advance", 1), ("-perihelion_advance", -1), ("-steps", -1)):
         values = [float(row[key.removeprefix("-")]) for row in told(capsys, "paper", "--sort", key)]
@@ -87,7 +87,7 @@ def test_rows_are_sorted_by_a_key_with_nan_last_and_ties_in_the_order_without_it
     assert told(capsys, "paper", "--sort", "-status") == by_status  # sorted() is stable, in reverse as well
 
 
-def test_columns_and_limit_cut_the_table_and_the_units_are_told(project, capsys):
+def test_columns_and_limit_cut_table_and_units_are_told(project, capsys):
     arguments = ["runs", "paper", "--columns", "system, tau,perihelion_advance", "--sort", "-tau", "--limit", "2"]
     assert main(arguments) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -121,7 +121,7 @@ def test_a_cube_that_holds_no_single_runs_is_left_out(project, capsys):
     assert told(capsys, "paper") == before
 
 
-def test_a_cube_of_a_system_that_lacks_a_variable_is_named(project, capsys):
+def test_cube_of_system_that_lacks_variable_is_named(project, capsys):
     with edited(project / "cubes/sho.h5") as file:
         del file["steps"]
     assert main(["runs", "paper"]) == 2

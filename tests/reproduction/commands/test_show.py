@@ -49,7 +49,7 @@ def test_the_lines_of_python_print_the_number_of_the_cube(project, question, cap
 
 
 @pytest.mark.parametrize("question", QUESTIONS, ids=" ".join)
-def test_the_run_file_holds_the_run_and_as_many_samples_as_are_said(project, question, capsys):
+def test_run_file_holds_run_with_stated_number_of_samples(project, question, capsys):
     told = shown(capsys, *question)
     path = project / told["files"]["run file"]["path"]
     with h5py.File(path) as file:
@@ -67,7 +67,7 @@ def test_the_run_is_in_the_shard_that_has_its_step(project, capsys):
     assert paths == {f"runs/henon_heiles/ruth/{shard}.h5" for shard in (0, 1)}
 
 
-def test_settings_and_units_are_those_of_the_sweep_and_the_system(project, capsys):
+def test_settings_and_units_are_those_of_sweep_and_system(project, capsys):
     told = shown(capsys, "kepler", "ruth", "30")
     assert (told["settings"]["t_end"], told["settings"]["samples"]) == ("8766", 50)
     assert told["system_units"] == dict(nh.systems["kepler"].units)
@@ -78,7 +78,7 @@ def test_settings_and_units_are_those_of_the_sweep_and_the_system(project, capsy
     assert ["max_energy_error", repr(told["run"]["max_energy_error"]), "-"] in lines
 
 
-def test_the_nearest_run_is_taken_and_named_if_it_is_another(project, capsys):
+def test_nearest_run_is_taken_and_named_if_it_is_another(project, capsys):
     assert main(["show", "paper", "kepler", "ruth", "160"]) == 0
     assert capsys.readouterr().out.startswith("The run nearest to tau = 160 has tau = 168.577 h\n")
     assert main(["show", "paper", "kepler", "ruth", "168.577"]) == 0
@@ -97,14 +97,14 @@ def test_the_nearest_run_is_taken_and_named_if_it_is_another(project, capsys):
         (["kepler", "ruth", "30", "--precision", "extended"], "precision = 'extended' is not allowed: one of double"),
     ],
 )
-def test_a_run_that_is_not_there_is_refused_with_what_is_near(project, arguments, says, capsys):
+def test_absent_run_is_refused_with_nearest_ones(project, arguments, says, capsys):
     assert main(["show", "paper", *arguments]) == 2
     out, err = capsys.readouterr()
     assert out == ""
     assert says in err
 
 
-def test_a_cube_without_settings_is_shown_with_lines_that_leave_them_out(project, capsys):
+def test_cube_without_settings_is_shown_without_them(project, capsys):
     with edited(project / "cubes/kepler.h5") as file:
         del file.attrs["settings"]
     told = shown(capsys, "kepler", "ruth", "30")

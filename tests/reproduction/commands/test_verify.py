@@ -85,7 +85,7 @@ def test_a_result_outside_of_its_project_is_not_adopted(results, capsys):
         ({"a": "name: [", "b": "- 1", "c": "name: other"}, "no file in config/ has the name 'paper'"),
     ],
 )
-def test_a_result_without_a_config_of_its_name_is_not_adopted(results, configs, says, capsys):
+def test_result_without_config_of_its_name_is_not_adopted(results, configs, says, capsys):
     (results.parents[1] / "Snakefile").write_text("")
     (results.parents[1] / "config").mkdir()
     for name, text in configs.items():
@@ -131,13 +131,13 @@ def test_a_job_with_anything_else_is_not(results, changes, says):
         check_jobs(results, [Job({**TASK, **changes}, {"cube": str(results / "cubes/sho_terms.h5")})])
 
 
-def test_each_figure_of_a_job_that_draws_several_is_looked_at(results):
+def test_each_figure_of_job_that_draws_several_is_looked_at(results):
     drawn = {"a": TASK, "b": {**TASK, "code": "0"}}
     with pytest.raises(RefusedError, match="was made with other code;"):
         check_jobs(results, [Job(drawn, {"b": [str(results / "cubes/sho_terms.h5")]}, key="tasks")])
 
 
-def test_a_job_for_a_file_that_is_not_there_is_not(results):
+def test_job_for_file_that_is_not_there_is_not(results):
     with pytest.raises(RefusedError, match=r"more\.h5 is not among the results"):
         check_jobs(results, [Job(TASK, {"cube": str(results / "cubes/more.h5")})])
 

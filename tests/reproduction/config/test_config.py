@@ -58,7 +58,7 @@ def test_a_config_is_left_as_it_was_given():
     assert given == SMALL
 
 
-def test_decimal_strings_are_numbers_because_yaml_reads_1e_4_as_a_string():
+def test_decimal_strings_are_numbers_for_yaml_misreads_1e_4():
     assert yaml.safe_load("1e-2") == "1e-2"
     assert load(changed(f"{GRID}.lowest", "1e-2")) == load(SMALL)
 
@@ -93,7 +93,7 @@ def test_decimal_strings_are_numbers_because_yaml_reads_1e_4_as_a_string():
         ("shards", 0, "shards = 0 is not allowed: an integer of 1 or more"),
     ],
 )
-def test_a_bad_value_is_refused_with_key_value_and_what_is_allowed(key, value, says):
+def test_bad_value_error_names_key_value_and_allowed_values(key, value, says):
     with pytest.raises(NearharmonicError, match=re.escape(says)):
         load(changed(key, value))
 
@@ -115,7 +115,7 @@ def test_a_key_that_is_missing_is_named(path, says):
         load(config)
 
 
-def test_of_two_faults_the_one_nearer_to_the_top_is_told():
+def test_of_two_faults_one_nearer_to_top_is_told():
     config = changed(f"{GRID}.lowst", 2) | {"shards": 0}
     with pytest.raises(NearharmonicError, match="shards = 0"):
         load(config)
@@ -156,7 +156,7 @@ def test_the_schema_file_is_that_of_the_types():
 
 
 @pytest.mark.parametrize("file", ["config.yaml", "smoke.yaml"])
-def test_the_schema_takes_the_shipped_configs_and_refuses_what_loading_refuses(file):
+def test_schema_takes_shipped_configs_and_refuses_what_loading_refuses(file):
     shipped = yaml.safe_load((ROOT / "config" / file).read_text(encoding="utf-8"))
     schema_validator = Draft202012Validator(SCHEMA)
     assert schema_validator.is_valid(shipped)
@@ -164,7 +164,7 @@ def test_the_schema_takes_the_shipped_configs_and_refuses_what_loading_refuses(f
         assert not schema_validator.is_valid(shipped | {key: value})
 
 
-def test_numbers_may_be_given_as_text_as_on_a_command_line():
+def test_numbers_may_be_given_as_text_as_on_command_line():
     text = changed(GRID, {"lowest": "0.01", "highest": "1", "points_per_decade": "5"}) | {"samples": "10"}
     assert load(text) == load(SMALL | {"samples": 10})
 
@@ -180,13 +180,13 @@ def test_what_is_no_whole_number_is_refused(value):
 
 
 @pytest.mark.parametrize("name", ["paper\n", "x" * 101, "", ".hidden", "a/b", "ä", 3])
-def test_a_name_is_a_name_from_its_first_to_its_last_character(name):
+def test_name_is_name_from_its_first_to_its_last_character(name):
     with pytest.raises(NearharmonicError, match=r"name = .* is not allowed: letters, digits"):
         load(SMALL | {"name": name})
     assert load(SMALL | {"name": "x" * 100}).name == "x" * 100
 
 
-def test_a_key_that_stands_twice_in_a_file_is_refused_with_both_lines(tmp_path):
+def test_duplicate_key_is_refused_with_both_lines(tmp_path):
     path = tmp_path / "twice.yaml"
     path.write_text("name: small\nsystems:\n  sho:\n    t_end: 5\n    t_end: 50\n")
     with pytest.raises(NearharmonicError, match=r"t_end = 'in line 5 of .*twice\.yaml' is not allowed: line 4 has it"):
@@ -195,7 +195,7 @@ def test_a_key_that_stands_twice_in_a_file_is_refused_with_both_lines(tmp_path):
     assert load(SMALL, files=[path]) == load(SMALL)
 
 
-def test_trajectories_that_fit_into_one_job_stay_in_one_file_and_others_are_shared():
+def test_fitting_trajectories_share_one_file_and_others_are_split():
     assert {sweep.shards for sweep in load(SMALL).sweeps} == {1}
     many = load(SMALL | {"samples": 10**6}).sweeps[0]  # 11 runs of 40 MB; a job holds at most 400 MB
     assert many.shards == 2

@@ -50,13 +50,13 @@ def test_a_key_that_is_no_text_is_refused(key):
     assert f"a key of systems = {key}" in refused({key: {"file": "quartic_well.py", "tau_per_stage": GRID}})
 
 
-def test_a_misspelt_key_is_told_before_the_one_that_is_missing():
+def test_misspelt_key_is_told_before_one_that_is_missing():
     said = refused({"mine": {"file": "quartic_well.py", "tau_per_stag": GRID}})
     assert "unknown key of systems.mine 'tau_per_stag'. Did you mean 'tau_per_stage'?" in said
 
 
 @pytest.mark.parametrize("name", ["TABLEAUX", "tableau"])
-def test_a_file_of_integrators_under_another_name_is_told_the_near_miss(folder, name):
+def test_file_of_integrators_under_another_name_is_told_near_miss(folder, name):
     text = (Path(__file__).parents[3] / "examples" / "fourth_order.py").read_text(encoding="utf-8")
     (folder / "method.py").write_text(text.replace("TABLEAU =", f"{name} ="))
     with pytest.raises(NearharmonicError, match=f"did you mean its '{name}'"):

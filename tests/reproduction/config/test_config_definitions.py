@@ -26,7 +26,7 @@ def folder(tmp_path, monkeypatch):
     return enter(tmp_path, monkeypatch)
 
 
-def test_a_system_has_the_name_of_its_key_wherever_it_is_looked_up():
+def test_system_is_named_by_its_key_in_all_look_ups():
     config = load(CONFIG)
     mine = nh.systems["mine"]
     assert (mine.name, mine.label, mine.q0) == ("mine", "quartic well", ("1", "0"))
@@ -36,7 +36,7 @@ def test_a_system_has_the_name_of_its_key_wherever_it_is_looked_up():
     assert nh.sweep("mine", "five_leapfrogs", [0.1]).attrs["system"] == "mine"
 
 
-def test_initial_values_and_parameters_of_the_config_take_the_place_of_the_files_own():
+def test_config_values_replace_initial_values_and_parameters_of_file():
     load(changed(q0=["3", 0], p0=[0, 1.25], parameters={"b": "0.50000000000000000000000001"}, label="wide"))
     mine = nh.systems["mine"]
     assert (mine.label, mine.q0, mine.p0) == ("wide", ("3", "0"), ("0", "1.25"))
@@ -64,7 +64,7 @@ def test_a_config_may_have_oscillators_solved_exactly():
     assert load(under("rotated", system="henon_heiles")).sweeps[0].split == "kinetic_potential"
 
 
-def test_the_same_numbers_under_a_name_of_ones_own_give_the_same_bits():
+def test_same_numbers_under_name_of_ones_own_give_same_bits():
     load(under("mercury", system="kepler"))
     for name in ("mercury", "kepler"):
         found = nh.sweep(name, "aba864", [36.0, 72.0], t_end=8766).max_energy_error.values
@@ -73,7 +73,7 @@ def test_the_same_numbers_under_a_name_of_ones_own_give_the_same_bits():
         )
 
 
-def test_a_file_is_looked_for_from_the_working_directory_and_then_beside_the_config(folder):
+def test_file_is_searched_in_working_directory_then_beside_config(folder):
     (folder / "configs").mkdir()
     place = folder / "configs/mine.yaml"
     place.write_text("name: mine\n")
@@ -86,7 +86,7 @@ def test_a_file_is_looked_for_from_the_working_directory_and_then_beside_the_con
     assert nh.systems.definitions["mine"].file == str(Path("configs/quartic_well.py"))
 
 
-def test_a_path_stands_for_all_integrators_of_its_file_and_for_one_behind_a_colon():
+def test_path_selects_all_integrators_or_one_after_colon():
     again = METHOD.replace("TABLEAU =", "FIRST =") + (
         '\nfrom dataclasses import replace\nTABLEAUS = (FIRST, replace(FIRST, name="second", label="second"))\n'
     )
@@ -134,7 +134,7 @@ def limit_of_five_leapfrogs():
     return low
 
 
-def test_an_edited_file_is_read_again_and_one_that_is_not_is_the_same_object(folder):
+def test_edited_file_is_read_again_and_unedited_is_same_object(folder):
     before = nh.systems["quartic_well.py"]
     assert nh.systems["quartic_well.py"] is before
     (folder / "quartic_well.py").write_text(WELL.replace('value="0.1"', 'value="0.25"'))
@@ -146,7 +146,7 @@ def test_an_edited_file_is_read_again_and_one_that_is_not_is_the_same_object(fol
     assert nh.systems["mine"].parameters["b"].value == "0.5"
 
 
-def test_a_file_may_import_from_the_files_beside_it_which_are_its_own(folder):
+def test_file_imports_its_own_neighbouring_modules(folder):
     for name, value in (("one", "0.25"), ("two", "0.75")):
         (folder / name).mkdir()
         (folder / name / "common.py").write_text(f"STRENGTH = '{value}'\n")
@@ -164,7 +164,7 @@ def code_of(config, system="mine"):
     return digests("reproduction.experiments.paper.run:integrate", [system], ["ruth"])["code"]
 
 
-def test_the_digest_of_a_task_covers_the_file_and_those_beside_it_and_no_comment(folder):
+def test_task_digest_covers_file_and_neighbours_without_comments(folder):
     text = WELL.replace("from near", "from common import SQUARE\nfrom near", 1)
     (folder / "quartic_well.py").write_text(text)
     (folder / "common.py").write_text("SQUARE = 2\n")
@@ -183,7 +183,7 @@ def test_the_digest_of_a_task_covers_the_file_and_those_beside_it_and_no_comment
     assert digests("reproduction.experiments.paper.run:integrate", ["sho"], ["ruth"])["code"] == registered
 
 
-def test_a_job_refuses_a_file_that_has_changed_since_it_was_planned(folder):
+def test_job_refuses_file_that_has_changed_since_it_was_planned(folder):
     load(CONFIG)
     planned = task("engine.runs.trajectory:warm_up", system="mine")
     with nh.systems.defining({}), covered(planned):

@@ -65,14 +65,14 @@ def test_a_system_that_is_none_is_refused_in_one_sentence(system, says):
         (WELL.replace("return x * v - y * u", "return z"), "the invariant angular_momentum cannot be evaluated"),
     ],
 )
-def test_a_file_that_defines_no_sound_system_is_refused_before_any_job(folder, content, says):
+def test_file_without_valid_system_is_refused_before_any_job(folder, content, says):
     (folder / "quartic_well.py").write_text(content)
     with refused(says):
         load(CONFIG)
 
 
 @pytest.mark.parametrize("key", ["file", "system", "label", "q0", "p0", "parameters", "split"])
-def test_a_registered_system_is_taken_as_it_is_under_its_own_name(key):
+def test_registered_system_is_unchanged_under_its_own_name(key):
     value = {
         "q0": ["1", "0"],
         "p0": ["0", "1"],
@@ -96,7 +96,7 @@ FOLDERS = ("exact_oscillator", "stability", "trained")
 
 
 @pytest.mark.parametrize("key", [*CUBES, *FOLDERS, "substeps", "sweeps", "items", "sort"])
-def test_a_name_that_the_workflow_has_another_use_for_is_refused(key):
+def test_name_that_workflow_has_another_use_for_is_refused(key):
     with refused(f"systems.{key} = {key!r} is not allowed: the workflow has another use of this name"):
         load(under(key, file="quartic_well.py"))
 
@@ -123,7 +123,7 @@ def test_a_name_that_the_workflow_has_another_use_for_is_refused(key):
         (["wrong.py"], "integrators[0]: tableau 'five_leapfrogs': order = 0, expected an integer >= 1"),
     ],
 )
-def test_a_file_that_defines_no_integrator_of_its_own_is_refused(folder, entries, says):
+def test_file_that_defines_no_integrator_of_its_own_is_refused(folder, entries, says):
     (folder / "copy.py").write_text(METHOD)
     (folder / "hides.py").write_text(METHOD.replace('"five_leapfrogs"', '"ruth"'))
     (folder / "spaced.py").write_text(METHOD.replace('"five_leapfrogs"', '"five leapfrogs"'))
@@ -132,7 +132,7 @@ def test_a_file_that_defines_no_integrator_of_its_own_is_refused(folder, entries
         load(CONFIG | {"integrators": entries})
 
 
-def test_a_path_whose_system_has_a_registered_name_is_refused_and_a_config_gives_it_another(folder):
+def test_path_with_registered_system_name_needs_name_in_config(folder):
     (folder / "quartic_well.py").write_text(WELL.replace('name="quartic_well"', 'name="kepler"'))
     with refused("quartic_well.py: SYSTEM has the name of the registered system 'kepler'; give it another name"):
         nh.integrate("quartic_well.py", "ruth", 0.1)

@@ -50,7 +50,7 @@ def test_a_folder_without_a_result_is_none(project):
     assert result_names() == ["paper", "smoke"]
 
 
-def test_where_nothing_has_run_the_command_is_said_that_makes_a_result(tmp_path, monkeypatch):
+def test_where_nothing_has_run_command_is_said_that_makes_result(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(
         UnknownNameError, match=r"no folder below results/ holds a result\. Make the first: snakemake -j2"

@@ -96,7 +96,7 @@ def test_a_run_beside_this_one_is_left_alone(tmp_path):
     assert history.runs_of(tmp_path) == []
 
 
-def test_a_later_process_with_the_number_of_a_killed_one_is_another(tmp_path):
+def test_later_process_with_number_of_killed_one_is_another(tmp_path):
     this = psutil.Process()
     leave_marker(tmp_path, "old", {"host": platform.node(), "number": this.pid, "created": this.create_time() - 86_400})
     assert history.close_killed(tmp_path) == ["old"]
@@ -128,6 +128,6 @@ def test_a_line_that_is_no_run_is_passed_over(tmp_path, line):
 
 
 @pytest.mark.parametrize("process", [{}, {"number": "x"}, {"number": 1}])
-def test_a_marker_that_names_no_process_is_of_a_killed_run(tmp_path, process):
+def test_marker_that_names_no_process_is_of_killed_run(tmp_path, process):
     leave_marker(tmp_path, "old", {"host": platform.node(), **process})
     assert history.close_killed(tmp_path) == ["old"]

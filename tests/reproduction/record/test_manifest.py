@@ -70,7 +70,7 @@ def test_files_of_other_targets_stay_when_one_target_runs_again(results, monkeyp
     assert files["cubes/b.h5"]["sha256"] == sha256(b"three").hexdigest()
 
 
-def test_a_lost_receipt_is_made_up_for_by_the_manifest_before(results):
+def test_lost_receipt_is_made_up_for_by_manifest_before(results):
     make(results, "cubes/a.h5", b"one")
     manifest.write(results)
     shutil.rmtree(results / "logs")
@@ -79,7 +79,7 @@ def test_a_lost_receipt_is_made_up_for_by_the_manifest_before(results):
 
 
 @pytest.mark.parametrize("receipts", ["kept", "lost"])
-def test_a_file_that_changed_without_a_job_is_reported_and_not_blessed(results, receipts):
+def test_file_that_changed_without_job_is_reported_and_not_blessed(results, receipts):
     make(results, "cubes/a.h5", b"numbers")
     manifest.write(results)
     (results / "cubes/a.h5").write_bytes(b"Numbers")
@@ -92,7 +92,7 @@ def test_a_file_that_changed_without_a_job_is_reported_and_not_blessed(results, 
         assert found["files"]["cubes/a.h5"]["sha256"] == sha256(b"numbers").hexdigest()
 
 
-def test_a_file_that_is_gone_stays_listed_as_long_as_a_job_of_the_config_makes_it(results):
+def test_deleted_file_stays_listed_while_job_makes_it(results):
     make(results, "cubes/a.h5", b"numbers")
     manifest.write(results)
     (results / "cubes/a.h5").unlink()
@@ -102,7 +102,7 @@ def test_a_file_that_is_gone_stays_listed_as_long_as_a_job_of_the_config_makes_i
     assert manifest.read(results)["files"] == {}
 
 
-def test_files_of_a_former_config_and_those_that_lost_their_record_are_named(results):
+def test_former_and_unrecorded_files_are_named(results):
     make(results, "cubes/a.h5", b"numbers", log="logs/reduce/a.log")
     make(results, "cubes/b.h5", b"numbers", log="logs/reduce/b.log")
     (results / "cubes/c.h5").write_bytes(b"no receipt")
@@ -114,7 +114,7 @@ def test_files_of_a_former_config_and_those_that_lost_their_record_are_named(res
     assert found["configfiles"] == ["config/x.yaml"]
 
 
-def test_a_receipt_tells_what_its_job_read_by_the_digest_in_the_last_line_or_that_of_all_bytes(results):
+def test_receipt_records_sealed_digest_or_digest_of_all_bytes(results):
     (results / "cubes/a.h5").write_bytes(b"x\nnearharmonic sha256 " + b"ab" * 32 + b"\n")
     (results / "tables/t.csv").write_bytes(b"a,b\n")
     (results / "logs/reduce/done").write_bytes(b"")
@@ -130,7 +130,7 @@ def test_a_receipt_tells_what_its_job_read_by_the_digest_in_the_last_line_or_tha
     }
 
 
-def test_history_manifest_logs_and_unfinished_files_have_no_place_in_it(results):
+def test_history_manifest_logs_and_partial_files_are_excluded(results):
     make(results, "cubes/a.h5", b"numbers")
     manifest.write(results)
     (results / "history.jsonl").write_text("{}\n")
@@ -141,7 +141,7 @@ def test_history_manifest_logs_and_unfinished_files_have_no_place_in_it(results)
 @pytest.mark.parametrize(
     "damage", ["", "{}", "[1]", '{"format": "x", "files": {}}', '{"format": "nearharmonic manifest 1"}']
 )
-def test_a_damaged_manifest_is_named_with_the_command_that_makes_it_again(results, damage):
+def test_damaged_manifest_is_named_with_command_that_makes_it_again(results, damage):
     (results / "manifest.json").write_text(damage)
     with pytest.raises(ResultFileError, match=r"manifest\.json is damaged.* snakemake -j2 --force"):
         manifest.read(results)

@@ -57,7 +57,7 @@ def test_every_run_has_the_same_bits_again(results):
     assert [run.differs for run in again] == [()] * len(again)
 
 
-def test_as_many_are_drawn_as_asked_for_and_the_seed_says_which(results):
+def test_draw_has_requested_size_and_depends_on_seed(results):
     assert len(rerun(results, 3)) == 3
     assert rerun(results, 3, seed=1) == rerun(results, 3, seed=1)
     assert len({tuple((r.file, r.precision, r.tau_per_stage) for r in rerun(results, 3, seed=s)) for s in range(6)}) > 1

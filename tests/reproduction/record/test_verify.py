@@ -116,7 +116,7 @@ def edit(results, **changes):
         ({"function": "gone.run:measure"}, "was made with other code, of which something is not here (no module"),
     ],
 )
-def test_other_code_and_other_coefficients_are_told_once_for_each_function(results, changes, says):
+def test_other_code_and_coefficients_are_reported_once_per_function(results, changes, says):
     edit(results, **changes)
     (found,) = faults(results)
     assert found.says.startswith(says)
@@ -150,7 +150,7 @@ def test_every_experiment_has_a_target_that_makes_its_files(experiment):
     assert target in TARGETS
 
 
-def test_the_command_has_the_config_that_the_results_were_made_with(results):
+def test_command_has_config_that_results_were_made_with(results):
     (results / "cubes/sho.h5").unlink()
     manifest.write(results, makeable=FILES, configfiles=["elsewhere/my.yaml"])
     assert faults(results)[0].mend.startswith("Make it again: snakemake -j2 --configfile elsewhere/my.yaml --force ")
@@ -158,7 +158,7 @@ def test_the_command_has_the_config_that_the_results_were_made_with(results):
     assert faults(results)[0].mend.startswith("Make it again: snakemake -j2 --force ")
 
 
-def test_faults_are_told_in_the_order_in_which_they_are_mended(results):
+def test_faults_are_told_in_order_in_which_they_are_mended(results):
     for name in FILES:
         (results / name).write_bytes(b"?")
     assert [fault.file.partition("/")[0] for fault in faults(results)] == [
@@ -166,7 +166,7 @@ def test_faults_are_told_in_the_order_in_which_they_are_mended(results):
     ]  # fmt: skip
 
 
-def test_a_file_of_a_former_config_is_a_fault_until_it_is_gone(results):
+def test_file_of_former_config_is_fault_until_it_is_gone(results):
     rest = [name for name in FILES if name != "runs/sho/ruth/0.h5"]
     manifest.write(results, makeable=rest)
     (found,) = faults(results)
@@ -176,7 +176,7 @@ def test_a_file_of_a_former_config_is_a_fault_until_it_is_gone(results):
     assert faults(results) == []
 
 
-def test_what_a_killed_run_made_is_not_said_to_be_damaged_or_extra(results):
+def test_files_of_killed_run_are_not_damaged_or_extra(results):
     (results / "cubes/sho.h5").write_bytes(b"newer")
     (results / "cubes/more.h5").write_bytes(b"more")
     receipt = Receipt("results/smoke/logs/b.log")
@@ -187,7 +187,7 @@ def test_what_a_killed_run_made_is_not_said_to_be_damaged_or_extra(results):
     )
 
 
-def test_a_file_whose_record_is_lost_is_made_again_and_not_thrown_away(results):
+def test_file_without_record_is_made_again(results):
     (results / "logs/a.json").unlink()
     (results / "manifest.json").unlink()
     manifest.write(results, makeable=FILES)

@@ -40,7 +40,7 @@ def make(name, log):
     return place
 
 
-def test_a_run_leaves_its_marker_and_tells_its_jobs_who_they_belong_to(run):
+def test_run_leaves_marker_and_its_id_for_its_jobs(run):
     (marked,) = history.running_in(Path("results/smoke"))
     assert marked["id"] == run.id == os.environ["NEARHARMONIC_RUN"]
     assert (marked["status"], marked["end"], marked["command"]) == ("running", None, ["snakemake", "-j2"])
@@ -70,7 +70,7 @@ def test_files_of_earlier_runs_do_not_count_as_made(run, monkeypatch):
     assert not run.made("cubes/c.h5")
 
 
-def test_a_page_is_outdated_by_what_this_run_made_after_it(run, monkeypatch):
+def test_page_is_outdated_by_what_this_run_made_after_it(run, monkeypatch):
     make("cubes/a.h5", "a")
     page = make("report.html", "page")
     os.utime(page, ns=(1, page.stat().st_mtime_ns + 1))
@@ -112,7 +112,7 @@ def test_a_table_that_cannot_be_read_is_a_warning(run, capsys):
     assert line["evaluations"] is None
 
 
-def test_a_machine_that_cannot_be_named_is_one_warning_and_the_rest_is_kept(tmp_path, monkeypatch, capsys):
+def test_unknown_machine_is_one_warning_and_rest_is_kept(tmp_path, monkeypatch, capsys):
     def fail(config):
         raise OSError("no such machine")
 

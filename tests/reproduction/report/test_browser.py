@@ -50,7 +50,7 @@ def pixels_of(page, name, colour):
 
 
 @pytest.mark.parametrize("method", ["aba104", "babs7o7h"])
-def test_a_button_of_the_legend_hides_its_method_in_every_panel_of_every_figure(wide, method):
+def test_legend_button_hides_its_method_in_every_panel(wide, method):
     button = wide.locator(f"button[data-method={method}]")
     before = wide.evaluate("(method) => drawnBy(method)", method)
     with_it = {name for name, visible in before if visible}
@@ -67,7 +67,7 @@ def test_a_button_of_the_legend_hides_its_method_in_every_panel_of_every_figure(
     assert wide.evaluate("(method) => drawnBy(method)", method) == before
 
 
-def test_a_hidden_method_leaves_no_pixel_of_its_colour_and_all_come_back_at_once(wide):
+def test_hidden_method_leaves_no_pixel_and_all_return_together(wide):
     green = "#00a070"
     before = pixels_of(wide, "figure-3-panel-2", green)
     assert before > 100
@@ -124,7 +124,7 @@ def ranges(page, panel):
     return page.evaluate("(id) => [plotOf(id).x_range, plotOf(id).y_range].map((one) => [one.start, one.end])", panel)
 
 
-def test_a_rectangle_in_one_panel_zooms_all_panels_of_its_figure_and_of_no_other(wide):
+def test_rectangle_in_one_panel_zooms_all_panels_of_its_figure(wide):
     upper, lower, other = "figure-3-panel-1", "figure-3-panel-2", "figure-1-panel-1"
     before, apart = ranges(wide, upper), ranges(wide, other)
     assert ranges(wide, lower) == before
@@ -151,7 +151,7 @@ def test_the_table_of_claims_has_as_many_rows_as_claims(wide):
     assert wide.locator("table.claims tbody tr .verdict").all_inner_texts() == [claim[3] for claim in CLAIMS]
 
 
-def test_claims_are_shown_by_verdict_and_a_link_to_a_hidden_one_brings_them_back(wide):
+def test_verdict_filter_shows_claims_and_link_restores_hidden_one(wide):
     rows = wide.locator("table.claims tbody tr")
     wide.locator("button[data-only=holds]").click()
     assert [row.get_attribute("id") for row in rows.all() if row.is_visible()] == [

@@ -52,7 +52,7 @@ def test_same_results_give_the_same_bytes_in_another_process(results, text):
     assert done.stdout.decode() == text
 
 
-def test_every_claim_is_a_row_with_its_value_threshold_and_verdict(text):
+def test_every_claim_is_row_with_its_value_threshold_and_verdict(text):
     body = re.search(r'<table class="claims">.*?<tbody>(.*?)</tbody>', text, re.DOTALL)[1]
     rows = [" ".join(words.split()) for _, words in Reader(body).all("tr")]
     assert len(rows) == len(CLAIMS)
@@ -87,7 +87,7 @@ def test_what_fails_in_substance_is_named_first(text):
     assert '<a href="#claim-three">The method is stable</a>' in words
 
 
-def test_a_claim_links_to_its_figures_and_tables_and_to_nothing_that_is_not_there(text, read):
+def test_claim_links_only_to_existing_figures_and_tables(text, read):
     body = re.search(r'<table class="claims">.*?</table>', text, re.DOTALL)[0]
     links = {told["href"]: words for told, words in Reader(body).all("a")}
     assert "Section 2 and Figure 9; shown in Figure 1" in " ".join(words for _, words in Reader(body).all("span"))
@@ -129,7 +129,7 @@ def test_text_of_results_is_no_markup(text):
     assert "<b>galaxy" not in text
 
 
-def test_a_config_of_one_system_has_the_figures_of_that_system_only(tmp_path):
+def test_config_of_one_system_has_figures_of_that_system_only(tmp_path):
     folder = write_results(tmp_path / "one", systems=("sho",))
     found = Reader(page(folder=folder)["page"])
     assert [words.partition(".")[0] for _, words in found.all("h3")] == ["Figure 1", "Figure 2", "Figure 6"]
@@ -175,7 +175,7 @@ def test_the_sections_of_experiments_show_what_is_there(copied):
         assert said not in tables
 
 
-def test_a_digest_of_a_long_table_is_shown_in_its_place(copied):
+def test_digest_of_long_table_is_shown_in_its_place(copied):
     table = "| method | ms |\n|---|---:|\n| *peer* | 0.5 |\n"
     digest = f"# Planet: times\n\nMeasured.\n\n## maximum\n\n{table}\n## mean\n\n{table}"
     write_table(copied, "work_precision_kepler", [["raw"], ["1"]], digest)
@@ -190,7 +190,7 @@ def test_coefficients_keep_all_their_decimals_and_floats_are_shown_short(text):
     assert '<td class="n">-0.9129</td>' in text
 
 
-def test_the_present_run_is_shown_as_this_run_and_finished_ones_in_the_history(copied, monkeypatch):
+def test_present_run_is_shown_as_this_run_others_in_history(copied, monkeypatch):
     marker = copied / "logs/running"
     marker.mkdir(parents=True)
     run = run_of_history(3, "running", None, dirty=True)
@@ -205,7 +205,7 @@ def test_the_present_run_is_shown_as_this_run_and_finished_ones_in_the_history(c
     assert page(folder=copied, run=run_of_history(2)["id"])["page"].count("ok, this run") == 1
 
 
-def test_a_run_of_which_nothing_is_recorded_is_said_to_be_unknown(copied, text):
+def test_unrecorded_run_is_reported_as_unknown(copied, text):
     assert "This page was made outside a recorded run. The latest run of its results:" in text
     assert (
         "Of the run <code>20990101T000000Z-00</code>, which made this page, nothing is recorded."
@@ -219,14 +219,14 @@ def test_a_run_of_which_nothing_is_recorded_is_said_to_be_unknown(copied, text):
 
 
 @pytest.mark.parametrize("content", [None, "[", "[{}]", '[{"verdict": "maybe"}]', "7"])
-def test_claims_that_are_missing_or_damaged_are_named_with_the_command_that_makes_them(copied, content):
+def test_damaged_claims_are_named_with_command_that_makes_them(copied, content):
     place = copied / "tables/claims.json"
     place.unlink() if content is None else place.write_text(content)
     with pytest.raises(ResultFileError, match=r"claims\.json .*Make it again: snakemake"):
         page(folder=copied)
 
 
-def test_a_page_that_grows_too_large_loses_its_largest_optional_picture(copied, monkeypatch):
+def test_page_that_grows_too_large_loses_its_largest_optional_picture(copied, monkeypatch):
     for name in ("linear_stability", "rounding_growth"):
         shutil.copy(copied / "figures/fig1_sho.svg", copied / f"figures/{name}.svg")
     shutil.copy(copied / f"figures/{DRAWN}.svg", copied / "figures/kepler_stability.svg")
@@ -238,7 +238,7 @@ def test_a_page_that_grows_too_large_loses_its_largest_optional_picture(copied, 
     assert left_out == ["figures/kepler_stability.svg"]
 
 
-def test_the_order_of_claims_is_that_of_the_file_but_for_findings(copied):
+def test_order_of_claims_is_that_of_file_but_for_findings(copied):
     write_claims(copied, CLAIMS[::-1])
     found = page(folder=copied)["page"]
     names = [claim[0] for claim in CLAIMS[::-1]]
@@ -247,7 +247,7 @@ def test_the_order_of_claims_is_that_of_the_file_but_for_findings(copied):
     assert re.findall(r'<tr id="claim-(\w+)"', found) == [*counted, *findings]
 
 
-def test_the_figures_of_ones_own_systems_come_first_where_none_is_the_papers(tmp_path, monkeypatch):
+def test_figures_of_user_systems_come_first_without_paper_figures(tmp_path, monkeypatch):
     monkeypatch.setitem(SYSTEMS, "well", "well of the tests")
     folder = write_results(tmp_path / "own", systems=("well",))
     absolute = cube("well")

@@ -32,7 +32,7 @@ def hovered(plot, column, kind):
     return [one for one in found if getattr(one.glyph.y, "field", one.glyph.y) == column]
 
 
-def test_the_document_loads_without_a_complaint_and_numbers_its_models_from_0(text, caplog):
+def test_document_loads_without_complaint_and_numbers_its_models_from_0(text, caplog):
     found = written(text, "plots")
     Document.from_json(found)
     assert not caplog.records
@@ -40,7 +40,7 @@ def test_the_document_loads_without_a_complaint_and_numbers_its_models_from_0(te
     assert list(dict.fromkeys(numbered)) == [f"m{i}" for i in range(len({*numbered}))]
 
 
-def test_every_panel_of_the_six_figures_and_the_chart_of_the_history_are_there(plots):
+def test_panels_of_six_figures_and_history_chart_exist(plots):
     names = {f"figure-{n}-panel-{i}" for n, count in PLOTS.items() for i in range(1, count + 1)}
     assert set(plots) == names | {"history-chart"}
     assert all(plot.name == name for name, plot in plots.items())
@@ -48,7 +48,7 @@ def test_every_panel_of_the_six_figures_and_the_chart_of_the_history_are_there(p
 
 @pytest.mark.parametrize(("panel", "variable"), [(1, "max_energy_error"), (2, "mean_energy_error")])
 @pytest.mark.parametrize(("figure", "system"), [(1, "sho"), (3, "henon_heiles"), (5, "kepler")])
-def test_every_error_of_the_cube_that_can_be_drawn_is_in_its_panel_bit_by_bit(
+def test_every_drawable_error_of_cube_is_in_panel_bitwise(
     results, plots, figure, system, panel, variable
 ):
     plot = plots[f"figure-{figure}-panel-{panel}"]
@@ -69,7 +69,7 @@ def test_every_error_of_the_cube_that_can_be_drawn_is_in_its_panel_bit_by_bit(
         assert made.label(one.tags[0]) in one.name
 
 
-def test_the_interval_of_an_advance_is_a_bar_around_its_point(results, plots):
+def test_interval_of_advance_is_bar_around_its_point(results, plots):
     bars = [one for one in plots["figure-4-panel-1"].renderers if type(one.glyph).__name__ == "Segment"]
     assert [one.tags[0] for one in bars] == list(made.METHODS)
     with h5py.File(results / "cubes/kepler.h5") as cube:
@@ -85,7 +85,7 @@ def test_the_interval_of_an_advance_is_a_bar_around_its_point(results, plots):
             np.testing.assert_array_equal(one.data_source.data[getattr(one.glyph, end).field], values[known])
 
 
-def test_errors_near_the_floor_of_a_potential_have_it_beside_them():
+def test_errors_near_floor_of_potential_have_it_beside_them():
     """The cube of a spring of numba: its errors are those of a sweep down to rounding."""
     near = nh.sweep(springs(), "babs7o7h", [1e-3, 1e-2, 1e-1])
     far = nh.sweep(springs(), "leapfrog", [0.1, 0.2])
@@ -105,7 +105,7 @@ def test_a_run_that_left_its_surface_stands_on_the_edge(plots):
         assert one.data_source.data["status"] == ["diverged at step 321"]
 
 
-def test_panels_of_a_figure_share_their_axes_and_figures_do_not(plots):
+def test_panels_of_figure_share_their_axes_and_figures_do_not(plots):
     for figure in (1, 3, 5):
         upper, lower = (plots[f"figure-{figure}-panel-{i}"] for i in (1, 2))
         assert upper.x_range is lower.x_range

@@ -17,7 +17,7 @@ def ranges_of(page, panel):
     return page.evaluate("(id) => [plotOf(id).x_range, plotOf(id).y_range].map((one) => [one.start, one.end])", panel)
 
 
-def test_tab_reaches_the_legend_and_space_toggles_it_with_the_focus_in_sight(opened):
+def test_tab_reaches_legend_and_space_toggles_it_with_visible_focus(opened):
     page = opened()
     page.keyboard.press("Tab")
     assert page.evaluate("document.activeElement.className") == "skip"

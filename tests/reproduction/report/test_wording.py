@@ -66,11 +66,11 @@ def test_numbers_are_said_in_words(said, text):
         ("1e-76", "1e-76"),
     ],
 )
-def test_a_cell_is_short_where_it_is_a_float_and_whole_where_it_is_not(written, shown):
+def test_only_float_cells_are_shortened(written, shown):
     assert wording.cell(written) == shown
 
 
-def test_every_marker_of_a_method_has_a_shape_on_the_page():
+def test_every_marker_of_method_has_shape_on_page():
     styles = {style_of(name) for name in integrators} | {style_of(f"a new method {i}") for i in range(200)}
     assert {style.marker for style in styles} == set(MARKERS)
     assert len({(marker.shape, marker.angle) for marker in MARKERS.values()}) == len(MARKERS)
@@ -103,11 +103,11 @@ def links(paper, needs=()):
         ("Figure 4", ["cubes/linear.h5"], [("Figure 4", "figure-4")]),
     ],
 )  # fmt: skip
-def test_the_place_of_a_claim_links_to_what_it_names_or_else_to_what_shows_its_files(paper, needs, pieces):
+def test_claim_place_links_to_named_item_or_its_files(paper, needs, pieces):
     assert links(paper, needs) == pieces
 
 
-def test_an_axis_holds_all_numbers_and_does_without_those_that_it_cannot_show():
+def test_axis_holds_all_numbers_except_those_it_cannot_show():
     one = span([[0.0, -1.0, float("nan"), 1e-9], [float("inf"), 1e-3]], logarithmic=True)
     assert one.start < 1e-9
     assert 1e-3 < one.end < 1
@@ -136,7 +136,7 @@ def test_an_edit_of_template_style_or_script_changes_the_digest(tmp_path, monkey
         ("not decided here", "open", "–", "grey"),
     ],
 )  # fmt: skip
-def test_a_verdict_has_its_word_its_sign_and_its_colour_by_day_and_by_night(verdict, look, sign, hue):
+def test_verdict_has_word_sign_and_colour_by_day_and_night(verdict, look, sign, hue):
     assert page.VERDICTS[verdict] == look
     style = (assets.FOLDER / "page.css").read_text(encoding="utf-8")
     assert re.search(rf"^\.{look} \{{ --tone: var\(--(\w+)\); \}}$", style, re.MULTILINE)[1] == look

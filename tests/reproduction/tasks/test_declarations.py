@@ -39,7 +39,7 @@ def declared(tmp_path, monkeypatch):
     return declarations.figures_of("experiments", ("sho", "kepler"), ("there",))
 
 
-def test_figures_of_each_system_have_names_and_functions_of_their_own(declared):
+def test_figures_of_each_system_have_separate_names_and_functions(declared):
     found = {one.stem: (one.function.rpartition(".")[2], one.target, one.cube) for one in declared}
     assert found == {
         "sho_energy_error": ("figure:fig1_sho", "sho_energy_error", "sho"),
@@ -54,7 +54,7 @@ def test_figures_of_each_system_have_names_and_functions_of_their_own(declared):
     assert Counter(one.category for one in declared) == {"Figures": 5, "Timings": 2}
 
 
-def test_a_figure_is_drawn_by_the_function_of_its_own_experiment(declared):
+def test_figure_is_drawn_by_function_of_its_own_experiment(declared):
     folders = {one.stem: one.function.split(".")[1] for one in declared}
     assert folders["kepler_energy_error"] == "one"
     assert folders["kepler_run_times"] == folders["sho_run_times"] == "two"

@@ -20,7 +20,7 @@ def test_what_a_job_prints_goes_to_its_log(tmp_path, capsys):
     assert capsys.readouterr() == ("", "")
 
 
-def test_an_error_of_the_family_ends_a_job_with_its_own_words(tmp_path):
+def test_error_of_family_ends_job_with_its_own_words(tmp_path):
     with pytest.raises(SystemExit, match=r"^0\.h5 is truncated$"), logged(str(tmp_path / "log")):
         raise ResultFileError("0.h5 is truncated")
     assert (tmp_path / "log").read_text() == "0.h5 is truncated\n"
@@ -34,7 +34,7 @@ def test_any_other_error_leaves_its_traceback_in_the_log(tmp_path):
     assert "Traceback" in (tmp_path / "log").read_text()
 
 
-def test_a_dataset_goes_to_an_hdf5_file_though_it_is_a_mapping(tmp_path):
+def test_dataset_goes_to_hdf5_file_though_it_is_mapping(tmp_path):
     cube = xr.Dataset({"error": ("tau", [1.0, 2.0], {"units": "1", "long_name": "error"})})
     write(cube, [str(tmp_path / "cube.h5")], {"settings": "{}"})
     assert read(tmp_path / "cube.h5").error.values.tolist() == [1.0, 2.0]

@@ -61,7 +61,7 @@ def digests(root):
         ("__init__.py", set()),
     ],
 )
-def test_an_edit_changes_the_digests_of_what_depends_on_it_and_no_other(package, module, changes):
+def test_edit_changes_only_digests_of_dependents(package, module, changes):
     before = digests(package)
     after = digests(edited(package, module))
     assert {name for name in before if before[name] != after[name]} == changes
@@ -88,7 +88,7 @@ def test_the_same_code_has_the_same_digest_wherever_it_lies(package):
     assert digests(package) == digests(sources.ROOT)
 
 
-def test_imports_inside_functions_count_and_those_for_the_type_checker_do_not(tmp_path):
+def test_function_imports_count_and_type_checking_imports_do_not(tmp_path):
     root = tmp_path / "nearharmonic"
     (root / "part").mkdir(parents=True)
     for name, text in {
@@ -128,14 +128,14 @@ def test_the_version_of_a_library_is_that_which_it_gives(monkeypatch):
     assert library_version.__wrapped__("llvmlite") == llvmlite.__version__
 
 
-def test_coefficients_have_a_digest_that_tells_methods_and_labels_apart_but_not_remarks():
+def test_coefficient_digest_distinguishes_methods_and_labels_but_not_remarks():
     ruth, yoshida = integrators["ruth"], integrators["yoshida_s7o6a"]
     others = ([ruth], [yoshida], [ruth, yoshida], [ruth.role("kick")], [replace(ruth, label="R")])
     assert len({coefficients_digest(tableaus) for tableaus in others}) == 5
     assert coefficients_digest([replace(ruth, note="reworded", source="elsewhere")]) == coefficients_digest([ruth])
 
 
-def test_the_digest_of_coefficients_does_not_depend_on_what_was_worked_out_before():
+def test_coefficient_digest_does_not_depend_on_earlier_computations():
     rowlands = integrators["rowlands"]
     before = coefficients_digest([rowlands])
     assert rowlands.kernel.processor is None
@@ -153,7 +153,7 @@ class Asked:
 WARM_UP = "engine.runs.trajectory:warm_up"
 
 
-def test_a_task_covers_the_systems_and_methods_that_its_settings_name_at_any_depth():
+def test_task_covers_systems_and_methods_named_at_any_depth():
     plain = task(WARM_UP, system="nothing")
     assert task(WARM_UP, asked=Asked("nothing", (1.0,)))["code"] == plain["code"]
     for settings in (
@@ -166,7 +166,7 @@ def test_a_task_covers_the_systems_and_methods_that_its_settings_name_at_any_dep
     assert task(WARM_UP, methods=("ruth",))["coefficients"] == coefficients_digest([integrators["ruth"]])
 
 
-def test_a_task_may_look_up_what_it_names_or_imports_and_nothing_else():
+def test_task_looks_up_only_what_it_names_or_imports():
     with covered(task(WARM_UP, system="sho", methods=["ruth"])):
         assert systems["sho"].name == "sho"
         assert integrators["ruth"].stages == 3
@@ -181,7 +181,7 @@ def test_a_task_may_look_up_what_it_names_or_imports_and_nothing_else():
         assert integrators["babs7o7h"].stages == 7
 
 
-def test_a_task_covers_methods_with_kicks_of_a_modified_potential_that_it_names():
+def test_task_covers_modified_methods_that_it_names():
     one = task("reproduction.experiments.paper.reduce:reduce_decomposition", integrators=["chin_4a", "ruth"])
     assert one["integrators"] == ["chin_4a", "ruth"]
     assert one["coefficients"] == coefficients_digest([modified_integrators["chin_4a"], integrators["ruth"]])
@@ -203,7 +203,7 @@ def test_a_result_says_where_it_comes_from_without_a_clock():
     assert (origin["code_digest"], origin["coefficients_digest"]) == ("c0de", "c0ef")
 
 
-def test_the_digest_of_a_module_is_that_of_its_own_code_alone(package):
+def test_digest_of_module_is_that_of_its_own_code_alone(package):
     before = module_digest("nearharmonic.errors", root=package)
     edited(package, "registry.py")
     assert module_digest("nearharmonic.errors", root=package) == before

@@ -50,7 +50,7 @@ def test_a_memory_that_is_damaged_is_forgotten(memory, tmp_path):
     assert not place.exists()
 
 
-def test_what_a_few_packages_hold_is_kept_and_more_is_not(memory, monkeypatch):
+def test_what_few_packages_hold_is_kept_and_more_is_not(memory, monkeypatch):
     monkeypatch.setattr(sources, "MOST_CACHED", 2)
     texts = [f"x = {i}\n".encode() for i in range(4)]
     for text in texts:

@@ -13,7 +13,7 @@ from nearharmonic.training.tailor.provenance import file_text
 
 
 @pytest.mark.parametrize("name", ["babps8o7h", "srkn_b11", "babs7o7h", "abas5o6h"])
-def test_a_file_gives_back_every_digit_of_rows_of_odd_and_even_length(name, tmp_path):
+def test_file_returns_every_digit_of_odd_and_even_rows(name, tmp_path):
     given = replace(nh.integrators[name], note="for a test", benchmarked=False, generalised_order=None)
     (tmp_path / "mine.py").write_text(file_text(given, "mine"), encoding="utf-8")
     (found,) = load_tableaus(tmp_path / "mine.py").values()

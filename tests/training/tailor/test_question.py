@@ -37,7 +37,7 @@ from support.methods.own_systems import spring
         ({"starts": np.full((9, 2), np.nan)}, "finite"),
     ],
 )
-def test_a_setting_outside_what_is_allowed_is_one_error_that_names_it(settings, words):
+def test_invalid_setting_is_one_error_that_names_it(settings, words):
     with pytest.raises(SettingError, match=words):
         question("sho", **settings)
 
@@ -47,7 +47,7 @@ def test_a_mistyped_system_is_answered_with_the_nearest():
         question("henon_heilse")
 
 
-def test_a_regularised_system_and_one_of_a_thousand_coordinates_are_refused():
+def test_regularised_system_and_one_of_thousand_coordinates_are_refused():
     with pytest.raises(SettingError, match=r"kepler_regularised.*fictitious time"):
         question("kepler_regularised")
     many = spring("many", V=lambda q: sum(x * x for x in q), grad_V=None, q0=["1"] * 101, p0=["0"] * 101)
@@ -98,12 +98,12 @@ def test_a_file_of_starts_holds_positions_and_then_momenta(tmp_path):
         ("q,p\n1,2\n", "at least 8 starts, and there are 1"),
     ],
 )
-def test_a_slip_in_a_file_of_starts_is_named_with_its_line(text, words, tmp_path):
+def test_slip_in_file_of_starts_is_named_with_its_line(text, words, tmp_path):
     (tmp_path / "starts.csv").write_text(text)
     with pytest.raises(SettingError, match=words):
         question("sho", starts=str(tmp_path / "starts.csv"))
 
 
-def test_a_file_of_starts_that_is_not_there_is_an_error_of_this_package(tmp_path):
+def test_missing_file_of_starts_raises_error_of_package(tmp_path):
     with pytest.raises(SettingError, match="a file that can be read: No such file"):
         question("sho", starts=str(tmp_path / "none.csv"))

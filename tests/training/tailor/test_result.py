@@ -49,7 +49,7 @@ def test_gains_are_those_of_runs_at_equal_cost(held_out):
 
 
 @pytest.mark.parametrize("taus", [(0.05, 0.2, 0.4), (0.05, 0.4, 0.42, 0.44)])
-def test_the_best_of_all_is_the_best_over_all_step_sizes(held_out, taus):
+def test_best_of_all_is_best_over_all_step_sizes(held_out, taus):
     """One is ahead at small steps, others at large ones; the second of the two sets has more of these."""
     methods = [nh.integrators[name] for name in ("leapfrog", "babps8o7h", "babs7o7h")]
     means = np.array([[np.log10(np.minimum(errors(held_out, one, t), 1)).mean() for t in taus] for one in methods])
@@ -88,13 +88,13 @@ def test_a_published_method_gains_nothing_over_itself(held_out):
     assert not found.gain.is_one
 
 
-def test_without_a_gain_the_published_method_comes_back_with_a_warning():
+def test_without_gain_published_method_comes_back_with_warning():
     with pytest.warns(NoGainWarning, match="no gain over published methods .*; this is babps8o7h"):
         found = nh.tailor("henon_heiles", stages=5, window=(0.08, 0.12), trials=20)
     assert found is nh.integrators["babps8o7h"]
 
 
-def test_a_method_for_henon_heiles_gains_a_third_of_a_decade_on_starts_that_were_not_used():
+def test_henon_heiles_method_gains_third_of_decade_on_other_starts():
     """The trial of this idea gained 0.3 to 0.9 decade in windows like this one."""
     found = nh.tailor("henon_heiles", window=(0.08, 0.12), trials=900)
     assert (found.stages, found.order, found.symmetric, found.digits) == (8, 4, True, 60)
@@ -117,7 +117,7 @@ def test_a_method_for_henon_heiles_gains_a_third_of_a_decade_on_starts_that_were
     assert np.mean(gains) > 0.3
 
 
-def test_the_test_is_on_starts_that_the_search_never_saw_and_in_longer_runs():
+def test_test_uses_longer_runs_from_starts_outside_search():
     found = tailored(question("sho", window=(0.1, 0.2), trials=20, energy="same"))
     names = [name for name in nh.integrators.registered if name.startswith("trained_")]
     assert (found.trained is None) == (not names)
@@ -142,7 +142,7 @@ def test_a_gradient_costs_a_force_beside_modified_kicks(held_out):
         assert found.best_error[i] == pytest.approx(10 ** np.log10(many.max_energy_error.values).mean(), rel=1e-6)
 
 
-def test_a_made_method_is_compared_with_modified_ones_where_they_fit():
+def test_made_method_is_compared_with_modified_ones_where_they_fit():
     found = tailored(question("sho", window=(0.1, 0.2), trials=20))
     names = {name for name, one in nh.modified_integrators.items() if not one.processed}
     assert set(found.modified.best) <= names

@@ -44,7 +44,7 @@ def test_a_seed_gives_the_same_method_and_another_one_another(problems):
     assert one.unknowns.tolist() != other.unknowns.tolist()
 
 
-def test_the_best_is_what_the_objective_says_and_no_worse_than_published_methods_of_its_shape(problems):
+def test_best_method_matches_objective_and_beats_published_ones_of_shape(problems):
     ensemble, _, methods, taus, errors = problems
     found = searched(problems, 300).run()
     objective = Objective(found.best.family, [ensemble], taus, [errors.min(axis=0)], size=1)
@@ -56,7 +56,7 @@ def test_the_best_is_what_the_objective_says_and_no_worse_than_published_methods
     assert (found.trials, found.stopped) == (pytest.approx(300, abs=20), "spent")
 
 
-def test_ctrl_c_gives_the_best_so_far_and_before_any_member_is_passed_on(problems, monkeypatch):
+def test_ctrl_c_gives_best_so_far_even_before_any_member(problems, monkeypatch):
     calls, plain = [], Objective.__call__
 
     def interrupted(self, points):
@@ -77,7 +77,7 @@ def test_ctrl_c_gives_the_best_so_far_and_before_any_member_is_passed_on(problem
         searched(problems, 10**6).run()
 
 
-def test_the_best_third_goes_on_with_three_times_as_many_trials(problems, monkeypatch):
+def test_best_third_goes_on_with_three_times_as_many_trials(problems, monkeypatch):
     asked = []
 
     def descend(objective, start, effort, seed):
@@ -131,7 +131,7 @@ def test_a_budget_in_time_ends_by_itself(monkeypatch):
     assert (len(shown), budget.trials) == (3, 30)  # after 0.4, 0.8 and 1.2 ms
 
 
-def test_families_leave_coefficients_free_and_need_a_quadratic_T_only_where_it_is():
+def test_families_have_free_coefficients_and_need_quadratic_T_if_stated():
     plain, quadratic = families((4, 8), quadratic=False), families((4, 8), quadratic=True)
     assert {one.order for one in plain} == {4}
     assert {one.order for one in quadratic} == {4, 6}
@@ -165,13 +165,13 @@ def test_the_window_of_an_error_has_it_in_its_middle(problems):
     assert min(means) == pytest.approx(-6, abs=0.12)
 
 
-def test_an_error_that_no_method_has_is_refused_with_those_that_they_have(problems):
+def test_unknown_error_is_refused_with_existing_ones(problems):
     ensemble, _, methods, *_ = problems
     with pytest.raises(nh.NearharmonicError, match=r"error = 1e-20 is not allowed: between \S+e-1\d and "):
         window_at(ensemble, methods, 1e-20, 1.0)
 
 
-def test_a_window_has_three_step_sizes_at_least_and_the_test_has_those_between():
+def test_window_has_three_step_sizes_and_test_has_midpoints():
     taus, more = step_sizes((0.08, 0.12)), step_sizes((0.08, 0.12), between=True)
     assert (len(taus), taus[0], taus[-1]) == (3, 0.08, pytest.approx(0.12))
     assert more[::2] == pytest.approx(taus)

@@ -32,7 +32,7 @@ def test_starts_on_a_surface_have_its_energy():
             assert len(H) == 32
 
 
-def test_a_surface_of_a_kinetic_energy_that_is_not_quadratic_is_met_as_well():
+def test_energy_surface_is_reached_for_non_quadratic_kinetic_energy_too():
     for q, p in drawn("relativistic_oscillator", energy="1.25"):
         H = np.sqrt(1 + p * p) + q * q / 2
         own = nh.systems["relativistic_oscillator"].energy(tuple(q.T), tuple(p.T))
@@ -40,7 +40,7 @@ def test_a_surface_of_a_kinetic_energy_that_is_not_quadratic_is_met_as_well():
         assert np.ptp(H - own[:, None]) < 1e-13  # the formula, up to the rest energy
 
 
-def test_starts_of_a_box_are_near_the_orbit_and_their_energies_differ():
+def test_starts_of_box_are_near_orbit_and_their_energies_differ():
     for q, p in drawn("sho"):
         radius = np.hypot(q, p)
         # the orbit is the unit circle, the box has an edge of 2 * HALF_EDGE times amplitudes, which samples give to 2 %
@@ -48,7 +48,7 @@ def test_starts_of_a_box_are_near_the_orbit_and_their_energies_differ():
         assert 0.02 < radius.std() < 0.1
 
 
-def test_the_halves_share_no_start_and_a_seed_gives_the_same_ones():
+def test_halves_share_no_start_and_seed_gives_same_ones():
     one, two = drawn("henon_heiles", seed=1)
     assert not set(map(tuple, one[0])) & set(map(tuple, two[0]))
     again, _ = drawn("henon_heiles", seed=1)
@@ -57,7 +57,7 @@ def test_the_halves_share_no_start_and_a_seed_gives_the_same_ones():
     assert not (one[0] == other[0]).any()
 
 
-def test_given_starts_are_shared_out_and_another_seed_draws_other_halves():
+def test_given_starts_are_divided_into_halves_by_seed():
     rows = np.column_stack([np.linspace(0.5, 1.5, 9), np.zeros(9)])
     chosen = set()
     for seed in range(4):
@@ -75,7 +75,7 @@ def test_a_given_start_that_leaves_is_named():
         drawn("henon_heiles", starts=rows)
 
 
-def test_an_energy_without_bound_orbits_and_one_below_the_potential_are_refused():
+def test_energy_without_bound_orbits_and_one_below_potential_are_refused():
     with pytest.raises(SettingError, match=r"energy = 5\.0 is not allowed: one at which orbits of henon_heiles"):
         drawn("henon_heiles", energy=5)
     with pytest.raises(SettingError, match=r"energy = -1\.0 is not allowed: above 0\.00"):
@@ -102,7 +102,7 @@ def test_the_fastest_frequency_is_that_of_the_normal_modes():
     assert orbit_of(modes).frequency == pytest.approx(expected, rel=1e-6)
 
 
-def test_the_fastest_frequency_of_a_kinetic_energy_that_is_not_quadratic_is_smaller():
+def test_fastest_frequency_is_smaller_for_non_quadratic_kinetic_energy():
     """T'' = (1 + p^2)^(-3/2), V'' = 1: the root of the mean of T'' over the states of the orbit."""
     orbit = orbit_of(nh.systems["relativistic_oscillator"])
     states = orbit.p[:: len(orbit.p) // 12]

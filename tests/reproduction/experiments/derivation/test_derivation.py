@@ -67,7 +67,7 @@ def position(equations, x, length):
 
 @pytest.mark.slow
 @given(points())
-def test_the_errors_are_those_of_the_product_of_matrices_in_exact_arithmetic(case):
+def test_errors_are_those_of_product_of_matrices_in_exact_arithmetic(case):
     equations, x = case
     zeta = position(equations, x, 11)
     exact = [(1, -1, -1, 1)[n % 4] - factorial(n) * zeta[n] for n in range(1, 11)]
@@ -76,7 +76,7 @@ def test_the_errors_are_those_of_the_product_of_matrices_in_exact_arithmetic(cas
 
 
 @given(points())
-def test_the_first_two_errors_vanish_for_any_symmetric_rows_of_sum_one(case):
+def test_first_two_errors_vanish_for_symmetric_rows_of_sum_one(case):
     equations, x = case
     outer, inner = equations.palindromes(x)
     assert (sum(outer), sum(inner)) == (1, 1)
@@ -99,7 +99,7 @@ def test_the_jacobian_is_the_limit_of_exact_differences(case):
 
 
 @pytest.mark.parametrize("name", [*UNIQUE, *PRINTED])
-def test_every_printed_set_solves_the_position_conditions_of_its_role_and_the_next_order_not(name):
+def test_printed_sets_solve_position_conditions_but_not_next_order(name):
     tableau = integrators[name]
     equations = Equations(tableau.stages, tableau.harmonic_order, tableau.first)
     errors = equations.errors(equations.tableau_unknowns(tableau), tableau.harmonic_order + 1)
@@ -109,7 +109,7 @@ def test_every_printed_set_solves_the_position_conditions_of_its_role_and_the_ne
 
 
 @pytest.mark.parametrize("name", ["babps6o5h", "babps8o7h", "babps9o7h", "babs7o7h"])
-def test_a_solution_of_odd_order_does_not_solve_the_conditions_of_the_other_role(name):
+def test_odd_order_solution_fails_conditions_of_other_role(name):
     # The paper tells BAB from BAB' by this; both kinds solve the position of the kick-first role.
     tableau = integrators[name]
     other = Equations(tableau.stages, tableau.harmonic_order, "drift")
@@ -118,7 +118,7 @@ def test_a_solution_of_odd_order_does_not_solve_the_conditions_of_the_other_role
     assert abs(errors[-1]) > Fraction(1, 10**4)
 
 
-def test_four_sets_of_the_print_are_fixed_by_their_conditions_and_six_are_not():
+def test_conditions_fix_four_printed_sets_but_not_six():
     assert UNIQUE == ("abas5o6h", "abas5o6h_b", "abas5o6h_c", "babs6o7h")
     assert PRINTED == ("babs6o5h", "babps6o5h", "babs7o7h", "babps7o6h", "babps8o7h", "babps9o7h")
 
@@ -148,12 +148,12 @@ def test_six_stages_have_three_real_solutions_of_fifteen_complex_ones(six):
     assert all(root.proved and root.eliminated and root.hits > 0 for root in six.roots)
 
 
-def test_seven_stages_have_nine_real_solutions_of_thirty_five_complex_ones():
+def test_seven_stages_have_nine_real_of_thirty_five_solutions():
     seven = solve(Equations(7, 8), RandomStarts(4096, SEED, box=2.5, bound=20.0))
     assert (seven.complex_solutions, seven.real_solutions, len(seven.roots), seven.complete) == (35, 9, 9, True)
 
 
-def test_the_fourth_solution_is_the_one_known_from_an_earlier_search(five):
+def test_fourth_solution_is_one_known_from_earlier_search(five):
     fourth = five.roots[-1]
     known = (0.72146062, -0.33882062, 1.46833461, -2.20334733)
     derived = [float(c) for c in (*fourth.outer[:2], *fourth.inner[:2])]
@@ -161,7 +161,7 @@ def test_the_fourth_solution_is_the_one_known_from_an_earlier_search(five):
 
 
 @pytest.mark.parametrize("name", UNIQUE)
-def test_the_isolated_sets_of_the_print_come_out_to_all_its_digits(name, five, six):
+def test_isolated_sets_of_print_come_out_to_all_its_digits(name, five, six):
     found = agreement(name, [five, six])
     assert found.root is not None
     assert found.decimals == 76
@@ -185,7 +185,7 @@ def test_bezout_counts_binomials(stages):
         assert reduced_system(Equations(stages, stages + 1, "drift")).complex_solutions == comb(stages, half + 1)
 
 
-def test_the_eliminant_has_the_real_roots_that_a_root_finder_sees():
+def test_eliminant_has_real_roots_that_root_finder_sees():
     eliminated = eliminate(Equations(6, 7))
     assert eliminated.simple
     roots = np.roots([float(c) for c in reversed(eliminated.eliminant)])
@@ -214,7 +214,7 @@ def test_solutions_come_most_often_hit_first():
     assert sum(found.hits) == found.converged == len(sample(Equations(5, 6), RandomStarts(2000, SEED, box=2.5)))
 
 
-def test_a_solution_that_is_counted_but_not_found_leaves_the_set_incomplete(monkeypatch):
+def test_solution_that_is_counted_but_not_found_leaves_set_incomplete(monkeypatch):
     exact = eliminate(Equations(5, 6))
     more = replace(exact, real_solutions=exact.real_solutions + 1)
     monkeypatch.setattr("nearharmonic.reproduction.experiments.derivation.isolated.eliminate", lambda _: more)
@@ -251,7 +251,7 @@ def test_no_digits_are_written_where_newton_finds_no_solution():
     assert lost.residual > 0
 
 
-def test_a_candidate_that_does_not_converge_is_reported_with_the_residual_reached():
+def test_candidate_that_does_not_converge_is_reported_with_residual_reached():
     outcome = _root(Equations(4, 5), [0.3, 0.2, 0.4], digits=50, hits=1, eliminated=False)
     assert isinstance(outcome, str)
     assert re.fullmatch(r"\(0\.3\d+, .*\): Newton's method reached a residual of \d.*, not 1e-50", outcome)

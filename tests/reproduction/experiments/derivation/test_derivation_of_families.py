@@ -44,7 +44,7 @@ SEED = 20150106
     ("name", "free"),
     [("babs6o5h", 2), ("babps6o5h", 2), ("babs7o7h", 1), ("babps7o6h", 2), ("babps8o7h", 2), ("babps9o7h", 3)],
 )
-def test_the_other_sets_lie_in_families_and_are_printed_to_their_digits(name, free):
+def test_other_sets_lie_in_families_to_printed_digits(name, free):
     point = printed_point(name)
     # Half of 2s + 1 coefficients less two sums, less lambda - 2 conditions, if these are independent.
     tableau = integrators[name]
@@ -62,7 +62,7 @@ def test_the_rank_drops_where_two_unknowns_act_alike():
     assert rank == len(pivots) < 6
 
 
-def test_the_least_sum_of_a_family_is_not_where_its_printed_set_lies():
+def test_least_family_sum_is_not_at_printed_set():
     (ranking,) = rank_printed(["babs7o7h"], RandomStarts(1000, SEED, bound=5.0))
     assert ranking.members > 50
     # Numbers of the printed set itself, from its strings.
@@ -105,7 +105,7 @@ def test_the_simplex_descends_on_the_largest_of_the_errors(stages, order, first)
 
 
 @pytest.mark.slow
-def test_a_random_start_that_a_short_run_finds_promising_leads_the_simplex_to_a_root(five):
+def test_promising_random_start_leads_simplex_to_root(five):
     """One in a few hundred random points; nothing of a root is known to the simplex."""
     (start, *_) = promising_starts(five.equations, starts=200, seed=1)
     outcome = minimise(five.equations, start, seed=1, settings=Simplex(bits=192, digits=30, evaluations=40_000))
@@ -115,7 +115,7 @@ def test_a_random_start_that_a_short_run_finds_promising_leads_the_simplex_to_a_
     assert min(apart) < mpf("1e-25")
 
 
-def test_a_simplex_that_runs_out_of_evaluations_gives_its_residual_and_no_digits():
+def test_simplex_without_evaluations_gives_residual_without_digits():
     outcome = minimise(Equations(5, 6), [0.1, 0.2, 0.3, 0.4], seed=1, settings=Simplex(bits=128, evaluations=300))
     assert not outcome.converged
     assert outcome.unknowns == ()
@@ -123,7 +123,7 @@ def test_a_simplex_that_runs_out_of_evaluations_gives_its_residual_and_no_digits
     assert 300 <= outcome.evaluations < 320
 
 
-def test_from_five_stages_on_every_stage_adds_one_harmonic_order_and_two_powers():
+def test_each_stage_from_five_adds_harmonic_order_and_two_powers():
     reached = reach(range(3, 8), RandomStarts(2000, SEED, bound=20.0))
     assert [r.harmonic_order for r in reached] == [4, 4, 6, 7, 8]
     assert [r.lambda_max for r in reached] == [6, 8, 10, 12, 14]
@@ -142,7 +142,7 @@ def twice():
     return [derivation(FEW, digits=60, report=lines.append) for _ in range(2)], lines
 
 
-def test_the_same_seed_gives_the_same_table_and_progress_is_reported(twice):
+def test_same_seed_gives_same_table_and_progress_is_reported(twice):
     runs, lines = twice
     first, second = ({k: v for k, v in plain(run).items() if k != "seconds"} for run in runs)
     assert first == second

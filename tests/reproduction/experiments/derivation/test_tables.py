@@ -24,7 +24,7 @@ def cells(table):
     return [dict(zip(table.header, row, strict=True)) for row in table.rows]
 
 
-def test_a_root_has_its_halves_and_how_well_it_is_known():
+def test_root_has_its_halves_and_how_well_it_is_known():
     first, second = cells(tables.solutions([CASE]))
     assert first == {
         "stages": 5, "harmonic order": 6, "solution": 1, "half of the outer row": "0.12500000 0.37500000",
@@ -56,7 +56,7 @@ def test_the_reach_of_stages_is_that_found():
     }  # fmt: skip
 
 
-def test_a_printed_set_has_its_own_rank_whatever_the_order_of_the_ranking():
+def test_printed_set_has_its_own_rank_whatever_order_of_ranking():
     def point(name, decimals):
         return Made(
             name=name, equations=Made(stages=7, harmonic_order=7), free_parameters=1, printed_residual=mpf("1.5e-75"),
@@ -83,7 +83,7 @@ def test_a_printed_set_has_its_own_rank_whatever_the_order_of_the_ranking():
 
 
 @pytest.mark.parametrize("reached", [1, None])
-def test_the_two_routes_stand_with_their_worst_residual_and_their_own_seconds(reached):
+def test_both_routes_list_worst_residual_and_their_seconds(reached):
     outcome = Made(kappa_max=mpf("3.3e-600"), evaluations=25000, restarts=4, seconds=1.5)
     run = Made(
         stages=5, starts=1500, promising=6, outcome=outcome, reached=reached,

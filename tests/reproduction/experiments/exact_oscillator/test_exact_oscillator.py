@@ -61,7 +61,7 @@ def test_curves_that_are_powers_cross_where_their_exponents_say():
     assert crossing(np.array([-1.0, -1.0, np.inf, *[1.0] * 6]), energies) == pytest.approx(energies[1])
 
 
-def test_intervals_hold_the_crossing_and_shrink_with_the_number_of_trajectories():
+def test_intervals_hold_crossing_and_shrink_with_number_of_trajectories():
     energies, rng, widths = np.geomspace(1e-4, 1, 9), np.random.default_rng(2), []
     for count in (40, 4000):
         noise = np.exp(rng.normal(0, 0.5, (2, 9, count)))
@@ -82,7 +82,7 @@ def reduced(energies, split, exact):
     return reduction.of(xr.Dataset(errors, {"energy": energies}, {"seed": 5}), over="trajectory")
 
 
-def test_reductions_of_equal_trajectories_are_their_curves_and_an_interval_of_no_width():
+def test_reductions_of_equal_trajectories_have_intervals_of_zero_width():
     """H^(1/2) and H^2 / 0.02 cross at 0.02^(2/3); a trajectory that diverges leaves median and crossing alone."""
     energies = np.geomspace(1e-4, 1, 9)
     split, exact = (np.tile(curve[:, None], 20) for curve in (energies**0.5, energies**2 / 0.02))
@@ -128,7 +128,7 @@ def test_errors_are_those_of_single_runs_at_equal_cost(small):
     assert values["energy_error"][0, 0, 4].tolist() == [np.sort(plain)[i] for i in (0, 3, 5)]
 
 
-def test_the_exact_oscillator_pays_at_small_amplitudes_and_not_at_large_ones(small):
+def test_exact_oscillator_pays_only_at_small_amplitudes(small):
     """The error of T + V does not vanish with the amplitude, and that of the exact oscillator is proportional to it."""
     values = {name: entry.values for name, entry in small["cube"].variables.items()}
     exact, best = values["exact_energy_error"][:, 0, 0, :, 1], values["energy_error"][..., 1].min(axis=1)
@@ -137,7 +137,7 @@ def test_the_exact_oscillator_pays_at_small_amplitudes_and_not_at_large_ones(sma
     assert (np.diff(values["best_crossing"][:, :, 0], axis=1) <= 0).all()  # the more expensive, the later it pays
 
 
-def test_the_table_has_a_row_for_each_pair_and_amplitudes_of_its_energies(small):
+def test_table_has_row_for_each_pair_and_amplitudes_of_energies(small):
     table = small["table"]
     assert len(table.rows) == 2 * len(CHARGES) * 3
     rows = [dict(zip(table.header, row, strict=True)) for row in table.rows]
@@ -176,7 +176,7 @@ def test_times_are_measured_and_charged(small, tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_page_states_the_crossings_and_leads_of_the_paper_config(tmp_path):
+def test_page_states_crossings_and_leads_of_paper_config(tmp_path):
     config = yaml.safe_load((ROOT / "config/config.yaml").read_text(encoding="utf-8"))
     asked = load({key: config[key] for key in ("name", "integrators", "systems", "exact_oscillator")})
     page = (ROOT / "docs/exact_oscillator.md").read_text(encoding="utf-8")

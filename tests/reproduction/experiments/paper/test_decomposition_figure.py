@@ -24,7 +24,7 @@ def remaining(cube, name, first):
     return np.where(np.isin(ORDERS, VANISH[first]), np.nan, cube.kappa.sel(integrator=name, first=first).values)
 
 
-def test_error_terms_of_the_kick_first_composition_are_lines_in_the_colour_of_their_method(cube):
+def test_kick_first_error_terms_are_lines_in_method_colour(cube):
     upper, _ = fig2_decomposition.fig2_decomposition(cube).axes
     assert (upper.get_yscale(), upper.get_ylabel()) == ("log", r"$\kappa_\lambda$")
     for name in METHODS:
@@ -33,7 +33,7 @@ def test_error_terms_of_the_kick_first_composition_are_lines_in_the_colour_of_th
         np.testing.assert_array_equal(ORDERS[drawn(curve)], [4, 5, 7, 8])
 
 
-def test_error_terms_of_the_drift_first_composition_are_circles_around_the_markers_of_their_method(cube):
+def test_drift_first_error_terms_are_circles_around_markers(cube):
     upper, _ = fig2_decomposition.fig2_decomposition(cube).axes
     for name in METHODS:
         circle, inside = lines_of(upper, ORDERS, remaining(cube, name, "drift"))
@@ -44,7 +44,7 @@ def test_error_terms_of_the_drift_first_composition_are_circles_around_the_marke
     assert len(upper.get_lines()) == 3 * len(METHODS)
 
 
-def test_terms_that_vanish_stand_in_the_row_of_their_method_a_bar_for_kick_first_a_circle_for_drift_first(cube):
+def test_vanishing_terms_are_bars_for_kick_circles_for_drift_first(cube):
     _, lower = fig2_decomposition.fig2_decomposition(cube).axes
     for row, name in enumerate(METHODS):
         bars = line_of(lower, VANISH["kick"], row)
@@ -55,7 +55,7 @@ def test_terms_that_vanish_stand_in_the_row_of_their_method_a_bar_for_kick_first
     assert len(lower.get_lines()) == 3 * len(METHODS)
 
 
-def test_rows_are_named_from_top_to_bottom_in_the_order_of_the_methods(cube):
+def test_rows_are_named_downwards_in_order_of_methods(cube):
     _, lower = fig2_decomposition.fig2_decomposition(cube).axes
     assert ticks(lower.yaxis) == {label(name): row for row, name in enumerate(METHODS)}
     heights = [lower.transData.transform((1, row))[1] for row in range(len(METHODS))]
@@ -64,7 +64,7 @@ def test_rows_are_named_from_top_to_bottom_in_the_order_of_the_methods(cube):
     assert top < 0 < len(METHODS) - 1 < bottom
 
 
-def test_the_legend_has_the_look_of_each_method_and_says_what_circles_and_lines_are(cube):
+def test_legend_shows_methods_and_explains_circles_and_lines(cube):
     (legend,) = fig2_decomposition.fig2_decomposition(cube).legends
     found = looks(legend)
     assert list(found) == [*map(label, METHODS), "ABA composition", "BAB composition"]
@@ -78,7 +78,7 @@ def test_the_legend_has_the_look_of_each_method_and_says_what_circles_and_lines_
     assert circle.get_markersize() == lines_of(upper, ORDERS, remaining(cube, "ruth", "drift"))[0].get_markersize()
 
 
-def test_terms_that_all_vanish_leave_an_empty_panel_and_full_rows(cube):
+def test_terms_that_all_vanish_leave_empty_panel_and_full_rows(cube):
     cube["kappa"][:] = 0.0
     upper, lower = fig2_decomposition.fig2_decomposition(cube).axes
     assert not any(drawn(line).any() for line in upper.get_lines())

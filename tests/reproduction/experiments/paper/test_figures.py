@@ -36,7 +36,7 @@ def test_the_upper_panel_shows_maxima_and_the_lower_one_means(module):
     assert upper.get_position().y0 > lower.get_position().y1
 
 
-def test_double_precision_is_solid_and_marked_and_extended_precision_dashed_in_its_colour():
+def test_double_precision_is_solid_and_extended_precision_dashed():
     cube = errors(precision=True)
     for axes, variable in zip(fig1_sho.fig1_sho(cube).axes, ("max_energy_error", "mean_energy_error"), strict=True):
         for name in METHODS:
@@ -50,7 +50,7 @@ def test_double_precision_is_solid_and_marked_and_extended_precision_dashed_in_i
         assert len(axes.get_lines()) == 2 * len(METHODS) + 2
 
 
-def test_no_number_zero_and_infinity_leave_gaps_and_all_else_is_drawn():
+def test_nan_zero_and_infinity_leave_gaps_in_curve():
     cube = errors(precision=True)
     for axes, variable in zip(fig1_sho.fig1_sho(cube).axes, ("max_energy_error", "mean_energy_error"), strict=True):
         for name in METHODS:

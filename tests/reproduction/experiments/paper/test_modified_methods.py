@@ -66,7 +66,7 @@ def test_a_plan_counts_a_modified_force_as_a_force():
         assert run.steps == tuple(max(1, round(20 / (2 * tau))) for tau in run.tau_per_stage)
 
 
-def test_a_role_that_a_modified_kick_does_not_have_has_no_terms():
+def test_role_that_modified_kick_does_not_have_has_no_terms():
     terms = harmonic_terms(METHODS)
     drawn = fig2_decomposition(terms)
     assert drawn.legends
@@ -80,7 +80,7 @@ def test_a_role_that_a_modified_kick_does_not_have_has_no_terms():
         }
 
 
-def test_the_table_of_all_methods_leaves_out_what_holds_for_any_kinetic_energy():
+def test_table_of_all_methods_omits_entries_for_any_kinetic_energy():
     header, rows = overview("chin_4a", "ruth")
     chin, ruth = (dict(zip(header, row, strict=True)) for row in rows)
     empty = {"generalised order", "leading error", "leading error norm", "effective error"}
@@ -100,25 +100,25 @@ def test_the_table_of_all_methods_leaves_out_what_holds_for_any_kinetic_energy()
         ),
     ],
 )
-def test_a_config_with_a_system_that_no_modified_kick_is_for_is_refused(system, words):
+def test_config_with_system_without_modified_kicks_is_refused(system, words):
     with pytest.raises(SettingError, match=words) as refused:
         load(CONFIG | {"integrators": ["ruth", "chin_4a"], "systems": system})
     assert "integrator = 'chin_4a' is not allowed" in str(refused.value)
 
 
-def test_oscillators_are_not_solved_exactly_by_a_method_with_modified_kicks():
+def test_oscillators_are_not_solved_exactly_by_method_with_modified_kicks():
     with pytest.raises(SettingError, match=r"integrator = 'rowlands' .* oscillators solved exactly"):
         load(CONFIG | {"exact_oscillator": {"integrators": ["aba864", "rowlands"]}})
 
 
-def test_what_measures_the_energy_at_every_step_leaves_processed_methods_out():
+def test_what_measures_energy_at_every_step_leaves_processed_methods_out():
     config = load(CONFIG)
     assert config.methods == METHODS
     assert config.stepwise == ("ruth", "chin_4a", "trained_modified")
     assert "chin_4a" not in load(CONFIG | {"integrators": ["ruth"]}).compared
 
 
-def test_timings_have_modified_methods_beside_the_figures_unless_others_are_named():
+def test_timings_have_modified_methods_beside_figures_unless_others_are_named():
     every = load(CONFIG | {"integrators": ["ruth"]})
     assert {"rowlands", "chin_4a", "trained_modified"} <= set(every.work_precision.methods(every.methods))
     named = load(CONFIG | {"integrators": ["ruth"], "work_precision": {"integrators": ["chin_4a"]}})

@@ -27,7 +27,7 @@ def found(settings, cubes=None):
     return {(row.precision, row.what): (row.runs, row.evaluations) for row in rows}
 
 
-def test_kepler_orbits_are_run_once_and_a_leapfrog_hands_its_force_on():
+def test_kepler_orbits_run_once_and_leapfrog_reuses_force():
     """700 h in 7 steps of 100 h and one step of 1000 h: 8 and 2 forces, of which 6 open a step that is not the first.
 
     The full grid has the runs in both precisions, and in double each once more for the perihelion.
@@ -39,7 +39,7 @@ def test_kepler_orbits_are_run_once_and_a_leapfrog_hands_its_force_on():
     }
 
 
-def test_step_sizes_that_round_to_the_same_steps_are_run_once():
+def test_step_sizes_that_round_to_same_steps_are_run_once():
     """Five units of time in 2 steps of 3 x 1 (rounded from 1.67) and one step of 3 x 10 or 3 x 100."""
     assert found(config("henon_heiles", "ruth", "5", 1, 100)) == {
         ("double", "runs of a step size"): (1, 3),
@@ -65,7 +65,7 @@ def runs(steps, evaluations, status, precision="double"):
     )
 
 
-def test_the_rest_of_runs_that_left_is_spared_by_each_once():
+def test_rest_of_runs_that_left_is_spared_by_each_once():
     """One run made 5 of 20 steps, with 6 of 21 forces, one 3 of 10 steps, with 4 of 11; one stayed, one was shared."""
     cube = runs([40, 20, 20, 10], [41, 6, 6, 4], ["ok", "diverged", "diverged", "diverged"])
     rows = found(config("henon_heiles", "leapfrog", "40", 1, 1), {"henon_heiles": cube})
@@ -83,7 +83,7 @@ def test_runs_that_were_skipped_are_not_counted_as_done():
 
 
 @pytest.mark.parametrize("many", [100, 900])
-def test_totals_add_the_rows_of_a_reason_and_put_the_largest_first(many):
+def test_totals_add_rows_of_reason_and_put_largest_first(many):
     row = {"system": "sho", "integrator": "ruth", "precision": "double"}
     rows = [
         Omission(**row, what="runs of a step size", reason="few", runs=3, evaluations=400),

@@ -32,7 +32,7 @@ def curves(cube, name):
     return one.evaluations_per_orbit.values, at(size, TOLD), at(size, NOT_TOLD)
 
 
-def test_an_advance_beyond_its_interval_is_a_dot_on_the_line_and_some_carry_the_marker_of_their_method(cube):
+def test_advance_beyond_its_interval_is_dot_and_some_have_markers(cube):
     axes = fig4_perihelion.fig4_perihelion(cube).axes[0]
     for name in METHODS:
         x, told, _ = curves(cube, name)
@@ -43,7 +43,7 @@ def test_an_advance_beyond_its_interval_is_a_dot_on_the_line_and_some_carry_the_
         assert np.flatnonzero(drawn(dots)).tolist() == TOLD
 
 
-def test_an_advance_within_its_interval_or_equal_to_it_is_a_cross(cube):
+def test_advance_within_its_interval_or_equal_to_it_is_cross(cube):
     axes = fig4_perihelion.fig4_perihelion(cube).axes[0]
     for name in METHODS:
         x, _, not_told = curves(cube, name)
@@ -53,7 +53,7 @@ def test_an_advance_within_its_interval_or_equal_to_it_is_a_cross(cube):
         assert np.flatnonzero(drawn(crosses)).tolist() == NOT_TOLD
 
 
-def test_error_bars_are_the_intervals_of_the_advances_that_are_told_from_zero(cube):
+def test_error_bars_are_intervals_of_nonzero_advances(cube):
     axes = fig4_perihelion.fig4_perihelion(cube).axes[0]
     assert len(axes.containers) == len(METHODS)
     for name, container in zip(METHODS, axes.containers, strict=True):
@@ -87,7 +87,7 @@ def relativistic_line(figure):
     return line, low
 
 
-def test_the_relativistic_line_lies_at_42_98_arcseconds_per_century_and_says_so(cube):
+def test_relativistic_line_is_labelled_at_42_98_arcseconds_per_century(cube):
     figure = fig4_perihelion.fig4_perihelion(cube)
     _, level = relativistic_line(figure)
     assert level * 206264.806247096355 * 876600 / 2000 == pytest.approx(42.98, rel=1e-12)

@@ -45,7 +45,7 @@ def harmonic_energy_error(tableau, tau):
         return abs(-K[1, 0] / K[0, 1] - 1)
 
 
-def test_a_grid_runs_from_its_lowest_to_its_highest_in_equal_ratios():
+def test_grid_has_equal_ratios_from_lowest_to_highest():
     grid = tau_grid(1e-4, 1.0, 40)
     assert (len(grid), grid[0], grid[-1]) == (161, 1e-4, 1.0)
     for a, b in pairwise(grid):
@@ -71,14 +71,14 @@ def test_shards_share_the_grid_without_gap_or_overlap(count):
     assert sorted(tau for part in shards for tau in part) == list(grid)
 
 
-def test_two_shards_cost_the_same_within_one_step_of_the_grid():
+def test_two_shards_cost_same_within_one_step_of_grid():
     costs = [
         sum(run.steps[i] for run in runs_of(HENON_HEILES, "aba864", k) for i in range(len(run.steps))) for k in (0, 1)
     ]
     assert 1 <= costs[0] / costs[1] <= 10 ** (1 / 40) * 1.001  # each pair of neighbours differs by this ratio
 
 
-def test_one_shard_for_each_step_size_gives_runs_of_one_step_size():
+def test_one_shard_per_step_size_gives_its_runs_only():
     fine = replace(HENON_HEILES, shards=1000)
     count = shards_of(fine, "ruth")
     assert count == 161
@@ -96,7 +96,7 @@ def test_steps_cover_the_interval_as_closely_as_whole_steps_can(name):
 
 
 @pytest.mark.parametrize("name", ["ruth", "aba864", "abas5o6h", "babs7o7h"])
-def test_extended_precision_covers_exactly_the_step_sizes_near_the_double_floor(name):
+def test_extended_precision_covers_exactly_step_sizes_near_double_floor(name):
     tableau, limit = integrators[name], 1e-13  # two decades above a floor of 1e-15
     extended = {
         tau
@@ -113,7 +113,7 @@ def test_extended_precision_covers_exactly_the_step_sizes_near_the_double_floor(
     assert harmonic_energy_error(tableau, first_left_out * tableau.stages) >= limit
 
 
-def test_extended_precision_covers_the_whole_grid_where_nothing_foretells_the_error():
+def test_extended_precision_covers_whole_grid_where_nothing_foretells_error():
     both = replace(HENON_HEILES, precision=("double", "extended"))
     double, extended = runs_of(both, "ruth", 0)
     assert double.tau_per_stage == extended.tau_per_stage
@@ -128,12 +128,12 @@ def test_extended_precision_alone_covers_the_whole_grid():
     )
 
 
-def test_a_shard_with_no_step_size_near_the_floor_has_no_extended_run():
+def test_shard_far_from_floor_has_no_extended_run():
     coarse = replace(SHO, lowest=0.1)
     assert [run.precision for run in runs_of(coarse, "ruth", 0)] == ["double"]
 
 
-def test_step_sizes_that_round_to_the_same_steps_share_a_shard_and_stand_together():
+def test_step_sizes_with_equal_steps_share_shard():
     short = replace(HENON_HEILES, t_end="5")  # one to five steps at the coarse end: many coincide
     seen = {}
     for index in range(shards_of(short, "ruth")):
@@ -163,7 +163,7 @@ def test_evaluations_count_the_kicks_that_are_left_when_neighbours_merge(name, s
     assert tableau.evaluations(steps) == merged.count("kick")
 
 
-def test_the_force_handed_on_from_step_to_step_is_what_a_kick_first_method_saves():
+def test_kick_first_method_saves_reused_force():
     (row,) = plan(*config(replace(HENON_HEILES, lowest=0.1, highest=0.1, t_end="70"), methods=("babs7o7h",))).omissions
     assert (row.runs, row.evaluations) == (1, 99)  # 100 steps of 7 x 0.1: 800 kicks are made with 701 forces
 
@@ -183,7 +183,7 @@ def test_more_than_a_machine_has_is_refused_with_the_number(change, says):
         check_sweep(replace(HENON_HEILES, **change), ("ruth", "babs7o7h"))
 
 
-def test_the_most_steps_of_a_method_are_those_of_the_fewest_stages():
+def test_most_steps_of_method_are_those_of_fewest_stages():
     check_sweep(replace(HENON_HEILES, lowest=1e-7, highest=1e-7), ("babs7o7h",))  # 500 / 7e-7 = 7.1e8
     with pytest.raises(NearharmonicError, match="1666666667 steps"):
         check_sweep(replace(HENON_HEILES, lowest=1e-7, highest=1e-7), ("babs7o7h", "ruth"))

@@ -132,7 +132,7 @@ def turning(rate, *, samples=60, t_end=8000.0):
 
 
 @pytest.mark.parametrize("rate", [2e-4, -2e-4, 0.01])
-def test_a_perihelion_that_turns_with_the_planet_advances_by_the_angle_of_one_period(rate):
+def test_rotating_perihelion_advances_by_angle_of_one_period(rate):
     """Counterclockwise is positive, as the orbit; 0.01 rad/h is a turn of 1.4 rad from sample to sample."""
     made = reduced(turning(rate))
     assert made.perihelion_advance.values == pytest.approx([rate * PERIOD, np.nan], rel=1e-10, nan_ok=True)
@@ -141,7 +141,7 @@ def test_a_perihelion_that_turns_with_the_planet_advances_by_the_angle_of_one_pe
     assert {made[f"perihelion_advance{end}"].attrs["units"] for end in ("", "_interval")} == {"rad"}
 
 
-def test_the_interval_of_the_advance_is_that_of_the_slope_times_the_period():
+def test_interval_of_advance_is_that_of_slope_times_period():
     """A perihelion that swings by +-a about rest has residuals n a^2, over n - 2, and times squared n (n^2 - 1)/12."""
     run, a = turning(0.0, samples=40, t_end=39.0).isel(tau_per_stage=[0]), 0.01
     run["perihelion_angle"] = run.perihelion_angle * 0 + a * xr.DataArray([1, -1, -1, 1] * 10, dims="sample")
@@ -225,7 +225,7 @@ def test_observed_orders_are_those_of_double_precision(layered):
     np.testing.assert_allclose(layered.observed_order.sel(precision="double"), [2, 1], atol=1e-9)
 
 
-def test_one_precision_is_a_dimension_and_shards_of_one_method_are_put_in_order():
+def test_precision_is_a_dimension_and_shards_are_ordered():
     shards = [part(GRID[1::2], [2.0, 4.0]), part(GRID[::2], [1.0, 3.0])]
     made = cube_of("henon_heiles", {"ruth": {"double": shards}})
     assert made.tau_per_stage.values.tolist() == GRID
@@ -233,7 +233,7 @@ def test_one_precision_is_a_dimension_and_shards_of_one_method_are_put_in_order(
     assert made.max_energy_error.dims == ("precision", "integrator", "tau_per_stage")
 
 
-def test_a_cube_says_what_it_is_of_and_not_what_one_shard_was(layered):
+def test_cube_describes_its_system_and_no_single_shard(layered):
     assert layered.attrs == {"system": "sho", "system_label": "simple harmonic oscillator"}
     assert layered.status.attrs["long_name"] == "ok or not"
     assert {name: layered[name].attrs["units"] for name in layered.coords} == dict.fromkeys(layered.coords, "1")
@@ -284,7 +284,7 @@ def test_terms_stand_at_their_method_composition_and_order():
     assert all({"units", "long_name"} <= set(v.attrs) for v in terms.variables.values())
 
 
-def test_labels_are_names_in_the_paper_in_cubes_of_its_systems_alone():
+def test_only_cubes_of_paper_systems_have_paper_labels():
     own = {"venus": SystemDefinition(base="sho", label="not in the paper")}
     with systems.defining(own):
         for name, says in (("sho", "name in the paper"), ("venus", "label")):

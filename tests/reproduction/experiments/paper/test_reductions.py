@@ -37,7 +37,7 @@ def test_a_mean_over_every_step_weights_blocks_by_their_length():
     assert mean_energy_error(blocks()).tolist() == [3.5, 3.0, 0.5, np.inf]
 
 
-def test_a_maximum_over_every_step_is_the_largest_of_the_blocks():
+def test_maximum_over_every_step_is_largest_of_blocks():
     assert max_energy_error(blocks()).tolist() == [8.0, 16.0, 0.75, np.inf]
 
 

@@ -54,7 +54,7 @@ def test_each_substep_on_the_oscillator_is_a_product_of_shears(panels, letter):
         state = maps[-1] @ state
 
 
-def test_babs7o7h_ends_each_iteration_on_the_exact_rotation_by_an_eighth_of_a_turn(panels):
+def test_babs7o7h_iterations_end_on_exact_eighth_of_turn(panels):
     final = panels["B"].isel(substep=-1)
     angle = np.array([1, 2]) * math.pi / 4
     # Its first error term is kappa_8 = 4.6e-3 (q) over 8!, and seventh order in p: about 1e-7 at tau = pi/4.
@@ -63,7 +63,7 @@ def test_babs7o7h_ends_each_iteration_on_the_exact_rotation_by_an_eighth_of_a_tu
 
 
 @pytest.mark.parametrize("letter", ["A", "B", "C", "D"])
-def test_the_way_back_from_the_reflected_end_leads_to_the_reflected_start(panels, letter):
+def test_way_back_from_reflected_end_leads_to_reflected_start(panels, letter):
     name, settings = PAPER_PANELS[letter]
     end = panels[letter].isel(iteration=-1, substep=-1)
     back = substeps(
@@ -111,7 +111,7 @@ def test_the_hamiltonian_on_the_grid_is_that_of_the_plane(panels):
 
 
 @pytest.mark.parametrize("letter", ["A", "B"])
-def test_the_largest_error_on_the_oscillator_is_that_of_its_invariant_ellipse(panels, letter):
+def test_largest_error_on_oscillator_is_that_of_its_invariant_ellipse(panels, letter):
     name, settings = PAPER_PANELS[letter]
     ((_, k12), (k21, _)) = matrices(name, settings["tau"])[-1]
     # From (0, 1) the ellipse -K21 q^2 + K12 p^2 = K12 meets p = 0 at q^2 = -K12/K21. Steps come near to that point but
@@ -120,7 +120,7 @@ def test_the_largest_error_on_the_oscillator_is_that_of_its_invariant_ellipse(pa
     assert int(panels[letter].left_at) == 0
 
 
-def test_yoshida_leaves_the_energy_surface_of_henon_heiles_and_babs7o7h_stays(panels):
+def test_yoshida_leaves_energy_surface_of_henon_heiles_and_babs7o7h_stays(panels):
     assert 2 < int(panels["C"].left_at) < FOLLOWED
     assert float(panels["C"].max_energy_error) == math.inf
     assert int(panels["D"].left_at) == 0
@@ -128,7 +128,7 @@ def test_yoshida_leaves_the_energy_surface_of_henon_heiles_and_babs7o7h_stays(pa
     assert float(panels["D"].max_energy_error) < 0.1
 
 
-def test_a_path_that_overflows_is_kept_and_framed_by_its_finite_points():
+def test_overflowing_path_is_kept_and_framed_by_finite_points():
     path = substeps(
         integrators["ruth"], systems["henon_heiles"], start=(0.4, 0.4), tau=300.0, iterations=20, component=1
     )
@@ -138,7 +138,7 @@ def test_a_path_that_overflows_is_kept_and_framed_by_its_finite_points():
     assert np.isfinite(path.p_grid).all()
 
 
-def test_without_a_window_the_grid_covers_the_path_and_a_margin():
+def test_without_window_grid_covers_path_and_margin():
     path = substeps(integrators["ruth"], systems["sho"], start=(1.0, 0.0), tau=0.3)
     for axis in "qp":
         assert path[f"{axis}_grid"][0] < path[axis].min()
@@ -161,7 +161,7 @@ def test_without_a_window_the_grid_covers_the_path_and_a_margin():
         ({"window": ((0.0, 1.0), (0.0, math.inf))}, "its p bounds must be finite"),
     ],
 )
-def test_a_setting_that_cannot_be_used_is_named_with_what_is_allowed(change, named):
+def test_unusable_setting_is_named_with_allowed_values(change, named):
     settings = {"start": (0.4, 0.4), "tau": 2.0, "iterations": 2, "component": 1} | change
     with pytest.raises(SettingError) as failure:
         substeps(integrators["ruth"], systems["henon_heiles"], **settings)

@@ -108,7 +108,7 @@ def paper():
     return panels, fig6_substeps.draw_panels(panels)
 
 
-def test_titles_name_the_method_and_the_system_of_each_panel_of_the_paper(paper):
+def test_titles_name_method_and_system_of_each_panel_of_paper(paper):
     _, figure = paper
     titles = [axes.get_title(loc="left") for axes in grid(figure)]
     assert [title.split("  ")[0] for title in titles] == [rf"$\mathbf{{{letter}}}$" for letter in "ABCD"]
@@ -118,7 +118,7 @@ def test_titles_name_the_method_and_the_system_of_each_panel_of_the_paper(paper)
 
 
 @pytest.mark.parametrize(("index", "legs"), [(0, "steps-post"), (1, "steps-pre")])
-def test_the_way_goes_along_q_in_drifts_and_along_p_in_kicks(figure, panels, index, legs):
+def test_path_follows_q_in_drifts_and_p_in_kicks(figure, panels, index, legs):
     # A drift first: along q to the corner, then along p; "steps-post" keeps y, then jumps. A kick first: the reverse.
     panel = list(panels.values())[index]
     ways = [line for line in grid(figure)[index].get_lines() if len(line.get_xdata()) > 1]
@@ -134,7 +134,7 @@ def statement(axes):
     return axes.texts[0].get_text()
 
 
-def test_each_panel_states_the_error_at_its_end_and_the_largest_that_follows(figure, panels):
+def test_each_panel_states_final_error_and_largest_later_error(figure, panels):
     for axes, panel in zip(grid(figure), panels.values(), strict=True):
         q, p = (panel[name].values[-1, -1] for name in "qp")
         error, largest = f"{abs((q * q + p * p) / 2 - 0.5) / 0.5:.1e}", f"{panel.max_energy_error.item():.1e}"
@@ -152,7 +152,7 @@ def test_a_panel_states_where_its_path_leaves_its_energy_surface(paper):
     assert all("leaves" not in texts[letter] for letter in "ABD")
 
 
-def test_a_path_that_leaves_for_infinity_at_once_can_be_drawn():
+def test_path_that_leaves_for_infinity_at_once_can_be_drawn():
     # tau = 1e160: the second pair multiplies by it once more and overflows.
     figure = fig6_substeps.draw_panels(toy_panels(tau=1e160))
     figure.draw_without_rendering()
@@ -163,7 +163,7 @@ def test_a_path_that_leaves_for_infinity_at_once_can_be_drawn():
         ]
 
 
-def test_the_dashed_contour_runs_through_the_start_and_the_window_is_the_cubes(figure, panels):
+def test_dashed_contour_runs_through_start_and_window_is_cubes(figure, panels):
     for axes, panel in zip(grid(figure), panels.values(), strict=True):
         assert axes.get_xlim() == (-1.5, 1.5)
         assert axes.get_ylim() == (-1.5, 1.6)
@@ -181,7 +181,7 @@ def test_the_dashed_contour_runs_through_the_start_and_the_window_is_the_cubes(f
         assert panel.H.values[0, 0] == 0.5
 
 
-def test_shades_are_the_hamiltonian_with_p_upwards_on_the_scale_of_the_colour_bar(figure, panels):
+def test_shades_are_hamiltonian_with_p_upwards_on_colour_scale(figure, panels):
     bars = [axes for axes in figure.axes if axes.get_title() == "H"]
     for axes, bar in zip(grid(figure), bars, strict=True):
         shades = axes.collections[0]

@@ -53,7 +53,7 @@ def test_the_overview_of_the_leapfrog_is_that_of_textbooks():
     }
 
 
-def test_sums_and_signs_of_ruth_are_those_of_its_closed_form():
+def test_ruth_sums_and_signs_follow_from_closed_form():
     """w = 1/(2 - 2^(1/3)): drifts w/2, (1 - w)/2 twice each, kicks w, 1 - 2w, w; three of seven are negative."""
     row, w = row_of("ruth"), 1 / (2 - 2 ** (1 / 3))
     assert row["sum of absolute values"] == pytest.approx(w + (w - 1) + 2 * w + (2 * w - 1), rel=1e-15)
@@ -75,7 +75,7 @@ def half_trace(tableau, tau):
 
 
 @pytest.mark.parametrize("name", ["ruth", "aba864", "babps9o7h"])
-def test_edges_of_stability_are_where_the_trace_of_the_step_passes_two(name):
+def test_edges_of_stability_are_where_trace_of_step_passes_two(name):
     row, tableau, near = row_of(name), integrators[name], mpf(10) ** -11
     edges = [mpf(row[key]) for key in ("stability limit", "first gap closes", "unstable for good from")]
     opens, closes, last = edges

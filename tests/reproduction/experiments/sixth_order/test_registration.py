@@ -63,7 +63,7 @@ KEPLER = (
 
 
 @EVERY
-def test_the_criterion_is_made_of_what_other_modules_say_of_a_method(name):
+def test_criterion_is_made_of_what_other_modules_say_of_method(name):
     tableau = integrators[name]
     unknowns = np.array([[float(x) for x in unknowns_of(tableau)]])
     (candidate,) = candidates_of(equations_of(tableau), unknowns, [0])
@@ -136,7 +136,7 @@ def test_newton_from_six_digits_comes_to_the_registered_digits(name):
 
 
 @EVERY
-def test_energy_errors_are_of_order_six_on_henon_heiles_and_kepler(name):
+def test_energy_errors_have_order_six_on_henon_heiles_and_kepler(name):
     # What the next error term leaves of a slope at steps of 2^-8 is tau^2 times a ratio of order 10^2: below 0.05.
     with mp.workdps(60):
         for force, potential, state in (HENON_HEILES, KEPLER):

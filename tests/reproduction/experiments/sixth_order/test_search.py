@@ -45,7 +45,7 @@ def test_word_sums_in_doubles_are_corners_of_products_of_matrices(first):
         assert value == pytest.approx(float(word_sum(word, operators)), abs=1e-12)
 
 
-def test_a_table_of_words_holds_their_beginnings_and_knows_each_words_parent():
+def test_word_table_holds_beginnings_and_parent_of_each_word():
     table = WordTable.of(["AB", "BBA"])
     assert table.words == ("", "A", "B", "AB", "BB", "BBA")
     assert [table.words[parent] for parent in table.parent[1:]] == ["", "", "A", "B", "BB"]
@@ -53,7 +53,7 @@ def test_a_table_of_words_holds_their_beginnings_and_knows_each_words_parent():
 
 @pytest.mark.parametrize("first", ["kick", "drift"])
 @pytest.mark.parametrize("stages", [8, 9])
-def test_unknowns_make_palindromes_of_sum_one_and_come_back_from_them(stages, first):
+def test_unknowns_give_palindromes_of_sum_one_and_back(stages, first):
     equations = NystromEquations(stages, first, 7)
     x = [mpf(k + 1) / 16 for k in range(stages - 1)]
     step = [number for _, number in equations.step(x)]
@@ -63,7 +63,7 @@ def test_unknowns_make_palindromes_of_sum_one_and_come_back_from_them(stages, fi
     assert equations.halved(step[0::2], step[1::2]) == x
 
 
-def test_a_point_that_counts_as_solved_solves_the_equations_in_multiprecision():
+def test_point_that_counts_as_solved_solves_equations_in_multiprecision():
     equations, random = NystromEquations(8, "kick", 6), np.random.default_rng(3)
     found, solved = solve(system_of(equations), random.uniform(-1, 1, (100, 7)), 2.0)
     assert 0 < solved.sum() < 100
@@ -73,7 +73,7 @@ def test_a_point_that_counts_as_solved_solves_the_equations_in_multiprecision():
         assert (size < 1e-10) == claimed or np.max(np.abs(x)) > 2.0
 
 
-def test_a_start_beyond_the_bound_is_given_up_where_it_stands():
+def test_start_beyond_bound_is_given_up_where_it_stands():
     equations, start = NystromEquations(8, "kick", 6), np.full((1, 7), 0.5)
     found, solved = solve(system_of(equations), start, 0.4)
     assert found.tolist() == start.tolist()
@@ -143,7 +143,7 @@ def test_a_reduced_search_finds_the_isolated_method_that_is_registered(seven_and
     assert registered(best, source=tableau.source, digits=tableau.digits) == tableau
 
 
-def test_the_same_seed_gives_the_same_findings_on_any_number_of_threads(seven_and_eight):
+def test_same_seed_gives_same_findings_on_any_number_of_threads(seven_and_eight):
     findings, told = seven_and_eight
     again = find_solutions(FEW, stages=(8, 7), firsts=("kick",), threads=2)
     assert again == findings
@@ -182,7 +182,7 @@ def test_counts_add_up(seven_and_eight):
             assert sum(c.hits for c in rows) == count.hits
 
 
-def test_candidates_are_solutions_and_come_in_the_order_of_their_merit(seven_and_eight):
+def test_candidates_are_solutions_and_come_in_order_of_their_merit(seven_and_eight):
     findings, _ = seven_and_eight
     values = [c.merit.value for c in findings.candidates]
     assert values == sorted(values)

@@ -32,7 +32,7 @@ def asked(monkeypatch):
     return calls
 
 
-def test_the_method_with_the_least_error_has_rank_one_and_one_that_diverged_the_last(asked):
+def test_smallest_error_has_rank_one_and_diverged_method_the_last(asked):
     table = tables.measured(METHODS)
     assert table.header[-3:] == ("max energy error", "mean energy error", "rank by maximum")
     assert table.rows == [
@@ -54,7 +54,7 @@ def test_methods_are_measured_at_the_same_cost(asked):
     ]
 
 
-def test_a_measured_error_is_that_of_the_steps_taken_one_by_one(monkeypatch):
+def test_measured_error_is_that_of_steps_taken_one_by_one(monkeypatch):
     """The leapfrog with tau = 0.3 from (1, 0) over [0, 500]: 1667 steps, in doubles, which round by 1e-13 of H0."""
     monkeypatch.setattr(tables, "MEASURED", [(sho.SYSTEM, (0.3,))])
     ((_, _, _, _, largest, mean, _),) = tables.measured([integrators["leapfrog"]]).rows

@@ -100,7 +100,7 @@ def test_the_tangent_map_by_differences_is_that_of_dual_numbers(monkeypatch, sys
 @pytest.mark.parametrize(
     ("J", "expected"), [([[1, 0], [0, 1]], 0), ([[2, 5], [0, Fraction(1, 2)]], 0), ([[2, 0], [0, 1]], 1)]
 )
-def test_the_defect_of_a_matrix_of_one_degree_of_freedom_is_that_of_its_determinant(J, expected):
+def test_matrix_defect_in_one_dimension_is_that_of_determinant(J, expected):
     assert defect(np.array(J, dtype=object)) == expected
 
 
@@ -155,7 +155,7 @@ def test_a_force_without_a_potential_is_found_out(monkeypatch):
     assert abs(abs(found.energy_drift) - 1e-3) < 1e-5 + found.energy_drift_interval
 
 
-def test_a_method_that_needs_a_quadratic_kinetic_energy_is_left_out():
+def test_method_that_needs_quadratic_kinetic_energy_is_left_out():
     nystrom = replace(integrators["ruth"], name="nystrom", requires="quadratic kinetic energy")
     with pytest.raises(NearharmonicError, match=r"nystrom.*relativistic_oscillator does not have"):
         nh.integrate("relativistic_oscillator", nystrom, 0.1)
@@ -169,7 +169,7 @@ def cube():
 
 
 @pytest.mark.parametrize("amplitude", [0.01, 1.0])
-def test_runs_of_an_amplitude_are_those_of_the_system_begun_there(cube, amplitude):
+def test_runs_of_amplitude_are_those_of_system_begun_there(cube, amplitude):
     system = replace(systems["relativistic_oscillator"], q0=(f"{amplitude}",))
     taus = cube.tau_per_stage.values[::10]
     expected = nh.sweep(system, "babs7o7h", taus * 7)
@@ -179,7 +179,7 @@ def test_runs_of_an_amplitude_are_those_of_the_system_begun_there(cube, amplitud
     np.testing.assert_allclose(found.mean_energy_error, expected.mean_energy_error, rtol=1e-12)
 
 
-def test_exchanged_roles_are_the_method_on_the_conjugate_system_whose_T_is_quadratic(cube):
+def test_exchanged_roles_are_method_on_conjugate_system_with_quadratic_T(cube):
     conjugate = nh.systems["sho"].__class__(
         name="conjugate",
         label="conjugate",
@@ -207,7 +207,7 @@ def test_small_amplitudes_are_the_harmonic_oscillator(cube):
     np.testing.assert_allclose(found, harmonic, rtol=1e-4)
 
 
-def test_the_lead_of_harmonic_methods_declines_where_T_departs_from_quadratic(cube):
+def test_lead_of_harmonic_methods_declines_where_T_departs_from_quadratic(cube):
     made = kinetic_energy_table(cube)
     table = {row[:2]: dict(zip(made.header, row, strict=True)) for row in made.rows}
     for name in ("babs7o7h", "babps9o7h"):

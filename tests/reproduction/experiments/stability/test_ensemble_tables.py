@@ -47,7 +47,7 @@ def ensembles():
     return henon_heiles_cube([integrators["leapfrog"], integrators["ruth"]], runs)  # in this order
 
 
-def test_a_row_has_the_largest_trusted_step_its_errors_and_its_share_of_the_linear_limit(ensembles):
+def test_row_has_largest_trusted_step_errors_and_share_of_limit(ensembles):
     """One percent is trusted; a loss ends it, though coarser steps lose none. Limits: 2, and 1.573401947 over 3."""
     rows = {(row["integrator"], row["energy"]): row for row in cells(henon_heiles_table(ensembles))}
     assert rows["leapfrog", 0.125] == {
@@ -80,7 +80,7 @@ def test_a_cube_of_ensembles_names_its_methods(ensembles):
     assert {ensembles[name].attrs["units"] for name in ("linear_limit", "trusted_up_to", "label")} == {"1"}
 
 
-def test_kepler_evaluations_per_orbit_are_steps_times_stages_and_rows_take_the_nearest_eccentricity():
+def test_kepler_evaluations_are_steps_times_stages_at_nearest_eccentricity():
     """Errors 1e-6 (100 (1 + e) / n)^2 of n steps a period: the contour lies at 100 (1 + e) steps."""
     grid = np.array([0.0, 0.21, 0.3, 0.52, 0.79, 0.9, 0.96, 0.99])
     steps = np.array([10, 1000])
@@ -121,7 +121,7 @@ def rounding(scale):
     ).set_coords("time")  # fmt: skip
 
 
-def test_rows_of_rounding_have_the_power_law_the_rms_at_the_end_and_the_bias_over_it():
+def test_rounding_rows_have_power_law_final_rms_and_bias():
     """At t = 16: rms of energies 4 sqrt((1 + 9)/2) and mean |-1| 4; of lags 64 sqrt((4 + 16)/2) and 3 x 64."""
     cube = cube_of(rounding_cube, {"leapfrog": rounding(1.0), "ruth": rounding(10.0)})
     rows = {(r["integrator"], r["source"], r["quantity"]): r for r in cells(rounding_table(cube))}
@@ -145,11 +145,11 @@ def test_rows_of_rounding_have_the_power_law_the_rms_at_the_end_and_the_bias_ove
     )  # fmt: skip
 
 
-def test_a_cube_of_one_method_has_the_times_of_each_method():
+def test_cube_of_one_method_has_times_of_each_method():
     assert cube_of(rounding_cube, {"leapfrog": rounding(1.0)}).time.dims == ("integrator", "sample")
 
 
-def test_the_interval_of_an_exponent_is_the_jackknife_of_its_orbits():
+def test_interval_of_exponent_is_jackknife_of_its_orbits():
     """Three orbits whose squares are 1 at t = 1 and 2, 2, 8 at t = 4: without one, their means there are 5, 5 and 2.
 
     The exponents a, a, b differ by ln(5/2)/(2 ln 4); their squares about the mean sum to 2/3 (a - b)^2, which the

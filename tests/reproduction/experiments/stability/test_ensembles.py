@@ -40,7 +40,7 @@ def looked_at(integrator, tau, start, samples=2, **how):
 
 
 @pytest.mark.parametrize("tau", [Fraction(7, 20), Fraction(22, 10), Fraction(45, 10)])
-def test_looks_divide_a_run_that_keeps_its_step_size_and_covers_its_interval(tau):
+def test_looks_divide_run_without_change_of_step_or_interval(tau):
     steps, look = hh.schedule(Fraction(250), tau)
     assert steps % look == 0
     assert 250 <= steps * tau < 250 + look * tau
@@ -48,7 +48,7 @@ def test_looks_divide_a_run_that_keeps_its_step_size_and_covers_its_interval(tau
 
 
 @pytest.mark.parametrize("tau", [Fraction(1, 2), Fraction(11, 4)])
-def test_a_trajectory_in_an_ensemble_is_the_trajectory_alone_bit_for_bit(monkeypatch, tau):
+def test_trajectory_in_ensemble_is_trajectory_alone_bit_for_bit(monkeypatch, tau):
     """At the larger step size about half of them escape, so that lanes are refilled at different times."""
     start = henon_heiles_surface(Fraction(1, 6), 200, 1)
     widths = []
@@ -64,7 +64,7 @@ def test_a_trajectory_in_an_ensemble_is_the_trajectory_alone_bit_for_bit(monkeyp
     assert np.array_equal(together.q[37::23], alone.q, equal_nan=True)
 
 
-def test_looks_see_the_energy_error_of_their_instants_alone_and_miss_little_of_the_largest():
+def test_looks_measure_energy_only_at_their_instants():
     """Sampled at the same instants, a run that measures every step has the same errors; between them are larger ones.
 
     Of 25 looks at an error that swings, the largest reaches half of its amplitude in nearly every run.
@@ -82,7 +82,7 @@ def test_looks_see_the_energy_error_of_their_instants_alone_and_miss_little_of_t
     assert (every.mean_energy_error > 0).all()
 
 
-def test_all_escape_beyond_the_last_linear_limit_and_none_at_a_tenth_of_it():
+def test_all_escape_beyond_last_linear_limit_none_at_its_tenth():
     """Ruth's steps are unstable for good beyond tau = 1.573401947, of which the origin's neighbourhood knows all."""
     start = np.concatenate(
         [henon_heiles_surface(Fraction(1, 24), 100, 1), henon_heiles_surface(Fraction(1, 6), 100, 1)]
@@ -111,13 +111,13 @@ def test_quantiles_and_fraction_are_those_of_the_sorted_runs(tau, escapes):
     assert result.quantiles[0].tolist() == expected
 
 
-def test_a_step_size_is_trusted_as_far_as_no_smaller_one_loses_too_many():
+def test_step_size_is_trusted_below_first_loss():
     escaped = [[0.0, 0.01, 0.02, 0.0], [0.5, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0]]
     cube = xr.Dataset({"escaped": (("energy", "tau_per_stage"), escaped)}, {"tau_per_stage": [0.1, 0.2, 0.3, 0.4]})
     assert trusted_up_to(cube).values.tolist() == pytest.approx([0.2, np.nan, 0.4], nan_ok=True)
 
 
-def test_the_ensemble_map_is_bit_for_bit_reproducible_and_depends_on_its_seed():
+def test_ensemble_map_is_bitwise_reproducible_and_depends_on_seed():
     grid = EvenStepSizes(lowest="0.2", highest="0.3", spacing="0.1")
     settings = {"trajectories": 20, "energies": ("1/12",), "t_end": "20", "tau_per_stage": grid}
     first, again, other = (

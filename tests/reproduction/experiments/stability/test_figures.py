@@ -29,7 +29,7 @@ def gaps(cube, name):
     return [(a / one.stages.item(), min(b / one.stages.item(), 2.4)) for a, b in edges]
 
 
-def test_gaps_are_red_from_their_first_to_their_last_step_size_per_stage():
+def test_gaps_are_red_from_first_to_last_step_size():
     cube = traces()
     for axes, name in zip(linear_stability(cube).axes, METHODS, strict=True):
         _, *red = [(span(patch), patch.get_facecolor()) for patch in axes.patches]  # the first is the stable band
@@ -42,7 +42,7 @@ def test_gaps_are_red_from_their_first_to_their_last_step_size_per_stage():
     assert [len(gaps(cube, name)) for name in METHODS] == [1, 2, 3]
 
 
-def test_curves_are_half_the_trace_in_the_colour_of_the_method_and_the_exact_cosine():
+def test_curves_are_half_trace_in_method_colour_and_exact_cosine():
     cube = traces()
     tau = cube.tau_per_stage.values
     figure = linear_stability(cube)
@@ -61,7 +61,7 @@ def test_curves_are_half_the_trace_in_the_colour_of_the_method_and_the_exact_cos
         assert colour_of(name) != to_hex(exact.get_color())
 
 
-def test_the_title_of_a_panel_names_the_method_the_first_edge_and_the_growth_in_the_first_gap():
+def test_panel_title_names_method_first_edge_and_gap_growth():
     titles = [axes.get_title(loc="left") for axes in linear_stability(traces()).axes]
     assert titles == [
         r"label of ruth:  $\tau^*$ = 2.500000, for good",
@@ -73,7 +73,7 @@ def test_the_title_of_a_panel_names_the_method_the_first_edge_and_the_growth_in_
 # Kinetic energy
 
 
-def test_panels_of_the_kinetic_energy_show_the_amplitudes_that_their_titles_name():
+def test_panels_of_kinetic_energy_show_amplitudes_that_their_titles_name():
     cube = amplitudes()
     upper = kinetic_energy(cube).axes[:2]
     for axes, letter, amplitude in zip(upper, "AB", (0.031, 1.02), strict=True):
@@ -88,7 +88,7 @@ def test_panels_of_the_kinetic_energy_show_the_amplitudes_that_their_titles_name
     assert upper[0].get_ylim() == upper[1].get_ylim()
 
 
-def test_errors_over_ruths_are_drawn_in_the_methods_own_roles_left_and_exchanged_right():
+def test_errors_over_ruth_are_drawn_in_own_and_exchanged_roles():
     cube = amplitudes()
     lower = kinetic_energy(cube).axes[2:]
     titles = (r"$\mathbf{C}$  error / Ruth's at $\tau/s$ = 0.07", r"$\mathbf{D}$  the same, T and V exchanged")
@@ -103,7 +103,7 @@ def test_errors_over_ruths_are_drawn_in_the_methods_own_roles_left_and_exchanged
     assert lower[0].get_ylim() == lower[1].get_ylim()
 
 
-def test_an_error_of_many_energies_does_not_stretch_the_axes_of_the_kinetic_energy():
+def test_large_error_does_not_stretch_axes_of_kinetic_energy():
     cube = amplitudes()
     cube["max_energy_error"][:, :, 0, -1] = 1e7
     assert [axes.get_ylim()[1] for axes in kinetic_energy(cube).axes[:2]] == [10, 10]
@@ -119,7 +119,7 @@ VARIABLES = (
 )
 
 
-def test_root_mean_squares_are_drawn_over_time_by_method_and_by_the_dashes_of_their_source():
+def test_rms_is_drawn_over_time_with_dashes_by_source():
     cube = rounding()
     figure = rounding_growth(cube)
     sources = looks(figure.legends[1])
@@ -137,7 +137,7 @@ def test_root_mean_squares_are_drawn_over_time_by_method_and_by_the_dashes_of_th
         assert len(axes.get_lines()) == len(METHODS) * len(shown) + 3
 
 
-def test_the_grey_laws_have_brouwers_slopes_six_times_above_the_middle_of_their_curves():
+def test_grey_laws_have_brouwers_slopes_above_curve_centres():
     cube = rounding()
     for axes, (variable, _, exponent) in zip(rounding_growth(cube).axes[:2], VARIABLES, strict=True):
         laws = axes.get_lines()[-3:]
@@ -149,7 +149,7 @@ def test_the_grey_laws_have_brouwers_slopes_six_times_above_the_middle_of_their_
             assert red == green == blue
 
 
-def test_exponents_stand_in_the_row_of_their_method_with_their_intervals():
+def test_exponents_stand_in_row_of_their_method_with_their_intervals():
     cube = rounding()
     figure = rounding_growth(cube)
     markers = {source: marker for source, (_, marker, _, _) in looks(figure.legends[1]).items() if marker}

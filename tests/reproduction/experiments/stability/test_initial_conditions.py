@@ -31,7 +31,7 @@ def test_points_follow_the_recurrence_of_the_generalised_golden_ratio(dimension)
             assert abs(points[n, k] - expected) < mpf(2) ** -52 + n * mpf(2) ** -62
 
 
-def test_the_same_seed_gives_the_same_points_and_another_seed_others():
+def test_same_seed_gives_same_points_and_another_seed_others():
     assert np.array_equal(quasi_random(50, 3, 7), quasi_random(50, 3, 7))
     assert np.array_equal(quasi_random(50, 3, 7), quasi_random(80, 3, 7)[:50])
     assert np.abs(quasi_random(50, 3, 7) - quasi_random(50, 3, 8)).min() > 1e-6
@@ -80,7 +80,7 @@ def test_an_energy_without_bounded_surface_is_refused(energy):
         henon_heiles_surface(energy, 10, 1)
 
 
-def test_kepler_orbits_start_at_the_apoapsis_with_axis_one_and_the_eccentricity_asked_for():
+def test_kepler_orbits_start_at_apoapsis_with_requested_eccentricity():
     e, orientation = np.array([0.0, 0.3, 0.99]), np.array([0.0, 1.0, 4.0])
     x, y, _, _, u, v, _, _ = kepler_apoapsis(e, orientation).T
     r = np.hypot(x, y)

@@ -52,7 +52,7 @@ def stepper(tableau, q, p, tau, steps):
 
 
 @pytest.mark.parametrize("integrator", ["ruth", "babs7o7h"])
-def test_a_cell_of_the_kepler_map_is_what_a_plain_integrator_finds(integrator):
+def test_cell_of_kepler_map_is_what_plain_integrator_finds(integrator):
     """Both round differently, by 1e-16 a step: 1e-12 over a thousand steps, of errors above 1e-4."""
     e, steps, orbits = 0.6, 300, 4
     tableau = nh.integrators[integrator]
@@ -68,7 +68,7 @@ def test_a_cell_of_the_kepler_map_is_what_a_plain_integrator_finds(integrator):
     assert rotation_per_sample(paths.q, paths.p)[0] == pytest.approx(slope, rel=1e-6)
 
 
-def test_the_units_of_the_orbit_and_those_of_mercury_give_the_same_error():
+def test_units_of_orbit_and_those_of_mercury_give_same_error():
     """e from NSSDC's aphelion and slowest speed; the two runs round differently, by 1e-15 of an error of 1e-4."""
     kepler = nh.systems["kepler"]
     r, v, GM = float(kepler.q0[0]), float(kepler.p0[1]), float(kepler.parameters["GM"].value)
@@ -81,18 +81,18 @@ def test_the_units_of_the_orbit_and_those_of_mercury_give_the_same_error():
 
 
 @pytest.mark.parametrize("rate", [1e-9, -1e-3, 0.7, -1.5])
-def test_the_advance_is_the_rate_at_which_an_ellipse_is_turned(rate):
+def test_advance_is_rate_at_which_ellipse_is_turned(rate):
     x, y, _, _, u, v, _, _ = kepler_apoapsis(np.full(9, 0.3), rate * np.arange(9)).T
     advance = rotation_per_sample(np.stack([x, y], -1)[None], np.stack([u, v], -1)[None])
     assert advance[0] == pytest.approx(rate, rel=1e-12, abs=1e-15)
 
 
-def test_an_ellipse_that_turns_by_more_than_a_quarter_has_no_advance():
+def test_ellipse_that_turns_by_more_than_quarter_has_no_advance():
     x, y, _, _, u, v, _, _ = kepler_apoapsis(np.full(9, 0.3), 1.6 * np.arange(9)).T
     assert np.isnan(rotation_per_sample(np.stack([x, y], -1)[None], np.stack([u, v], -1)[None])[0])
 
 
-def test_orbits_that_are_not_run_would_err_less_than_the_floor():
+def test_orbits_that_are_not_run_would_err_less_than_floor():
     tableau = nh.integrators["yoshida_s7o6a"]
     result = dataset(maps.orbit_map(tableau, MAP))
     skipped = np.argwhere(np.isnan(result.energy_error.values))
@@ -104,7 +104,7 @@ def test_orbits_that_are_not_run_would_err_less_than_the_floor():
         assert one.max_energy_error[0] < maps.FLOOR
 
 
-def test_a_map_tells_lost_orbits_from_kept_ones_and_circles_from_ellipses():
+def test_map_separates_lost_from_kept_orbits_and_circles_from_ellipses():
     ruth = nh.integrators["ruth"]
     result = kepler_cube([ruth], {"ruth": dataset(maps.orbit_map(ruth, MAP))}).isel(integrator=0)
     lost = np.isinf(result.energy_error)
@@ -118,7 +118,7 @@ def test_a_map_tells_lost_orbits_from_kept_ones_and_circles_from_ellipses():
     assert np.diff(np.log(1 - result.eccentricity)) == pytest.approx(log(0.1) / 7)
 
 
-def test_the_contour_of_a_power_law_is_where_algebra_puts_it():
+def test_contour_of_power_law_is_where_algebra_puts_it():
     """100 n^-4 meets 1e-6 at n = 1e2; from 1e9 n^-4 on the curve never does; what is not run counts as below."""
     n = np.array([10.0, 30.0, 90.0, 300.0, 1000.0])
     error = np.stack([100 * n**-4, 1e9 * n**-4, np.where(n > 200, np.nan, 100 * n**-4)], axis=1)

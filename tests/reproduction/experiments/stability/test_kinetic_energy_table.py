@@ -32,7 +32,7 @@ def cube():
     return data.assign(reduction.of(data, over="tau_per_stage"))
 
 
-def test_errors_are_over_those_of_ruth_in_its_own_roles_and_the_decline_over_the_least_amplitude(cube):
+def test_errors_are_relative_to_ruth_and_decline_to_least_amplitude(cube):
     table = kinetic_energy_table(cube)
     assert table.header == (
         "integrator", "roles", "error / Ruth's at A = 0.01", "error / Ruth's at A = 0.3", "error / Ruth's at A = 1",

@@ -54,7 +54,7 @@ def test_the_leapfrog_is_stable_up_to_two():
     assert growth[2] == pytest.approx(max(acosh(t * t / 2 - 1) / t for t in np.arange(2, 8, 1e-4)), rel=1e-7)
 
 
-def test_limits_per_stage_are_divided_by_the_stages_and_touching_points_are_named():
+def test_limits_are_divided_by_stages_and_touching_points_named():
     """Two leapfrogs: twice the limit, the same per stage; the trace touches -2 at phase pi/2, at tau = 2 sqrt(2)."""
     (row,) = cells(TWO)
     assert (row["stages"], row["stable to"], row["stable to, per stage"]) == (2, "4.000000000000", "2.000000000000")
@@ -62,7 +62,7 @@ def test_limits_per_stage_are_divided_by_the_stages_and_touching_points_are_name
 
 
 @pytest.mark.parametrize("name", ["aba864", "babps9o7h"])
-def test_each_interval_of_stability_ends_at_a_gap_with_its_growth(name):
+def test_each_interval_of_stability_ends_at_gap_with_its_growth(name):
     tableau, rows = integrators[name], cells(integrators[name])
     assert len(rows) > 1
     assert (rows[0]["stable from"], rows[-1]["unstable to"]) == ("0", "inf")
@@ -80,7 +80,7 @@ def test_each_interval_of_stability_ends_at_a_gap_with_its_growth(name):
     assert rows[0]["stable to"].startswith(rows[0]["known limit"][:9])
 
 
-def test_the_cube_has_half_the_trace_over_the_step_size_per_stage():
+def test_cube_has_half_trace_over_step_size_per_stage():
     tableaus = [LEAPFROG, TWO, integrators["babps9o7h"]]
     cube = linear_stability_cube(tableaus)
     tau = cube.tau_per_stage.values
@@ -93,7 +93,7 @@ def test_the_cube_has_half_the_trace_over_the_step_size_per_stage():
     assert cube.stages.values.tolist() == [1, 2, 9]
 
 
-def test_the_cube_has_the_gaps_of_the_table_and_nothing_past_the_last():
+def test_cube_has_gaps_of_table_and_nothing_past_last():
     tableaus = [LEAPFROG, integrators["babps9o7h"]]
     cube = linear_stability_cube(tableaus)
     for tableau in tableaus:

@@ -42,7 +42,7 @@ def henon_heiles():
     return cube, figure, [axes for axes in figure.axes if axes.images], pixels(figure)
 
 
-def test_each_cell_shows_the_median_error_of_its_energy_and_step_size_and_black_where_over_one_percent_escaped(
+def test_each_cell_shows_median_error_or_black_above_one_percent(
     henon_heiles,
 ):
     cube, _, maps, at = henon_heiles
@@ -60,7 +60,7 @@ def test_each_cell_shows_the_median_error_of_its_energy_and_step_size_and_black_
     assert black == 2 * len(METHODS)
 
 
-def test_energies_are_fractions_from_top_to_bottom_in_the_strip_of_the_method_that_is_named(henon_heiles):
+def test_energies_are_fractions_in_strip_of_named_method(henon_heiles):
     _, _, maps, _ = henon_heiles
     for axes, name in zip(maps, METHODS, strict=True):
         assert axes.get_ylabel() == label(name)
@@ -71,7 +71,7 @@ def test_energies_are_fractions_from_top_to_bottom_in_the_strip_of_the_method_th
     assert maps[0].get_position().y0 > maps[1].get_position().y0 > maps[2].get_position().y0
 
 
-def test_the_cyan_line_stands_at_the_first_linear_limit_and_only_inside_the_map():
+def test_cyan_line_is_at_first_linear_limit_inside_map():
     cube = ensembles()
     cube["linear_limit"] = ("integrator", [0.27, 0.56, 0.35])
     figure = henon_heiles_stability(cube)
@@ -89,7 +89,7 @@ def test_the_cyan_line_stands_at_the_first_linear_limit_and_only_inside_the_map(
     assert 4 * red < min(green, blue)
 
 
-def test_the_colour_bar_of_the_ensembles_is_that_of_every_map(henon_heiles):
+def test_colour_bar_of_ensembles_is_that_of_every_map(henon_heiles):
     _, figure, maps, _ = henon_heiles
     (bar,) = [axes for axes in figure.axes if "median" in axes.get_title()]
     assert bar.get_title() == r"median over the ensemble of $\max\,|\Delta H/H_0|$"
@@ -116,7 +116,7 @@ def maps_of(part):
 @pytest.mark.parametrize(
     ("index", "variable", "black"), [(0, "energy_error", {LOST}), (1, "perihelion_advance", {LOST, TURNED})]
 )
-def test_each_cell_shows_the_number_of_its_step_size_and_eccentricity_and_black_where_the_orbit_is_lost(
+def test_each_cell_shows_its_number_or_black_for_lost_orbit(
     kepler, index, variable, black
 ):
     cube, figure, at = kepler
@@ -136,7 +136,7 @@ def test_each_cell_shows_the_number_of_its_step_size_and_eccentricity_and_black_
                         np.testing.assert_allclose(at(axes, x * along, y * factor), expected, atol=CHANNEL)
 
 
-def test_edges_of_cells_lie_halfway_in_the_logarithm_of_evaluations_and_perihelion_distance(kepler):
+def test_cell_edges_are_logarithmic_midpoints(kepler):
     cube, figure, _ = kepler
     for part, first in zip(figure.subfigs, (0, 1), strict=False):
         for axes, name in zip(maps_of(part), METHODS, strict=True):
@@ -157,7 +157,7 @@ def assert_eccentricities(axes):
     assert axes.get_yscale() == "log"
 
 
-def test_the_colour_bars_and_the_legends_of_the_maps_say_what_their_colours_are(kepler):
+def test_map_colour_bars_and_legends_explain_colours(kepler):
     _, figure, _ = kepler
     for part in figure.subfigs[:2]:
         bar = part.axes[-1]
@@ -167,7 +167,7 @@ def test_the_colour_bars_and_the_legends_of_the_maps_say_what_their_colours_are(
         assert to_hex(entries(part.legends[0])["lost"][0].get_facecolor()) == "#000000"
 
 
-def test_the_white_line_of_a_map_is_the_contour_of_its_method_and_only_on_the_map_of_energy():
+def test_white_map_line_is_method_contour_on_energy_map_only():
     cube = orbits()
     energy, advance, _ = kepler_stability(cube).subfigs
     for axes, name in zip(maps_of(energy), METHODS, strict=True):
@@ -177,7 +177,7 @@ def test_the_white_line_of_a_map_is_the_contour_of_its_method_and_only_on_the_ma
     assert not any(axes.get_lines() for axes in maps_of(advance))
 
 
-def test_panel_c_shows_the_contour_of_each_method_in_its_look_and_the_legend_names_it():
+def test_panel_c_shows_contour_of_each_method_named_in_legend():
     cube = orbits()
     part = kepler_stability(cube).subfigs[2]
     (axes,) = part.axes

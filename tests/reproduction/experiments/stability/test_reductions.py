@@ -36,7 +36,7 @@ def orbits():
     return runs
 
 
-def test_an_advance_is_the_rate_of_turning_of_ellipses_that_are_kept(orbits):
+def test_advance_is_rate_of_turning_of_ellipses_that_are_kept(orbits):
     """The angle is computed to a few roundings of 2 pi, so that a rate over 5 periods is known to 1e-15."""
     advance = of_maps.of(orbits).perihelion_advance
     assert advance.dims == ("integrator", "tau_per_stage", "eccentricity")
@@ -45,11 +45,11 @@ def test_an_advance_is_the_rate_of_turning_of_ellipses_that_are_kept(orbits):
     assert np.isnan(advance.sel(eccentricity=0.6)).values.tolist() == [[True, False], [False, True]]
 
 
-def test_evaluations_per_orbit_are_steps_times_the_stages_of_each_method(orbits):
+def test_evaluations_per_orbit_are_steps_times_stages_of_each_method(orbits):
     assert of_maps.of(orbits).evaluations_per_orbit.values.tolist() == [[10, 100], [14, 98]]
 
 
-def test_the_contour_of_each_orbit_is_where_its_power_law_crosses_it():
+def test_orbit_contour_is_at_crossing_of_its_power_law():
     """c n^-2 is 1e-6 at 1000 sqrt(c); each doubling of n counts once or twice, as coarse grids round."""
     n = np.array([100, 100, 200, 400, 800, 1600, 1600, 3200, 6400])
     factor = np.array([[0.25, 1.0], [4.0, 100.0]])
@@ -65,7 +65,7 @@ def test_the_contour_of_each_orbit_is_where_its_power_law_crosses_it():
     assert contour.values == pytest.approx(np.array([[500, 1000], [2000, np.nan]]), rel=1e-12, nan_ok=True)
 
 
-def test_a_step_is_trusted_up_to_the_first_loss_and_linear_limits_are_of_the_methods():
+def test_step_is_trusted_to_first_loss_with_limits_by_method():
     """Leapfrog is stable up to a step of 2, by the trace 2 - tau^2 of its matrix."""
     escaped = [[[0.0, 0.01, 0.02, 0.0]], [[0.5, 0.0, 0.0, 0.0]]]
     cube = xr.Dataset(

@@ -94,7 +94,7 @@ def cubes(made):
 
 
 @pytest.mark.parametrize("name", SMALL)
-def test_a_cube_of_run_files_is_that_of_the_runs_in_the_order_of_the_methods(cubes, name):
+def test_cube_holds_runs_in_order_of_methods(cubes, name):
     module = f"reproduction.experiments.stability.{name}.run:measure"
     made = {method: results(task(module, integrator=method, settings=SMALL[name]))["run"] for method in METHODS}
     parts = {method: assembled(run.variables, run.coordinates, {}) for method, run in made.items()}
@@ -131,7 +131,7 @@ def test_a_table_has_one_full_row_for_each_combination(made, name):
         ("kinetic_energy", amplitudes),
     ],
 )
-def test_the_cubes_made_by_hand_for_the_tests_of_figures_have_the_shape_of_real_ones(cubes, name, invented):
+def test_hand_made_test_cubes_have_shape_of_real_ones(cubes, name, invented):
     by_hand = invented(METHODS)
     for variable in by_hand.variables:
         assert by_hand[variable].dims == cubes[name][variable].dims, variable

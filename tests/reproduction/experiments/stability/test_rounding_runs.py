@@ -49,7 +49,7 @@ def test_rounding_grows_as_brouwer_says_in_every_arithmetic(lost_digits):
             assert one["bias"] < 0.75 * one["rms"]  # four standard errors, 1/sqrt(32), of a mean without bias
 
 
-def test_compensation_gains_an_order_of_magnitude_and_double_double_its_digits(lost_digits):
+def test_compensation_gains_order_of_magnitude_and_double_double_its_digits(lost_digits):
     """Unit roundoff is 2^-53 and 2^-106 or so: 16 digits apart, of which a random walk of 1e5 operations keeps 14."""
     rms = {source: law(lost_digits, source, "energy_error")["rms"] for source in rounding.SOURCES}
     assert rms["plain"] > 10 * rms["compensated"]
@@ -118,7 +118,7 @@ def test_the_growth_of_a_power_law_is_its_exponent(exponent):
         assert found["bias"] == pytest.approx(1000**exponent * 2.5 / 4, rel=1e-12)
 
 
-def test_intervals_hold_the_exponent_of_random_walks_as_often_as_they_say():
+def test_intervals_contain_random_walk_exponent_as_often_as_stated():
     """95 % of 200 ensembles, give or take three standard errors of 1.5 %; jackknifed intervals run a little short."""
     rng = np.random.default_rng(1)
     steps = np.unique(np.geomspace(1, 1000, 30).astype(int))

@@ -24,12 +24,12 @@ def with_section(**parts):
     return SMALL | {"stability": parts}
 
 
-def test_a_config_without_the_section_gets_the_ensembles_of_the_paper_config():
+def test_config_without_section_gets_ensembles_of_paper_config():
     paper = yaml.safe_load((ROOT / "config/config.yaml").read_text(encoding="utf-8"))
     assert load(SMALL).stability == load(paper).stability
 
 
-def test_the_paper_config_asks_for_the_ensembles_that_its_claims_need():
+def test_paper_config_asks_for_ensembles_that_its_claims_need():
     settings = load(SMALL).stability
     assert settings.henon_heiles.trajectories >= 4096
     assert len(settings.henon_heiles.energies) == 4
@@ -89,6 +89,6 @@ def test_energies_may_be_quotients_or_decimals():
         ("rounding", {"ensemble": 100_000}, "stability.rounding.ensemble = 100000 is not allowed: it would take"),
     ],
 )
-def test_a_bad_value_is_refused_with_key_value_and_what_is_allowed(part, asked, says):
+def test_bad_value_error_names_key_value_and_allowed_values(part, asked, says):
     with pytest.raises(NearharmonicError, match=re.escape(says)):
         load(with_section(**{part: asked}))

@@ -39,7 +39,7 @@ def test_a_number_stands_at_its_system_and_method():
     assert cube.label.sel(integrator="leapfrog") == "Leapfrog"
 
 
-def test_a_row_has_every_number_under_its_name_and_methods_that_do_not_fit_have_none():
+def test_row_has_all_numbers_and_unfit_methods_have_none():
     steps = np.arange(320.0, 326).reshape(2, 3)
     steps[1, 1] = np.nan
     dims = ("system", "integrator")
@@ -62,7 +62,7 @@ def oscillator():
 STEPS, END, U = 133, 20.0, 2.0**-53
 
 
-def test_steps_cover_a_25th_of_the_interval_at_ten_thousand_evaluations_on_the_whole(oscillator):
+def test_steps_cover_25th_of_interval_at_ten_thousand_evaluations(oscillator):
     assert oscillator.steps == STEPS
     assert oscillator.tau_per_stage == pytest.approx(END / STEPS / 3, rel=1e-15)
 
@@ -110,7 +110,7 @@ def test_what_is_measured_is_not_below_what_rounding_must_leave(oscillator):
     assert oscillator.symplectic_defect > oscillator.symplectic_walk / 100_000
 
 
-def test_the_drift_of_the_energy_is_the_regression_through_the_means_of_fifty_blocks(oscillator):
+def test_drift_of_energy_is_regression_through_means_of_fifty_blocks(oscillator):
     steps = STEPS * 250
     run = nh.integrate("sho", "ruth", 5000 / steps, t_end=5000, samples=steps + 1)
     assert run.steps == steps

@@ -36,7 +36,7 @@ def scaled():
     return scaled_potentials(3, 4, 5, 20.0)
 
 
-def test_strengths_multiply_cubic_and_quartic_coefficients_and_leave_frequencies_and_starts(scaled):
+def test_strengths_scale_cubic_and_quartic_coefficients_only(scaled):
     whole, one = scaled.ensemble(), scaled.potentials
     assert scaled.strengths == pytest.approx(np.geomspace(WEAKEST, STRONGEST, 4))
     for k in range(3):
@@ -48,7 +48,7 @@ def test_strengths_multiply_cubic_and_quartic_coefficients_and_leave_frequencies
             assert (whole.start[4 * k + j] == one.start[k]).all()
 
 
-def test_a_declared_system_is_the_same_potential_with_the_roots_as_frequencies(scaled):
+def test_declared_system_is_same_potential_with_roots_as_frequencies(scaled):
     whole = scaled.potentials
     squares = whole.parameters[1, :4:2]
     system = declared(whole.system, squares, 1)
@@ -59,7 +59,7 @@ def test_a_declared_system_is_the_same_potential_with_the_roots_as_frequencies(s
         assert system.V(q, *np.sqrt(squares), *rest) == pytest.approx(known, rel=1e-14)
 
 
-def test_the_exact_oscillator_errs_as_single_runs_do_at_equal_cost(scaled):
+def test_exact_oscillator_errs_as_single_runs_do_at_equal_cost(scaled):
     taus = np.array([0.05, 0.1])
     found, whole = exact_errors(scaled, nh.integrators["aba864"], taus), scaled.ensemble()
     for m in (0, 6, 11):
@@ -78,7 +78,7 @@ def test_the_exact_oscillator_errs_as_single_runs_do_at_equal_cost(scaled):
             assert found[t, m] == pytest.approx(float(run.max_energy_error), rel=0.02, abs=2e-15)
 
 
-def test_the_exact_oscillator_is_best_where_the_rest_vanishes_and_alone_there(scaled):
+def test_exact_oscillator_is_best_where_rest_vanishes_and_alone_there(scaled):
     variables = errors_of_methods(scaled, METHODS, EXACT, np.array([0.1]))
     runs = assembled(variables, ["label", "idea"], {"seed": 1})
     assert runs.integrator[runs.idea == "harmonic_conditions"].values.tolist() == ["babps8o7h", "babs7o7h"]
@@ -110,7 +110,7 @@ def made(values):
     )
 
 
-def test_the_leader_is_the_idea_of_least_mean_error_and_the_lead_is_over_the_second():
+def test_leader_has_least_mean_error_and_lead_over_second():
     values = {"exact_oscillator": [-9, -4], "harmonic_conditions": [-7, -5], "nystrom": [-6, -5.5], "general": [-5, -5]}
     best = reduction.of(made(values), over="problem")
     found = {name: entry.values for name, entry in best.assign(reduction.of(best, over="resample")).items()}
@@ -127,7 +127,7 @@ def test_the_leader_is_the_idea_of_least_mean_error_and_the_lead_is_over_the_sec
     assert (found["lead"][0] < high).all()
 
 
-def test_the_table_has_a_row_for_each_cell_of_the_map_and_says_the_same(tmp_path):
+def test_table_has_row_and_equal_numbers_for_each_cell(tmp_path):
     job.write(measure(METHODS, EXACT, SMALL)["run"], [str(tmp_path / "run.h5")], {})
     made_here = reduce(METHODS, EXACT, SMALL, str(tmp_path / "run.h5"))
     values = {name: entry.values for name, entry in made_here["cube"].variables.items()}

@@ -44,7 +44,7 @@ def test_a_run_is_that_of_integrate(tmp_path):
     assert one.paths(samples=2).max_energy_error[2] == pytest.approx(float(alone.max_energy_error), rel=1e-9)
 
 
-def test_a_trend_that_is_put_in_is_found_within_its_interval():
+def test_trend_that_is_put_in_is_found_within_its_interval():
     slope, random = 3e-7, np.random.default_rng(4)
     marks = np.arange(0, 2001, 5)
     own = slope + 1e-8 * random.normal(size=(STARTS, 1))
@@ -66,14 +66,14 @@ def test_symmetric_methods_drift_nowhere_and_one_that_is_not_does():
     assert back[0] < 1e-12 < back[1]
 
 
-def test_errors_by_rounding_are_some_roundings_and_smaller_with_compensated_sums():
+def test_rounding_errors_are_few_units_and_smaller_when_compensated():
     """A random walk of 2 s + 1 roundings of 2^-53 a step: 10^4 evaluations have sqrt(2 10^4) 2^-53 = 1.6e-14."""
     compensated, plain = reduced("babps8o7h", steps=10**5).rounding.isel(integrator=0).values
     assert compensated < plain / 2
     assert 2.0**-53 < plain < 1.6e-14 * 10
 
 
-def test_the_table_has_rows_of_the_method_beside_and_of_all_others():
+def test_table_has_rows_of_method_beside_and_of_all_others():
     found = measure(("ruth",), "babps8o7h", SMALL)["run"]
     table = long_table(assembled(found.variables, found.coordinates, {}))
     rows = [dict(zip(table.header, row, strict=True)) for row in table.rows]
@@ -91,7 +91,7 @@ def test_the_table_has_rows_of_the_method_beside_and_of_all_others():
 
 
 @pytest.mark.slow
-def test_gains_at_equal_time_are_those_of_the_modified_methods_run_at_the_measured_charge(monkeypatch, tmp_path):
+def test_gains_at_equal_time_use_measured_charge(monkeypatch, tmp_path):
     methods = ("babps8o7h", "srkn_b11", "chin_4a", "mclachlan_ss5", "abag5o6")
     monkeypatch.setattr(times, "costs", lambda _, width: (2.0, 3.0) if width > 1 else (8.0, 1e-9))
     monkeypatch.setattr(times, "kind_of", lambda name: "trained" if name == "chin_4a" else "published")
@@ -117,7 +117,7 @@ def test_costs_are_positive_numbers():
 
 
 @pytest.mark.parametrize(("width", "problems"), [(1, 1), (16, times.PROBLEMS)])
-def test_costs_add_up_to_the_least_time_of_a_step_in_nanoseconds(monkeypatch, width, problems):
+def test_costs_add_up_to_least_time_of_step_in_nanoseconds(monkeypatch, width, problems):
     clock = ([2e-3, 1e-3], [3.5e-3, 4e-3])  # seconds of all steps of all problems
     monkeypatch.setattr(times, "interleaved", lambda calls, patience: clock)
     nanoseconds, charge = times.costs(run().ensemble, width)
@@ -133,7 +133,7 @@ def test_without_trained_methods_there_is_no_gain_at_equal_time():
     assert times.gain(errors, np.array(["published", "trained"])).tolist() == [1.0]
 
 
-def test_a_run_back_has_the_same_steps_with_the_other_sign():
+def test_run_back_has_same_steps_with_other_sign():
     one = replace(run(steps=10), tau_per_stage=0.2)
     there, back = one.paths(samples=2), one.paths(samples=2, back=True)
     mirrored = one.ensemble.start.copy()

@@ -81,14 +81,14 @@ def test_hessians_are_second_differences_of_the_potential(name):
 
 
 @pytest.mark.parametrize("name", BY_NAME)
-def test_the_unit_of_time_is_a_radian_of_the_fastest_small_oscillation(name):
+def test_unit_of_time_is_radian_of_fastest_small_oscillation(name):
     ensemble = named_ensemble(BY_NAME[name], 4, 1, 100.0)
     assert ensemble.unit * FASTEST[name] == pytest.approx(1, rel=1e-12)
     assert ensemble.t_end == pytest.approx(100 / FASTEST[name], rel=1e-12)
 
 
 @pytest.mark.parametrize("name", BY_NAME)
-def test_starts_have_energies_that_are_log_uniform_in_the_stated_range(name):
+def test_starts_have_energies_that_are_log_uniform_in_stated_range(name):
     """The largest distance of 400 sorted uniform numbers from the diagonal exceeds 0.08 once in a hundred draws."""
     one, count = BY_NAME[name], 400
     ensemble = named_ensemble(one, count, 5, 100.0)
@@ -102,7 +102,7 @@ def test_starts_have_energies_that_are_log_uniform_in_the_stated_range(name):
     assert np.abs(share - (np.arange(count) + 0.5) / count).max() < 0.08
 
 
-def test_starts_are_the_first_places_on_their_ray_with_their_energy():
+def test_starts_are_first_places_on_their_ray_with_their_energy():
     """On the way there H is below: beyond the saddles of Henon-Heiles are places with the same energy."""
     for name in ("henon_heiles", "morse", "lennard_jones"):
         ensemble = named_ensemble(BY_NAME[name], 50, 6, 100.0)
@@ -125,7 +125,7 @@ def test_directions_fill_the_energy_surface_of_small_oscillations_evenly():
     assert share == pytest.approx(1 / (2 * SITES), abs=4 * sqrt(2) / (2 * SITES) / sqrt(2000))
 
 
-def test_the_ring_of_toda_has_neither_momentum_nor_a_displacement_of_the_whole():
+def test_ring_of_toda_has_neither_momentum_nor_displacement_of_whole():
     start = named_ensemble(BY_NAME["toda"], 20, 8, 100.0).start.reshape(20, 4, RING)
     assert np.abs(start.sum(axis=2)).max() < 1e-13
 
@@ -148,7 +148,7 @@ def single(system, q0):
     return anharmonicities(Ensemble(name="", system=system, start=start, parameters=given, t_end=400.0))[0]
 
 
-def test_the_anharmonicity_of_a_small_oscillation_follows_from_its_fourth_derivative():
+def test_anharmonicity_of_small_oscillation_follows_from_its_fourth_derivative():
     """V'' = 1 - q^2/2 on q = a cos t: rms of a^2 cos(2 t)/4 over 1, to the relative order a^2."""
     assert single(BY_NAME["pendulum"].system(), 0.05) == pytest.approx(0.05**2 / 4 / sqrt(2), rel=5e-3)
 

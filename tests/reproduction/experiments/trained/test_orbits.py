@@ -32,7 +32,7 @@ def elements(ensemble):
 
 
 @pytest.mark.parametrize("eccentricities", [BOUNDS, (0.0, 1e-3), (0.8, 0.89)])
-def test_the_energy_is_that_of_the_semi_major_axis_one_and_the_eccentricity_the_one_drawn(eccentricities):
+def test_energy_follows_from_axis_one_and_eccentricity_from_draw(eccentricities):
     ensemble = drawn(eccentricities=eccentricities)
     energy, vector = elements(ensemble)
     # 1/r reaches 10 for the largest eccentricities.
@@ -48,7 +48,7 @@ def test_orbits_run_against_the_clock():
 
 
 @pytest.mark.parametrize("eccentricities", [BOUNDS, (0.8, 0.89)])
-def test_positions_solve_keplers_equation_for_the_mean_anomaly_that_was_drawn(eccentricities):
+def test_positions_solve_keplers_equation_for_mean_anomaly_that_was_drawn(eccentricities):
     ensemble = drawn(50, eccentricities=eccentricities)
     random = np.random.default_rng([1, 50])
     random.uniform(*eccentricities, 50)
@@ -78,7 +78,7 @@ def test_eccentricities_and_both_angles_are_uniform():
     assert kstest((E - e * np.sin(E)) % (2 * np.pi), "uniform", args=(0, 2 * np.pi)).pvalue > 1e-3
 
 
-def test_runs_are_of_the_given_number_of_periods_and_the_mass_is_one():
+def test_runs_cover_given_periods_with_unit_mass():
     ensemble = drawn(3)
     assert ensemble.t_end == pytest.approx(40 * np.pi, rel=1e-15)
     assert next(iter(ensemble.system.parameters)) == "GM"
@@ -86,7 +86,7 @@ def test_runs_are_of_the_given_number_of_periods_and_the_mass_is_one():
     assert ensemble.name == "Kepler, e 0.02 to 0.35"
 
 
-def test_one_seed_gives_the_same_orbits_and_another_none_of_them():
+def test_one_seed_gives_same_orbits_and_another_none_of_them():
     one, again, other = drawn(50, 1), drawn(50, 1), drawn(50, 2)
     assert one.start.tobytes() == again.start.tobytes()
     assert not np.isin(one.strength, other.strength).any()

@@ -61,7 +61,7 @@ def gains_of(logarithms, kinds, seed, resamples):
     return gains(runs(logarithms, kinds, seed), resamples).isel(ensemble=0)
 
 
-def test_reductions_tell_means_quantiles_the_best_and_a_gain_that_all_problems_share():
+def test_reductions_give_means_quantiles_best_and_shared_gain():
     """All errors of a problem are shifted alike, so that the interval has no width; a missing point has no best."""
     logs = curves([-6, -4], [-6.5, -4], 0.0, 5) + np.arange(5) / 4
     data = runs(np.concatenate([logs, np.full((4, 1, 5), np.nan)], axis=1))
@@ -91,7 +91,7 @@ def test_problems_are_resampled_together_for_all_methods():
     assert found.gain_interval.values[0] == pytest.approx([0.25, 0.25])
 
 
-def test_means_of_resamples_do_not_depend_on_the_order_of_sums():
+def test_means_of_resamples_do_not_depend_on_order_of_sums():
     """Logarithms from -16 to 0 of 192 problems are rounded to 2^-40 or finer, so that means are off by half of it."""
     logs, order = -16 * np.random.default_rng(5).random((3, 2, 192)), np.random.default_rng(7).permutation(192)
     found = resampled_means(xr.DataArray(logs, dims=("method", "point", "problem")), 6, 50).values
@@ -112,14 +112,14 @@ def test_the_best_are_chosen_anew_in_each_resample():
     assert (np.diff(found.gain_interval)[:, 0] < 0.95 * np.diff(one.gain_interval)[:, 0]).all()
 
 
-def test_without_a_trained_method_there_is_no_gain_and_the_best_published_one_is_told():
+def test_without_trained_methods_page_names_best_published_one():
     found = gains_of(curves([-6, -4], [-7, -7], 0.0, 5)[:2], ("published", "own"), 1, 10)
     assert np.isnan(found.gain).all()
     assert np.isnan(found.gain_interval).all()
     assert (found.best_published.values.tolist(), found.best_trained.values.tolist()) == (["a", "a"], ["", ""])
 
 
-def test_every_registered_method_is_compared_but_processed_ones_and_is_of_one_kind():
+def test_every_unprocessed_method_is_compared_and_has_one_kind():
     names = contestants()
     assert set(names) == {*nh.integrators.registered, *nh.modified_integrators.registered} - {"rowlands"}
     kinds = {name: kind_of(name) for name in names}
@@ -134,7 +134,7 @@ def test_every_registered_method_is_compared_but_processed_ones_and_is_of_one_ki
     assert list(ideas.values()) == ["harmonic_conditions", "nystrom", "nystrom", "general", None]
 
 
-def test_errors_are_those_of_a_plain_loop_over_the_operators_at_equal_cost():
+def test_errors_equal_those_of_operator_loop_at_equal_cost():
     """To a thousandth: the energy error at the largest is some hundred roundings of a double."""
     (one,) = (one for one in NAMED if one.name == "henon_heiles")
     ensemble = named_ensemble(one, 3, 2, 20.0)
@@ -240,7 +240,7 @@ def test_the_widest_stretch_is_by_ratio_whatever_the_order():
     assert np.isnan(stretch(taus, -np.ones(5))).all()
 
 
-def test_settings_are_keys_of_the_config_and_too_much_is_refused():
+def test_settings_are_keys_of_config_and_too_much_is_refused():
     given = yaml.safe_load(
         "name: x\nintegrators: [ruth]\nsystems: {sho: {tau_per_stage: {lowest: 1, highest: 2, points_per_decade: 4}}}\n"
         "trained: {proof: {systems: 5, tau_per_stage: [0.1]}}\n"

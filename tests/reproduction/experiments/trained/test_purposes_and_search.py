@@ -49,7 +49,7 @@ def tableau_of(document):
 
 
 @pytest.mark.parametrize("name", list(PURPOSES))
-def test_every_window_is_a_factor_1_5_wide_and_every_family_can_be_built(name):
+def test_windows_are_1_5_wide_and_families_can_be_built(name):
     low, high = PURPOSES[name].window
     assert high / low >= purposes.NARROWEST
     assert PURPOSES[name].tau_per_stage == tuple(sorted(PURPOSES[name].tau_per_stage))
@@ -69,7 +69,7 @@ def test_published_methods_are_all_but_those_of_this_project():
     assert with_squares == {"chin_4a", "omelyan_g5o6"}
 
 
-def test_the_same_seed_finds_the_same_method_and_another_seed_another(monkeypatch):
+def test_same_seed_finds_same_method_and_another_seed_another(monkeypatch):
     one, again = (trained(monkeypatch)["document"] for _ in range(2))
     assert one == again
     other = trained(monkeypatch, settings=SearchSettings(**{**SETTINGS.__dict__, "seed": 6}))["document"]
@@ -77,7 +77,7 @@ def test_the_same_seed_finds_the_same_method_and_another_seed_another(monkeypatc
     assert other["digest"] != one["digest"]
 
 
-def test_what_is_found_has_the_orders_proved_and_the_limit_that_the_document_says(monkeypatch):
+def test_found_methods_have_proved_orders_and_documented_limit(monkeypatch):
     document = trained(monkeypatch)["document"]
     tableau = tableau_of(document)
     assert nh.order_of(tableau) == document["order"] == 4
@@ -100,7 +100,7 @@ def mean_log(method, ensemble, tau_per_stage, cost):
 
 
 @pytest.mark.parametrize("goal", [GOAL, MODIFIED], ids=["plain", "modified"])
-def test_the_gain_in_the_document_is_that_of_ensembles_at_equal_cost(monkeypatch, goal):
+def test_gain_in_document_is_that_of_ensembles_at_equal_cost(monkeypatch, goal):
     document = trained(monkeypatch, goal)["document"]
     method = tableau_of(document)
     known = published_methods(known_of(goal))
@@ -139,7 +139,7 @@ def test_registered_text_defines_the_methods_digit_for_digit(monkeypatch, tmp_pa
     assert list(scope["TABLEAUS"][0].square) == documents[1]["square"]
 
 
-def test_a_family_that_nothing_leads_to_is_left_out_and_no_family_at_all_is_refused(monkeypatch):
+def test_unreached_family_is_skipped_and_no_family_is_refused(monkeypatch):
     lonely = Chain(first="drift", stages=(10,))
     table = trained(monkeypatch, replace(GOAL, chains=(*GOAL.chains, lonely)))["landscape"]
     assert [row[1] for row in table.rows] == [6, 7]

@@ -113,7 +113,7 @@ def test_cubic_and_quartic_coefficients_are_normal_times_the_strength(dimension)
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_amplitudes_and_phases_are_uniform_and_shares_are_uniform_on_the_simplex(dimension):
+def test_amplitudes_phases_and_simplex_shares_are_uniform(dimension):
     ensemble = drawn(dimension)
     of = coefficients(ensemble)
     start = ensemble.start.reshape(-1, 4, dimension)
@@ -130,7 +130,7 @@ def test_amplitudes_and_phases_are_uniform_and_shares_are_uniform_on_the_simplex
         assert kstest(np.arctan2(p[:, i], q[:, i]), "uniform", args=(-np.pi, 2 * np.pi)).pvalue > 1e-3
 
 
-def test_one_seed_gives_the_same_systems_and_others_none_of_them():
+def test_one_seed_gives_same_systems_and_others_none_of_them():
     one, again, other = drawn(2, 50, 1), drawn(2, 50, 1), drawn(2, 50, 2)
     for name in ("start", "parameters", "strength"):
         first = getattr(one, name)

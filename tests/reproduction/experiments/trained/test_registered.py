@@ -41,7 +41,7 @@ def test_every_trained_method_has_a_purpose():
 
 
 @pytest.mark.parametrize("name", list(PURPOSES))
-def test_a_trained_method_is_ahead_of_all_published_ones_in_its_window_on_problems_it_was_not_chosen_by(name):
+def test_trained_method_leads_published_ones_on_other_problems(name):
     purpose, method = PURPOSES[name], integrators[PURPOSES[name].title]
     known = published_methods(purpose.known)
     gains = []
@@ -56,7 +56,7 @@ RESOLVED = 0.05
 
 
 @pytest.mark.slow
-def test_the_search_finds_a_method_as_good_as_the_registered_one():
+def test_search_finds_method_as_good_as_registered_one():
     """The last bits of linear algebra differ from processor to processor, and the search takes another path."""
     purpose, settings = PURPOSES["weak"], SearchSettings()
     registered = integrators[purpose.title]

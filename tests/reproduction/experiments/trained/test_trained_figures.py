@@ -12,7 +12,7 @@ from nearharmonic.reproduction.experiments.trained.proof.figure import AHEAD, BE
 from support.cubes import figure_cubes as made
 
 
-def test_gains_stand_in_the_panel_of_their_ensemble_with_their_intervals():
+def test_gains_stand_in_panel_of_their_ensemble_with_their_intervals():
     cube = made.contest()
     drawn = trained_gain(cube)
     one, other = drawn.axes
@@ -29,7 +29,7 @@ def test_gains_stand_in_the_panel_of_their_ensemble_with_their_intervals():
             assert (heights.min(), heights.max()) == pytest.approx((np.nanmin(bounds), np.nanmax(bounds)))
 
 
-def test_the_best_published_and_the_best_trained_are_envelopes_of_their_kind():
+def test_best_published_and_best_trained_are_envelopes_of_their_kind():
     cube = made.contest()
     drawn = trained_error(cube)
     for e in range(3):
@@ -39,7 +39,7 @@ def test_the_best_published_and_the_best_trained_are_envelopes_of_their_kind():
         assert lines[BEST] == pytest.approx(errors[-1], nan_ok=True)
 
 
-def test_the_maps_write_the_lead_in_the_colour_of_the_leader():
+def test_maps_write_lead_in_colour_of_leader():
     cube = made.ideas()
     lead = cube.lead.values
     drawn = trained_ideas(cube)

@@ -53,7 +53,7 @@ def rows_of(cube, names=("sho",)):
     return [dict(zip(HEADER, row, strict=True)) for row in table.rows]
 
 
-def test_ratios_are_those_of_the_least_times_of_the_fastest_to_the_standard(cube):
+def test_ratios_are_those_of_least_times_of_fastest_to_standard(cube):
     one, many = rows_of(cube)[:3], rows_of(cube)[3:]
     assert [(row["compared"], row["error"], row["method"]) for row in one + many] == [
         ("one trajectory", "1e-06", label("ruth")),
@@ -83,7 +83,7 @@ def defined(name, **changes):
     return dataclasses.replace(systems[name], **changes)
 
 
-def test_a_regularised_system_is_compared_with_other_libraries_on_its_original_equations_too(cube, monkeypatch):
+def test_regularised_system_is_compared_on_its_original_equations_too(cube, monkeypatch):
     far = {"q0": ("110", "0"), "p0": ("0", "0.04")}
     known = {
         "sho": systems["sho"], "kepler": systems["kepler"], "kepler_regularised": systems["kepler_regularised"],
@@ -124,7 +124,7 @@ def test_positions_are_compared_where_they_were_of_interest(tmp_path):
     assert one[1]["ms"] == pytest.approx(1e3 * (4e-5 ** (2 / 3) * 9e-5 ** (1 / 3)), rel=1e-12)
 
 
-def test_the_regularised_figure_has_a_column_for_each_system_with_its_original(tmp_path):
+def test_regularised_figure_has_column_for_each_system_with_its_original(tmp_path):
     names = ["kepler", "kepler_regularised", "sho"]
     path = tmp_path / "times.h5"
     problems = {name: {"system": name, "t_end": "20", "measures": ["max", "position"]} for name in names}
@@ -157,14 +157,14 @@ def test_without_the_standard_there_are_times_but_no_ratios(cube, monkeypatch):
     assert rows[0]["ms"] == pytest.approx(0.01, rel=1e-12)
 
 
-def test_ensembles_are_timed_of_methods_that_are_among_the_fastest_at_some_error(monkeypatch):
+def test_ensembles_are_timed_for_methods_among_fastest_at_some_error(monkeypatch):
     monkeypatch.setattr("nearharmonic.reproduction.experiments.work_precision.run.FRONT", 1)
     assert front_runners(curves(), ("max",)) == ["leapfrog", "ruth", "babs7o7h"]
     assert front_runners(curves()[:2], ("max",)) == ["ruth", "babs7o7h"]
     assert front_runners([timed("ruth", [nan], [1.0])], ("max",)) == []
 
 
-def test_the_figures_show_the_methods_that_win_at_some_error_and_every_library_that_ran(cube):
+def test_figures_show_winning_methods_and_every_library(cube):
     found = comparison_figures(["sho", "kepler"], cube)
     shown = {
         "trajectory": ["ruth", "babs7o7h", "heyoka", "rebound_ias15"],

@@ -47,7 +47,7 @@ def rows_of(figure):
     return [figure.axes[3 * i : 3 * i + 3] for i in range(3)]
 
 
-def test_each_row_shows_its_error_over_milliseconds_each_column_its_methods_in_the_looks_of_the_legend(figure):
+def test_rows_show_errors_over_milliseconds_and_columns_their_methods(figure):
     known = [looks(legend) for legend in figure.legends]
     for axes, (_, _, times_error) in zip(rows_of(figure), ROWS, strict=True):
         for column, members in enumerate((curves()[:2], curves()[2:3], curves()[3:])):
@@ -70,7 +70,7 @@ def test_no_two_peers_look_alike():
         assert one[1] != other[1]
 
 
-def test_the_pale_line_is_the_best_of_the_papers_methods_at_each_time_and_the_dotted_one_in_lanes(figure):
+def test_pale_line_is_best_paper_method_and_dotted_one_lanes(figure):
     found = looks(figure.legends[0])
     # By hand, from RUTH and NEAR: times in ms, least error so far. Neither leapfrog nor a peer takes part.
     best = ([0.01, 0.02, 0.1, 0.2, 1.0, 2.0], [1e-3, 1e-3, 1e-4, 1e-6, 1e-6, 1e-9])
@@ -86,7 +86,7 @@ def test_the_pale_line_is_the_best_of_the_papers_methods_at_each_time_and_the_do
     assert found[LANES][3] not in (SOLID, NO_LINE)
 
 
-def test_an_error_that_finer_steps_do_not_bear_out_is_no_best():
+def test_error_that_finer_steps_contradict_is_not_best():
     seconds = [1e-5, 2e-5, 4e-5, 8e-5, 16e-5]
     lucky = timed("ruth", [1e-9, 1e-2, 1e-4, 1e-6, 1e-9], seconds)
     panel = work_precision_figure("toy", [("20", ("max",), [lucky])], FACTS).axes[0]
@@ -94,7 +94,7 @@ def test_an_error_that_finer_steps_do_not_bear_out_is_no_best():
     assert look(envelope)[1] is None
 
 
-def test_points_that_failed_were_not_timed_or_err_beyond_all_sense_are_left_out():
+def test_failed_untimed_and_meaningless_points_are_skipped():
     measured = [20.0, inf, 1e-1, nan, 1e-3, 1e-5, 1e-18]
     curve = timed("leapfrog", measured, [1e-6 * 2**i for i in range(7)])
     curve.points[4].times = {}

@@ -61,7 +61,7 @@ needs_rebound = pytest.mark.skipif(not find_spec("rebound"), reason="rebound is 
 
 
 @needs_rebound
-def test_rebound_takes_gravity_from_its_own_code_whatever_the_system_is_called():
+def test_rebound_uses_own_gravity_for_any_system_name():
     """A star and a planet with G the parameter GM; a force compiled by numba acts on a single particle."""
     heavy = Parameter(value="2.5", unit="1", meaning="gravitational constant times mass")
     planet = dataclasses.replace(systems["kepler"], name="planet", parameters={"GM": heavy})
@@ -142,7 +142,7 @@ def test_a_solver_written_for_gravity_is_refused_elsewhere():
 
 
 @pytest.mark.skipif(not find_spec("heyoka"), reason="heyoka is not installed")
-def test_the_force_as_a_power_is_the_force_of_the_formula():
+def test_force_as_power_is_force_of_formula():
     """Steps are chosen alike; rounding grows with the square of the time, to less than 1e-12 in one orbit."""
     with quiet():  # its imports warn
         one, other = (PEERS[name].attempt(systems["kepler"], 2000.0, 1e-15) for name in ("heyoka", "heyoka_power"))
@@ -183,7 +183,7 @@ def test_the_version_of_a_compiler_is_a_version():
 
 
 @pytest.mark.skipif(not find_spec("diffrax"), reason="diffrax is not installed")
-def test_diffrax_integrates_in_double_precision_and_leaves_the_setting_of_jax_alone():
+def test_diffrax_uses_double_precision_and_keeps_jax_setting():
     import jax
 
     before = jax.config.jax_enable_x64
@@ -204,7 +204,7 @@ def test_other_libraries_are_not_run_on_regularised_equations():
 
 @pytest.mark.skipif(not find_spec("heyoka"), reason="heyoka is not installed")
 @pytest.mark.parametrize("A", ["0", "0.02"])
-def test_heyoka_on_regularised_equations_ends_where_it_ends_on_the_original_ones(A):
+def test_heyoka_on_regularised_equations_reaches_original_end(A):
     """One orbit, at the finest tolerance: rounding of some hundred steps, 1e-12 of the distance."""
     regularised = systems["kepler_regularised"]
     parameters = regularised.parameters | {"A": dataclasses.replace(regularised.parameters["A"], value=A)}

@@ -140,7 +140,7 @@ def test_each_setting_is_a_point_with_its_errors_and_cost():
     assert all("trajectory" in p.calls for p in curve.points)
 
 
-def test_a_run_that_breaks_down_is_infinitely_far_off_and_is_not_timed():
+def test_failing_run_has_infinite_error_and_no_time():
     def path(setting):
         if setting > 1e-3:
             raise ZeroDivisionError
@@ -151,7 +151,7 @@ def test_a_run_that_breaks_down_is_infinitely_far_off_and_is_not_timed():
     assert second.max_energy_error < inf
 
 
-def test_refining_ends_where_a_run_takes_too_long_and_says_so():
+def test_refining_ends_where_run_takes_too_long_and_says_so():
     def path(setting):
         if setting < 1e-3:
             raise TimeoutError
@@ -162,7 +162,7 @@ def test_refining_ends_where_a_run_takes_too_long_and_says_so():
     assert curve.status == "stopped where a run took longer than 0.5 s"
 
 
-def test_a_coarse_run_that_goes_astray_for_long_does_not_end_the_refining(monkeypatch):
+def test_long_diverging_coarse_run_does_not_end_refinement(monkeypatch):
     clock = iter(range(0, 100, 10))  # each path seems to take ten seconds
     monkeypatch.setattr(
         "nearharmonic.reproduction.experiments.work_precision.measure.time.perf_counter", lambda: next(clock)
@@ -182,7 +182,7 @@ def test_refining_ends_where_rounding_takes_over():
     assert len(curve.points) == 3
 
 
-def test_a_peer_of_accelerations_is_refused_where_they_depend_on_momenta():
+def test_peer_of_accelerations_is_refused_where_they_depend_on_momenta():
     curve = peer_curve(fake(oscillator_path, quadratic_only=True), RELATIVISTIC, "5", (0.1, 1.0), None, 1.0)
     assert curve.status == "does not fit: it requires T = p.p/2"
 
@@ -194,7 +194,7 @@ def test_steps_per_stage_go_from_coarse_to_fine():
     assert all(point.tau == 5.0 for point in curve.points)
 
 
-def test_lanes_are_timed_where_a_library_has_them_and_nowhere_else():
+def test_lanes_are_timed_where_library_has_them_and_nowhere_else():
     def peer(lanes):
         return dataclasses.replace(
             fake(oscillator_path),

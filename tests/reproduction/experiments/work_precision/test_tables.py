@@ -42,7 +42,7 @@ def found():
     return {(row.measure, row.target, row.method): row for row in rows("toy", "20", ("max", "mean"), CURVES)}
 
 
-def test_a_row_has_the_costs_of_the_point_that_meets_its_target(found):
+def test_row_has_costs_of_point_that_meets_its_target(found):
     row = found["max", 1e-6, "slow"]
     assert (row.system, row.t_end, row.label, row.kind, row.status) == ("toy", "20", "Slow", "splitting", "reached")
     costs = (row.time_ms, row.lanes_time_ms, row.energy_time_ms, row.evaluations, row.tau)
@@ -51,13 +51,13 @@ def test_a_row_has_the_costs_of_the_point_that_meets_its_target(found):
     assert isnan(row.tolerance)
 
 
-def test_a_row_between_two_points_lies_on_the_straight_line_of_logarithms(found):
+def test_row_between_two_points_lies_on_straight_line_of_logarithms(found):
     """1e-6 lies two thirds of the way from a mean of 1e-4 to one of 1e-7: 4^(2/3) times 1 ms, 2^(-2/3) times 0.5."""
     row = found["mean", 1e-6, "slow"]
     assert (row.time_ms, row.tau) == pytest.approx((4 ** (2 / 3), 0.5 * 2 ** (-2 / 3)), rel=1e-12)
 
 
-def test_ranks_go_by_time_and_what_is_not_reached_has_none(found):
+def test_ranks_follow_time_and_unreached_methods_have_none(found):
     ranks = {target: {m: found["max", target, m].rank for m in ("slow", "fast", "coarse", "absent")}
              for target in (1e-3, 1e-6, 1e-9, 1e-12)}  # fmt: skip
     assert ranks == {
@@ -89,7 +89,7 @@ def page():
     return markdown("toy", [("20", ("max",), CURVES)], FACTS).splitlines()
 
 
-def test_the_page_has_time_lanes_and_evaluations_of_each_target_the_fastest_at_1e_9_first(page):
+def test_page_has_times_and_evaluations_with_fastest_first(page):
     head = page.index("| method | 1e-03 ms | lanes | evaluations | 1e-06 ms | lanes | evaluations | 1e-09 ms | lanes |"
                       " evaluations | 1e-12 ms | lanes | evaluations |")  # fmt: skip
     assert page[head + 2 : head + 4] == [
@@ -105,13 +105,13 @@ def test_the_page_says_by_how_much_a_peer_wins(page):
     assert "- 1e-12: reached by none" in page
 
 
-def test_the_page_has_the_least_nanoseconds_of_each_mode_and_the_calls_around(page):
+def test_page_has_least_nanoseconds_of_each_mode_and_calls_around(page):
     """A microsecond an evaluation alone, a quarter in lanes, three with the energy; 20 us a call, 250 ms a sweep."""
     assert "| Slow | 1e+03 | 250 | 3e+03 | 20 | 250 |" in page
     assert "- Absent: not installed" in page[page.index("## Missing, or ended early") :]
 
 
-def test_the_task_tells_of_one_system_what_the_file_has_on_it(tmp_path):
+def test_task_tells_of_one_system_what_file_has_on_it(tmp_path):
     told = {
         "sho": {"system": "sho", "t_end": "20", "measures": ["max"]},
         "near": {"system": "kepler", "t_end": "5", "measures": ["position"]},

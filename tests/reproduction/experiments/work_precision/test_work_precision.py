@@ -50,7 +50,7 @@ def test_a_power_law_is_crossed_where_its_formula_says(target):
     assert cost == pytest.approx((3.0 / target) ** 0.25, rel=1e-13)
 
 
-def test_a_target_that_a_point_meets_exactly_costs_what_that_point_costs():
+def test_target_that_point_meets_exactly_costs_what_that_point_costs():
     errors, costs = power_law()
     assert cross(errors, [costs], errors[4])[1][0] == pytest.approx(costs[4], rel=1e-13)
 
@@ -59,12 +59,12 @@ def test_a_lucky_coarse_step_does_not_count():
     assert cross([1e-9, 1e-2, 1e-4, 1e-6], [[1.0, 2.0, 4.0, 8.0]], 1e-4) == ("reached", (4.0,))
 
 
-def test_a_curve_that_rounding_lifts_again_still_reaches_its_least_error():
+def test_curve_that_rounding_lifts_again_still_reaches_its_least_error():
     status, (cost,) = cross([1e-2, 1e-12, 1e-11], [[1.0, 2.0, 4.0]], 1e-12)
     assert (status, cost) == ("reached", pytest.approx(2.0, rel=1e-12))
 
 
-def test_what_is_good_enough_from_the_start_is_an_upper_bound():
+def test_what_is_good_enough_from_start_is_upper_bound():
     assert cross([1e-4, 1e-6], [[1.0, 2.0]], 1e-3) == ("below throughout", (1.0,))
 
 
@@ -107,7 +107,7 @@ def made(method, errors, times, kind="splitting", **more):
     return Curve(method=method, label=method.upper(), kind=kind, points=points, **more)
 
 
-def test_the_ranking_goes_by_time_and_ends_with_those_that_fail():
+def test_ranking_goes_by_time_and_ends_with_those_that_fail():
     slow = made("slow", [1e-2, 1e-9], [1e-3, 1e-2])
     fast = made("fast", [1e-2, 1e-9], [1e-5, 1e-4])
     never = made("never", [1e-2, 1e-3], [1e-6, 1e-5])
@@ -123,7 +123,7 @@ def test_each_measure_reads_its_own_error_and_the_least_time():
     assert ns_per_evaluation(curve) == pytest.approx(1e3, rel=1e-12)
 
 
-def test_a_point_that_was_not_timed_in_a_mode_is_no_part_of_its_curve():
+def test_untimed_point_is_not_part_of_curve():
     curve = made("one", [1e-3, 1e-6], [1e-5, 1e-4])
     assert crossing(curve, "max", 1e-4, mode="lanes").status == "not reached"
     assert isnan(ns_per_evaluation(curve, "lanes"))
@@ -138,7 +138,7 @@ def test_chaos_gets_a_shorter_interval_for_positions_and_only_there():
     assert [p.t_end for p in problems(systems["kepler"], "87660")] == ["87660"]
 
 
-def test_the_grid_runs_from_coarse_to_fine_once_through_each_number_of_steps():
+def test_grid_visits_each_number_of_steps_once_from_coarse():
     points = grid(integrators["ruth"], "10", 1e-3, 10.0, 10, 1000)
     steps = [n for _, n in points]
     assert steps == sorted(set(steps))
@@ -161,7 +161,7 @@ def test_errors_of_a_curve_are_those_of_the_matrix_power():
 
 
 @pytest.mark.parametrize("summation", ["compensated", "plain"])
-def test_every_call_that_is_timed_returns_the_final_state_of_the_same_trajectory(summation):
+def test_every_timed_call_returns_final_state_of_same_trajectory(summation):
     steps, ruth = 67, integrators["ruth"]
     calls = prepared_calls(systems["sho"], ruth, "20", steps, summation)
     q, p = oscillator_state(ruth, mpf(20) / steps, steps)
@@ -184,7 +184,7 @@ def test_an_ensemble_has_fewer_members_the_longer_they_run():
     assert members[2] == 64  # the fewest
 
 
-def test_sums_are_plain_where_that_loses_nothing_and_compensated_where_it_does():
+def test_sums_are_plain_if_harmless_and_compensated_otherwise():
     """Plain sums of 1e5 steps err by some 1e-14; the method by 1e-3 in the coarse run, below 1e-15 in the fine one."""
     coarse, fine = splitting_curve(systems["sho"], integrators["aba864"], "20", [(0.5, 6), (3e-4, 10_000)], None).points
     assert (coarse.compensated, fine.compensated) == (0.0, 1.0)

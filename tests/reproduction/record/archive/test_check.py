@@ -58,7 +58,7 @@ def test_a_flipped_bit_anywhere_is_found(place, whole):
 
 
 @pytest.mark.parametrize("part", ["first header", "directory", "seal"])
-def test_every_bit_that_a_zip_file_leaves_unprotected_is_reported_in_one_line_each(tmp_path, whole, part):
+def test_every_unprotected_zip_bit_is_reported_in_one_line(tmp_path, whole, part):
     place = tmp_path / "flipped.zip"
     directory = whole.index(b"PK\x01\x02")
     spans = {
@@ -107,7 +107,7 @@ def test_a_foreign_zip_file_is_one_sentence(place):
         assert "is not an archive of `nearharmonic archive`" in found
 
 
-def test_a_seal_on_what_is_no_zip_file_is_one_sentence(place):
+def test_seal_on_what_is_no_zip_file_is_one_sentence(place):
     place.write_bytes(b"no zip file" + seal.BLANK)
     seal.close(place)
     (found,) = faults_of_archive(place)
@@ -119,7 +119,7 @@ def test_no_file_at_all_is_an_error(tmp_path):
         faults_of_archive(tmp_path / "none.zip")
 
 
-def test_a_file_with_other_bytes_is_found_under_a_seal_that_is_right(place):
+def test_verify_finds_changed_bytes_under_right_seal(place):
     sealed_again(place, replaced("cubes/sho.h5", b"other"))
     assert faults_of_archive(place) == [
         "cubes/sho.h5 in little.zip does not have the size and the digest that ro-crate-metadata.json gives",
@@ -127,7 +127,7 @@ def test_a_file_with_other_bytes_is_found_under_a_seal_that_is_right(place):
     ]
 
 
-def test_a_missing_file_is_found_under_a_seal_that_is_right(place):
+def test_missing_file_is_found_under_seal_that_is_right(place):
     sealed_again(place, lambda contents: [each for each in contents if each[0] != "report.html"])
     assert faults_of_archive(place) == [
         "report.html is missing from little.zip",
@@ -135,7 +135,7 @@ def test_a_missing_file_is_found_under_a_seal_that_is_right(place):
     ]
 
 
-def test_a_missing_file_that_nothing_describes_is_found_in_the_manifest(place):
+def test_missing_file_that_nothing_describes_is_found_in_manifest(place):
     def without_page(contents):
         for name, content in contents:
             if name == "ro-crate-metadata.json":
@@ -149,19 +149,19 @@ def test_a_missing_file_that_nothing_describes_is_found_in_the_manifest(place):
     assert faults_of_archive(place) == ["report.html is in manifest.json but not in the archive"]
 
 
-def test_an_extra_file_is_found_under_a_seal_that_is_right(place):
+def test_extra_file_is_found_under_seal_that_is_right(place):
     sealed_again(place, lambda contents: [*contents, ("tables/extra.csv", b"1\n")])
     assert faults_of_archive(place) == ["tables/extra.csv in little.zip is not described in ro-crate-metadata.json"]
 
 
-def test_a_name_with_a_line_end_is_told_in_one_line(place):
+def test_name_with_line_end_is_told_in_one_line(place):
     sealed_again(place, lambda contents: [*contents, ("tables/\n\x1b[2J.csv", b"1\n")])
     (found,) = faults_of_archive(place)
     assert found.startswith(r"tables/\n\x1b[2J.csv in little.zip")
 
 
 @pytest.mark.filterwarnings("ignore:Duplicate name")
-def test_a_file_that_is_there_twice_is_found_under_a_seal_that_is_right(place):
+def test_verify_finds_duplicate_file_under_right_seal(place):
     sealed_again(place, lambda contents: [*contents, ("LICENSE", b"none")])
     assert "LICENSE is in little.zip 2 times" in faults_of_archive(place)
 
@@ -175,6 +175,6 @@ def test_compressed_members_are_not_ours(place):
 @pytest.mark.parametrize(
     "content", [b"", b"[]", b"{}", b"\xff", b'{"@graph": [{"@type": "File", "@id": 1}], "files": 1}']
 )
-def test_a_description_that_says_nothing_is_found_under_a_seal_that_is_right(place, name, content):
+def test_verify_finds_empty_description_under_right_seal(place, name, content):
     sealed_again(place, replaced(name, content))
     assert faults_of_archive(place)

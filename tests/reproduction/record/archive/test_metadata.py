@@ -80,7 +80,7 @@ def test_the_metadata_file_is_in_the_root_under_its_name(crate):
     assert crate.read.metadata.id == "ro-crate-metadata.json"
 
 
-def test_every_data_entity_is_a_file_of_the_archive_or_on_the_web(crate):
+def test_every_data_entity_is_file_of_archive_or_on_web(crate):
     """RO-Crate structure: data entities are payload files or web-based."""
     local = [each for each in crate.read.data_entities if not urlsplit(each.id).scheme]
     assert len(local) == len(crate.names) - 1
@@ -109,7 +109,7 @@ def test_the_descriptor_describes_itself_and_names_the_root(crate):
     assert crate.read.version == "1.1"
 
 
-def test_the_root_is_a_dataset_whose_id_ends_with_a_slash(crate):
+def test_root_is_dataset_whose_id_ends_with_slash(crate):
     """Direct properties of the Root Data Entity: @type and @id."""
     assert crate.read.root_dataset.type == "Dataset"
     assert crate.read.root_dataset.id == "./"

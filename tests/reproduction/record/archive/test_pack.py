@@ -52,7 +52,7 @@ def references(value):
     return [each["@id"] for each in (value if isinstance(value, list) else [value])]
 
 
-def test_an_archive_holds_the_result_but_its_trajectories_and_its_logs(result, tmp_path):
+def test_archive_holds_result_but_its_trajectories_and_its_logs(result, tmp_path):
     held = contents(pack.save(result, tmp_path / "little.zip"))
     (older,) = {name for name in held if name.startswith("config-")}
     assert set(held) == (FILES.keys() - TRAJECTORIES) | ADDED | {older}
@@ -99,7 +99,7 @@ def test_an_action_tells_what_its_run_took_and_made(result, tmp_path):
     assert "error" not in newer
 
 
-def test_the_software_of_a_run_has_its_version_its_commit_and_its_libraries(result, tmp_path):
+def test_run_software_has_version_commit_and_libraries(result, tmp_path):
     described = graph(pack.save(result, tmp_path / "little.zip"))
     tools = {name: described[described[f"#run-{name}"]["instrument"]["@id"]] for name in (OLDER, KILLED, NEWER)}
     assert tools[NEWER]["version"] == f"0.1.0+{finished_results.COMMIT}"
@@ -134,7 +134,7 @@ SAVE = (
 )  # fmt: skip
 
 
-def test_the_same_result_gives_the_same_bytes_anywhere_and_at_any_time(result, tmp_path):
+def test_same_result_gives_same_bytes_anywhere_and_at_any_time(result, tmp_path):
     first = pack.save(result, tmp_path / "first.zip", with_runs=True)
     copy = shutil.copytree(result, tmp_path / "elsewhere" / "little")
     for path in copy.rglob("*"):
@@ -146,7 +146,7 @@ def test_the_same_result_gives_the_same_bytes_anywhere_and_at_any_time(result, t
 
 
 @pytest.mark.parametrize("content", [b"other bytes", None])
-def test_a_file_that_changes_while_it_is_archived_leaves_the_old_archive_and_nothing_else(result, tmp_path, content):
+def test_changing_file_leaves_only_old_archive(result, tmp_path, content):
     place = tmp_path / "zips" / "little.zip"
     place.parent.mkdir()
     place.write_bytes(b"old")
@@ -183,7 +183,7 @@ def test_a_place_that_cannot_be_written_is_bad_input(result, tmp_path):
 
 
 @pytest.mark.parametrize("name", software.DOCUMENTS)
-def test_documents_come_from_the_installed_package_if_there_is_no_source_tree(tmp_path, monkeypatch, name):
+def test_documents_come_from_installed_package_without_source_tree(tmp_path, monkeypatch, name):
     licences = tmp_path / "nearharmonic-0.1.0.dist-info" / "licenses"
     licences.mkdir(parents=True)
     (licences.parent / "METADATA").write_text("Metadata-Version: 2.4\nName: nearharmonic\nVersion: 0.1.0\n")

@@ -36,7 +36,7 @@ def exact(a, b):
 
 @given(NUMBERS, NUMBERS)
 @example(1.7e308, -1.7e308)
-def test_a_relative_difference_is_that_of_fractions_and_zero_for_equal_numbers_alone(a, b):
+def test_relative_difference_is_exact_and_zero_only_for_equal_numbers(a, b):
     (found,) = relative_differences(np.array([a]), np.array([b])).tolist()
     # Three roundings, of a - b, of the quotient and of the doubling; halves of subnormal numbers lose a bit.
     tiny = max(abs(a), abs(b)) < 1e-300
@@ -49,7 +49,7 @@ def test_whole_numbers_beyond_doubles_are_told_apart():
     assert (relative_differences(a, b) > 0).tolist() == [True, False]
 
 
-def test_the_largest_difference_is_told_with_its_place_and_the_number_of_all():
+def test_largest_difference_is_reported_with_place_and_count():
     a = np.array([[1.0, np.nan, 3.0], [4.0, np.inf, 0.0]])
     b = np.array([[1.0, np.nan, 3.3], [8.0, np.inf, 0.0]])
     found = array_difference("x", a, b, [("method", ["p", "q"]), ("tau", [0.1, 0.2, 0.3])], unit="h")
@@ -64,7 +64,7 @@ def test_a_single_value_has_no_place():
     assert (found.relative, dict(found.at), found.compared) == (0.5, {}, 1)
 
 
-def test_a_nan_beside_a_number_is_the_largest_difference_of_all():
+def test_nan_beside_number_is_largest_difference_of_all():
     found = array_difference("x", np.array([1.0, np.nan]), np.array([2.0, 5.0]), [("tau", [1, 2])])
     assert (found.relative, found.b, dict(found.at)) == (math.inf, 5.0, {"tau": 2})
 
@@ -84,7 +84,7 @@ def told(a, b, leave_out=()):
     return list(dataset_differences("cube.h5", a, b, leave_out))
 
 
-def test_values_are_compared_on_the_coordinates_that_both_have_in_whatever_order():
+def test_values_are_compared_on_common_coordinates_in_any_order():
     a, b = dataset(["ruth", "aba"], [1.0, 2.0, 3.0]), dataset(["aba", "verlet", "ruth"], [3.0, 1.0, 7.0])
     assert [(d.kind, d.where, d.a, d.b, d.unit) for d in told(a, b)] == [
         ("missing", "cube.h5: method", "no more", "also verlet", ""),
@@ -107,7 +107,7 @@ def test_coordinates_without_a_common_value_leave_nothing_to_compare():
     assert [d.kind for d in told(dataset(["ruth"], [1.0]), dataset(["aba"], [2.0]))] == ["missing", "missing"]
 
 
-def test_a_dimension_without_coordinates_is_compared_as_far_as_both_reach():
+def test_dimension_without_coordinates_is_compared_as_far_as_both_reach():
     a = xr.Dataset({"x": ("sample", [1.0, 2.0, 3.0])})
     b = xr.Dataset({"x": ("sample", [1.0, 5.0])})
     lengths, values = told(a, b)
@@ -144,7 +144,7 @@ def tables(tmp_path, a, b, leave_out=()):
     return list(table_differences("t.csv", *map(Texts, folders), leave_out))
 
 
-def test_a_column_of_a_table_is_compared_with_all_its_digits(tmp_path):
+def test_column_of_table_is_compared_with_all_its_digits(tmp_path):
     one, other = f"0.{'1' * 70}", f"0.{'1' * 69}2"
     (found,) = tables(tmp_path, f"name,x\np,1.0\nq,{one}\n", f"name,x\np,1\nq,{other}\n")
     assert (found.kind, found.where, found.a, found.b) == ("number", "t.csv: x", one, other)
@@ -168,7 +168,7 @@ def test_rows_without_names_belong_together_by_number(tmp_path):
     ]
 
 
-def test_texts_and_columns_of_a_table_are_compared_but_those_left_out(tmp_path):
+def test_table_comparison_covers_texts_and_columns_except_skipped_ones(tmp_path):
     a, b = "name,proved,s,old\np,yes,1.5,1\n", "name,proved,s,new\np,no,2.5,1\n"
     assert [(d.kind, d.where, d.a, d.b) for d in tables(tmp_path, a, b, {"s"})] == [
         ("missing", "t.csv: old", "there", "missing"),
@@ -177,7 +177,7 @@ def test_texts_and_columns_of_a_table_are_compared_but_those_left_out(tmp_path):
     ]
 
 
-def test_an_empty_cell_differs_from_a_number_and_from_no_empty_cell(tmp_path):
+def test_empty_cell_differs_from_number_and_from_no_empty_cell(tmp_path):
     (found,) = tables(tmp_path, "name,x\np,\nq,\n", "name,x\np,\nq,1\n")
     assert (found.relative, found.a, found.b, found.differ) == (math.inf, "", 1.0, 1)
 
