@@ -79,7 +79,7 @@ def misfit(system: System, tableau: Tableau, split: str = KINETIC_POTENTIAL) -> 
         found = "has formulas that are compiled as loops"
     if not found:
         return "", ""
-    return "its kicks are of a modified potential", f", which is not there for {system.name}, which {found}"
+    return "its kicks are of a modified potential", f", which cannot be used with {system.name}: it {found}"
 
 
 def check_fit(system: System, tableau: Tableau, split: str = KINETIC_POTENTIAL) -> None:

@@ -161,7 +161,7 @@ def test_chins_middle_force_is_that_of_his_paper():
 @pytest.mark.parametrize(
     ("system", "words"),
     [
-        ("kepler_regularised", "which is regularised"),
+        ("kepler_regularised", "it is regularised"),
         (
             nh.System(name="long", V=lambda q: sum(x * x for x in q), q0=("1",) * 60, p0=("0",) * 60, t_end="1"),
             "compiled as loops",

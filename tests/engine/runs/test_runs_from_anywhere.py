@@ -130,7 +130,7 @@ def test_between_two_steps_lies_one_shorter_step_from_step_before(method, how):
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_a_state_between_steps_is_a_shorter_step_from_the_one_before_however_near_the_next_is(sign):
+def test_state_between_steps_is_shorter_step_from_one_before(sign):
     between = nh.integrate("henon_heiles", "ruth", 0.5, t_end=5 * sign, t=[2.45 * sign])
     before = nh.integrate("henon_heiles", "ruth", 0.5, t_end=2 * sign)
     shorter = nh.integrate("henon_heiles", "ruth", 0.45, t_end=0.45 * sign, start=before)

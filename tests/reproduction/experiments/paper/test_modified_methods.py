@@ -93,10 +93,10 @@ def test_table_of_all_methods_omits_entries_for_any_kinetic_energy():
     ("system", "words"),
     [
         ({"relativistic_oscillator": {"tau_per_stage": GRID}}, "it requires a quadratic kinetic energy"),
-        ({"kepler_regularised": {"tau_per_stage": GRID}}, "which is regularised"),
+        ({"kepler_regularised": {"tau_per_stage": GRID}}, "it is regularised"),
         (
             {"exact": {"system": "henon_heiles", "split": "exact_oscillator", "tau_per_stage": GRID}},
-            "which has its oscillators solved exactly",
+            "it has its oscillators solved exactly",
         ),
     ],
 )
