@@ -140,9 +140,7 @@ def test_a_new_file_is_a_new_command(folder_of_commands, capsys):
     ("raised", "status", "says"),
     [("KeyboardInterrupt", 130, ""), ("PermissionError(13, 'Permission denied', 'x.png')", 2, "Permission denied")],
 )
-def test_interrupt_is_quiet_and_unwritable_file_gives_one_message(
-    raised, status, says, folder_of_commands, capsys
-):
+def test_interrupt_is_quiet_and_unwritable_file_gives_one_message(raised, status, says, folder_of_commands, capsys):
     (folder_of_commands / "fail.py").write_text(COMMAND.format(body=f"raise {raised}"))
     assert main(["fail"]) == status
     out, err = capsys.readouterr()

@@ -89,9 +89,7 @@ def test_table_states_gain_method_and_extent_of_search(capsys):
     assert "--output FILE.py writes the method" in notes
 
 
-def test_without_gain_status_is_1_and_nothing_is_written(
-    capsys, tmp_path, monkeypatch
-):
+def test_without_gain_status_is_1_and_nothing_is_written(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words = ["henon_heiles", "--window", "0.08:0.12", "--stages", "5", "--trials", "20", "--output", "mine.py"]
     assert main(["tailor", *words]) == 1

@@ -75,9 +75,7 @@ def _attraction(q, *constants):
 
 
 @pytest.mark.parametrize(("name", "potential"), [("harmonic", _harmonic), ("gravity", _attraction)])
-def test_system_declares_exactly_the_properties_of_its_potential(
-    system, name, potential
-):
+def test_system_declares_exactly_the_properties_of_its_potential(system, name, potential):
     """V = q^2/2 of one coordinate, V = -GM/|q|; T = p.p/2 for both."""
     q = tuple(map(mpf, POINT[: system.dimension]))
     expected = potential(q, *_constants(system))

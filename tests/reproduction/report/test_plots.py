@@ -48,9 +48,7 @@ def test_panels_of_six_figures_and_history_chart_exist(plots):
 
 @pytest.mark.parametrize(("panel", "variable"), [(1, "max_energy_error"), (2, "mean_energy_error")])
 @pytest.mark.parametrize(("figure", "system"), [(1, "sho"), (3, "henon_heiles"), (5, "kepler")])
-def test_every_drawable_error_of_cube_is_in_panel_bitwise(
-    results, plots, figure, system, panel, variable
-):
+def test_every_drawable_error_of_cube_is_in_panel_bitwise(results, plots, figure, system, panel, variable):
     plot = plots[f"figure-{figure}-panel-{panel}"]
     with h5py.File(results / "cubes" / f"{system}.h5") as cube:
         layers = cube[variable][()].reshape(-1, len(made.METHODS), made.TAU.size)

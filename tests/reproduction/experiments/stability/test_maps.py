@@ -116,9 +116,7 @@ def maps_of(part):
 @pytest.mark.parametrize(
     ("index", "variable", "black"), [(0, "energy_error", {LOST}), (1, "perihelion_advance", {LOST, TURNED})]
 )
-def test_each_cell_shows_its_number_or_black_for_lost_orbit(
-    kepler, index, variable, black
-):
+def test_each_cell_shows_its_number_or_black_for_lost_orbit(kepler, index, variable, black):
     cube, figure, at = kepler
     for axes, name in zip(maps_of(figure.subfigs[index]), METHODS, strict=True):
         one = cube.sel(integrator=name)
