@@ -205,12 +205,6 @@ def test_bound_is_said_in_words_of_energy_errors_of_system(tmp_path, change, say
     assert text_of(found).splitlines()[0].endswith(says)
 
 
-def test_method_that_does_not_fit_system_is_named_with_reason(tmp_path):
-    found = recommend("relativistic_oscillator", 1e-3, results=tmp_path)
-    assert choice_of(found, "srkn_a14").status == "not run"
-    assert "not run: SRKN 14a (does not fit: it requires a quadratic kinetic energy)" in text_of(found)
-
-
 @pytest.mark.parametrize(
     ("content", "says"),
     [

@@ -66,18 +66,6 @@ def test_driven_oscillators_follow_closed_forms_for_all_frequencies_and_amplitud
     assert np.array_equal(many.parameter_w, w)
 
 
-@pytest.mark.parametrize("first", [None, "drift", "kick"])
-def test_driven_run_in_two_parts_has_bits_of_one(first):
-    """The time goes on: a run that began anew at t = 0 would be driven by another phase."""
-    given = {"parameters": {"F": 1.25, "w": "0.3"}}
-    whole = nh.integrate(DRIVEN, "s9odr6a", "0.125", t_end=12, first=first, samples=97, **given)
-    half = nh.integrate(DRIVEN, "s9odr6a", "0.125", t_end=5, first=first, samples=41, **given)
-    rest = nh.integrate(DRIVEN, "s9odr6a", "0.125", t_end=7, first=first, samples=57, start=half)
-    for name in ("q", "p", "q_low", "p_low", "energy_error", "clock", "clock_momentum", "t"):
-        assert np.array_equal(rest[name].values, whole[name].values[40:]), name
-    assert max(half.max_energy_error, rest.max_energy_error) == whole.max_energy_error
-
-
 def test_problems_with_parameters_and_time_pickle_with_results():
     problem = nh.problem(DRIVEN, "blanes_moan_s6o4", t_end=10, samples=4, energy_scale=1)
     given = {"q0": [0.25], "parameters": {"w": Fraction(1, 3)}}

@@ -13,9 +13,7 @@ from mpmath import cos, log, mpf, sin, sqrt, workdps
 
 import nearharmonic as nh
 from nearharmonic.core.formulas.number import Constant
-from nearharmonic.core.machine import native
 from nearharmonic.engine.batch.batch import integrate_batch
-from nearharmonic.engine.batch.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import NearharmonicError, SettingError, SystemDefinitionError
 from nearharmonic.systems.formulas.oscillator import remainder_formulas
@@ -176,26 +174,6 @@ def test_bits_do_not_depend_on_lanes_neighbours_samples_or_pieces(how, method, n
     assert max(half.max_energy_error, rest.max_energy_error) == whole.max_energy_error
     sampled = nh.integrate(system, method, 0.2, t_end=20, samples=2, energy="samples", **how, **EXACT)
     assert np.array_equal(sampled.q[-1], whole.q[-1])
-
-
-@pytest.mark.parametrize("processor", ["x86-64-v3", "generic"])
-def test_another_processor_computes_the_same_bits(monkeypatch, processor):
-    def run():
-        kernel_of.cache_clear()
-        return nh.sweep(CHAIN.system, "aba864", [0.4, 0.2], t=[8], **EXACT)
-
-    here = run()
-    monkeypatch.setenv("NUMBA_CPU_NAME", processor)
-    monkeypatch.setenv("NUMBA_CPU_FEATURES", "")
-    native.processor.cache_clear()
-    try:
-        there = run()
-    finally:
-        monkeypatch.undo()
-        native.processor.cache_clear()
-        kernel_of.cache_clear()
-    for key in ("q", "p", "max_energy_error"):
-        assert np.array_equal(here[key], there[key])
 
 
 def test_ensembles_problems_and_output_times_are_the_runs_of_integrate():
