@@ -10,7 +10,8 @@ from nearharmonic.reproduction.experiments.stability.kinetic_energy.figure impor
 from nearharmonic.reproduction.experiments.stability.linear.figure import linear_stability
 from nearharmonic.reproduction.experiments.stability.rounding.figure import rounding_growth
 from support.cubes.artists import NO_LINE, SOLID, drawn, line_of, look, look_of, looks, slope, span, ticks
-from support.cubes.figure_cubes import METHODS, TAU, amplitudes, label, rounding, traces
+from support.cubes.figure_cubes import METHODS, TAU, label
+from support.cubes.stability_cubes import amplitudes, rounding, traces
 
 RED = 0
 

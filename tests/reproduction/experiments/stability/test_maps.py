@@ -21,7 +21,8 @@ from support.cubes.artists import (
     pixels,
     ticks,
 )
-from support.cubes.figure_cubes import LOST, METHODS, TURNED, ensembles, label, orbits
+from support.cubes.figure_cubes import METHODS, label
+from support.cubes.stability_cubes import LOST, TURNED, ensembles, orbits
 
 #: A colour of the picture has 8 bits a channel, a colour map 256 entries.
 CHANNEL = 1.01 / 255

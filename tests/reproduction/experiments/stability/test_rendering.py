@@ -21,7 +21,7 @@ from nearharmonic.reproduction.experiments.stability.settings import (
 )
 from nearharmonic.reproduction.tasks.job import covered, write
 from nearharmonic.reproduction.tasks.provenance import function_of, provenance, task
-from support.cubes.figure_cubes import amplitudes, ensembles, orbits, rounding, traces
+from support.cubes.stability_cubes import amplitudes, ensembles, orbits, rounding, traces
 
 METHODS = ("ruth", "babps9o7h")
 SMALL = {
