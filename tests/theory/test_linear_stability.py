@@ -10,7 +10,7 @@ from mpmath import eig, inf, linspace, log, matrix, mp, mpf, nstr, pi, sin, sqrt
 import nearharmonic as nh
 from nearharmonic.integrators import BENCHMARKED, integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.reproduction.experiments.stability.linear.tables import KNOWN_LIMITS
+from nearharmonic.reproduction.experiments.stability.linear.run import KNOWN_LIMITS
 from nearharmonic.theory.linear_stability import (
     growth_rate,
     largest_growth,

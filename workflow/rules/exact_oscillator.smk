@@ -11,7 +11,7 @@ TWO_STEPS["exact_oscillator"] = {
     "results": {"cube": CUBE("exact_oscillator"), "table": TABLE("exact_oscillator")},
     "logs": ("exact_oscillator/run", "exact_oscillator/errors"),
     "measure": task("reproduction.experiments.exact_oscillator.run:measure", **EXACT_OSCILLATOR),
-    "reduce": task("reproduction.experiments.exact_oscillator.reduce:reduce", **EXACT_OSCILLATOR),
+    "reduce": task("reproduction.experiments.exact_oscillator.reductions:reduce", **EXACT_OSCILLATOR),
 }
 
 

@@ -8,7 +8,7 @@ TWO_STEPS["kinetic_energy"] = {
     "results": {"cube": CUBE("kinetic_energy"), "table": TABLE("kinetic_energy")},
     "logs": ("stability/kinetic_energy_run", "stability/kinetic_energy"),
     "measure": task("reproduction.experiments.stability.kinetic_energy.run:measure", integrators=CONFIG.methods),
-    "reduce": task("reproduction.experiments.stability.kinetic_energy.reduce:reduce", integrators=CONFIG.methods),
+    "reduce": task("reproduction.experiments.stability.kinetic_energy.reductions:reduce", integrators=CONFIG.methods),
 }
 
 
@@ -57,7 +57,7 @@ rule stability_cube:
         LOG("stability/{ensemble}"),
     params:
         task=lambda wildcards: task(
-            f"reproduction.experiments.stability.{wildcards.ensemble}.reduce:reduce",
+            f"reproduction.experiments.stability.{wildcards.ensemble}.reductions:reduce",
             integrators=CONFIG.stepwise,
             settings=getattr(CONFIG.stability, wildcards.ensemble),
         ),

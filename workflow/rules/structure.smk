@@ -42,7 +42,7 @@ rule structure_cube:
         LOG("stability/conservation"),
     params:
         task=task(
-            "reproduction.experiments.stability.conservation.reduce:reduce",
+            "reproduction.experiments.stability.conservation.reductions:reduce",
             integrators=CONFIG.stepwise,
             t_end=STRUCTURE_T_END,
         ),

@@ -16,21 +16,21 @@ TWO_STEPS["trained_proof"] = {
     },
     "logs": ("trained/proof_run", "trained/proof"),
     "measure": task("reproduction.experiments.trained.proof.run:measure", **PROOF),
-    "reduce": task("reproduction.experiments.trained.proof.reduce:reduce", **PROOF),
+    "reduce": task("reproduction.experiments.trained.proof.reductions:reduce", **PROOF),
 }
 TWO_STEPS["trained_ideas"] = {
     "run": RUN("trained/ideas"),
     "results": {"cube": CUBE("trained_ideas"), "table": TABLE("trained_ideas")},
     "logs": ("trained/ideas_run", "trained/ideas"),
     "measure": task("reproduction.experiments.trained.ideas.run:measure", **IDEAS),
-    "reduce": task("reproduction.experiments.trained.ideas.reduce:reduce", **IDEAS),
+    "reduce": task("reproduction.experiments.trained.ideas.reductions:reduce", **IDEAS),
 }
 TWO_STEPS["trained_long"] = {
     "run": RUN("trained/long"),
     "results": {"table": TABLE("trained_long")},
     "logs": ("trained/long_run", "trained/long"),
     "measure": task("reproduction.experiments.trained.long_runs.run:measure", **LONG),
-    "reduce": task("reproduction.experiments.trained.long_runs.reduce:reduce", **LONG),
+    "reduce": task("reproduction.experiments.trained.long_runs.reductions:reduce", **LONG),
 }
 
 

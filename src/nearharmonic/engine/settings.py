@@ -1,25 +1,22 @@
-"""Validation of run settings before any job runs; functions and configs share it."""
+"""Validation of run settings before any job runs; functions and configs share it.
+
+A function returns a value that is allowed. Anything else raises a SettingError with the key, the value, what is allowed
+and the nearest match.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from decimal import Decimal, InvalidOperation
 from difflib import get_close_matches
 from fractions import Fraction
 from functools import lru_cache
 from math import inf
 from numbers import Integral, Real
+from typing import Any
 
-from nearharmonic.engine.handed_on import EXACT_OSCILLATOR, KINETIC_POTENTIAL, SPLITS, HandedOn
 from nearharmonic.errors import bad_setting
-
-__all__ = [
-    "ENERGIES", "EXACT_OSCILLATOR", "KINETIC_POTENTIAL", "MOST_LANES", "MOST_SAMPLES", "MOST_STEPS", "MOST_THREADS",
-    "OPERATORS", "PRECISIONS", "SPLITS", "SUMMATIONS", "WIDTH", "HandedOn", "Numerics", "Sweep", "checked_count",
-    "checked_first", "checked_precision", "checked_samples", "checked_summation", "checked_t_end", "checked_tau",
-    "checked_threads", "exact_decimal", "one_of", "positive", "whole_number",
-]  # fmt: skip
 
 #: Steps of one run: at 3 ns a stage, half a minute for ten stages. More is a slip of the decimal point.
 MOST_STEPS = 10**9
@@ -36,17 +33,13 @@ MOST_THREADS = 1024
 PRECISIONS = ("double", "extended")
 SUMMATIONS = ("compensated", "plain")
 OPERATORS = ("drift", "kick")
+#: What the two operators of a splitting solve: T and V; or T with the oscillators of V, and the rest of V.
+KINETIC_POTENTIAL, EXACT_OSCILLATOR = SPLITS = ("kinetic_potential", "exact_oscillator")
 ENERGIES = ("every", "samples", "none")
 
 
 def positive(key: str, value: object) -> Decimal:
-    """Return ``value``, a number above 0 or a decimal string (YAML 1.1 reads 1e-4 as one), exactly.
-
-    Raises
-    ------
-    SettingError
-        Anything else.
-    """
+    """Return ``value``, a number above 0 or a decimal string (YAML 1.1 reads 1e-4 as one), exactly."""
     allowed = "a finite number above 0"
     number = _decimal(key, value, allowed)
     if number < 0:
@@ -69,86 +62,44 @@ def _decimal(key: str, value: object, allowed: str) -> Decimal:
 
 
 def checked_tau(tau: object, key: str = "tau") -> float:
-    """Return ``tau`` as a float, if it is a finite number above 0 (or the decimal string of one).
-
-    Raises
-    ------
-    SettingError
-        Zero, negative, NaN, infinite, a bool or no number at all.
-    """
+    """Return ``tau`` as a float, if it is a finite number above 0 (or the decimal string of one)."""
     if type(tau) is float and 0 < tau < inf:
         return tau
     return float(positive(key, tau))
 
 
 def checked_t_end(t_end: object, key: str = "t_end") -> str:
-    """Return ``t_end`` as a plain decimal string, if it is a finite number (or the decimal string of one) but 0.
-
-    Raises
-    ------
-    SettingError
-        Zero, NaN, infinite, a bool or no number at all.
-    """
+    """Return ``t_end`` as a plain decimal string, if it is a finite number (or the decimal string of one) but 0."""
     number = _decimal(key, t_end, "a finite number above 0, or below 0 to run backwards")
     return format(number.normalize(), "f")
 
 
 def checked_count(key: str, value: object, most: int) -> int:
-    """Return ``value``, the setting named ``key``, as an int if it is an integer from 1 to ``most``.
-
-    Raises
-    ------
-    SettingError
-        Anything else.
-    """
+    """Return ``value``, the setting named ``key``, as an int if it is an integer from 1 to ``most``."""
     if isinstance(value, bool) or not isinstance(value, Integral) or not 1 <= int(value) <= most:
         raise bad_setting(key, value, f"an integer from 1 to {most}")
     return int(value)
 
 
 def whole_number(text: str, key: str) -> int:
-    """Return an integer of at least 0 that was given as text.
-
-    Raises
-    ------
-    SettingError
-        It is not written in digits alone.
-    """
+    """Return an integer of at least 0 that was given as text."""
     if not text.isdecimal():
         raise bad_setting(key, text, "an integer of at least 0")
     return int(text)
 
 
 def checked_samples(samples: object, key: str = "samples") -> int:
-    """Return ``samples`` as an int, if it is an integer from 1 to :data:`MOST_SAMPLES`.
-
-    Raises
-    ------
-    SettingError
-        Anything else.
-    """
+    """Return ``samples`` as an int, if it is an integer from 1 to :data:`MOST_SAMPLES`."""
     return checked_count(key, samples, MOST_SAMPLES)
 
 
 def checked_threads(threads: object, key: str = "threads") -> int:
-    """Return ``threads`` as an int, if it is an integer from 1 to :data:`MOST_THREADS`.
-
-    Raises
-    ------
-    SettingError
-        Anything else.
-    """
+    """Return ``threads`` as an int, if it is an integer from 1 to :data:`MOST_THREADS`."""
     return checked_count(key, threads, MOST_THREADS)
 
 
 def one_of(key: str, value: object, allowed: Sequence[str]) -> str:
-    """Return ``value``, the setting named ``key``, if it is among ``allowed``.
-
-    Raises
-    ------
-    SettingError
-        Anything else; it says the nearest match.
-    """
+    """Return ``value``, the setting named ``key``, if it is among ``allowed``."""
     if isinstance(value, str) and value in allowed:
         return value
     nearest = get_close_matches(str(value), allowed, n=1, cutoff=0.4)
@@ -157,25 +108,42 @@ def one_of(key: str, value: object, allowed: Sequence[str]) -> str:
 
 
 def checked_precision(precision: object, key: str = "precision") -> str:
-    """Return ``precision``, if it is one of :data:`PRECISIONS`.
-
-    Raises
-    ------
-    SettingError
-        Anything else.
-    """
+    """Return ``precision``, if it is one of :data:`PRECISIONS`."""
     return one_of(key, precision, PRECISIONS)
 
 
 def checked_summation(summation: object, key: str = "summation") -> str:
-    """Return ``summation``, if it is one of :data:`SUMMATIONS`.
-
-    Raises
-    ------
-    SettingError
-        Anything else.
-    """
+    """Return ``summation``, if it is one of :data:`SUMMATIONS`."""
     return one_of(key, summation, SUMMATIONS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class HandedOn:
+    """Settings that a config hands on to the kernels as they are: what is a field here is one of all that inherit it.
+
+    Parameters
+    ----------
+    summation : {"compensated", "plain"}
+        Summation of the steps in double precision. Double-double sums are compensated always.
+    split : {"kinetic_potential", "exact_oscillator"}
+        What the two operators of a method solve: the drift T and the kick V; or the drift T with the oscillators of the
+        frequencies that the system declares, and the kick the rest of V.
+    """
+
+    summation: str = "compensated"
+    split: str = KINETIC_POTENTIAL
+
+    @property
+    def handed_on(self) -> dict[str, Any]:
+        """These settings by name."""
+        return handed_on_from(self)
+
+
+def handed_on_from(*sources: object) -> dict[str, Any]:
+    """Return the fields of :class:`HandedOn` by name, each from the first source that gives it; None gives nothing."""
+    found = {field.name: [getattr(source, field.name, None) for source in sources] for field in fields(HandedOn)}
+    given = {name: next((x for x in values if x is not None), None) for name, values in found.items()}
+    return {name: value for name, value in given.items() if value is not None}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -249,13 +217,7 @@ class Numerics(HandedOn):
 
 
 def checked_first(first: object, key: str = "first") -> str | None:
-    """Return ``first``, if it is None (the tableau's own) or one of :data:`OPERATORS`.
-
-    Raises
-    ------
-    SettingError
-        Anything else.
-    """
+    """Return ``first``, if it is None (the tableau's own) or one of :data:`OPERATORS`."""
     return None if first is None else one_of(key, first, OPERATORS)
 
 

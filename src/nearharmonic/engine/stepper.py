@@ -11,10 +11,10 @@ import numpy as np
 
 from nearharmonic.core.layout import ADVANCE, STEP
 from nearharmonic.engine.batch.kernels import kernel_of, physics_of
-from nearharmonic.engine.batch.parameters import parameters_at_run_time
 from nearharmonic.engine.numbers.coefficients import moves
+from nearharmonic.engine.numbers.initial_values import parameters_at_run_time
 from nearharmonic.engine.runs.continuation import start_of
-from nearharmonic.engine.runs.problem import Problem
+from nearharmonic.engine.runs.setup import Setup
 from nearharmonic.engine.settings import KINETIC_POTENTIAL
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
@@ -63,14 +63,14 @@ def stepper(
     """
     from nearharmonic.core.stepper import call as compiled
 
-    problem = Problem(
+    problem = Setup(
         system, integrator, summation=summation, first=first, precision=precision, split=split, energy="none"
     )
     _check(problem)
     return compiled.stepper(step_of(problem, parameters))
 
 
-def step_of(problem: Problem, parameters: Mapping[str, Any] | None = None) -> Step:
+def step_of(problem: Setup, parameters: Mapping[str, Any] | None = None) -> Step:
     """Return the machine code and the coefficients of a step of ``problem``."""
     from nearharmonic.core.loops.kernel import build_step, room
     from nearharmonic.core.stepper.call import Step
@@ -105,7 +105,7 @@ def step_of(problem: Problem, parameters: Mapping[str, Any] | None = None) -> St
     )
 
 
-def _check(problem: Problem) -> None:
+def _check(problem: Setup) -> None:
     """Refuse what a step by itself is not."""
     system, tableau, numerics = problem.system, problem.tableau, problem.numerics
     if numerics.parts > 1:

@@ -1,4 +1,4 @@
 """Coefficients of integrators to and from other programs: files of data, and source code for other languages."""
 
-#: What an integrator is exported to: data, then programs.
+#: Targets of an export: data formats, then programs.
 TARGETS = ("json", "toml", "c", "julia", "rebound", "diffrax", "sundials", "fortran")

@@ -1,7 +1,8 @@
-"""Files of coefficients from anywhere: JSON, TOML, CSV or a user's Python file, read without rounding a digit.
+"""Files of coefficients from any source: JSON, TOML, CSV or a user's Python file, read without rounding.
 
-The rows hold the coefficients in the order in which they are applied. The row of the operator that is applied first is
-as long as the other one, or longer by one. Every other key is a claim of the file, which nothing here trusts.
+The rows hold the coefficients in the order in which they are applied. The row of the operator that is applied first has
+as many coefficients as the other row, or one more. All other keys are claims of the file. Claims are never used without
+proof.
 """
 
 from __future__ import annotations
@@ -22,11 +23,11 @@ from nearharmonic.integrators.composition import DECIMAL
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, First, Row
 from nearharmonic.registry.registry import split_path
 
-#: Orders up to which conditions are examined; the number of words doubles with each more.
+#: Highest orders for which conditions are examined; the number of words doubles with each order.
 HIGHEST_ORDER = 10
 #: Harmonic orders that a file may claim.
 HIGHEST_HARMONIC_ORDER = 100
-#: Coefficients of a row, characters of one of them, and its size, at most.
+#: Limits: coefficients per row, characters per coefficient, and absolute value of a coefficient.
 LONGEST_ROW, LONGEST_NUMBER, LARGEST_NUMBER = 100, 400, 1000
 
 _ROWS = ("kick", "drift")
@@ -36,14 +37,14 @@ _KEYS = (*_TEXTS, "order", "harmonic_order", "requires", "symmetric", "first", "
 
 @dataclass(frozen=True, kw_only=True)
 class CoefficientFile:
-    """The coefficients of one step as a file gives them, and what it claims of them.
+    """The coefficients of one step in a file, and the claims of the file about them.
 
     Attributes
     ----------
     path : str
         The file.
     name, label, source : str
-        As in the file; ``name`` is that of the file by default, and ``label`` the name.
+        As in the file. The default of ``name`` is the file name, and the default of ``label`` is ``name``.
     kick, drift : tuple of str
         Decimal numbers in the order in which they are applied.
     first : {"drift", "kick"}
@@ -53,7 +54,7 @@ class CoefficientFile:
     requires : str or None
         :data:`~nearharmonic.integrators.tableau.QUADRATIC_KINETIC_ENERGY` if the order is claimed for T = p.p/2 alone.
     symmetric : bool or None
-        Claim that the step is a palindrome, or that it is none.
+        Claim that the step is (True) or is not (False) a palindrome.
     digits : int or None
         Claim on the significant digits to which the coefficients are rounded.
     """
@@ -78,10 +79,10 @@ def read(path: str) -> CoefficientFile:
     Parameters
     ----------
     path : str
-        A file that ends with .json, .toml, .csv or .py. CSV has either a header ``kick,drift`` and a coefficient of
-        each in a line (the shorter column ends with an empty cell), or lines ``kick,0.5,0.5`` and ``drift,1`` and a
-        line ``key,value`` for each claim; ``#`` begins a comment. A Python file is that of an integrator, with ``:``
-        and a name behind it if it defines several.
+        A file that ends with .json, .toml, .csv or .py. A CSV file has either a header ``kick,drift`` and one
+        coefficient of each per line (the shorter column ends with an empty cell), or lines such as ``kick,0.5,0.5`` and
+        ``drift,1`` and a line ``key,value`` for each claim; ``#`` begins a comment. A Python file defines an
+        integrator; if it defines several, the path ends with ``:`` and a name.
 
     Returns
     -------
@@ -137,9 +138,11 @@ def _python(place: str) -> dict[str, Any]:
     """Return the tableau of a user's file as a document."""
     from nearharmonic.exchange.coefficients import as_registered
     from nearharmonic.exchange.writers.data import document
-    from nearharmonic.integrators.user_file import tableau_at
+    from nearharmonic.integrators import integrators
+    from nearharmonic.integrators.file import tableau_at
 
-    return {key: value for key, value in document(as_registered(tableau_at(place))).items() if value is not None}
+    tableau = as_registered(tableau_at(place, integrators.registered))
+    return {key: value for key, value in document(tableau).items() if value is not None}
 
 
 def _without_empty_end(cells: list[str]) -> list[str]:
@@ -149,7 +152,7 @@ def _without_empty_end(cells: list[str]) -> list[str]:
 
 
 def _typed(cell: str) -> object:
-    """The cell of a claim: an integer, a truth value, or text."""
+    """Convert the cell of a claim to an integer, a bool, or text."""
     truth = {"true": True, "false": False, "": None}
     if cell.lower() in truth:
         return truth[cell.lower()]

@@ -1,4 +1,4 @@
-"""The coefficients of a tableau, rounded to the digits that a file is to have."""
+"""The coefficients of a tableau, rounded to the digits of a file."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from decimal import Context, Decimal
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import First, Row, Tableau
 
-#: Significant decimal digits that tell any two doubles apart.
+#: Number of significant decimal digits that distinguishes any two doubles.
 DOUBLE_DIGITS = 17
 
 
@@ -23,14 +23,14 @@ class Coefficients:
     kick, drift : tuple of str
         Decimal numbers without exponents, in the order in which they are applied.
     digits : int
-        Significant digits that count: those to which the rows are rounded, or those that the source guarantees.
+        Significant digits: those to which the rows are rounded, or those that the source guarantees.
     rounding : str
         How the rows are rounded, in one sentence.
 
     Raises
     ------
     SettingError
-        The kicks of the integrator are of a modified potential.
+        The integrator has modified potentials.
     """
 
     tableau: Tableau
@@ -96,7 +96,8 @@ def rounded(tableau: Tableau, digits: int) -> Coefficients:
 def nearest_doubles(tableau: Tableau) -> Coefficients:
     """Return the shortest decimals that read as the doubles nearest to the coefficients of ``tableau``.
 
-    Seventeen digits would not do: a number that is rounded to them and then to a double is rounded twice.
+    Rounding to seventeen digits is not enough: a reader rounds the result to a double, and the second rounding may
+    differ.
     """
     return Coefficients(
         tableau=tableau,
@@ -108,6 +109,6 @@ def nearest_doubles(tableau: Tableau) -> Coefficients:
 
 
 def _with_point(number: Decimal) -> str:
-    """``number`` without an exponent and with a point, which some languages need to read a real number."""
+    """Return ``number`` without an exponent and with a decimal point, which some languages need in a real number."""
     text = format(number, "f")
     return text if "." in text else f"{text}.0"

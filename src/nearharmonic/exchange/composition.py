@@ -1,4 +1,4 @@
-"""A step as a product of drifts and kicks, each with the uncertainty that its digits leave."""
+"""A step as a product of drifts and kicks, with the uncertainty of each coefficient due to its digits."""
 
 from __future__ import annotations
 
@@ -13,24 +13,25 @@ from nearharmonic.exact.step import Step, composed
 from nearharmonic.exchange.coefficient_file import CoefficientFile
 from nearharmonic.integrators.tableau import First, Row
 
-#: Numbers of at most so many significant digits are exact: nobody rounds a method to four.
+#: Numbers with at most this number of significant digits are considered exact: no source rounds a method to four
+#: digits.
 EXACT_DIGITS = 4
-#: Decimals that are written for doubles have 16 to 18 significant digits, of which 16 hold.
+#: Decimals that represent doubles have 16 to 18 significant digits, and 16 of them are reliable.
 DOUBLE_DIGITS, LONGEST_DOUBLE = 16, 18
-#: Units of the last digit by which a coefficient may be off. A number that is cut off is off by one, and the iterations
-#: that found published coefficients stopped a unit or two before the end.
+#: Maximum error of a coefficient in units of its last digit. A truncated number has an error of up to one unit, and the
+#: iterations for published coefficients ended with errors of one or two units.
 LAST_DIGIT = 3
 
 
 class Printed(Fraction):
-    """A coefficient of a step as a file prints it: the exact value of its decimals.
+    """A printed coefficient of a step: the exact value of its decimals.
 
     Attributes
     ----------
     uncertainty : Fraction
-        Bound of its distance to the coefficient that its decimals were rounded from.
+        Bound of the rounding error of the decimals.
     place : str
-        Its place in the file, such as "kick[2]"; several if neighbours of one operator were joined.
+        Its position in the file, such as "kick[2]"; several positions if adjacent flows of one operator were joined.
     """
 
     uncertainty: Fraction
@@ -44,7 +45,7 @@ class Printed(Fraction):
 
 
 class Digits(NamedTuple):
-    """Significant digits that the coefficients have, 0 if they are exact, and how that is known."""
+    """Number of significant digits of the coefficients, 0 if they are exact, and the source of this number."""
 
     number: int
     basis: str
@@ -56,11 +57,11 @@ class Digits(NamedTuple):
 
 
 def digits_of(file: CoefficientFile) -> Digits:
-    """Return the significant digits of the coefficients: those that the file claims, or those that it shows.
+    """Return the number of significant digits of the coefficients, as claimed or as counted in the file.
 
-    Those shown are the median over the coefficients that have more than :data:`EXACT_DIGITS` digits; without any, the
-    coefficients are exact. Numbers of 16 to 18 digits are doubles as a program prints them, of which 16 digits hold,
-    and so are longer ones that are nothing but doubles written out.
+    The counted number is the median over the coefficients with more than :data:`EXACT_DIGITS` digits. If no coefficient
+    has more, all are exact. Numbers of 16 to 18 digits are printed doubles with 16 reliable digits. Longer numbers are
+    treated in this way too if they are exact decimal expansions of doubles.
     """
     if file.digits is not None:
         return Digits(file.digits, "as the file claims")
@@ -75,7 +76,7 @@ def digits_of(file: CoefficientFile) -> Digits:
 
 
 def _is_double_written_out(text: str) -> bool:
-    """Return True if a number is its nearest double, to its last digit; others are so once in 10^(digits - 16)."""
+    """Return True if a number is exactly its nearest double; by chance in one of 10^(digits - 16) cases."""
     exponent = Decimal(text).as_tuple().exponent
     return abs(Fraction(text) - Fraction(float(text))) <= Fraction(10) ** int(exponent) / 2
 
@@ -88,8 +89,8 @@ def significant_digits(text: str) -> int:
 def uncertainty(text: str, digits: int) -> Fraction:
     """Return :data:`LAST_DIGIT` units of the last of ``digits`` digits of a coefficient; 0 for exact ones.
 
-    ``digits`` are counted from the first digit of the number, but behind the point for numbers below 1. Sources count
-    either way, and this is the larger unit.
+    ``digits`` are counted from the first digit of the number, but from the decimal point for numbers below 1. Sources
+    use either way of counting; this choice gives the larger uncertainty.
     """
     if digits == 0:
         return Fraction(0)
@@ -97,7 +98,7 @@ def uncertainty(text: str, digits: int) -> Fraction:
 
 
 def step_of(kick: Row, drift: Row, first: First, digits: int) -> Step:
-    """Return the step of printed rows, without flows of 0, and with neighbours of one operator joined."""
+    """Return the step of printed rows, without zero flows, and with adjacent flows of one operator joined."""
     kicks, drifts = (
         [Printed(text, uncertainty(text, digits), f"{name}[{i}]") for i, text in enumerate(row)]
         for name, row in (("kick", kick), ("drift", drift))
@@ -127,7 +128,7 @@ def uncertainty_of(step: Step) -> Fraction:
 
 
 def is_palindrome(step: Step, *, exactly: bool = False) -> bool:
-    """Return whether a step reads the same backwards, to the digits of its coefficients or exactly."""
+    """Return True if a step is a palindrome, to the digits of its coefficients or exactly."""
     return all(
         x == y and abs(a - b) <= (0 if exactly else a.uncertainty + b.uncertainty)
         for (x, a), (y, b) in zip(step, reversed(step), strict=True)

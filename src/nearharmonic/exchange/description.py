@@ -12,21 +12,21 @@ from nearharmonic.integrators.tableau import Row, Tableau
 
 #: Columns of a comment.
 WIDTH = 96
-#: Characters of an identifier that every language takes: Fortran has 63, and a suffix is added to some.
+#: Maximum length of an identifier in all languages: Fortran allows 63 characters, and some names get a suffix.
 LONGEST_IDENTIFIER = 40
 
 
 def head(coefficients: Coefficients, mark: str, *remarks: str) -> str:
-    """Return the comment at the head of a program: what the integrator is, which operator is first, and its source.
+    """Return the comment at the head of a program: the integrator, its first operator, and its source.
 
     Parameters
     ----------
     coefficients : Coefficients
         The integrator and its rows.
     mark : str
-        What begins a line of comment in the language.
+        Start of a comment line in the language.
     *remarks : str
-        Sentences on the target, a paragraph each.
+        Sentences about the target, one paragraph each.
     """
     return comment([*_description(coefficients), *remarks], mark)
 
@@ -67,9 +67,9 @@ def _sequence(outer: str, inner: str, stages: int) -> str:
 
 
 def comment(paragraphs: list[str], mark: str) -> str:
-    """Return ``paragraphs`` as lines of comment, each begun by ``mark``.
+    """Return ``paragraphs`` as comment lines that begin with ``mark``.
 
-    A user's label or source may hold line ends, which become spaces, and a backslash that would continue the line.
+    Line ends in a user's label or source become spaces. A backslash at the end of a line would continue the comment.
     """
     lines = []
     for paragraph in paragraphs:
@@ -84,23 +84,23 @@ def identifier(tableau: Tableau) -> str:
 
 
 def elements(row: Row, form: str = "{}", separator: str = ",") -> str:
-    """Return the numbers of ``row``, one a line.
+    """Return the numbers of ``row``, one per line.
 
     Parameters
     ----------
     row : tuple of str
         Decimal numbers.
     form : str
-        How the language writes a number, which stands for the braces.
+        Format of a number in the language; the number replaces the braces.
     separator : str
-        What ends the lines; the last one too if it is a comma alone.
+        End of each line; the last line has it only if it is a comma.
     """
     lines = [f"    {form.format(text)}" for text in row]
     return f"{separator}\n".join(lines) + ("," if separator == "," else "")
 
 
 def names_of_python(coefficients: Coefficients) -> dict[str, str]:
-    """Return what a program in Python calls the integrator, its rows and its operators, and what the rows hold."""
+    """Return the names of the integrator and its operators, and the texts of its rows, in a Python program."""
     outer, inner = coefficients.operators
     return {
         "name": identifier(coefficients.tableau),
@@ -114,16 +114,16 @@ def names_of_python(coefficients: Coefficients) -> dict[str, str]:
 
 
 def remarks_of_python(coefficients: Coefficients, own_force: str, doubles: str) -> list[str]:
-    """Return those remarks that hold of the integrator in a library for Python.
+    """Return the remarks that apply to the integrator in a Python library.
 
     Parameters
     ----------
     coefficients : Coefficients
         The integrator and its rows.
     own_force : str
-        Why a method with kicks at both ends evaluates the force ``{count}`` times a step.
+        Reason for ``{count}`` force evaluations per step of a method with kicks at both ends.
     doubles : str
-        What the library makes of more digits than doubles have.
+        Treatment of more digits than doubles have in the library.
     """
     remarks = []
     if coefficients.tableau.first_same_as_last:

@@ -1,4 +1,4 @@
-"""An integrator as text for another program: which targets there are, and with how many digits each is written."""
+"""An integrator as text for another program: the targets and their numbers of digits."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from nearharmonic.exchange.coefficients import Coefficients, as_registered, near
 from nearharmonic.exchange.writers import c, data, diffrax, fortran, julia, rebound, sundials
 from nearharmonic.integrators.tableau import Tableau
 
-#: The functions that write, by target.
+#: Functions that write the text, by target.
 WRITERS: Mapping[str, Callable[[Coefficients], str]] = {
     "json": data.write_json,
     "toml": data.write_toml,

@@ -1,9 +1,10 @@
 """The integrators, one file per source; ``integrators["aba864"]`` is a :class:`Tableau`.
 
-This package is itself the mapping ``integrators``: see :mod:`nearharmonic.registry.registry`. Two views of it select
-methods by their kicks.
+This package is the mapping ``integrators`` (:mod:`nearharmonic.registry.registry`). Two views select methods by the
+type of their kicks.
 """
 
+from nearharmonic.integrators.file import tableau_at
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.registry.registry import Registry, make_registry
 from nearharmonic.registry.selection import Selection
@@ -24,17 +25,10 @@ BENCHMARKED = (
     "babps9o7h",
 )
 
-
-def _at(place: str, _: object) -> Tableau:
-    from nearharmonic.integrators.user_file import tableau_at
-
-    return tableau_at(place)
-
-
 integrators: Registry[Tableau] = make_registry(
-    __name__, "integrator", "TABLEAUS", lambda module: {t.name: t for t in getattr(module, "TABLEAUS", ())}, _at
+    __name__, "integrator", "TABLEAUS", lambda module: {t.name: t for t in getattr(module, "TABLEAUS", ())}, tableau_at
 )
 
-#: Integrators whose kicks are of V alone, and those with kicks of a modified potential.
+#: Integrators without and with modified potentials.
 plain_integrators = Selection(integrators, "plain_integrators", lambda tableau: not tableau.modified)
 modified_integrators = Selection(integrators, "modified_integrators", lambda tableau: tableau.modified)

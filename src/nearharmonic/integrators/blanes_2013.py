@@ -1,8 +1,8 @@
 """Blanes, Casas, Farres, Laskar, Makazaga & Murua (2013), Appl. Numer. Math. 68, 58.
 
 New families of symplectic splitting methods for numerical integration in dynamical astronomy,
-doi:10.1016/j.apnum.2013.01.003. Every 40-digit copy of ABA864 drops a digit of the innermost kick (its row sum is off
-by 5e-31); the value here solves the order conditions.
+doi:10.1016/j.apnum.2013.01.003. All 40-digit copies of ABA864 omit a digit of the innermost kick (the error of the row
+sum is 5e-31); the value here solves the order conditions.
 """
 
 from nearharmonic.integrators.tableau import Tableau, palindrome

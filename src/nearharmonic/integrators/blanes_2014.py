@@ -1,7 +1,7 @@
 """Blanes, Casas & Sanz-Serna (2014), Numerical integrators for the Hybrid Monte Carlo method.
 
-SIAM J. Sci. Comput. 36, A1556, doi:10.1137/130932740. Methods of order two whose parameters make the expected energy
-error of a Gaussian, which is an oscillator, least over a range of step sizes.
+SIAM J. Sci. Comput. 36, A1556, doi:10.1137/130932740. Methods of order two whose parameters minimise the expected
+energy error for a Gaussian distribution, an oscillator, over a range of step sizes.
 """
 
 from nearharmonic.integrators.tableau import Tableau, palindrome

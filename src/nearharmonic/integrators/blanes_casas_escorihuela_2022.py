@@ -1,8 +1,8 @@
 """Blanes, Casas & Escorihuela-Tomas (2022), Runge-Kutta-Nystrom symplectic splitting methods of order 8.
 
 Appl. Numer. Math. 182, 14, doi:10.1016/j.apnum.2022.07.010, arXiv:2202.01541. Six methods of 17 to 19 stages, with 30
-decimals; the letter says whether the drift (a) or the kick (b) is first. They count on a quadratic kinetic energy, each
-in its own role: otherwise the order is four.
+decimals; the letter says whether the drift (a) or the kick (b) is first. They have order eight for a quadratic kinetic
+energy in this role, and order four otherwise.
 """
 
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau, palindrome

@@ -2,12 +2,12 @@
 
 J. Comput. Appl. Math. 142, 313, doi:10.1016/S0377-0427(01)00492-7. The paper prints 15 to 17 decimals of methods with
 3, 3, 4 and 7 free parameters, which it chose for small errors. Here as many printed values as there are free parameters
-are taken as they stand, and the order conditions give the others, to 79 decimals. S6 and SRKN 6b then round to the
-print. No set that rounds to all the printed decimals of SRKN 11b or 14a fulfils the conditions: four and seven of them
-are kept, and the others are off the print by at most 3 (11b) and 6 (14a) units of its last decimal, 6e-15.
+are kept, and the order conditions give the others to 79 decimals. S6 and SRKN 6b then round to the printed values. No
+set that rounds to all printed decimals of SRKN 11b or 14a fulfils the conditions: four and seven values are kept, and
+the others differ from the printed values by at most 3 (11b) and 6 (14a) units of the last decimal, 6e-15.
 
-The Nystrom methods count on [V, [V, [V, T]]] = 0, each in one role: with kick and drift exchanged, 11b and 14a are of
-order four. SRKN 6b has order four for any separable H in either role, and small errors in its own with quadratic T.
+The Nystrom methods need [V, [V, [V, T]]] = 0, in one role only: with kick and drift exchanged, 11b and 14a have order
+four. SRKN 6b has order four for any separable H in both roles, and small errors in its own role with quadratic T.
 """
 
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau, palindrome

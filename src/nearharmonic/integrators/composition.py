@@ -1,4 +1,4 @@
-"""Kicks and drifts in turns, as exact decimal strings: what a step and a processor have in common."""
+"""Compositions of alternating kicks and drifts, as exact decimal strings: common base of steps and processors."""
 
 from __future__ import annotations
 
@@ -15,30 +15,29 @@ if TYPE_CHECKING:
     from numpy import int64
     from numpy.typing import NDArray
 
-#: Steps of one run, or of many.
+#: Number of steps of one run, or of many runs.
 Steps = TypeVar("Steps", int, "NDArray[int64]")
 #: The operator applied first in a step: a drift moves q by dT/dp (ABA), a kick moves p by -dV/dq (BAB).
 First = Literal["drift", "kick"]
 Row = tuple[str, ...]
-#: A move of a run: kick, with the sign of the force, drift, and coefficient of grad |grad V|^2.
+#: A move of a run: kick (with the sign of the force), drift, and coefficient of grad |grad V|^2.
 Move = tuple[Fraction, Fraction, Fraction]
 
-#: A coefficient. Exponents are bounded because coefficients are held as exact fractions: 1e999999999 would fill the
-#: memory.
+#: A coefficient. Exponents are bounded because coefficients are exact fractions: 1e999999999 would fill the memory.
 DECIMAL = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 
 
 def palindrome(*half: str, centre: str | None = None) -> Row:
-    """Return the row that reads ``half`` forwards, ``centre`` once if its length is odd, and ``half`` backwards."""
+    """Return the palindrome of ``half``, ``centre`` if the length is odd, and ``half`` in reverse order."""
     return (*half, *(() if centre is None else (centre,)), *reversed(half))
 
 
 class Composition:
-    """Kicks and drifts in turns: the rows by their places in a step.
+    """Alternating kicks and drifts; each row has the order of its application.
 
-    A kick of a step tau is p -= k tau grad V - m tau^3 grad |grad V|^2, with |grad V|^2 the square of grad V by the
-    inverse masses: the exact flow of the potential k tau V - m tau^3 |grad V|^2. The row ``square`` has the
-    coefficients m, one for each kick; without it all kicks are of V alone.
+    A kick of a step tau is p -= k tau grad V - m tau^3 grad |grad V|^2, where |grad V|^2 is the square of grad V with
+    the inverse masses. It is the exact flow of the potential k tau V - m tau^3 |grad V|^2. The row ``square`` has the
+    coefficients m, one for each kick; without this row all kicks are of V alone.
     """
 
     first: First
@@ -59,14 +58,14 @@ class Composition:
 
     @property
     def stages(self) -> int:
-        """Force evaluations per step, s; for kick first, the one that closes a step opens the next."""
+        """Force evaluations per step, s; with the kick first, the last force of a step is the first of the next."""
         return len(self.inner)
 
     def steps(self, tau_per_stage: Fraction | float, t_end: Fraction | str | float, cost: float | None = None) -> int:
-        """Return the steps, at least one, into which an interval is cut for a step size over the cost of a step.
+        """Return the number of steps in an interval, at least one, for a step size over the cost of a step.
 
-        Their number is max(1, round(t_end / tau)) with tau = ``tau_per_stage`` times the cost, a product of doubles if
-        both are. The division is exact unless ``t_end`` is a double, which divides as doubles do.
+        It is max(1, round(t_end / tau)) with tau = ``tau_per_stage`` times the cost. The product is that of doubles if
+        both factors are doubles. The division is exact unless ``t_end`` is a double.
 
         Parameters
         ----------
@@ -81,36 +80,37 @@ class Composition:
         return max(1, round(Fraction(t_end) / Fraction(tau) if isinstance(t_end, str | Fraction) else t_end / tau))
 
     def evaluations(self, steps: Steps) -> Steps:
-        """Return the force evaluations of a run: s a step, and one more to begin with if the kick comes first."""
+        """Return the force evaluations of a run: s per step, and one more at the start if the kick is first."""
         return steps * self.stages + self.first_same_as_last
 
     @property
     def first_same_as_last(self) -> bool:
-        """True if the force of a step's last kick is that of the next step's first kick."""
+        """True if the last kick of a step and the first kick of the next step share one force."""
         return self.first == "kick"
 
     @property
     def modified(self) -> bool:
-        """True if kicks are of a modified potential."""
+        """True if the method has modified potentials."""
         return bool(self.square)
 
     @property
     def compositions(self) -> tuple[Composition, ...]:
-        """Compositions that a run applies: the step alone, unless there is a processor."""
+        """Compositions that a run applies: only the step, unless there is a processor."""
         return (self,)
 
     def moves(self, tau: Fraction = Fraction(1), *, rounded: bool = False) -> list[Move]:
-        """Return the moves (s + 2) of a run, multiplied by powers of a step size exactly.
+        """Return the s + 2 moves of a run, multiplied exactly by powers of a step size.
 
-        They are the first move of a run, the first move of each later step, which begins with the last of the step
-        before, the others, and the move that closes a step. A run that drifts first makes no first kick.
+        The first is the first move of a run. The second is the first move of each later step, merged with the last move
+        of the step before. Then come the other moves, and the last move of a step. A run that begins with a drift has
+        no first kick.
 
         Parameters
         ----------
         tau : Fraction
             Step size.
         rounded : bool
-            Whether coefficients times powers of tau are rounded to doubles before any are added.
+            True to round the products of coefficients and powers of tau to doubles before additions.
         """
         rows = (self.kick, -tau), (self.drift, tau), (self.square or ("0",) * len(self.kick), tau**3)
         found = ([Fraction(c) * factor if factor != 1 else Fraction(c) for c in row] for row, factor in rows)
@@ -125,7 +125,7 @@ class Composition:
         return [(nothing, drifts[0], nothing), merged, *between, closing]
 
     def _check_rows(self) -> None:
-        """Refuse rows that are no decimal numbers, or of lengths that do not fit."""
+        """Raise an error for rows that are no decimal numbers, or for wrong lengths."""
         for key in ("kick", "drift", "square"):
             row = getattr(self, key)
             self._expect(isinstance(row, tuple), key, row, "a tuple of decimal strings")
@@ -140,7 +140,7 @@ class Composition:
 
     def _check_sums(self, total: int) -> None:
         for key, row in (("kick", self.kick), ("drift", self.drift)):
-            # Exact: the digits of all numbers are within this precision, as their exponents have three digits at most.
+            # Exact: this precision holds all digits of the numbers, because exponents have at most three digits.
             with localcontext(prec=2 * (1001 + max(map(len, row)))):
                 excess = sum(map(Decimal, row), start=Decimal(-total))
             balanced = abs(Fraction(excess)) * 10**self.digits <= len(row)
@@ -159,7 +159,7 @@ class Composition:
 
 @dataclass(frozen=True, kw_only=True)
 class Processor(Composition):
-    """A step close to the identity, whose kicks and whose drifts each add up to 0.
+    """A step close to the identity: the kicks sum to 0, and so do the drifts.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ class Processor(Composition):
 
     @cached_property
     def inverse(self) -> Processor:
-        """The processor that undoes this one."""
+        """The inverse processor."""
         rows = ([_negated(text) for text in reversed(row)] for row in (self.kick, self.drift, self.square))
         kick, drift, square = map(tuple, rows)
         return Processor(first=self.first, kick=kick, drift=drift, square=square, digits=self.digits)

@@ -1,7 +1,7 @@
-"""Nystrom methods of A. Escorihuela-Tomas's comparison of quadratures and splittings for the solar system.
+"""Nystrom methods from the comparison of quadratures and splittings for the solar system by A. Escorihuela-Tomas.
 
-https://github.com/alejandro-escorihuela/solar_quad, file ``py/metsNIA.py``. RNIA12 is made for a near-integrable split:
-the kick is the small part.
+https://github.com/alejandro-escorihuela/solar_quad, file ``py/metsNIA.py``. RNIA12 is designed for a near-integrable
+splitting, in which the kick is the small part.
 """
 
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau, palindrome

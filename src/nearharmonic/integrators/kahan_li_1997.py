@@ -1,9 +1,9 @@
 """Kahan & Li (1997), Composition constants for raising the orders of unconventional schemes.
 
 Math. Comp. 66, 1089, doi:10.1090/S0025-5718-97-00873-9: palindromic compositions of the leapfrog, drift first. Weights
-are printed to 26 decimals. Those of s9odr6a have one free parameter, chosen so that the largest of them, the middle
-one, is least; the first weight is taken as printed and the order conditions give the others. Those of s15odr8, an
-isolated solution that Suzuki & Umeno (1993) and McLachlan (1995) found as well, are solved to 79 decimals.
+are printed to 26 decimals. The weights of s9odr6a have one free parameter, which minimises the largest weight, the
+middle one. The first weight is taken as printed, and the order conditions give the others. The weights of s15odr8 are
+an isolated solution, which Suzuki & Umeno (1993) and McLachlan (1995) found too; they are solved to 79 decimals.
 """
 
 from nearharmonic.integrators.tableau import Tableau, palindrome

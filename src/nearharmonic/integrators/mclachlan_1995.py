@@ -1,8 +1,8 @@
 """McLachlan (1995), On the numerical integration of ordinary differential equations by symmetric composition methods.
 
-SIAM J. Sci. Comput. 16, 151, doi:10.1137/0916010. The symmetric fourth-order methods: S for any H = A + B, SB3A for
-[B, [B, [B, A]]] = 0, of which quadratic kinetic energy is a case, and SS, a composition of leapfrog steps. All follow
-from the rational coefficients that the paper chose, in closed form or as roots of the order conditions, and agree with
+SIAM J. Sci. Comput. 16, 151, doi:10.1137/0916010. The symmetric fourth-order methods: S for any H = A + B, SB3A for [B,
+[B, [B, A]]] = 0, for example a quadratic kinetic energy, and SS, a composition of leapfrog steps. All coefficients
+follow from the rational coefficients of the paper, in closed form or as roots of the order conditions, and agree with
 its 20 digits.
 """
 

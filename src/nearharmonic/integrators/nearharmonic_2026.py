@@ -1,10 +1,11 @@
-"""Methods of order six for quadratic kinetic energy and of harmonic order seven or eight: Nielsen's idea, a step on.
+"""Methods of order six for quadratic kinetic energy and harmonic order seven or eight, after Nielsen's idea.
 
-What the search ``reproduction.experiments.sixth_order`` finds and its criterion ranks first among 7 to 11 stages,
-one of each number of stages and composition; free parameters are those of the criterion's minimum, rounded to four
-decimals. No problem was integrated to choose them. For a separable H whose kinetic energy is not quadratic their order
-is four. A label reads like the paper's, with the order before the harmonic order. The published 6A8, of eight stages
-and order six as well (:mod:`nearharmonic.integrators.zymplectic`), is as good as ``babs8o6_7h``.
+The search ``reproduction.experiments.sixth_order`` finds these methods. Its criterion ranks them first among the
+methods with their number of stages (7 to 11) and composition. Free parameters are those at the minimum of the
+criterion, rounded to four decimals. The choice used no integration of a problem. For a separable H whose kinetic energy
+is not quadratic their order is four. Labels are like those of the paper, with the order before the harmonic order. The
+published 6A8 also has eight stages and order six (:mod:`nearharmonic.integrators.zymplectic`), and it is as good as
+``babs8o6_7h``.
 """
 
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau, palindrome

@@ -1,9 +1,9 @@
-"""Methods of order six for quadratic T with five stages and kicks of a modified potential, found by our own search.
+"""Methods of order six for quadratic T with five stages and modified potentials, found by our own search.
 
 :mod:`nearharmonic.training.family` has the equations, six for seven unknowns, and :mod:`nearharmonic.training.polish`
-finds the digits. Of the family of ABA methods, the one here has the least norm of the error terms of degree seven to
-five digits; its second kick is a parameter. Of the BAB methods, the one with two innermost kicks of V alone and the
-smallest coefficients.
+finds the digits. The ABA method has the smallest norm of the error terms of degree seven in its family, to five digits;
+its second kick is the parameter of the family. The BAB method is the one with two innermost kicks of V alone that has
+the smallest coefficients.
 """
 
 from nearharmonic.integrators.tableau import Tableau, palindrome

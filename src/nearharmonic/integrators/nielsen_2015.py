@@ -1,10 +1,11 @@
 """Nielsen (2015), Efficient fourth order symplectic integrators for near-harmonic separable Hamiltonian systems.
 
 arXiv:1501.04345, Table 4, 77 digits. The table prints every outer row as d and every inner row as c, which is the
-layout of a BAB scheme (d kicks, c drifts). The ABAs5o6H sets are applied drift first all the same: only then do they
-perform as the paper reports. The digit before H in a label is the harmonic order: to that order the position of one
-step is exact on the harmonic oscillator, in the role given here. That holds for the BAB' sets as for the BAB sets,
-although the paper has the former from the ABA decomposition (with zero outer drifts, which is the same polynomial).
+layout of a BAB scheme (d kicks, c drifts). The ABAs5o6H sets are nevertheless applied with the drift first: only then
+do they perform as the paper reports. The digit before H in a label is the harmonic order: one step on the harmonic
+oscillator gives the exact position to this order, in the role given here. This holds for the BAB' sets and for the BAB
+sets, although the paper derives the BAB' sets from the ABA decomposition (with zero outer drifts, which gives the same
+polynomial).
 """
 
 from nearharmonic.integrators.tableau import Tableau, palindrome

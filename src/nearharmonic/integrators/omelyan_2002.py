@@ -2,15 +2,15 @@
 
 Optimized Forest-Ruth- and Suzuki-like algorithms for integration of motion in many-body systems, Comput. Phys. Commun.
 146, 188, doi:10.1016/S0010-4655(02)00451-4, and Symplectic analytically integrable decomposition algorithms, Comput.
-Phys. Commun. 151, 272, doi:10.1016/S0010-4655(02)00754-3 (the methods of five stages). One or two parameters are free
-and make the norm of the commutators of degree 5 least: of all six (EFRL), or of the four that quadratic kinetic energy
-leaves. These have 16 to 17 printed decimals and are taken as they stand; the order conditions give the others, which
-round to the print.
+Phys. Commun. 151, 272, doi:10.1016/S0010-4655(02)00754-3 (the methods of five stages). One or two free parameters
+minimise the norm of the commutators of degree 5: of all six commutators (EFRL), or of the four that remain for
+quadratic kinetic energy. The parameters are taken as printed, with 16 to 17 decimals; the order conditions give the
+others, which round to the printed values.
 
 Construction of high-order force-gradient algorithms, Phys. Rev. E 66, 026701, doi:10.1103/PhysRevE.66.026701,
-arXiv:cond-mat/0111055, has the method with kicks of a modified potential: order six with five stages, position first.
-The digits beyond the 16 of the source follow from the order conditions; that the second kick is of V alone fixes the
-parameter of the family.
+arXiv:cond-mat/0111055, has the method with modified potentials: order six with five stages, drift first. The digits
+after the 16 of the source follow from the order conditions; the parameter of the family is fixed because the second
+kick is of V alone.
 """
 
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau, palindrome

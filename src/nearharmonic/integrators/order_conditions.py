@@ -1,17 +1,18 @@
-"""The order conditions of an integrator, checked on its printed coefficients in exact arithmetic.
+"""Order conditions of an integrator, checked on its printed coefficients in exact arithmetic.
 
-A step is the product of exponentials of a tableau's operators; the exact flow is exp(A + B), where A drifts and B
-kicks. The logarithm of the step, A + B + error terms, is compared with A + B degree by degree, which settles the order
-for every separable H at once (:mod:`nearharmonic.exact.words`, :mod:`nearharmonic.exact.lie`).
+A step is the product of exponentials of the operators of a tableau. The exact flow is exp(A + B), with the drift A and
+the kick B. The logarithm of the step, A + B + error terms, is compared with A + B degree by degree. This gives the
+order for all separable H (:mod:`nearharmonic.exact.words`, :mod:`nearharmonic.exact.lie`).
 
-Printed coefficients fulfil an order condition only to their digits. If each of the m coefficients is off by up to
-10^-digits, then the logarithm's coefficients on words of n letters are off by at most
+Printed coefficients fulfil an order condition only to their digits. If each of the m coefficients has an error of at
+most 10^-digits, then the errors of the coefficients of the logarithm on words of n letters are at most
 
     m 10^-digits M^(n-1) [x^(n-1)] e^x / (2 - e^x)  <=  m 10^-digits M^(n-1) (3/2)^n
 
-in total, M being the sum of the absolute values of all coefficients: the first-order perturbation of log(1 + X) with
-every term replaced by its absolute value. A condition counts as fulfilled within this bound, and not otherwise: so
-coefficients of a dozen digits may show a higher order than they have, since nothing they violate can be told from them.
+in total, where M is the sum of the absolute values of all coefficients. This is the first-order perturbation of log(1 +
+X) with every term replaced by its absolute value. A condition counts as fulfilled if its residual is within this bound.
+Coefficients with only a dozen digits may therefore seem to have a higher order than they have: their digits cannot show
+a small violation.
 """
 
 from __future__ import annotations
@@ -27,22 +28,22 @@ from nearharmonic.exact.words import logarithm
 from nearharmonic.integrators.composition import Composition
 from nearharmonic.integrators.tableau import Tableau
 
-#: Up to this order methods are examined unless they declare more; the number of words doubles with each more.
+#: Order up to which methods are examined by default; the number of words doubles with each order.
 HIGHEST = 8
-#: Up to this order methods are examined if they declare it.
+#: Order up to which methods are examined if they declare it.
 HIGHEST_DECLARED = 10
 
 
 @lru_cache(maxsize=1024)
 def tolerance(tableau: Tableau, degree: int) -> Fraction:
-    """Return what guaranteed digits allow a condition of ``degree`` to be off by: the bound above."""
+    """Return the tolerance of a condition of ``degree`` for the guaranteed digits: the bound above."""
     count = len(step_of(tableau)) if tableau.modified else 2 * tableau.stages + 1
     return count * Fraction(1, 10**tableau.digits) * _size(tableau) ** (degree - 1) * Fraction(3, 2) ** degree
 
 
 @lru_cache(maxsize=256)
 def _size(tableau: Tableau) -> Fraction:
-    """The sum of the absolute values of all coefficients, and more than the cubic root of what squares contribute.
+    """Return the sum of all |coefficients|, plus a bound of the cubic root of the contribution of squares.
 
     With b the sum of 4 |m|, 4 the size of C, and c^3 = 40 b, exp(b x^3) has no larger coefficients than exp(c x) up to
     x^11, as (3 j)! / j! is less than 40^j for j <= 3.
@@ -53,14 +54,14 @@ def _size(tableau: Tableau) -> Fraction:
 
 
 def highest_of(tableau: Tableau) -> int:
-    """Return the order up to which a tableau is examined unless told otherwise."""
+    """Return the default order up to which a tableau is examined."""
     return max(HIGHEST, min(tableau.order, HIGHEST_DECLARED))
 
 
 def step_of(tableau: Tableau) -> Step:
-    """Return one step, its kicks of a modified potential as B and C: for quadratic T the two commute.
+    """Return one step, with modified kicks as products of B and C, which commute for quadratic T.
 
-    A processed method has the inverse processor in front and the processor behind.
+    The step of a processed method begins with the inverse processor and ends with the processor.
     """
     step = _composed(tableau)
     if tableau.processor is None:
@@ -75,7 +76,7 @@ def _composed(given: Composition) -> Step:
 
 
 def proved_order(tableau: Tableau, highest: int, *, quadratic: bool) -> int:
-    """Return the order for every separable H, or for those of quadratic T; ``highest`` if it is that or more."""
+    """Return the order for every separable H, or for every H with quadratic T; at most ``highest``."""
     for degree in range(1, highest + 1):
         errors, allowed = errors_of(tableau, degree), tolerance(tableau, degree)
         rows = conditions(degree, quadratic=quadratic)
@@ -87,15 +88,13 @@ def proved_order(tableau: Tableau, highest: int, *, quadratic: bool) -> int:
 @lru_cache(maxsize=512)
 def errors_of(tableau: Tableau, degree: int) -> tuple[tuple[int, ...], int]:
     """Return log(step) - (A + B) on the Lyndon words of ``degree``: numerators, and their denominator."""
-    if (
-        degree % 2 == 0 and tableau.symmetric and not tableau.processed
-    ):  # it undoes itself with tau reversed: its logarithm is odd in tau
+    if degree % 2 == 0 and tableau.symmetric and not tableau.processed:  # its logarithm is odd in tau
         return (0,) * len(lyndon_words(degree)), 1
     return errors_on_words(step_of(tableau), degree)
 
 
 def errors_on_words(step: Sequence[Factor], degree: int) -> tuple[tuple[int, ...], int]:
-    """Return what :func:`errors_of` does for any step of rational numbers, symmetric or not."""
+    """Return the result of :func:`errors_of` for any step of rational numbers, symmetric or not."""
     words = lyndon_words(degree)
     found = logarithm(step, words)
     errors = [found[word] - (degree == 1) for word in words]

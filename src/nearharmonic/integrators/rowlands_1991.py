@@ -1,9 +1,9 @@
 """Rowlands (1991), A numerical algorithm for Hamiltonian systems, J. Comput. Phys. 97, 235: processed, order four.
 
-The kernel is a leapfrog whose force is F + tau^2 grad |F|^2 / 24, that of Takahashi & Imada (1984), J. Phys. Soc. Jpn.
-53, 3765, doi:10.1143/JPSJ.53.3765. Its error of degree three is the commutator of [A, B] / 24 with A + B, so that it
-has order four in other variables. The processor is our own: with drifts -a, 2 a, -a and kicks -b, b its logarithm is 2
-a b [A, B], where a square of a b^2 cancels [B, [A, B]]; here a = 1/12 and b = 1/4.
+The kernel is a leapfrog with the force F + tau^2 grad |F|^2 / 24 of Takahashi & Imada (1984), J. Phys. Soc. Jpn. 53,
+3765, doi:10.1143/JPSJ.53.3765. Its error of degree three is the commutator of [A, B] / 24 with A + B, so that it has
+order four in other variables. The processor is our own. With drifts -a, 2 a, -a and kicks -b, b its logarithm is 2 a b
+[A, B]; a square of a b^2 cancels [B, [A, B]]. Here a = 1/12 and b = 1/4.
 """
 
 from nearharmonic.integrators.composition import Processor

@@ -1,7 +1,7 @@
 """Ruth (1983), A canonical integration technique, IEEE Trans. Nucl. Sci. 30, 2669, doi:10.1109/TNS.1983.4332919.
 
 The first method of order three, whose coefficients are fractions, rounded here to 80 digits: kicks 7/24, 3/4, -1/24 and
-drifts 2/3, -2/3, 1. It is not symmetric, and has as many kicks as drifts, so that the step ends with a kick of 0.
+drifts 2/3, -2/3, 1. It is asymmetric with as many kicks as drifts, so that the last kick of a step is 0.
 """
 
 from nearharmonic.integrators.tableau import Tableau

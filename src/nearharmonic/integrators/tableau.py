@@ -33,7 +33,7 @@ class Tableau(Composition):
     Parameters
     ----------
     name, label : str
-        Name in settings, and in figures and tables, where it is the same by default.
+        Name in settings, and name in figures and tables, by default the same.
     order : int
         Order for any separable H (for T = p.p/2 only, if ``requires`` says so).
     first : {"drift", "kick"}
@@ -41,27 +41,27 @@ class Tableau(Composition):
     kick, drift : tuple of str
         Coefficients of the two operators in units of tau, s + 1 for the one named by ``first`` and s for the other.
     square : tuple of str, optional
-        Coefficients in units of tau^3 of kicks of a modified potential, as :class:`Composition` has them: "0" for a
-        kick of V alone, which needs no gradient. Such a method requires a quadratic kinetic energy.
+        Coefficients m of modified kicks in units of tau^3 (:class:`Composition`); "0" for a kick of V alone, which
+        needs no gradient of the square. Such a method requires a quadratic kinetic energy.
     processor : Processor, optional
-        Composition that is applied at output alone. A run then starts with its inverse and repeats the rows, and each
-        output is processed: the method is that of the rows in other variables, and ``order`` that of processed states.
+        Composition that is applied only at output. A run then begins with the inverse processor and repeats the rows,
+        and each output is processed. ``order`` is the order of processed states.
     symmetric : bool, optional
-        Whether both rows are palindromes, so that a step of -tau undoes a step of tau: found from the rows. Rows that
-        are no palindromes are refused, unless ``outer`` has "0" at one end alone, or False is given.
+        True if both rows are palindromes, so that a step of -tau is the inverse of a step of tau; derived from the
+        rows. Rows that are no palindromes raise an error, unless ``outer`` has "0" at exactly one end, or False is
+        given.
     source : str
-        Where the coefficients come from.
+        Source of the coefficients.
     digits : int
         Number of decimals that the source guarantees.
     requires : str, optional
-        What the method asks of a system: :data:`QUADRATIC_KINETIC_ENERGY`, or nothing.
+        Requirement for a system: :data:`QUADRATIC_KINETIC_ENERGY`, or none.
     note : str
         A remark.
     benchmarked : bool
-        Whether this is one of the ten methods of Nielsen's figures.
+        True for the ten methods of Nielsen's figures.
     harmonic_order : int, optional
-        Order lambda_H to which the source claims to have solved for the harmonic oscillator (Nielsen 2015, Eq. 17), or
-        None.
+        Harmonic order lambda_H that the source claims (Nielsen 2015, Eq. 17), or None.
     generalised_order : tuple of int, optional
         Orders (r1, r2, ...) in tau that the source claims for the errors of size epsilon tau^r1, epsilon^2 tau^r2, ...
         for H = H_A + epsilon H_B (Blanes et al. 2013), or None.
@@ -69,9 +69,9 @@ class Tableau(Composition):
     Raises
     ------
     TableauError
-        A coefficient that is no decimal number, a row of the wrong length, one that is no palindrome, unless the method
-        is not symmetric, one whose sum differs from 1 by more than one unit of the last guaranteed decimal per
-        coefficient, or a processor of a method without squares.
+        A coefficient that is no decimal number; a row of the wrong length; a row of a symmetric method that is no
+        palindrome; a row whose sum differs from 1 by more than one unit of the last guaranteed decimal per coefficient;
+        or a processor of a method without squares.
     """
 
     name: str
@@ -114,7 +114,7 @@ class Tableau(Composition):
 
     @cached_property
     def kernel(self) -> Tableau:
-        """Repeated step of a processed method as a method of its own; its order is not proved."""
+        """Kernel of a processed method as a method without processor; its order is not proved."""
         return replace(self, processor=None)
 
     @property
@@ -124,15 +124,15 @@ class Tableau(Composition):
 
     @property
     def gradients(self) -> int:
-        """Force evaluations of a step that take the gradient of the square as well."""
+        """Number of force evaluations per step with the gradient of the square."""
         needed = [bool(Fraction(m)) for m in self.square]
-        if needed and self.first == "kick":  # the last kick of a step and the first of the next take one force
+        if needed and self.first == "kick":  # the last kick of a step and the first of the next share one force
             needed = [needed[0] or needed[-1], *needed[1:-1]]
         return sum(needed)
 
     @property
     def facts(self) -> dict[str, object]:
-        """Facts of the tableau that a notebook shows, by name."""
+        """Properties of the tableau that a notebook shows, by name."""
         return {
             "name": self.name,
             "label": self.label,
@@ -160,10 +160,10 @@ class Tableau(Composition):
         return facts_table("Tableau", {**self.facts, **rows})
 
     def _check_symmetry(self) -> None:
-        """Find out whether the method is symmetric, and refuse rows that contradict what is said of it.
+        """Derive the symmetry of the method, and raise an error for rows that contradict its declaration.
 
-        A coefficient that is not its mirror image is most often a wrong digit, so that rows have to show that they are
-        meant: by a "0" at one end, which no palindrome has.
+        A coefficient that differs from its mirror image usually has a wrong digit. Asymmetric rows must therefore be
+        recognisable by a "0" at one end, which no palindrome has.
         """
         self._expect(self.symmetric in (None, True, False), "symmetric", self.symmetric, "True, False or None")
         off = [
@@ -183,11 +183,11 @@ class Tableau(Composition):
         return f"tableau {self.name!r}"
 
     def role(self, first: First | None) -> Tableau:
-        """Return the tableau whose outer row is given to the operator ``first``.
+        """Return the tableau with its outer row assigned to the operator ``first``.
 
-        A tableau with swapped roles keeps its order for separable H, but not what the source claims beyond it; one that
-        requires a quadratic kinetic energy keeps order 2 for certain, for any separable H, or order 1 if it is not
-        symmetric.
+        A tableau with exchanged roles keeps its order for separable H, but loses further claims of the source. A
+        tableau that requires a quadratic kinetic energy keeps only order 2 for certain, for any separable H, or order 1
+        if it is not symmetric.
 
         Parameters
         ----------
@@ -197,7 +197,8 @@ class Tableau(Composition):
         Raises
         ------
         SettingError
-            ``first`` is neither "drift", "kick" nor None, or kicks are of a modified potential, which no drift can be.
+            ``first`` is neither "drift", "kick" nor None, or the method has modified potentials, which drifts cannot
+            have.
         """
         if first is None or first == self.first:
             return self
@@ -207,7 +208,7 @@ class Tableau(Composition):
         if first not in _OTHER:
             key = "first"
             raise bad_setting(key, first, "it is 'drift' or 'kick'")
-        # A Nystrom method loses its order; what any composition keeps is order 1, and a symmetric one order 2.
+        # A Nystrom method loses its order. Any consistent composition has order 1, and any symmetric one has order 2.
         order = self.order if self.requires is None else 1 + self.symmetric
         return replace(
             self, first=first, kick=self.drift, drift=self.kick, order=order, requires=None, harmonic_order=None,
@@ -215,7 +216,7 @@ class Tableau(Composition):
         )  # fmt: skip
 
     def rows_exact(self) -> tuple[tuple[Fraction, ...], tuple[Fraction, ...]]:
-        """Return the outer and the inner row as the exact rational numbers that the strings denote."""
+        """Return the outer and the inner row as exact rational numbers."""
         return tuple(map(Fraction, self.outer)), tuple(map(Fraction, self.inner))
 
     def rows_double(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -223,12 +224,12 @@ class Tableau(Composition):
         return tuple(map(float, self.outer)), tuple(map(float, self.inner))
 
     def rows_double_double(self) -> tuple[tuple[tuple[float, float], ...], tuple[tuple[float, float], ...]]:
-        """Return the outer and the inner row as pairs (nearest double, nearest double to the rest), about 32 digits."""
+        """Return the outer and the inner row as pairs (nearest double, nearest double of the rest), about 32 digits."""
         outer, inner = (tuple(rounded_pair(*c.as_integer_ratio()) for c in row) for row in self.rows_exact())
         return outer, inner
 
     def digest(self) -> str:
-        """Return the SHA-256, in hex, of the first operator and all rows, which determine the numbers of a run."""
+        """Return the SHA-256, in hex, of the first operator and all rows, which determine the results of a run."""
         text = "\n".join((self.first, " ".join(self.outer), " ".join(self.inner)))
         found = sha256(text.encode()).hexdigest()
         if self.modified:
@@ -240,5 +241,5 @@ class Tableau(Composition):
         return found
 
 
-#: Further names of the type, for methods with squares and for those with a processor.
+#: Other names of the type, for methods with squares and for methods with a processor.
 ModifiedTableau = ProcessedTableau = Tableau

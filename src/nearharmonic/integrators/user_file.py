@@ -1,4 +1,4 @@
-"""Integrators that users define in Python files of their own."""
+"""Integrators from users' Python files."""
 
 from __future__ import annotations
 
@@ -6,27 +6,25 @@ import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from nearharmonic.errors import TableauError, unknown_name
+from nearharmonic.errors import TableauError
 from nearharmonic.integrators import integrators
+from nearharmonic.integrators.file import tableaus_of
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.registry.registry import is_path, split_path
-from nearharmonic.registry.user_module import load, near_miss
-
-DECLARES = "An integrator of your own is a Python file that defines TABLEAU, or several in TABLEAUS"
 
 
 @dataclass(frozen=True, kw_only=True)
 class TableauDefinition:
-    """An integrator of a user's file.
+    """An integrator from a user's file.
 
     Attributes
     ----------
     file : str
         The Python file.
     written : str
-        The path of the file as a config gives it.
+        The path of the file, as in the config.
     base : None
-        No user's integrator changes a registered one.
+        A user's integrator cannot modify a registered one.
     """
 
     file: str
@@ -49,72 +47,8 @@ class TableauDefinition:
 
 
 def load_tableaus(place: str | os.PathLike[str]) -> dict[str, Tableau]:
-    """Return the tableaus that a Python file defines as TABLEAU or TABLEAUS, by name.
-
-    Raises
-    ------
-    TableauError
-        There is no such file, it cannot be run, it defines no tableau, or one has the name of another one or of a
-        registered integrator, or a lower order than it declares.
-    """
-    path = os.fspath(place)
-    module = load(path, DECLARES, TableauError)
-    several = getattr(module, "TABLEAUS", ())
-    single = getattr(module, "TABLEAU", None)
-    found = [*([] if single is None else [single]), *(several if isinstance(several, list | tuple) else [several])]
-    if not found or not all(isinstance(one, Tableau) for one in found):
-        why = near_miss(module, "TABLEAUS" if hasattr(module, "TABLEAUS") else "TABLEAU", Tableau)
-        message = f"{path} does not define TABLEAU, a nearharmonic.Tableau, or a tuple of them as TABLEAUS{why}"
-        raise TableauError(message)
-    named: dict[str, Tableau] = {}
-    for one in found:
-        if one.name in integrators.registered:
-            message = f"{path}: the integrator {one.name!r} is a registered one already; give it another name"
-            raise TableauError(message)
-        if one is not named.setdefault(one.name, one):
-            message = f"{path} defines two integrators with the name {one.name!r}"
-            raise TableauError(message)
-        _check_order(path, one)
-    return named
-
-
-def _check_order(path: str, tableau: Tableau) -> None:
-    """Refuse a tableau whose coefficients contradict the order that it declares, as far as orders are examined."""
-    from nearharmonic.integrators.order_conditions import HIGHEST_DECLARED, proved_order
-
-    quadratic = tableau.requires is not None
-    examined = min(tableau.order, HIGHEST_DECLARED)
-    order = proved_order(tableau, examined, quadratic=quadratic)
-    if order < examined:
-        kind = "a quadratic kinetic energy" if quadratic else "every separable H"
-        declared = (
-            f"declares order {tableau.order}, and its coefficients, of {tableau.digits} digits, have order {order}"
-        )
-        message = f"{path}: the integrator {tableau.name!r} {declared} for {kind}"
-        raise TableauError(message)
-
-
-def tableau_at(place: str) -> Tableau:
-    """Return the tableau of a file that is used by its path; of several, the one whose name follows a colon.
-
-    Raises
-    ------
-    TableauError
-        As for :func:`load_tableaus`, or the file defines several and the path names none.
-    UnknownNameError
-        The file does not define the one that is named.
-    """
-    return _chosen(place, *split_path(place))
-
-
-def _chosen(place: str, path: str, name: str) -> Tableau:
-    found = load_tableaus(path)
-    if name and name not in found:
-        raise unknown_name(f"integrator of {path}", name, found)
-    if not name and len(found) > 1:
-        message = f"{place} defines {len(found)} integrators: name one, as in {path}:{next(iter(found))}"
-        raise TableauError(message)
-    return found[name] if name else next(iter(found.values()))
+    """Return the tableaus that a Python file defines, by name, as :func:`tableaus_of` does."""
+    return tableaus_of(place, integrators.registered)
 
 
 def expanded(entries: Iterable[str]) -> tuple[str, ...]:
@@ -123,8 +57,8 @@ def expanded(entries: Iterable[str]) -> tuple[str, ...]:
     Parameters
     ----------
     entries : iterable of str
-        Names, and paths of files; a path stands for all integrators of the file, ``path:name`` for one of them. The
-        integrators of these files are defined.
+        Names, and paths of files: a path means all integrators of the file, ``path:name`` one of them. These
+        integrators are then defined.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Yoshida (1990), Construction of higher order symplectic integrators, Phys. Lett. A 150, 262.
 
-doi:10.1016/0375-9601(90)90092-3. The 15 digits printed in 1990 leave a residual of 1.5e-15 in the order conditions;
-the weights here solve them to 80 digits.
+doi:10.1016/0375-9601(90)90092-3. The residual of the order conditions is 1.5e-15 for the 15 digits printed in 1990; the
+weights here solve them to 80 digits.
 """
 
 from nearharmonic.integrators.tableau import Tableau, palindrome

@@ -1,4 +1,4 @@
-"""Zymplectic's list of splitting methods: the one method in it whose origin is not settled.
+"""The method of uncertain origin in Zymplectic's list of splitting methods.
 
 https://zymplectic.com, file ``integrators.txt``, which gives 77 digits and names doi:10.1039/c1cp22790d as its
 reference. With kick and drift exchanged, and for a kinetic energy that is not quadratic, the order is four.

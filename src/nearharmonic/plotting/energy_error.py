@@ -21,6 +21,7 @@ from nearharmonic.plotting.style import (
     new_figure,
     panel_letter,
     style_of,
+    write_beside,
 )
 
 if TYPE_CHECKING:
@@ -179,12 +180,4 @@ def _slope_guide(axes: Axes) -> None:
     for order in (4, 6):
         x, y = start_x * 4, start_y * 4.0**order
         axes.plot([start_x, x], [start_y, y], color="#8a8a8a", linewidth=1.0, scalex=False, scaley=False, zorder=1.5)
-        axes.annotate(
-            f"order {order}",
-            (x, y),
-            xytext=(3, 0),
-            textcoords="offset points",
-            color="#595959",
-            fontsize=8,
-            va="center",
-        )
+        write_beside(axes, f"order {order}", (x, y), (3, 0), color="#595959", va="center")

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from io import BytesIO
 from math import isfinite
 from pathlib import Path
+from string import ascii_uppercase
 from typing import Any
 
 import matplotlib as mpl
@@ -21,8 +22,8 @@ from nearharmonic.output.atomic import replacing
 from nearharmonic.plotting.palette import Style, style_of
 
 __all__ = [
-    "SETTINGS", "Style", "house_style", "log_scale", "log_ticks", "mark_every", "method_handles", "new_figure",
-    "panel_letter", "save", "style_of",
+    "SETTINGS", "Style", "house_style", "lettered", "log_scale", "log_ticks", "mark_every", "method_handles",
+    "new_figure", "panel_letter", "save", "style_of", "write_beside",
 ]  # fmt: skip
 
 #: matplotlib settings of every figure: the fonts that matplotlib ships, so that figures are identical on all machines.
@@ -72,9 +73,22 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
-def panel_letter(axes: Axes, letter: str, says: str = "") -> None:
-    """Write ``letter`` in bold, and the title of the panel, above the upper left corner of ``axes``."""
-    axes.set_title(rf"$\mathbf{{{letter}}}$  {says}".rstrip(), loc="left", y=1.0, fontsize=9, pad=4)
+def panel_letter(axes: Axes, letter: str | int, says: str = "") -> None:
+    """Write a letter, or that of a number from 0, in bold above the upper left corner of ``axes``, and a title."""
+    axes.set_title(lettered(letter, says), loc="left", y=1.0, fontsize=9, pad=4)
+
+
+def lettered(letter: str | int, says: str = "") -> str:
+    """Return a letter, or that of a number from 0, in bold, and a title behind it."""
+    if isinstance(letter, int):
+        letter = ascii_uppercase[letter % len(ascii_uppercase)]
+    return rf"$\mathbf{{{letter}}}$  {says}".rstrip()
+
+
+def write_beside(axes: Axes, text: str, place: tuple[float, float], offset: tuple[float, float], **look: Any) -> None:
+    """Write ``text`` beside a place, at an offset in points; ``look`` are arguments of ``Axes.annotate``."""
+    look = {"color": "#404040", "fontsize": 8, **look}
+    axes.annotate(text, place, xytext=offset, textcoords="offset points", **look)
 
 
 def log_scale(axes: Axes, directions: str) -> None:

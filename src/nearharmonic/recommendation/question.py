@@ -11,7 +11,7 @@ from typing import Any
 
 from nearharmonic.engine.reference import position_t_end
 from nearharmonic.engine.runs.continuation import start_of
-from nearharmonic.engine.runs.problem import Problem, checked_scale
+from nearharmonic.engine.runs.setup import Setup, checked_scale
 from nearharmonic.engine.runs.trajectory import sweep
 from nearharmonic.engine.settings import MOST_STEPS, checked_count, checked_tau, one_of, positive
 from nearharmonic.errors import bad_setting
@@ -105,7 +105,7 @@ def question(
     most = EVALUATIONS if budget is None else checked_count("budget", budget, MOST_STEPS)
     if t_end is not None:
         positive("t_end", t_end)
-    problem = Problem(system, ANY, t_end=t_end)  # type: ignore[arg-type]
+    problem = Setup(system, ANY, t_end=t_end)  # type: ignore[arg-type]
     positive("t_end", problem.t_end)  # the system's own may run backwards
     chosen = _methods(methods)
     subject = problem.system if q0 is None and p0 is None else _started(problem, q0, p0)
@@ -123,7 +123,7 @@ def question(
     )
 
 
-def _started(problem: Problem, q0: object, p0: object) -> System:
+def _started(problem: Setup, q0: object, p0: object) -> System:
     """The system of ``problem`` with other initial values: exactly the pairs of doubles that its runs begin at."""
     state = start_of(problem, q0, p0).state.reshape(4, -1)[:, : problem.system.dimension]
     q, q_low, p, p_low = state.tolist()

@@ -1,8 +1,8 @@
-"""Entries of a config: how its types declare their members, and how the values are read.
+"""Entries of a config: declarations of members, and readers of values.
 
-The settings of a config are frozen dataclasses whose members are declared by :func:`setting`, once: type, description,
-unit, limits and default. They are plain dataclasses, because jobs that are given settings must start quickly;
-:mod:`nearharmonic.reproduction.config.reading` has pydantic read them.
+The settings of a config are frozen dataclasses. :func:`setting` declares a member once: description, unit, limits and
+default. They are plain dataclasses so that jobs with settings start quickly;
+:mod:`nearharmonic.reproduction.config.reading` reads them with pydantic.
 """
 
 from __future__ import annotations
@@ -15,13 +15,14 @@ from numbers import Real
 from typing import Annotated, Any
 
 from nearharmonic.engine.settings import positive
+from nearharmonic.errors import bad_setting
 
 
 @dataclass(frozen=True)
 class Reading:
-    """Reader of a config value: ``accept`` returns it in its own type, or raises ValueError or TypeError.
+    """Reader of a config value: ``accept`` returns the converted value, or raises ValueError or TypeError.
 
-    ``schema`` says in the terms of JSON Schema what it takes. pydantic calls the two methods.
+    ``schema`` describes the accepted values as JSON Schema. pydantic calls both methods.
     """
 
     accept: Callable[[Any], Any]
@@ -35,7 +36,7 @@ class Reading:
     def _accept(self, value: Any) -> Any:
         try:
             return self.accept(value)
-        except TypeError:  # which pydantic takes for an error of ours
+        except TypeError:  # pydantic reports it as a validation error
             raise ValueError from None
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
@@ -43,7 +44,7 @@ class Reading:
 
 
 def _whole(value: object) -> int:
-    """An integer in any guise: 10, 10.0 or, as on a command line, "10"."""
+    """Return the integer of 10, 10.0 or, from a command line, "10"."""
     if isinstance(value, bool) or not isinstance(value, Real | Decimal | str):
         raise TypeError
     number = Fraction(value)  # type: ignore[arg-type]
@@ -64,11 +65,16 @@ _NUMBER = (("type", ("number", "string")),)
 
 #: A finite number above 0, or the decimal string of one (YAML 1.1 reads 1e-4 as a string), as a float.
 PositiveNumber = Annotated[float, Reading(_positive_number, _NUMBER)]
-#: The same with all its digits, as a plain decimal string.
+#: As above, as a plain decimal string with all digits.
 PositiveDecimal = Annotated[str, Reading(_decimal_text, _NUMBER)]
 
-#: What pydantic is to know of a dataclass of settings: a key that it lacks is refused.
+#: Pydantic's configuration of dataclasses of settings: unknown keys are errors.
 STRICT: Any = {"extra": "forbid"}
+
+#: What may be set, in words.
+POSITIVE, AT_LEAST_LOWEST = "a finite number above 0", "a finite number, at least that of lowest"
+#: Force evaluations of one part of an experiment, all methods together: some minutes.
+MOST_EVALUATIONS = 10**12
 
 
 def setting(
@@ -79,15 +85,15 @@ def setting(
     Parameters
     ----------
     description : str
-        What it means, for the documentation.
+        Meaning of the member, for the documentation.
     allowed : str
-        What may be set, as errors tell; a section needs no such text, its keys are named.
+        Allowed values, as text for errors; not needed for a section, because errors name its keys.
     unit : str
         Unit of a number.
     default : object
-        Value if the key is not given; a class stands for a section all of whose keys have defaults.
+        Value of a missing key; a class for a section whose keys all have defaults.
     each : str
-        What an entry of a list may be, as errors tell.
+        Allowed entries of a list, as text for errors.
     **limits
         ``ge``, ``le``, ``gt``, ``lt`` and ``min_length``, as in ``pydantic.Field``.
     """
@@ -99,7 +105,7 @@ def setting(
 
 
 def whole_between(least: int, most: int) -> tuple[Callable[[Any], int], tuple[tuple[str, Any], ...]]:
-    """Arguments of :class:`Reading` for an integer within limits, as an entry of a list."""
+    """Return the arguments of :class:`Reading` for an integer within limits, as an entry of a list."""
 
     def accept(value: object) -> int:
         number = _whole(value)
@@ -111,7 +117,14 @@ def whole_between(least: int, most: int) -> tuple[Callable[[Any], int], tuple[tu
 
 
 def whole_from(least: int, most: int | None = None) -> dict[str, Any]:
-    """Limits of an integer, and the words for them, as keywords of :func:`setting`."""
+    """Return limits of an integer, with their text, as keywords of :func:`setting`."""
     if most is None:
         return {"allowed": f"an integer of {least} or more", "unit": "1", "ge": least}
     return {"allowed": f"an integer from {least} to {most}", "unit": "1", "ge": least, "le": most}
+
+
+def check_affordable(key: str, count: int, each: float) -> None:
+    """Raise SettingError if the ``count`` of a ``key``, of so many force evaluations ``each``, takes too many."""
+    if each * count > MOST_EVALUATIONS:
+        allowed = f"it would take {each * count:.2g} force evaluations, and may take {MOST_EVALUATIONS:.0e}"
+        raise bad_setting(key, count, allowed)

@@ -1,9 +1,9 @@
-"""Linear stability: for which step sizes an integrator keeps the harmonic oscillator bounded, and what else it does.
+"""Linear stability: step sizes with which an integrator keeps the harmonic oscillator bounded, and growth rates beyond.
 
-A symmetric step has K11 = K22 and det K = 1, hence (tr K / 2)^2 - 1 = K12 K21: the trace leaves [-2, 2] where K12 K21
-becomes positive. That is a polynomial in x = tau^2 with rational coefficients. Its roots are separated by how often
-they occur, an odd number of times (an edge) or an even one (the trace touches 2), and isolated exactly
-(:mod:`nearharmonic.exact.polynomials`), so that gaps of any narrowness are found.
+A symmetric step has K11 = K22 and det K = 1, hence (tr K / 2)^2 - 1 = K12 K21: the trace is outside [-2, 2] where K12
+K21 is positive. K12 K21 is a polynomial in x = tau^2 with rational coefficients. Its roots are isolated exactly
+(:mod:`nearharmonic.exact.polynomials`), so that arbitrarily narrow gaps are found. At a root of odd multiplicity a gap
+begins or ends; at a root of even multiplicity the trace touches 2.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from nearharmonic.theory.oscillator import (
 #: Digits of the edges that are returned.
 EDGE_DIGITS = 30
 
-#: Halvings of the bracket in which the largest growth per time is looked for: to 1e-12 of its width.
+#: Reductions of the bracket in the search for the largest growth per time: to 1e-12 of its width.
 _SECTIONS = 60
 
 
@@ -65,7 +65,7 @@ def stability_gaps(integrator: str | Tableau, *, first: First | None = None) -> 
     Returns
     -------
     list of (mpf, mpf)
-        Start and end of each, to 30 digits, in units in which m = k = 1; the last one ends at infinity.
+        Start and end of each interval, to 30 digits, in units with m = k = 1; the last interval ends at infinity.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def stability_gaps(integrator: str | Tableau, *, first: First | None = None) -> 
 
 
 def gaps_of(K: StepPolynomials) -> list[tuple[BigFloat, BigFloat]]:
-    """Return the intervals of step sizes with |tr K| > 2 of any step matrix whose trace is 2 - tau^2 + ...
+    """Return the intervals of step sizes with |tr K| > 2 for a step matrix whose trace is 2 - tau^2 + ...
 
     The step need not be symmetric: without K11 = K22 the polynomial is (tr K)^2 - 4 itself.
     """
@@ -94,9 +94,10 @@ def _gaps(crossing: tuple[Fraction, ...]) -> list[tuple[BigFloat, BigFloat]]:
 
 
 def touching_points(integrator: str | Tableau, *, first: First | None = None) -> list[BigFloat]:
-    """Return the step sizes at which |tr K| reaches 2 without passing it, in ascending order.
+    """Return the step sizes at which |tr K| touches 2 without exceeding it, in ascending order.
 
-    The rows and columns of K hold +-1 and 0 there, or one entry more: no growth, but none of the margin left.
+    K is then +-1 times the identity, or has one more entry that is not 0. There is no exponential growth, but any
+    perturbation of the step may open a gap.
 
     Arguments and errors are those of :func:`stability_gaps`.
 
@@ -110,7 +111,7 @@ def touching_points(integrator: str | Tableau, *, first: First | None = None) ->
 
 
 def stability_limit(integrator: str | Tableau, *, first: First | None = None) -> BigFloat:
-    """Return the step size up to which every smaller one is stable: where the first gap opens.
+    """Return the step size at which the first gap begins; all smaller step sizes are stable.
 
     Arguments and errors are those of :func:`stability_gaps`.
 
@@ -123,7 +124,7 @@ def stability_limit(integrator: str | Tableau, *, first: First | None = None) ->
 
 
 def stability_end(integrator: str | Tableau, *, first: First | None = None) -> BigFloat:
-    """Return the step size beyond which no larger one is stable: where the last gap opens.
+    """Return the step size at which the last gap begins; no larger step size is stable.
 
     Arguments and errors are those of :func:`stability_gaps`.
 
@@ -143,7 +144,7 @@ def growth_rate(integrator: str | Tableau, tau: BigFloat, *, first: First | None
     integrator : str or Tableau
         Method, or its name.
     tau : mpf
-        Step size, in units in which m = k = 1.
+        Step size, in units with m = k = 1.
     first : {"drift", "kick"}, optional
         As for :func:`stability_gaps`.
 
@@ -159,7 +160,7 @@ def growth_rate(integrator: str | Tableau, tau: BigFloat, *, first: First | None
     SettingError
         ``tau`` is no finite number above 0, or ``first`` no operator.
     """
-    # In a gap whose width is 1e-20, as the printed digits of BCSS 4 leave one, the trace passes 2 by 1e-40.
+    # The printed digits of BCSS 4 produce a gap of width 1e-20, in which the trace exceeds 2 by 1e-40.
     with mp.workdps(max(mp.dps, CLOSED_FORM_DIGITS)):
         half = abs(stability_trace(integrator, tau, first=first)) / 2
         return acosh(half) if half > 1 else mpf(0)
@@ -168,8 +169,8 @@ def growth_rate(integrator: str | Tableau, tau: BigFloat, *, first: First | None
 def largest_growth(integrator: str | Tableau, gap: tuple[BigFloat, BigFloat], *, first: First | None = None) -> Growth:
     """Return the largest growth inside a gap, per step and per unit of time.
 
-    Per step it is largest at a root of d tr/d tau, all of which are found exactly; per unit of time it is searched for
-    between the neighbours of that point.
+    The maximum per step is at a root of d tr/d tau, and all roots are found exactly. The maximum per unit of time is
+    searched for numerically between the neighbours of this root.
 
     Parameters
     ----------
@@ -183,7 +184,7 @@ def largest_growth(integrator: str | Tableau, gap: tuple[BigFloat, BigFloat], *,
     Returns
     -------
     Growth
-        To about 12 digits. In the last gap the growth per step has no bound: inf, at inf.
+        To about 12 digits. In the last gap the growth per step is unbounded: inf, at inf.
 
     Raises
     ------
@@ -201,7 +202,7 @@ def largest_growth(integrator: str | Tableau, gap: tuple[BigFloat, BigFloat], *,
 
         if isinf(end):
             far = 2 * start
-            while per_time(2 * far) > per_time(far):  # ln of a polynomial over tau: it falls in the end
+            while per_time(2 * far) > per_time(far):  # ln of a polynomial over tau: it decreases for large tau
                 far *= 2
             at_time = _highest(per_time, start, 2 * far)
             return Growth(inf, inf, per_time(at_time), at_time)
@@ -217,13 +218,13 @@ def _special_squares(tableau: Tableau) -> tuple[tuple[Fraction, ...], tuple[Frac
 
 
 def _squares_of(K: StepPolynomials) -> tuple[tuple[Fraction, ...], tuple[Fraction, ...]]:
-    """The x = tau^2 at which |tr K| passes 2, and those at which it touches 2."""
+    """Return the x = tau^2 at which |tr K| - 2 changes its sign, and the x at which |tr K| touches 2."""
     if K.K11 == K.K22:
         a, b = whole(K.K12[1::2]), whole(K.K21[1::2])
-    else:  # tr K - 2 = -x + ..., of which x itself is left out, and tr K + 2
+    else:  # tr K - 2 = -x + ... divided by x, and tr K + 2
         trace = K.trace[0::2]
         a, b = whole(trace[1:]), whole([trace[0] + 2, *trace[1:]])
-    # With no root in common the factors can be taken by themselves, which takes a fifth of the time.
+    # Factors without common roots are treated separately, in a fifth of the time.
     apart = len(common_divisor(a, b)) == 1
     parts = [by_parity(factor) for factor in ((a, b) if apart else (product(a, b),))]
     crossing, touching = (
@@ -234,7 +235,7 @@ def _squares_of(K: StepPolynomials) -> tuple[tuple[Fraction, ...], tuple[Fractio
 
 @lru_cache(maxsize=256)
 def _extrema(tableau: Tableau) -> list[BigFloat]:
-    """The step sizes at which the trace is stationary, ascending."""
+    """Return the step sizes at which the trace is stationary, in ascending order."""
     return _step_sizes(tuple(positive_roots(derivative(_trace(tableau)))))
 
 
@@ -248,7 +249,7 @@ def _step_sizes(squares: tuple[Fraction, ...]) -> list[BigFloat]:
 
 
 def _highest(function: Callable[[BigFloat], BigFloat], low: BigFloat, high: BigFloat) -> BigFloat:
-    """Return the place of the only maximum of ``function`` in [low, high], by golden section."""
+    """Return the position of the only maximum of ``function`` in [low, high], by golden section."""
     ratio = (sqrt(mpf(5)) - 1) / 2
     left, right = high - ratio * (high - low), low + ratio * (high - low)
     at_left, at_right = function(left), function(right)

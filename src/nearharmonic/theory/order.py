@@ -1,7 +1,8 @@
-"""The orders of an integrator, proved on its printed coefficients in exact arithmetic, and its leading error terms.
+"""Orders of an integrator, proved from its printed coefficients in exact arithmetic, and its leading error terms.
 
-A step is the product of exponentials of a tableau's operators; the exact flow is exp(A + B), where A drifts and B
-kicks. The logarithm of the step is A + B + error terms; :mod:`nearharmonic.integrators.order_conditions` has them.
+A step is the product of exponentials of the operators of a tableau. The exact flow is exp(A + B), with the drift A and
+the kick B. The logarithm of the step is A + B + error terms; :mod:`nearharmonic.integrators.order_conditions` computes
+these terms.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from nearharmonic.integrators.order_conditions import (
 from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.theory.oscillator import tableau_of
 
-#: Length of the words that a generalised order is looked for in first: most fail at their order already.
+#: Length of the words that are examined first for a generalised order: most methods fail at these.
 _SHORT = 7
 
 
@@ -40,10 +41,10 @@ class ErrorTerm(NamedTuple):
 
 
 class LeadingErrors(NamedTuple):
-    """The first error term that does not vanish: for any separable H, for quadratic T, and for H = (p^2 + q^2)/2.
+    """First nonzero error terms: for any separable H, for quadratic T, and for H = (p^2 + q^2)/2.
 
     The first two are terms of the logarithm of a step, with norms in the Lyndon basis; the third is the first power of
-    tau at which the step matrix is not the exact rotation, with the Frobenius norm of the difference.
+    tau at which the step matrix differs from the exact rotation, with the Frobenius norm of the difference.
     """
 
     general: ErrorTerm
@@ -54,8 +55,8 @@ class LeadingErrors(NamedTuple):
 class HarmonicOrders(NamedTuple):
     """Orders on H = (p^2 + q^2)/2: of the new position, of the new momentum, of the energy and of the phase.
 
-    Position and momentum are exact to tau^order after one step. The error of the energy is O(tau^order) forever, that
-    of the phase O(tau^(order + 1)) per step.
+    Position and momentum are exact to tau^order after one step. The energy error is O(tau^order) at all times. The
+    phase error is O(tau^(order + 1)) per step.
     """
 
     position: int
@@ -65,9 +66,9 @@ class HarmonicOrders(NamedTuple):
 
 
 def order_of(integrator: str | Tableau, *, first: First | None = None, highest: int | None = None) -> int:
-    """Return the order for every separable H = T(p) + V(q); ``highest`` if it is that or more.
+    """Return the order for every separable H = T(p) + V(q), or ``highest`` if the order is larger.
 
-    Methods with kicks of a modified potential are for quadratic T alone, and so is their order.
+    Methods with modified potentials need a quadratic T, so that their order is the order for quadratic T.
 
     Parameters
     ----------
@@ -90,19 +91,12 @@ def order_of(integrator: str | Tableau, *, first: First | None = None, highest: 
 
 
 def nystrom_order_of(integrator: str | Tableau, *, first: First | None = None, highest: int | None = None) -> int:
-    """Return the order for every H = T(p) + V(q) with quadratic T; ``highest`` if it is that or more.
+    """Return the order for every H = T(p) + V(q) with quadratic T, or ``highest`` if the order is larger.
 
     Parameters
     ----------
     integrator, first, highest
-        As for :func:`order_of`.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator, or ``highest`` no integer >= 1.
+        As for :func:`order_of`, as are the errors.
     """
     tableau = tableau_of(integrator, first)
     return proved_order(tableau, _highest(tableau, highest), quadratic=True)
@@ -111,7 +105,7 @@ def nystrom_order_of(integrator: str | Tableau, *, first: First | None = None, h
 def harmonic_order_of(integrator: str | Tableau, *, first: First | None = None) -> int:
     """Return the harmonic order lambda_H.
 
-    On the harmonic oscillator one step has the exact position up to tau^lambda_H. That is Nielsen's:
+    One step on the harmonic oscillator gives the exact position up to tau^lambda_H. This is Nielsen's definition:
     kappa_1 to kappa_lambda_H vanish (2015, Eq. 17).
 
     Arguments and errors are those of :func:`order_of`.
@@ -120,7 +114,7 @@ def harmonic_order_of(integrator: str | Tableau, *, first: First | None = None) 
 
 
 def harmonic_orders_of(integrator: str | Tableau, *, first: First | None = None) -> HarmonicOrders:
-    """Return all four orders that the harmonic oscillator shows.
+    """Return the orders of position, momentum, energy and phase on the harmonic oscillator.
 
     Arguments and errors are those of :func:`order_of`.
     """
@@ -129,8 +123,8 @@ def harmonic_orders_of(integrator: str | Tableau, *, first: First | None = None)
     return HarmonicOrders(
         position=_first_power(tableau, E.K11, E.K12) - 1,
         momentum=_first_power(tableau, E.K21, E.K22) - 1,
-        # The conserved ellipse -K21 q^2 + (K11 - K22) q p + K12 p^2 is a circle but for K12 + K21 and K11 - K22, and
-        # one power of tau cancels; the trace 2 cos(phase) has errors of 2 sin(tau) times that of the phase.
+        # The conserved ellipse -K21 q^2 + (K11 - K22) q p + K12 p^2 is a circle except for K12 + K21 and K11 - K22; one
+        # power of tau cancels. The error of the trace 2 cos(phase) is 2 sin(tau) times the error of the phase.
         energy=_first_power(tableau, *_ellipse(E)) - 1,
         phase=_first_power(tableau, E.trace) - 2,
     )
@@ -139,31 +133,24 @@ def harmonic_orders_of(integrator: str | Tableau, *, first: First | None = None)
 def generalised_order_of(
     integrator: str | Tableau, *, quadratic: bool = False, first: First | None = None
 ) -> tuple[int, ...]:
-    """Return the generalised order (r1, r2, ..., rm) for H = T(p) + epsilon V(q), the kick being the small part.
+    """Return the generalised order (r1, r2, ..., rm) for H = T(p) + epsilon V(q), in which the kick is the small part.
 
-    The error is O(epsilon tau^(r1 + 1) + epsilon^2 tau^(r2 + 1) + ...), and from epsilon^m on O(tau^(rm + 1)): rm is
-    the order. Blanes et al. (2013), section 2. No r exceeds the one before it, past which its errors would not show,
-    and r1 is at most 2s, as for the s nodes of a quadrature.
+    The error is O(epsilon tau^(r1 + 1) + epsilon^2 tau^(r2 + 1) + ...). The terms from epsilon^m on are O(tau^(rm +
+    1)), and rm is the order (Blanes et al. 2013, section 2). No r is larger than the previous one, because its errors
+    would be hidden by those of the previous one. r1 is at most 2s, as for a quadrature with s nodes.
 
     Parameters
     ----------
     integrator, first
-        As for :func:`order_of`.
+        As for :func:`order_of`, as are the errors.
     quadratic : bool
-        Whether T is quadratic, which makes errors of three kicks and more vanish or combine.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator.
+        True for quadratic T: error terms with three or more kicks then vanish or combine.
     """
     tableau = tableau_of(integrator, first)
     highest = 2 * tableau.stages
     order, orders = proved_order(tableau, highest, quadratic=quadratic), [highest]
     for kicks in range(1, order + 2):
-        # With one or two kicks no error vanishes because T is quadratic: [B, [B, [B, A]]] has three.
+        # A quadratic T removes no error term with one or two kicks: [B, [B, [B, A]]] has three.
         fails = _first_nystrom_failure if quadratic and kicks > 2 else _first_failure
         orders.append(fails(tableau, kicks, orders[-1]))
         if orders[-1] <= order:
@@ -176,21 +163,14 @@ def leading_errors(
 ) -> LeadingErrors:
     """Return the leading error terms of a step.
 
-    Norms of the first two are Euclidean, of the coordinates in the Lyndon basis (A < B, A drifts, B kicks) with its
-    standard bracketing; for quadratic kinetic energy that of the smallest equivalent error, so that it is at most the
-    former where both have the same degree.
+    The first two norms are Euclidean norms of the coordinates in the Lyndon basis with its standard bracketing (A < B,
+    drift A, kick B). The norm for quadratic kinetic energy is that of the smallest equivalent error, so that it is at
+    most the first norm if both have the same degree.
 
     Parameters
     ----------
     integrator, first, highest
-        As for :func:`order_of`.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator, ``highest`` no integer >= 1, or an order is larger than ``highest``.
+        As for :func:`order_of`, as are the errors.
     """
     tableau = tableau_of(integrator, first)
     terms, most = [], _highest(tableau, highest)
@@ -205,25 +185,18 @@ def leading_errors(
 
 
 def error_norm(integrator: str | Tableau, degree: int, *, quadratic: bool = False, first: First | None = None) -> float:
-    """Return the norm of the error term tau^``degree``, as :func:`leading_errors` measures it.
+    """Return the norm of the error term tau^``degree``, with the norm of :func:`leading_errors`.
 
-    Below the order this is what the printed digits leave of zero.
+    Below the order the norm is the rounding error of the printed digits.
 
     Parameters
     ----------
     integrator, first
-        As for :func:`order_of`.
+        As for :func:`order_of`, as are the errors.
     degree : int
         Any power of tau from 1.
     quadratic : bool
-        Whether T is quadratic.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator, or ``degree`` no integer >= 1.
+        True for quadratic T.
     """
     tableau = tableau_of(integrator, first)
     errors = errors_of(tableau, _integer("degree", degree))
@@ -233,7 +206,7 @@ def error_norm(integrator: str | Tableau, degree: int, *, quadratic: bool = Fals
 
 @lru_cache(maxsize=512)
 def _first_failure(tableau: Tableau, kicks: int, highest: int) -> int:
-    """The order at which error terms with exactly ``kicks`` letters B appear, or ``highest`` if none does by then."""
+    """Return the order of the first error term with exactly ``kicks`` letters B, at most ``highest``."""
     length = min(highest, _SHORT)
     while True:
         # On words of even length the logarithm of a symmetric step vanishes.
@@ -251,7 +224,7 @@ def _first_nystrom_failure(tableau: Tableau, kicks: int, highest: int) -> int:
         errors, allowed = errors_of(tableau, degree), tolerance(tableau, degree)
         counts = [word.count("B") for word in lyndon_words(degree)]
         for row in conditions(degree, quadratic=True):
-            # Every condition is one on words with the same number of kicks.
+            # Each condition has words with the same number of kicks.
             here = any(w and n == kicks for w, n in zip(row.weights, counts, strict=True))
             if here and abs(weighted(row.weights, errors)) > allowed:
                 return degree - 1
@@ -270,10 +243,10 @@ def _ellipse(E: StepPolynomials) -> tuple[Sequence[Fraction], ...]:
 
 
 def _first_power(tableau: Tableau, *rows: Sequence[Fraction]) -> int:
-    """The first power of tau at which one of ``rows`` is not zero within the guaranteed digits.
+    """Return the first power of tau at which one of ``rows`` is not zero within the guaranteed digits.
 
-    A matrix entry is a sum of the step's words of n letters, all of which together are off by m 10^-digits M^(n-1)
-    / (n-1)! at most: less than what is allowed for their logarithm.
+    A matrix entry is the sum of all words of n letters of the step. The total error of these words is at most m
+    10^-digits M^(n-1) / (n-1)!, which is less than the error allowed for their logarithm.
     """
     return next(n for n in range(1, len(rows[0])) if any(abs(row[n]) > 2 * tolerance(tableau, n) for row in rows))
 

@@ -1,8 +1,8 @@
-"""One step of an integrator on the harmonic oscillator H = (p^2 + q^2)/2, decomposed by powers of the step, exactly.
+"""Exact decomposition of one step on the harmonic oscillator H = (p^2 + q^2)/2 by powers of the step size.
 
-The step is a linear map (q, p) -> K (q, p) whose entries are polynomials in tau: a drift by c is the shear
-q += c tau p, a kick by d the shear p -= d tau q. Every coefficient of a tableau is a decimal number, so the polynomials
-are rational and known without rounding; mpmath enters where a number is asked for.
+The step is a linear map (q, p) -> K (q, p) whose entries are polynomials in tau: a drift by c is the shear q += c tau
+p, a kick by d the shear p -= d tau q. Every coefficient of a tableau is a decimal number, so the polynomials are
+rational and have no rounding errors. mpmath only evaluates them at a step size.
 """
 
 from __future__ import annotations
@@ -23,13 +23,14 @@ from nearharmonic.integrators import integrators
 from nearharmonic.integrators.order_conditions import step_of
 from nearharmonic.integrators.tableau import First, Tableau
 
-#: What of the new state is decomposed.
+#: Components of the new state that can be decomposed.
 Variable = Literal["position", "momentum"]
 
-#: Decimal digits that the closed forms are evaluated with: more than any error they are compared with needs.
+#: Decimal digits with which the closed forms are evaluated: more than any comparison with an error needs.
 CLOSED_FORM_DIGITS = 50
 
-#: Error terms at most: those beyond lambda_max are all 1, and no registered method has more than 31 before.
+#: Maximum number of error terms: all terms beyond lambda_max are 1, and lambda_max is at most 31 for registered
+#: methods.
 MOST_TERMS = 1000
 
 
@@ -38,34 +39,34 @@ def kappa(
 ) -> list[BigFloat]:
     """Return the error terms [kappa_1, ..., kappa_highest] of one step (Nielsen 2015, Eq. 17).
 
-    kappa_l = |x^(l)(0) - l! zeta_l|, where zeta_l is the coefficient of tau^l in the new position (or momentum, which
-    the paper leaves aside) and x(t) the exact one, both from q_a = -p_a = 1. The values are exact for the printed
-    coefficients, then rounded to ten digits more than these have: one that vanishes for the true coefficients shows
-    what the printed digits leave of it.
+    kappa_l = |x^(l)(0) - l! zeta_l|, where zeta_l is the coefficient of tau^l in the new position and x(t) is the exact
+    position, both for q_a = -p_a = 1. The momentum, which the paper does not treat, is decomposed in the same way. The
+    values are exact for the printed coefficients and then rounded to ten digits more than these have: a term that
+    vanishes for the true coefficients shows the rounding error of the printed digits.
 
     Parameters
     ----------
     integrator : str or Tableau
         Method, or its name.
     highest : int
-        Number of terms; past :func:`lambda_max` no term of the step is left and kappa_l = 1.
+        Number of terms; beyond :func:`lambda_max` the step has no terms and kappa_l = 1.
     first : {"drift", "kick"}, optional
         Operator to which the outer row is given; None leaves it as declared.
     variable : {"position", "momentum"}
-        What of the new state is decomposed.
+        Component of the new state that is decomposed.
 
     Returns
     -------
     list of mpf
-        ``highest`` terms, kappa_1 first.
+        ``highest`` terms, beginning with kappa_1.
 
     Raises
     ------
     UnknownNameError
         No integrator has this name.
     SettingError
-        ``highest`` is no integer from 1 to :data:`MOST_TERMS`, ``first`` no operator, or
-        ``variable`` none of the two.
+        ``highest`` is no integer from 1 to :data:`MOST_TERMS`, ``first`` no operator, or ``variable`` neither
+        "position" nor "momentum".
     """
     if isinstance(highest, bool) or not isinstance(highest, Integral) or not 1 <= highest <= MOST_TERMS:
         key = "highest"
@@ -79,24 +80,17 @@ def kappa(
 def zeta(
     integrator: str | Tableau, *, first: First | None = None, variable: Variable = "position"
 ) -> tuple[Fraction, ...]:
-    """Return what each order contributes to the new position or momentum (Nielsen 2015, Eq. 7).
+    """Return the contribution of each order to the new position or momentum (Nielsen 2015, Eq. 7).
 
     Parameters
     ----------
     integrator, first, variable
-        As for :func:`kappa`.
+        As for :func:`kappa`, as are the errors.
 
     Returns
     -------
     tuple of Fraction
-        (zeta_0, ..., zeta_lambda_max), exact, from q_a = -p_a = 1 and m = k = 1.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator, or ``variable`` neither "position" nor "momentum".
+        (zeta_0, ..., zeta_lambda_max), exact, for q_a = -p_a = 1 and m = k = 1.
     """
     tableau = tableau_of(integrator, first)
     highest = lambda_max(tableau, variable=variable)
@@ -108,21 +102,14 @@ def zeta(
 def lambda_max(integrator: str | Tableau, *, first: First | None = None, variable: Variable = "position") -> int:
     """Return the highest power of tau in the new position: 2s if the kick is first (BAB), 2s + 1 if the drift is (ABA).
 
-    In the new momentum the two are exchanged. Where a coefficient is 0, as at one end of rows that are not symmetric,
-    the terms of the highest powers vanish. Kicks of a modified potential reach further, as do processors: the power is
-    then the last that does not vanish.
+    For the new momentum the two are exchanged. If an outer coefficient is 0, as in asymmetric methods, the terms of the
+    highest powers vanish. Steps with modified potentials and processors have higher powers; the result is then the
+    highest nonzero power.
 
     Parameters
     ----------
     integrator, first, variable
-        As for :func:`kappa`.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator, or ``variable`` neither "position" nor "momentum".
+        As for :func:`kappa`, as are the errors.
     """
     if variable not in {"position", "momentum"}:
         key = "variable"
@@ -145,14 +132,14 @@ def step_polynomials(integrator: str | Tableau, *, first: First | None = None) -
 
 
 def stability_trace(integrator: str | Tableau, tau: BigFloat, *, first: First | None = None) -> BigFloat:
-    """Return the trace of the step matrix: steps are stable while it lies in [-2, 2], and 2 cos(tau) is exact.
+    """Return the trace of the step matrix: steps are stable if it lies in [-2, 2]; the exact flow has 2 cos(tau).
 
     Parameters
     ----------
     integrator : str or Tableau
         Method, or its name.
     tau : mpf
-        Step size, in units in which m = k = 1.
+        Step size, in units with m = k = 1.
     first : {"drift", "kick"}, optional
         As for :func:`kappa`.
 
@@ -176,25 +163,19 @@ def stability_trace(integrator: str | Tableau, tau: BigFloat, *, first: First | 
 def harmonic_energy_error(integrator: str | Tableau, tau: BigFloat, *, first: First | None = None) -> BigFloat:
     """Return the supremum of |H - H0|/H0 over arbitrarily many steps of size ``tau`` from (q, p) = (1, 0).
 
-    A step conserves -K21 q^2 + (K11 - K22) q p + K12 p^2, an ellipse whose squared half axes are -K21 over the
-    eigenvalues of this form. Of a symmetric step, K11 = K22, one of them is 1, and the supremum |-K21/K12 - 1|.
+    A step conserves -K21 q^2 + (K11 - K22) q p + K12 p^2. This is an ellipse whose squared half axes are -K21 over the
+    eigenvalues of the form. For a symmetric step, K11 = K22, one squared half axis is 1, and the supremum is |-K21/K12
+    - 1|.
 
     Parameters
     ----------
     integrator, tau, first
-        As for :func:`stability_trace`.
+        As for :func:`stability_trace`, as are the errors.
 
     Returns
     -------
     mpf
-        The supremum; inf where the trace leaves [-2, 2], for there the error grows without bound.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``tau`` is no finite number above 0, or ``first`` no operator.
+        The supremum; inf if the trace is outside [-2, 2], where the error grows without bound.
     """
     closed_form, step = _closed_form(tableau_of(integrator, first)), _step_size(tau)
     with mp.workdps(CLOSED_FORM_DIGITS):
@@ -211,11 +192,13 @@ def harmonic_energy_error(integrator: str | Tableau, tau: BigFloat, *, first: Fi
 
 
 class _ClosedForm(NamedTuple):
-    """Polynomials in tau^2, rounded once; the powers of tau that K12 and the defect have in common cancel."""
+    """Polynomials in tau^2, rounded once; common powers of tau of K12 and the defect cancel."""
 
     trace: tuple[BigFloat, ...]  # K11 + K22
     K12: tuple[BigFloat, ...]  # K12 / tau
-    defect: tuple[BigFloat, ...]  # (K12 + K21) / tau, summed before rounding: it is tiny where the energy error is
+    defect: tuple[
+        BigFloat, ...
+    ]  # (K12 + K21) / tau, summed before rounding, because it is tiny if the energy error is tiny
     difference: tuple[BigFloat, ...]  # (K11 - K22) / tau^2, empty for a symmetric step
 
 
@@ -241,7 +224,7 @@ def _errors(terms: Sequence[Fraction], highest: int, variable: Variable) -> Iter
 
 
 def tableau_of(integrator: str | Tableau, first: First | None = None) -> Tableau:
-    """Return the tableau of this name, or the one given, with its outer row given to the operator ``first``.
+    """Return the tableau, given or of this name, with its outer row assigned to the operator ``first``.
 
     Arguments and errors are those of :func:`kappa`.
     """
@@ -260,7 +243,7 @@ def _step_size(tau: BigFloat) -> BigFloat:
 
 
 def _value(coefficients: tuple[BigFloat, ...], tau: BigFloat) -> BigFloat:
-    """A polynomial in tau^2, by Horner's rule."""
+    """Evaluate a polynomial in tau^2 by Horner's rule."""
     square, total = tau * tau, mpf(0)
     for coefficient in reversed(coefficients):
         total = total * square + coefficient

@@ -4,11 +4,11 @@ With m = k = 1 the momentum is eliminated from the step (2015, Eq. 6): the posit
 
     q_h = q_(h-1) (1 + C_h) - C_h q_(h-2) + tau^2 D_h q_(h-1),    C_h = c_h / c_(h-1),    D_h = -c_h d_h,
 
-where d_h is the kick just before that drift. Powers of tau are kept apart in Q_(h,lambda), even ones in units of q_a
-and odd ones in units of p_a. The paper prints C_h = c_(h+1)/c_h below Eq. 6, which its own Eq. 6 contradicts.
+where d_h is the kick just before that drift. Q_(h,lambda) is the coefficient of tau^lambda, in units of q_a for even
+and of p_a for odd lambda. The paper prints C_h = c_(h+1)/c_h below Eq. 6, which contradicts its own Eq. 6.
 
-It treats the BAB composition, where kick and drift alternate from the start. In the ABA composition no kick comes
-before the first drift: all its formulas hold with the kicks (0, d_1, ..., d_s). All numbers here are exact.
+The paper treats the BAB composition, which begins with a kick. The ABA composition has no kick before the first drift:
+all formulas of the paper hold for it with the kicks (0, d_1, ..., d_s). All numbers here are exact.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Powers = list[Fraction]
 
 
 class ClosedSums(NamedTuple):
-    """Row h of Table 3, for q_a = 1 and p_a = 0: what orders 0, 2 and 4 contribute to the position after drift h.
+    """Row h of Table 3, for q_a = 1 and p_a = 0: contributions of orders 0, 2 and 4 to the position after drift h.
 
     ``tau4`` has the upper limit h of Eq. 16 in its inner sum; ``tau4_as_printed`` has the h - 1 of Table 3, which
     leaves the last drift out and is wrong.
@@ -39,7 +39,7 @@ class ClosedSums(NamedTuple):
 
 
 def position_rows(integrator: str | Tableau, *, first: First | None = None) -> list[Powers]:
-    """Return Q_(h,lambda) of Table 2, what each power of tau contributes to the position after drift h.
+    """Return Q_(h,lambda) of Table 2, the contribution of each power of tau to the position after drift h.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def position_rows(integrator: str | Tableau, *, first: First | None = None) -> l
     Returns
     -------
     list of list of Fraction
-        A row for h = 0, 1, ... (s drifts for BAB, s + 1 for ABA), in it lambda = 0, ..., lambda_max.
+        One row for each h = 0, 1, ... (s drifts for BAB, s + 1 for ABA), with lambda = 0, ..., lambda_max.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def position_rows(integrator: str | Tableau, *, first: First | None = None) -> l
     SettingError
         ``first`` is no operator.
     TableauError
-        A drift before the last is 0, by which the recursion divides.
+        A drift before the last is 0: the recursion divides by it.
     """
     tableau = tableau_of(integrator, first)
     kicks, drifts = kicks_and_drifts(tableau)
@@ -81,16 +81,16 @@ def position_rows(integrator: str | Tableau, *, first: First | None = None) -> l
 
 
 def momentum_row(integrator: str | Tableau, *, first: First | None = None) -> Powers:
-    """Return what each power of tau contributes to the new momentum: the last line of Eq. 6.
+    """Return the contribution of each power of tau to the new momentum: the last line of Eq. 6.
 
-    It is read off the last drift, p = (q_h - q_(h-1)) / (tau c_h), and kicked once more for BAB.
+    The momentum follows from the last drift, p = (q_h - q_(h-1)) / (tau c_h), and for BAB from one more kick.
 
     Arguments and errors are those of :func:`position_rows`.
 
     Returns
     -------
     list of Fraction
-        By power of tau: odd ones in units of q_a, even ones in units of p_a.
+        One number per power of tau: odd powers in units of q_a, even powers in units of p_a.
     TableauError
         A drift is 0.
     """

@@ -1,9 +1,10 @@
-"""Force gradients by differences: two kicks of opposite sign around a short drift, as one kick of a modified potential.
+"""Force gradients by differences: two opposite kicks around a short drift act as a kick of a modified potential.
 
 exp(a B) exp(d A) exp(b B) has the logarithm (a + b) B + d A + (d/2) (a - b) [B, A] + m C + ..., where C = [B, [A, B]]
-is the kick of the square of grad V and m = -d (a^2 - 4 a b + b^2) / 12. With kicks of opposite sign and a short drift
-backwards the net kick is that of V - (m / (a + b)) tau^2 |grad V|^2, like the middle kick of Chin (1997), without a
-second derivative of V; Yin & Mawhinney (2011), arXiv:1111.5059, take a force at a shifted position for the same end.
+is the kick of the square of grad V and m = -d (a^2 - 4 a b + b^2) / 12. With kicks of opposite sign and a short
+backward drift the net kick is that of V - (m / (a + b)) tau^2 |grad V|^2, like the middle kick of Chin (1997), but it
+needs no second derivative of V. Yin & Mawhinney (2011), arXiv:1111.5059, use a force at a shifted position for this
+purpose.
 """
 
 from __future__ import annotations
@@ -13,13 +14,13 @@ from dataclasses import dataclass
 from nearharmonic.integrators.order_conditions import step_of
 from nearharmonic.integrators.tableau import Tableau
 
-#: Longest drift, and the least size of a kick, in units of tau.
+#: Longest drift, and smallest absolute value of a kick, in units of tau.
 SHORT, LARGE = 0.03, 0.2
 
 
 @dataclass(frozen=True)
 class ShiftedKick:
-    """Two kicks around a short drift: their places and coefficients in units of tau.
+    """Two kicks around a short drift: their positions in the step and their coefficients in units of tau.
 
     ``net`` is the sum of the kicks, ``square`` the coefficient m of C in units of tau^3.
     """

@@ -1,9 +1,9 @@
-"""Symmetric steps by half of their coefficients, and order conditions on them that are linear in sums over words.
+"""Symmetric steps, given by half of their coefficients, and their order conditions, which are linear in word sums.
 
-The logarithm of a symmetric step has no terms of even degree. Where the conditions of lower degree hold, one of odd
-degree n compares the step's coefficients on words with those of exp(A + B), which are 1/n!. On the oscillator A and B
-are nilpotent: the powers of tau in the step matrix are the alternating words, and kappa_l = 0 (Nielsen 2015, Eq. 17)
-reads S(ABAB...) = 1/l!, l letters.
+The logarithm of a symmetric step has no terms of even degree. If the conditions of lower degree hold, a condition of
+odd degree n compares the coefficients of the step on words with those of exp(A + B), which are 1/n!. On the oscillator
+A and B are nilpotent: only alternating words contribute to the step matrix, and kappa_l = 0 (Nielsen 2015, Eq. 17) is
+the equation S(ABAB...) = 1/l! with l letters.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from nearharmonic.exact.words import LETTERS, word_slopes, word_sums
 from nearharmonic.integrators.tableau import First
 from nearharmonic.numerics.types import Floats
 
-#: An equation: weights of words, and what the weighted sum has to be.
+#: An equation: weights of words, and the required value of the weighted sum.
 Equation = tuple[dict[str, Fraction], Fraction]
 
 
 class SymmetricSteps:
-    """Symmetric steps of s stages, both of whose rows sum to 1.
+    """Symmetric steps of s stages; both rows sum to 1.
 
-    Unknowns are the first half of the outer row but for its innermost value, which the sum gives, that of the inner row
-    likewise, and the coefficients of the kicks that have a square, counted from the outermost. They may be fractions,
-    floats, arrays of floats, mpmath numbers or intervals: results are of the same kind.
+    Unknowns are the first half of the outer row without its innermost value, which follows from the sum, the first half
+    of the inner row without its innermost value, and the coefficients of the squares, beginning with the outermost
+    kick. Unknowns may be fractions, floats, arrays of floats, mpmath numbers or intervals; results have the same type.
     """
 
     stages: int
@@ -43,12 +43,12 @@ class SymmetricSteps:
 
     @property
     def halves(self) -> tuple[int, int]:
-        """Unknowns of the outer and of the inner row."""
+        """Numbers of unknowns of the outer and of the inner row."""
         return self.stages // 2, (self.stages - 1) // 2
 
     @property
     def unknowns(self) -> int:
-        """Number n of unknowns: s - 1, and one for each square."""
+        """Number n of unknowns: s - 1 plus the number of squares."""
         return self.stages - 1 + len(self.squares)
 
     def palindromes(self, x: Sequence[Any] | Floats) -> tuple[list[Any], list[Any]]:
@@ -84,21 +84,21 @@ class SymmetricSteps:
 
     @cached_property
     def placement(self) -> tuple[Floats, Floats]:
-        """Matrix (F, n) and vector (F,) that make the F numbers of a step from the unknowns, in doubles and exact."""
+        """Matrix (F, n) and vector (F,) of the affine map from n unknowns to the F numbers of a step, in doubles."""
         size = (self.unknowns, self.unknowns)
         units, zeros = (np.array([c for _, c in self.step(x)]) for x in (np.eye(*size), np.zeros(size)))
         return units - zeros, zeros[:, 0]
 
 
 class ConditionedSteps(SymmetricSteps):
-    """Symmetric steps of an order for quadratic T, and of an order on the harmonic oscillator."""
+    """Symmetric steps with a given order for quadratic T and a given order on the harmonic oscillator."""
 
     order: int
     harmonic_order: int
 
     @cached_property
     def equations(self) -> tuple[Equation, ...]:
-        """Each multiplied by n! for words of n letters, so that residuals are of one size."""
+        """Equations, multiplied by n! for words of n letters so that residuals have similar sizes."""
         found: list[Equation] = []
         for degree in range(3, self.order, 2):
             n, words = factorial(degree), lyndon_words(degree)
@@ -124,7 +124,7 @@ class ConditionedSteps(SymmetricSteps):
         return np.stack(self._weighted(x, sums, 1)), by_unknown
 
     def _weighted(self, x: Sequence[Any] | Floats, of_words: dict[str, Any], constant: int) -> list[Any]:
-        """The weighted sum of each equation, minus what it has to be if ``constant`` is 1."""
+        """Return the weighted sum of each equation, minus its required value if ``constant`` is 1."""
         number = as_mpf if isinstance(x[0], mpf) else float
         return [
             sum(number(w) * of_words[word] for word, w in left.items()) - constant * number(right)

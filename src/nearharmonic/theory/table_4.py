@@ -1,4 +1,4 @@
-"""The paper's Table 4: the independent coefficients of each set, as printed and as derived."""
+"""Table 4 of the paper: the independent coefficients of each set, printed and derived."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ Rows = list[tuple[str | int, ...]]
 
 
 def independent(tableau: Tableau) -> Iterator[tuple[str, int, str]]:
-    """(symbol, index from 1, value) of what the paper prints: half of each row but for what the sum implies.
+    """Return (symbol, index from 1, value) of each coefficient in the table.
 
-    As in the table, d is the outer and c the inner row, whatever the operator.
+    The table has half of each row, without the value that follows from the sum. d is the outer and c the inner row for
+    both compositions.
     """
     for symbol, row in (("d", tableau.outer), ("c", tableau.inner)):
         for i in range((len(row) + 1) // 2 - 1):
@@ -25,12 +26,12 @@ def independent(tableau: Tableau) -> Iterator[tuple[str, int, str]]:
 
 
 def table_4(derived: Mapping[str, Tableau] | None = None) -> tuple[tuple[str, ...], Rows]:
-    """Return Table 4, and beside it what was derived.
+    """Return Table 4, with the derived coefficients beside the printed ones.
 
     Parameters
     ----------
     derived : mapping of str to Tableau, optional
-        Derived counterparts of the sets, by name; a set without one is said to be not derived.
+        Derived sets, by name; a set without a derived counterpart is marked as not derived.
 
     Returns
     -------

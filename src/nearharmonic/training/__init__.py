@@ -1,1 +1,1 @@
-"""Coefficients chosen by the energy error itself, over an ensemble of problems, with order conditions met exactly."""
+"""Training: minimisation of the energy error over an ensemble of problems under exact order conditions."""

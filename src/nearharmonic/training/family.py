@@ -1,9 +1,9 @@
-"""Families of symmetric methods: their free coefficients, and the order conditions that these have to meet.
+"""Families of symmetric methods: free coefficients and order conditions.
 
-Unknowns are the first half of the outer row but for its innermost value, that of the inner row likewise, and the
-squares of the kicks that have one: the two rows sum to 1 by the values left out. What is left of order four are two
-equations; for quadratic T order six has four more, whatever the number of stages. An order lambda_H on the oscillator
-has one for each power of tau from five on, kappa_l = 0 (Nielsen 2015, Eq. 17).
+Unknowns are the first half of the outer row without its innermost value, the first half of the inner row without its
+innermost value, and the squares of the modified kicks. The omitted values make the sums of both rows 1. Order four then
+has two more equations; order six for quadratic T has four more, for any number of stages. A harmonic order lambda_H has
+one equation kappa_l = 0 for each power of tau from five on (Nielsen 2015, Eq. 17).
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.numerics.types import Floats
 from nearharmonic.theory.symmetric import ConditionedSteps
 
-#: Newton steps that a projection takes at most, the largest change of an unknown in one, and the residual at the end.
+#: Maximum number of Newton steps of a projection, largest change of an unknown per step, and residual at the end.
 PROJECTIONS, LONGEST, MET = 10, 0.3, 1e-10
-#: Residual from which one Newton step, which squares it, leads to what doubles resolve.
+#: Residual from which one Newton step, which squares it, reaches the resolution of doubles.
 NEAR = 1e-8
-#: Part of the size of the equations' matrix that keeps it from being singular.
+#: Regularisation of the matrix of the equations, relative to its size.
 REGULAR = 1e-15
-#: Harmonic orders that can be asked for.
+#: Accepted harmonic orders.
 HARMONIC_ORDERS = range(4, 9)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Family(ConditionedSteps):
-    """Symmetric compositions of s stages that meet order conditions.
+    """Symmetric compositions of s stages that fulfil order conditions.
 
     Parameters
     ----------
@@ -39,16 +39,17 @@ class Family(ConditionedSteps):
     first : {"drift", "kick"}
         Operator of the outer row.
     order : {4, 6}
-        Order for quadratic T. Without squares 4 is the order for any separable H, and 6 means 4 there.
+        Order for quadratic T. Without squares, methods of both orders have order 4 for any separable H.
     harmonic_order : int
         Order lambda_H on the harmonic oscillator, 4 to 8.
     squares : tuple of int
-        Kicks, counted from the outermost, that are of a modified potential.
+        Indices of the kicks with a modified potential, counted from the outermost kick.
 
     Raises
     ------
     SettingError
-        Another order, a square of no kick or two of one, or too few unknowns for the equations.
+        Another order, the square of a kick that does not exist, two squares of one kick, or fewer unknowns than
+        equations.
     """
 
     stages: int
@@ -74,20 +75,20 @@ class Family(ConditionedSteps):
 
     @property
     def gradients(self) -> int:
-        """Force evaluations of a step that take the gradient of the square of grad V as well."""
+        """Number of force evaluations per step with the gradient of the square of grad V."""
         kicks = self.stages + (self.first == "kick")
         count = sum(1 if 2 * i + 1 == kicks else 2 for i in self.squares)
         return count - (self.first == "kick" and 0 in self.squares)
 
     def unknowns_of(self, tableau: Tableau) -> Floats:
-        """Return the unknowns (n,) of a method with these stages and this role; squares that it has not are 0."""
+        """Return the unknowns (n,) of a method with these stages and this role; missing squares are 0."""
         squares = [0.0] * len(tableau.kick)
         if tableau.modified:
             squares = [float(m) for m in tableau.square]
         return np.array(self.halved(*tableau.rows_double(), squares))
 
     def shape(self) -> Tableau:
-        """Return a method with the stages, the role and the squares of all members: leapfrog, s times."""
+        """Return a method with the stages, the role and the squares of all members: s steps of leapfrog."""
         step = 1 / self.stages
         rows = {"kick": [step] * self.stages, "drift": [step] * self.stages}
         rows[self.first] = [step / 2, *rows[self.first][1:], step / 2]
@@ -98,10 +99,11 @@ class Family(ConditionedSteps):
         return Tableau(**given, **about)  # type: ignore[arg-type]
 
     def project(self, points: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-        """Return the members (C, n) of the family near ``points``, and which of them meet the equations.
+        """Return the members (C, n) of the family near ``points``, and a mask of those that fulfil the equations.
 
-        Each Newton step is the shortest that the linearised equations allow. Members are returned bit for bit: a step
-        would move them by the rounding of the linear algebra, which differs between processors.
+        Each Newton step is the shortest solution of the linearised equations. Points that fulfil the equations are
+        returned bitwise identical: a step would change them by rounding errors of the linear algebra, which differ
+        between processors.
         """
         x = np.array(points, dtype=float)
         with np.errstate(all="ignore"):
@@ -119,19 +121,19 @@ class Family(ConditionedSteps):
             return x, self._met(x)
 
     def _met(self, x: Floats) -> NDArray[np.bool_]:
-        """Tell which of the points (C, n) meet the equations."""
+        """Return the mask of the points (C, n) that fulfil the equations."""
         found: NDArray[np.bool_] = np.abs(np.stack(self.residuals(x.T))).max(axis=0) < MET
         return found
 
     def grown(self, x: Floats) -> tuple[Family, Floats]:
-        """Return the family of one stage more and the same step in it: its innermost operator is split by nothing."""
+        """Return the family with one more stage, and this step in it: a flow of length 0 splits its innermost flow."""
         outer, inner = self.halves
         kicks, _, squares = self.rows(x)
         rows = self.palindromes(x)
         a, b = list(x[:outer]), list(x[outer : outer + inner])
-        if self.stages % 2:  # the innermost inner value is halved, and a new outer one, which is 0, stands between
+        if self.stages % 2:  # the innermost inner value is halved, and a new outer value 0 is put between the halves
             a.append(rows[0][outer])
-        else:  # the innermost outer value is halved, and a new inner one stands between
+        else:  # the innermost outer value is halved, and a new inner value 0 is put between the halves
             b.append(rows[1][inner])
         halved = [squares[i] / (2 if 2 * i + 1 == len(kicks) else 1) for i in self.squares]
         return replace(self, stages=self.stages + 1), np.array([*a, *b, *halved])

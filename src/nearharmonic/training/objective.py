@@ -1,7 +1,7 @@
-"""Objective of a search: the mean logarithm of the energy error against the best known method.
+"""Objective of a search: the mean logarithm of the energy error relative to the best known method.
 
-Over a window of step sizes, at equal cost, the worst difference to the best known method at each step size, and half of
-the mean: a method that wins at one step size and nowhere near it gains nothing.
+The objective is the largest difference to the best known method over a window of step sizes, at equal cost, plus a
+multiple of the mean difference. A method that is better only at a single step size gains nothing.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from nearharmonic.numerics.types import Floats
 from nearharmonic.training.family import Family
 from nearharmonic.training.population import Ensemble, Population, mean_log
 
-#: Part of the mean that is added to the worst: it tells methods apart that are equal where they are worst.
+#: Weight of the mean that is added to the maximum: it distinguishes methods with equal maxima.
 WEIGHT_OF_MEAN = 0.5
-#: Objective of what is no member of its family, and how it rises with the sum of the coefficients' absolute values.
+#: Objective of points without a member of the family, and its increase with the sum of the absolute coefficients.
 OUTSIDE, SLOPE = 20.0, 0.01
-#: Largest sum of the absolute values of all coefficients of a step, in which rounding errors grow.
+#: Largest sum of the absolute values of all coefficients of a step; rounding errors grow with this sum.
 LARGEST_SUM = 9.0
 
 
@@ -33,9 +33,9 @@ def mean_errors(
     ensemble : Ensemble
         The problems.
     methods : iterable of Tableau
-        What is compared.
+        Methods that are compared.
     tau_per_stage : sequence of T float
-        Step sizes over the cost of a step, in the ensemble's unit.
+        Step sizes over the cost of a step, in the unit of the ensemble.
     charge : float
         Cost of the gradient of the square of grad V, in forces.
     """
@@ -43,7 +43,7 @@ def mean_errors(
 
 
 def errors_of(ensemble: Ensemble, method: Tableau, tau_per_stage: Sequence[float], charge: float = 0.0) -> Floats:
-    """Return the largest |dH/H0| (T, M) of a method on each problem of an ensemble, as :func:`mean_errors` does."""
+    """Return the largest |dH/H0| (T, M) of a method on each problem; arguments of :func:`mean_errors`."""
     cost = method.stages + charge * method.gradients
     population = Population(ensemble, method, tau_per_stage, 1, cost)
     rows = [np.array([list(map(float, row))]) for row in (method.kick, method.drift, method.square)]
@@ -57,15 +57,15 @@ class Objective:
     Parameters
     ----------
     family : Family
-        Whose members are tried.
+        Family of the members.
     ensembles : sequence of Ensemble
-        Their problems; each ensemble counts the same.
+        Problems; all ensembles have equal weight.
     tau_per_stage : sequence of T float
-        The window.
+        Window of step sizes over the cost of a step.
     references : sequence of (T,) array of float
-        Of each ensemble, what is subtracted from the mean of log10 max |dH/H0|.
+        Reference values of each ensemble, which are subtracted from the mean of log10 max |dH/H0|.
     size : int
-        Most members tried at a time.
+        Maximum number of members per batch.
     charge : float
         Cost of the gradient of the square of grad V, in forces.
     largest_sum : float
@@ -93,7 +93,7 @@ class Objective:
     def __call__(self, points: Floats) -> Floats:
         """Return the objective (C,) of the members nearest to ``points`` (C, n)."""
         x, inside = self.family.project(points)
-        with np.errstate(all="ignore"):  # points that are no numbers are outside
+        with np.errstate(all="ignore"):  # points with NaN count as outside
             kicks, drifts, squares = self._rows(x)
             total = np.abs(kicks).sum(axis=1) + np.abs(drifts).sum(axis=1)
         inside &= total < self.largest_sum
@@ -104,7 +104,7 @@ class Objective:
         return found
 
     def gains(self, x: Floats) -> Floats:
-        """Return by how much members (C, n) err less than the reference, in decades (ensembles, C, T)."""
+        """Return by how many decades the errors of members (C, n) are below the reference (ensembles, C, T)."""
         return -self._differences(*self._rows(x))
 
     def _rows(self, x: Floats) -> tuple[Floats, Floats, Floats]:
@@ -117,7 +117,7 @@ class Objective:
         return found
 
     def _differences(self, kicks: Floats, drifts: Floats, squares: Floats) -> Floats:
-        """Mean log of errors, less the reference, by ensemble (ensembles, C, T)."""
+        """Return the mean logarithm of the errors minus the reference (ensembles, C, T)."""
         parts = [slice(i, i + self.size) for i in range(0, len(kicks), self.size)]
         return np.stack([
             np.concatenate([

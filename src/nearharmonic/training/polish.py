@@ -1,4 +1,4 @@
-"""From a member of a family in doubles to a tableau of many digits, moved onto the equations as little as may be."""
+"""Refinement of a member of a family from doubles to a tableau of many digits, with minimal change."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from nearharmonic.exact.newton import newton
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau, palindrome
 from nearharmonic.theory.symmetric import ConditionedSteps
 
-#: Decimals that a polished tableau guarantees.
+#: Guaranteed decimals of a polished tableau.
 DIGITS = 60
-#: Largest change of an unknown by default: doubles that meet the equations to 1e-10 are nearer.
+#: Default of the largest change of an unknown: doubles that fulfil the equations to 1e-10 need smaller changes.
 NEAREST = 1e-8
 
 
 class NotConvergedError(NearharmonicError):
-    """Newton's method did not reach a member of the family next to the point; the text says where it ended."""
+    """Newton's method did not reach a member of the family near the point; the text has its last residual."""
 
 
 def polished(
@@ -36,13 +36,13 @@ def polished(
     Parameters
     ----------
     family : ConditionedSteps
-        Whose equations are solved.
+        Family whose equations are solved.
     unknowns : sequence of n float
         The point.
     digits : int
         Decimals of the solution.
     fixed : mapping of int to str, optional
-        Decimal values of unknowns that stay as they are, by their index.
+        Decimal values of fixed unknowns, by their index.
     nearest : float
         Largest change of an unknown.
 
@@ -105,6 +105,6 @@ def tableau_of(
 
 
 def _texts(row: Sequence[BigFloat], digits: int) -> tuple[str, ...]:
-    """A symmetric row as decimals, with "0" for what is exactly 0."""
+    """Return a symmetric row as decimals, with "0" for exact zeros."""
     texts = [fixed_point(c, digits + 2) if c else "0" for c in row[: (len(row) + 1) // 2]]
     return palindrome(*texts[: len(row) // 2], centre=texts[-1] if len(row) % 2 else None)

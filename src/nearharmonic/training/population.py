@@ -1,4 +1,4 @@
-"""A population of methods on an ensemble of problems, in one queue of runs: each lane takes coefficients of its own."""
+"""A population of methods on an ensemble of problems, in one queue of runs: each lane has its own coefficients."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearharmonic.core.layout import COLUMNS, DRIFT, KICK, PRODUCT, SQUARE, modified_columns
-from nearharmonic.engine.batch.batch import Batch, prepared_batch
+from nearharmonic.engine.batch.batch import prepared_batch
+from nearharmonic.engine.batch.queue import Batch
 from nearharmonic.engine.batch.results import energy_unit
 from nearharmonic.engine.numbers.coefficients import moves_behind
 from nearharmonic.engine.settings import Numerics
@@ -17,34 +18,34 @@ from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
 from nearharmonic.systems.definition.system import System
 
-#: Lanes: two registers, as the parameters of a problem take the others.
+#: Number of lanes: two registers, because the parameters of a problem use the others.
 LANES = 16
-#: Smallest and largest error told apart: what doubles resolve, and that of a run that is lost.
+#: Smallest and largest error that are distinguished: the resolution of doubles, and the error of a diverged run.
 LEAST, LOST = 1e-16, 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ensemble:
-    """M problems of one system, which differ in initial values or parameters.
+    """M problems of one system, with different initial values or parameters.
 
     Attributes
     ----------
     name : str
-        Of the ensemble, in tables.
+        Name of the ensemble in tables.
     system : System
-        Of d coordinates and P parameters.
+        System with d coordinates and P parameters.
     start : (M, 4 d) array of float
-        Initial states, as :func:`nearharmonic.engine.numbers.coefficients.start_row` lays them out.
+        Initial states, in the layout of :func:`nearharmonic.engine.numbers.coefficients.start_row`.
     parameters : (M, 2 P) or (1, 2 P) array of float
-        As :func:`nearharmonic.engine.numbers.coefficients.parameter_row` lays them out.
+        Parameters, in the layout of :func:`nearharmonic.engine.numbers.coefficients.parameter_row`.
     t_end : float
-        Interval of every run, in the unit of time of the system.
+        Length of every run, in the unit of time of the system.
     unit : float
-        Time in which step sizes are given: one radian of the fastest oscillation.
+        Unit of time of step sizes: one radian of the fastest oscillation.
     strength : (M,) array of float, optional
         Anharmonicity of each problem.
     scale : float
-        Energy that errors are relative to; 0 for |H0| of each problem.
+        Reference energy of relative errors; 0 for |H0| of each problem.
     """
 
     name: str
@@ -76,11 +77,11 @@ class Population:
     ensemble : Ensemble
         The M problems.
     shape : Tableau
-        A method with the stages and the role of all of them.
+        A method with the stages and the role of all methods.
     tau_per_stage : sequence of T float
         Step sizes over the cost of a step, in the ensemble's unit of time.
     size : int
-        Most methods at a time.
+        Maximum number of methods per batch.
     cost : float, optional
         Cost of a step in force evaluations; the stages if None.
     """
@@ -99,14 +100,14 @@ class Population:
         self._batch = self._prepared(shape)
 
     def errors(self, kicks: Floats, drifts: Floats, squares: Floats | None = None) -> Floats:
-        """Return the largest |dH/H0| (C, T, M) over every step of each run; :data:`LOST` for runs that are lost.
+        """Return the largest |dH/H0| (C, T, M) over all steps of each run; :data:`LOST` for diverged runs.
 
         Parameters
         ----------
         kicks, drifts : (C, s + 1) and (C, s) array of float, or the other way round
-            Rows of each method, C at most ``size``.
+            Rows of each method; C is at most ``size``.
         squares : array of float, optional
-            Coefficients of the squares, for each kick.
+            Coefficients of the squares, one for each kick.
         """
         count = len(kicks)
         moves = self._moves.reshape(self.shape[0], len(self.steps), *self._moves.shape[1:])
@@ -124,7 +125,7 @@ class Population:
         return self._found()[:count]
 
     def _found(self) -> Floats:
-        batch = self._batch
+        batch = self._batch.filled
         worst = batch.blocks[1, :, -1].reshape(self.shape)
         with np.errstate(all="ignore"):
             errors = worst / energy_unit(batch.energy[:, 0], self.ensemble.scale).reshape(self.shape)
@@ -151,13 +152,13 @@ class Population:
 
 
 def mean_log(errors: Floats) -> Floats:
-    """Return the mean over the problems (last axis) of the logarithm to base 10 of errors."""
+    """Return the mean of log10 of the errors over the problems (last axis)."""
     found: Floats = np.log10(np.maximum(errors, LEAST)).mean(axis=-1)
     return found
 
 
 def _in_order(kicks: Floats, drifts: Floats, squares: Floats, kick_first: bool) -> tuple[Floats, Floats, Floats]:
-    """Kick, with the sign of the force, drift and square (C, s + 2) of each move, in the order of a kernel's rows.
+    """Return kick (with the sign of the force), drift and square (C, s + 2) of each move, in the order of kernel rows.
 
     The second row merges the last move of a step with the first of the next.
     """
@@ -174,7 +175,7 @@ def _in_order(kicks: Floats, drifts: Floats, squares: Floats, kick_first: bool) 
 
 
 def _square_behind(squares: NDArray[np.bool_]) -> Floats:
-    """Moves behind which a force needs the gradient of the square: 1 in an array (C, s + 2), else 0."""
+    """Return an array (C, s + 2): 1 for moves after which the force needs the gradient of the square, else 0."""
     found = np.zeros(squares.shape)
     for i in range(squares.shape[1]):
         found[:, i] = squares[:, list(moves_behind(i, squares.shape[1]))].any(axis=1)

@@ -1,4 +1,4 @@
-"""The methods that trained ones are compared with: all that are registered, but for those of this project itself."""
+"""Methods for comparison with trained ones: all registered methods except those of this project."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from nearharmonic.integrators import integrators, modified_integrators, plain_integrators
 from nearharmonic.integrators.tableau import Tableau
 
-#: What the names of trained methods begin with.
+#: Prefix of the names of trained methods.
 TRAINED = "trained_"
 #: Modules of this project's own methods: found by order conditions, and trained.
 OURS = ("nearharmonic_2026", "nearharmonic_2026_modified", "trained", "trained_modified")
@@ -24,14 +24,14 @@ def published_names() -> tuple[str, ...]:
 
 
 def modified_names() -> tuple[str, ...]:
-    """Return the names of all methods with kicks of a modified potential but for processed and trained ones.
+    """Return the names of all methods with modified potentials except processed and trained ones.
 
-    Published ones come first.
+    Published methods come first.
     """
     found = [name for name, one in modified_integrators.items() if not (one.processed or name.startswith(TRAINED))]
     return tuple(sorted(found, key=lambda name: module_of(name) in OURS))
 
 
 def published_methods(names: Sequence[str]) -> list[Tableau]:
-    """Return the published ones among the methods of these names."""
+    """Return the published methods among these names."""
     return [integrators[name] for name in names if module_of(name) not in OURS]

@@ -1,8 +1,8 @@
-"""The search for members of a family: CMA-ES from published methods, from methods of a stage less, and at random.
+"""Search for members of a family by CMA-ES, from published methods, methods with one stage less, and random points.
 
 N. Hansen, The CMA Evolution Strategy: A Tutorial, arXiv:1604.00772; library: pycma, doi:10.5281/zenodo.2559634. All
-budgets are numbers of trials, and all random numbers come from one seed: the same seed gives the same rows, on one kind
-of processor.
+budgets are numbers of trials, and all random numbers come from one seed: one seed always gives the same rows on the
+same type of processor.
 """
 
 from __future__ import annotations
@@ -30,21 +30,22 @@ class Effort:
     Attributes
     ----------
     trials : int
-        Members tried from each start.
+        Number of members tried from each start.
     random : int
-        Random starts in each family.
+        Number of random starts in each family.
     refinements : int
-        Searches around the best found so far.
+        Number of searches around the best member so far.
     population : int
-        Members tried at a time.
+        Number of members per generation.
     around_known, around_found, at_random : tuple of float
-        First standard deviations around a known method, around what a search has found, and at random, in turn.
+        Initial standard deviations around a known method, around the result of a search, and around random points; used
+        in turn.
     random_points, mean, spread : int and float
-        Random points of which the best is a start; their mean and standard deviation in units of 1/s.
+        Number of random points, whose best one is a start, and their mean and standard deviation in units of 1/s.
     same_value, same_unknowns : float
-        A search whose end differs by less in the objective and in all unknowns from the best has found the same.
+        Tolerances of the objective and of the unknowns within which two searches have found the same member.
     small_value, small_step : float
-        Change of the objective, and of the unknowns, at which a search ends.
+        Changes of the objective and of the unknowns below which a search ends.
     """
 
     trials: int
@@ -63,14 +64,14 @@ class Effort:
     small_step: float = 1e-8
 
     def same(self, one: Found, best: Found) -> bool:
-        """Return True if two searches have found the same."""
+        """Return True if two searches have found the same member."""
         near = one.family == best.family and one.value < best.value + self.same_value
         return near and bool(np.abs(one.unknowns - best.unknowns).max(initial=0) < self.same_unknowns)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """Start of a search: a point, or None for the best of random ones, and the standard deviation around it."""
+    """Start of a search: a point, or None for the best of random points, and the standard deviation around it."""
 
     origin: str
     point: Floats | None
@@ -89,7 +90,7 @@ class Found:
 
 
 class Searcher:
-    """Searches one after another, with random numbers of one generator, and what they found.
+    """Successive searches with one random generator, and their results.
 
     Parameters
     ----------
@@ -105,7 +106,7 @@ class Searcher:
 
     @property
     def best(self) -> Found:
-        """The one with the least objective."""
+        """The result with the smallest objective."""
         return min(self.found, key=lambda one: one.value)
 
     @property
@@ -115,11 +116,11 @@ class Searcher:
 
     @property
     def again(self) -> int:
-        """Number of searches that ended at the best, itself included."""
+        """Number of searches that ended at the best member."""
         return sum(self.effort.same(one, self.best) for one in self.found)
 
     def search(self, objective: Objective, start: Start, trials: int | None = None) -> Found:
-        """Search from a start, with as many ``trials`` or those of the settings."""
+        """Search from a start, with this number of ``trials`` or that of the settings."""
         before, seed = objective.trials, int(self._random.integers(1, 2**31))
         effort = self.effort if trials is None else replace(self.effort, trials=trials)
         value, unknowns = descend(objective, start, effort, seed)
@@ -132,27 +133,28 @@ class Searcher:
         return self.found[-1]
 
     def near(self, best: Found, turn: int, origin: str) -> Start:
-        """Return a start near a member, whose distance changes by ``turn``."""
+        """Return a start near a member, at a distance that depends on ``turn``."""
         spread = self.spread(turn)
         point = best.unknowns + spread * self._random.normal(size=len(best.unknowns))
         return Start(origin=origin, point=point, spread=spread)
 
     def spread(self, turn: int) -> float:
-        """Standard deviation around what was found, by ``turn``."""
+        """Return the standard deviation around a result, which depends on ``turn``."""
         return self.effort.around_found[turn % len(self.effort.around_found)]
 
 
 def starts_of(family: Family, known: Sequence[Tableau], before: Sequence[Found], effort: Effort) -> Iterator[Start]:
-    """Yield where to search a family from: known methods, the best of a stage less, random points.
+    """Yield the starts in a family: known methods, the best method with one stage less, random points.
 
     Parameters
     ----------
     family : Family
-        What is searched.
+        Family that is searched.
     known : sequence of Tableau
-        Published methods; symmetric ones of the family's shape are starts, and grown ones of a stage less.
+        Published methods: symmetric methods of the shape of the family are starts, and so are extended methods with one
+        stage less.
     before : sequence of Found
-        The best of other families; that of a stage less is grown.
+        The best members of other families; that with one stage less is extended by a stage.
     effort : Effort
         Number of random starts, and standard deviations.
     """
@@ -175,20 +177,20 @@ def starts_of(family: Family, known: Sequence[Tableau], before: Sequence[Found],
 def search(
     objective: Objective, starts: Iterator[Start], effort: Effort, seed: int, report: Callable[[Found], None] | None
 ) -> Searcher:
-    """Search from all ``starts``, and around the best that they lead to.
+    """Search from all ``starts``, and then around the best result.
 
     Parameters
     ----------
     objective : Objective
-        What is made small.
+        Objective that is minimised.
     starts : iterator of Start
-        Where searches begin.
+        Starts of the searches.
     effort : Effort
-        Trials and refinements.
+        Numbers of trials and refinements.
     seed : int
         Of all random numbers.
     report : callable, optional
-        Is told of each search that has ended.
+        Function that is called after each search.
     """
     searcher = Searcher(effort, seed)
     refined = (searcher.near(searcher.best, turn, "refined") for turn in range(effort.refinements) if searcher.found)
@@ -200,7 +202,7 @@ def search(
 
 
 def descend(objective: Objective, start: Start, effort: Effort, seed: int) -> tuple[float, Floats]:
-    """Return the least objective that CMA-ES finds from a start, and the member (n,) that has it."""
+    """Return the smallest objective that CMA-ES finds from a start, and its member (n,)."""
     family, point = objective.family, start.point
     random = np.random.default_rng(seed)
     if point is None:
@@ -212,7 +214,7 @@ def descend(objective: Objective, start: Start, effort: Effort, seed: int) -> tu
     options = {
         "verbose": -9, "maxfevals": effort.trials, "popsize": effort.population, "tolfun": effort.small_value,
         "tolx": effort.small_step, "CMA_stds": _scales(family),
-        # With its own seed, cma would seed the generator that all of NumPy shares.
+        # If cma gets a seed, it seeds the global generator of NumPy.
         "seed": np.nan, "randn": lambda *shape: random.standard_normal(shape),
     }  # fmt: skip
     strategy = cma.CMAEvolutionStrategy(point, start.spread, options)
@@ -225,7 +227,7 @@ def descend(objective: Objective, start: Start, effort: Effort, seed: int) -> tu
 
 
 def library() -> Any:
-    """Return pycma, which takes a second to load.
+    """Import pycma, which takes a second.
 
     Raises
     ------
@@ -234,7 +236,7 @@ def library() -> Any:
     """
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # optional packages that it looks for
+            warnings.simplefilter("ignore")  # warnings about optional packages
             import cma
     except ModuleNotFoundError as error:
         message = "a search for coefficients needs the package cma: pip install 'nearharmonic[tailor]'"
@@ -243,7 +245,7 @@ def library() -> Any:
 
 
 def _scales(family: Family) -> Floats:
-    """By what a first standard deviation is multiplied: coefficients of squares are small."""
+    """Return factors of the initial standard deviation: coefficients of squares are small."""
     scales = np.ones(family.unknowns)
     scales[family.stages - 1 :] = 1 / family.stages
     return scales

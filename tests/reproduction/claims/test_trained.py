@@ -14,7 +14,7 @@ from nearharmonic.reproduction.claims.statements.tableaus.trained import (
     minimised_coefficients,
 )
 from nearharmonic.reproduction.experiments.trained.problems.random_potentials import random_ensemble
-from nearharmonic.reproduction.experiments.trained.proof.ensembles import BANDS, DIMENSIONS
+from nearharmonic.reproduction.experiments.trained.proof.run import BANDS, DIMENSIONS
 from support.results.sound_results import PROOF_STEPS, sound_results
 
 THREE = ("babps9o7h", "babps8o7h", "abas5o6h")

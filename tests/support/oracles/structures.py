@@ -6,7 +6,7 @@ from fractions import Fraction
 from types import SimpleNamespace
 
 from nearharmonic.output.dataset import assembled
-from nearharmonic.reproduction.experiments.stability.conservation.reduce import structure_cube
+from nearharmonic.reproduction.experiments.stability.conservation.reductions import structure_cube
 from nearharmonic.reproduction.experiments.stability.conservation.run import structure_runs
 
 

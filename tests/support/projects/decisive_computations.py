@@ -14,10 +14,10 @@ from nearharmonic.numerics.portable import log10, norms
 from nearharmonic.numerics.quasi_random import quasi_random
 from nearharmonic.numerics.statistics import line_fit, linear_trend, observed_order, power_law, trend_linearity
 from nearharmonic.reproduction.experiments.exact_oscillator.reductions import crossings
+from nearharmonic.reproduction.experiments.exact_oscillator.run import starts_on
 from nearharmonic.reproduction.experiments.exact_oscillator.settings import ExactOscillatorSettings
-from nearharmonic.reproduction.experiments.exact_oscillator.surfaces import starts_on
-from nearharmonic.reproduction.experiments.stability.kepler.initial_conditions import kepler_apoapsis
 from nearharmonic.reproduction.experiments.stability.kepler.reductions import evaluations_below, rotation_per_sample
+from nearharmonic.reproduction.experiments.stability.kepler.run import kepler_apoapsis
 from nearharmonic.reproduction.experiments.stability.rounding.reductions import growth
 from nearharmonic.reproduction.experiments.trained.problems.named_systems import NAMED, named_ensemble
 from nearharmonic.reproduction.experiments.trained.problems.orbits import orbit_ensemble

@@ -2,33 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from fractions import Fraction
-from functools import partial
 from math import nan
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
-from nearharmonic.core.layout import EVERY_STEP, LOOKS, NEVER, SAMPLES, running_rows, split_results
+from nearharmonic.core.layout import EVERY_STEP, LOOKS, NEVER, SAMPLES, running_rows
 from nearharmonic.engine.batch import execution
 from nearharmonic.engine.batch.kernels import STANDARD, cost_of, kernel_of
 from nearharmonic.engine.batch.lanes import with_lanes
-from nearharmonic.engine.batch.parameters import parameters_at_run_time
-from nearharmonic.engine.batch.processed import ProcessedCall, processed_batch
-from nearharmonic.engine.batch.regularised import LandingCall
-from nearharmonic.engine.batch.results import Integers, Trajectories, surface_limit, trajectories_of
+from nearharmonic.engine.batch.processed import ProcessedCall
+from nearharmonic.engine.batch.queue import Batch
+from nearharmonic.engine.batch.regularised import landing_call
+from nearharmonic.engine.batch.results import Integers, Trajectories, filled, surface_limit, trajectories_of
 from nearharmonic.engine.numbers.coefficients import moves_of
-from nearharmonic.engine.numbers.initial_values import standard_parameters, standard_start
+from nearharmonic.engine.numbers.initial_values import parameters_at_run_time, standard_parameters, standard_start
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators.composition import Composition
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
 from nearharmonic.systems.definition.system import System
-
-if TYPE_CHECKING:
-    from nearharmonic.core.machine.native import PreparedCall
 
 
 def sample_marks(steps: Integers, samples: int) -> Integers:
@@ -50,72 +46,9 @@ def sample_marks(steps: Integers, samples: int) -> Integers:
     return np.where(index <= last, index * steps[:, None] // np.maximum(last, 1), -1)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Batch:
-    """A queue of R runs with their arrays, which may be filled anew and run again.
-
-    Attributes
-    ----------
-    numerics : Numerics
-        Arithmetic, lanes, and when the energy is measured.
-    marks : (R, S) array of int
-        Steps at which to sample, first 0, padded with -1.
-    scheme : (R,) array of int
-        The row of ``moves`` that each run takes.
-    start : (R, 4 D) array of float
-        Initial states of the D coordinates of the kernel.
-    parameters : (R or 1, 2 P) array of float
-        Parameters of each run, or of all.
-    moves : (schemes, s + 2, columns) array of float
-        Coefficients with the step sizes multiplied in, from :func:`nearharmonic.engine.numbers.coefficients.moves_of`.
-    results : array of float
-        The next four in one piece.
-    states, blocks, energy, running, left_at
-        (R, S, 4 D) states; (3, R, S) energy error, and the maximum and sum of its modulus over the block before each
-        sample; (R, 2) H0 as pairs; (R, 5 D) the states that run at the end, from which a run may go on; (R,) the step
-        at which a run left its energy surface, or 0.
-    cost : int
-        Cost of a step.
-    """
-
-    numerics: Numerics
-    marks: Integers
-    scheme: Integers
-    start: Floats
-    parameters: Floats
-    moves: Floats
-    results: Floats
-    states: Floats
-    blocks: Floats
-    energy: Floats
-    running: Floats
-    left_at: Integers
-    control: Integers
-    call: PreparedCall | LandingCall | ProcessedCall
-    cost: int
-
-    @property
-    def steps(self) -> Integers:
-        """Steps of each run (R,)."""
-        steps: Integers = self.marks.max(axis=1)
-        return steps
-
-    def clear(self) -> None:
-        """Forget what an earlier call computed, and that it was told to stop."""
-        self.results.fill(nan)
-        self.left_at.fill(0)
-        self.control.fill(0)
-
-    def run(self, steps: int | None = None) -> None:
-        """Compute the results.
-
-        Parameters
-        ----------
-        steps : int, optional
-            Steps of all runs together, where they are known.
-        """
-        self.clear()
-        execution.execute(self.call, self.control, int(self.steps.sum()) if steps is None else steps, self.cost)
+def single_steps(runs: int) -> Integers:
+    """Return the marks (R, 2) of runs of one step."""
+    return np.tile(np.array([[0, 1]]), (runs, 1))
 
 
 def prepared_batch(
@@ -139,58 +72,66 @@ def prepared_batch(
     system, step, numerics
         Problem, method, or a single composition of one, and arithmetic.
     marks, scheme, moves, start, parameters
-        As :class:`Batch` has them.
+        Arrays that :class:`Batch` describes.
     scale : float
-        Energy that errors are relative to; 0 for |H0|.
+        Energy that errors are relative to; 0 for |H0|, or for the unit of energy where H0 = 0.
     reference : pair of float
-        H0 for all runs, in place of the energy of each start.
+        H0 for all runs, high and low half, in place of the energy of each start.
     resumed : (R, 5 D) array of float, optional
-        States that run, of runs that go on from ``start`` with the same moves.
+        Running states of runs that go on from ``start`` with the same moves.
     """
     if isinstance(step, Tableau) and step.processed:
         return _prepared_processed(
-            system, step, numerics, marks, scheme, moves, start, parameters, scale, reference, resumed
-        )
-    landing = system.regularisation is not None
-    kernel = None if landing else kernel_of(system, numerics.compiled, modified=step.modified)
-    if not landing:
-        parameters = parameters_at_run_time(system, numerics, parameters)
+            system, step, numerics, marks=marks, scheme=scheme, moves=moves, start=start, parameters=parameters,
+            scale=scale, reference=reference, resumed=resumed,
+        )  # fmt: skip
     cost = step.stages * cost_of(system, numerics.compiled, modified=step.modified)
-    runs, d = len(marks), system.dimension if kernel is None else kernel.dimension
+    runs, d = len(marks), start.shape[1] // 4
     left_at, control = np.zeros(runs, np.int64), execution.control()
     results = np.empty((4 * d + 3) * marks.size + (2 + running_rows(d)) * runs)
-    states, blocks, energy, running = split_results(results, runs, marks.shape[1], d)
+    parts = filled(marks, results, left_at, d)
+    front = measured(numerics), np.argsort(-marks.max(axis=1), kind="stable"), marks, scheme, start
     behind = (
         surface_limit(system, scale), scale, np.array(reference), numerics.look or execution.stretch(cost),
-        step.stages, step.first_same_as_last, moves, control, states, *blocks, energy, running, left_at,
+        step.stages, step.first_same_as_last, moves, control, parts.states, *parts.blocks, parts.energy, parts.running,
+        left_at,
     )  # fmt: skip
-    call: PreparedCall | LandingCall
-    if kernel is None:  # ``running`` begins with the steps of each run, and those made to land
-        front = measured(numerics), np.arange(runs), marks, scheme, start, parameters
-        call = LandingCall(system, numerics, parameters, (*front, *behind))
+    call: Callable[[], object]
+    if system.regularisation is not None:
+        call = landing_call(system, numerics, parameters, (*front, parameters, *behind))
     else:
-        order = np.argsort(-marks.max(axis=1), kind="stable")
+        parameters = parameters_at_run_time(system, numerics, parameters)
         resumed = np.empty((0, running_rows(d))) if resumed is None else resumed
-        call = kernel.prepared(measured(numerics), order, marks, scheme, start, resumed, parameters, *behind)
+        kernel = kernel_of(system, numerics.compiled, modified=step.modified)
+        call = kernel.prepared(*front, resumed, parameters, *behind)
     return Batch(
         numerics=numerics, marks=marks, scheme=scheme, start=start, parameters=parameters, moves=moves,
-        results=results, states=states, blocks=blocks, energy=energy, running=running, left_at=left_at,
-        control=control, call=call, cost=cost,
+        results=results, left_at=left_at, control=control, call=call, cost=cost,
     )  # fmt: skip
 
 
 def _prepared_processed(
-    system: System, tableau: Tableau, numerics: Numerics, marks: Integers, scheme: Integers, moves: Floats,
-    start: Floats, parameters: Floats, scale: float, reference: tuple[float, float], resumed: Floats | None,
+    system: System, tableau: Tableau, numerics: Numerics, *, moves: Floats, start: Floats, parameters: Floats,
+    marks: Integers, scheme: Integers, reference: tuple[float, float], **given: Any,
 ) -> Batch:  # fmt: skip
     """Return the batch of a processed method: the kernel starts from the inverse-processed state."""
     numerics = replace(numerics, look=None, energy="none" if numerics.energy == "none" else "samples")
-    own = np.empty((len(moves), tableau.stages + 2, moves.shape[2]))
-    kernel = prepared_batch(
-        system, tableau.kernel, numerics, marks=marks, scheme=scheme, moves=own, start=start, parameters=parameters,
-        scale=scale, resumed=resumed,
-    )  # fmt: skip
-    return processed_batch(partial(prepared_batch, system), kernel, tableau, moves, reference)
+
+    def part(step: Composition, members: Integers | slice, marks: Integers, **given: Any) -> Batch:
+        rows = np.empty((len(moves), step.stages + 2, moves.shape[2]))
+        shared = parameters if len(parameters) == 1 else parameters[members]
+        return prepared_batch(
+            system, step, numerics, marks=marks, scheme=scheme[members], moves=rows, start=start[members].copy(),
+            parameters=shared, **given,
+        )  # fmt: skip
+
+    every, each = slice(None), np.repeat(np.arange(len(marks)), marks.shape[1])
+    step, before, behind = tableau.compositions
+    kernel = part(step, every, marks, **given)
+    first = part(before, every, single_steps(len(marks)))
+    last = part(behind, each, single_steps(each.size))
+    batch = replace(kernel, moves=moves, start=start.copy(), results=np.empty_like(kernel.results))
+    return replace(batch, call=ProcessedCall(batch, kernel, first, last, reference))
 
 
 def integrate_batch(
@@ -212,28 +153,20 @@ def integrate_batch(
 
     Parameters
     ----------
-    system, tableau
-        Problem of d coordinates and P parameters, and method.
+    system, tableau, numerics, scale, reference, resumed
+        As for :func:`prepared_batch`.
     t_end : Fraction
         End of the interval; negative to run backwards.
     steps : (R,) sequence of int
         Steps of each run.
     samples : int
         Most samples of a run; a single one is the end.
-    numerics : Numerics
-        Arithmetic, lanes, and when the energy is measured.
-    start : (R, 4 d) array of float, optional
-        Initial states, laid out as by :func:`start_row`, in place of the system's own; one row is for all runs.
-    parameters : (R, 2 P) or (1, 2 P) array of float, optional
-        Parameters of each run, or of all, laid out as by :func:`parameter_row`, in place of the system's own.
+    start : (R or 1, 4 d) array of float, optional
+        Initial states, laid out as by :func:`start_row`, in place of the system's own.
+    parameters : (R or 1, 2 P) array of float, optional
+        Parameters, laid out as by :func:`parameter_row`, in place of the system's own.
     marks : (R, S) array of int, optional
         Steps at which to sample in place of ``samples``: as :func:`sample_marks` returns them.
-    scale : float
-        Energy that errors are relative to; 0 for |H0|, or for the unit of energy where H0 = 0.
-    reference : pair of float
-        H0 for all runs, high and low half, in place of the energy of each start.
-    resumed : (R, 5 d) array of float, optional
-        States that run, from which the runs go on.
 
     Raises
     ------
@@ -254,16 +187,8 @@ def integrate_batch(
         scale=scale, reference=reference, resumed=resumed,
     )  # fmt: skip
     batch.run()
-    cut = int(samples == 1 and marks is None)
-    results = (
-        batch.marks[:, cut:],
-        batch.states[:, cut:],
-        batch.blocks[..., cut:],
-        batch.energy,
-        batch.running,
-        batch.left_at,
-    )
-    return trajectories_of(tableau, count, *results, numerics, scale, landed=system.regularisation is not None)
+    only_end = samples == 1 and marks is None
+    return trajectories_of(system, tableau, count, batch.filled.without_start(only_end), numerics, scale)
 
 
 def measured(numerics: Numerics) -> int:

@@ -4,18 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import isfinite
-from typing import TYPE_CHECKING
 
-import numpy as np
-
-from nearharmonic.engine.numbers.initial_values import standard_parameters, standard_start
 from nearharmonic.errors import bad_setting
+from nearharmonic.numerics.types import Floats
 from nearharmonic.systems.definition.system import System
 from nearharmonic.systems.numba.potential import numba_potential
-
-if TYPE_CHECKING:
-    from nearharmonic.engine.runs.problem import Problem
-    from nearharmonic.numerics.types import Floats
 
 #: An energy error of at most so many times the floor is near it.
 NEAR_FLOOR = 10.0
@@ -49,7 +42,7 @@ def check_width(system: System, width: int | None) -> None:
         raise bad_setting("width", width, needed)
 
 
-def floor_attributes(problem: Problem, start: Floats, parameters: Floats, H0: Floats) -> dict[str, float]:
+def energy_floor(system: System, scale: float, start: Floats, parameters: Floats, H0: Floats) -> dict[str, float]:
     """Return the attribute ``energy_floor`` of results; none where V is measured as precisely as wanted.
 
     It is the rounding noise of V relative to what energy errors are relative to; of several runs the largest of the
@@ -57,8 +50,10 @@ def floor_attributes(problem: Problem, start: Floats, parameters: Floats, H0: Fl
 
     Parameters
     ----------
-    problem : Problem
+    system : System
         A system of d coordinates.
+    scale : float
+        Energy that errors are relative to; 0 for |H0|.
     start : (R or 1, 4 d) array of float
         Initial states.
     parameters : (R or 1, 2 P) array of float
@@ -66,28 +61,19 @@ def floor_attributes(problem: Problem, start: Floats, parameters: Floats, H0: Fl
     H0 : (R,) array of float
         Initial energies.
     """
-    potential = numba_potential(problem.system)
-    if potential is None or problem.numerics.energy == "none":
+    potential = numba_potential(system)
+    if potential is None:
         return {}
     from nearharmonic.systems.numba.gradients import rounding_noise
 
-    d, largest = problem.system.dimension, 0.0
+    d, largest = system.dimension, 0.0
     for i, energy in enumerate(H0[:MEMBERS].tolist()):
         if not isfinite(energy):
             continue
         row, given = (rows[i if len(rows) > 1 else 0] for rows in (start, parameters))
         noise = rounding_noise(potential, row[:d].tolist(), given[::2].tolist(), energy)
-        largest = max(largest, noise / (problem.scale or abs(energy) or 1.0))
+        largest = max(largest, noise / (scale or abs(energy) or 1.0))
     return {"energy_floor": largest}
-
-
-def standard_floor(problem: Problem) -> dict[str, float]:
-    """Return the attribute for runs from the system's own start with its own parameters."""
-    if numba_potential(problem.system) is None:
-        return {}
-    start, parameters = standard_start(problem.system, problem.plain), standard_parameters(problem.system)
-    H0 = np.array([problem.system.energy(*problem.system.start(float), problem.system.constants(float))])
-    return floor_attributes(problem, start[None, :], parameters[None, :], H0)
 
 
 def floor_in_words(floor: float) -> str:

@@ -5,74 +5,25 @@ The energy is that of the processed states, and is measured at the samples.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import isnan
-from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from nearharmonic.core.layout import split_results
-
-if TYPE_CHECKING:
-    from nearharmonic.engine.batch.batch import Batch
-    from nearharmonic.engine.batch.results import Integers
-    from nearharmonic.engine.settings import Numerics
-    from nearharmonic.integrators.composition import Composition
-    from nearharmonic.integrators.tableau import Tableau
-    from nearharmonic.numerics.types import Floats
-
-
-class Prepared(Protocol):
-    """Signature of :func:`nearharmonic.engine.batch.batch.prepared_batch` for one system."""
-
-    def __call__(
-        self, step: Composition, numerics: Numerics, *, marks: Integers, scheme: Integers,
-        moves: Floats, start: Floats, parameters: Floats,
-    ) -> Batch: ...  # fmt: skip
-
-
-def processed_batch(
-    prepare: Prepared, kernel: Batch, tableau: Tableau, moves: Floats, reference: tuple[float, float]
-) -> Batch:
-    """Return a batch of a processed method that is ready to run.
-
-    Parameters
-    ----------
-    prepare : callable
-        Prepares a batch of the system for one step.
-    kernel : Batch
-        R runs of the kernel, of S samples each.
-    tableau : Tableau
-        Method.
-    moves : (schemes, rows, columns) array of float
-        Of the kernel, of the inverse processor and of the processor, one behind the other.
-    reference : pair of float
-        H0 for all runs, in place of the energy of each start.
-    """
-    (runs, samples, width), numerics = kernel.states.shape, kernel.numerics
-    many = np.repeat(kernel.scheme, samples)
-    parameters = kernel.parameters if len(kernel.parameters) == 1 else np.repeat(kernel.parameters, samples, axis=0)
-    first, last = (
-        prepare(
-            step, numerics, marks=np.tile(np.array([[0, 1]]), (scheme.size, 1)), scheme=scheme,
-            moves=np.empty((len(moves), step.stages + 2, moves.shape[2])),
-            start=np.empty((scheme.size, kernel.start.shape[1])), parameters=given,
-        )
-        for step, scheme, given in zip(
-            tableau.compositions[1:], (kernel.scheme, many), (kernel.parameters, parameters), strict=True
-        )
-    )  # fmt: skip
-    results = np.empty_like(kernel.results)
-    states, blocks, energy, running = split_results(results, runs, samples, width // 4)
-    batch = replace(
-        kernel, moves=moves, start=kernel.start.copy(), results=results, states=states, blocks=blocks, energy=energy,
-        running=running,
-    )  # fmt: skip
-    return replace(batch, call=ProcessedCall(batch, kernel, first, last, reference))
+from nearharmonic.engine.batch.queue import Batch
 
 
 class ProcessedCall:
-    """A call of the three batches of a processed method, which fills the arrays of ``batch``."""
+    """Call of the three batches of a processed method, which fills the arrays of ``batch``.
+
+    Parameters
+    ----------
+    batch : Batch
+        R runs; its moves are those of the kernel, of the inverse processor and of the processor, one behind the other.
+    kernel, first, last : Batch
+        Runs of the kernel, of the inverse processor from each start, and of the processor from each sample.
+    reference : pair of float
+        H0 for all runs, in place of the energy of each start.
+    """
 
     def __init__(self, batch: Batch, kernel: Batch, first: Batch, last: Batch, reference: tuple[float, float]) -> None:
         self._batch, self._kernel, self._first, self._last = batch, kernel, first, last
@@ -88,16 +39,17 @@ class ProcessedCall:
             at += rows
         first.start[:] = batch.start
         self._make(first)
-        kernel.start[:] = first.states[:, 1]
+        kernel.start[:] = first.filled.states[:, 1]
         kernel.results.fill(np.nan)
         kernel.call()
-        last.start[:] = kernel.states.reshape(last.start.shape)
+        last.start[:] = kernel.filled.states.reshape(last.start.shape)
         if len(batch.parameters) > 1:  # one row is shared by all batches
             last.parameters[:] = np.repeat(batch.parameters, batch.marks.shape[1], axis=0)
         self._make(last)
-        batch.states[:] = last.states[:, 1].reshape(batch.states.shape)
-        batch.states[:, 0] = batch.start
-        batch.running[:] = kernel.running
+        states = batch.filled.states
+        states[:] = last.filled.states[:, 1].reshape(states.shape)
+        states[:, 0] = batch.start
+        batch.filled.running[:] = kernel.filled.running
         self._measure()
 
     def _make(self, part: Batch) -> None:
@@ -105,15 +57,13 @@ class ProcessedCall:
         part.call()
 
     def _measure(self) -> None:
-        """The energies of processed states."""
-        batch, last = self._batch, self._last
-        batch.energy[:] = self._first.energy
-        if not isnan(self._reference[0]):
-            batch.energy[:] = self._reference
+        """Measure the energies of processed states."""
+        batch, first, last = self._batch.filled, self._first.filled, self._last.filled
+        batch.energy[:] = first.energy if isnan(self._reference[0]) else self._reference
         high, low = (last.energy[:, k].reshape(batch.marks.shape) - batch.energy[:, k, None] for k in (0, 1))
         error, worst, total = batch.blocks
         error[:] = (high + low) + last.blocks[0, :, 1].reshape(error.shape)
-        start = self._first.energy - batch.energy
+        start = first.energy - batch.energy
         error[:, 0] = start[:, 0] + start[:, 1]
         worst[:] = np.abs(error)
         total[:] = np.where(batch.marks > 0, worst, 0.0)

@@ -40,8 +40,10 @@ def unperturbed(system: System) -> System:
     return replace(system, regularisation=replace(system.regularisation, perturbation=None))
 
 
-class LandingCall:
-    """A call of the runs of a regularised system: with the perturbation, or without it where its strength is 0.
+def landing_call(
+    system: System, numerics: Numerics, parameters: Floats, arguments: tuple[Any, ...]
+) -> Callable[[], None]:
+    """Return a call of the runs of a regularised system: with the perturbation, or without it if its strength is 0.
 
     Parameters
     ----------
@@ -50,22 +52,19 @@ class LandingCall:
     parameters : (R or 1, 2 P) array of float
         Parameters of the runs, which may change from call to call.
     arguments : tuple
-        What :func:`nearharmonic.core.loops.kernel.build_landing` takes.
+        Arguments of the function that :func:`nearharmonic.core.loops.kernel.build_landing` returns.
     """
+    strength = None if system.regularisation is None else system.regularisation.strength
+    place = None if strength is None else 2 * list(system.parameters).index(strength)
 
-    def __init__(self, system: System, numerics: Numerics, parameters: Floats, arguments: tuple[Any, ...]) -> None:
-        self._system, self._numerics, self._arguments = system, numerics, arguments
-        self._parameters, self._calls = parameters, dict[bool, Any]()
-        strength = system.regularisation.strength if system.regularisation is not None else None
-        self._place = None if strength is None else 2 * list(system.parameters).index(strength)
+    @cache
+    def prepared(perturbed: bool) -> PreparedCall:
+        return landing_of(system if perturbed else unperturbed(system), numerics.compiled)(*arguments)
 
-    def __call__(self) -> None:
-        """Make the call."""
-        perturbed = self._place is None or bool(self._parameters[:, self._place].any())
-        if perturbed not in self._calls:
-            system = self._system if perturbed else unperturbed(self._system)
-            self._calls[perturbed] = landing_of(system, self._numerics.compiled)(*self._arguments)
-        self._calls[perturbed]()
+    def call() -> None:
+        prepared(place is None or bool(parameters[:, place].any()))()
+
+    return call
 
 
 def check_bound(system: System, start: Floats, parameters: Floats) -> None:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from math import inf
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nearharmonic.core.layout import split_results
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
@@ -82,24 +84,40 @@ def energy_unit(energy: Floats, scale: float) -> Floats:
     return unit
 
 
-def trajectories_of(
-    tableau: Tableau,
-    steps: Integers,
-    marks: Integers,
-    states: Floats,
-    blocks: Floats,
-    energy: Floats,
-    running: Floats,
-    left_at: Integers,
-    numerics: Numerics,
-    scale: float,
-    *,
-    landed: bool = False,
-) -> Trajectories:
-    """The results of a kernel by name, energies relative to |H0|, to ``scale``, or to 1.
+class Filled(NamedTuple):
+    """Arrays that a call fills for R runs of S samples each, of D coordinates.
 
-    Where runs have ``landed`` on physical times, ``running`` tells the steps of each, and those made to land.
+    ``marks`` (R, S): the step of each sample, -1 where a run has fewer. ``states`` (R, S, 4 D). ``blocks`` (3, R, S):
+    energy error, and maximum and sum of its modulus over the block before each sample. ``energy`` (R, 2): H0 as pairs.
+    ``running`` (R, 5 D): the states of the last forces; where runs land on physical times, it begins with the steps of
+    each, and those made to land. ``left_at`` (R,): the step at which a run left its energy surface, or 0.
     """
+
+    marks: Integers
+    states: Floats
+    blocks: Floats
+    energy: Floats
+    running: Floats
+    left_at: Integers
+
+    def without_start(self, cut: bool = True) -> Filled:
+        """These arrays without the first sample of each run, or as they are."""
+        if not cut:
+            return self
+        return self._replace(marks=self.marks[:, 1:], states=self.states[:, 1:], blocks=self.blocks[..., 1:])
+
+
+def filled(marks: Integers, results: Floats, left_at: Integers, d: int) -> Filled:
+    """Return views of the ``results`` of runs of ``d`` coordinates with these ``marks``, an array in one piece."""
+    runs, samples = marks.shape
+    return Filled(marks, *split_results(results, runs, samples, d), left_at)
+
+
+def trajectories_of(
+    system: System, tableau: Tableau, steps: Integers, arrays: Filled, numerics: Numerics, scale: float
+) -> Trajectories:
+    """Return the results of a kernel by name, energies relative to |H0|, to ``scale``, or to 1."""
+    marks, states, blocks, energy, running, left_at = arrays
     error, worst, total = blocks / energy_unit(energy[:, 0], scale)[:, None]
     length = marks.copy()
     length[:, 1:] -= marks[:, :-1]
@@ -108,13 +126,13 @@ def trajectories_of(
         error[:] = worst[:] = total[:] = energy[:] = np.nan
     d = states.shape[-1] // 4
     left = left_at > 0
-    done = np.where(left, left_at, steps)
-    evaluations = tableau.evaluations(done)
+    done = taken = np.where(left, left_at, steps)
+    weight, landed = steps, system.regularisation is not None
     if landed:
-        done, made = np.maximum(running[:, :2], 1).T.astype(np.int64)
-        evaluations, running = tableau.evaluations(made), running[:, :0]
+        done, taken = np.maximum(running[:, :2], 1).T.astype(np.int64)
+        weight, running = done, running[:, :0]
     largest = np.fmax.reduce(worst, axis=1)  # which passes NaN over
-    mean = _means(total, done if landed else steps, marks, numerics)
+    mean = _means(total, weight, marks, numerics)
     if left.any():
         mean[left] = largest[left] = np.inf
     return Trajectories(
@@ -131,7 +149,7 @@ def trajectories_of(
         steps=steps,
         done=done,
         left_at=left_at,
-        evaluations=evaluations,
+        evaluations=tableau.evaluations(taken),
         energy=energy[:, 0],
         energy_low=energy[:, 1],
         running=running,

@@ -17,10 +17,12 @@ import numpy as np
 from nearharmonic.core.arithmetic import rounded_pair
 from nearharmonic.engine.numbers.arrays import array_of
 from nearharmonic.engine.numbers.coefficients import parameter_row, start_row
+from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import bad_setting, unknown_name
 from nearharmonic.numerics.types import Floats
 from nearharmonic.systems.definition.quantities import is_extreme, is_list
 from nearharmonic.systems.definition.system import System
+from nearharmonic.systems.formulas.oscillator import frequency_parameters
 
 #: What a number may be, as errors tell.
 NUMBER = "a finite number: a float, or an exact decimal string or fraction"
@@ -144,6 +146,43 @@ def parameter_array(system: System, parameters: Mapping[str, Any]) -> Floats:
             raise bad_setting("parameters", f"{len(column)} values of {name!r}", f"as many as of the others, {members}")
         rows[:, k] = column
     return rows.reshape(members, -1)
+
+
+def parameters_at_run_time(system: System, numerics: Numerics, parameters: Floats) -> Floats:
+    """Return the parameters that runs are given: those asked for, or none if they are compiled in.
+
+    Raises
+    ------
+    SettingError
+        They are others than those that are compiled in, or that the coefficients of the runs are made for.
+    """
+    if numerics.exact_oscillator:
+        _check_frequencies(system, parameters)
+    return parameters if system.parameters_at_run_time else parameters_compiled_in(system, parameters)
+
+
+def parameters_compiled_in(system: System, parameters: Floats) -> Floats:
+    """Return no parameters (1, 0) at run time, if those asked for are those that are compiled in.
+
+    Raises
+    ------
+    SettingError
+        They are others.
+    """
+    if (parameters == standard_parameters(system)).all():
+        return np.empty((1, 0))
+    what = f"a formula of {system.name} decides by its parameters, so that they are compiled in: make a copy of the "
+    raise bad_setting("parameters", parameters[0, ::2].tolist(), f"{what}system with dataclasses.replace")
+
+
+def _check_frequencies(system: System, parameters: Floats) -> None:
+    """Refuse another value of a parameter that is a frequency: the coefficients of all runs are of the system's own."""
+    own, names = standard_parameters(system), list(system.parameters)
+    remedy = f"it is a frequency of {system.name}, whose oscillators are solved exactly: make a copy of the system with"
+    for i in frequency_parameters(system):
+        given = parameters[:, 2 * i : 2 * i + 2]
+        if (given != own[2 * i : 2 * i + 2]).any():
+            raise bad_setting(f"parameters[{names[i]!r}]", float(given[0, 0]), f"{remedy} dataclasses.replace")
 
 
 def _pair(key: str, value: object) -> tuple[float, float]:

@@ -1,4 +1,8 @@
-"""Start of a run: values that the caller gives, or the end of an earlier result."""
+"""Start of a run: values that the caller gives, or the end of an earlier result.
+
+A result keeps ``running``, the state of the last force, from which a continuation has the bits of one long run. It is
+used only if the last sample is as the run left it, which a digest in the attribute ``end`` tells.
+"""
 
 from __future__ import annotations
 
@@ -15,18 +19,22 @@ import numpy as np
 
 from nearharmonic.engine.batch.kernels import formulas_digest
 from nearharmonic.engine.batch.regularised import check_bound
-from nearharmonic.engine.numbers.coefficients import moves_of
-from nearharmonic.engine.numbers.earlier_result import checked_result, end_of, parameters_of
+from nearharmonic.engine.numbers.arrays import array_of
 from nearharmonic.engine.numbers.initial_values import parameter_array, standard_parameters, start_array
-from nearharmonic.engine.runs.solution import Solution
+from nearharmonic.engine.runs.setup import Setup
 from nearharmonic.errors import bad_setting
 from nearharmonic.numerics.types import Floats
+from nearharmonic.output.dataset import Variables
+from nearharmonic.systems.definition.system import System
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from nearharmonic.engine.runs.problem import Problem
-    from nearharmonic.systems.definition.system import System
+#: Variables of a result that a continuation needs.
+CONTINUED = ("q", "p", "t", "status", "diverged_at", "initial_energy", "initial_energy_low")
+#: Parts of a state, in the order of a kernel: of the coordinates, and of the time where V depends on it.
+STATE = ("q", "q_low", "p", "p_low")
+CLOCK = ("clock", "clock_low", "clock_momentum", "clock_momentum_low")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,8 +70,8 @@ class Start:
     running: Floats | None = None
     moves: str = ""
 
-    def arrays(self, problem: Problem, steps: int) -> dict[str, Any]:
-        """Arguments of :meth:`nearharmonic.engine.runs.problem.Problem.run` for so many steps."""
+    def arrays(self, problem: Setup, steps: int) -> dict[str, Any]:
+        """Arguments of :meth:`Setup.run` for so many steps."""
         same = self.running is not None and moves_digest(problem, steps) == self.moves
         return {
             "start": self.state,
@@ -98,20 +106,30 @@ def parameter_attributes(system: System, given: Mapping[str, Any]) -> dict[str, 
     return {"parameters": json.dumps(texts)} if texts else {}
 
 
-def moves_digest(problem: Problem, steps: int) -> str:
+def moves_digest(problem: Setup, steps: int) -> str:
     """Return a digest of what moves a state in a run of so many steps: coefficients, step size and arithmetic."""
     numerics = problem.numerics
-    rows = moves_of(problem.system, problem.tableau, [problem.end / steps], numerics)
     text = f"{numerics.precision} {numerics.compensated} {numerics.double_coefficients}"
-    return sha256(text.encode() + rows.tobytes()).hexdigest()
+    return sha256(text.encode() + problem.moves([problem.end / steps]).tobytes()).hexdigest()
+
+
+def end_digest(variables: Variables, parameters: str) -> str:
+    """Return a digest of the last sample of a result, of its ``running``, and of its parameters as text."""
+    found = sha256(parameters.encode())
+    for name in (*STATE, *CLOCK, "running"):
+        if name in variables:
+            values = np.asarray(variables[name][1])
+            found.update(f" {name} {values.dtype.str} ".encode())
+            found.update(values.tobytes() if name == "running" else values[-1:].tobytes())
+    return found.hexdigest()
 
 
 def start_of(
-    problem: Problem,
+    problem: Setup,
     q0: object = None,
     p0: object = None,
     parameters: Mapping[str, Any] | None = None,
-    start: xr.Dataset | Solution | None = None,
+    start: xr.Dataset | None = None,
 ) -> Start:
     """Return where a run of ``problem`` begins; arguments as for :func:`nearharmonic.integrate`.
 
@@ -124,7 +142,7 @@ def start_of(
         if q0 is not None or p0 is not None:
             key, value = ("q0", q0) if q0 is not None else ("p0", p0)
             raise bad_setting(key, value, "with start=, a run continues from the state of that result")
-        return _continued(problem, start.to_dataset() if isinstance(start, Solution) else start, parameters)
+        return _continued(problem, start, parameters)
     asked = _mapping(parameters)
     rows = parameter_array(problem.system, asked) if asked else standard_parameters(problem.system)[None, :]
     state = start_array(problem.system, q0, p0, plain=problem.plain)
@@ -134,19 +152,73 @@ def start_of(
     return Start(state=state, parameters=rows, system=problem.system, given=asked)
 
 
-def _continued(problem: Problem, start: Any, parameters: Mapping[str, Any] | None) -> Start:
+def _continued(problem: Setup, given: object, parameters: Mapping[str, Any] | None) -> Start:
     """The end of an earlier result, which keeps its H0 and ``running`` unless its parameters are replaced."""
-    result = checked_result(problem, start)
+    start = _checked(problem, given)
     own = _mapping(parameters)
-    asked = {**parameters_of(result), **own}
+    asked = {**_parameters_of(start), **own}
     rows = parameter_array(problem.system, asked)
     _check_one("parameters", rows)
-    end = end_of(problem, result)
-    check_bound(problem.system, end.state, rows)
+    state = _last_state(problem, start)
+    reference = _number(start, "initial_energy"), _number(start, "initial_energy_low")
+    kept = not own and "running" in start and _text(start, "end") == _end_digest_of(start)
+    t = float(_last(start, "t", ()))
+    check_bound(problem.system, state, rows)
     return Start(
-        state=end.state, parameters=rows, system=problem.system, given=asked, t=end.t, moves=end.moves,
-        reference=(nan, nan) if own else end.reference, running=None if own else end.running,
+        state=state, parameters=rows, system=problem.system, given=asked, t=t, moves=_text(start, "moves"),
+        reference=(nan, nan) if own else reference, running=start.running.values[None, :].copy() if kept else None,
     )  # fmt: skip
+
+
+def _last_state(problem: Setup, start: xr.Dataset) -> Floats:
+    """The state (1, 4 D) of the last sample, with the digits below it unless sums are plain."""
+    d, state = problem.system.dimension, np.zeros((4, problem.states_dimension))
+    for k, (name, clock) in enumerate(zip(STATE, CLOCK, strict=True)):
+        if k % 2 and problem.plain:
+            continue
+        if name in start:
+            state[k, :d] = _last(start, name, (d,))
+        if clock in start and problem.system.time_dependent:
+            state[k, d] = _last(start, clock, ())
+    return state.reshape(1, -1)
+
+
+def _checked(problem: Setup, start: Any) -> xr.Dataset:
+    """Return ``start``, if it is a result of the system of ``problem`` that did not diverge."""
+    import xarray as xr
+
+    if not (
+        isinstance(start, xr.Dataset)
+        and all(name in start for name in CONTINUED)
+        and start.q.dims == ("sample", "component")
+        and start.q.size
+    ):
+        allowed = "a Dataset that nearharmonic.integrate returned, with all its variables"
+        raise bad_setting("start", type(start).__name__, allowed)
+    system = problem.system
+    if _text(start, "system") != system.name or start.q.shape[1] != system.dimension:
+        raise bad_setting("start", f"a result of {start.attrs.get('system')}", f"a result of {system.name}")
+    if "formulas" in start.attrs and _text(start, "formulas") != formulas_digest(system):
+        what = f"a result of another system of the name {system.name}"
+        raise bad_setting("start", what, "one of the same formulas, masses and parameters that are compiled in")
+    if str(start.status.values) != "ok":
+        what = f"a run that diverged at step {start.diverged_at.values}"
+        raise bad_setting("start", what, "a run that did not diverge")
+    return start
+
+
+def _parameters_of(start: xr.Dataset) -> Mapping[str, Any]:
+    """Return the parameters of a result by name: exact texts, or floats for coordinates of an ensemble."""
+    text = start.attrs.get("parameters", "{}")
+    try:
+        found = json.loads(text) if isinstance(text, str) else None
+    except (ValueError, RecursionError):
+        found = None
+    if not isinstance(found, dict) or not all(isinstance(value, str) for value in found.values()):
+        allowed = "those of a result, a mapping of names to decimals in JSON"
+        raise bad_setting("start.attrs['parameters']", text, allowed)
+    names = {str(name).removeprefix("parameter_"): name for name in start.coords if str(name).startswith("parameter_")}
+    return {name: start[coordinate].values[()] for name, coordinate in names.items()} | found
 
 
 def _check_one(key: str, rows: Floats) -> None:
@@ -167,3 +239,37 @@ def _exact_text(value: Any) -> str:
     if isinstance(value, Sequence):  # of one number
         return _exact_text(value[0])
     return str(Decimal(np.asarray(value, float).item()))
+
+
+def _end_digest_of(start: xr.Dataset) -> str:
+    variables: Variables = {
+        str(name): (tuple(map(str, one.dims)), one.values, {}) for name, one in start.variables.items()
+    }
+    return end_digest(variables, start.attrs.get("parameters", ""))
+
+
+def _text(start: xr.Dataset, name: str) -> str:
+    """An attribute, or nothing where it is no text."""
+    value = start.attrs.get(name)
+    return value if isinstance(value, str) else ""
+
+
+def _last(start: xr.Dataset, name: str, shape: tuple[int, ...]) -> Floats:
+    """The last sample of a variable, of so many finite numbers."""
+    one = start[name]
+    values = array_of(f"start.{name}", one.values) if one.dims[:1] == ("sample",) else None
+    if values is None or values.shape[1:] != shape:
+        what = f"{one.dtype} of shape {one.shape} over {' and '.join(map(str, one.dims)) or 'nothing'}"
+        raise bad_setting(f"start.{name}", what, f"numbers of shape {(start.sizes['sample'], *shape)} over the samples")
+    if not np.isfinite(values[-1]).all():
+        raise bad_setting(f"start.{name}[-1]", values[-1].tolist(), "finite numbers, from which a run goes on")
+    found: Floats = values[-1].astype(float)
+    return found
+
+
+def _number(start: xr.Dataset, name: str) -> float:
+    """A part of H0: a finite number, or NaN where energies were not asked for."""
+    values = array_of(f"start.{name}", start[name].values)
+    if values is None or values.ndim or np.isinf(values) or (np.isnan(values) and _text(start, "energy") != "none"):
+        raise bad_setting(f"start.{name}", start[name].values.tolist(), "a finite number")
+    return float(values)

@@ -7,18 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.engine.batch.numba_runs import floor_attributes
 from nearharmonic.engine.batch.results import Trajectories
 from nearharmonic.engine.runs import invariants
+from nearharmonic.engine.runs.continuation import Start, end_digest, moves_digest
+from nearharmonic.engine.runs.setup import Setup
 from nearharmonic.integrators import integrators
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Variables, assembled, described, flags
 
 if TYPE_CHECKING:
     import xarray as xr
-
-    from nearharmonic.engine.runs.continuation import Start
-    from nearharmonic.engine.runs.problem import Problem
 
 #: Extent of a block of steps.
 SINCE = "since the previous sample"
@@ -27,7 +25,7 @@ STATUSES = ("ok", "diverged", "skipped")
 STATUS = "ok; diverged: the run left its energy surface; skipped: the plan left the run out (tables/skipped.csv)"
 
 
-def error_variables(paths: Trajectories, problem: Problem) -> Variables:
+def error_variables(paths: Trajectories, problem: Setup) -> Variables:
     """Return errors, steps, evaluations and status of runs over tau_per_stage."""
     status = np.array(STATUSES[:2])[(paths.left_at > 0).astype(int)]
     scale, unit = energy_scale(paths, problem)
@@ -46,7 +44,7 @@ def error_variables(paths: Trajectories, problem: Problem) -> Variables:
     })  # fmt: skip
 
 
-def energy_scale(paths: Trajectories, problem: Problem) -> tuple[str, str]:
+def energy_scale(paths: Trajectories, problem: Setup) -> tuple[str, str]:
     """Return what energy errors are relative to, as in "|H - H0|/|H0|", and their unit."""
     if problem.scale != 0:
         return f"/({problem.scale:g} {problem.system.units['energy']})", "1"
@@ -65,7 +63,7 @@ def first_run(variables: Variables) -> Variables:
     }
 
 
-def block_variables(problem: Problem, paths: Trajectories) -> Variables:
+def block_variables(problem: Setup, paths: Trajectories) -> Variables:
     """Return length, maximum and mean of the blocks of steps before each sample."""
     length = np.where(paths.marks >= 0, np.diff(paths.marks, axis=1, prepend=0), 0)
     scale, unit = energy_scale(paths, problem)
@@ -77,13 +75,13 @@ def block_variables(problem: Problem, paths: Trajectories) -> Variables:
 
 
 def trajectory_variables(
-    problem: Problem, paths: Trajectories, constants: Sequence[Any], times: Floats | None = None
+    problem: Setup, paths: Trajectories, constants: Sequence[Any], times: Floats | None = None
 ) -> Variables:
     """Return states at the samples, their energy errors, and the system's observables.
 
     Parameters
     ----------
-    problem : Problem
+    problem : Setup
         System of d coordinates, method and settings.
     paths : Trajectories
         R runs of S samples.
@@ -111,7 +109,7 @@ def trajectory_variables(
     return over_runs(table)
 
 
-def low_digits(problem: Problem, paths: Trajectories) -> dict[str, tuple[Any, str, str]]:
+def low_digits(problem: Setup, paths: Trajectories) -> dict[str, tuple[Any, str, str]]:
     """Return the digits below q and p: the low halves of double-doubles, or the carries of compensated sums."""
     units, d = problem.system.units, problem.system.dimension
     return {
@@ -120,27 +118,28 @@ def low_digits(problem: Problem, paths: Trajectories) -> dict[str, tuple[Any, st
     }
 
 
-def clock_variables(problem: Problem, paths: Trajectories) -> Variables:
+def clock_variables(problem: Setup, paths: Trajectories) -> Variables:
     """Return the time as it is integrated and its conjugate momentum, if V depends on time, else nothing."""
     if not problem.system.time_dependent:
         return {}
     units, d = problem.system.units, problem.system.dimension
     table = {}
-    for name, pair, meaning, unit in (
-        ("clock", (paths.q, paths.q_low), "time as it is integrated", units["t"]),
+    for name, high, low, meaning, unit in (
+        ("clock", paths.q, paths.q_low, "time as it is integrated", units["t"]),
         (
             "clock_momentum",
-            (paths.p, paths.p_low),
+            paths.p,
+            paths.p_low,
             "momentum conjugate to time: minus the energy received",
             units["energy"],
         ),
     ):
-        table[name] = pair[0][..., d], meaning, unit
-        table[f"{name}_low"] = pair[1][..., d], f"{meaning}, digits below", unit
+        table[name] = high[..., d], meaning, unit
+        table[f"{name}_low"] = low[..., d], f"{meaning}, digits below", unit
     return over_runs(table)
 
 
-def invariant_variables(problem: Problem, paths: Trajectories, start: Floats, constants: Sequence[Any]) -> Variables:
+def invariant_variables(problem: Setup, paths: Trajectories, start: Floats, constants: Sequence[Any]) -> Variables:
     """Return what a system conserves besides the energy, at the samples, and the largest change of each.
 
     Parameters
@@ -161,7 +160,7 @@ def invariant_variables(problem: Problem, paths: Trajectories, start: Floats, co
 
 
 def trajectory_dataset(
-    problem: Problem,
+    problem: Setup,
     paths: Trajectories,
     *,
     begin: Start,
@@ -175,26 +174,23 @@ def trajectory_dataset(
     variables |= invariant_variables(problem, paths, begin.state, begin.constants)
     variables |= tau_variable(problem, paths) | initial_energy_variables(problem, paths)
     one, notes = first_run(variables), problem_attributes(problem) | begin.attributes()
-    notes |= floor_attributes(problem, begin.state, begin.parameters, paths.energy[:1])
+    notes |= problem.floor(begin.state, begin.parameters, paths.energy[:1])
     ends = times is None or np.ravel(times)[-1] == float(problem.end) + begin.t  # the last sample is the end of the run
     if ends and paths.running.size:
-        from nearharmonic.engine.numbers.earlier_result import end_digest
-        from nearharmonic.engine.runs.continuation import moves_digest
-
         one |= running_variable(problem, paths)
         notes["moves"] = moves_digest(problem, int(paths.steps[0]))
         notes["end"] = end_digest(one, notes.get("parameters", ""))
     return assembled(one, ["t"], notes)
 
 
-def running_variable(problem: Problem, paths: Trajectories) -> Variables:
+def running_variable(problem: Setup, paths: Trajectories) -> Variables:
     """Return the state of the last force of the first run, from which a run goes on with the same bits."""
     units = problem.system.units
     meaning = "state of the last force: position, momentum, the digits below each, and what the next position adds"
     return {"running": (("running_component",), paths.running[0], described(meaning, f"{units['q']}, {units['p']}"))}
 
 
-def initial_energy_variables(problem: Problem, paths: Trajectories) -> Variables:
+def initial_energy_variables(problem: Setup, paths: Trajectories) -> Variables:
     """Return H0, and the digits below it."""
     unit = problem.system.units["energy"]
     return over_runs({
@@ -203,13 +199,13 @@ def initial_energy_variables(problem: Problem, paths: Trajectories) -> Variables
     })  # fmt: skip
 
 
-def tau_variable(problem: Problem, paths: Trajectories) -> Variables:
+def tau_variable(problem: Setup, paths: Trajectories) -> Variables:
     """Return the step sizes of runs over tau_per_stage."""
     notes = described("step size as used, t_end / steps", problem.system.units["t"])
     return {"tau": (("tau_per_stage",), problem.taus(paths.steps), notes)}
 
 
-def problem_attributes(problem: Problem) -> dict[str, Any]:
+def problem_attributes(problem: Setup) -> dict[str, Any]:
     """Return the attributes of a Dataset: what was integrated, and how."""
     notes = {
         "system": problem.system.name,
@@ -231,7 +227,7 @@ def problem_attributes(problem: Problem) -> dict[str, Any]:
     return notes
 
 
-def kernel_in_words(problem: Problem) -> str:
+def kernel_in_words(problem: Setup) -> str:
     """Return the arithmetic of a run in words, as an attribute of its file."""
     numerics = problem.numerics
     return ", ".join((
@@ -243,7 +239,41 @@ def kernel_in_words(problem: Problem) -> str:
     ))  # fmt: skip
 
 
+def over(dimension: str, variables: Variables) -> Variables:
+    """Return variables of runs over another first dimension."""
+    return {name: ((dimension, *rest[1:]), values, notes) for name, (rest, values, notes) in variables.items()}
+
+
 def over_runs(table: dict[str, tuple[Any, str, str]]) -> Variables:
     """Return described variables from (values, meaning, unit), whose first dimension is that of the runs."""
     dimensions = ("tau_per_stage", "sample", "component")
     return {name: (dimensions[: v.ndim], v, described(text, unit)) for name, (v, text, unit) in table.items()}
+
+
+def sampled(problem: Setup, steps: Sequence[int], samples: int) -> Variables:
+    """Integrate one run for each of ``steps``.
+
+    Parameters
+    ----------
+    problem : Setup
+        System of d coordinates, method and settings.
+    steps : sequence of int
+        Steps of each run.
+    samples : int
+        Most states that a run keeps.
+
+    Returns
+    -------
+    Variables
+        t, q, p, energy_error and the system's observables over (tau_per_stage, sample, component); the maximum, the
+        mean and the number of the steps since the previous sample over (tau_per_stage, sample); tau, steps,
+        evaluations, status and diverged_at over tau_per_stage, which has no coordinate. Runs with fewer samples than
+        the longest are padded: NaN, and 0 steps.
+    """
+    paths = problem.run(steps, samples)
+    path = trajectory_variables(problem, paths, problem.system.constants(float))
+    # The order of variables is that of the files.
+    leading = {name: path.pop(name) for name in ("t", "q", "p", "energy_error")}
+    counts = error_variables(paths, problem)
+    del counts["max_energy_error"], counts["mean_energy_error"]  # reductions of the blocks
+    return {**leading, **block_variables(problem, paths), **path, **counts, **tau_variable(problem, paths)}

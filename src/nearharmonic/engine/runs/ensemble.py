@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import nan
 from typing import TYPE_CHECKING, Any
@@ -11,32 +11,35 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nearharmonic.engine.batch import execution
-from nearharmonic.engine.batch.batch import Batch, prepared_batch, sample_marks
-from nearharmonic.engine.batch.kernels import cost_of
+from nearharmonic.engine.batch.batch import sample_marks
 from nearharmonic.engine.batch.lanes import most_lanes_of
-from nearharmonic.engine.batch.numba_runs import floor_attributes
-from nearharmonic.engine.batch.parameters import parameters_at_run_time
+from nearharmonic.engine.batch.queue import Batch
 from nearharmonic.engine.batch.regularised import check_bound
-from nearharmonic.engine.batch.results import Trajectories, joined, trajectories_of
-from nearharmonic.engine.numbers.coefficients import moves_of
-from nearharmonic.engine.numbers.initial_values import parameter_array, standard_parameters, start_array
+from nearharmonic.engine.batch.results import Filled, Integers, Trajectories, joined
+from nearharmonic.engine.numbers.initial_values import (
+    parameter_array,
+    parameters_at_run_time,
+    standard_parameters,
+    start_array,
+)
 from nearharmonic.engine.runs.continuation import parameter_attributes
 from nearharmonic.engine.runs.description import (
     error_variables,
     initial_energy_variables,
     invariant_variables,
     low_digits,
+    over,
     over_runs,
     problem_attributes,
     trajectory_variables,
 )
 from nearharmonic.engine.runs.output_times import checked_times, run_at
-from nearharmonic.engine.runs.problem import Problem
+from nearharmonic.engine.runs.setup import Setup
 from nearharmonic.engine.settings import KINETIC_POTENTIAL, checked_samples, checked_threads
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
-from nearharmonic.output.dataset import Variables, assembled, described
+from nearharmonic.output.dataset import assembled, described
 from nearharmonic.systems.definition.system import System
 
 if TYPE_CHECKING:
@@ -96,7 +99,7 @@ def ensemble(
     KeyboardInterrupt
         Ctrl-C, within a fraction of a second.
     """
-    problem = Problem(
+    problem = Setup(
         system, integrator, t_end=t_end, precision=precision, summation=summation, first=first, energy=energy,
         energy_scale=energy_scale, split=split,
     )  # fmt: skip
@@ -104,147 +107,125 @@ def ensemble(
     given = standard_parameters(problem.system)[None, :]
     if parameters is not None:
         given = parameter_array(problem.system, parameters)
-    members = _members(start, given)
+    _check_rows(start, given)
     check_bound(problem.system, start, given)
     steps, kept = problem.steps_of(tau), checked_samples(samples)
-    count = checked_threads(threads)
+    members = _Members(problem, steps, start, given, checked_threads(threads))
     if t is None:
-        runs = _Runs(problem, steps, kept, start, given, members)
-        _check_size(problem, members, runs.marks.size)
-        paths, times = runs.run(count), None
+        paths, times = members.sampled(kept), None
     else:
         asked = checked_times(t, problem.end, problem.t_end)
-        _check_size(problem, members, len(asked))
-        paths = _at_times(problem, steps, asked, start, given, members, count)
-        times = np.array([float(time) for time in asked])
+        paths, times = members.at_times(asked), np.array([float(time) for time in asked])
     attributes = problem_attributes(problem) | parameter_attributes(problem.system, parameters or {})
-    attributes |= floor_attributes(problem, start, given, paths.energy)
+    attributes |= problem.floor(start, given, paths.energy)
     return _dataset(problem, paths, start, given, times, attributes)
 
 
-def _members(start: Floats, parameters: Floats) -> int:
+def _check_rows(start: Floats, parameters: Floats) -> None:
     members = max(len(start), len(parameters))
     for key, rows in (("q0 and p0", start), ("parameters", parameters)):
         if len(rows) not in (1, members):
             raise bad_setting(key, f"{len(rows)} rows", f"one row, or one for each of {members} members")
-    return members
 
 
-def _check_size(problem: Problem, members: int, samples: int) -> None:
-    size = members * samples * (4 * problem.system.dimension + 3) * 8
-    if size > MOST_BYTES:
-        allowed = f"the states of {members} members would take {size:.1e} bytes, and a call keeps {MOST_BYTES:.0e}"
-        raise bad_setting("samples", samples, allowed)
+@dataclass(frozen=True)
+class _Members:
+    """Members of an ensemble, integrated in blocks of which each thread has one at a time."""
 
+    problem: Setup
+    steps: int
+    start: Floats
+    parameters: Floats
+    threads: int
 
-def _block(i: int, members: int) -> slice:
-    """The members that a thread integrates at a time."""
-    return slice(i * BLOCK, min((i + 1) * BLOCK, members))
+    @property
+    def count(self) -> int:
+        """Number of members."""
+        return max(len(self.start), len(self.parameters))
 
+    def at_times(self, times: Sequence[Fraction]) -> Trajectories:
+        """Return all members at output times."""
+        self._check_size(len(times))
+        parts: dict[int, Trajectories] = {}
 
-def _of(block: slice, rows: Floats) -> Floats:
-    """The rows of a block, or the one row that is for all members."""
-    return rows[block] if len(rows) > 1 else rows
+        def compute(block: slice, start: Floats, parameters: Floats) -> None:
+            steps = [self.steps] * (block.stop - block.start)
+            parts[block.start] = run_at(
+                self.problem, steps, times, start=start, parameters=parameters, reference=(nan, nan)
+            )
 
+        self._in_blocks(compute)
+        return joined([parts[i] for i in sorted(parts)])
 
-def _cost(problem: Problem) -> int:
-    """Cost of a step."""
-    tableau = problem.tableau
-    return tableau.stages * cost_of(problem.system, problem.numerics.compiled, modified=tableau.modified)
-
-
-def _execute(problem: Problem, compute: Callable[[int], None], members: int, steps: int, threads: int) -> None:
-    """Compute all blocks of members of so many steps each."""
-    count = -(-members // BLOCK)
-    execution.Blocks(compute, count, steps=members * steps, cost=_cost(problem)).execute(threads)
-
-
-def _at_times(
-    problem: Problem,
-    steps: int,
-    times: Sequence[Fraction],
-    start: Floats,
-    parameters: Floats,
-    members: int,
-    threads: int,
-) -> Trajectories:
-    """The members at output times."""
-    parts: dict[int, Trajectories] = {}
-
-    def compute(i: int) -> None:
-        block = _block(i, members)
-        parts[i] = run_at(
-            problem, [steps] * (block.stop - block.start), times, start=_of(block, start),
-            parameters=_of(block, parameters), reference=(nan, nan),
-        )  # fmt: skip
-
-    _execute(problem, compute, members, steps, threads)
-    return joined([parts[i] for i in sorted(parts)])
-
-
-class _Runs:
-    """The runs of an ensemble that are sampled at whole steps."""
-
-    def __init__(
-        self, problem: Problem, steps: int, samples: int, start: Floats, parameters: Floats, members: int
-    ) -> None:
-        self.problem, self.steps, self.samples, self.members = problem, steps, samples, members
-        parameters_at_run_time(problem.system, problem.numerics, parameters)  # of all members, before any work
-        self.start, self.parameters = start, parameters
-        self.marks = sample_marks(np.array([steps]), samples)
-        self.numerics = replace(problem.numerics, width=most_lanes_of(problem.system, problem.numerics))
-        self._free: list[Batch] = []
-
-    def run(self, threads: int) -> Trajectories:
-        """All members, in blocks of which each thread has one at a time."""
-        cut, d = int(self.samples == 1), self.problem.states_dimension
-        landed = self.problem.system.regularisation is not None
-        ends = np.empty((self.members, 2 if landed else 0))
-        states = np.empty((self.members, self.marks.size - cut, 4 * d))
-        errors = np.empty((3, self.members, self.marks.size - cut))
-        energy, left_at = np.empty((self.members, 2)), np.empty(self.members, np.int64)
-
-        def compute(i: int) -> None:
-            block = _block(i, self.members)
-            batch, size = self._batch(block), block.stop - block.start
-            batch.run(size * self.steps)
-            states[block], errors[:, block] = batch.states[:, cut:], batch.blocks[..., cut:]
-            energy[block], left_at[block], ends[block] = batch.energy, batch.left_at, batch.running[:, : ends.shape[1]]
-            if size == BLOCK:
-                self._free.append(batch)
-
-        _execute(self.problem, compute, self.members, self.steps, threads)
-        steps, marks = np.full(self.members, self.steps), np.broadcast_to(self.marks, (self.members, self.marks.size))
-        results = marks[:, cut:], states, errors, energy, ends, left_at
-        return trajectories_of(
-            self.problem.tableau, steps, *results, self.problem.numerics, self.problem.scale, landed=landed
+    def sampled(self, samples: int) -> Trajectories:
+        """Return all members, sampled at whole steps."""
+        problem, members, d = self.problem, self.count, self.problem.states_dimension
+        parameters_at_run_time(problem.system, problem.numerics, self.parameters)  # of all members, before any work
+        marks, only_end = sample_marks(np.array([self.steps]), samples), samples == 1
+        self._check_size(marks.size)
+        kept = marks[0, only_end:]
+        arrays = Filled(
+            marks=np.broadcast_to(kept, (members, kept.size)),
+            states=np.empty((members, kept.size, 4 * d)),
+            blocks=np.empty((3, members, kept.size)),
+            energy=np.empty((members, 2)),
+            running=np.empty((members, 2 if problem.system.regularisation is not None else 0)),
+            left_at=np.empty(members, np.int64),
         )
+        free: list[Batch] = []
 
-    def _batch(self, block: slice) -> Batch:
-        """A batch that holds the members of ``block``: a used one of the same size, or a new one."""
-        size = block.stop - block.start
-        start, parameters = _of(block, self.start), _of(block, self.parameters)
+        def compute(block: slice, start: Floats, parameters: Floats) -> None:
+            size = block.stop - block.start
+            batch = self._batch(marks, size, start, parameters, free)
+            batch.run(size * self.steps)
+            found = batch.filled.without_start(only_end)
+            arrays.states[block], arrays.blocks[:, block] = found.states, found.blocks
+            arrays.energy[block], arrays.left_at[block] = found.energy, found.left_at
+            arrays.running[block] = found.running[:, : arrays.running.shape[1]]
+            if size == BLOCK:
+                free.append(batch)
+
+        self._in_blocks(compute)
+        return problem.trajectories(np.full(members, self.steps), arrays)
+
+    def _check_size(self, samples: int) -> None:
+        size = self.count * samples * (4 * self.problem.system.dimension + 3) * 8
+        if size > MOST_BYTES:
+            what = f"the states of {self.count} members would take {size:.1e} bytes"
+            raise bad_setting("samples", samples, f"{what}, and a call keeps {MOST_BYTES:.0e}")
+
+    def _in_blocks(self, compute: Callable[[slice, Floats, Floats], None]) -> None:
+        """Call ``compute`` with each block of members, their starts and parameters; one row is for all members."""
+        given = self.start, self.parameters
+
+        def one(i: int) -> None:
+            block = slice(i * BLOCK, min((i + 1) * BLOCK, self.count))
+            compute(block, *(rows[block] if len(rows) > 1 else rows for rows in given))
+
+        count, steps = -(-self.count // BLOCK), self.count * self.steps
+        execution.Blocks(one, count, steps=steps, cost=self.problem.cost).execute(self.threads)
+
+    def _batch(self, marks: Integers, size: int, start: Floats, parameters: Floats, free: list[Batch]) -> Batch:
+        """Return a batch that holds a block of members: a free one of the same size, or a new one."""
+        problem = self.problem
         try:
-            batch = self._free.pop() if size == BLOCK else self._new(size, start, parameters)
+            batch = free.pop() if size == BLOCK else None
         except IndexError:
-            return self._new(size, start, parameters)
+            batch = None
+        if batch is None:
+            return problem.batch(
+                problem.moves([problem.end / self.steps]), np.repeat(marks, size, axis=0), np.zeros(size, np.int64),
+                np.resize(start, (size, start.shape[1])), parameters.copy(),
+                replace(problem.numerics, width=most_lanes_of(problem.system, problem.numerics)),
+            )  # fmt: skip
         batch.start[:] = start
         if batch.parameters.size:  # none if they are compiled in
             batch.parameters[:] = parameters
         return batch
 
-    def _new(self, size: int, start: Floats, parameters: Floats) -> Batch:
-        problem = self.problem
-        rows = moves_of(problem.system, problem.tableau, [problem.end / self.steps], problem.numerics)
-        return prepared_batch(
-            problem.system, problem.tableau, self.numerics, marks=np.repeat(self.marks, size, axis=0),
-            scheme=np.zeros(size, np.int64), moves=rows, start=np.resize(start, (size, start.shape[1])),
-            parameters=parameters.copy(), scale=problem.scale,
-        )  # fmt: skip
-
 
 def _dataset(
-    problem: Problem, paths: Trajectories, start: Floats, parameters: Floats, times: Floats | None,
+    problem: Setup, paths: Trajectories, start: Floats, parameters: Floats, times: Floats | None,
     attributes: Mapping[str, Any],
 ) -> xr.Dataset:  # fmt: skip
     constants = [column if len(parameters) == 1 else column[:, None] for column in parameters.T[::2]]
@@ -257,9 +238,7 @@ def _dataset(
         if len(parameters) > 1:
             parameter = problem.system.parameters[name]
             variables[f"parameter_{name}"] = ("tau_per_stage",), column, described(parameter.meaning, parameter.unit)
-    renamed: Variables = {
-        name: (("member", *dims[1:]), values, notes) for name, (dims, values, notes) in variables.items()
-    }
+    renamed = over("member", variables)
     notes = described("step size as used, t_end / steps", problem.system.units["t"])
     renamed["tau"] = (), problem.taus(paths.steps[:1])[0], notes
     coordinates = [name for name in renamed if name.startswith("parameter_")]

@@ -5,21 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nearharmonic.engine.batch.batch import integrate_batch, prepared_batch
+from nearharmonic.engine.batch.batch import single_steps
 from nearharmonic.engine.batch.results import Integers, Trajectories, energy_unit
 from nearharmonic.engine.numbers.arrays import list_of
-from nearharmonic.engine.numbers.coefficients import moves_of
 from nearharmonic.engine.numbers.initial_values import exact, standard_parameters
+from nearharmonic.engine.runs.setup import Setup
 from nearharmonic.engine.settings import MOST_SAMPLES
 from nearharmonic.errors import bad_setting
 from nearharmonic.numerics.types import Floats
-
-if TYPE_CHECKING:
-    from nearharmonic.engine.runs.problem import Problem
 
 
 def checked_times(t: object, end: Fraction, t_end: str) -> list[Fraction]:
@@ -55,7 +51,7 @@ def checked_times(t: object, end: Fraction, t_end: str) -> list[Fraction]:
 
 
 def run_at(
-    problem: Problem,
+    problem: Setup,
     steps: Sequence[int],
     times: Sequence[Fraction],
     *,
@@ -68,7 +64,7 @@ def run_at(
 
     Parameters
     ----------
-    problem : Problem
+    problem : Setup
         System of d coordinates, method and settings.
     steps : (R,) sequence of int
         Steps of each run.
@@ -87,10 +83,7 @@ def run_at(
     shorter = np.array([[lengths.get(rest, -1) for rest in row] for row in rests])[which]
     before = np.array(exact_before, np.int64)[which]
     marks, where = (rows[which] for rows in _marks(np.array(exact_before, np.int64), different))
-    paths = integrate_batch(
-        problem.system, problem.tableau, t_end=problem.end, steps=count, samples=2, numerics=problem.numerics,
-        start=start, parameters=parameters, marks=marks, scale=problem.scale, reference=reference, resumed=resumed,
-    )  # fmt: skip
+    paths = problem.run(steps, 2, start=start, parameters=parameters, marks=marks, reference=reference, resumed=resumed)
     rows = np.arange(len(count))[:, None]
     columns = {name: getattr(paths, name)[rows, where] for name in ("q", "q_low", "p", "p_low", "energy_error")}
     if lengths:
@@ -110,12 +103,12 @@ def _marks(before: Integers, count: Integers) -> tuple[Integers, Integers]:
 
 
 def _step_on(
-    problem: Problem,
+    problem: Setup,
     paths: Trajectories,
     columns: dict[str, Floats],
     shorter: Integers,
     lengths: Sequence[Fraction],
-    parameters: Floats,
+    parameters: Floats | None,
 ) -> None:
     """Replace states of the step before by those one shorter step later.
 
@@ -124,20 +117,18 @@ def _step_on(
     members, samples = np.nonzero(shorter >= 0)
     first = [columns[name][members, samples] for name in ("q", "q_low", "p", "p_low")]
     given = standard_parameters(problem.system)[None, :] if parameters is None else parameters
-    batch = prepared_batch(
-        problem.system, problem.tableau, problem.numerics,
-        marks=np.tile(np.array([[0, 1]]), (members.size, 1)), scheme=shorter[members, samples],
-        moves=moves_of(problem.system, problem.tableau, lengths, problem.numerics),
-        start=np.concatenate(first, axis=1), parameters=given if len(given) == 1 else given[members],
-        scale=problem.scale,
+    batch = problem.batch(
+        problem.moves(lengths), single_steps(members.size), shorter[members, samples], np.concatenate(first, axis=1),
+        given if len(given) == 1 else given[members],
     )  # fmt: skip
     batch.run()
+    found = batch.filled
     d = first[0].shape[1]
     for i, name in enumerate(("q", "q_low", "p", "p_low")):
-        columns[name][members, samples] = batch.states[:, 1, i * d : (i + 1) * d]
-    gained = (batch.energy[:, 0] - paths.energy[members]) + (batch.energy[:, 1] - paths.energy_low[members])
+        columns[name][members, samples] = found.states[:, 1, i * d : (i + 1) * d]
+    gained = (found.energy[:, 0] - paths.energy[members]) + (found.energy[:, 1] - paths.energy_low[members])
     unit = energy_unit(paths.energy[members], problem.scale)
-    columns["energy_error"][members, samples] = (gained + batch.blocks[0, :, 1]) / unit
+    columns["energy_error"][members, samples] = (gained + found.blocks[0, :, 1]) / unit
 
 
 def _over_samples(paths: Trajectories) -> Trajectories:

@@ -1,4 +1,4 @@
-"""The result of one run of a prepared problem: small to make, its numbers worked out when they are asked for."""
+"""Result of one run of a prepared problem: lightweight; derived values are computed lazily."""
 
 from __future__ import annotations
 
@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nearharmonic.core.layout import split_results
-from nearharmonic.engine.batch.batch import Batch
-from nearharmonic.engine.batch.results import Integers, Trajectories, trajectories_of
+from nearharmonic.engine.batch.queue import Batch
+from nearharmonic.engine.batch.results import Integers, Trajectories, filled
+from nearharmonic.engine.runs.continuation import Start, start_of
+from nearharmonic.engine.runs.description import trajectory_dataset
+from nearharmonic.engine.runs.setup import Setup
 from nearharmonic.numerics.types import Floats
 
 if TYPE_CHECKING:
     import xarray as xr
-
-    from nearharmonic.engine.runs.continuation import Start
-    from nearharmonic.engine.runs.problem import Problem
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,14 +37,10 @@ class Solution:
 
     __slots__ = ("__dict__", "_begin", "_diverged_at", "_results", "_step", "_width", "problem")
 
-    def __init__(self, problem: Problem, step: StepSize, batch: Batch, begin: Start | None) -> None:
+    def __init__(self, problem: Setup, step: StepSize, batch: Batch, begin: Start | None) -> None:
         self.problem, self._step, self._begin = problem, step, begin
         self._results, self._diverged_at = batch.results.copy(), int(batch.left_at[0])
-        self._width = batch.states.shape[-1]
-
-    def _split(self) -> tuple[Floats, Floats, Floats, Floats]:
-        dimension = self.problem.states_dimension
-        return split_results(self._results, 1, self._step.marks.size, dimension)
+        self._width = batch.start.shape[-1]
 
     @property
     def tau(self) -> float:
@@ -70,18 +65,8 @@ class Solution:
     @cached_property
     def trajectories(self) -> Trajectories:
         """The run as a batch of one."""
-        problem, left = self.problem, np.array([self._diverged_at])
-        cut = int(problem.samples == 1)
-        states, blocks, energy, running = self._split()
-        results = self._step.marks[:, cut:], states[:, cut:], blocks[..., cut:], energy.copy(), running, left
-        return trajectories_of(
-            problem.tableau,
-            np.array([self.steps]),
-            *results,
-            problem.numerics,
-            problem.scale,
-            landed=problem.system.regularisation is not None,
-        )
+        arrays = filled(self._step.marks, self._results, np.array([self._diverged_at]), self.problem.states_dimension)
+        return self.problem.trajectories(np.array([self.steps]), arrays.without_start(self.problem.samples == 1))
 
     def _kept(self, name: str) -> Floats:
         rows: Floats = getattr(self.trajectories, name)[0]
@@ -141,7 +126,4 @@ class Solution:
 
     def to_dataset(self) -> xr.Dataset:
         """Return the run as :func:`nearharmonic.integrate` does."""
-        from nearharmonic.engine.runs.continuation import start_of
-        from nearharmonic.engine.runs.description import trajectory_dataset
-
         return trajectory_dataset(self.problem, self.trajectories, begin=self._begin or start_of(self.problem))

@@ -10,19 +10,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nearharmonic.engine.batch.kernels import STANDARD, kernel_of
-from nearharmonic.engine.batch.numba_runs import floor_attributes
 from nearharmonic.engine.batch.results import Trajectories, least_samples
 from nearharmonic.engine.numbers.arrays import list_of
 from nearharmonic.engine.runs.continuation import start_of
 from nearharmonic.engine.runs.description import (
     error_variables,
     invariant_variables,
+    over,
     problem_attributes,
     trajectory_dataset,
     trajectory_variables,
 )
 from nearharmonic.engine.runs.output_times import checked_times, run_at
-from nearharmonic.engine.runs.problem import Problem
+from nearharmonic.engine.runs.setup import Setup
+from nearharmonic.engine.runs.solution import Solution
 from nearharmonic.engine.settings import KINETIC_POTENTIAL, checked_precision, checked_samples, checked_tau
 from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.integrators.tableau import Tableau
@@ -32,8 +33,6 @@ from nearharmonic.systems.definition.system import System
 
 if TYPE_CHECKING:
     import xarray as xr
-
-    from nearharmonic.engine.runs.solution import Solution
 
 
 def integrate(
@@ -112,11 +111,11 @@ def integrate(
     KeyboardInterrupt
         Ctrl-C, within a fraction of a second.
     """
-    problem = Problem(
+    problem = Setup(
         system, integrator, t_end=t_end, precision=precision, summation=summation, first=first, energy=energy,
         energy_scale=energy_scale, split=split,
     )  # fmt: skip
-    begin = start_of(problem, q0, p0, parameters, start)
+    begin = start_of(problem, q0, p0, parameters, start.to_dataset() if isinstance(start, Solution) else start)
     steps, kept = problem.steps_of(tau), checked_samples(samples)
     arrays = begin.arrays(problem, steps)
     if t is None:
@@ -173,7 +172,7 @@ def sweep(
     KeyboardInterrupt
         Ctrl-C, within a fraction of a second.
     """
-    problem = Problem(
+    problem = Setup(
         system, integrator, t_end=t_end, precision=precision, summation=summation, first=first, energy=energy,
         energy_scale=energy_scale, split=split,
     )  # fmt: skip
@@ -190,16 +189,16 @@ def sweep(
         variables |= invariant_variables(problem, paths, begin.state, begin.constants)
     _check_start(problem, paths)
     variables |= error_variables(paths, problem)
-    one: Variables = {name: (("tau", *dims[1:]), values, notes) for name, (dims, values, notes) in variables.items()}
+    one = over("tau", variables)
     unit = problem.system.units["t"]
     one["tau_requested"] = (("tau",), np.array(requested), described("step size asked for", unit))
     one["tau"] = ("tau",), problem.taus(paths.steps), described("step size", unit)
     notes = problem_attributes(problem) | begin.attributes()
-    notes |= floor_attributes(problem, begin.state, begin.parameters, paths.energy[:1])
+    notes |= problem.floor(begin.state, begin.parameters, paths.energy[:1])
     return assembled(one, ["tau"], notes)
 
 
-def _check_start(problem: Problem, paths: Trajectories) -> None:
+def _check_start(problem: Setup, paths: Trajectories) -> None:
     """Refuse a start at which the energy is no number: the run has ended at its first step."""
     H = float(paths.energy[0])
     if problem.numerics.energy != "none" and not isfinite(H):

@@ -1,1 +1,1 @@
-"""Proofs of what a file of coefficients says, and searches for what is wrong with it."""
+"""Proofs of the claims of a coefficient file, and searches for its errors."""

@@ -1,6 +1,7 @@
-"""The registered method that coefficients from elsewhere are nearest to, whatever their roles, direction and scale.
+"""Search for the registered method nearest to given coefficients, for any roles, direction and scale.
 
-A step and the same step reversed are as near to a palindrome; a registered method that is none is compared both ways.
+A step and its reversed step have the same distance to a palindrome. A registered method that is no palindrome is
+compared in both directions.
 """
 
 from __future__ import annotations
@@ -16,24 +17,24 @@ from nearharmonic.exchange.composition import step_of, with_roles_exchanged
 from nearharmonic.integrators import plain_integrators
 from nearharmonic.integrators.tableau import Tableau
 
-#: Of the coefficients, the part that has to agree for the others to be called wrong digits of the same method.
+#: Fraction of the coefficients that must agree so that the others count as wrong digits of the method.
 MOST = Fraction(1, 2)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Likeness:
-    """A registered method beside a step.
+    """Comparison of a registered method with a step.
 
     Attributes
     ----------
     tableau : Tableau
         The method.
     exchanged, reversed, rescaled : bool
-        Whether its roles are exchanged, whether it is applied backwards, and whether its rows are multiplied by the
-        sums of those of the step.
+        Changes of the method before the comparison: roles exchanged, direction reversed, and rows multiplied by the
+        sums of the rows of the step.
     differing : tuple of (str, Fraction, Fraction)
-        Of each coefficient that differs by more than the digits of both allow: its place, its value, and that of the
-        method, in the scale of the step.
+        Position, value, and value in the method (in the scale of the step) of each coefficient that differs by more
+        than the digits of both allow.
     distance : Fraction
         The largest difference of two coefficients.
     compared : int
@@ -55,12 +56,12 @@ class Likeness:
 
     @property
     def is_recognised(self) -> bool:
-        """True if so many coefficients agree that the differing ones look wrong."""
+        """True if enough coefficients agree, so that the differing ones look wrong."""
         return len(self.differing) <= MOST * self.compared
 
 
 def nearest(step: Step) -> Likeness | None:
-    """Return the registered splitting method with the most coefficients in common, of those the one that differs least.
+    """Return the registered splitting method with the most equal coefficients and the smallest difference.
 
     Returns
     -------
@@ -68,7 +69,7 @@ def nearest(step: Step) -> Likeness | None:
         None if no method has as many flows.
     """
     found = [likeness for tableau in plain_integrators.values() for likeness in _likenesses(step, tableau)]
-    # Of equal candidates, those that change less come first, and min keeps the first.
+    # Candidates with fewer changes come first, and min returns the first of equal candidates.
     return min(found, key=lambda one: (len(one.differing), one.distance), default=None)
 
 
@@ -94,7 +95,7 @@ def _likenesses(step: Step, tableau: Tableau) -> Iterator[Likeness]:
 
 
 def _scales(step: Step) -> Iterator[tuple[dict[str, Fraction], bool]]:
-    """Factors of the drifts and kicks of a method: 1, and the sums of the rows if these are clearly something else."""
+    """Return factors of drifts and kicks: 1, and the sums of the rows of the step if these clearly differ from 1."""
     yield dict.fromkeys(LETTERS, Fraction(1)), False
     sums = {letter: sum((c for x, c in step if x == letter), Fraction(0)) for letter in LETTERS}
     if all(sums.values()) and any(abs(x - 1) > Fraction(1, 10**6) for x in sums.values()):

@@ -1,7 +1,7 @@
-"""Orders of a step on the harmonic oscillator H = (p^2 + q^2)/2, proved within what its digits allow.
+"""Orders of a step on the harmonic oscillator H = (p^2 + q^2)/2, proved to the digits of its coefficients.
 
-The step matrix is exact. How far a coefficient of tau^n in it can be off is bounded as for the order conditions
-(:mod:`nearharmonic.exchange.proof.residuals`), with M^n / n! as the sum of all its terms with their absolute values.
+The step matrix is exact. The error of its coefficient of tau^n is bounded as for the order conditions
+(:mod:`nearharmonic.exchange.proof.residuals`), with M^n / n! as the bound of the sum of absolute values of all terms.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from nearharmonic.exchange.composition import is_palindrome, size_of, symmetrise
 from nearharmonic.exchange.proof.residuals import ROUNDING, Residual, linear_allowance
 from nearharmonic.theory.linear_stability import gaps_of
 
-#: A combination of the four entries (K11, K12, K21, K22) of the step matrix.
+#: Linear combination of the four entries (K11, K12, K21, K22) of the step matrix.
 _Weights = tuple[int, int, int, int]
 _POSITION: tuple[_Weights, ...] = ((1, 0, 0, 0), (0, 1, 0, 0))
 _MOMENTUM: tuple[_Weights, ...] = ((0, 0, 1, 0), (0, 0, 0, 1))
@@ -40,7 +40,7 @@ class OscillatorStep:
 
     @cached_property
     def position(self) -> Residual:
-        """The first failing power of tau in the new position; one below it is the harmonic order."""
+        """The first power of tau with an error in the new position; the harmonic order is one lower."""
         return self._first_failing(_POSITION)
 
     @property
@@ -65,20 +65,20 @@ class OscillatorStep:
 
     @property
     def order(self) -> int:
-        """Order on the oscillator: the smaller one of those of position and momentum."""
+        """Order on the oscillator: the smaller of the orders of position and momentum."""
         return min(self.harmonic_order, self.momentum_order)
 
     def stability_limit(self) -> BigFloat:
-        """Return the step size up to which every smaller one is stable, as an mpf.
+        """Return the stability limit, an mpf: all smaller step sizes are stable.
 
-        The step must be consistent. A step that is a palindrome to its digits only counts as one, so that the last
-        digits open no gap where the trace touches 2.
+        The step must be consistent. A step that is a palindrome to its digits is treated as an exact palindrome, so
+        that rounding errors of the digits do not open a gap where the trace touches 2.
         """
         step = symmetrised(self.step) if is_palindrome(self.step) else self.step
         return gaps_of(oscillator(step))[0][0]
 
     def _first_failing(self, combinations: Sequence[_Weights]) -> Residual:
-        # One power beyond the last of the step, the exact flow has a term and the step has none.
+        # At one power beyond the last power of the step, only the exact flow has a term.
         for power in range(1, len(self.step) + 3):
             found = [self._residual(weights, power) for weights in combinations]
             failing = [one for one in found if not one.vanishes]
@@ -98,7 +98,7 @@ class OscillatorStep:
         slack = ROUNDING * total * size ** (power - 1) / factorial(power - 1)
         if power > 1:
             slack += 2 * total**2 * (size + 2 * total) ** (power - 2) / factorial(power - 2)
-        # From (1, -1), even powers of q and odd ones of p come from the first component, the others from the second.
+        # From (1, -1), even powers of q and odd powers of p come from the first component, the others from the second.
         K11, K12, K21, K22 = weights
         of_q, of_p = (K11, -K22) if power % 2 == 0 else (-K12, K21)
         q, p = self._slopes
@@ -112,6 +112,6 @@ class OscillatorStep:
 
     @cached_property
     def _slopes(self) -> tuple[list[list[float]], list[list[float]]]:
-        """The derivatives of the new position and momentum from (1, -1), (flow, power), in double precision."""
+        """Return derivatives (flow, power) of the new position and momentum from (1, -1), in double precision."""
         step = [(letter, float(c)) for letter, c in self.step]
         return slopes(step, len(step), POSITION), slopes(step, len(step), MOMENTUM)

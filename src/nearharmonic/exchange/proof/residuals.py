@@ -1,16 +1,16 @@
-"""Residuals of the order conditions of a step, exact, and what the digits of its coefficients allow them to be.
+"""Exact residuals of the order conditions of a step, and their bounds due to the digits of its coefficients.
 
-Let c be the coefficients of a file. Each is off by at most u_i, a few units of its last digit, from the number that its
-author rounded; one coefficient of each row may besides be off by what closes the sum of its row, at most the sum of the
-u_i there. A condition of degree n is a polynomial r(c) of degree n, and with g_i = dr/dc_i
+Let c be the coefficients of a file. Each differs by at most u_i, a few units of its last digit, from the number that
+its author rounded. One coefficient of each row may in addition have been changed to make the sum of the row exact, by
+at most the sum of the u_i of the row. A condition of degree n is a polynomial r(c) of degree n, and with g_i = dr/dc_i
 
     |r(c) - r(true c)|  <=  sum_i |g_i| u_i  +  sum_rows max |g_i| sum u_i  +  2 U^2 d^2/dM^2 [f_n M^n]  at M + 2 U,
 
-with M the sum of all |c_i| and U that of all u_i. This is Taylor's formula, the second derivative being bounded by
+with M the sum of all |c_i| and U that of all u_i. This is Taylor's formula. The second derivative is bounded by
 replacing every term of log(product of exponentials) by its absolute value; f_n = [x^n] (-log(2 - e^x)). The true
-coefficients fulfil a condition only if |r(c)| is within this bound. A residual beyond it therefore proves that no
-coefficients that round to the given ones fulfil the condition. One within it is zero to the digits given, which is all
-that they can show.
+coefficients fulfil a condition only if |r(c)| is within this bound. A larger residual therefore proves that no
+coefficients that round to the given ones fulfil the condition. A residual within the bound is zero to the given digits;
+more cannot be concluded from them.
 """
 
 from __future__ import annotations
@@ -29,12 +29,13 @@ from nearharmonic.exact.words import LETTERS, logarithm_slopes
 from nearharmonic.exchange.composition import is_palindrome, size_of, uncertainty_of
 from nearharmonic.integrators.order_conditions import errors_on_words, weighted
 
-#: What is added to the bound for the rounding of derivatives in double precision, in units of their own bound.
+#: Addition to the bound for the rounding errors of derivatives in double precision, relative to the bound of the
+#: derivatives.
 ROUNDING = Fraction(1, 10**9)
 
 
 class Residual(NamedTuple):
-    """The value of a condition of ``degree`` in tau, and what the digits of the coefficients ``allow``; both exact."""
+    """The value of a condition of ``degree`` in tau, and its bound by the digits of the coefficients; both exact."""
 
     degree: int
     value: Fraction
@@ -47,9 +48,9 @@ class Residual(NamedTuple):
 
 
 class Order(NamedTuple):
-    """An order, the residual that ends it (None if no condition examined fails), and the largest that vanishes.
+    """An order, the first residual that fails (None if all examined conditions hold), and the largest that vanishes.
 
-    The largest is in units of what is allowed.
+    The largest residual is in units of its bound.
     """
 
     order: int
@@ -58,16 +59,16 @@ class Order(NamedTuple):
 
 
 def proved_order(step: Step, highest: int, *, quadratic: bool) -> Order:
-    """Return the order of a step for every separable H, or for those with quadratic T; ``highest`` if that or more.
+    """Return the order of a step for every separable H, or for every H with quadratic T; at most ``highest``.
 
     Parameters
     ----------
     step : tuple of (str, Printed)
         Drifts and kicks.
     highest : int
-        Degree of the last conditions examined.
+        Highest degree of the examined conditions.
     quadratic : bool
-        Whether T is p.p/2.
+        True for T = p.p/2.
     """
     largest = Residual(1, Fraction(0), Fraction(0))
     for degree in range(1, highest + 1):
@@ -82,7 +83,7 @@ def proved_order(step: Step, highest: int, *, quadratic: bool) -> Order:
 def residuals(step: Step, degree: int, *, quadratic: bool) -> list[Residual]:
     """Return the residual of each condition of ``degree``.
 
-    A palindrome undoes itself with tau reversed, so that its conditions of even degree vanish.
+    A palindrome with step -tau is the inverse of the step with tau, so that its conditions of even degree hold.
     """
     rows = conditions(degree, quadratic=quadratic)
     if degree % 2 == 0 and is_palindrome(step, exactly=True):
@@ -94,7 +95,7 @@ def residuals(step: Step, degree: int, *, quadratic: bool) -> list[Residual]:
 
 
 def allowances(step: Step, degree: int, weights: Sequence[Sequence[Fraction]]) -> list[Fraction]:
-    """Return what the digits allow each weighted sum of the logarithm's coefficients on Lyndon words to be off by."""
+    """Return the bound, due to the digits, of the error of each weighted sum of coefficients on Lyndon words."""
     total = uncertainty_of(step)
     if total == 0:
         return [Fraction(0)] * len(weights)
@@ -105,7 +106,7 @@ def allowances(step: Step, degree: int, weights: Sequence[Sequence[Fraction]]) -
 
 
 def linear_allowance(step: Step, gradient: Iterable[float]) -> Fraction:
-    """Return what the digits allow a function of the coefficients to be off by, to first order in its ``gradient``."""
+    """Return the bound, due to the digits, of the first-order error of a function with this ``gradient``."""
     slopes = [abs(Fraction(float(g))) for g in gradient]
     single = sum((g * c.uncertainty for g, (_, c) in zip(slopes, step, strict=True)), Fraction(0))
     for letter in LETTERS:
@@ -115,7 +116,7 @@ def linear_allowance(step: Step, gradient: Iterable[float]) -> Fraction:
 
 
 def _gradients(step: Step, degree: int, weights: Sequence[Sequence[Fraction]]) -> np.ndarray:
-    """The derivatives of the weighted sums by the coefficients, (weights, flows), in double precision."""
+    """Return the derivatives (weights, flows) of the weighted sums by the coefficients, in double precision."""
     slopes = logarithm_slopes([(letter, float(c)) for letter, c in step], lyndon_words(degree))
     result: np.ndarray = np.array(weights, dtype=float) @ np.stack(list(slopes.values()))
     return result

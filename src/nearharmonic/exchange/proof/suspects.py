@@ -1,7 +1,8 @@
-"""Single mistakes that would explain why claims of a file do not hold: what looks wrong, and what would be right.
+"""Search for a single transcription error that explains the failed claims of a file.
 
-Every change of one kind is tried: a digit, a sign, two neighbouring digits, two coefficients or two lines exchanged,
-the roles exchanged. The sum of the row, or double precision, excludes most; what is left has to prove all claims.
+All single changes are tried: another digit, another sign, and exchanged adjacent digits, coefficients, lines or roles.
+The sum of the row or a check in double precision excludes most changes. For the remaining ones all claims have to be
+proved.
 """
 
 from __future__ import annotations
@@ -20,11 +21,11 @@ from nearharmonic.exact.words import logarithm
 from nearharmonic.exchange.coefficient_file import LONGEST_NUMBER, CoefficientFile
 from nearharmonic.integrators.tableau import First, Row
 
-#: Changes that are proved, and of these that are reported, at most.
+#: Maximum numbers of changes for which the claims are proved, and of changes that are reported.
 MOST_PROVED, MOST_REPORTED = 40, 3
-#: Degrees of the conditions that are checked in double precision, and what they may be off by there.
+#: Highest degree of the conditions that are checked in double precision, and the tolerance there.
 FILTER_DEGREE, FILTER_TOLERANCE = 3, 1e-10
-#: Digits of a number that are changed one by one together with the middle of its row.
+#: Number of digits of a coefficient that are changed one by one together with the middle coefficient of its row.
 LEADING_DIGITS = 12
 
 
@@ -37,14 +38,14 @@ class Rows(NamedTuple):
 
 
 class Suspect(NamedTuple):
-    """A mistake that would explain the failing claims: in words, and the rows without it."""
+    """An error that explains the failed claims: in words, with the corrected rows."""
 
     says: str
     rows: Rows
 
 
 def suspects(file: CoefficientFile, digits: int, proves: Callable[[Rows], bool], degree: int) -> list[Suspect]:
-    """Return the single changes of a file with which all its claims hold.
+    """Return the single changes of a file for which all its claims hold.
 
     Parameters
     ----------
@@ -53,7 +54,7 @@ def suspects(file: CoefficientFile, digits: int, proves: Callable[[Rows], bool],
     digits : int
         Significant digits that they have, 0 if they are exact.
     proves : function
-        Whether all claims hold of some rows.
+        Returns True if all claims hold for the given rows.
     degree : int
         Order that the claims imply; conditions up to it are checked in double precision.
     """
@@ -62,7 +63,7 @@ def suspects(file: CoefficientFile, digits: int, proves: Callable[[Rows], bool],
     seen, proved = {rows}, 0
     found: list[Suspect] = []
     balanced = all(abs(sum(map(float, row)) - 1) <= tolerance for row in (rows.kick, rows.drift))
-    # What keeps the sums cannot mend them.
+    # Changes that keep the sums cannot correct wrong sums.
     keeping = (_exchanges, _closed_edits) if balanced else ()
     for group in (_roles, _mirrors, _single_edits, *keeping):
         candidates = list({one.rows: one for one in group(rows) if one.rows not in seen}.values())
@@ -73,13 +74,13 @@ def suspects(file: CoefficientFile, digits: int, proves: Callable[[Rows], bool],
             proved += 1
             if proves(one.rows):
                 found.append(one)
-        if found:  # a simpler mistake explains it
+        if found:  # a simpler error explains the failure
             break
     return found
 
 
 def _plausible(candidates: Sequence[Suspect], degree: int, tolerance: float) -> Iterator[Suspect]:
-    """Those of ``candidates`` whose conditions up to ``degree`` hold in double precision."""
+    """Return the ``candidates`` whose conditions up to ``degree`` hold in double precision."""
     for start in range(0, len(candidates), 4096):
         by_first: dict[First, list[Suspect]] = {}
         for one in candidates[start : start + 4096]:
@@ -108,7 +109,7 @@ def _roles(rows: Rows) -> Iterator[Suspect]:
 
 
 def _mirrors(rows: Rows) -> Iterator[Suspect]:
-    """A coefficient that is not its mirror image, with the value of that."""
+    """Replace a coefficient by its mirror image, where the two differ."""
     for key in ("kick", "drift"):
         row: Row = getattr(rows, key)
         for i, text in enumerate(row):
@@ -120,7 +121,7 @@ def _mirrors(rows: Rows) -> Iterator[Suspect]:
 
 
 def _single_edits(rows: Rows) -> Iterator[Suspect]:
-    """One coefficient, or one and its mirror image, written otherwise, where this makes the sum of the row 1."""
+    """Change one coefficient, or one and its mirror image, if this makes the sum of the row 1."""
     for key in ("kick", "drift"):
         row: Row = getattr(rows, key)
         excess, palindrome = sum(map(Fraction, row), Fraction(-1)), _is_palindrome(row)
@@ -135,7 +136,7 @@ def _single_edits(rows: Rows) -> Iterator[Suspect]:
 
 
 def _exchanges(rows: Rows) -> Iterator[Suspect]:
-    """Two coefficients of a row exchanged, with their mirror images in a palindrome; two lines of both rows."""
+    """Exchange two coefficients of a row, with their mirror images in a palindrome, or two lines of both rows."""
     for key in ("kick", "drift"):
         row: Row = getattr(rows, key)
         palindrome = _is_palindrome(row)
@@ -155,7 +156,7 @@ def _exchanges(rows: Rows) -> Iterator[Suspect]:
 
 
 def _closed_edits(rows: Rows) -> Iterator[Suspect]:
-    """A coefficient and its mirror image written otherwise, with the middle of the row closing the sum."""
+    """Change a coefficient and its mirror image, and the middle coefficient so that the sum of the row is 1."""
     for key in ("kick", "drift"):
         row: Row = getattr(rows, key)
         middle = sorted({(len(row) - 1) // 2, len(row) // 2})
@@ -173,9 +174,9 @@ def _closed_edits(rows: Rows) -> Iterator[Suspect]:
 
 
 def _edits_of(row: Row, digits: int | None = None) -> Iterator[tuple[int, str, str]]:
-    """(index, new text, kind) for each change of the sign, of a digit, or of two neighbouring digits.
+    """Yield (index, new text, kind) for each change of the sign, of a digit, or of two adjacent digits.
 
-    Of a palindrome, the first half is changed; of a number, the first ``digits`` digits.
+    Only the first half of a palindrome and the first ``digits`` digits of a number are changed.
     """
     last = (len(row) + 1) // 2 if _is_palindrome(row) else len(row)
     for i, text in enumerate(row[:last]):

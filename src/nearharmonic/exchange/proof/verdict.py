@@ -26,7 +26,7 @@ from nearharmonic.integrators.tableau import First
 _OTHER: dict[First, First] = {"drift": "kick", "kick": "drift"}
 
 
-#: Digits below which a claim that holds means little.
+#: Minimum number of digits: with fewer digits a claim that holds is not significant.
 FEWEST_DIGITS = 8
 
 
@@ -57,7 +57,7 @@ class Verdict:
 
     @cached_property
     def digits_that_hold(self) -> int | None:
-        """The most digits to which all claims hold, None if they hold to all, or to too few to mean anything."""
+        """Largest number of digits to which all claims hold; None if these are all digits or too few."""
         fewer = range(self.digits.number - 1, FEWEST_DIGITS - 1, -1)
         if self.holds or not _to_digits(self.file, FEWEST_DIGITS).holds:
             return None
@@ -70,7 +70,7 @@ class Verdict:
 
     @cached_property
     def sums(self) -> dict[str, Residual]:
-        """The sums of the rows, less 1, by ``drift`` and ``kick``."""
+        """The sums of the rows minus 1, by ``drift`` and ``kick``."""
         drift, kick = residuals(self.step, 1, quadratic=False)
         return {"kick": kick, "drift": drift}
 
@@ -81,7 +81,7 @@ class Verdict:
 
     @cached_property
     def is_symmetric(self) -> bool:
-        """True if the step reads the same backwards, to its digits."""
+        """True if the step is a palindrome, to its digits."""
         return is_palindrome(self.step)
 
     @cached_property
@@ -106,12 +106,12 @@ class Verdict:
 
     @cached_property
     def nearest(self) -> Likeness | None:
-        """The registered method that the coefficients are nearest to."""
+        """The registered method nearest to the coefficients."""
         return nearest(self.step)
 
     @cached_property
     def claims(self) -> tuple[Claim, ...]:
-        """The claims of the file, and that the rows sum to 1, which every file of coefficients implies."""
+        """The claims of the file, and the implied claim that the rows sum to 1."""
         return tuple(_claims(self))
 
     @property
@@ -128,11 +128,11 @@ class Verdict:
 
     @property
     def _target(self) -> int:
-        """The claimed order; without a claim, order 4, which is hardly reached by chance."""
+        """The claimed order; without a claim, order 4, which chance rarely produces."""
         return self.file.order or min(max(4, self.quadratic_order.order + 2), HIGHEST_ORDER)
 
     def _proves(self, rows: Rows) -> bool:
-        """Return True if every claim holds of other rows, and they have the order of :attr:`_target`."""
+        """Return True if every claim holds for these rows, and they have the order :attr:`_target`."""
         step = step_of(rows.kick, rows.drift, rows.first, self.digits.number)
         symmetric = self.file.symmetric in (None, is_palindrome(step))
         quadratic = self.file.order is None or self.file.requires is not None
@@ -141,7 +141,7 @@ class Verdict:
 
     @cached_property
     def warnings(self) -> list[str]:
-        """Findings from the nearest registered method that no claim is about."""
+        """Differences from the nearest registered method that no claim concerns."""
         return list(_warnings(self))
 
 
@@ -196,7 +196,7 @@ def _order(found: Verdict, claimed: int) -> Claim:
 
 
 def order_proof(proved: Order, digits: Digits) -> str:
-    """Return why an order is what it is, in one line."""
+    """Return the proof of an order in one line."""
     parts = []
     if proved.order:
         largest = "exactly"
@@ -225,7 +225,7 @@ def _harmonic(found: Verdict, claimed: int) -> Claim:
 
 
 def _role(found: Verdict) -> Iterator[Claim]:
-    """The role, where it decides a claim: it is wrong if the claims hold with the roles exchanged alone."""
+    """Yield the claim of the first operator, if a claim depends on it: false if it holds only with exchanged roles."""
     file, first = found.file, found.file.first
     exchanged = with_roles_exchanged(found.step)
     own, other = (_role_claims_hold(file, step) for step in (found.step, exchanged))
@@ -239,7 +239,7 @@ def _role(found: Verdict) -> Iterator[Claim]:
 
 
 def _role_claims_hold(file: CoefficientFile, step: Step) -> bool:
-    """Return True if the claims that the role decides hold of ``step``."""
+    """Return True if the claims that depend on the roles hold for ``step``."""
     if file.harmonic_order is not None and OscillatorStep(step).harmonic_order < file.harmonic_order:
         return False
     if file.order is None or file.requires is None:

@@ -9,7 +9,7 @@ from nearharmonic.exchange.coefficients import Coefficients
 
 
 def document(coefficients: Coefficients) -> dict[str, Any]:
-    """Return the keys and values of a file; None stands for what the integrator does not have."""
+    """Return the keys and values of a file; None marks a property that the integrator does not have."""
     tableau = coefficients.tableau
     return {
         "name": tableau.name,
@@ -27,12 +27,12 @@ def document(coefficients: Coefficients) -> dict[str, Any]:
 
 
 def write_json(coefficients: Coefficients) -> str:
-    """Return the coefficients as JSON; what the integrator does not have is null."""
+    """Return the coefficients as JSON; a missing property is null."""
     return json.dumps(document(coefficients), indent=2, ensure_ascii=False) + "\n"
 
 
 def write_toml(coefficients: Coefficients) -> str:
-    """Return the coefficients as TOML, which has no null: the key of what the integrator does not have is absent."""
+    """Return the coefficients as TOML, without the keys of missing properties, because TOML has no null."""
     import tomli_w
 
     return tomli_w.dumps({key: value for key, value in document(coefficients).items() if value is not None})

@@ -1,7 +1,7 @@
-"""An integrator for REBOUND, in Python: registered under a name, as REBOUND's example custom_integrator does in C.
+"""An integrator for REBOUND, in Python, registered under a name like REBOUND's example custom_integrator in C.
 
-A particle of REBOUND has its position, velocity and acceleration as its first nine doubles, so that numpy drifts and
-kicks all particles at once in the memory of the simulation.
+A particle of REBOUND begins with nine doubles: position, velocity and acceleration. numpy therefore drifts and kicks
+all particles at once in the memory of the simulation.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""An integrator as a table of SUNDIALS: a program in C that hands it to ARKODE's module SPRKStep.
+"""An integrator as a table of SUNDIALS: a program in C that passes it to ARKODE's module SPRKStep.
 
 In a stage i ARKODE kicks with ahat[i] and then drifts with a[i] (sprkStep_TakeStep of SUNDIALS 7.5; order of the
 arguments as in ARKodeSPRKTable_Create). A step that begins with a drift therefore gets a first kick of zero, and a step
@@ -106,10 +106,9 @@ int main(void)
 
 
 def write(coefficients: Coefficients) -> str:
-    """Return the program; a table of s + 1 stages stands for the s stages of the integrator.
+    """Return the program, with a table of s + 1 stages for the s stages of the integrator.
 
-    A stage that is nothing but zeros, as the last or the first one of a method with as many kicks as drifts, is left
-    out.
+    A stage with two zeros is omitted: the first or last stage of a method with as many kicks as drifts.
     """
     tableau = coefficients.tableau
     kick_first = tableau.first == "kick"

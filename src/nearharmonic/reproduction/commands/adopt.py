@@ -1,4 +1,4 @@
-"""``nearharmonic adopt``: take results from elsewhere as up to date."""
+"""``nearharmonic adopt``: mark results from another machine as up to date."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def answer(chosen: argparse.Namespace) -> Answer:
-    """Return how many files were adopted; the status is 1 if the results are refused."""
+    """Return the number of adopted files; the status is 1 if the results are refused."""
     from nearharmonic.errors import RefusedError
     from nearharmonic.reproduction.record.adopt import adopt
     from nearharmonic.reproduction.record.files.folders import folder_of

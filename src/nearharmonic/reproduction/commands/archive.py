@@ -17,7 +17,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def answer(chosen: argparse.Namespace) -> Answer:
-    """Return where the archive is and how large it is; its status is 1 if the result cannot be archived, with why."""
+    """Return path and size of the archive; the status is 1, with the reasons, if the result cannot be archived."""
     from nearharmonic.reproduction.record.archive import pack
     from nearharmonic.reproduction.record.files.folders import folder_of
 

@@ -1,4 +1,4 @@
-"""``nearharmonic compare``: what differs between two results."""
+"""``nearharmonic compare``: differences between two results."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
 
 
 def _names(a: str, b: str) -> tuple[str, str]:
-    """The names of two results in a legend, which are to differ."""
+    """Return two different names of the results for a legend."""
     return (a, b) if a != b else (a, f"{b} (again)")
 
 
@@ -80,7 +80,7 @@ def _row(difference: Difference) -> tuple[Any, ...]:
 
 
 def _value(value: Any) -> Any:
-    """A value as it is; NaN in letters, because a table shows a dash where there is nothing."""
+    """Return a value unchanged, but NaN as text, because a table shows NaN as a dash."""
     return "nan" if isinstance(value, float) and isnan(value) else value
 
 

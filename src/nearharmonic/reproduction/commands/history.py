@@ -9,7 +9,7 @@ from nearharmonic.output.answers import Answer
 
 HELP = "list the runs of the workflow, newest first"
 HEADER = ("when", "id", "commit", "dirty", "targets", "duration", "status")
-#: Digits of a commit that tell it from any other of a repository of this size.
+#: Number of digits that identify a commit in a repository of this size.
 COMMIT = 10
 
 

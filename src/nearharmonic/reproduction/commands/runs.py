@@ -1,4 +1,4 @@
-"""``nearharmonic runs``: single runs of one or more results, chosen by a condition, sorted."""
+"""``nearharmonic runs``: single runs of one or more results, selected by a condition and sorted."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
 
 
 def _unit_notes(found: RunTable, names: list[str]) -> list[str]:
-    """A line for each system in the rows that has units other than 1."""
+    """Return a line for each system in the rows with units other than 1."""
     present = set(found.columns["system"].tolist())
     lines = []
     for system, units in sorted(found.units.items()):

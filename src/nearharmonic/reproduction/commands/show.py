@@ -1,4 +1,4 @@
-"""``nearharmonic show``: all that is known of one run, and how to make it again."""
+"""``nearharmonic show``: details of one run, and code that repeats it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from nearharmonic.reproduction.record.query.single import SingleRun
 
 HELP = "show all that is known of one run, and how to make it again"
-#: Relative difference of the step asked for and the one found above which the answer says so: six digits were typed.
+#: Relative difference of the requested and the found step size above which the answer mentions it: six typed digits.
 WORTH_SAYING = 1e-5
 
 
@@ -27,7 +27,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def answer(chosen: argparse.Namespace) -> Answer:
-    """Return a row for each fact, and below them lines of Python."""
+    """Return a row for each fact, followed by lines of Python."""
     from nearharmonic.reproduction.record.files import manifest
     from nearharmonic.reproduction.record.files.folders import folder_of
     from nearharmonic.reproduction.record.query.single import files_of, python_lines, single_run

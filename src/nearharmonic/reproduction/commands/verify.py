@@ -1,4 +1,4 @@
-"""``nearharmonic verify``: whether results are what their record says."""
+"""``nearharmonic verify``: check of results against their record."""
 
 from __future__ import annotations
 
@@ -80,5 +80,5 @@ def _answer(result: str, found: list[dict[str, Any]], notes: list[str]) -> Answe
 
 
 def _counted(number: int, what: str) -> str:
-    """A number of things in words."""
+    """Return a number with its noun."""
     return f"{number or 'no'} {what}{'s' if number > 1 else ''}"

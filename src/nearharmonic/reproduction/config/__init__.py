@@ -1,1 +1,1 @@
-"""The config of the workflow: its types, and the schema that follows from them."""
+"""The config of the workflow: its types, and the schema that is generated from them."""

@@ -1,4 +1,4 @@
-"""The config: its keys, in one family of frozen types."""
+"""The config: its keys as frozen dataclasses."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from dataclasses import dataclass, make_dataclass
 from functools import cache
 from typing import Annotated, Any
 
-from nearharmonic.engine.handed_on import handed_on_from
-from nearharmonic.engine.settings import Sweep
+from nearharmonic.engine.settings import Sweep, handed_on_from
 from nearharmonic.integrators import integrators, plain_integrators
 from nearharmonic.integrators.user_file import expanded
 from nearharmonic.reproduction.entries import STRICT, Reading, setting, whole_from
@@ -17,13 +16,13 @@ from nearharmonic.reproduction.experiments.paper.settings import Summation, Syst
 from nearharmonic.reproduction.tasks.experiment import experiments
 from nearharmonic.systems import systems
 
-#: Characters of a name: file systems take 255 bytes.
+#: Maximum length of a name: file systems allow 255 bytes.
 LONGEST_NAME = 100
 
 _NAME = rf"^[A-Za-z0-9][A-Za-z0-9_.-]{{0,{LONGEST_NAME - 1}}}\Z"
 METHODS = "a list of at least one integrator, each named once"
 METHOD = "the name of an integrator, or the path of a Python file that defines TABLEAU or TABLEAUS"
-#: Lists of numbers, in which one may stand twice.
+#: Lists of numbers, in which a number may occur twice.
 NUMBERS = ("q0", "p0")
 
 
@@ -42,7 +41,7 @@ Name = Annotated[str, Reading(_name, (("type", "string"), ("pattern", _NAME.repl
 class Config:
     """One reproduction; its results go to results/<name>/.
 
-    :func:`whole_config` is the type that configs have: it holds the sections of the experiments as well.
+    :func:`whole_config` is the type of configs: it includes the sections of the experiments.
     """
 
     __pydantic_config__ = STRICT
@@ -90,17 +89,17 @@ class Config:
 
     @property
     def methods(self) -> tuple[str, ...]:
-        """Names of the integrators, those of files included."""
+        """Names of the integrators, including those from files."""
         return expanded(self.integrators)
 
     @property
     def stepwise(self) -> tuple[str, ...]:
-        """Names of the integrators whose energy is measured at every step: all but processed ones."""
+        """Names of the integrators whose energy is measured at every step: all except processed ones."""
         return tuple(name for name in self.methods if not integrators[name].processed)
 
     @property
     def sweeps(self) -> tuple[Sweep, ...]:
-        """Sweep of each system, with the system's own t_end where none is given."""
+        """Sweep of each system; t_end is by default that of the system."""
         return tuple(
             Sweep(
                 system=name,
@@ -118,7 +117,7 @@ class Config:
 
     @property
     def compared(self) -> tuple[str, ...]:
-        """The methods of the table that compares all."""
+        """The methods of the table that compares all methods."""
         return tuple(plain_integrators) if self.overview is None else expanded(self.overview)
 
     @property
@@ -135,7 +134,7 @@ def sections() -> dict[str, type]:
 
 @cache
 def whole_config() -> type[Config]:
-    """Return the type that configs have: the keys of :class:`Config`, and the section of each experiment."""
+    """Return the type of configs: the keys of :class:`Config`, and the section of each experiment."""
     effects = {one.key: one.effect for one in experiments().values()}
     return make_dataclass(
         "WholeConfig",
@@ -149,7 +148,7 @@ def whole_config() -> type[Config]:
 
 @cache
 def adapter() -> Any:
-    """Pydantic's reader of configs; made when first asked for, which takes a tenth of a second."""
+    """Return pydantic's reader of configs; it is created lazily, because this takes 0.1 s."""
     from pydantic import TypeAdapter
 
     return TypeAdapter(whole_config())

@@ -1,4 +1,4 @@
-"""Systems and integrators that a config defines beside the registered ones, checked before any job runs."""
+"""Systems and integrators that a config defines in addition to the registered ones, validated before any job runs."""
 
 from __future__ import annotations
 
@@ -20,33 +20,33 @@ from nearharmonic.systems import System, systems
 from nearharmonic.systems.formulas.gradients import check_gradients
 from nearharmonic.systems.user_file import SystemDefinition
 
-#: Names that the workflow has already; those of cubes and of folders of runs are taken as well.
+#: Reserved names of the workflow; names of cubes and of folders of runs are reserved too.
 TAKEN = frozenset({"substeps", "sweeps"})
-#: Names that parameters of the workflow's functions have, and methods of Snakemake's lists of files.
+#: Names of parameters of the workflow's functions, and of methods of Snakemake's lists of files.
 RESERVED = (
     frozenset({"cube", "integrator", "integrators", "run", "runs", "settings", "shard", "sweep", "system"})
     | {name for name in dir(list) if not name.startswith("_")}
     | {"get", "items", "keys", "values", "size", "size_files", "size_tempfiles"}
 )
-#: Longest name that a user gives: it is part of names of files, of which a folder takes 255 bytes.
+#: Maximum length of a user's name: it is part of file names, which have at most 255 bytes.
 LONGEST = 60
 
 _NAME = re.compile(rf"[A-Za-z][A-Za-z0-9_]{{0,{LONGEST - 1}}}", re.ASCII)
-#: Keys of a system in a config that make it one of the user's.
+#: Keys of a system in a config that define a user's system.
 _OWN = ("file", "system", "label", "q0", "p0", "parameters", "split")
 
 
 def define(asked: Mapping[str, SystemSettings], methods: Mapping[str, Sequence[str]], folders: Sequence[Path]) -> None:
-    """Let the registries hold the systems and integrators of a config, in place of those of any other config.
+    """Define the systems and integrators of a config in the registries, in place of those of any previous config.
 
     Parameters
     ----------
     asked : mapping
-        What is asked of each system, by the name that the config gives it.
+        Section of each system, by its name in the config.
     methods : mapping
-        Lists of integrators, by their keys in the config: names, and paths of files.
+        Lists of integrators (names and paths of files), by their keys in the config.
     folders : sequence of Path
-        Where files are looked for, in this order.
+        Folders in which files are searched for, in this order.
 
     Raises
     ------
@@ -64,12 +64,12 @@ def define(asked: Mapping[str, SystemSettings], methods: Mapping[str, Sequence[s
 
 
 def _check_formulas(system: System) -> None:
-    """Evaluate what a user's system declares once, so that no job begins with formulas that fail.
+    """Evaluate all formulas of a user's system once, so that errors occur before any job.
 
     Raises
     ------
     SystemDefinitionError
-        A formula fails or uses what formulas cannot, or a gradient contradicts its potential.
+        A formula fails or uses unsupported operations, or a gradient contradicts its potential.
     """
     from nearharmonic.engine.runs.invariants import invariant_values
 
@@ -79,10 +79,10 @@ def _check_formulas(system: System) -> None:
 
 
 def _is_own(name: str, asked: SystemSettings) -> bool:
-    """Return True if a config defines the system; a registered one is taken as it is.
+    """Return True if a config defines the system; a registered system cannot be modified.
 
-    The figures, tables and statements of the paper are about the initial values and parameters that its systems have,
-    and are found by their names.
+    The figures, tables and statements of the paper concern fixed initial values and parameters, and they refer to the
+    systems by name.
     """
     given = [key for key in _OWN if getattr(asked, key) is not None]
     if name in systems.registered:
@@ -118,12 +118,12 @@ def _definition(name: str, asked: SystemSettings, folders: Sequence[Path]) -> Sy
 
 
 def check_name(key: str, name: str) -> None:
-    """Refuse what cannot be the name of a user's system or integrator.
+    """Raise an error for an invalid name of a user's system or integrator.
 
     Raises
     ------
     SettingError
-        Of the setting ``key``: no name, or one that the workflow uses already.
+        The value of ``key`` is no valid name, or a reserved name.
     """
     if not _NAME.fullmatch(name) or keyword.iskeyword(name):
         allowed = f"a letter, then letters, digits and '_', at most {LONGEST} characters, no keyword of Python"
@@ -135,13 +135,13 @@ def check_name(key: str, name: str) -> None:
 
 
 def _names_of_files() -> set[str]:
-    """Names of the cubes and of the folders of runs of all experiments."""
+    """Return the names of the cubes and of the folders of runs of all experiments."""
     every = experiments().values()
     return {cube for one in every for cube in one.cubes} | {run.partition("/")[0] for one in every for run in one.runs}
 
 
 def _tableaus(methods: Mapping[str, Sequence[str]], folders: Sequence[Path]) -> dict[str, TableauDefinition]:
-    """The integrators of all files that are named in lists of integrators."""
+    """Return the integrators of all files in lists of integrators."""
     defined: dict[str, TableauDefinition] = {}
     for key, entries in methods.items():
         for i, entry in enumerate(entries):
@@ -170,9 +170,9 @@ def found(key: str, written: str, folders: Sequence[Path]) -> str:
     key : str
         Key of the config.
     written : str
-        The path, as the config gives it.
+        The path, as in the config.
     folders : sequence of Path
-        Where it is looked for.
+        Folders in which it is searched for.
 
     Raises
     ------
@@ -202,5 +202,5 @@ def named(key: str) -> Iterator[None]:
 
 
 def folders_of(files: Iterable[str | os.PathLike[str]]) -> list[Path]:
-    """Return where the files of a config are looked for: the working directory, then the folders of the config."""
+    """Return the folders for the search of files: the working directory, then the folders of the config."""
     return list(dict.fromkeys([Path(), *(Path(os.path.relpath(Path(file).parent)) for file in files)]))

@@ -1,4 +1,4 @@
-"""A config read from a mapping or a file, and one error for each mistake, which names its key."""
+"""Readers of a config from a mapping or a file; an error message names the key."""
 
 from __future__ import annotations
 
@@ -19,23 +19,22 @@ from nearharmonic.systems import systems
 
 
 def load(mapping: Mapping[str, Any], files: Iterable[Path | str] = ()) -> Config:
-    """Return ``mapping`` as a :class:`Config`, checked against the types and then for what no type can tell.
+    """Return ``mapping`` as a :class:`Config`, after validation of the types and then of relations between keys.
 
-    The systems and integrators that it defines are found in the registries from then on, by the names that it gives
-    them, in place of those of a config before.
+    Systems and integrators of the config are then in the registries, in place of those of a previous config.
 
     Parameters
     ----------
     mapping : mapping
         The keys, as read from YAML.
     files : iterable of path
-        The YAML files that they come from, in which no key may stand twice; in their folders files of systems and
-        integrators are looked for that are not found from the working directory.
+        The YAML files of the keys; a key may occur only once in a mapping. Files of systems and integrators that are
+        not in the working directory are searched for in the folders of these files.
 
     Raises
     ------
     NearharmonicError
-        The first fault found, nearest to the top, with key, value, what is allowed and the nearest match.
+        The first error in the order of the keys, with key, value, allowed values and the nearest match.
     """
     places = list(files)
     for path in places:
@@ -55,12 +54,12 @@ def load(mapping: Mapping[str, Any], files: Iterable[Path | str] = ()) -> Config
 
 
 def read(place: Path) -> Config:
-    """Return the config of a YAML file, as :func:`load` does.
+    """Return the config of a YAML file, with the checks of :func:`load`.
 
     Raises
     ------
     NearharmonicError
-        There is no such file, it is no YAML mapping, or a fault that :func:`load` finds.
+        The file does not exist, is no YAML mapping, or :func:`load` finds an error.
     """
     import yaml
 
@@ -75,14 +74,14 @@ def read(place: Path) -> Config:
 
 
 def _lists_of_methods(config: Config) -> dict[str, tuple[str, ...]]:
-    """The lists of integrators in a config, by key; those that are not given are left out."""
+    """Return the lists of integrators in a config, by key; missing lists are omitted."""
     found = {name: getattr(config, name) for name in ("integrators", "decomposition", "overview")}
     found |= {f"{key}.integrators": getattr(getattr(config, key), "integrators", None) for key in sections()}
     return {key: entries for key, entries in found.items() if entries is not None}
 
 
 def _check(config: Config, mapping: Mapping[str, Any]) -> None:
-    """Raise the first fault of a config whose systems and integrators are defined."""
+    """Raise the first error of a config whose systems and integrators are defined."""
     for key, entries in _lists_of_methods(config).items():
         with named(key):
             names = expanded(entries)
@@ -111,17 +110,17 @@ def _typed(mapping: Mapping[str, Any]) -> Config:
     try:
         return cast("Config", adapter().validate_python(mapping))
     except ValidationError as faults:
-        # A stray or missing key counts as a fault of the section that it stands in.
+        # An unknown or missing key is an error of its section.
         inside = {"missing", "unexpected_keyword_argument"}
-        # A list with an entry that is refused counts as too short as well.
+        # A list with an invalid entry is also reported as too short.
         told = [fault for fault in faults.errors() if not (fault["type"] == "too_short" and fault["input"])]
-        # A key that is misspelt is unknown and missing: what is unknown has the nearest match.
+        # A misspelt key is unknown and missing: the error of the unknown key has the nearest match.
         first = min(told, key=lambda fault: (len(fault["loc"]) - (fault["type"] in inside), fault["type"] == "missing"))
         raise _error_of(first) from None
 
 
 def _leaves(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[tuple[str | int, ...], Any]]:
-    """Path and value of all that is no mapping and no list; a key that YAML does not read as text is refused."""
+    """Yield path and value of all scalars; raise an error for a key that YAML does not read as text."""
     if isinstance(value, Mapping | list | tuple):
         for step in value if isinstance(value, Mapping) else ():
             if not isinstance(step, str):
@@ -133,7 +132,7 @@ def _leaves(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[tupl
 
 
 def _error_of(fault: Mapping[str, Any]) -> Exception:
-    """The error of the package for a fault that pydantic found."""
+    """Convert an error of pydantic to an error of the package."""
     path = fault["loc"]
     key, above = _dotted(path), _dotted(path[:-1])
     there = _described(path)
@@ -151,7 +150,7 @@ def _error_of(fault: Mapping[str, Any]) -> Exception:
 
 
 def _described(path: Sequence[str | int]) -> Mapping[str, Any]:
-    """Description of the place ``path`` in the schema; empty where no key may be."""
+    """Return the description of ``path`` in the schema; empty if no key is allowed there."""
     there: Mapping[str, Any] = schema()
     for step in path:
         if isinstance(step, int):
@@ -166,7 +165,7 @@ def _dotted(path: Iterable[str | int]) -> str:
 
 
 def _repetitions(section: Any, given: Any, here: tuple[str, ...] = ()) -> Iterator[tuple[str, object, str]]:
-    """Each list of settings that names an entry twice, as key, value and what is allowed."""
+    """Yield key, value and allowed values of each list of settings with a repeated entry."""
     members = section if isinstance(section, Mapping) else {m.name: getattr(section, m.name) for m in fields(section)}
     for name, value in members.items():
         if name not in given:
@@ -178,7 +177,7 @@ def _repetitions(section: Any, given: Any, here: tuple[str, ...] = ()) -> Iterat
 
 
 def _refuse_duplicates(path: Path) -> None:
-    """Raise SettingError if a key stands twice in a mapping of the YAML file ``path``: the last one would win."""
+    """Raise SettingError if a key occurs twice in a mapping of the YAML file ``path``: YAML would use the last one."""
     import yaml
 
     waiting: list[Any] = [yaml.compose(path.read_text(encoding="utf-8"), Loader=yaml.SafeLoader)]

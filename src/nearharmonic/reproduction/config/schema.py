@@ -1,7 +1,7 @@
-"""Generator of the JSON schema, and of tables of documents: keys, cubes and targets.
+"""Generator of the JSON schema, and of tables in documents: keys, cubes and targets.
 
-They follow from the types of the config and from the declarations of the experiments.
-``python -m nearharmonic.reproduction.config.schema`` writes all of them.
+The sources are the types of the config and the declarations of the experiments. ``python -m
+nearharmonic.reproduction.config.schema`` writes all of them.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from nearharmonic.reproduction.tasks.experiment import beside_the_paper, experim
 
 #: The generated files, from the root of the project.
 SCHEMA, KEYS = Path("workflow/schemas/config.schema.yaml"), Path("config/README.md")
-#: Pages with rows of a table that are generated: what stands before the rows, and the form of a row.
+#: Pages with generated rows of a table: the text before the rows, and the pattern of a row.
 CUBES, TARGETS = Path("docs/files.md"), Path("README.md")
 _ROWS = {
     CUBES: re.compile(r"(\n\| `cubes/\{system\}\.h5` .*\n)(?:\| `cubes/\w+\.h5` .*\n)*"),
@@ -30,7 +30,7 @@ _ROWS = {
 
 @cache
 def schema() -> dict[str, Any]:
-    """Return the JSON schema of configs; besides the standard's words ``unit`` and ``allowed``, as errors tell it."""
+    """Return the JSON schema of configs, with the additional keywords ``unit`` and ``allowed`` (the text in errors)."""
     found = adapter().json_schema()
     definitions = found.pop("$defs")
     inlined: dict[str, Any] = _inlined(found, definitions)
@@ -38,7 +38,7 @@ def schema() -> dict[str, Any]:
 
 
 def _inlined(member: Any, definitions: Mapping[str, Any]) -> Any:
-    """``member`` of a schema with references written out, and without the titles that repeat the keys."""
+    """Return ``member`` of a schema with resolved references, and without titles that repeat keys."""
     if isinstance(member, list):
         return [_inlined(part, definitions) for part in member]
     if not isinstance(member, Mapping):
@@ -59,7 +59,7 @@ def _inlined(member: Any, definitions: Mapping[str, Any]) -> Any:
 
 
 def key_table(described: Mapping[str, Any]) -> str:
-    """Return the keys of the schema ``described`` as a Markdown table, one line a key."""
+    """Return the keys of the schema ``described`` as a Markdown table, one line per key."""
     rows = []
     for key, member, required in _keys(described, ""):
         default = "required" if required else str(member.get("default", "")).replace("'", "")
@@ -83,7 +83,7 @@ def cube_rows() -> str:
 
 
 def target_rows() -> str:
-    """Return the targets of all experiments as rows of a Markdown table: command, what it shows, time."""
+    """Return the targets of all experiments as rows of a Markdown table: command, content, time."""
     told = ((one, one.about[0].lower() + one.about[1:].removesuffix(".")) for one in beside_the_paper())
     return "".join(f"| `snakemake -j2 {one.target}` | {about} | {one.duration} |\n" for one, about in told)
 

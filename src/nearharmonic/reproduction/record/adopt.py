@@ -1,4 +1,4 @@
-"""Results from elsewhere, taken as up to date once every file, the code and the settings were found to be the same."""
+"""Adoption of results from another machine as up to date, after a check of all files, the code and the settings."""
 
 from __future__ import annotations
 
@@ -22,17 +22,16 @@ ADOPTING = "NEARHARMONIC_ADOPTING"
 
 
 def adopt(folder: Path, configfile: str | None = None) -> int:
-    """Take the results in ``folder``, ``results/<name>`` of this working directory, as up to date.
+    """Mark the results in ``folder``, ``results/<name>`` of this working directory, as up to date.
 
-    Snakemake then sees files of today, made by the jobs of this workflow with these settings, and runs none of them.
+    Snakemake then considers all files as made by the jobs of this workflow with these settings, and runs no job.
 
     Parameters
     ----------
     folder : path
         Folder of results.
     configfile : str, optional
-        The config that they belong to; by default the one that they were made with, or the one of their name in
-        ``config/``.
+        The config of the results; by default the recorded one, or the one in ``config/`` with their name.
 
     Returns
     -------
@@ -42,8 +41,8 @@ def adopt(folder: Path, configfile: str | None = None) -> int:
     Raises
     ------
     RefusedError
-        The results are not what their manifest says, this code, config or folder is not theirs, or Snakemake fails;
-        the message gives the reason.
+        The results differ from their manifest, were made with another code or config or in another folder, or Snakemake
+        fails; the message gives the reason.
     """
     if folder.absolute().parent != Path("results").absolute() or not Path("Snakefile").is_file():
         message = f"{folder} is not in results/ of the folder of the workflow: copy it there, and adopt it from there"
@@ -67,12 +66,12 @@ def adopt(folder: Path, configfile: str | None = None) -> int:
         reason = re.search(r"(?:RefusedError in .*|MissingRuleException:)\n(.*)", done.stderr)
         message = f"{folder} is not adopted: {reason[1] if reason else done.stderr.strip()[-1000:]}"
         raise RefusedError(message)
-    forget(folder, names)  # receipts of other results that were here before
+    forget(folder, names)  # receipts of previous results in this folder
     return len(files)
 
 
 def _config_option(name: str, told: Mapping[str, Any], given: str | None) -> list[str]:
-    """The option of Snakemake for the config that writes to ``results/<name>``; none for the default config."""
+    """Return the option of Snakemake for the config that writes to ``results/<name>``; none for the default config."""
     if given is not None:
         return ["--configfile", given]
     made_with = [str(place) for place in told["configfiles"]]
@@ -88,7 +87,7 @@ def _config_option(name: str, told: Mapping[str, Any], given: str | None) -> lis
 
 
 def _name_in(place: Path) -> object:
-    """The name of the results of a config; None if it is no config."""
+    """Return the name of the results of a config; None if the file is no config."""
     import yaml
 
     try:
@@ -126,7 +125,7 @@ def check_jobs(folder: Path, jobs: Iterable[Any]) -> None:
 
 
 def _made_by(job: Any) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Each file that a job makes below the results, logs left out, and its task."""
+    """Yield each file that a job makes below the results, except logs, and its task."""
     params = dict(job.params.items())
     for name, made in job.output.items():
         task = params["tasks"][name] if "tasks" in params else params.get("task")

@@ -1,7 +1,7 @@
-"""The history of a folder of results: one line of JSON for each run of the workflow that did work.
+"""The history of a folder of results: one line of JSON for each run of the workflow with executed jobs.
 
-A run that starts leaves a marker. It is taken away when the run ends, and the next start closes the markers of runs
-that are no more as "killed".
+A run writes a marker at its start and removes it at its end. The next start records runs without a live process as
+"killed".
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ MARKERS = Path("logs", "running")
 
 
 def runs_of(folder: Path) -> list[Run]:
-    """Return the runs in the history of ``folder``, oldest first; lines that are no JSON objects are passed over."""
+    """Return the runs in the history of ``folder``, oldest first; lines that are no JSON objects are skipped."""
     try:
         lines = (folder / HISTORY).read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
@@ -33,13 +33,13 @@ def runs_of(folder: Path) -> list[Run]:
 
 
 def running_in(folder: Path) -> list[Run]:
-    """Return the runs that have begun and not ended, oldest first; some may have been killed."""
+    """Return the unfinished runs, oldest first; some may have been killed."""
     found = (_parsed(_text(place)) for place in sorted((folder / MARKERS).glob("*.json")))
     return [run for run in found if run]
 
 
 def runs_newest_first(folders: Iterable[Path]) -> list[tuple[Path, Run]]:
-    """Return each run of some results with the folder of its result, those under way included.
+    """Return each run of some results with the folder of its result, including unfinished runs.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def runs_newest_first(folders: Iterable[Path]) -> list[tuple[Path, Run]]:
     Returns
     -------
     list of (Path, dict)
-        By the time of the start, the newest first. A run under way has status "running".
+        Sorted by start time, the newest first. An unfinished run has the status "running".
     """
     found = []
     for folder in folders:
@@ -60,7 +60,7 @@ def runs_newest_first(folders: Iterable[Path]) -> list[tuple[Path, Run]]:
 
 
 def newest_finished(folder: Path) -> Run | None:
-    """Return the newest run of a result that ended well, None if there is none."""
+    """Return the newest successful run of a result, None if there is none."""
     return next((run for _, run in runs_newest_first([folder]) if run.get("status") == "ok"), None)
 
 
@@ -70,9 +70,9 @@ def run_named(prefix: str, runs: Sequence[Run]) -> Run:
     Raises
     ------
     UnknownNameError
-        No id begins so; it says the nearest match.
+        No id begins with it; the message has the nearest match.
     SettingError
-        More than one id begins so, or there is no run at all.
+        Several ids begin with it, or there are no runs.
     """
     if not runs:
         raise SettingError("no run is recorded: snakemake -j2 makes results and records the run")
@@ -106,9 +106,9 @@ def _parsed(line: str) -> Run | None:
 
 
 def append(folder: Path, run: Mapping[str, Any]) -> None:
-    """Append ``run`` to the history of ``folder`` in one write, which no other writer can come between.
+    """Append ``run`` to the history of ``folder`` in one atomic write.
 
-    A line that an earlier writer left unfinished, at a loss of power say, is ended first.
+    An unfinished line of a previous writer, for example after a power failure, is ended first.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def append(folder: Path, run: Mapping[str, Any]) -> None:
 
 
 def mark(folder: Path, run: Mapping[str, Any]) -> None:
-    """Leave the marker of a run that starts: ``run``, with the process that it is.
+    """Write the marker of a starting run: ``run`` and its process.
 
     Raises
     ------
@@ -137,17 +137,17 @@ def mark(folder: Path, run: Mapping[str, Any]) -> None:
 
 
 def unmark(folder: Path, run: str) -> None:
-    """Take away the marker of the run with this id."""
+    """Remove the marker of the run with this id."""
     (folder / MARKERS / f"{run}.json").unlink(missing_ok=True)
 
 
 def close_killed(folder: Path) -> list[str]:
-    """Append the runs of ``folder`` whose process is no more, as "killed".
+    """Append the runs of ``folder`` whose process has ended as "killed".
 
     Returns
     -------
     list of str
-        Their ids. The marker of a run on another machine stays: whether it lives cannot be seen from here.
+        Ids of these runs. The marker of a run on another machine stays, because its process cannot be checked.
 
     Raises
     ------
@@ -158,7 +158,7 @@ def close_killed(folder: Path) -> list[str]:
     for run, place in _dead(folder):
         claimed = place.with_name(f".{place.name}.{os.getpid()}")
         try:
-            place.rename(claimed)  # of two that start at once, one closes it
+            place.rename(claimed)  # if two runs start at once, only one closes it
         except FileNotFoundError:
             continue
         append(folder, {key: value for key, value in run.items() if key != "process"} | {"status": "killed"})
@@ -181,7 +181,7 @@ def _this_process() -> dict[str, Any]:
 
 
 def _alive(process: Mapping[str, Any]) -> bool:
-    """Return True if a process runs; a later one may have been given its number."""
+    """Return True if a process runs; another process with its number does not count."""
     import psutil
 
     try:
@@ -191,7 +191,7 @@ def _alive(process: Mapping[str, Any]) -> bool:
 
 
 def flattened(value: Any, above: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield (dotted key, cell) of nested mappings; a list of numbers and texts is one cell."""
+    """Yield (dotted key, cell) of nested mappings; a list of scalars is one cell."""
     if isinstance(value, Mapping) and value:
         for key, member in value.items():
             yield from flattened(member, f"{above}.{key}" if above else str(key))

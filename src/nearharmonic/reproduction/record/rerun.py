@@ -1,4 +1,4 @@
-"""Runs that were recorded, integrated again: the same settings give the same bits."""
+"""Repetition of recorded runs: equal settings give bitwise identical results."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ FUNCTION = "reproduction.experiments.paper.run:integrate"
 
 @dataclass(frozen=True, kw_only=True)
 class Rerun:
-    """One run that was integrated again.
+    """One repeated run.
 
     Attributes
     ----------
     file : str
         Name of its run file in the folder of results.
     system, integrator, precision : str
-        What was run.
+        System, integrator and arithmetic of the run.
     tau_per_stage : float
-        Step size per stage, in the system's unit of time.
+        Step size per stage, in the unit of time of the system.
     differs : tuple of str
-        Names of the variables of which a bit differs, sorted.
+        Sorted names of the variables that are not bitwise identical.
     """
 
     file: str
@@ -48,16 +48,16 @@ class Rerun:
 
 
 def rerun(folder: Path, number: int, seed: int = 1) -> list[Rerun]:
-    """Integrate runs again, drawn at random from all run files of ``folder``, and compare every bit.
+    """Repeat random runs from all run files of ``folder``, and compare them bitwise.
 
     Parameters
     ----------
     folder : path
         Folder of results.
     number : int
-        How many runs; all if there are fewer.
+        Number of runs; all if there are fewer.
     seed : int
-        Which draw.
+        Seed of the random selection.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def rerun(folder: Path, number: int, seed: int = 1) -> list[Rerun]:
 
 
 def _cells(folder: Path) -> Iterator[tuple[str, str, int]]:
-    """File, precision and index of every run."""
+    """Yield file, precision and index of every run."""
     for name, entry in manifest.read(folder)["files"].items():
         if entry["function"] == FUNCTION:
             for precision, runs in store.read_precisions(folder / name).items():
@@ -85,7 +85,7 @@ def _again(folder: Path, name: str, precision: str, index: int) -> Rerun:
 
 
 def _compared(name: str, precision: str, index: int, kept: Any, settings: Mapping[str, Any]) -> Rerun:
-    """Run ``index`` among those that a file has ``kept``, integrated again."""
+    """Repeat run ``index`` of the ``kept`` runs of a file."""
     sweep = Sweep(**settings["sweep"] | {"precision": tuple(settings["sweep"]["precision"])})
     planned = runs_of(sweep, settings["integrator"], settings["shard"])
     (run,) = (run for run in planned if run.precision == precision)
@@ -102,7 +102,7 @@ def _compared(name: str, precision: str, index: int, kept: Any, settings: Mappin
 
 
 def _differing(made: Variables, kept: Any, index: int) -> Iterator[str]:
-    """Names of variables that are not the same, bit for bit, as those of run ``index`` among ``kept``."""
+    """Return the names of variables that are not bitwise identical to run ``index`` of ``kept``."""
     for name in made.keys() | set(kept.variables):
         if name not in made or name not in kept.variables:
             yield name
@@ -113,7 +113,7 @@ def _differing(made: Variables, kept: Any, index: int) -> Iterator[str]:
         if name == "sample":
             before = before[: after.size]
         elif "sample" in dimensions:
-            # Beside longer runs, a short one has its samples filled up.
+            # The samples of a short run are padded if the file has longer runs.
             before, filling = np.split(before, [after.shape[1]], axis=1)
             if not (np.isnan(filling) | (filling == 0)).all():
                 yield name

@@ -20,22 +20,22 @@ from nearharmonic.reproduction.tasks.receipts import identity, measured
 
 Entries = Mapping[str, Mapping[str, Any]]
 
-#: Beginnings of the names of files, in the order in which one is made from another.
+#: Beginnings of file names, in the order of their production.
 ORDER = ("runs/", "cubes/", "derived/", "figures/", "tables/", "report.html")
 
 
 @dataclass(frozen=True, order=True, kw_only=True)
 class Fault:
-    """Something that is not as recorded.
+    """A deviation from the record.
 
     Attributes
     ----------
     file : str
         Name of the file in the folder of results.
     says : str
-        What is wrong with it.
+        Description of the fault.
     mend : str
-        The command that repairs it, or what else to do.
+        The command or action that repairs it.
     """
 
     file: str
@@ -49,12 +49,13 @@ class Fault:
 def faults(folder: Path) -> list[Fault]:
     """Compare every file of ``folder`` with the manifest, and the code and coefficients here with those recorded.
 
-    Nothing but the record is read as more than bytes, so that no damage can mislead or hang the reader.
+    Only the record is parsed; all other files are compared as bytes, so that damaged files cannot mislead or block the
+    reader.
 
     Returns
     -------
     list of Fault
-        In the order in which they are mended: runs, cubes, and what is made of these; empty if all is as recorded.
+        Faults in the order of their repair: runs, cubes, and derived files; empty if there are none.
     """
     try:
         told = manifest.read(folder)
@@ -94,7 +95,7 @@ def _of_files(folder: Path, told: Mapping[str, Any]) -> Iterator[Fault]:
 
 
 def _of_inputs(folder: Path, entries: Entries) -> Iterator[Fault]:
-    """A fault for each file that was made from others than ``entries``, after a run that was cut short say."""
+    """Yield a fault for each file whose inputs differ from ``entries``, for example after an interrupted run."""
     now: dict[str, str] = {}
     for name, entry in entries.items():
         for source, before in entry.get("inputs", {}).items():
@@ -107,7 +108,7 @@ def _of_inputs(folder: Path, entries: Entries) -> Iterator[Fault]:
 
 
 def _of_origins(folder: Path, entries: Entries) -> Iterator[Fault]:
-    """A fault for each function whose code, systems or methods are not here as they were for some of its files."""
+    """Yield a fault for each function whose code, systems or methods have changed since it made some of its files."""
     made_otherwise: dict[tuple[str, str], list[str]] = {}
     for name, entry in entries.items():
         reached = tuple(entry["systems"]), tuple(entry["integrators"])
@@ -141,14 +142,14 @@ def _difference(
 
 
 def _target_of(function: str) -> str:
-    """The target that the files of ``function`` belong to, as the end of a command; empty for those of the default."""
+    """Return the target of the files of ``function``, as the end of a command; empty for the default target."""
     room, _, rest = function.removeprefix("reproduction.").partition(".")
     found = experiments().get(rest.partition(".")[0]) if room == "experiments" else None
     return f" -- {found.target}" if found in beside_the_paper() else ""
 
 
 def extent(folder: Path) -> tuple[int, int]:
-    """Return the number of files that the manifest of ``folder`` lists, and their bytes.
+    """Return the number of files in the manifest of ``folder``, and their total size in bytes.
 
     Raises
     ------
@@ -160,9 +161,9 @@ def extent(folder: Path) -> tuple[int, int]:
 
 
 def of_other_configs(folder: Path) -> int:
-    """Return how many files are of runs whose config was not that of the newest run that ended well.
+    """Return the number of files from runs with a different config than that of the newest successful run.
 
-    They need not be out of date: what a config says of one system is nothing to another.
+    They may be up to date: the section of one system does not affect other systems.
 
     Raises
     ------

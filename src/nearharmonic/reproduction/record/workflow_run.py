@@ -1,4 +1,4 @@
-"""A run of the workflow, recorded from its start to its end. What fails here costs a warning, never a result."""
+"""Record of a run of the workflow. Failures here are reported as warnings and never abort the run."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class WorkflowRun:
     folder : path
         Folder of the results.
     config : Config
-        What is asked for.
+        Config of the run.
     sources : path
         Folder of the workflow, whose commit is recorded.
     """
@@ -40,20 +40,20 @@ class WorkflowRun:
 
     @property
     def id(self) -> str:
-        """The id of the run: when it began, and a random number."""
+        """The id of the run: start time and a random number."""
         return str(self._told.get("id", ""))
 
     def begin(self, command: Sequence[str], targets: Sequence[str], cores: int | None) -> None:
-        """Record the start: close the runs that were killed, and leave a marker.
+        """Record the start: close killed runs, and write a marker.
 
         Parameters
         ----------
         command : sequence of str
             The command line.
         targets : sequence of str
-            What was asked to be made.
+            Requested targets.
         cores : int or None
-            Number of cores given to the run.
+            Number of cores of the run.
         """
         self._told = {
             "id": f"{self._began:%Y%m%dT%H%M%SZ}-{secrets.token_hex(4)}",
@@ -77,7 +77,7 @@ class WorkflowRun:
             "commit": None,
             "dirty": None,
         }
-        os.environ[RUN] = self.id  # its jobs inherit it
+        os.environ[RUN] = self.id  # jobs inherit the variable
         with self._warning("the run is not recorded in full"):
             self._told |= fingerprint(self._config)
             self._told |= machine()
@@ -98,16 +98,16 @@ class WorkflowRun:
         makeable: Collection[str] | None = None,
         configfiles: Sequence[str] = (),
     ) -> None:
-        """Record the end: bring page and claims up to date, write the manifest and then the line of the history.
+        """Record the end: update page and claims, write the manifest and then the line of the history.
 
         Parameters
         ----------
         exit_status : int
-            That of Snakemake.
+            Exit status of Snakemake.
         jobs_run, jobs_reused : int
-            Jobs that did work, and jobs whose results were there.
+            Numbers of executed jobs, and of jobs with existing results.
         refresh : callable
-            Makes the files that show all others again, where one of those is newer.
+            Function that remakes the files that show other files, if one of these is newer.
         makeable, configfiles
             As for :func:`nearharmonic.reproduction.record.files.manifest.write`.
         """
@@ -140,14 +140,14 @@ class WorkflowRun:
         return any(name in receipt and receipt[name]["run"] == self.id for receipt in receipts_in(self._folder))
 
     def outdates(self, name: str, shown: Collection[str] | None = None) -> bool:
-        """Return True if the file ``name`` exists and a job of this run made something after it.
+        """Return True if the file ``name`` exists and a job of this run made a newer file.
 
         Parameters
         ----------
         name : str
-            A file that shows what other files hold.
+            A file that shows the content of other files.
         shown : collection of str, optional
-            Those other files; all but ``name`` by default.
+            The other files; by default all except ``name``.
         """
         place = self._folder / name
         if not place.is_file():
@@ -172,7 +172,7 @@ class WorkflowRun:
 
     @contextmanager
     def _warning(self, consequence: str) -> Iterator[None]:
-        """Turn what fails inside into a warning, one for each consequence."""
+        """Convert errors inside the block to a warning, one for each consequence."""
         try:
             yield
         except (Exception, SystemExit) as error:
@@ -187,5 +187,5 @@ class WorkflowRun:
 
 
 def _stamp(moment: datetime) -> str:
-    """A moment in UTC to the millisecond."""
+    """Return a UTC timestamp to the millisecond."""
     return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")

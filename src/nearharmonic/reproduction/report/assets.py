@@ -1,4 +1,4 @@
-"""Assets of the page beside results: its template, style and script."""
+"""Assets of the page: its template, style and script."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ NAMES = ("page.html", "page.css", "page.js")
 
 
 def digest() -> str:
-    """Return the SHA-256 of what the digest of the package's code does not cover.
+    """Return the SHA-256 of the parts of the page that the code digest of the package does not cover.
 
-    These files, bokeh's version, and what experiments declare.
+    These are the assets, the version of bokeh, and the declarations of experiments.
     """
     told = [version("bokeh").encode(), repr(beside_the_paper()).encode()]
     return sha256(b"\0".join([*told, *((FOLDER / name).read_bytes() for name in NAMES)])).hexdigest()
 
 
 def filled(values: Mapping[str, Any]) -> str:
-    """Return the template filled with ``values``; text in them is escaped, style and scripts go in as they are."""
+    """Return the template filled with ``values``; text is escaped, style and scripts are inserted unchanged."""
     from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
 
@@ -41,5 +41,5 @@ def filled(values: Mapping[str, Any]) -> str:
 
 
 def as_script(json: str) -> str:
-    """Return a JSON text so that it can stand in a script element."""
+    """Return a JSON text that is valid in a script element."""
     return json.replace("<", "\\u003c")

@@ -20,13 +20,13 @@ from nearharmonic.reproduction.report.shown.tables import ShownTable
 from nearharmonic.reproduction.tasks.experiment import Experiment, beside_the_paper
 from nearharmonic.reproduction.tasks.receipts import RUN, measures_time
 
-#: Bytes of the page.
+#: Maximum size of the page in bytes.
 LARGEST = 6_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
-    """Results of an experiment; there are none if its target has not been made."""
+    """Results of an experiment; empty if its target has not been made."""
 
     experiment: Experiment
     figures: Sequence[ShownFigure]
@@ -34,17 +34,17 @@ class Section:
 
     @property
     def anchor(self) -> str:
-        """Id of its heading."""
+        """Id of the heading."""
         return self.experiment.name.replace("_", "-")
 
     @property
     def is_made(self) -> bool:
-        """True if there is anything to show."""
+        """True if there are results."""
         return bool(self.figures or self.tables)
 
 
 def sections_of(results: ShownResults) -> list[Section]:
-    """Return the section of each experiment beside the paper, with what ``results`` has of it."""
+    """Return the section of each experiment except the paper, with its results in ``results``."""
     return [
         Section(
             experiment=one,
@@ -62,8 +62,8 @@ def page(folder: str | os.PathLike[str], run: str | None = None, **_: Any) -> di
     Parameters
     ----------
     folder : path
-        ``results/<name>``, with ``tables/claims.json``, ``tables/skipped.csv``, cubes and figures; whatever else has
-        been made is shown as well.
+        ``results/<name>``, with ``tables/claims.json``, ``tables/skipped.csv``, cubes and figures; other existing
+        results are shown too.
     run : str, optional
         Id of the run that makes the page; by default that of the environment variable
         :data:`nearharmonic.reproduction.tasks.receipts.RUN`.
@@ -82,14 +82,14 @@ def page(folder: str | os.PathLike[str], run: str | None = None, **_: Any) -> di
     """
     results = ShownResults(Path(folder))
     figures = list(interactive(results))
-    # What is left out and the claims have places of their own.
+    # Omissions and claims have their own sections.
     placed = ("skipped", "claims", *(pattern for one in beside_the_paper() for pattern in one.table_patterns))
     tables = results.tables(("table*", "*"), without=placed)
     plots = {name: plot for figure in figures for name, plot in figure.plots.items()}
     if any(one.get("duration") is not None for one in results.finished):
         plots["history-chart"] = durations(results.finished)[0].plot
     for name, plot in plots.items():
-        plot.name = name  # by which the script of the page finds it
+        plot.name = name  # the script of the page finds it by this id
     document, ids = models.document(list(plots.values()))
     asked = run or os.environ.get(RUN)
     sections = sections_of(results)
@@ -118,7 +118,7 @@ def page(folder: str | os.PathLike[str], run: str | None = None, **_: Any) -> di
 
 
 def _small_enough(values: Mapping[str, Any]) -> str:
-    """The text of the page; while it is too large, it loses the largest of its optional pictures."""
+    """Return the text of the page; the largest optional pictures are removed until it is small enough."""
     pictures = [figure for section in values["sections"] for figure in section.figures]
     pictures.sort(key=lambda figure: len(figure.picture))
     text = assets.filled(values)

@@ -1,1 +1,1 @@
-"""Jobs of the workflow: what a rule names, what it depends on, and what it has written."""
+"""Jobs of the workflow: tasks of rules, their dependencies, and the files that they have written."""

@@ -1,7 +1,7 @@
 """Declared figures: a decorated function is a figure, and its files are named after the function.
 
-The decorator says which cube the figure shows. A workflow reads the declarations from the source text, because
-importing matplotlib takes longer than the workflow takes to start.
+The decorator names the cube of the figure. The workflow reads the declarations from the source text, because the import
+of matplotlib takes longer than the start of the workflow.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 Drawing = TypeVar("Drawing", bound="Callable[..., Figure]")
 
-#: The cube of a figure that is drawn for each system; names of files and targets begin with that of the system.
+#: Cube of a figure that is drawn for each system; names of its files and targets begin with the name of the system.
 EVERY_SYSTEM = "{system}"
 
 
@@ -32,18 +32,18 @@ class Declaration:
     function : str
         ``module:name`` below the package of a function that takes the cube, an ``xarray.Dataset``, if there is one.
     stem : str
-        Name of its files.
+        Name of the files, without ending.
     target : str
-        Name under which a workflow makes it.
+        Target of the workflow.
     cube : str or None
-        Name of the cube that it shows; None for a figure that computes what it shows.
+        Name of the cube that the figure shows; None for a figure that computes its own data.
     caption : str
-        Text below it.
+        Text below the figure.
     category : str
-        Where a report lists it.
+        Section of the figure in a report.
     profile : bool
-        Whether it is the energy-error figure of its system. That of every system has files of the same form of name
-        too; where a system has one of its own, it is drawn once, and its files stand under both names.
+        True for the energy-error figure of a system. Every system has files with this form of name; if a system
+        declares its own figure, it is drawn once and stored under both names.
     """
 
     function: str
@@ -75,12 +75,12 @@ def figure(
 
 
 def figures_of(package: str, systems: Collection[str], cubes: Collection[str] = ()) -> list[Declaration]:
-    """Return the figures that a package, or a module, declares and that a config has the cubes for.
+    """Return the figures that a package or a module declares, if the config has their cubes.
 
     Parameters
     ----------
     package : str
-        Dotted name below nearharmonic; nothing of it is imported.
+        Dotted name below nearharmonic; the package is not imported.
     systems : collection of str
         Systems of the config; each has a cube of its name.
     cubes : collection of str
@@ -89,7 +89,7 @@ def figures_of(package: str, systems: Collection[str], cubes: Collection[str] = 
     Returns
     -------
     list of Declaration
-        A figure of :data:`EVERY_SYSTEM` stands once for each system.
+        A figure of :data:`EVERY_SYSTEM` occurs once for each system.
     """
     declared = list(_declarations(ROOT.joinpath(*package.split("."))))
     profiles = {one.cube: one for one in declared if one.profile and one.cube != EVERY_SYSTEM}
@@ -116,7 +116,7 @@ def _declarations(folder: Path) -> Iterator[Declaration]:
 
 
 def _decorated(tree: ast.Module) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Name of each decorated function of a module, and the keywords of its decorator."""
+    """Yield the name of each decorated function of a module, and the keywords of its decorator."""
     for node in tree.body:
         if not isinstance(node, ast.FunctionDef):
             continue

@@ -1,4 +1,4 @@
-"""User definitions beside the registered entries, handed from the process that plans to those that compute."""
+"""Users' definitions of systems and integrators, passed from the planning process to the jobs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Definitions = Mapping[str, Mapping[str, Any]]
 
 
 def definitions_of(problems: Iterable[str], methods: Iterable[str]) -> Definitions:
-    """Return the definitions of those systems and integrators that a user defines, by kind and name; {} if none is."""
+    """Return the definitions of users' systems and integrators, by kind and name; {} if there are none."""
     chosen = {
         "systems": _chosen(systems.definitions, problems),
         "integrators": _chosen(integrators.definitions, methods),
@@ -34,7 +34,7 @@ def files_in(definitions: Definitions) -> list[str]:
 
 @contextmanager
 def defined(definitions: Definitions) -> Iterator[None]:
-    """Let the registries hold what users define, and that alone beside the registered entries, inside the block."""
+    """Add exactly these definitions to the registries inside the block."""
     with systems.defining(definitions.get("systems", {})), integrators.defining(definitions.get("integrators", {})):
         yield
 
@@ -45,7 +45,7 @@ def read_definitions(document: Mapping[str, Mapping[str, Mapping[str, Any]]]) ->
     Raises
     ------
     NearharmonicError
-        The document holds something else.
+        The document has no definitions.
     """
     from nearharmonic.integrators.user_file import TableauDefinition
     from nearharmonic.systems.user_file import SystemDefinition

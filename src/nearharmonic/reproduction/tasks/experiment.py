@@ -1,7 +1,7 @@
-"""Declarations of experiments, from which follow the config, targets, names that are taken, and sections of the page.
+"""Declarations of experiments: the sources of config sections, targets, reserved names, and sections of the page.
 
-Each folder of ``reproduction.experiments`` declares ``EXPERIMENT`` in its module ``experiment``; nothing else lists
-experiments. No job reaches these modules, so that a new title makes no result again.
+Each folder of ``reproduction.experiments`` declares ``EXPERIMENT`` in its module ``experiment``; there is no other list
+of experiments. No job imports these modules, so that a new title invalidates no result.
 """
 
 from __future__ import annotations
@@ -28,26 +28,27 @@ _PLACEHOLDER = re.compile(r"\{(\w+)\}")
 class Experiment:
     """An experiment.
 
-    Names of files have no endings and may hold placeholders, such as ``{system}``.
+    Names of files have no endings and may contain placeholders, such as ``{system}``.
 
     Attributes
     ----------
     name : str
-        Its folder.
+        Name of the folder.
     title, about : str
-        Its heading, and a sentence on what it shows.
+        Heading, and a sentence on the content.
     target : str
-        Target of the workflow that makes its files; its name if not given.
+        Target of the workflow for its files; by default ``name``.
     cubes_target : str
-        Target that makes its cubes and what is made of them; ``target`` if not given.
+        Target for its cubes and their derived files; by default ``target``.
     place : int
-        Place among the experiments, in the config, on the page of results and in documents; equal ones by name.
+        Position among the experiments, in the config, on the page of results and in documents; equal positions are
+        sorted by name.
     duration : str
-        Time that its target takes on two cores.
+        Time for its target on two cores.
     settings : type or None
-        Dataclass of its section of the config, None if nothing can be set.
+        Dataclass of its section of the config, None without settings.
     key, effect : str
-        Key of that section, its name if not given, and what the settings decide.
+        Key of that section, by default ``name``, and effect of the settings.
     cubes : mapping of str to (str, str)
         Dimensions and contents of its cubes, by name.
     tables : tuple of str
@@ -57,9 +58,9 @@ class Experiment:
     others : tuple of str
         All other files of its target, with folders and endings.
     runs : tuple of str
-        Names of its run files, which are made on the way.
+        Names of its run files, which are intermediate files.
     measured : tuple of str
-        Beginnings of the names of those files whose numbers are measured times.
+        Beginnings of the names of files with measured times.
     """
 
     name: str
@@ -94,16 +95,16 @@ class Experiment:
         Parameters
         ----------
         **values
-            Values of each placeholder; those of others are ignored.
+            Values of each placeholder; values of unknown placeholders are ignored.
         """
         return [name for file in self._unfilled() for name in _filled(file, values)]
 
     def run_files(self, **values: Iterable[str]) -> list[str]:
-        """Return the names of its run files, as :meth:`files` does."""
+        """Return the names of its run files; arguments of :meth:`files`."""
         return [f"runs/{name}.h5" for stem in self.runs for name in _filled(stem, values)]
 
     def makes(self, name: str) -> bool:
-        """Return True if a file is one of its target, whatever the values of placeholders."""
+        """Return True if a file belongs to its target, for any values of placeholders."""
         return any(fnmatchcase(name, _pattern(file)) for file in self._unfilled())
 
     def _unfilled(self) -> list[str]:
@@ -127,7 +128,7 @@ class Experiment:
 
 
 def _filled(stem: str, values: Mapping[str, Iterable[str]]) -> Iterator[str]:
-    """``stem`` with each combination of values of its placeholders."""
+    """Yield ``stem`` with each combination of values of its placeholders."""
     names = list(dict.fromkeys(_PLACEHOLDER.findall(stem)))
     for chosen in product(*(values[name] for name in names)):
         yield stem.format(**dict(zip(names, chosen, strict=True)))
@@ -139,12 +140,12 @@ def _pattern(stem: str) -> str:
 
 @cache
 def experiments() -> dict[str, Experiment]:
-    """Return all experiments by name, in the order of their places.
+    """Return all experiments by name, in the order of their positions.
 
     Raises
     ------
     LookupError
-        A folder has no declaration, or one of another name.
+        A folder has no declaration, or a declaration with another name.
     """
     folders = sorted(path.parent.name for path in ROOT.joinpath(*ROOM.split(".")).glob("*/__init__.py"))
     found = [_declared_in(folder) for folder in folders]

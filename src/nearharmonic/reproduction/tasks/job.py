@@ -1,4 +1,4 @@
-"""A job of the workflow: the package function that a rule names, its results written, its messages in a log file."""
+"""A job of the workflow: calls the package function of a rule, writes its results, and logs its messages."""
 
 from __future__ import annotations
 
@@ -27,16 +27,17 @@ Places = Sequence[str]
 
 
 def run(snakemake: Any) -> None:
-    """Carry out the job of a rule whose ``params.task`` comes from :func:`.provenance.task`.
+    """Run the job of a rule whose ``params.task`` comes from :func:`.provenance.task`.
 
-    The function is called with its settings, and with the paths of the rule's inputs under their names. If it has
-    parameters of these names, ``threads`` is the number of threads of the job, and ``report`` writes a line of progress
-    to the terminal. It returns a mapping with a result for each named output; :func:`write` says of which types.
+    The function is called with its settings, and with the paths of the inputs of the rule under their names. Its
+    optional parameter ``threads`` is the number of threads of the job; its optional parameter ``report`` writes a
+    progress line to the terminal. It returns a mapping with a result for each named output, of the types of
+    :func:`write`.
 
     Parameters
     ----------
     snakemake : object
-        What Snakemake gives a script: ``input``, ``output``, ``params``, ``log``, ``threads``.
+        Object that Snakemake passes to a script: ``input``, ``output``, ``params``, ``log``, ``threads``.
 
     Raises
     ------
@@ -61,15 +62,15 @@ def run(snakemake: Any) -> None:
 
 
 def draw(snakemake: Any) -> None:
-    """Draw the figures of one cube, each by the package function that ``params.tasks`` names under its stem.
+    """Draw the figures of one cube, each with the package function in ``params.tasks`` under its stem.
 
-    A function takes the cube, read once, if the rule has the input ``cube``; it returns a matplotlib ``Figure``. A
-    figure that has two names is drawn once.
+    A function gets the cube, which is read once, if the rule has the input ``cube``; it returns a matplotlib
+    ``Figure``. A figure with two names is drawn once.
 
     Parameters
     ----------
     snakemake : object
-        What Snakemake gives a script; its outputs are the files of each figure, by stem.
+        Object that Snakemake passes to a script; its outputs are the files of each figure, by stem.
 
     Raises
     ------
@@ -96,7 +97,7 @@ def draw(snakemake: Any) -> None:
 
 
 def _remarks(function: Any, result: Any) -> dict[str, Any]:
-    """Return a receipt's remarks on a result beside its task."""
+    """Return the remarks of a receipt on a result."""
     if hasattr(function, "measures_time"):
         return {"volatile": [WHOLE]}
     if isinstance(result, Contents):
@@ -106,7 +107,7 @@ def _remarks(function: Any, result: Any) -> dict[str, Any]:
 
 @contextmanager
 def rarely_collected() -> Iterator[None]:
-    """Run the garbage collector rarely inside the block, and never after it.
+    """Run the garbage collector rarely inside the block, and never after the block.
 
     In a process of one second the collections take a tenth of the time, and the last one, at exit, another tenth.
     """
@@ -117,13 +118,13 @@ def rarely_collected() -> Iterator[None]:
 
 @contextmanager
 def covered(task: Mapping[str, Any]) -> Iterator[None]:
-    """Let registries give out only what the digests of ``task`` cover: an edit of anything else would go unnoticed.
+    """Restrict registries to entries that the digests of ``task`` cover: edits of other entries would not be detected.
 
     Raises
     ------
     NearharmonicError
-        A file of a user's system or integrator has changed since the task was described; or inside, on the look-up of a
-        system or an integrator that is neither among the settings nor in a module that the function reaches.
+        A file of a user's system or integrator has changed since the task was described; or the block looks up a system
+        or an integrator that is neither among the settings nor in a module that the function imports.
     """
     named, reached = named_in(task["settings"]), task["modules"]
     with defined(task["definitions"]):
@@ -136,7 +137,7 @@ def covered(task: Mapping[str, Any]) -> Iterator[None]:
 
 
 def _check_files(task: Mapping[str, Any]) -> None:
-    """Make what users define; refuse a file that is not as it was when the work was planned: digests would be wrong."""
+    """Create users' systems and integrators; raise an error for a file that has changed since the planning."""
     for name in task["definitions"].get("systems", ()):
         systems[name]
     here = digests(task["function"], task["systems"], task["integrators"])
@@ -155,7 +156,7 @@ def write(result: Any, places: Places, origin: Mapping[str, str]) -> None:
         :class:`~nearharmonic.output.table.Table` to CSV, Markdown and LaTeX, a matplotlib ``Figure`` to PDF, SVG and
         PNG, a dict to TOML, and a string to a text file.
     places : sequence of str
-        The files; those of tables and figures differ in their endings alone.
+        The files; files of one table or figure differ only in their endings.
     origin : mapping
         Provenance, as attributes of HDF5 files and as a section of TOML files.
     """
@@ -168,7 +169,7 @@ def write(result: Any, places: Places, origin: Mapping[str, str]) -> None:
         save_table(result, places)
     elif isinstance(result, str):
         write_text(places[0], result)
-    elif hasattr(result, "data_vars"):  # a Dataset is a mapping as well
+    elif hasattr(result, "data_vars"):  # a Dataset is a mapping too
         store.write_dataset(places[0], result, origin)
     elif hasattr(result, "savefig"):
         from nearharmonic.plotting.style import save
@@ -180,12 +181,12 @@ def write(result: Any, places: Places, origin: Mapping[str, str]) -> None:
 
 @contextmanager
 def logged(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Send what is printed to the file ``path``; an error goes there in full, and in one sentence to the terminal.
+    """Write printed text and tracebacks to the file ``path``; the terminal shows an error in one sentence.
 
     Raises
     ------
     SystemExit
-        Any error of the work inside, with status 1.
+        Any error inside the block, with status 1.
     """
     with Path(path).open("w", encoding="utf-8") as log:
         try:
@@ -205,5 +206,5 @@ def _report(text: str) -> None:
 
 
 def _plain(value: Any) -> str | list[str]:
-    """An input of Snakemake as a path or a list of paths."""
+    """Convert an input of Snakemake to a path or a list of paths."""
     return str(value) if isinstance(value, str) else [str(path) for path in value]

@@ -1,4 +1,4 @@
-"""Provenance of a result: digests of the code behind it, settings, coefficients, versions; no timestamps."""
+"""Provenance of a result: digests of its code, settings, coefficients, versions; no timestamps."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from nearharmonic.systems import systems
 
 #: Libraries whose version may change the last bit of a result or the bytes of its file.
 LIBRARIES = ("numpy", "numba", "llvmlite", "h5py")
-#: Libraries whose version may change the numbers of a result; a new version makes every result again.
+#: Libraries whose version may change the numbers of a result; a new version invalidates every result.
 NUMERICAL_LIBRARIES = ("numpy", "numba", "llvmlite")
-#: Fields of a tableau that no result shows, and one that follows from its coefficients.
+#: Fields of a tableau without effect on results, and one field that follows from the coefficients.
 REMARKS = ("note", "source", "symmetric")
-#: Fields that are told where a method has them.
+#: Fields that are included only if a method has them.
 OPTIONAL = ("square", "processor")
 
 Task = dict[str, Any]
 
 
 def task(function: str, **settings: Any) -> Task:
-    """Describe the work of a rule: a package function, its settings, and the digest of all that its result depends on.
+    """Describe the task of a rule: a package function, its settings, and the digest of all dependencies of the result.
 
     Parameters
     ----------
@@ -43,11 +43,11 @@ def task(function: str, **settings: Any) -> Task:
     Returns
     -------
     dict
-        ``function``, ``settings``, ``modules`` (dotted names of the function's own and of all that it reaches),
+        ``function``, ``settings``, ``modules`` (dotted names of its module and of all modules that this imports),
         ``code`` (SHA-256, hex), ``coefficients`` (SHA-256, hex), and the names of the ``systems`` and ``integrators``
         that the settings hold. ``code`` covers these modules, those of these systems, and the versions of numpy, numba
-        and llvmlite. ``coefficients`` covers these integrators. ``definitions`` has those of them that a user defines,
-        from which the job makes them again; ``code`` covers their files.
+        and llvmlite. ``coefficients`` covers these integrators. ``definitions`` has the users' systems and integrators
+        among them, from which the job creates them; ``code`` covers their files.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def digests(function: str, problems: Iterable[str], methods: Iterable[str]) -> d
 
 
 def settings_text(task: Mapping[str, Any]) -> str:
-    """Return the settings of ``task`` as JSON, with the definitions of systems and integrators if users define any."""
+    """Return the settings of ``task`` as JSON, with users' definitions of systems and integrators."""
     more = {"definitions": task["definitions"]} if task.get("definitions") else {}
     return json.dumps({**task["settings"], **more}, sort_keys=True, default=asdict)
 
@@ -112,12 +112,12 @@ def function_of(task: Mapping[str, Any]) -> Any:
 
 
 def named_in(settings: Mapping[str, Any]) -> set[str]:
-    """Return every string among ``settings``, at any depth: names of systems and methods are among them."""
+    """Return every string in ``settings``, at any depth; names of systems and methods are among them."""
     return set(_texts(settings))
 
 
 def _texts(value: Any) -> Iterator[str]:
-    """Every string among the values of settings, at any depth."""
+    """Yield every string in a value of settings, at any depth."""
     if isinstance(value, str):
         yield value
     elif is_dataclass(value) and not isinstance(value, type):
@@ -135,15 +135,15 @@ def _texts(value: Any) -> Iterator[str]:
 def code_digest(*modules: str, root: Path | None = None) -> str:
     """Return the SHA-256 of the code of ``modules`` (dotted names) and of all modules that they import.
 
-    The code of a module is its syntax tree without docstrings. Imports inside functions count; those for the type
-    checker alone do not. Versions of the libraries that numbers depend on are part of the digest.
+    The code of a module is its syntax tree without docstrings. Imports inside functions count; imports under
+    TYPE_CHECKING do not. The digest includes versions of the libraries that affect numbers.
 
     Parameters
     ----------
     *modules : str
         Dotted names within the package.
     root : Path, optional
-        Folder of the package; the one that is running by default.
+        Folder of the package; by default that of the running package.
 
     Raises
     ------
@@ -159,7 +159,7 @@ def code_digest(*modules: str, root: Path | None = None) -> str:
 
 
 def coefficients_digest(tableaus: Iterable[Tableau]) -> str:
-    """Return the SHA-256 of all that ``tableaus`` hold but remarks: names, labels, orders and coefficients."""
+    """Return the SHA-256 of the fields of ``tableaus`` except remarks: names, labels, orders and coefficients."""
     names = [field.name for field in fields(Tableau) if field.name not in REMARKS]
     entries = ({name: getattr(one, name) for name in names} for one in tableaus)
     told = ({name: value for name, value in one.items() if name not in OPTIONAL or value} for one in entries)
@@ -167,7 +167,7 @@ def coefficients_digest(tableaus: Iterable[Tableau]) -> str:
 
 
 def provenance(task: Mapping[str, Any]) -> dict[str, str]:
-    """Return the attributes that say how the result of ``task`` was made: versions, digests and settings as JSON."""
+    """Return the provenance attributes of the result of ``task``: versions, digests and settings as JSON."""
     return {
         "package_version": library_version(PACKAGE),
         "code_digest": task["code"],
@@ -179,7 +179,7 @@ def provenance(task: Mapping[str, Any]) -> dict[str, str]:
 
 @cache
 def library_version(library: str) -> str:
-    """Return the version of an installed library, from the library itself where it is loaded.
+    """Return the version of an installed library, from the module if it is loaded.
 
     Reading the metadata of a library takes 25 ms.
     """

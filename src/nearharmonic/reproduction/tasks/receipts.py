@@ -1,7 +1,7 @@
-"""Receipts: what each job of a workflow wrote, beside its log; the manifest is put together from them.
+"""Receipts: lists of the files that each job of a workflow wrote, stored beside its log; the manifest combines them.
 
-A receipt holds the size and the SHA-256 of each file as the job left it, so that a file that changes later on is told
-from one that was made again. It is no result: clocks may stand in it.
+A receipt holds the size and the SHA-256 of each file as the job left it, so that a file that was edited later can be
+distinguished from a file that was made again. It is not a result file, so it may contain timestamps.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from nearharmonic.reproduction.tasks.provenance import settings_digest, settings
 
 Measuring = TypeVar("Measuring", bound=Callable[..., Any])
 
-#: Environment variable with the id of the workflow run that a job belongs to.
+#: Environment variable with the id of the workflow run of a job.
 RUN = "NEARHARMONIC_RUN"
-#: What each file of a receipt has, whatever else.
+#: Required keys of each file in a receipt.
 REQUIRED = frozenset(
     {"size", "sha256", "modified", "function", "code", "coefficients", "settings", "systems", "integrators", "volatile",
      "evaluations", "inputs", "run"}
 )  # fmt: skip
-#: Stands among volatile columns for a whole file.
+#: Marks a whole file as volatile, in place of columns.
 WHOLE = "*"
 
 
 def measures_time(function: Measuring) -> Measuring:
-    """Declare that all files made from what ``function`` returns hold measured times: they differ from run to run."""
+    """Declare that all files from the results of ``function`` contain measured times, which differ from run to run."""
     function.measures_time = True  # type: ignore[attr-defined]
     return function
 
@@ -56,13 +56,13 @@ class Receipt:
         }
 
     def _name(self, place: str) -> str:
-        """The name of a file in the folder of results."""
+        """Return the name of a file in the folder of results."""
         return Path(os.path.relpath(place, self._folder)).as_posix()
 
     def add(
         self, places: Sequence[str], task: Mapping[str, Any], *, volatile: Sequence[str] = (), evaluations: int = 0
     ) -> None:
-        """Take note of files that a task has written.
+        """Add files that a task has written.
 
         Parameters
         ----------
@@ -71,9 +71,9 @@ class Receipt:
         task : mapping
             The task, as :func:`nearharmonic.reproduction.tasks.provenance.task` describes it.
         volatile : sequence of str
-            Names of columns or variables that hold measured times; :data:`WHOLE` for all.
+            Names of columns or variables with measured times; :data:`WHOLE` for all.
         evaluations : int
-            Force evaluations that the files took to make.
+            Number of force evaluations for the files.
         """
         for place in places:
             self._files[self._name(place)] = {
@@ -93,7 +93,7 @@ class Receipt:
             }
 
     def write(self) -> None:
-        """Write the receipt beside the log; one that cannot be written costs a warning in the log."""
+        """Write the receipt beside the log; a failure is a warning in the log."""
         if not self._files:
             return
         try:
@@ -103,7 +103,7 @@ class Receipt:
 
 
 def _definitions(task: Mapping[str, Any]) -> dict[str, Any]:
-    """The definitions of systems and integrators that a user defines, if the task names any."""
+    """Return the users' definitions of systems and integrators of a task."""
     found = json.loads(settings_text(task)).get("definitions") if task.get("definitions") else None
     return {"definitions": found} if found else {}
 

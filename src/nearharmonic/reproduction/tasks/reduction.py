@@ -1,7 +1,7 @@
 """Declared reductions: functions of a dataset, each with the variables that it needs.
 
-The object ``reduction = Reductions()`` of an experiment is the decorator of its reductions. What a decorated function
-returns stands in the cube with no further line of code.
+The object ``reduction = Reductions()`` of an experiment is the decorator of its reductions. The results of decorated
+functions are stored in the cube without further code.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Reductions:
         Parameters
         ----------
         *needs : str
-            Variables of the dataset without which the reduction is left out.
+            Required variables of the dataset; without them the reduction is skipped.
         over : str
             Dimension that is reduced.
         """
@@ -50,7 +50,7 @@ class Reductions:
         return declare
 
     def of(self, dataset: xr.Dataset, over: str = "sample") -> xr.Dataset:
-        """Return the results of all reductions over a dimension that ``dataset`` has the variables for.
+        """Return the results of all reductions over a dimension whose variables are in ``dataset``.
 
         A DataArray gets the name of its function.
         """
@@ -65,9 +65,9 @@ class Reductions:
 
 
 def exact_sum(values: xr.DataArray, dimension: str) -> xr.DataArray:
-    """Return the sum along a dimension, rounded once: it depends neither on the order of the terms nor on padding.
+    """Return the exact sum along a dimension, rounded once: it is independent of the order of the terms and of padding.
 
-    NaN is skipped; the sum of nothing else is NaN.
+    NaN is skipped; the sum without other terms is NaN.
     """
     import xarray as xr
 

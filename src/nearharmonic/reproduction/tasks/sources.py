@@ -1,4 +1,4 @@
-"""The package's own source files: which module imports which, and a digest of each that rewording does not change."""
+"""Source files of the package: imports of each module, and digests that do not depend on docstrings and comments."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from nearharmonic.errors import NearharmonicError
 
 PACKAGE = "nearharmonic"
 ROOT = Path(__file__).parents[2]
-#: Entries of the cache on disk, 150 bytes each. Beyond this number it is started afresh.
+#: Maximum number of entries of the cache on disk, 150 bytes each. A larger cache is cleared.
 MOST_CACHED = 3000
 
 
@@ -31,15 +31,15 @@ class Source(NamedTuple):
 def closure(*modules: str, root: Path | None = None) -> tuple[str, ...]:
     """Return ``modules`` and every module of the package that they import, directly or not, sorted.
 
-    The package's own ``__init__`` is left out: it imports all layers to name them, and computes nothing.
+    The ``__init__`` of the package is excluded: it imports all layers for their names, and computes nothing.
 
     Parameters
     ----------
     *modules : str
         Dotted names within the package.
     root : Path, optional
-        Folder of a package, read anew; by default the one that is running, whose files count as they were when they
-        were first asked for.
+        Folder of a package, which is read again at each call; by default the running package, whose files are read
+        once.
 
     Raises
     ------
@@ -59,25 +59,25 @@ def closure(*modules: str, root: Path | None = None) -> tuple[str, ...]:
 
 
 def module_digest(module: str, root: Path | None = None) -> str:
-    """Return the SHA-256 of the syntax tree of ``module`` without docstrings, and hence without comments."""
+    """Return the SHA-256 of the syntax tree of ``module`` without docstrings and comments."""
     return _files(root).source(module).digest
 
 
 def read_source(path: Path) -> Source:
-    """Return digest and imports of any Python file, as it is now.
+    """Return digest and imports of any Python file in its present state.
 
     Raises
     ------
     OSError
         It cannot be read.
     SyntaxError
-        It is no Python.
+        It is not valid Python.
     """
     return _cache().parsed(path.read_bytes())
 
 
 def module_of(name: str) -> str | None:
-    """Return the module of the running package that a dotted name is, or is a part of; None if there is none."""
+    """Return the module of the running package that a dotted name denotes or belongs to; None if there is none."""
     for module in (name, name.rpartition(".")[0]):
         if module and path_of(module, ROOT).is_file():
             return module
@@ -109,7 +109,7 @@ class _Files:
         return self._sources[module]
 
     def imported(self, module: str) -> list[str]:
-        """The modules among the names that ``module`` imports; a name may also be that of a function or class."""
+        """Return the modules among the imported names of ``module``; names may also be functions or classes."""
         if module not in self._imported:
             self._imported[module] = [
                 place
@@ -120,7 +120,7 @@ class _Files:
         return self._imported[module]
 
     def _absolute(self, module: str) -> Iterator[str]:
-        """The dotted names within the package that ``module`` imports."""
+        """Return the dotted names within the package that ``module`` imports."""
         inside = path_of(module, self._root).name == "__init__.py"
         package = (module if inside else module.rpartition(".")[0]).split(".")
         for written in self.source(module).imports:
@@ -152,11 +152,11 @@ def _cache() -> SourceCache:
 
 
 class SourceCache:
-    """Parsed sources by the SHA-256 of their text, kept on disk from process to process.
+    """On-disk cache of parsed sources, by the SHA-256 of their text.
 
-    Parsing the package takes 0.3 s, reading the cache 10 ms. The file is in the folder of compiled code, which only the
-    user can write to. Its name depends on the text of this module and on the version of Python. It is written when the
-    process ends.
+    Parsing the package takes 0.3 s, reading the cache 10 ms. The file is in the folder of compiled code, which is
+    writable only for the user. Its name depends on the text of this module and on the version of Python. It is written
+    at the end of the process.
     """
 
     def __init__(self) -> None:
@@ -167,7 +167,7 @@ class SourceCache:
         self._met: dict[str, Source] = {}
 
     def parsed(self, text: bytes) -> Source:
-        """Return what the function :func:`parsed` returns."""
+        """Return the result of the function :func:`parsed`, from the cache if possible."""
         key = sha256(text).hexdigest()
         if key in self._known:
             digest, imports = self._known[key]
@@ -177,7 +177,7 @@ class SourceCache:
         return self._met.setdefault(key, parsed(text))
 
     def keep(self) -> None:
-        """Write the cache: all entries, or the new ones alone if there are more than :data:`MOST_CACHED`."""
+        """Write the cache: all entries, or only the new ones if there are more than :data:`MOST_CACHED`."""
         if self._place:
             known = self._known if len(self._known) < MOST_CACHED else {}
             disk.write(self._place, "sources", json.dumps({**known, **self._met}).encode())
@@ -201,7 +201,7 @@ def _digest(tree: ast.Module) -> str:
 
 
 def _imports(tree: ast.AST) -> set[str]:
-    """Names that are imported anywhere but for the type checker alone; a relative one keeps its dots."""
+    """Yield imported names, except those under TYPE_CHECKING; a relative name keeps its dots."""
     names: set[str] = set()
     for node in _statements(tree, skip=_is_for_type_checker):
         if isinstance(node, ast.Import):
@@ -218,7 +218,7 @@ def _is_for_type_checker(node: ast.AST) -> bool:
 
 
 def _statements(tree: ast.AST, skip: Callable[[ast.AST], bool] = lambda _: False) -> Iterator[ast.AST]:
-    """Yield ``tree`` and all statements in it, at any depth. Expressions, which are most nodes, are not visited."""
+    """Yield ``tree`` and all its statements, at any depth. Expressions, which are most nodes, are not visited."""
     waiting = [tree]
     while waiting:
         node = waiting.pop()

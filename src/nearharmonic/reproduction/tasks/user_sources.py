@@ -1,4 +1,4 @@
-"""Digests of the Python files that users write, and of the modules beside them that they import."""
+"""Digests of users' Python files, and of the modules that they import from their folder."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from nearharmonic.reproduction.tasks.sources import PACKAGE, Source, read_source
 
 
 def files_of(place: str | os.PathLike[str]) -> tuple[Path, ...]:
-    """Return a user's file, and after it the files in its folder that it imports, directly or not, sorted.
+    """Return a user's file, followed by the sorted files in its folder that it imports, directly or indirectly.
 
-    A file that it reads in another way, with ``open`` say, is not among them.
+    Files that it reads in another way, for example with ``open``, are not included.
 
     Raises
     ------
@@ -33,7 +33,7 @@ def files_of(place: str | os.PathLike[str]) -> tuple[Path, ...]:
 
 
 def _beside(folder: Path, path: Path) -> Iterator[Path]:
-    """The files below ``folder`` that a file there imports."""
+    """Return the files below ``folder`` that a file there imports."""
     package = path.parent if path.parent != folder else folder
     for written in _source(path).imports:
         name = written.lstrip(".")
@@ -46,7 +46,7 @@ def _beside(folder: Path, path: Path) -> Iterator[Path]:
 
 
 def package_modules_of(place: str | os.PathLike[str]) -> set[str]:
-    """Return the dotted names within this package that a user's file and those beside it import.
+    """Return the dotted names of this package that a user's file and its imported files import.
 
     A name may also be that of a function or class.
 

@@ -1,1 +1,1 @@
-"""A method for one system: coefficients chosen by the energy error on starts near the given one, tested on others."""
+"""A method for one system: its coefficients minimise the energy error on starts near the given one."""

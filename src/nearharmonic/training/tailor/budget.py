@@ -10,7 +10,7 @@ from nearharmonic.training.search import library
 
 
 class BudgetSpentError(NearharmonicError):
-    """Time or trials of a search are spent; what was found until then stays."""
+    """Time or trials of a search are spent; the results so far are kept."""
 
 
 class Budget:
@@ -19,15 +19,15 @@ class Budget:
     Parameters
     ----------
     seconds, trials : float and int, or None
-        What is allowed; None for any.
+        Limits; None for no limit.
     show : callable, optional
-        Is told of the part that is spent, from 0 to 1, and of the least objective.
+        Function that is called with the spent fraction, from 0 to 1, and the smallest objective.
     """
 
     def __init__(
         self, seconds: float | None, trials: int | None, show: Callable[[float, float], None] | None = None
     ) -> None:
-        library()  # loading it is no part of a search
+        library()  # the time of the import does not count
         self._seconds, self._most, self._show = seconds, trials, show
         self._begin = time.monotonic()
         self.trials = 0
@@ -43,7 +43,7 @@ class Budget:
         Raises
         ------
         BudgetSpentError
-            They are the last.
+            The budget is spent.
         """
         self.trials += trials
         parts = [(self.seconds, self._seconds), (self.trials, self._most)]

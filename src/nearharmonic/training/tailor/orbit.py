@@ -1,4 +1,4 @@
-"""The orbit of a system's own start: its states, and the fastest oscillation on it."""
+"""The orbit from the initial values of a system: states and fastest oscillation."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from nearharmonic.integrators import integrators
 from nearharmonic.numerics.types import Floats
 from nearharmonic.systems.definition.system import System
 
-#: The method of the orbit, for every separable H, and its step per stage in radians of the fastest oscillation.
+#: Integrator of the orbit, for every separable H, and its step per stage in radians of the fastest oscillation.
 METHOD, STEP = "blanes_moan_s6o4", 0.03
-#: States of the orbit that are kept, and those of them at which the frequency is found.
+#: Number of states that are kept, and number of states at which the frequency is computed.
 SAMPLES, POINTS = 240, 12
-#: Radians of the fastest oscillation that an orbit takes: twelve periods.
+#: Length of an orbit in radians of the fastest oscillation: twelve periods.
 RADIANS = 24 * np.pi
-#: Products of the two Hessians with a vector, until it is that of the fastest oscillation.
+#: Number of products of both Hessians with a vector, which converges to the eigenvector of the fastest oscillation.
 PRODUCTS = 40
-#: Displacement of momenta whose change of velocity stands for the derivative, over their size.
+#: Relative displacement of momenta for the finite difference of the velocity.
 DISPLACEMENT = 1e-6
 
 
@@ -47,21 +47,21 @@ class Orbit:
 
     @property
     def amplitudes(self) -> tuple[Floats, Floats]:
-        """By how much each position and momentum (d,) varies; the mean of the others for one that does not."""
+        """Amplitude of each position and momentum (d,); for a constant component the mean of the others."""
         return _spread(self.q), _spread(self.p)
 
 
 def orbit_of(system: System) -> Orbit:
-    """Return the orbit of the system's own start over twelve periods of its fastest oscillation.
+    """Return the orbit from the initial values of a system over twelve periods of its fastest oscillation.
 
     Raises
     ------
     SettingError
-        The orbit leaves its energy surface, rests, or nothing oscillates on it.
+        The orbit diverges, is at rest, or has no oscillation.
     """
     q, p = (np.array([row]) for row in system.start(float))
     frequency = fastest(system, q, p)
-    for _ in range(2):  # the frequency at the start may be another than that on the orbit
+    for _ in range(2):  # the frequency at the start may differ from that on the orbit
         q, p = _states(system, frequency)
         frequency = fastest(system, q[:: len(q) // POINTS], p[:: len(p) // POINTS])
     if not (np.ptp(q, axis=0).any() or np.ptp(p, axis=0).any()):
@@ -73,13 +73,13 @@ def orbit_of(system: System) -> Orbit:
 def fastest(system: System, q: Floats, p: Floats) -> float:
     """Return the root of the mean square of the fastest frequency of small oscillations about states (S, d).
 
-    The square is the largest eigenvalue of T'' V'', found by repeated products. Where it is below 0, the motion is
-    unstable as fast as its modulus says, which counts the same.
+    The square of the frequency is the largest |eigenvalue| of T'' V'', computed by repeated products. A negative
+    eigenvalue is the square of a growth rate, which limits the step size in the same way.
 
     Raises
     ------
     SettingError
-        It is 0 at each of the states, or not finite.
+        The frequency is 0 at all states, or not finite.
     """
     with np.errstate(all="ignore"):
         squares = _squares(system, q.T, p.T)
@@ -91,7 +91,7 @@ def fastest(system: System, q: Floats, p: Floats) -> float:
 
 
 def _squares(system: System, q: Floats, p: Floats) -> Floats:
-    """The largest eigenvalue (S,) of T'' V'' at each state (d, S)."""
+    """Return the largest |eigenvalue| (S,) of T'' V'' at each state (d, S)."""
     d, parameters = len(q), system.constants(float)
     time = (np.zeros(q.shape[1]),) if system.time_dependent else ()
     grad_T = system.formulas().grad_T
@@ -103,19 +103,19 @@ def _squares(system: System, q: Floats, p: Floats) -> Floats:
         force = _rows(system.hessian_V_times(tuple(q), tuple(w), *time, *parameters), p)
         h = DISPLACEMENT * _largest(p) / _largest(force)
         after = (_rows(grad_T((*(p + h * force), *time), *parameters)[:d], p) - velocity) / h
-        length = (w * w).sum(axis=0)  # 0 where the potential is flat
+        length = (w * w).sum(axis=0)  # 0 for a constant potential
         size = np.divide((after * w).sum(axis=0), length, out=np.zeros_like(length), where=length > 0)
         w = after
     return size
 
 
 def _rows(components: Sequence[Any], like: Floats) -> Floats:
-    """Components, of which some may be constants, as an array (d, S)."""
+    """Return components as an array (d, S); some may be constants."""
     return np.array([np.broadcast_to(np.asarray(x, dtype=float), like.shape[1:]) for x in components])
 
 
 def _largest(rows: Floats) -> Floats:
-    """The largest modulus in each column, 1 where all are 0."""
+    """Return the largest modulus in each column, or 1 if all are 0."""
     largest = np.abs(rows).max(axis=0)
     found: Floats = np.where(largest > 0, largest, 1.0)
     return found

@@ -1,4 +1,4 @@
-"""Provenance of a method made for a system, in the words of its tableau and as a Python file."""
+"""Provenance of a tailored method, in the fields of its tableau and as a Python file."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from nearharmonic.theory.linear_stability import stability_limit
 from nearharmonic.training.source_text import palindrome_lines
 from nearharmonic.training.tailor.result import Tailored
 
-#: Width of the lines of a file, but for coefficients, which are not cut.
+#: Width of the lines of a file, except for coefficients, which are not wrapped.
 WIDTH = 100
 
 
 def source_of(found: Tailored) -> str:
-    """Return how the method was found: enough to find it again."""
+    """Return a description of the search that is sufficient to repeat it."""
     from nearharmonic import __version__
 
     asked, search = found.question, found.search
@@ -27,7 +27,7 @@ def source_of(found: Tailored) -> str:
 
 
 def note_of(found: Tailored) -> str:
-    """Return for what the method was made, and what it gains there."""
+    """Return the purpose of the method and its gain."""
     test = found.test
     others = ", ".join(dict.fromkeys(test.best))
     return (
@@ -38,7 +38,7 @@ def note_of(found: Tailored) -> str:
 
 
 def window_text(found: Tailored) -> str:
-    """Return the window with its unit."""
+    """Return the window with its unit, as text."""
     unit = found.question.system.units["t"]
     return f"{found.window[0]:g} to {found.window[1]:g}{'' if unit == '1' else f' {unit}'}"
 
@@ -51,7 +51,7 @@ def file_text(tableau: Tableau, name: str) -> str:
     tableau : Tableau
         The method.
     name : str
-        Name that it has in the file.
+        Name of the method in the file.
     """
     kind = "quadratic T" if tableau.requires else "every separable H"
     paragraphs = [
@@ -83,12 +83,12 @@ def _filled(text: str) -> str:
 
 
 def _plain(text: str) -> str:
-    """Text that can stand in a docstring."""
+    """Return a text that is valid in a docstring."""
     return text.replace("\\", "/").replace('"""', "'''")
 
 
 def _literal(value: object) -> str:
-    """A number or a text as Python writes it, a long text as lines in brackets."""
+    """Return the Python literal of a number or a text; a long text is wrapped in brackets."""
     if not isinstance(value, str) or len(value) <= WIDTH:
         return repr(value) if not isinstance(value, str) else _quoted(value)
     lines = wrap(value, WIDTH, drop_whitespace=False, break_long_words=False, break_on_hyphens=False)
@@ -96,4 +96,4 @@ def _literal(value: object) -> str:
 
 
 def _quoted(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False)  # of which Python reads the same
+    return json.dumps(text, ensure_ascii=False)  # Python reads the same text from them

@@ -1,4 +1,4 @@
-"""The methods that a new one has to beat, and the window of step sizes in which it does."""
+"""Published methods for comparison with a tailored one, and the window of step sizes."""
 
 from __future__ import annotations
 
@@ -17,32 +17,33 @@ from nearharmonic.training.objective import mean_errors
 from nearharmonic.training.population import LEAST, LOST, Ensemble
 from nearharmonic.training.published import OURS, TRAINED, module_of
 
-#: Step sizes per stage, in radians of the fastest oscillation, among which a window is looked for.
+#: Step sizes per stage, in radians of the fastest oscillation, for the search for a window.
 LADDER = np.geomspace(0.01, 1.0, 25)
-#: Problems on which it is looked for.
+#: Number of problems in the search for a window.
 PROBLEMS = 8
-#: Highest over lowest step size of a window that is found.
+#: Ratio of the largest to the smallest step size of a window that is found.
 WIDTH = 1.5
-#: Decades above the least error told apart that rounding errors reach.
+#: Range of rounding errors, in decades above the smallest distinguished error.
 ROUNDING = 2.0
-#: Decades behind the best on the starts of a search within which a method may be the best on those of the test.
+#: Decades: a method that is less than this behind the best on the starts of the search may be the best on the starts of
+#: the test.
 BEHIND = 1.0
-#: Ratio of neighbouring step sizes in a window, at most, and the fewest of them.
+#: Largest ratio of neighbouring step sizes in a window, and minimum number of step sizes.
 RATIO, FEWEST = 1.26, 3
 
 
 def registered(system: System) -> list[Tableau]:
-    """Return the registered methods with kicks of V alone that fit a system, which a search starts from."""
+    """Return the registered methods without modified potentials that fit a system: starts of a search."""
     return [one for name in plain_integrators.registered if misfit(system, one := plain_integrators[name])[0] == ""]
 
 
 def published(system: System) -> list[Tableau]:
-    """Return the registered methods that fit a system and are not of this project."""
+    """Return the registered methods of other authors that fit a system."""
     return [one for one in registered(system) if module_of(one.name) not in OURS]
 
 
 def modified(system: System) -> list[Tableau]:
-    """Return the registered methods with kicks of a modified potential that fit a system, but for processed ones.
+    """Return the registered methods with modified potentials that fit a system, except processed ones.
 
     The energy of a processed method is not measured at every step.
     """
@@ -56,14 +57,14 @@ def trained(system: System) -> list[Tableau]:
 
 
 def step_sizes(window: tuple[float, float], *, between: bool = False) -> Floats:
-    """Return step sizes per stage (T,) that cover a window, and, if ``between`` is set, those between as well."""
+    """Return step sizes per stage (T,) that cover a window, with intermediate ones if ``between`` is set."""
     count = max(FEWEST, ceil(log(window[1] / window[0]) / log(RATIO)) + 1)
     found: Floats = np.geomspace(*window, 2 * count - 1 if between else count)
     return found
 
 
 def window_at(ensemble: Ensemble, methods: list[Tableau], error: float, frequency: float) -> tuple[float, float]:
-    """Return the window in whose middle the best published method has an error.
+    """Return the window in whose middle the best published method has a given error.
 
     Parameters
     ----------
@@ -72,14 +73,14 @@ def window_at(ensemble: Ensemble, methods: list[Tableau], error: float, frequenc
     methods : list of Tableau
         Published methods.
     error : float
-        Mean of max |dH| over the problems, by its logarithm, relative to the energy.
+        Geometric mean of max |dH| over the problems, relative to the energy.
     frequency : float
-        Of the fastest oscillation.
+        Angular frequency of the fastest oscillation.
 
     Raises
     ------
     SettingError
-        No step size of :data:`LADDER` has it.
+        No step size of :data:`LADDER` has this error.
     """
     ladder, few = LADDER / frequency, ensemble.part(slice(PROBLEMS))
     best = np.minimum.accumulate(mean_errors(few, methods, ladder.tolist()).min(axis=0)[::-1])[::-1]
@@ -98,27 +99,27 @@ def window_at(ensemble: Ensemble, methods: list[Tableau], error: float, frequenc
 
 
 def contenders(methods: Sequence[Tableau], errors: Floats) -> list[Tableau]:
-    """Return the methods of mean errors (methods, T), by their logarithm, that are near the best at some step size."""
+    """Return the methods that are near the best at some step size, by their mean log10 errors (methods, T)."""
     near = (errors < errors.min(axis=0) + BEHIND).any(axis=1)
     return [one for one, is_near in zip(methods, near, strict=True) if is_near]
 
 
 def check_window(best: Floats, window: tuple[float, float], unit: str) -> None:
-    """Refuse a window in which there is nothing to gain.
+    """Raise an error for a window in which no gain is possible.
 
     Parameters
     ----------
     best : (T,) array of float
         Mean of log10 max |dH| of the best published method at each step size of the window.
     window : pair of float
-        Its ends.
+        Ends of the window.
     unit : str
         Unit of time, for the message.
 
     Raises
     ------
     SettingError
-        Every method loses the energy at its upper end, or one is at the rounding of doubles in all of it.
+        All methods diverge at the upper end, or one method reaches the rounding errors of doubles in the whole window.
     """
     shown = f"{window[0]:g}:{window[1]:g}"
     time = "" if unit == "1" else f" {unit}"

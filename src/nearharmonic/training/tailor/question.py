@@ -1,4 +1,4 @@
-"""Request for a method made for one system, checked before any work."""
+"""Request for a method for one system, validated before any computation."""
 
 from __future__ import annotations
 
@@ -17,50 +17,50 @@ from nearharmonic.numerics.types import Floats
 from nearharmonic.systems.definition.system import System
 from nearharmonic.training.tailor.inputs.start_file import least_starts, read_starts
 
-#: Stages of a method of order four that leave coefficients free, and the most that are searched.
+#: Smallest number of stages of a method of order four with free coefficients, and largest number that is searched.
 FEWEST_STAGES, MOST_STAGES = 4, 20
-#: Highest over lowest step size of a window, at least: a method that wins at one step size alone is none.
+#: Minimum ratio of the ends of a window: a gain at a single step size is not useful.
 NARROWEST = 1.2
-#: Highest over lowest step size of a window, at most: no single method is best over more.
+#: Maximum ratio of the ends of a window: no single method is the best over a wider window.
 WIDEST = 10.0
-#: Coordinates of a system, at most: a search takes thousands of runs.
+#: Maximum number of coordinates of a system: a search needs thousands of runs.
 MOST_COORDINATES = 100
-#: Energy error around which a window is laid if neither is given.
+#: Energy error in the middle of the window if neither the error nor the window is given.
 ERROR = 1e-6
-#: Seconds of the search, and seed, unless others are given; the most trials, and the largest seed.
+#: Defaults of the seconds of a search and of the seed; maximum of the trials and of the seed.
 SECONDS, SEED, MOST_TRIALS, LARGEST_SEED = 30.0, 0, 10**8, 2**31 - 1
-#: The energy of the given start, as the option names it.
+#: Value of the option for the energy of the given start.
 SAME = "same"
-#: A method that fits every system: it looks at the initial values.
+#: A method for every system, for the validation of initial values.
 ANY = "ruth"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Question:
-    """A system, and what a method for it has to be.
+    """A system, and the requirements for its method.
 
     Attributes
     ----------
     system : System
         The system.
     stages : tuple of int
-        Stages that are searched.
+        Numbers of stages that are searched.
     window : pair of float, or None
-        Lowest and highest step size over stages, in the system's unit of time.
+        Smallest and largest step size over stages, in the unit of time of the system.
     error : float
-        Energy error of the best published method in the middle of the window, where no window is given.
+        Energy error of the best published method in the middle of the window, if no window is given.
     seconds : float or None
-        Time that the search may take.
+        Time limit of the search.
     trials : int or None
-        Methods that the search may try.
+        Maximum number of methods in the search.
     starts : (R, 2 d) array of float, or None
         Starts in place of drawn ones, positions and then momenta.
     energy : float or None
-        Energy of all starts that are drawn; None for starts in a box around the orbit of the given one.
+        Energy of all drawn starts; None for starts in a box around the orbit of the given one.
     seed : int
-        Of all random numbers.
+        Seed of all random numbers.
     scale : float
-        Energy that errors are relative to.
+        Reference energy of relative errors.
     """
 
     system: System
@@ -87,12 +87,12 @@ def question(
     energy: object = None,
     seed: object = None,
 ) -> Question:
-    """Check what is asked; arguments as for :func:`nearharmonic.tailor`.
+    """Validate a request; arguments as for :func:`nearharmonic.tailor`.
 
     Raises
     ------
     NearharmonicError
-        An unknown name, a setting outside what is allowed, or a system that no method can be made for.
+        An unknown name, an invalid setting, or a system for which no method can be made.
     """
     if window is not None and error is not None:
         raise bad_setting("error", error, "a window is given, which it would choose")
@@ -123,7 +123,7 @@ def question(
 
 
 def _energy(system: System) -> float:
-    """H at the given start."""
+    """Return H at the given start."""
     q, p = system.start(float)
     try:
         H0 = float(system.energy(q, p, system.constants(float), 0.0))
@@ -135,12 +135,12 @@ def _energy(system: System) -> float:
 
 
 def _stages(given: Any) -> tuple[int, ...]:
-    """An integer, a pair, or text such as "8" or "6:10"."""
+    """Convert an integer, a pair, or text such as "8" or "6:10"."""
     allowed = f"integers from {FEWEST_STAGES} to {MOST_STAGES}, as 8, or 6:10 for all from 6 to 10"
     parts = _parts(given)
     try:
         ends = [checked_count("stages", int(x) if isinstance(x, str) else x, MOST_STAGES) for x in parts]
-    except ValueError:  # an error of this package is one
+    except ValueError:  # errors of this package are ValueErrors
         raise bad_setting("stages", given, allowed) from None
     if len(ends) > 2 or min(ends, default=0) < FEWEST_STAGES or ends != sorted(ends):
         raise bad_setting("stages", given, allowed)
@@ -148,7 +148,7 @@ def _stages(given: Any) -> tuple[int, ...]:
 
 
 def _window(given: Any) -> tuple[float, float]:
-    """A pair of numbers, or text such as "0.08:0.12"."""
+    """Convert a pair of numbers, or text such as "0.08:0.12"."""
     allowed = (
         "two step sizes per stage above 0 in the system's unit of time, LOW:HIGH, the higher one "
         f"{NARROWEST:g} to {WIDEST:g} times the lower one"

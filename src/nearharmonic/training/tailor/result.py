@@ -1,4 +1,4 @@
-"""Gain of a method made for a system on starts that were not used, with an interval."""
+"""Gain of a tailored method on starts of the test, with a confidence interval."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from nearharmonic.training.population import LEAST, Ensemble
 from nearharmonic.training.tailor.question import Question
 from nearharmonic.training.tailor.search import SearchResult
 
-#: Resamples of the starts, and the part of them that an interval holds.
+#: Number of resamples of the starts, and coverage of the interval.
 RESAMPLES, CONFIDENCE = 2000, 0.95
-#: Cost of the gradient of the square of grad V, in forces, by which methods are compared at equal cost: what kernels
-#: are taken to need. Measured costs are below and little above it, see docs/methods.md.
+#: Assumed cost of the gradient of the square of grad V, in forces, for comparisons at equal cost. Measured costs are
+#: below or slightly above it, see docs/methods.md.
 CHARGE = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Gain:
-    """By how many decades an error is smaller: the mean over the starts, and its 95 % interval by resampling them."""
+    """Gain in decades: the mean over the starts, and its 95 % interval by resampling the starts."""
 
     mean: float
     low: float
@@ -41,20 +41,20 @@ class Gain:
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """A method beside the best of others at each of T step sizes, at equal cost.
+    """Comparison of a method with the best of others at each of T step sizes, at equal cost.
 
     Attributes
     ----------
     tau_per_stage, error, best_error : (T,) array of float
-        Step size, and mean over the starts, by the logarithm, of max |dH| of the method and of the best of the others.
+        Step size, and geometric means over the starts of max |dH| of the method and of the best other method.
     best : tuple of T str
-        Names of the best.
+        Names of the best other methods.
     overall : Tableau
-        The one of the others with the least mean over all step sizes.
+        The other method with the smallest mean over all step sizes.
     gains : tuple of T Gain
-        At each step size.
+        Gain at each step size.
     gain : Gain
-        Over all of them: the mean.
+        Mean gain over all step sizes.
     """
 
     tau_per_stage: Floats
@@ -69,9 +69,9 @@ class Comparison:
 def comparison(
     method: Tableau, others: Sequence[Tableau], ensemble: Ensemble, tau_per_stage: Floats, seed: int
 ) -> Comparison:
-    """Return a method beside the best of ``others``, which at each step size is that of the smallest mean error.
+    """Compare a method with the best of ``others``: at each step size the method with the smallest mean error.
 
-    The gradient of the square of grad V, which some of them need, costs :data:`CHARGE`.
+    The gradient of the square of grad V, which some methods need, costs :data:`CHARGE`.
     """
     errors = _logarithms(ensemble, [method, *others], tau_per_stage)
     means = errors.mean(axis=2)
@@ -90,7 +90,7 @@ def comparison(
 
 
 def _logarithms(ensemble: Ensemble, methods: Sequence[Tableau], tau_per_stage: Floats) -> Floats:
-    """log10 max |dH| (methods, T, M)."""
+    """Return log10 max |dH| (methods, T, M)."""
     errors = np.stack([errors_of(ensemble, one, tau_per_stage.tolist(), CHARGE) for one in methods])
     found: Floats = np.log10(np.maximum(errors, LEAST))
     return found
@@ -105,26 +105,26 @@ def _gain(won: Floats, draws: np.ndarray[tuple[int, ...], np.dtype[np.int64]]) -
 
 @dataclass(frozen=True, kw_only=True)
 class Tailored:
-    """A method that was made for a system, and what it is worth.
+    """A tailored method and its tests.
 
     Attributes
     ----------
     question : Question
-        What was asked.
+        The request.
     window : pair of float
-        Step sizes per stage, in the system's unit of time.
+        Smallest and largest step size per stage, in the unit of time of the system.
     ensemble, held_out : Ensemble
-        Starts that coefficients were chosen by, and those of the test, with longer runs.
+        Starts of the search, and starts of the test, with longer runs.
     tableau : Tableau
         The method.
     search : SearchResult
-        How far the search came.
+        Result and extent of the search.
     test, training : Comparison
-        Beside the best published methods, on the starts of the test and on those of the search.
+        Comparisons with the best published methods, on the starts of the test and of the search.
     trained : Comparison or None
-        Beside the best of the methods that were trained on ensembles, on the starts of the test.
+        Comparison with the best method that was trained on ensembles, on the starts of the test.
     modified : Comparison or None
-        Beside the best of the methods with kicks of a modified potential, on the starts of the test.
+        Comparison with the best method with modified potentials, on the starts of the test.
     """
 
     question: Question
@@ -140,11 +140,11 @@ class Tailored:
 
     @property
     def has_gain(self) -> bool:
-        """True if the interval of the gain on starts that were not used is above 0."""
+        """True if the interval of the gain on the starts of the test is above 0."""
         return self.test.gain.is_one
 
     @cached_property
     def losing(self) -> tuple[tuple[float, Gain], ...]:
-        """Step sizes of the test at which the interval of the gain is not above 0, with it."""
+        """Step sizes of the test at which the interval of the gain is not above 0, with the gain."""
         pairs = zip(self.test.tau_per_stage.tolist(), self.test.gains, strict=True)
         return tuple((tau, gain) for tau, gain in pairs if not gain.is_one)

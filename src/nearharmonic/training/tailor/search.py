@@ -1,8 +1,9 @@
-"""The search for a system's own method: many short searches, of which the best third goes on, until a budget is spent.
+"""Search for a tailored method: many short searches, whose best third continues, until a budget is spent.
 
-Published methods and those of a stage less that are grown are starts in every family, but for those that are far behind
-the best. Each has as many trials; the best third has three times as many more, from where they are, and so on. The last
-one is searched around, in turns with random starts, until time or trials are spent.
+Starts in every family are published methods, and methods with one stage less that are extended by a stage. Starts far
+behind the best are omitted. All starts get the same number of trials. The best third continues with three times as many
+trials, and so on. Searches around the last one then alternate with searches from random starts until time or trials are
+spent.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from nearharmonic.training.population import Ensemble
 from nearharmonic.training.search import Effort, Found, Searcher, Start, starts_of
 from nearharmonic.training.tailor.budget import Budget, BudgetSpentError
 
-#: Orders that families have beyond four: (order, harmonic order, whether T has to be quadratic).
+#: Orders of families: (order, harmonic order, True if T has to be quadratic).
 CONDITIONS = ((4, 4, False), (4, 6, False), (6, 6, True))
 
 
@@ -33,13 +34,13 @@ class Rounds(Effort):
     Attributes
     ----------
     most_starts : int
-        Starts that the first round has at most.
+        Maximum number of starts of the first round.
     far_behind : float
-        A start whose objective is so much above that of the best of as many stages is left out.
+        A start is omitted if its objective exceeds that of the best start with the same stages by more than this.
     third : int
-        The inverse of the part of the searches that goes on, and how many times the trials that part has.
+        Inverse of the fraction of searches that continue, and factor of their number of trials.
     around_best, from_random : int
-        Trials of a search around the best, and of one from a random start, when the rounds are over.
+        Trials of a search around the best, and of a search from a random start, after the rounds.
     """
 
     trials: int = 200
@@ -57,9 +58,9 @@ class Best(Found):
     Attributes
     ----------
     advanced : float
-        Objective after the last advance by more than searches that found the same differ by.
+        Objective after the last significant improvement.
     trials, seconds : int and float
-        When that was.
+        Trials and time at this improvement.
     """
 
     advanced: float = OUTSIDE
@@ -68,19 +69,19 @@ class Best(Found):
 
 @dataclass
 class Record:
-    """The best so far, exchanged as a whole: Ctrl-C may come at any time."""
+    """The best so far, replaced as a whole because Ctrl-C may come at any time."""
 
     best: Best | None = None
 
     @property
     def value(self) -> float:
-        """Its objective."""
+        """Objective of the best member."""
         return OUTSIDE if self.best is None else self.best.value
 
 
 @dataclass
 class Branch:
-    """A start in a family, and the best that its searches have found."""
+    """A start in a family, and the best result of its searches."""
 
     start: Start
     best: Found
@@ -95,11 +96,11 @@ class SearchResult:
     best : Best
         The best member.
     trials, searches, again : int
-        Members tried; searches that ended; those of them that ended at the best.
+        Numbers of members tried, of searches that ended, and of searches that ended at the best.
     seconds : float
         Time taken.
     stopped : str
-        Why it ended: "spent" or "Ctrl-C".
+        Reason of the end: "spent" or "Ctrl-C".
     """
 
     best: Best
@@ -111,7 +112,7 @@ class SearchResult:
 
 
 class _Watched(Objective):
-    """An objective that keeps the best member at every call, so that a search may be stopped at any time."""
+    """An objective that stores the best member at every call, so that a search can be stopped at any time."""
 
     def __init__(self, record: Record, budget: Budget, same: float, family: Family, *others: Any, **more: Any) -> None:
         super().__init__(family, *others, **more)
@@ -145,17 +146,17 @@ class TailorSearch:
     ensemble : Ensemble
         The problems.
     tau_per_stage : (T,) array of float
-        The window.
+        Step sizes over the cost of a step in the window.
     reference : (T,) array of float
         Mean of log10 max |dH| of the best published methods.
     known : sequence of Tableau
-        Methods to start from.
+        Known methods, from which searches start.
     stages : sequence of int
-        Stages of the methods that are tried.
+        Numbers of stages.
     quadratic : bool
-        Whether T is quadratic.
+        True for quadratic T.
     budget : Budget
-        When it ends.
+        Budget of the search.
     seed : int
         Of all random numbers.
     rounds : Rounds, optional
@@ -168,7 +169,7 @@ class TailorSearch:
     ) -> None:  # fmt: skip
         self._known, self._budget, self._rounds = known, budget, rounds
         self.record, self._searcher = Record(), Searcher(rounds, [seed, 2])
-        #: The best of its branch when each search had ended.
+        #: The best of its branch after each search.
         self._ends: list[Found] = []
         same, size = rounds.same_value, rounds.population
         self._objectives = {
@@ -177,12 +178,12 @@ class TailorSearch:
         }
 
     def run(self) -> SearchResult:
-        """Return what is found when the budget is spent or Ctrl-C is pressed.
+        """Search until the budget is spent or Ctrl-C is pressed, and return the result.
 
         Raises
         ------
         KeyboardInterrupt
-            Ctrl-C before anything was found.
+            Ctrl-C before the first result.
         """
         try:
             self._search()
@@ -193,7 +194,7 @@ class TailorSearch:
                 raise
             stopped = "Ctrl-C"
         best = self.record.best
-        assert best is not None  # published methods are starts
+        assert best is not None  # published methods are among the starts
         again = sum(self._rounds.same(one, best) for one in self._ends)
         return SearchResult(
             best=best, trials=self._budget.trials, searches=len(self._ends), again=again,
@@ -201,7 +202,7 @@ class TailorSearch:
         )  # fmt: skip
 
     def _search(self) -> NoReturn:
-        """Search until the budget is spent, which an error tells."""
+        """Search until :class:`BudgetSpentError` is raised."""
         branches, trials, turn, third = self._branches(), self._rounds.trials, 0, self._rounds.third
         while len(branches) > 1:
             for branch in branches:
@@ -221,7 +222,7 @@ class TailorSearch:
             self._go_on(_branch(everywhere[turn % len(everywhere)], start), self._rounds.from_random)
 
     def _branches(self) -> list[Branch]:
-        """The better ones of the methods that are known: in turns the best of each number of stages, then the next."""
+        """Return the better known methods, alternating between the numbers of stages: first the best of each number."""
         found: dict[int, list[Branch]] = {}
         for family, objective in self._objectives.items():
             starts = {start.origin: start for start in starts_of(family, self._known, [], self._rounds)}
@@ -240,7 +241,7 @@ class TailorSearch:
         return [branch for *_, branch in ranked[: self._rounds.most_starts]]
 
     def _go_on(self, branch: Branch, trials: int) -> None:
-        """Search from where a branch is."""
+        """Continue the search of a branch."""
         objective = self._objectives[branch.best.family]
         objective.origin = branch.start.origin
         branch.best = min(
@@ -250,13 +251,13 @@ class TailorSearch:
 
 
 def _branch(family: Family, start: Start, value: float = OUTSIDE) -> Branch:
-    """A branch that no search has begun from."""
+    """Return a branch without searches."""
     point = np.zeros(family.unknowns) if start.point is None else start.point
     return Branch(start, Found(family=family, value=value, unknowns=point, origin=start.origin, trials=0))
 
 
 def families(stages: Sequence[int], *, quadratic: bool) -> list[Family]:
-    """Return the families that are searched, both roles of each: those that leave coefficients free."""
+    """Return the families that are searched, in both roles: families with free coefficients."""
     found = []
     for s in stages:
         for order, harmonic_order, needs_quadratic in CONDITIONS:

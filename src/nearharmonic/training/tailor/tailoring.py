@@ -1,4 +1,4 @@
-"""A method for a system: starts, window, search, digits and test, in this order; ``nearharmonic.tailor``."""
+"""``nearharmonic.tailor``: starts, window, search, digits and test of a method for one system, in this order."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ from nearharmonic.training.tailor.question import Question, question
 from nearharmonic.training.tailor.result import Tailored, comparison
 from nearharmonic.training.tailor.search import SearchResult, TailorSearch
 
-#: Runs of the test over those of the search.
+#: Ratio of the lengths of runs of the test and of the search.
 LONGER = 4.0
-#: Steps that a run has at least, and the evaluations that one of the search and one of the test have at most.
+#: Minimum number of steps per run, and maximum numbers of evaluations per run of the search and of the test.
 FEWEST_STEPS, MOST_EVALUATIONS, MOST_IN_TEST = 24, 1600, 16000
 
 
 class NoGainWarning(UserWarning):
-    """A search found no method that is better than the published ones."""
+    """A search found no method better than the published ones."""
 
 
 def tailor(
@@ -57,51 +57,50 @@ def tailor(
     energy: float | str | None = None,
     seed: int = 0,
 ) -> Tableau:
-    """Make a symplectic method of order four for one system, and test it on starts that were not used.
+    """Make a symplectic method of order four for one system, and test it on other starts.
 
-    Coefficients are chosen by the energy error itself. What comes back is for :func:`nearharmonic.integrate` and all
-    else that takes a method; its ``note`` says for what it was made and how much it gains.
+    The coefficients minimise the energy error. :func:`nearharmonic.integrate` and all other functions accept the
+    returned method; its ``note`` describes the purpose and the gain.
 
     Parameters
     ----------
     system : str, path or System
-        Problem, its name, or the path of a Python file that defines SYSTEM.
+        System, its name, or the path of a Python file that defines SYSTEM.
     stages : int, pair of int or str
-        Stages of the method, 4 to 20; a pair, or "6:10", for the best of several.
+        Number of stages of the method, 4 to 20; a pair, or "6:10", for the best in a range.
     window : pair of float or str, optional
-        Lowest and highest step size over stages, in the system's unit of time; the higher one is 1.2 to 10 times the
-        lower one.
+        Smallest and largest step size over stages, in the unit of time of the system; their ratio is 1.2 to 10.
     error : float or str, optional
-        In place of a window: the energy error that the best published method has in its middle, by default 1e-6.
+        Instead of a window: the energy error of the best published method in the middle of the window, by default 1e-6.
     seconds : float, optional
         Time of the search, by default 30.
     trials : int, optional
-        Methods that the search tries; given without ``seconds``, it is the only budget, and the same seed gives the
-        same method.
+        Number of methods in the search. Without ``seconds`` it is the only budget, and equal seeds give equal methods.
     starts : (R, 2 d) array of float or path, optional
-        Starts in place of drawn ones, eight at least: positions and then momenta, or a CSV file of such lines.
+        Starts in place of drawn ones, at least eight: positions and then momenta, or a CSV file with such lines.
     energy : float or str, optional
-        Energy of all starts that are drawn, "same" for that of the given one. By default starts are drawn in a box
-        around the orbit of the given one.
+        Energy of all drawn starts; "same" for the energy of the given one. By default starts are drawn in a box around
+        the orbit of the given one.
     seed : int
         Of all random numbers.
 
     Returns
     -------
     Tableau
-        The method. If none is better than the published ones on starts that were not used, the best of those.
+        The method, or the best published method if the new method is not better on the starts of the test.
 
     Raises
     ------
     NearharmonicError
-        An unknown name, or a setting outside what is allowed, before any search.
+        An unknown name or an invalid setting, before any search.
     KeyboardInterrupt
-        Ctrl-C before or after the search; in it, what was found so far is tested and returned.
+        Ctrl-C before or after the search. Ctrl-C during the search ends it, and the best method so far is tested and
+        returned.
 
     Warns
     -----
     NoGainWarning
-        The published method comes back.
+        The returned method is a published one.
     """
     asked = question(
         system, stages=stages, window=window, error=error, seconds=seconds, trials=trials, starts=starts,
@@ -119,19 +118,19 @@ def tailor(
 
 
 def tailored(asked: Question, show: Callable[[float, float], None] | None = None) -> Tailored:
-    """Return the method that is found, and its test.
+    """Return the tailored method and its test.
 
     Parameters
     ----------
     asked : Question
-        What is asked.
+        The request.
     show : callable, optional
-        Is told of the part of the budget that is spent, and of the least objective.
+        Function that is called with the spent fraction of the budget and the smallest objective.
 
     Raises
     ------
     SettingError
-        A window in which there is nothing to gain, or starts that leave their energy surface.
+        A window in which no gain is possible, or starts that leave their energy surface.
     """
     subject, methods = asked.system, published(asked.system)
     orbit = orbit_of(subject)
@@ -151,7 +150,7 @@ def tailored(asked: Question, show: Callable[[float, float], None] | None = None
 
 
 def ensembles(asked: Question, orbit: Orbit) -> tuple[Ensemble, Ensemble]:
-    """Return the starts of the search, for runs of twelve periods, and those of the test, for four times that."""
+    """Return the starts of the search, for runs of twelve periods, and of the test, for runs four times as long."""
     subject = asked.system
     t_end = RADIANS / orbit.frequency
     step = min(STEP / orbit.frequency, np.inf if asked.window is None else asked.window[0])
@@ -167,7 +166,7 @@ def ensembles(asked: Question, orbit: Orbit) -> tuple[Ensemble, Ensemble]:
 
 
 def _fitted(ensemble: Ensemble, window: tuple[float, float], asked: Question, most: int) -> Ensemble:
-    """The ensemble with runs of enough steps at the upper end of the window, and not too many at the lower one."""
+    """Adapt the length of the runs: enough steps at the upper end of the window, and not too many at the lower end."""
     least, highest = FEWEST_STEPS * max(asked.stages) * window[1], most * window[0]
     t_end = float(np.clip(ensemble.t_end, least, max(highest, least)))
     return replace(ensemble, t_end=float(f"{t_end:.3g}"))
@@ -177,7 +176,7 @@ def tested(
     asked: Question, window: tuple[float, float], ensembles: tuple[Ensemble, Ensemble], search: SearchResult,
     others: Sequence[Tableau],
 ) -> Tailored:  # fmt: skip
-    """Return what a search found as a tableau, beside ``others`` and those that were trained on ensembles."""
+    """Return the result of a search as a tableau, compared with ``others`` and with methods trained on ensembles."""
     (ensemble, held_out), best, taus = ensembles, search.best, step_sizes(window, between=True)
     stages, label = best.family.stages, asked.system.label
     name = f"tailored_{asked.system.name}_{stages}"

@@ -16,12 +16,9 @@ from nearharmonic.errors import NearharmonicError
 from nearharmonic.output.store import read
 from nearharmonic.reproduction.config.reading import load
 from nearharmonic.reproduction.experiments.exact_oscillator import times
-from nearharmonic.reproduction.experiments.exact_oscillator.reduce import reduce
-from nearharmonic.reproduction.experiments.exact_oscillator.reductions import crossing, reduction
-from nearharmonic.reproduction.experiments.exact_oscillator.run import largest_error, measure
+from nearharmonic.reproduction.experiments.exact_oscillator.reductions import BEST, crossing, reduce, reduction
+from nearharmonic.reproduction.experiments.exact_oscillator.run import largest_error, measure, radius, starts_on
 from nearharmonic.reproduction.experiments.exact_oscillator.settings import CHARGES, ExactOscillatorSettings
-from nearharmonic.reproduction.experiments.exact_oscillator.surfaces import radius, starts_on
-from nearharmonic.reproduction.experiments.exact_oscillator.tables import BEST
 from nearharmonic.reproduction.tasks import job
 
 ROOT = Path(__file__).parents[4]

@@ -18,11 +18,11 @@ def folder(tmp_path, monkeypatch):
 
 
 def forbidden(monkeypatch):
-    monkeypatch.setattr(overview, "row_of", lambda tableau: pytest.fail(f"{tableau.name} is made again"))
+    monkeypatch.setattr(overview, "columns_of", lambda tableau: pytest.fail(f"{tableau.name} is made again"))
 
 
 def test_rows_that_were_made_once_are_read_in_any_order(folder, monkeypatch):
-    made = {name: overview.row_of(integrators[name]) for name in ("ruth", "leapfrog", "aba104")}
+    made = {name: tuple(overview.columns_of(integrators[name]).values()) for name in ("ruth", "leapfrog", "aba104")}
     header, rows = overview.overview(*made)
     forbidden(monkeypatch)
     assert overview.overview("aba104", "ruth") == (header, [made["aba104"], made["ruth"]])
@@ -49,7 +49,7 @@ def test_a_row_of_other_facts_is_made_anew(folder, monkeypatch, change):
 def test_rows_of_other_code_are_not_read(folder, monkeypatch):
     overview.overview("ruth")
     monkeypatch.setattr(overview, "code_digest", lambda module: "another" * 10)
-    monkeypatch.setattr(overview, "row_of", lambda tableau: ("made again",))
+    monkeypatch.setattr(overview, "columns_of", lambda tableau: ("made again",))
     assert overview.overview("ruth")[1] == [("made again",)]
 
 

@@ -12,7 +12,7 @@ from mpmath import mp, mpf
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.nearharmonic_2026 import TABLEAUS
-from nearharmonic.reproduction.experiments.sixth_order import run, tables
+from nearharmonic.reproduction.experiments.sixth_order import run
 from nearharmonic.reproduction.experiments.sixth_order.cascade import candidates_of, find_solutions, winners
 from nearharmonic.reproduction.experiments.sixth_order.conditions import NystromEquations
 from nearharmonic.reproduction.experiments.sixth_order.criterion import criterion_of, system_of
@@ -141,7 +141,7 @@ def test_winners_are_polished_and_measured_beside_the_methods_asked_for(seven_an
     monkeypatch.setattr(
         run, "find_solutions", lambda settings, **more: asked.update(more, settings=settings) or findings
     )
-    monkeypatch.setattr(tables, "MEASURED", [(sho.SYSTEM, (0.3,))])
+    monkeypatch.setattr(run, "MEASURED", [(sho.SYSTEM, (0.3,))])
     with covered(task("reproduction.experiments.sixth_order.run:search", settings=FEW, integrators=("ruth",))):
         made = run.search(FEW, ("ruth",), 3, print)
     assert asked == {"settings": FEW, "threads": 3, "report": print}

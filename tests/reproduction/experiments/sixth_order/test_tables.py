@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from nearharmonic.integrators import integrators
-from nearharmonic.reproduction.experiments.sixth_order import tables
+from nearharmonic.reproduction.experiments.sixth_order import run
 from nearharmonic.reproduction.experiments.sixth_order.cascade import Candidate, Count, Findings
 from nearharmonic.reproduction.experiments.sixth_order.criterion import Merit
 from nearharmonic.systems import kepler, sho
@@ -27,13 +27,13 @@ def asked(monkeypatch):
         errors = np.array(ERRORS[tableau.stages])
         return xr.Dataset({"max_energy_error": ("tau", errors), "mean_energy_error": ("tau", errors / 4)})
 
-    monkeypatch.setattr(tables, "sweep", sweep)
-    monkeypatch.setattr(tables, "MEASURED", [(kepler.SYSTEM, (30.0, 5.0))])
+    monkeypatch.setattr(run, "sweep", sweep)
+    monkeypatch.setattr(run, "MEASURED", [(kepler.SYSTEM, (30.0, 5.0))])
     return calls
 
 
 def test_smallest_error_has_rank_one_and_diverged_method_the_last(asked):
-    table = tables.measured(METHODS)
+    table = run.measured(METHODS)
     assert table.header[-3:] == ("max energy error", "mean energy error", "rank by maximum")
     assert table.rows == [
         ("Sun-Mercury system", 30.0, "Ruth", 4, 1e-2, 0.25e-2, 3),
@@ -46,7 +46,7 @@ def test_smallest_error_has_rank_one_and_diverged_method_the_last(asked):
 
 
 def test_methods_are_measured_at_the_same_cost(asked):
-    tables.measured(METHODS)
+    run.measured(METHODS)
     assert asked == [
         ("kepler", "ruth", (90.0, 15.0), "extended"),
         ("kepler", "leapfrog", (30.0, 5.0), "extended"),
@@ -56,8 +56,8 @@ def test_methods_are_measured_at_the_same_cost(asked):
 
 def test_measured_error_is_that_of_steps_taken_one_by_one(monkeypatch):
     """The leapfrog with tau = 0.3 from (1, 0) over [0, 500]: 1667 steps, in doubles, which round by 1e-13 of H0."""
-    monkeypatch.setattr(tables, "MEASURED", [(sho.SYSTEM, (0.3,))])
-    ((_, _, _, _, largest, mean, _),) = tables.measured([integrators["leapfrog"]]).rows
+    monkeypatch.setattr(run, "MEASURED", [(sho.SYSTEM, (0.3,))])
+    ((_, _, _, _, largest, mean, _),) = run.measured([integrators["leapfrog"]]).rows
     q, p, tau, errors = 1.0, 0.0, 500 / 1667, []
     for _ in range(1667):
         p -= tau / 2 * q
@@ -74,18 +74,18 @@ def test_lines_of_counts_and_candidates_stand_under_their_names():
     candidate = Candidate(
         stages=8, first="drift", harmonic_order=9, free=1, unknowns=(0.25, -0.5), hits=12, merit=merit
     )
-    table = tables.counts(Findings(counts=(count,), candidates=()))
+    table = run.counts(Findings(counts=(count,), candidates=()))
     (row,) = table.rows
     assert dict(zip(table.header, row, strict=True)) == {
         "stages": 8, "first": "kick", "harmonic order": 9, "free parameters": 1, "starts": 1000, "hits": 40,
         "distinct solutions": 7,
     }  # fmt: skip
-    table = tables.ranking([candidate] * 41)
+    table = run.ranking([candidate] * 41)
     assert len(table.rows) == 40
     assert dict(zip(table.header, table.rows[0], strict=True)) == {
         "composition": "ABA", "stages": 8, "harmonic_order": 9, "free": 1, "hits": 12, "nystrom_error": 1e-3,
         "harmonic_error": 2e-4, "sum_of_absolute_values": 3.5, "stability_limit": 3.1, "value": -4.0,
         "unknowns": "0.25 -0.5",
     }  # fmt: skip
-    nothing = tables.ranking([])
+    nothing = run.ranking([])
     assert (nothing.header, nothing.rows) == ((), [])

@@ -7,12 +7,12 @@ import pytest
 import xarray as xr
 
 from nearharmonic.integrators import integrators
-from nearharmonic.reproduction.experiments.stability.henon_heiles.reduce import henon_heiles_cube
-from nearharmonic.reproduction.experiments.stability.henon_heiles.tables import henon_heiles_table
-from nearharmonic.reproduction.experiments.stability.kepler.reduce import kepler_cube
-from nearharmonic.reproduction.experiments.stability.kepler.tables import kepler_table
-from nearharmonic.reproduction.experiments.stability.rounding.reduce import rounding_cube
-from nearharmonic.reproduction.experiments.stability.rounding.tables import rounding_table
+from nearharmonic.reproduction.experiments.stability.henon_heiles.reductions import (
+    henon_heiles_cube,
+    henon_heiles_table,
+)
+from nearharmonic.reproduction.experiments.stability.kepler.reductions import kepler_cube, kepler_table
+from nearharmonic.reproduction.experiments.stability.rounding.reductions import rounding_cube, rounding_table
 
 ONE = {"units": "1", "long_name": "made by hand"}
 QUANTILES = (0.05, 0.5, 0.95, 1.0)

@@ -11,7 +11,7 @@ from mpmath import findroot, mpf
 from nearharmonic.errors import SettingError
 from nearharmonic.numerics.quasi_random import quasi_random
 from nearharmonic.reproduction.experiments.stability.henon_heiles.run import henon_heiles_surface
-from nearharmonic.reproduction.experiments.stability.kepler.initial_conditions import kepler_apoapsis
+from nearharmonic.reproduction.experiments.stability.kepler.run import kepler_apoapsis
 
 SURFACES = [Fraction(1, 24), Fraction(1, 12), Fraction(1, 8), Fraction(1, 6)]
 

@@ -10,9 +10,12 @@ import xarray as xr
 
 import nearharmonic as nh
 from nearharmonic.reproduction.experiments.stability.kepler import run as maps
-from nearharmonic.reproduction.experiments.stability.kepler.initial_conditions import kepler_apoapsis
-from nearharmonic.reproduction.experiments.stability.kepler.reduce import kepler_cube
-from nearharmonic.reproduction.experiments.stability.kepler.reductions import evaluations_below, rotation_per_sample
+from nearharmonic.reproduction.experiments.stability.kepler.reductions import (
+    evaluations_below,
+    kepler_cube,
+    rotation_per_sample,
+)
+from nearharmonic.reproduction.experiments.stability.kepler.run import kepler_apoapsis
 from nearharmonic.reproduction.experiments.stability.settings import (
     EvaluationsGrid,
     MapSettings,

@@ -10,8 +10,7 @@ import pytest
 
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.reproduction.experiments.stability.linear.run import linear_stability_cube
-from nearharmonic.reproduction.experiments.stability.linear.tables import linear_stability_table
+from nearharmonic.reproduction.experiments.stability.linear.run import linear_stability_cube, linear_stability_table
 
 LEAPFROG = integrators["leapfrog"]
 #: Two leapfrogs of half the step: with cos(phase) = 1 - tau^2/8, half the trace is cos(2 phase).

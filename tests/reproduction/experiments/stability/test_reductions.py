@@ -7,8 +7,8 @@ import pytest
 import xarray as xr
 
 from nearharmonic.reproduction.experiments.stability.henon_heiles.reductions import reduction as of_ensembles
-from nearharmonic.reproduction.experiments.stability.kepler.initial_conditions import kepler_apoapsis
 from nearharmonic.reproduction.experiments.stability.kepler.reductions import reduction as of_maps
+from nearharmonic.reproduction.experiments.stability.kepler.run import kepler_apoapsis
 
 METHODS = ["leapfrog", "babs7o7h"]
 ECCENTRICITIES = [0.0, 0.3, 0.6]

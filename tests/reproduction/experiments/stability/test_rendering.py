@@ -74,14 +74,16 @@ def made(runs, tmp_path_factory):
     """Cube and table of each item."""
     found = {}
     for name, settings in SMALL.items():
-        asked = task(f"reproduction.experiments.stability.{name}.reduce:reduce", integrators=METHODS, settings=settings)
+        asked = task(
+            f"reproduction.experiments.stability.{name}.reductions:reduce", integrators=METHODS, settings=settings
+        )
         found[name] = results(asked, **runs[name])
     for name, (files, settings) in TOGETHER.items():
         paths = [str(tmp_path_factory.mktemp(name) / "run.h5") for _ in files]
         for path, one in zip(paths, files, strict=True):
             asked = task(f"reproduction.experiments.stability.{name}.run:measure", integrators=METHODS, **one)
             write(results(asked)["run"], [path], provenance(asked))
-        asked = task(f"reproduction.experiments.stability.{name}.reduce:reduce", integrators=METHODS, **settings)
+        asked = task(f"reproduction.experiments.stability.{name}.reductions:reduce", integrators=METHODS, **settings)
         found[name] = results(asked, **({"run": paths[0]} if len(paths) == 1 else {"runs": paths}))
     return found | {
         "linear": results(task("reproduction.experiments.stability.linear.run:measure", integrators=METHODS))

@@ -13,7 +13,7 @@ import nearharmonic as nh
 from nearharmonic.engine.batch.batch import integrate_batch
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.reproduction.experiments.stability.kepler import run as maps
-from nearharmonic.reproduction.experiments.stability.kepler.initial_conditions import kepler_apoapsis
+from nearharmonic.reproduction.experiments.stability.kepler.run import kepler_apoapsis
 from nearharmonic.reproduction.experiments.stability.rounding import run as rounding
 from nearharmonic.reproduction.experiments.stability.rounding.reductions import growth, reduction
 from nearharmonic.reproduction.experiments.stability.settings import (

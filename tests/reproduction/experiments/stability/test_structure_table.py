@@ -10,8 +10,7 @@ from scipy.stats import t as student
 
 import nearharmonic as nh
 from nearharmonic.integrators import integrators
-from nearharmonic.reproduction.experiments.stability.conservation.reduce import structure_cube
-from nearharmonic.reproduction.experiments.stability.conservation.tables import structure_table
+from nearharmonic.reproduction.experiments.stability.conservation.reductions import structure_cube, structure_table
 from nearharmonic.systems import systems
 from support.oracles.structures import runs_of, structure
 

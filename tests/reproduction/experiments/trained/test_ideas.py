@@ -19,8 +19,7 @@ from nearharmonic.reproduction.experiments.trained.ideas.oscillators import (
     exact_errors,
     scaled_potentials,
 )  # fmt: skip
-from nearharmonic.reproduction.experiments.trained.ideas.reduce import reduce
-from nearharmonic.reproduction.experiments.trained.ideas.reductions import best_of_ideas, reduction
+from nearharmonic.reproduction.experiments.trained.ideas.reductions import best_of_ideas, reduce, reduction
 from nearharmonic.reproduction.experiments.trained.ideas.run import STRENGTHS, errors_of_methods, measure
 from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.reproduction.tasks import job

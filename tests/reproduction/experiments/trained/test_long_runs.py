@@ -10,13 +10,12 @@ import xarray as xr
 
 import nearharmonic as nh
 from nearharmonic.output.dataset import assembled
-from nearharmonic.reproduction.experiments.trained.long_runs.reduce import long_table
-from nearharmonic.reproduction.experiments.trained.long_runs.reductions import reduction, trends
-from nearharmonic.reproduction.experiments.trained.long_runs.run import STARTS, Run, long_runs, measure
+from nearharmonic.reproduction.experiments.trained.long_runs.reductions import long_table, reduction, trends
+from nearharmonic.reproduction.experiments.trained.long_runs.run import STARTS, long_runs, measure, run
 from nearharmonic.reproduction.experiments.trained.problems.named_systems import NAMED, named_ensemble
 from nearharmonic.reproduction.experiments.trained.proof import run as proof
 from nearharmonic.reproduction.experiments.trained.proof import times
-from nearharmonic.reproduction.experiments.trained.proof.reduce import reduce
+from nearharmonic.reproduction.experiments.trained.proof.reductions import reduce
 from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.reproduction.tasks import job
 
@@ -25,23 +24,22 @@ SMALL = ProofSettings(
 )  # fmt: skip
 
 
-def run(steps=2000):
+def problems():
     (one,) = (one for one in NAMED if one.name == "henon_heiles")
-    ensemble = named_ensemble(one, STARTS, 3, 100.0)
-    return Run(ensemble=ensemble, method=nh.integrators["babps8o7h"], tau_per_stage=0.1, steps=steps)
+    return named_ensemble(one, STARTS, 3, 100.0)
 
 
 def reduced(*methods, steps=2000):
     """Reductions of long runs on the Hénon-Heiles system, by method."""
-    variables = long_runs({"henon_heiles": run().ensemble}, [nh.integrators[name] for name in methods], steps)
+    variables = long_runs({"henon_heiles": problems()}, [nh.integrators[name] for name in methods], steps)
     return reduction.of(assembled(variables, ("label", "step"), {}), over="problem").isel(system=0)
 
 
 def test_a_run_is_that_of_integrate(tmp_path):
-    one = run(steps=50)
-    start = one.ensemble.start[2].reshape(4, 2)
+    start = problems().start[2].reshape(4, 2)
     alone = nh.integrate("henon_heiles", "babps8o7h", 0.8, t_end=40, q0=start[0], p0=start[2], samples=2)
-    assert one.paths(samples=2).max_energy_error[2] == pytest.approx(float(alone.max_energy_error), rel=1e-9)
+    paths = run(problems(), nh.integrators["babps8o7h"], 0.1, 50, samples=2)
+    assert paths.max_energy_error[2] == pytest.approx(float(alone.max_energy_error), rel=1e-9)
 
 
 def test_trend_that_is_put_in_is_found_within_its_interval():

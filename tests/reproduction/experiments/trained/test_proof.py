@@ -17,12 +17,17 @@ from nearharmonic.reproduction.config.reading import load
 from nearharmonic.reproduction.experiments.trained.comparison.contestants import contestants, idea_of, kind_of
 from nearharmonic.reproduction.experiments.trained.comparison.resampling import _means, resampled_means
 from nearharmonic.reproduction.experiments.trained.problems.named_systems import NAMED, named_ensemble
-from nearharmonic.reproduction.experiments.trained.proof.ensembles import proof_ensembles
-from nearharmonic.reproduction.experiments.trained.proof.reduce import reduce
-from nearharmonic.reproduction.experiments.trained.proof.reductions import gains, reduction
-from nearharmonic.reproduction.experiments.trained.proof.run import log_errors, measure
+from nearharmonic.reproduction.experiments.trained.proof.reductions import (
+    gain_table,
+    gains,
+    method_table,
+    reduce,
+    reduction,
+    stretch,
+    verdict,
+)
+from nearharmonic.reproduction.experiments.trained.proof.run import log_errors, measure, proof_ensembles
 from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings
-from nearharmonic.reproduction.experiments.trained.proof.tables import gain_table, method_table, stretch, verdict
 from nearharmonic.reproduction.tasks import job
 from support.oracles.plain_runs import (
     henon_heiles_energy,

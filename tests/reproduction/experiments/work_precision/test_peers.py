@@ -122,7 +122,7 @@ def test_a_formula_that_branches_is_refused():
 def fake(path, knob="tolerance", settings=(1e-2, 1e-4, 1e-6), **more):
     """A peer of numpy, which is always there, whose path is ``path(setting)``."""
     return Peer(
-        name="fake", label="Fake", module="numpy", knob=knob, settings=settings,
+        name="fake", label="Fake", module="numpy", settings=settings,
         attempt=lambda system, t_end, setting: Attempt(run=lambda: None, path=lambda: path(setting)), **more,
     )  # fmt: skip
 
@@ -188,7 +188,7 @@ def test_peer_of_accelerations_is_refused_where_they_depend_on_momenta():
 
 
 def test_steps_per_stage_go_from_coarse_to_fine():
-    peer = fake(oscillator_path, knob="step", settings=(), stages=10)
+    peer = fake(oscillator_path, settings=(), stages=10)
     curve = peer_curve(peer, systems["sho"], "5", (0.1, 1.0), None, 1.0)
     assert curve.points[0].tau_per_stage == pytest.approx(0.5, rel=1e-12)  # one step over [0, 5], ten stages
     assert all(point.tau == 5.0 for point in curve.points)

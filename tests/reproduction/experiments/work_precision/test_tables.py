@@ -39,26 +39,32 @@ FACTS = {"measured": "today", "cpu": "Fast 9", "pinned_core": "1", "load_average
 
 @pytest.fixture
 def found():
-    return {(row.measure, row.target, row.method): row for row in rows("toy", "20", ("max", "mean"), CURVES)}
+    return {(row["measure"], row["target"], row["method"]): row for row in rows("toy", "20", ("max", "mean"), CURVES)}
 
 
 def test_row_has_costs_of_point_that_meets_its_target(found):
     row = found["max", 1e-6, "slow"]
-    assert (row.system, row.t_end, row.label, row.kind, row.status) == ("toy", "20", "Slow", "splitting", "reached")
-    costs = (row.time_ms, row.lanes_time_ms, row.energy_time_ms, row.evaluations, row.tau)
+    assert (row["system"], row["t_end"], row["label"], row["kind"], row["status"]) == (
+        "toy",
+        "20",
+        "Slow",
+        "splitting",
+        "reached",
+    )
+    costs = (row["time_ms"], row["lanes_time_ms"], row["energy_time_ms"], row["evaluations"], row["tau"])
     # Logarithms and exponentials on the way to a point round by 1e-15.
     assert costs == pytest.approx((4.0, 1.0, 12.0, 4000.0, 0.25), rel=1e-12)
-    assert isnan(row.tolerance)
+    assert isnan(row["tolerance"])
 
 
 def test_row_between_two_points_lies_on_straight_line_of_logarithms(found):
     """1e-6 lies two thirds of the way from a mean of 1e-4 to one of 1e-7: 4^(2/3) times 1 ms, 2^(-2/3) times 0.5."""
     row = found["mean", 1e-6, "slow"]
-    assert (row.time_ms, row.tau) == pytest.approx((4 ** (2 / 3), 0.5 * 2 ** (-2 / 3)), rel=1e-12)
+    assert (row["time_ms"], row["tau"]) == pytest.approx((4 ** (2 / 3), 0.5 * 2 ** (-2 / 3)), rel=1e-12)
 
 
 def test_ranks_follow_time_and_unreached_methods_have_none(found):
-    ranks = {target: {m: found["max", target, m].rank for m in ("slow", "fast", "coarse", "absent")}
+    ranks = {target: {m: found["max", target, m]["rank"] for m in ("slow", "fast", "coarse", "absent")}
              for target in (1e-3, 1e-6, 1e-9, 1e-12)}  # fmt: skip
     assert ranks == {
         1e-3: {"slow": 1, "coarse": 2, "fast": 3, "absent": 0},
@@ -66,9 +72,9 @@ def test_ranks_follow_time_and_unreached_methods_have_none(found):
         1e-9: {"fast": 1, "slow": 2, "coarse": 0, "absent": 0},
         1e-12: dict.fromkeys(("fast", "slow", "coarse", "absent"), 0),
     }
-    assert found["max", 1e-12, "slow"].status == "not reached"
-    assert found["max", 1e-3, "slow"].status == "below throughout"
-    assert found["max", 1e-3, "absent"].method_status == "not installed"
+    assert found["max", 1e-12, "slow"]["status"] == "not reached"
+    assert found["max", 1e-3, "slow"]["status"] == "below throughout"
+    assert found["max", 1e-3, "absent"]["method_status"] == "not installed"
 
 
 def test_the_file_has_every_row_with_six_digits(tmp_path):

@@ -82,16 +82,9 @@ def derive(settings: DerivationSettings, report: Report) -> dict[str, Table | di
 
 
 def derivation(settings: DerivationSettings, *, digits: int = 128, report: Report = lambda _: None) -> Derivation:
-    """Derive the sets of Nielsen (2015), Table 4; the table itself is read only to compare.
+    """Derive the sets of Nielsen (2015), Table 4, to ``digits`` decimals; the table itself is read only to compare.
 
-    Parameters
-    ----------
-    settings : DerivationSettings
-        How hard to search.
-    digits : int
-        Decimals of the solutions.
-    report : callable
-        Is told of the progress.
+    The other parameters are those of :func:`derive`.
 
     Raises
     ------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Any
 
 from mpmath import nstr
@@ -26,7 +26,7 @@ DIGITS = 40
 
 @dataclass(frozen=True)
 class SolutionErrors:
-    """Energy errors of one solution in one role, per step size: |H - H0|/|H0|, infinite where it left its surface.
+    """Energy errors of one solution in one role at one step size: |H - H0|/|H0|, infinite where it left its surface.
 
     ``harmonic_oscillator`` is the exact supremum over arbitrarily many steps, ``henon_heiles`` the maximum over every
     step of the system's whole interval.
@@ -34,9 +34,9 @@ class SolutionErrors:
 
     solution: int
     first: First
-    tau_per_stage: tuple[float, ...]
-    harmonic_oscillator: tuple[float, ...]
-    henon_heiles: tuple[float, ...]
+    tau_per_stage: float
+    harmonic_oscillator: float
+    henon_heiles: float
 
 
 def compare(
@@ -58,16 +58,10 @@ def compare(
     for number, root in enumerate(isolated.roots):
         tableau = root.tableau(equations, f"solution_{number}", DIGITS)
         for first in ROLES:
-            measured = sweep(SYSTEM, tableau.role(first), taus, t_end=t_end)
-            rows.append(
-                SolutionErrors(
-                    solution=number,
-                    first=first,
-                    tau_per_stage=tuple(tau_per_stage),
-                    harmonic_oscillator=tuple(float(harmonic_energy_error(tableau, t, first=first)) for t in taus),
-                    henon_heiles=tuple(measured.max_energy_error.values.tolist()),
-                )
-            )
+            measured = sweep(SYSTEM, tableau.role(first), taus, t_end=t_end).max_energy_error.values.tolist()
+            for per_stage, tau, error in zip(tau_per_stage, taus, measured, strict=True):
+                known = float(harmonic_energy_error(tableau, tau, first=first))
+                rows.append(SolutionErrors(number, first, per_stage, known, error))
     return rows
 
 
@@ -185,11 +179,7 @@ def routes(cases: Sequence[IsolatedSolutions], simplex: Sequence[SimplexRun], se
 def solution_errors(rows: Sequence[SolutionErrors]) -> Table:
     """Tabulate energy errors of every solution of a case, in both roles."""
     header = ("solution", "first", "tau/s", "max error, harmonic oscillator", "max error, Henon-Heiles")
-    lines: list[tuple[Any, ...]] = [
-        (row.solution + 1, row.first, tau, oscillator, measured)
-        for row in rows
-        for tau, oscillator, measured in zip(row.tau_per_stage, row.harmonic_oscillator, row.henon_heiles, strict=True)
-    ]
+    lines = [(row.solution + 1, *astuple(row)[1:]) for row in rows]
     caption = "The five-stage solutions at work: energy errors of all of them, in both roles."
     return Table(header=header, rows=lines, caption=caption)
 

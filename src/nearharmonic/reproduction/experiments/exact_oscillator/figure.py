@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from string import ascii_uppercase
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from nearharmonic.plotting.style import log_scale, method_handles, new_figure, panel_letter, style_of
+from nearharmonic.plotting.style import lettered, log_scale, method_handles, new_figure, panel_letter, style_of
 from nearharmonic.reproduction.tasks.declarations import figure
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 DASHES = (0, (4, 1.6))
 SHADE = "#e3e3e3"
@@ -35,15 +32,20 @@ SHADE = "#e3e3e3"
 def exact_oscillator_error(cube: xr.Dataset) -> Figure:
     """Draw ``energy_error`` and ``exact_energy_error`` (median, charge 1) of ``cube`` against energy."""
     taus = cube["tau_per_stage"].values
-    drawn = new_figure(max(7.8, 1.2 + 3.3 * len(taus)), 5.1)
-    grid = drawn.subplots(1, len(taus), sharey=True, squeeze=False)[0]
-    drawn.subplots_adjust(left=0.62 / drawn.get_figwidth(), right=0.985, top=0.9, bottom=0.27, wspace=0.06)
+    drawn, grid = _panels(len(taus), max(7.8, 1.2 + 3.3 * len(taus)), 5.1, top=0.9, bottom=0.27)
     for i, (axes, tau) in enumerate(zip(grid, taus, strict=True)):
         _draw(axes, cube.sel(tau_per_stage=tau, charge=1.0, quantile=0.5))
-        axes.text(0.025, 0.965, rf"$\mathbf{{{_letter(i)}}}$  $\tau/s = {tau:g}$", transform=axes.transAxes, va="top")
+        axes.text(0.025, 0.965, lettered(i, rf"$\tau/s = {tau:g}$"), transform=axes.transAxes, va="top")
     grid[0].set_ylabel(r"median of $\max\,|\Delta H/H_0|$")
     _legend(drawn, cube)
     return drawn
+
+
+def _panels(count: int, width: float, height: float, **margins: float) -> tuple[Figure, Any]:
+    """A figure with a row of panels that share their y axis."""
+    drawn = new_figure(width, height)
+    drawn.subplots_adjust(left=0.62 / width, right=0.985, wspace=0.06, **margins)
+    return drawn, drawn.subplots(1, count, sharey=True, squeeze=False)[0]
 
 
 def _draw(axes: Axes, one: xr.Dataset) -> None:
@@ -77,10 +79,6 @@ def _energy(amplitude: Any) -> Any:
     return amplitude * amplitude / 2
 
 
-def _letter(panel: int) -> str:
-    return ascii_uppercase[panel % len(ascii_uppercase)]
-
-
 def _legend(drawn: Figure, cube: xr.Dataset) -> None:
     """Solid methods on the left, dashed ones on the right."""
     split = method_handles(cube["integrator"].values, cube["label"].values)
@@ -110,9 +108,7 @@ def _legend(drawn: Figure, cube: xr.Dataset) -> None:
 def exact_oscillator_charge(cube: xr.Dataset) -> Figure:
     """Draw ``best_crossing`` of ``cube`` as amplitudes against the charge, a panel for each step size."""
     taus = cube["tau_per_stage"].values
-    drawn = new_figure(1.2 + 3.0 * len(taus), 3.6)
-    grid = drawn.subplots(1, len(taus), sharey=True, squeeze=False)[0]
-    drawn.subplots_adjust(left=0.62 / drawn.get_figwidth(), right=0.985, top=0.91, bottom=0.25, wspace=0.06)
+    drawn, grid = _panels(len(taus), 1.2 + 3.0 * len(taus), 3.6, top=0.91, bottom=0.25)
     for i, (axes, tau) in enumerate(zip(grid, taus, strict=True)):
         one = cube.sel(tau_per_stage=tau)
         for x, name in enumerate(one["exact_integrator"].values):
@@ -125,7 +121,7 @@ def exact_oscillator_charge(cube: xr.Dataset) -> Figure:
         log_scale(axes, "y")
         axes.set_xlim(float(one["charge"].values[0]) - 0.04, float(one["charge"].values[-1]) + 0.04)
         axes.set_xlabel("cost of an evaluation, exact oscillator over T + V")
-        panel_letter(axes, _letter(i), rf"$\tau/s = {tau:g}$")
+        panel_letter(axes, i, rf"$\tau/s = {tau:g}$")
     grid[0].set_ylabel(r"amplitude of crossing, $\sqrt{2H}$")
     exact = method_handles(cube["exact_integrator"].values, cube["exact_label"].values, linestyle=DASHES)
     drawn.legend(handles=exact, loc="lower center", ncols=5, columnspacing=1.4, handlelength=2.6)

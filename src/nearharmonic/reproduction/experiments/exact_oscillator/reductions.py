@@ -8,7 +8,9 @@ No integration depends on this module.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeVar
+from itertools import product
+from math import sqrt
+from typing import Any, TypeVar
 
 import numpy as np
 import xarray as xr
@@ -16,6 +18,9 @@ import xarray as xr
 from nearharmonic.math import exp, log
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import bounds_coordinate, coordinate, described
+from nearharmonic.output.store import read
+from nearharmonic.output.table import Table
+from nearharmonic.reproduction.experiments.exact_oscillator.settings import ExactOscillatorSettings
 from nearharmonic.reproduction.tasks.reduction import Reductions
 
 reduction = Reductions()
@@ -119,3 +124,50 @@ def _quantiles(errors: xr.DataArray) -> xr.DataArray:
     found = ranked(errors, "trajectory", QUANTILES, "quantile").assign_coords(fractions)
     text = f"quantile over the trajectories of the {errors.attrs['long_name']}"
     return found.assign_attrs(described(text))
+
+
+#: In place of a method: the best of those that split into T and V, at each energy.
+BEST = "best of T + V"
+CAPTION = (
+    "Henon-Heiles system: energy H and amplitude sqrt(2H) up to which the median energy error of a method with the "
+    "oscillator solved exactly is below that of one that splits into T and V, at equal cost; charge is the cost of an "
+    f"evaluation with the exact oscillator over one without; {CONFIDENCE:.0%} intervals. 0: nowhere, inf: everywhere."
+)
+
+
+def crossing_table(cube: xr.Dataset) -> Table:
+    """Return a row for each step size, charge and pair of methods."""
+    values = {name: entry.values for name, entry in cube.variables.items()}
+    header = ["tau_per_stage", "charge", "exact oscillator", "T + V", "energy", "energy_low", "energy_high"]
+    header += ["amplitude", "amplitude_low", "amplitude_high"]
+    rows: list[list[Any]] = []
+    for (t, tau), (c, charge), (x, exact) in product(
+        *(enumerate(values[name].tolist()) for name in ("tau_per_stage", "charge", "exact_label"))
+    ):
+        found = [(BEST, values["best_crossing"][t, c, x], values["best_crossing_interval"][t, c, x])]
+        found += [
+            (label, values["crossing"][t, c, x, p], values["crossing_interval"][t, c, x, p])
+            for p, label in enumerate(values["label"].tolist())
+        ]
+        for label, energy, bounds in found:
+            numbers = [float(energy), *map(float, bounds)]
+            rows.append([tau, charge, exact, label, *numbers, *(sqrt(2 * H) for H in numbers)])
+    return Table(header=header, rows=rows, caption=CAPTION)
+
+
+def reduce(split: Sequence[str], exact: Sequence[str], settings: ExactOscillatorSettings, run: str) -> dict[str, Any]:
+    """Return the ``cube`` of quantiles and crossings, and its ``table``.
+
+    Parameters
+    ----------
+    split, exact : sequence of str
+        Names of the methods, which go into the files beside the numbers.
+    settings : ExactOscillatorSettings
+        The seed of the resamples.
+    run : str
+        Path of the run file.
+    """
+    runs = read(run)
+    runs.attrs = {"seed": settings.seed}
+    cube = reduction.of(runs, over="trajectory")
+    return {"cube": cube, "table": crossing_table(cube)}

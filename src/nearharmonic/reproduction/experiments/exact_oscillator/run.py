@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
+from itertools import product
 
 import numpy as np
 
@@ -11,10 +12,11 @@ from nearharmonic.engine.batch.batch import integrate_batch
 from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, Numerics
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.math import cos, sin
+from nearharmonic.numerics.quasi_random import quasi_random
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Contents, coordinate, variable
 from nearharmonic.reproduction.experiments.exact_oscillator.settings import CHARGES, ExactOscillatorSettings
-from nearharmonic.reproduction.experiments.exact_oscillator.surfaces import starts_on
 from nearharmonic.systems.henon_heiles import SYSTEM
 
 WHAT = "largest |H - H0|/|H0| over every step"
@@ -44,16 +46,11 @@ def measure(split: Sequence[str], exact: Sequence[str], settings: ExactOscillato
 
     def errors(names: Sequence[str], operators: str, charges: Sequence[float]) -> Floats:
         """Return the largest error of each run, over (tau, charge, method, energy, trajectory)."""
-        return np.stack([
-            np.stack([
-                np.stack([
-                    largest_error(integrators[name], tau * Fraction(charge), t_end, start, operators).reshape(shape)
-                    for name in names
-                ])
-                for charge in charges
-            ])
-            for tau in taus
-        ])  # fmt: skip
+        found = [
+            largest_error(integrators[name], tau * Fraction(charge), t_end, start, operators)
+            for tau, charge, name in product(taus, charges, names)
+        ]
+        return np.reshape(found, (len(taus), len(charges), len(names), *shape))
 
     plain, rotated = errors(split, KINETIC_POTENTIAL, CHARGES[:1]), errors(exact, EXACT_OSCILLATOR, CHARGES)
     over = ("energy", "trajectory")
@@ -94,3 +91,39 @@ def largest_error(tableau: Tableau, tau_per_stage: Fraction, t_end: Fraction, st
         start=start,
     )  # fmt: skip
     return paths.max_energy_error
+
+
+def radius(energy: float) -> float:
+    """Return the largest |q| on the bounded part of V <= ``energy``, where r^2/2 - r^3/3 = ``energy`` and r <= 1."""
+    lowest, highest = 0.0, 1.0
+    for _ in range(60):
+        r = (lowest + highest) / 2
+        lowest, highest = (r, highest) if r * r / 2 - r * r * r / 3 < energy else (lowest, r)
+    return highest
+
+
+def starts_on(energy: float, count: int, seed: int) -> Floats:
+    """Return starts (count, 8), laid out for the kernel, in the microcanonical measure of H = ``energy``.
+
+    The position is uniform where V < ``energy``, the direction of the momentum uniform on the circle. Surfaces of
+    different energies have nearly the same points, in units of their radius.
+
+    Parameters
+    ----------
+    energy : float
+        Above 0 and at most 1/6, the energy of escape.
+    count : int
+        Number of starts.
+    seed : int
+        Chooses the quasi-random points.
+    """
+    side = radius(energy)
+    u = quasi_random(8 * count + 64, 3, seed)  # at least 1/4 of the square is inside
+    x, y = ((2 * u[:, k] - 1) * side for k in range(2))
+    kinetic = energy - SYSTEM.V((x, y))
+    kept = np.flatnonzero((kinetic > 0) & (x * x + y * y <= side * side))[:count]
+    momentum, angle = np.sqrt(2 * kinetic[kept]), 2 * np.pi * u[kept, 2]
+    starts = np.zeros((count, 8))
+    starts[:, 0], starts[:, 1] = x[kept], y[kept]
+    starts[:, 4], starts[:, 5] = momentum * cos(angle), momentum * sin(angle)
+    return starts

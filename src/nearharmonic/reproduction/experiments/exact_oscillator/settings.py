@@ -8,22 +8,17 @@ from fractions import Fraction
 
 from nearharmonic.engine.grid import check_fit
 from nearharmonic.engine.settings import EXACT_OSCILLATOR
-from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.integrators.user_file import expanded
 from nearharmonic.numerics.geometric import geometric
-from nearharmonic.reproduction.entries import STRICT, PositiveDecimal, setting, whole_from
+from nearharmonic.reproduction.entries import POSITIVE, STRICT, PositiveDecimal, check_affordable, setting, whole_from
 from nearharmonic.systems.henon_heiles import SYSTEM
 
 #: Energies of the smallest and the largest amplitude: the latter is that of escape.
 LOWEST, HIGHEST = Fraction(1, 80_000), Fraction(1, 6)
-#: Force evaluations of all runs: some minutes.
-MOST_EVALUATIONS = 10**12
 #: Factors by which a step with the exact oscillator may be more expensive, at which it is compared.
 CHARGES = (1.0, 1.1, 1.25, 1.5, 2.0)
-
-POSITIVE = "a finite number above 0"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,11 +64,7 @@ class ExactOscillatorSettings:
             check_fit(SYSTEM, tableau, EXACT_OSCILLATOR)
         runs = len(methods) + len(CHARGES) * len(exact)
         each = runs * self.energies * sum(float(self.t_end) / float(tau) for tau in self.tau_per_stage)
-        if each * self.trajectories > MOST_EVALUATIONS:
-            most = (
-                f"it would take {each * self.trajectories:.2g} force evaluations, and may take {MOST_EVALUATIONS:.0e}"
-            )
-            raise bad_setting("exact_oscillator.trajectories", self.trajectories, most)
+        check_affordable("exact_oscillator.trajectories", self.trajectories, each)
 
     @property
     def methods(self) -> tuple[str, ...]:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
+from functools import partial
 from math import sqrt
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from nearharmonic.engine.runs.ensemble import ensemble
 from nearharmonic.engine.runs.problem import Problem
@@ -15,13 +17,10 @@ from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL
 from nearharmonic.numerics.clock import Patience, interleaved, pinned, processor, summary
 from nearharmonic.output.store import read
 from nearharmonic.output.table import Table
+from nearharmonic.reproduction.experiments.exact_oscillator.run import starts_on
 from nearharmonic.reproduction.experiments.exact_oscillator.settings import ExactOscillatorSettings
-from nearharmonic.reproduction.experiments.exact_oscillator.surfaces import starts_on
 from nearharmonic.reproduction.tasks.receipts import measures_time
 from nearharmonic.systems.henon_heiles import SYSTEM
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Members of the ensemble that is timed.
 MEMBERS = 256
@@ -94,20 +93,13 @@ def _calls(name: str, settings: ExactOscillatorSettings) -> Iterator[tuple[str, 
     problems = [Problem(SYSTEM, name, t_end=LONG, energy="none", split=split) for split in splits]
     tau = float(Fraction(settings.tau_per_stage[0]) * problems[0].tableau.stages)
     evaluations = problems[0].tableau.stages * problems[0].steps_of(tau)
-    singles = [_single(problem, tau) for problem in problems]
+    singles: list[Callable[[], Any]] = [partial(problem, tau) for problem in problems]
     for call in singles:
         call()
     yield "one trajectory", singles, evaluations
     start = starts_on(1 / 80, MEMBERS, 1).reshape(MEMBERS, 4, 2)
-    many = [_many(name, tau, start[:, 0], start[:, 2], split) for split in splits]
+    given: dict[str, Any] = {"q0": start[:, 0], "p0": start[:, 2], "t_end": SHORT, "energy": "none"}
+    many: list[Callable[[], Any]] = [partial(ensemble, SYSTEM, name, tau, **given, split=split) for split in splits]
     for call in many:
         call()
     yield "ensemble", many, problems[0].tableau.stages * round(SHORT / tau) * MEMBERS
-
-
-def _single(problem: Problem, tau: float) -> Callable[[], Any]:
-    return lambda: problem(tau)
-
-
-def _many(name: str, tau: float, q0: Any, p0: Any, split: str) -> Callable[[], Any]:
-    return lambda: ensemble(SYSTEM, name, tau, q0=q0, p0=p0, t_end=SHORT, energy="none", split=split)

@@ -6,10 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from nearharmonic.engine.batch.numba_runs import standard_floor
-from nearharmonic.engine.runs.description import kernel_in_words
+from nearharmonic.engine.runs.description import kernel_in_words, sampled
 from nearharmonic.engine.runs.problem import Problem
-from nearharmonic.engine.runs.sampled import sampled
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.output.dataset import Contents, Variable, Variables, coordinate, counted
 from nearharmonic.reproduction.experiments.paper.grid.plan import Run, runs_of
@@ -47,7 +45,7 @@ def integrate(sweep: Sweep, integrator: str, shard: int) -> dict[str, Contents]:
         "precision": " ".join(parts),
         "kernel": "; ".join(map(kernel_in_words, problems.values())),
     }
-    attributes |= {} if not problems else standard_floor(next(iter(problems.values())))
+    attributes |= {} if not problems else next(iter(problems.values())).standard_floor()
     made = sum(map(_evaluations, parts.values()))
     root = parts.pop("double", {})
     groups = {name: _padded(part, root) if root else part for name, part in parts.items()}

@@ -10,6 +10,8 @@ from numbers import Real
 from typing import Annotated, Literal
 
 from nearharmonic.reproduction.entries import (
+    AT_LEAST_LOWEST,
+    POSITIVE,
     STRICT,
     PositiveDecimal,
     PositiveNumber,
@@ -23,8 +25,6 @@ Precision = Literal["double", "extended"]
 Summation = Literal["compensated", "plain"]
 Split = Literal["kinetic_potential", "exact_oscillator"]
 
-POSITIVE = "a finite number above 0"
-AT_LEAST_LOWEST = "a finite number, at least that of lowest"
 FINITE = "a finite number, or a decimal string, which keeps all its digits"
 
 

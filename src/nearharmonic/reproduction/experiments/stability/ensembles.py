@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import xarray as xr
 
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.dataset import method_coordinates
 from nearharmonic.output.store import read
 from nearharmonic.output.table import Table
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 def cube_and_table(
@@ -48,8 +47,6 @@ def stacked(methods: Sequence[Tableau], runs: Mapping[str, xr.Dataset]) -> xr.Da
     runs : mapping
         The runs of each by its name; attributes of the files that they come from are left out.
     """
-    import xarray as xr
-
     parts = [runs[method.name] for method in methods]
     cube = xr.concat(parts, "integrator", combine_attrs="override", data_vars="all", coords="all")
     cube.attrs = {}

@@ -12,10 +12,13 @@ from nearharmonic.engine.settings import MOST_STEPS
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.reproduction.entries import (
+    AT_LEAST_LOWEST,
+    POSITIVE,
     STRICT,
     PositiveDecimal,
     PositiveNumber,
     Reading,
+    check_affordable,
     setting,
     whole_from,
 )
@@ -27,11 +30,6 @@ ESCAPE_ENERGY = Fraction(1, 6)
 MOST_POINTS = 10**4
 #: Bytes of the states in one run file, twice that in memory.
 MOST_BYTES = 10**9
-#: Force evaluations of one ensemble, all methods together: some minutes.
-MOST_EVALUATIONS = 10**12
-
-POSITIVE = "a finite number above 0"
-AT_LEAST_LOWEST = "a finite number, at least that of lowest"
 
 
 def _energy(value: object) -> str:
@@ -203,7 +201,7 @@ def _check_ensemble(asked: EnsembleSettings, methods: int) -> None:
         allowed = f"the grid would have {points} step sizes, and may have {MOST_POINTS}"
         raise bad_setting(f"{here}.tau_per_stage.spacing", _number(grid.spacing), allowed)
     each = sum(float(asked.t_end) / float(tau) for tau in grid.grid())
-    _affordable(f"{here}.trajectories", each * len(asked.energies) * methods, asked.trajectories)
+    check_affordable(f"{here}.trajectories", asked.trajectories, each * len(asked.energies) * methods)
 
 
 def _check_map(asked: MapSettings, methods: int) -> None:
@@ -220,7 +218,7 @@ def _check_map(asked: MapSettings, methods: int) -> None:
         allowed = f"the states of a method would take {size:.1e} bytes, and may take {MOST_BYTES:.0e}"
         raise bad_setting(f"{here}.orbits", asked.orbits, allowed)
     each = grid.highest * asked.orbits * (1 + grid.points_per_decade / 2.3)
-    _affordable(f"{here}.eccentricities", each * methods, asked.eccentricities)
+    check_affordable(f"{here}.eccentricities", asked.eccentricities, each * methods)
 
 
 def _check_rounding(asked: RoundingSettings, stages: int) -> None:
@@ -229,16 +227,10 @@ def _check_rounding(asked: RoundingSettings, stages: int) -> None:
         allowed = "at least 20 times the evaluations per orbit: growth is fitted over more than a decade of time"
         raise bad_setting(f"{here}.steps", asked.steps, allowed)
     # In double-double, three times; it costs about eight times a double.
-    _affordable(f"{here}.ensemble", asked.steps * 24 * stages, asked.ensemble)
+    check_affordable(f"{here}.ensemble", asked.ensemble, asked.steps * 24 * stages)
 
 
 def _number(value: Any) -> float | int:
     """A number as a user would write it."""
     number = float(value)
     return int(number) if number.is_integer() else number
-
-
-def _affordable(key: str, each: float, count: int) -> None:
-    if each * count > MOST_EVALUATIONS:
-        allowed = f"it would take {each * count:.2g} force evaluations, and may take {MOST_EVALUATIONS:.0e}"
-        raise bad_setting(key, count, allowed)

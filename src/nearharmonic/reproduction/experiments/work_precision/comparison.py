@@ -55,13 +55,10 @@ class Pair:
         """The system, as titles have it."""
         return systems[self.system].label
 
-    def fastest(self, error: float, mode: str) -> list[tuple[Curve, Crossing]]:
-        """This package's methods that reach ``error``, the fastest first."""
-        return [found for found in ranking(self.own, self.measure, error, mode) if isfinite(found[1].time)]
-
-    def rivals(self, error: float, mode: str) -> list[tuple[Curve, Crossing]]:
-        """Other libraries' solvers that reach ``error``, the fastest first."""
-        return [found for found in ranking(self.others, self.measure, error, mode) if isfinite(found[1].time)]
+    def fastest(self, error: float, mode: str, *, others: bool = False) -> list[tuple[Curve, Crossing]]:
+        """This package's methods, or other libraries' solvers, that reach ``error``, the fastest first."""
+        curves = self.others if others else self.own
+        return [found for found in ranking(curves, self.measure, error, mode) if isfinite(found[1].time)]
 
     def standard(self, error: float, mode: str) -> float:
         """Seconds of the library that ratios are relative to, NaN if it was not timed."""
@@ -135,19 +132,9 @@ HEADER = (
 
 @measures_time
 def comparison(names: Sequence[str], cube: str) -> dict[str, Table]:
-    """Compare this package with other libraries at equal error.
+    """Return the ``table`` of this package beside other libraries at equal error, from what :func:`pairs` reads.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Systems.
-    cube : str
-        Path of the cube that :func:`nearharmonic.reproduction.experiments.work_precision.run.measure` makes.
-
-    Returns
-    -------
-    dict
-        ``table``: a row for each mode, kind of error, system and error that a method of this package reaches.
+    It has a row for each mode, kind of error, system and error that a method of this package reaches.
     """
     least, medians = (
         {measure: pairs(cube, names, quartile, measure)[0] for measure in COMPARED_MEASURES}
@@ -165,7 +152,7 @@ def comparison(names: Sequence[str], cube: str) -> dict[str, Table]:
 
 def _rows(least: Pair, median: Pair, mode: str) -> Iterator[list[object]]:
     for error in ERRORS:
-        own, others = least.fastest(error, mode), least.rivals(error, mode)
+        own, others = least.fastest(error, mode), least.fastest(error, mode, others=True)
         if not own:
             continue
         (curve, found), standard = own[0], least.standard(error, mode)

@@ -120,7 +120,7 @@ def _steps(peer: Peer, per_stage: tuple[float, float]) -> Sequence[float]:
 
 def _measured(peer: Peer, system: System, t_end: float, setting: float, exact: Reference | None) -> tuple[Point, float]:
     """One setting's point, and the seconds of its path, which also warms the solver up."""
-    point = Point(tolerance=setting) if peer.knob == "tolerance" else Point(tau=setting)
+    point = Point(tolerance=setting) if peer.adaptive else Point(tau=setting)
     try:
         attempt = peer.attempt(system, t_end, setting)
         begin = time.perf_counter()
@@ -139,9 +139,9 @@ def _measured(peer: Peer, system: System, t_end: float, setting: float, exact: R
         if attempt.lanes is not None:
             attempt.lanes()  # warmed up as the path was
             point.calls["lanes"], point.members = attempt.lanes, attempt.members
-        if peer.knob == "step":
+        if not peer.adaptive:
             point.tau = t_end / point.steps
-    if peer.knob == "step":
+    if not peer.adaptive:
         point.tau_per_stage = point.tau / peer.stages
     return point, seconds
 

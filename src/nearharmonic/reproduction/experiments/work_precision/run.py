@@ -7,7 +7,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import isfinite
-from typing import TYPE_CHECKING
 
 from nearharmonic.engine.reference import Reference, position_t_end, reference
 from nearharmonic.engine.settings import Sweep
@@ -36,9 +35,6 @@ from nearharmonic.reproduction.experiments.work_precision.settings import WorkPr
 from nearharmonic.reproduction.tasks.receipts import measures_time
 from nearharmonic.systems import systems
 from nearharmonic.systems.definition.system import System
-
-if TYPE_CHECKING:
-    pass
 
 #: Calls of ensembles take some milliseconds, and their arrays are new each time.
 ENSEMBLES = Patience(least=5, most=15, seconds=0.05, longest=0.1)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import astuple, dataclass, fields
 from math import isfinite
 
 from nearharmonic.output.page import pipes
@@ -33,26 +32,10 @@ HOW = (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class RankedTime:
-    """One line of the CSV table: a method, an error, and what it costs; times in ms, NaN where there is none."""
-
-    system: str
-    t_end: str
-    measure: str
-    target: float
-    rank: int
-    method: str
-    label: str
-    kind: str
-    status: str
-    time_ms: float
-    lanes_time_ms: float
-    energy_time_ms: float
-    evaluations: float
-    tau: float
-    tolerance: float
-    method_status: str
+#: A line of the CSV table: a method, an error, and what it costs, by column.
+Row = Mapping[str, str | int | float]
+#: Modes of timing beside that of one trajectory.
+MORE = ("lanes", "energy")
 
 
 @measures_time
@@ -79,45 +62,46 @@ def time_to_error(system: str, cube: str) -> dict[str, Table | str]:
     }
 
 
-def rows(system: str, t_end: str, measures: Sequence[str], curves: Sequence[Curve]) -> Iterator[RankedTime]:
-    """Every method at every target, the fastest first; a method without a curve has its reason in ``method_status``."""
+def rows(system: str, t_end: str, measures: Sequence[str], curves: Sequence[Curve]) -> Iterator[Row]:
+    """Every method at every target, the fastest first, with times in ms, NaN where there is none.
+
+    A method without a curve has its reason in ``method_status``.
+    """
     for measure in measures:
         for target in TARGETS:
             for rank, (curve, found) in enumerate(ranking(curves, measure, target), start=1):
-                more = {mode: crossing(curve, measure, target, mode).time for mode in ("lanes", "energy")}
-                yield RankedTime(
-                    system=system,
-                    t_end=t_end,
-                    measure=measure,
-                    target=target,
-                    rank=rank if isfinite(found.time) else 0,
-                    method=curve.method,
-                    label=curve.label,
-                    kind=curve.kind,
-                    status=found.status,
-                    time_ms=1e3 * found.time,
-                    lanes_time_ms=1e3 * more["lanes"],
-                    energy_time_ms=1e3 * more["energy"],
-                    evaluations=found.evaluations,
-                    tau=found.tau,
-                    tolerance=found.tolerance,
-                    method_status=curve.status,
-                )
+                yield {
+                    "system": system,
+                    "t_end": t_end,
+                    "measure": measure,
+                    "target": target,
+                    "rank": rank if isfinite(found.time) else 0,
+                    "method": curve.method,
+                    "label": curve.label,
+                    "kind": curve.kind,
+                    "status": found.status,
+                    "time_ms": 1e3 * found.time,
+                    **{f"{mode}_time_ms": 1e3 * crossing(curve, measure, target, mode).time for mode in MORE},
+                    "evaluations": found.evaluations,
+                    "tau": found.tau,
+                    "tolerance": found.tolerance,
+                    "method_status": curve.status,
+                }
 
 
-def table(label: str, lines: Sequence[RankedTime]) -> Table:
+def table(label: str, lines: Sequence[Row]) -> Table:
     """Return lines as a table of text, floats to six digits.
 
     Parameters
     ----------
     label : str
         The system, as a title has it.
-    lines : sequence of RankedTime
-        From :func:`rows`.
+    lines : sequence of mappings
+        From :func:`rows`, one at least.
     """
     return Table(
-        header=[field.name for field in fields(RankedTime)],
-        rows=[[f"{cell:.6g}" if isinstance(cell, float) else str(cell) for cell in astuple(line)] for line in lines],
+        header=list(lines[0]),
+        rows=[[f"{c:.6g}" if isinstance(c, float) else str(c) for c in line.values()] for line in lines],
         caption=f"{label}: time and evaluations to reach an error.",
     )
 

@@ -19,7 +19,7 @@ from nearharmonic.reproduction.record.archive.metadata import METADATA
 from nearharmonic.reproduction.record.archive.pack import RUNS
 
 _CHUNK = 1 << 20
-#: What the reading of a damaged zip file or of damaged JSON raises.
+#: Exceptions from damaged zip files and damaged JSON.
 _UNREADABLE = (
     BadZipFile, EOFError, KeyError, NotImplementedError, OSError, OverflowError, RuntimeError, ValueError, struct.error
 )  # fmt: skip
@@ -28,9 +28,9 @@ _UNREADABLE = (
 def faults_of_archive(path: str | os.PathLike[str]) -> list[str]:
     """Check an archive that ``nearharmonic archive`` wrote.
 
-    The seal covers every byte of the file and is compared first: any change of any bit is found, and a file without a
-    seal is not interpreted. Then each file is compared with the metadata of the crate and with the manifest; where the
-    seal is broken, this says which files are damaged.
+    The seal covers every byte of the file and is checked first: any change is detected, and a file without a seal is
+    not interpreted. Then each file is compared with the metadata of the crate and with the manifest; if the seal is
+    broken, this finds the damaged files.
 
     Parameters
     ----------
@@ -40,12 +40,12 @@ def faults_of_archive(path: str | os.PathLike[str]) -> list[str]:
     Returns
     -------
     list of str
-        What is wrong, one sentence each; [] if nothing is.
+        Faults, one sentence each; [] if there are none.
 
     Raises
     ------
     ResultFileError
-        There is no such file, or it cannot be read.
+        The file does not exist or cannot be read.
     """
     place = Path(path)
     try:
@@ -64,7 +64,7 @@ def faults_of_archive(path: str | os.PathLike[str]) -> list[str]:
 
 
 def _one_line(sentence: str) -> str:
-    """``sentence`` with escapes for what a damaged name can hold: line ends and control characters."""
+    """Return ``sentence`` with escaped line ends and control characters, which a damaged name can contain."""
     return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in sentence)
 
 
@@ -85,7 +85,7 @@ def _faults_of_members(place: Path) -> Iterator[str]:
 
 
 def _digest(archive: ZipFile, name: str) -> tuple[int, str] | None:
-    """Size and digest of a member; None if it cannot be read."""
+    """Return size and digest of a member; None if it cannot be read."""
     digest, size = hashlib.sha256(), 0
     try:
         if archive.getinfo(name).compress_type != ZIP_STORED:
@@ -100,7 +100,7 @@ def _digest(archive: ZipFile, name: str) -> tuple[int, str] | None:
 
 
 def _document(archive: ZipFile, name: str) -> dict[str, Any]:
-    """The JSON object in a member."""
+    """Return the JSON object in a member."""
     found = json.loads(archive.read(name)) if archive.getinfo(name).compress_type == ZIP_STORED else None
     if not isinstance(found, dict):
         message = f"{name} holds no JSON object"
@@ -109,7 +109,7 @@ def _document(archive: ZipFile, name: str) -> dict[str, Any]:
 
 
 def _described(archive: ZipFile) -> dict[str, tuple[int, str]]:
-    """Size and digest of each file that the metadata describe, by its path in the archive."""
+    """Return size and digest of each file in the metadata, by its path in the archive."""
     graph = _document(archive, METADATA).get("@graph")
     entities = [entity for entity in graph if isinstance(entity, Mapping)] if isinstance(graph, list) else []
     files = (entity for entity in entities if entity.get("@type") == "File")

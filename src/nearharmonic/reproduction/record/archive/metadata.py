@@ -1,7 +1,7 @@
 """Metadata of an archive: RO-Crate 1.1 with the profile Process Run Crate 0.5, made with the library ``rocrate``.
 
-The library gives the date of today to the crate and random names to what has none; here every date comes from the
-history and every name from what it names, so that the same result gives the same bytes.
+The library uses today's date and random names by default. Here every date comes from the history and every name from
+the content, so that equal results give equal bytes.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
 #: The term is in schema.org; the context of RO-Crate 1.1 is older.
 TERMS = {"sha256": "http://schema.org/sha256"}
 
-#: Media type of a file by its ending, and what the ending says in words.
+#: Media type and description of a file by its ending.
 FORMATS = {
     ".cff": ("application/yaml", "Citation File Format"),
     ".csv": ("text/csv", "CSV with every digit"),
@@ -52,7 +52,7 @@ class Member:
     path : str
         Its path in the archive, with slashes.
     source : Path or bytes
-        Where its bytes come from.
+        Source of its bytes.
     size : int
         Number of bytes.
     sha256 : str
@@ -60,7 +60,7 @@ class Member:
     description : str
         One sentence.
     run : str, optional
-        Id of the run that made it; None for what the archive adds.
+        Id of the run that made it; None for files that the archive adds.
     """
 
     path: str
@@ -83,12 +83,12 @@ def format_of(path: str) -> tuple[str, str]:
 
 
 def published(runs: Sequence[Run]) -> str:
-    """Return when the newest of ``runs`` (oldest first) ended; for a killed run, which has no end, when it started."""
+    """Return the end time of the newest of ``runs`` (oldest first), or its start time if it was killed."""
     return _moment(runs[-1]["end"] or runs[-1]["start"])
 
 
 def _moment(utc: str) -> str:
-    """``utc`` with the offset in numbers, as validators of the profile ask."""
+    """Return ``utc`` with a numeric offset, as validators of the profile require."""
     return utc.removesuffix("Z") + "+00:00"
 
 
@@ -102,13 +102,13 @@ def metadata(
     result
         Name of the result.
     members
-        Every file of the archive but the metadata.
+        All files of the archive except the metadata.
     runs
         The history, oldest first; at least one run.
     configs
         Path in the archive of the config of each run, by the id of the run.
     left_out
-        How many trajectory files the archive does not hold.
+        Number of trajectory files that are not in the archive.
 
     Returns
     -------
@@ -136,7 +136,7 @@ def metadata(
 
 
 def _add(crate: Any, identifier: str, **properties: Any) -> Any:
-    """The contextual entity ``identifier`` of ``crate``, added if it is not there."""
+    """Return the contextual entity ``identifier`` of ``crate``; add it if it is missing."""
     from rocrate.model.contextentity import ContextEntity
 
     found = crate.get(identifier)
@@ -232,7 +232,7 @@ def _run_in_words(run: Run) -> str:
 
 
 def _instrument(crate: Any, run: Run, cited: Mapping[str, Any]) -> Any:
-    """The software of ``run``: one entity for each combination of code and libraries."""
+    """Return the software of ``run``: one entity for each combination of code and libraries."""
     versions = run["versions"]
     version = versions["nearharmonic"]
     if run["commit"]:
@@ -266,6 +266,6 @@ def _text(document: Mapping[str, Any]) -> bytes:
 
 
 def _compacted(entity: Mapping[str, Any]) -> dict[str, Any]:
-    """``entity`` with lists of one value replaced by the value, and without empty lists."""
+    """Return ``entity`` with lists of one value replaced by the value, and without empty lists."""
     pairs: Iterable[tuple[str, Any]] = ((key, value) for key, value in entity.items() if value != [])
     return {key: value[0] if isinstance(value, list) and len(value) == 1 else value for key, value in pairs}

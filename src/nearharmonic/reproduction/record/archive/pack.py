@@ -1,7 +1,7 @@
-"""A result as one zip file that explains itself: an RO-Crate with every file's digest and every run of the workflow.
+"""A result as one self-describing zip file: an RO-Crate with the digest of every file and every run of the workflow.
 
-The same result gives the same bytes on every machine: members are sorted, carry one date and are stored without
-compression, whose output depends on the version of zlib. Almost all of them are compressed formats already.
+Equal results give equal bytes on every machine: members are sorted, have one fixed date and are stored without
+compression, because its output depends on the version of zlib. Almost all members already have compressed formats.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from nearharmonic.reproduction.record.archive.software import DOCUMENTS, documen
 from nearharmonic.reproduction.record.archive.user_files import UserFiles
 from nearharmonic.reproduction.record.files import manifest
 
-#: Folder of a result whose files an archive holds only on request: the trajectories.
+#: Folder of the trajectories, which an archive includes only on request.
 RUNS = "runs"
 #: Files of a result that its manifest does not list.
 RECORD = ("history.jsonl", "manifest.json")
@@ -55,10 +55,9 @@ _ADDED = {
 
 
 def faults(folder: Path) -> list[str]:
-    """Return what speaks against archiving the result in ``folder``, one sentence each; [] if nothing does.
+    """Return the reasons against archiving the result in ``folder``, one sentence each; [] if there are none.
 
-    A result is archived only if its files are those that its manifest records, and if its history says with which
-    settings they were made.
+    A result is archived only if its files agree with its manifest, and if its history has their settings.
 
     Parameters
     ----------
@@ -77,19 +76,19 @@ def _no_history(folder: Path) -> str:
 def save(
     folder: str | os.PathLike[str], place: str | os.PathLike[str] | None = None, *, with_runs: bool = False
 ) -> Path:
-    """Write the result in ``folder`` as an archive, whole or not at all.
+    """Write the result in ``folder`` as an archive, atomically.
 
-    The caller asks :func:`faults` first. Digests are compared once more while files are copied.
+    The caller calls :func:`faults` first. Digests are checked again while files are copied.
 
     Parameters
     ----------
     folder
         Folder of the result.
     place
-        File to make or to replace, with the ending ``.zip``; None stands for the name of the result in the working
+        File to create or to replace, with the ending ``.zip``; None for the name of the result in the working
         directory.
     with_runs
-        Whether the trajectories below ``runs/`` are in it.
+        True to include the trajectories below ``runs/``.
 
     Returns
     -------
@@ -101,7 +100,7 @@ def save(
     SettingError
         ``place`` is no zip file outside of ``folder``, or it cannot be written.
     ResultFileError
-        The manifest or the history is missing, or a file is missing or differs from what the manifest records.
+        The manifest or the history is missing, or a file is missing or differs from the manifest.
     """
     result = Path(folder).absolute()
     zipped = target(result, place)
@@ -117,14 +116,14 @@ def save(
 
 
 def target(folder: str | os.PathLike[str], place: str | os.PathLike[str] | None) -> Path:
-    """Return the file that an archive of the result in ``folder`` is written to.
+    """Return the file for an archive of the result in ``folder``.
 
     Parameters
     ----------
     folder
         Folder of the result.
     place
-        A file with the ending ``.zip``; None stands for the name of the result in the working directory.
+        A file with the ending ``.zip``; None for the name of the result in the working directory.
 
     Raises
     ------
@@ -141,7 +140,7 @@ def target(folder: str | os.PathLike[str], place: str | os.PathLike[str] | None)
 
 
 def _members(result: Path, *, with_runs: bool) -> list[Member]:
-    """Every member of the archive, sorted by path."""
+    """Return all members of the archive, sorted by path."""
     runs = history.runs_of(result)
     if not runs:
         raise ResultFileError(_no_history(result))
@@ -164,10 +163,10 @@ def _members(result: Path, *, with_runs: bool) -> list[Member]:
 
 
 def _configs(runs: Sequence[Run], user_files: UserFiles) -> tuple[dict[str, str], dict[str, bytes]]:
-    """The path of the config of each run by the run's id, and the text of each by its path.
+    """Return the path of the config of each run by the id of the run, and the text of each config by its path.
 
-    That of the newest run that ended well is ``config.json``; one that differs carries its digest in its name. Keys
-    that are not set are left out, as in a config that a person writes.
+    The config of the newest successful run is ``config.json``; different configs have their digest in the name. Keys
+    without values are omitted, as in a handwritten config.
     """
     texts = {
         run["id"]: json.dumps(_set(user_files.config(run["config"])), indent=1, ensure_ascii=False).encode() + b"\n"
@@ -182,7 +181,7 @@ def _configs(runs: Sequence[Run], user_files: UserFiles) -> tuple[dict[str, str]
 
 
 def _set(value: Any) -> Any:
-    """``value`` without the keys of nested mappings that are None."""
+    """Return ``value`` without None values of nested mappings."""
     if isinstance(value, Mapping):
         return {key: _set(member) for key, member in value.items() if member is not None}
     return value
@@ -197,7 +196,7 @@ def _content(place: Path) -> bytes:
 
 
 def _result_file(result: Path, path: str, entry: Mapping[str, Any]) -> Member:
-    """The member for the file ``path`` of ``result``, which has this ``entry`` in the manifest."""
+    """Return the member for the file ``path`` of ``result`` with this ``entry`` in the manifest."""
     first = PurePosixPath(path).parts[0]
     stem = PurePosixPath(path).with_suffix("").relative_to(first) if path != first else PurePosixPath(first)
     volatile = entry.get("volatile") or ()

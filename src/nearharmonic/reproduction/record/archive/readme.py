@@ -9,7 +9,7 @@ from pathlib import PurePosixPath
 from nearharmonic.output.page import pipes
 from nearharmonic.reproduction.record.archive.metadata import Member, Run
 
-#: What stands where in an archive; folders and files that it does not hold are not named.
+#: Descriptions of the files and folders of an archive; missing ones are not mentioned.
 PLACES = {
     "report.html": "the page: claims, figures, tables, history; opens in a browser without a network",
     "cubes": "HDF5 cubes of errors and derived quantities; xarray opens them with the engine h5netcdf",
@@ -38,7 +38,7 @@ def readme(result: str, members: Sequence[Member], runs: Sequence[Run], left_out
     runs
         The history, oldest first.
     left_out
-        How many trajectory files the archive does not hold.
+        Number of trajectory files that are not in the archive.
     """
     counts = Counter(PurePosixPath(member.path).parts[0] for member in members)
     folders = {PurePosixPath(member.path).parts[0] for member in members if "/" in member.path}

@@ -11,9 +11,9 @@ import os
 from pathlib import Path
 from typing import BinaryIO
 
-#: What the comment of the zip file says before the digest.
+#: Text of the comment of the zip file before the digest.
 WORDS = b"nearharmonic archive 1; sha256 of all bytes before this comment: "
-#: A comment of the right length, in place until the digest is known.
+#: Placeholder of the right length until the digest is known.
 BLANK = WORDS + b"0" * (2 * hashlib.sha256().digest_size)
 
 _CHUNK = 1 << 20
@@ -29,7 +29,7 @@ def close(place: str | os.PathLike[str]) -> None:
 
 
 def is_sealed(place: str | os.PathLike[str]) -> bool:
-    """Return True if ``place`` ends in the words of a seal; :func:`is_whole` checks the digest.
+    """Return True if ``place`` ends with a seal; :func:`is_whole` checks its digest.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def is_sealed(place: str | os.PathLike[str]) -> bool:
 
 
 def is_whole(place: str | os.PathLike[str]) -> bool:
-    """Return True if the digest in the seal of ``place`` is that of the bytes before it.
+    """Return True if the digest in the seal of ``place`` equals that of the bytes before the seal.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def is_whole(place: str | os.PathLike[str]) -> bool:
 
 
 def _start(file: BinaryIO) -> int | None:
-    """Position of the seal in ``file``, where it is left to be read; None if there is none."""
+    """Move ``file`` to its seal and return the position; None without a seal."""
     start = file.seek(0, os.SEEK_END) - len(BLANK)
     if start < 0:
         return None
@@ -68,7 +68,7 @@ def _start(file: BinaryIO) -> int | None:
 
 
 def _seal(file: BinaryIO, size: int) -> bytes:
-    """The seal over the first ``size`` bytes of ``file``."""
+    """Return the seal of the first ``size`` bytes of ``file``."""
     digest = hashlib.sha256()
     file.seek(0)
     while size > 0 and (chunk := file.read(min(_CHUNK, size))):

@@ -1,6 +1,6 @@
-"""Software metadata of an archive: the licence, the citation file, the libraries beneath it.
+"""Software metadata of an archive: licence, citation file, and libraries.
 
-``LICENSE`` and ``CITATION.cff`` stand at the top of the source tree. A wheel carries copies among its licence files.
+``LICENSE`` and ``CITATION.cff`` are in the root of the source tree. A wheel has copies among its licence files.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 import nearharmonic
 from nearharmonic.errors import ResultFileError
 
-#: Home pages of the libraries whose versions the history keeps.
+#: Home pages of the libraries whose versions are in the history.
 HOMES = {
     "bokeh": "https://bokeh.org",
     "gmpy2": "https://github.com/gmpy2/gmpy2",
@@ -28,7 +28,7 @@ HOMES = {
     "snakemake": "https://snakemake.github.io",
     "xarray": "https://xarray.dev",
 }
-#: The documents of the software that go into an archive.
+#: Documents of the software in an archive.
 DOCUMENTS = ("CITATION.cff", "LICENSE")
 
 _SOURCE_TREE = Path(nearharmonic.__file__).parents[2]
@@ -40,7 +40,7 @@ def document(name: str) -> bytes:
     Raises
     ------
     ResultFileError
-        Neither has it.
+        The file is in neither of them.
     """
     in_tree = _SOURCE_TREE / name if (_SOURCE_TREE / "pyproject.toml").is_file() else None
     for place in (in_tree, _installed(name)):
@@ -51,7 +51,7 @@ def document(name: str) -> bytes:
 
 
 def _installed(name: str) -> Path | None:
-    """The file ``name`` among the metadata of the installed package."""
+    """Return the file ``name`` from the metadata of the installed package."""
     try:
         files = distribution("nearharmonic").files or []
     except PackageNotFoundError:
@@ -61,7 +61,7 @@ def _installed(name: str) -> Path | None:
 
 
 def citation() -> dict[str, Any]:
-    """Return what ``CITATION.cff`` says: ``title``, ``version``, ``license``, ``references`` and the rest.
+    """Return the content of ``CITATION.cff``: ``title``, ``version``, ``license``, ``references`` and the rest.
 
     Raises
     ------
@@ -75,5 +75,5 @@ def citation() -> dict[str, Any]:
 
 
 def homepage(cited: Mapping[str, Any]) -> str:
-    """Return the address of the software, or of the paper that it reproduces if the citation file has no other."""
+    """Return the address of the software, or of the reproduced paper if the citation file has no other address."""
     return str(cited.get("repository-code") or cited.get("url") or cited["references"][0]["url"])

@@ -1,4 +1,4 @@
-"""The Python files of users' systems and integrators in an archive, and the configs that name them there."""
+"""The Python files of users' systems and integrators in an archive, and the configs with their paths."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from nearharmonic.registry.registry import split_path
 from nearharmonic.reproduction.record.archive.metadata import Member
 from nearharmonic.reproduction.tasks.user_sources import files_of
 
-#: Folder of an archive that holds them.
+#: Folder of these files in an archive.
 FOLDER = "user_files"
 
 
 class UserFiles:
-    """The files that some results were made with.
+    """Users' files of some results.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class UserFiles:
         }
 
     def members(self) -> list[Member]:
-        """Return the members of an archive that hold the files, with those beside them that they import.
+        """Return the members of an archive for these files and the files that they import.
 
         Raises
         ------
@@ -59,7 +59,7 @@ class UserFiles:
         return list(found.values())
 
     def config(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        """Return a config of the history with the paths that its files have in the archive, from where that is."""
+        """Return a config of the history in which the paths of files are those in the archive."""
         return {key: self._placed(key, value) for key, value in given.items()}
 
     def _placed(self, key: str, value: Any) -> Any:

@@ -1,1 +1,1 @@
-"""Two results side by side: claims, what made them, every number of cubes and tables."""
+"""Comparison of two results: claims, provenance, and all numbers of cubes and tables."""

@@ -1,4 +1,4 @@
-"""Two results side by side: claims, what made them, and every number of their cubes and tables."""
+"""Comparison of two results: claims, provenance, and all numbers of cubes and tables."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Attributes = Mapping[str, Any]
 CLAIMS = Path("tables/claims.json")
 #: Digits of a digest that are shown.
 DIGEST = 10
-#: Kinds of differences that concern what made the results, not what they are.
+#: Kinds of differences that concern the provenance of the results, not their content.
 ORIGIN = ("setting", "code", "coefficients", "version")
 
 
@@ -33,7 +33,7 @@ class Comparison:
     Attributes
     ----------
     differences : tuple of Difference
-        Claims of another verdict first, then what made the results, then cubes and tables.
+        Claims with different verdicts first, then the provenance, then cubes and tables.
     left_out : tuple of str
         Files and variables that hold measured times and are not compared.
     """
@@ -48,7 +48,7 @@ class Comparison:
 
     @property
     def same_numbers(self) -> bool:
-        """True if nothing differs but the origin of the results."""
+        """True if only the provenance of the results differs."""
         return all(difference.kind in ORIGIN for difference in self.differences)
 
 
@@ -83,7 +83,7 @@ class _Pair:
         self.left_out: list[str] = []
 
     def claims(self) -> Iterator[Difference]:
-        """Claims of another verdict, and those that one result has alone."""
+        """Yield claims with different verdicts, and claims that only one result has."""
         one, other = map(_claims, self._folders)
         if one is None or other is None:
             if one is not other:
@@ -96,7 +96,7 @@ class _Pair:
             yield missing(f"claim {name}", in_a=name in one)
 
     def settings(self) -> Iterator[Difference]:
-        """Keys of the configs, then of the settings of each cube."""
+        """Yield the differing keys of the configs, then of the settings of each cube."""
         if all(self._newest):
             configs = [dict(flattened(run.get("config", {}))) for run in self._newest]
             for config in configs:
@@ -108,7 +108,7 @@ class _Pair:
             )
 
     def origins(self) -> Iterator[Difference]:
-        """Digests of code and coefficients, and versions: those of the newest runs, then those in the cubes."""
+        """Yield differing digests of code and coefficients, and versions: of the newest runs, then of the cubes."""
         cubes = list(self._attributes())
         for kind in ("code", "coefficients"):
             key = f"{kind}_digest"
@@ -119,7 +119,7 @@ class _Pair:
         yield from _differing("version", [self._versions(i, [both[i] for _, both in cubes]) for i in (0, 1)])
 
     def _versions(self, i: int, cubes: Iterable[Attributes]) -> dict[str, Any]:
-        """Versions that one result names, in the attributes of ``cubes`` and in its newest run."""
+        """Return the versions of one result, from the attributes of ``cubes`` and its newest run."""
         found: dict[str, Any] = {}
         for attributes in cubes:
             found |= {k.removesuffix("_version"): v for k, v in attributes.items() if k.endswith("_version")}
@@ -128,7 +128,7 @@ class _Pair:
         return found | (self._newest[i].get("versions", {}) if all(self._newest) else {})
 
     def _attributes(self) -> Iterator[tuple[str, list[Attributes]]]:
-        """Name of each cube that both have, and its attributes in either."""
+        """Return the name of each common cube, and its attributes in both results."""
         for name in self._names("cubes/*.h5"):
             paths = [folder / name for folder in self._folders]
             if all(path.exists() for path in paths):
@@ -140,7 +140,7 @@ class _Pair:
         )
 
     def cubes(self) -> Iterator[Difference]:
-        """Yield the differences in the cubes, missing ones included."""
+        """Yield the differences in the cubes, including missing cubes."""
         for name, volatile in self._comparable("cubes/*.h5"):
             if isinstance(volatile, Difference):
                 yield volatile
@@ -158,7 +158,7 @@ class _Pair:
                 yield from dataset_differences(place, *datasets, measured)
 
     def tables(self) -> Iterator[Difference]:
-        """Yield the differences in the tables, missing ones included."""
+        """Yield the differences in the tables, including missing tables."""
         for name, volatile in self._comparable("tables/*.csv"):
             if isinstance(volatile, Difference):
                 yield volatile
@@ -169,7 +169,7 @@ class _Pair:
             yield from table_differences(name, one, other, volatile | shown_above)
 
     def _comparable(self, pattern: str) -> Iterator[tuple[str, set[str] | Difference]]:
-        """Each file that both have, with its volatile parts; one that a result lacks, with that difference."""
+        """Yield each common file with its volatile parts, and each missing file with its difference."""
         for name in self._names(pattern):
             there = [(folder / name).exists() for folder in self._folders]
             volatile = {part for told in self._manifests for part in self._entry(told, name).get("volatile", ())}
@@ -187,7 +187,7 @@ class _Pair:
 
 
 def _claims(folder: Path) -> dict[str, str] | None:
-    """The verdict of each claim by its id; None if there are no claims."""
+    """Return the verdict of each claim by its id; None if there are no claims."""
     if not (folder / CLAIMS).exists():
         return None
     texts = Texts(folder)
@@ -201,7 +201,7 @@ def _claims(folder: Path) -> dict[str, str] | None:
 def _differing(
     kind: str, both: Sequence[Mapping[str, Any]], where: str = "{}", show: Callable[[Any], Any] = lambda value: value
 ) -> Iterator[Difference]:
-    """Keys that have another value, in the order of the first; None stands for a key that is not there."""
+    """Yield the keys with different values, in the order of the first result; None marks a missing key."""
     one, other = both
     for key in dict.fromkeys([*one, *other]):
         if one.get(key) != other.get(key):

@@ -1,4 +1,4 @@
-"""Differences between two arrays of numbers or texts, and between two datasets on the coordinates that both have."""
+"""Differences between two arrays of numbers or texts, and between two datasets on their common coordinates."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ import numpy as np
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Values of a coordinate that are named one by one.
+#: Maximum number of values of a coordinate that are listed one by one.
 NAMED = 6
 
 
 @dataclass(frozen=True, kw_only=True)
 class Difference:
-    """One thing in which two results differ.
+    """One difference of two results.
 
     Attributes
     ----------
     kind : str
         "claim", "setting", "code", "coefficients", "version", "status", "number", "text" or "missing".
     where : str
-        Name of what differs; that of a file is relative to the result, with the variable or column behind it.
+        Name of the object that differs; a file name is relative to the result, followed by the variable or column.
     a, b : object
-        What either result has: for arrays the values at ``at``.
+        Values in the two results; for arrays the values at ``at``.
     relative : float or None
-        Largest |a - b| / max(|a|, |b|), infinite if one is no finite number; None but for numbers.
+        Largest |a - b| / max(|a|, |b|), infinite if one is no finite number; None unless the values are numbers.
     at, at_units : dict
-        Coordinates of the largest difference, or of the first one of texts, and the units of those that have one.
+        Coordinates of the largest difference, or of the first difference of texts, and their units.
     differ, compared : int or None
-        How many values differ, and of how many; None where single things are compared.
+        Numbers of differing and of compared values; None for single values.
     unit : str
         Unit of ``a`` and ``b``; empty if they have none.
     """
@@ -53,13 +53,13 @@ class Difference:
 def relative_differences(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return |a - b| / max(|a|, |b|) of numbers of the same shape.
 
-    NaN is equal to NaN and an infinity to itself; the difference of a finite number and one that is not is infinite.
+    NaN is equal to NaN and an infinity to itself; the difference of a finite and a non-finite number is infinite.
     """
     one, other = a.astype(np.float64), b.astype(np.float64)
     with np.errstate(all="ignore"):
-        # Halves: the difference of the two largest doubles is finite.
+        # Halves make the difference of the two largest doubles finite.
         found = abs(one / 2 - other / 2) / np.maximum(abs(one), abs(other)) * 2
-    # Two integers may be one double, and the half of the least double is 0.
+    # Two integers may round to one double, and half of the smallest double is 0.
     found = np.where(found > 0, found, np.finfo(np.float64).tiny)
     found = np.where(np.isfinite(one) & np.isfinite(other), found, inf)
     return np.where((a == b) | (np.isnan(one) & np.isnan(other)), 0.0, found)
@@ -73,7 +73,7 @@ def array_difference(
     Parameters
     ----------
     where : str
-        Name of the arrays; one that ends in ``status`` is told as statuses that flipped.
+        Name of the arrays; names that end in ``status`` give differences of the kind "status".
     a, b : ndarray
         Numbers, or texts.
     coordinates : sequence of (str, sequence)
@@ -106,15 +106,15 @@ def array_difference(
 
 
 def dataset_differences(file: str, a: xr.Dataset, b: xr.Dataset, leave_out: Collection[str]) -> Iterator[Difference]:
-    """Yield what differs between two datasets: coordinates and variables that one lacks, then values.
+    """Yield the differences between two datasets: missing coordinates and variables, then values.
 
     Parameters
     ----------
     file : str
         Name of the file, and of the group in it.
     a, b : xarray.Dataset
-        What either result has. Values are compared on the coordinates that both have; along a dimension without
-        coordinates, from the beginning as far as both reach.
+        The two datasets. Values are compared on common coordinates; along a dimension without coordinates, up to the
+        shorter length.
     leave_out : collection of str
         Variables that are not compared.
     """
@@ -159,19 +159,19 @@ def _values(
 
 
 def missing(where: str, *, in_a: bool) -> Difference:
-    """Return the difference of a thing that one of two results lacks."""
+    """Return the difference for an object that one of two results lacks."""
     return Difference(kind="missing", where=where, a="there" if in_a else "missing", b="missing" if in_a else "there")
 
 
 def _labels(dataset: xr.Dataset, dimension: str) -> np.ndarray:
-    """The coordinate of a dimension, or the numbers from 0 if it has none."""
+    """Return the coordinate of a dimension, or the numbers from 0 if it has none."""
     if dimension in dataset.variables:
         return np.asarray(dataset[dimension].values)
     return np.arange(dataset.sizes[dimension])
 
 
 def _common(a: np.ndarray, b: np.ndarray) -> tuple[list[Any], np.ndarray, np.ndarray]:
-    """Values that both have, in the order of ``a``, and their indices in either."""
+    """Return the common values, in the order of ``a``, and their indices in both."""
     place = {value: i for i, value in reversed(list(enumerate(b.tolist())))}
     pairs = [(value, i, place[value]) for i, value in enumerate(a.tolist()) if value in place]
     values = [value for value, _, _ in pairs]
@@ -179,7 +179,7 @@ def _common(a: np.ndarray, b: np.ndarray) -> tuple[list[Any], np.ndarray, np.nda
 
 
 def _only(where: str, a: np.ndarray, b: np.ndarray, unit: str) -> Difference:
-    """The values of a coordinate that one alone has."""
+    """Yield the values of a coordinate that only one result has."""
     one, other = a.tolist(), b.tolist()
     here, there = set(one), set(other)
     return Difference(
@@ -192,7 +192,7 @@ def _only(where: str, a: np.ndarray, b: np.ndarray, unit: str) -> Difference:
 
 
 def _listed(values: Sequence[Any]) -> str:
-    """Describe the values that one alone has."""
+    """Describe the values that only one result has."""
     if not values:
         return "no more"
     if len(values) <= NAMED or isinstance(values[0], str):

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FORMATS = (".pdf", ".png", ".svg")
-#: What is drawn, one column of panels each: variable, and what it says.
+#: Columns of panels: variable and title.
 MEASURES = (("max_energy_error", "maximum over all steps"), ("mean_energy_error", "mean over all steps"))
 DASHES: Any = (0, (4, 2))
-#: An error of ten times the energy is no trajectory any more; the axis ends there.
+#: Upper end of the axis: an error of ten times the energy is not meaningful.
 LARGEST_ERROR = 10.0
 
 
@@ -96,7 +96,7 @@ def overlay(results: Sequence[str], pairs: Mapping[str, Sequence[xr.Dataset]]) -
 
 
 def _draw(axes: Axes, pair: Sequence[xr.Dataset], variable: str, methods: Sequence[str]) -> None:
-    """Draw the first as a pale, broad line with markers, the second as thin dashes that show where they lie on it."""
+    """Draw the first as a pale, broad line with markers, the second as thin dashes that are visible on it."""
     for cube, second in zip(pair, (False, True), strict=True):
         tau: Any = cube["tau_per_stage"].values
         for position, name in enumerate(methods):

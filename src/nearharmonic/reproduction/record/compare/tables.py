@@ -1,4 +1,4 @@
-"""Tables of results: CSV files read as columns, and what differs between two of them."""
+"""Tables of results: CSV files read as columns, and differences between two of them."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ Rows = list[list[str]]
 
 
 def table_differences(name: str, a: Texts, b: Texts, leave_out: Collection[str]) -> Iterator[Difference]:
-    """Yield what differs between the CSV files of one name in two results, a column at a time.
+    """Yield the differences of each column between the CSV files with one name in two results.
 
-    Rows belong together by the first columns of text that tell them apart, or by their position if none do.
+    Rows are matched by the first columns of text that identify them uniquely, or else by their position.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def _is_number(text: str) -> bool:
 
 
 def _naming(one: Rows, other: Rows, texts: Sequence[int]) -> Sequence[int]:
-    """The first columns of text that tell the rows of either table apart; none if no such columns do."""
+    """Return the first columns of text that identify the rows of both tables uniquely, if there are any."""
     for end in range(1, len(texts) + 1):
         if all(len({tuple(row[i] for i in texts[:end]) for row in rows}) == len(rows) for rows in (one, other)):
             return texts[:end]
@@ -70,7 +70,7 @@ def _naming(one: Rows, other: Rows, texts: Sequence[int]) -> Sequence[int]:
 
 
 def _paired(one: Rows, other: Rows, names: Sequence[int]) -> list[tuple[int, int]]:
-    """The rows of the same name; without names, those of the same number."""
+    """Return the matching rows, by names, or else by position."""
     if not names:
         return [(j, j) for j in range(min(len(one), len(other)))]
     place = {tuple(row[i] for i in names): k for k, row in enumerate(other)}
@@ -79,7 +79,7 @@ def _paired(one: Rows, other: Rows, names: Sequence[int]) -> list[tuple[int, int
 
 
 def _column_difference(where: str, cells: Sequence[tuple[str, str]], at: Sequence[str]) -> Difference | None:
-    """The difference of a column, None if it is the same."""
+    """Return the difference of a column, None if it is equal."""
     numbers = all(_is_number(a) and _is_number(b) for a, b in cells)
     distances = [0.0 if a == b else _relative(a, b) if numbers else 1.0 for a, b in cells]
     differ = sum(distance > 0 for distance in distances)
@@ -100,7 +100,7 @@ def _column_difference(where: str, cells: Sequence[tuple[str, str]], at: Sequenc
 
 
 def _relative(a: str, b: str) -> float:
-    """|a - b| / max(|a|, |b|) of two cells, with all the digits that they have."""
+    """Return |a - b| / max(|a|, |b|) of two cells, with all their digits."""
     try:
         one, other = Decimal(a), Decimal(b)
     except InvalidOperation:  # one of them is empty
@@ -113,7 +113,7 @@ def _relative(a: str, b: str) -> float:
 
 
 def _cell(text: str) -> Any:
-    """A number as the table has it, as a float if that is all it says."""
+    """Return a number of a table, as a float if this loses no digit."""
     try:
         number = float(text)
     except ValueError:

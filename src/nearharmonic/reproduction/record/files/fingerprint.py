@@ -20,23 +20,25 @@ from nearharmonic.reproduction.tasks.sources import PACKAGE, ROOT, module_digest
 from nearharmonic.reproduction.tasks.user_sources import digest_of as digest_of_file
 from nearharmonic.systems import systems
 
-#: Libraries that touch a number or a picture.
+#: Libraries that affect a number or a picture.
 LIBRARIES = (
     "numpy", "numba", "llvmlite", "mpmath", "gmpy2", "xarray", "h5py", "h5netcdf", "matplotlib", "bokeh", "snakemake",
 )  # fmt: skip
 
 
 def fingerprint(config: Config) -> dict[str, Any]:
-    """Return what tells one piece of work from another.
+    """Return the data that identify the work of a run.
 
     Returns
     -------
     dict
         ``config`` as resolved, ``config_digest``, ``code_digest``, ``coefficients_digest``, ``versions``; if users
         define systems or integrators, ``user_files`` with the digest of each file; and ``work``, the SHA-256 over
-        these, which is the same for the same work.
+        these, which is equal for equal work.
     """
-    resolved = json.loads(json.dumps(config, default=_plain))  # keys in their order: it is that of tables and legends
+    resolved = json.loads(
+        json.dumps(config, default=_plain)
+    )  # keys in their order, which determines the order of tables and legends
     methods = dict.fromkeys((*config.methods, *config.decomposed, *config.compared))
     told = {
         "config": resolved,
@@ -68,7 +70,7 @@ def digest_of(document: Any) -> str:
 
 
 def package_digest(root: Path = ROOT) -> str:
-    """Return the SHA-256 of the code of all modules of the package, docstrings and comments aside."""
+    """Return the SHA-256 of the code of all modules of the package, without docstrings and comments."""
     modules = sorted(_module_names(root))
     return digest_of({name: module_digest(name, None if root == ROOT else root) for name in modules})
 
@@ -80,7 +82,7 @@ def _module_names(root: Path) -> Iterable[str]:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of Python, of this package and of :data:`LIBRARIES`; a library that is absent has none."""
+    """Return the versions of Python, of this package and of the installed :data:`LIBRARIES`."""
     found = {"python": platform.python_version()}
     for name in (PACKAGE, *LIBRARIES):
         try:
@@ -91,7 +93,7 @@ def versions() -> dict[str, str]:
 
 
 def machine() -> dict[str, Any]:
-    """Return ``platform`` and ``cpu``: the model and the features that compiled code may use."""
+    """Return ``platform`` and ``cpu``: model and instruction-set features for compiled code."""
     from llvmlite import binding
 
     features = sorted(name for name, there in binding.get_host_cpu_features().items() if there)
@@ -107,7 +109,7 @@ def _cpu_model() -> str:
 
 
 def revision(folder: Path) -> dict[str, Any]:
-    """Return ``commit`` and ``dirty`` of the working tree at ``folder``; both None where there is none.
+    """Return ``commit`` and ``dirty`` of the working tree at ``folder``; both are None without a repository.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Result folders by name: where the results of a config are, and which results there are."""
+"""Result folders by name."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from nearharmonic.errors import UnknownNameError, unknown_name
 
 #: The folder of all results, below that of the project.
 RESULTS = Path("results")
-#: What tells a folder of results from any other: one of these is in it.
+#: Files and folders that identify a folder of results: it has at least one.
 SIGNS = ("manifest.json", "history.jsonl", "cubes", "logs/running")
 
 
@@ -23,7 +23,7 @@ def folder_of(name: str) -> Path:
     Raises
     ------
     UnknownNameError
-        Neither is a folder that holds a result.
+        Neither of them is a folder with a result.
     """
     for folder in (Path(name), RESULTS / name):
         if is_result(folder):
@@ -36,12 +36,12 @@ def folder_of(name: str) -> Path:
 
 
 def result_names() -> list[str]:
-    """Return the names of the folders below ``results/`` that hold a result, sorted."""
+    """Return the sorted names of the folders below ``results/`` with a result."""
     if not RESULTS.is_dir():
         return []
     return sorted(folder.name for folder in RESULTS.iterdir() if is_result(folder))
 
 
 def is_result(folder: Path) -> bool:
-    """Return whether ``folder`` holds a result: a manifest, a history or a folder of cubes."""
+    """Return True if ``folder`` has a manifest, a history or a folder of cubes."""
     return any((folder / sign).exists() for sign in SIGNS)

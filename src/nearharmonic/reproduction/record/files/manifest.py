@@ -1,4 +1,4 @@
-"""The manifest of a folder of results: size, digest and origin of every file, as the job left it that made it."""
+"""The manifest of a folder of results: size, digest and origin of every file, as written by its job."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from nearharmonic.reproduction.tasks.receipts import measured, receipts_in
 
 MANIFEST = "manifest.json"
 FORMAT = "nearharmonic manifest 1"
-#: What no manifest lists: it changes with every run.
+#: Files that no manifest lists, because they change with every run.
 LEFT_OUT = (HISTORY, MANIFEST)
 LOGS = "logs"
 
 
 def read(folder: Path) -> dict[str, Any]:
-    """Return the manifest of ``folder``, without its own SHA-256, which is compared.
+    """Return the manifest of ``folder`` without its own SHA-256, which is verified.
 
     Returns
     -------
     dict
-        ``format``; ``configfiles``; ``files``, the entries by name; and names of files: those ``changed`` since their
-        jobs wrote them, those of a ``former`` config, and those ``unrecorded``, of which no receipt is left.
+        ``format``; ``configfiles``; ``files``, the entries by name; and lists of file names: files ``changed`` after
+        their jobs wrote them, files of a ``former`` config, and ``unrecorded`` files without a receipt.
 
     Raises
     ------
     ResultFileError
-        It is missing or no manifest; the message names the command that makes it again.
+        The manifest is missing or invalid; the message names the command that makes it again.
     """
     place = folder / MANIFEST
     try:
@@ -50,15 +50,15 @@ def read(folder: Path) -> dict[str, Any]:
 
 
 def _is_inside(name: str) -> bool:
-    """Return True if a file of this name is in the folder of results; a manifest from elsewhere may name any other."""
+    """Return True if this name is inside the folder of results; a foreign manifest may have any names."""
     path = PurePosixPath(name)
     return not path.is_absolute() and ".." not in path.parts
 
 
 def write(folder: Path, makeable: Collection[str] | None = None, configfiles: Sequence[str] = ()) -> list[str]:
-    """Write the manifest of ``folder`` from its receipts, and from the manifest before it where a receipt is lost.
+    """Write the manifest of ``folder`` from its receipts, and from the previous manifest if a receipt is lost.
 
-    A file that is missing stays listed as long as a job of the present config makes it.
+    A missing file stays in the list if a job of the present config makes it.
 
     Parameters
     ----------
@@ -72,8 +72,7 @@ def write(folder: Path, makeable: Collection[str] | None = None, configfiles: Se
     Returns
     -------
     list of str
-        Names of files whose bytes are not those that their job wrote, sorted. Their entries keep the digest of what
-        the job wrote.
+        Sorted names of files that have changed after their job wrote them. Their entries keep the original digest.
 
     Raises
     ------
@@ -86,7 +85,7 @@ def write(folder: Path, makeable: Collection[str] | None = None, configfiles: Se
     entries = {name: entries[name] for name in sorted(entries) if makeable is None or name in wanted}
     changed = [name for name, entry in entries.items() if name in there and _is_changed(folder / name, entry)]
     for entry in entries.values():
-        entry.pop("modified", None)  # a clock, of use on this machine alone
+        entry.pop("modified", None)  # a timestamp, only used on this machine
     document = {
         "format": FORMAT,
         "configfiles": list(configfiles),
@@ -100,7 +99,7 @@ def write(folder: Path, makeable: Collection[str] | None = None, configfiles: Se
 
 
 def entries_of(folder: Path) -> dict[str, dict[str, Any]]:
-    """Return what is recorded of each file of ``folder`` by now: by the jobs, or by the manifest before them."""
+    """Return the present entries of the files of ``folder``: from receipts, or from the previous manifest."""
     try:
         entries = dict(read(folder)["files"])
     except ResultFileError:
@@ -111,12 +110,12 @@ def entries_of(folder: Path) -> dict[str, dict[str, Any]]:
 
 
 def sealed(document: Mapping[str, Any]) -> str:
-    """Return the text of a manifest: ``document`` and, at its end, the SHA-256 of it."""
+    """Return the text of a manifest: ``document`` followed by its SHA-256."""
     return json.dumps({**document, "sha256": digest_of(document)}, indent=1) + "\n"
 
 
 def names_in(folder: Path) -> Iterator[str]:
-    """Yield the names of all files that a manifest is to list, those of unfinished writers left out."""
+    """Yield the names of all files for a manifest, without temporary files of unfinished writes."""
     for place in sorted(folder.rglob("*")):
         name = place.relative_to(folder)
         if name.parts[0] != LOGS and str(name) not in LEFT_OUT and not place.name.endswith(".part") and place.is_file():
@@ -124,7 +123,7 @@ def names_in(folder: Path) -> Iterator[str]:
 
 
 def _is_changed(place: Path, entry: dict[str, Any]) -> bool:
-    """Return True if a file differs from its job's output; one of the same size and time counts as the same."""
+    """Return True if a file differs from the output of its job; equal size and time count as equal."""
     state = place.stat()
     if (state.st_size, state.st_mtime_ns) == (entry["size"], entry.get("modified")):
         return False

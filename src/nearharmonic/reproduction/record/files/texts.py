@@ -1,4 +1,4 @@
-"""Tables, documents and pictures of a result, each compared with its record before anything in it is believed."""
+"""Tables, documents and pictures of a result, each checked against its record before use."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Texts:
         Raises
         ------
         ResultFileError
-            It is missing, no text, or not what the job wrote that made it; the message holds the command that makes it
+            The file is missing, no text, or changed after its job wrote it; the message has the command that makes it
             again.
         """
         place = self._folder / name
@@ -55,7 +55,7 @@ class Texts:
         Raises
         ------
         ResultFileError
-            As for :meth:`read`; also a file that holds no table.
+            As for :meth:`read`, or the file has no table.
         """
         text = self.read(name)
         try:
@@ -64,6 +64,6 @@ class Texts:
             raise self.unusable(name, "holds no table") from error
 
     def unusable(self, name: str, complaint: str) -> ResultFileError:
-        """The error for the file ``name``."""
+        """Return the error for the file ``name``."""
         place = self._folder / name
         return ResultFileError(f"{place} {complaint}. Make it again: {command_for(place)}")

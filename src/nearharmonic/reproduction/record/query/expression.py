@@ -1,8 +1,8 @@
 """Conditions on columns, written as Python comparisons: parsed by ``ast``, checked, and evaluated by pandas.
 
-Allowed are comparisons (chained ones too), ``and``, ``or``, ``not``, parentheses, ``+ - * /``, numbers, texts, names
-of columns, ``inf``, and ``in`` with a list of numbers or texts. Pandas gets a text that is written anew from these
-alone, so that no call and no attribute reaches it.
+Allowed are comparisons (chained ones too), ``and``, ``or``, ``not``, parentheses, ``+ - * /``, numbers, texts, names of
+columns, ``inf``, and ``in`` with a list of numbers or texts. The text for pandas is generated from these elements only,
+so that it contains no call and no attribute.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _ALLOWED = "comparisons, and, or, not, + - * /, numbers, texts in quotes, column
 
 
 def rows_where(text: str, columns: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return which rows fulfil a condition.
+    """Return the mask of the rows that fulfil a condition.
 
     Parameters
     ----------
@@ -48,9 +48,9 @@ def rows_where(text: str, columns: Mapping[str, np.ndarray]) -> np.ndarray:
     Raises
     ------
     SettingError
-        What is no such condition, or compares numbers with texts; the message says where.
+        The text is no such condition, or compares numbers with texts; the message has the position.
     UnknownNameError
-        A name that is no column.
+        A name is no column.
     """
     source = " ".join(text.split())
     condition = _Condition(source, columns)
@@ -60,14 +60,14 @@ def rows_where(text: str, columns: Mapping[str, np.ndarray]) -> np.ndarray:
             raise SettingError(f"where = {source!r} is {kind}, not a condition; allowed are {_ALLOWED}")
         with np.errstate(all="ignore"):
             found = pd.eval(written, engine="python", local_dict=condition.operands)
-    except (RecursionError, MemoryError):  # the parser's, or ours where it went deeper
+    except (RecursionError, MemoryError):  # from the parser, or from the recursion below
         raise SettingError("where is too deeply nested") from None
     return np.asarray(found, dtype=bool)
 
 
 def _parsed(source: str) -> ast.expr:
     try:
-        with warnings.catch_warnings(action="ignore"):  # of a backslash in a text, of 1and 2
+        with warnings.catch_warnings(action="ignore"):  # for a backslash in a text, or for 1and 2
             return ast.parse(source, mode="eval").body
     except SyntaxError as error:
         place = f"at character {error.offset or len(source) + 1}: {error.msg}"
@@ -79,12 +79,12 @@ def _parsed(source: str) -> ast.expr:
 
 
 class _Condition:
-    """Checks a parsed condition on columns and writes it for pandas."""
+    """Validator of a parsed condition on columns, and generator of its text for pandas."""
 
     def __init__(self, source: str, columns: Mapping[str, np.ndarray]) -> None:
         self._source = source
         self._columns = columns
-        #: Columns and constants, each as long as a column, by the names that stand for them in the written text.
+        #: Columns and constants, each as long as a column, by their names in the generated text.
         self._rows = range(len(next(iter(columns.values()))) if columns else 0)
         self.operands: dict[str, Any] = {}
 
@@ -108,7 +108,7 @@ class _Condition:
         return kind, f"({text})"
 
     def _compared(self, left: ast.expr, sign: ast.cmpop, right: ast.expr) -> str:
-        """Write a comparison that is false where one side is NaN."""
+        """Write a comparison that is false if one side is NaN."""
         if isinstance(sign, ast.Is | ast.IsNot):
             self._refuse(right, f"allowed are {_ALLOWED}")
         kind, one = self.written(left)
@@ -130,7 +130,7 @@ class _Condition:
             yield self._alike(left, kind, member)
 
     def _alike(self, left: ast.expr, kind: str, right: ast.expr) -> str:
-        """Write ``right``, which has to be of the kind of ``left``."""
+        """Write ``right``, which must have the kind of ``left``."""
         its_kind, written = self.written(right)
         if TRUTH in {kind, its_kind}:
             self._refuse(left if kind == TRUTH else right, "a condition cannot be compared")
@@ -139,7 +139,7 @@ class _Condition:
         return written
 
     def _operand(self, node: ast.expr) -> tuple[str, str]:
-        """Keep a column or a constant as a series of numbers or texts and return its kind and the name for it."""
+        """Store a column or a constant as a series of numbers or texts, and return its kind and name."""
         match node:
             case ast.Name(id=name):
                 if name not in self._columns and name != "inf":
@@ -151,7 +151,7 @@ class _Condition:
                 self._refuse(node, f"allowed are {_ALLOWED}")
         kind = TEXT if np.asarray(value).dtype.kind == "U" else NUMBER
         try:
-            # Integers as floats: their products and quotients are those of the numbers, not of 64 bits.
+            # Integers become floats, so that products do not overflow 64 bits.
             series = pd.Series(value, self._rows, dtype=object if kind == TEXT else float)
         except OverflowError:
             self._refuse(node, "it is larger than any number of a column")

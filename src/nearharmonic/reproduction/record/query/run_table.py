@@ -1,4 +1,4 @@
-"""Single runs as rows: the cubes of systems taken apart, chosen by a condition, sorted."""
+"""Single runs of the cubes of systems as rows of a table, selected by a condition and sorted."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ import numpy as np
 from nearharmonic.errors import ResultFileError, unknown_name
 from nearharmonic.output import store
 
-#: Columns of every system, in the order in which they are shown; what a system adds comes behind.
+#: Columns of every system, in the displayed order; columns of single systems follow.
 COLUMNS = (
     "system", "integrator", "precision", "tau", "tau_per_stage", "steps", "evaluations", "max_energy_error",
     "mean_energy_error", "status", "diverged_at", "label",
 )  # fmt: skip
-#: Those among them that hold text.
+#: Columns of text among them.
 TEXTS = {"result", "system", "integrator", "precision", "status", "label"}
 #: Dimensions of a cube of runs.
 DIMENSIONS = ("integrator", "precision", "tau_per_stage")
-#: Status of a cell that was never run.
+#: Status of a cell without a run.
 SKIPPED = "skipped"
 
 Columns = dict[str, np.ndarray]
@@ -30,12 +30,12 @@ Columns = dict[str, np.ndarray]
 
 @dataclass(frozen=True)
 class RunTable:
-    """Runs, one a row.
+    """Table of runs, one per row.
 
     Attributes
     ----------
     columns : dict of str to ndarray
-        Numbers or texts of each run, all of the same length; NaN or an empty text where a system has no such number.
+        Numbers or texts of each run, all of the same length; NaN or an empty text if a system has no such quantity.
     units : dict
         ``units[system][column]``: the unit of a column, if it has one.
     """
@@ -49,7 +49,7 @@ class RunTable:
         return len(self.columns["system"])
 
     def taken(self, rows: Any) -> RunTable:
-        """Return these rows, given as a mask or as indices."""
+        """Return the rows of a mask or of indices."""
         return RunTable({name: values[rows] for name, values in self.columns.items()}, self.units)
 
 
@@ -59,13 +59,13 @@ def run_table(folders: Mapping[str, Path]) -> RunTable:
     Parameters
     ----------
     folders : mapping of str to Path
-        Folders of results by name; if there are several, the column ``result`` with their names comes first.
+        Folders of results by name; if there are several, the first column is ``result`` with their names.
 
     Returns
     -------
     RunTable
-        A row for each step size of each cube of a system. Where step sizes round to the same number of steps, the rows
-        show one and the same run. Cells that were never run are left out.
+        One row for each step size of each cube of a system. Step sizes that round to the same number of steps share one
+        run. Cells without a run are omitted.
 
     Raises
     ------
@@ -86,9 +86,9 @@ def run_table(folders: Mapping[str, Path]) -> RunTable:
 
 
 def system_cubes(folder: Path) -> Iterator[Path]:
-    """Yield the files in ``folder`` that hold the runs of a system, sorted: those named after it.
+    """Yield the sorted files in ``folder`` with the runs of a system: those named after it.
 
-    Other cubes, such as that of the kinetic energies, name a system as well, but keep no single runs.
+    Other cubes, such as that of the kinetic energies, also name a system, but have no single runs.
     """
     for path in sorted(folder.glob("cubes/*.h5")):
         if store.attributes_of(path).get("system") == path.stem:
@@ -96,7 +96,7 @@ def system_cubes(folder: Path) -> Iterator[Path]:
 
 
 def settings_of(attributes: Any) -> dict[str, Any]:
-    """Return the settings that a file was made with, from its attributes; empty if it has none."""
+    """Return the settings of a file from its attributes; empty if it has none."""
     try:
         found = json.loads(attributes.get("settings", "{}"))
     except ValueError:
@@ -105,12 +105,12 @@ def settings_of(attributes: Any) -> dict[str, Any]:
 
 
 def runs_of_cube(path: Path) -> tuple[Columns, dict[str, str]]:
-    """Return the columns of the runs in the cube of one system, and the units of those that have one.
+    """Return the columns of the runs in the cube of one system, and their units.
 
     Raises
     ------
     ResultFileError
-        The cube cannot be read, or lacks something that every cube of a system has.
+        The cube cannot be read, or is incomplete.
     """
     cube = store.read(path)
     missing = [name for name in COLUMNS if name not in cube.variables and name != "system"]
@@ -124,7 +124,7 @@ def runs_of_cube(path: Path) -> tuple[Columns, dict[str, str]]:
     ran = (arrays["status"] != SKIPPED) & (arrays["steps"] > 0)
     columns: Columns = {}
     for axis, name in enumerate(DIMENSIONS):
-        # xarray keeps the texts of an index as objects, which compare a hundred times more slowly.
+        # xarray stores the texts of an index as objects, whose comparison is a hundred times slower.
         values = cube[name].values.astype(str) if name in TEXTS else cube[name].values
         columns[name] = _along(axis, values, shape)[ran]
     columns["label"] = _along(0, cube["label"].values, shape)[ran]
@@ -136,12 +136,12 @@ def runs_of_cube(path: Path) -> tuple[Columns, dict[str, str]]:
 
 
 def _along(axis: int, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """``values`` of one dimension, repeated over the others."""
+    """Return ``values`` of one dimension, repeated over the others."""
     return np.broadcast_to(values.reshape([-1 if i == axis else 1 for i in range(len(shape))]), shape)
 
 
 def _stacked(name: str, parts: Sequence[Columns]) -> np.ndarray:
-    """The column ``name`` of all ``parts`` below each other."""
+    """Concatenate the column ``name`` of all ``parts``."""
     held = [part[name] for part in parts if name in part]
     if not held:
         return np.array([], dtype=str if name in TEXTS else float)
@@ -150,12 +150,12 @@ def _stacked(name: str, parts: Sequence[Columns]) -> np.ndarray:
 
 
 def order_by(key: str, columns: Columns) -> np.ndarray:
-    """Return the indices of the rows sorted by a column; rows with equal values stay in the order they have.
+    """Return the indices of the rows in a stable sort by a column.
 
     Parameters
     ----------
     key : str
-        Name of a column; a minus before it sorts from the largest. NaN comes last in either direction.
+        Name of a column; a minus sign before it means descending order. NaN is last in both directions.
     columns : dict of str to ndarray
         All columns.
 
@@ -179,7 +179,7 @@ def column_of(name: str, columns: Columns) -> np.ndarray:
     Raises
     ------
     UnknownNameError
-        There is no such column; it says the nearest match.
+        There is no such column; the message has the nearest match.
     """
     if name not in columns:
         raise unknown_name("column", name, columns)

@@ -1,4 +1,4 @@
-"""One run of a result: its numbers, the files that hold it, and the lines of Python that make it again."""
+"""One run of a result: its numbers, its files, and Python code that repeats it."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.engine.handed_on import HandedOn
-from nearharmonic.engine.settings import checked_tau, one_of
+from nearharmonic.engine.settings import HandedOn, checked_tau, one_of
 from nearharmonic.errors import NearharmonicError, bad_setting, unknown_name
 from nearharmonic.output import store
 from nearharmonic.reproduction.record.query.run_table import (
@@ -28,34 +27,34 @@ from nearharmonic.reproduction.tasks.definitions import defined, read_definition
 from nearharmonic.systems import systems
 from nearharmonic.systems.user_file import SystemDefinition
 
-#: Relative spacing of a grid of one step size: the digits that a person would type.
+#: Relative tolerance for a grid of one step size, for values typed with few digits.
 LEAST_SPACING = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
 class SingleRun:
-    """One run and all that its result tells of it.
+    """One run, with all its data in a result.
 
     Attributes
     ----------
     cells : dict
         Its cell of the cube: numbers and texts by name.
     units : dict of str to str
-        Units of those numbers that have one.
+        Units of the numbers.
     system_units : dict of str to str
-        Units of t, q, p and the energy of the system; empty if this package has no such system.
+        Units of t, q, p and the energy of the system; empty for an unknown system.
     settings : dict
-        The sweep that it is part of, as the cube's attributes hold it.
+        The sweep of the run, from the attributes of the cube.
     definitions : dict
-        Definitions of the system and of integrators that a user defines, as the cube's attributes hold them.
+        Users' definitions of the system and of integrators, from the attributes of the cube.
     cube : Path
         File of the cube.
     file : Path or None
         File of the trajectory; None if there is none.
     samples : int or None
-        States that this file keeps of the run; None without a file.
+        Number of states of the run in this file; None without a file.
     origin : dict of str to str
-        Attributes of the file of the trajectory, or of the cube without one: versions and digests.
+        Versions and digests from the attributes of the trajectory file, or of the cube if there is no such file.
     """
 
     cells: dict[str, Any]
@@ -72,20 +71,20 @@ class SingleRun:
 def single_run(
     folder: Path, system: str, integrator: str, tau: object, *, precision: str | None = None, per_stage: bool = False
 ) -> SingleRun:
-    """Return the run of a result whose step size is nearest to the one asked for.
+    """Return the run of a result with the step size nearest to the requested one.
 
     Parameters
     ----------
     folder : Path
         Folder of the result.
     system, integrator : str
-        Names, as the result has them.
+        Names in the result.
     tau : float or str
-        Step size in the system's unit of time; with ``per_stage`` the step size per stage.
+        Step size in the unit of time of the system; with ``per_stage`` the step size per stage.
     precision : str, optional
-        Arithmetic of the run; double, or the only one that there is, by default.
+        Arithmetic of the run; by default double, or the only available one.
     per_stage : bool
-        Whether ``tau`` is divided by the number of stages.
+        True if ``tau`` is divided by the number of stages.
 
     Raises
     ------
@@ -121,7 +120,7 @@ def single_run(
 
 
 def _units(system: str, definitions: Mapping[str, Any]) -> dict[str, str]:
-    """Units of a registered or a user's system; {} if it is not here."""
+    """Return the units of a registered or a user's system; {} for an unknown system."""
     with suppress(NearharmonicError), defined(read_definitions(definitions)):
         return dict(systems[system].units)
     return {}
@@ -139,7 +138,7 @@ def _of(columns: Columns, name: str, value: str) -> Columns:
 
 
 def _nearest(taus: np.ndarray, asked: float, whose: str) -> int:
-    """The index of the step nearest to ``asked`` in the logarithm, if one lies within the spacing around it."""
+    """Return the index of the step size with the nearest logarithm to ``asked``, within the spacing of the grid."""
     logarithms = np.log(taus)
     distances = abs(logarithms - log(asked))
     row = int(distances.argmin())
@@ -153,7 +152,7 @@ def _nearest(taus: np.ndarray, asked: float, whose: str) -> int:
 
 
 def _trajectory(folder: Path, cells: Mapping[str, Any]) -> tuple[Path | None, int | None]:
-    """The run file that holds the run, and how many of its states."""
+    """Return the run file of the run, and the number of its states there."""
     for path in sorted(folder.glob(f"runs/{cells['system']}/{cells['integrator']}/*.h5")):
         runs = store.read_precisions(path).get(cells["precision"])
         if runs is not None:
@@ -169,7 +168,7 @@ def _origin(attributes: Mapping[str, Any]) -> dict[str, str]:
 
 
 def python_lines(run: SingleRun) -> list[str]:
-    """Return the lines of Python that make a run again; the number that they print is that of the cube, bit for bit."""
+    """Return Python code that repeats a run; the printed number is bitwise identical to that of the cube."""
     cells, settings = run.cells, run.settings
     system, before = _system_lines(str(cells["system"]), run.definitions)
     integrator = _integrator_text(str(cells["integrator"]), run.definitions)
@@ -191,7 +190,7 @@ def python_lines(run: SingleRun) -> list[str]:
 
 
 def _system_lines(name: str, definitions: Mapping[str, Any]) -> tuple[str, list[str]]:
-    """Return the text for a system in a call, and the lines that must come before."""
+    """Return the argument for a system in a call, and the lines before the call."""
     told = read_definitions(definitions).get("systems", {}).get(name)
     if told is None:
         return f'"{name}"', []
@@ -202,13 +201,13 @@ def _system_lines(name: str, definitions: Mapping[str, Any]) -> tuple[str, list[
 
 
 def _integrator_text(name: str, definitions: Mapping[str, Any]) -> str:
-    """Return the text for an integrator in a call."""
+    """Return the argument for an integrator in a call."""
     told = read_definitions(definitions).get("integrators", {}).get(name)
     return f'"{name}"' if told is None else f'"{told.file}:{name}"'
 
 
 def files_of(run: SingleRun, folder: Path, manifest: Mapping[str, Any]) -> Iterator[tuple[str, str, dict[str, Any]]]:
-    """Yield (what it is, path below the result, entry of the manifest, empty if it has none) of the files of a run."""
+    """Yield (description, path below the result, entry of the manifest or empty) of the files of a run."""
     for what, path in (("cube", run.cube), ("run file", run.file)):
         if path is not None:
             name = path.relative_to(folder).as_posix()

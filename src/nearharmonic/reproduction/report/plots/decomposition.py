@@ -1,4 +1,4 @@
-"""Error terms kappa of the harmonic oscillator against their order, for both compositions, as Figure 2 has them."""
+"""Error terms kappa of the harmonic oscillator against their order, for both compositions, as in Figure 2."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ _ROWS = [("method", "$name"), ("order λ", "@order"), ("|κ|", "@shown{%.4e}")]
 def decomposition(terms: xr.Dataset) -> list[Panel]:
     """Draw ``kappa`` of ``terms``, dimensions (integrator, first, order): terms that remain, and terms that vanish.
 
-    Circles around a marker are ABA compositions, lines BAB ones; the panels share the axis of the order.
+    Markers with circles are ABA compositions, markers with lines BAB compositions; the panels share the axis of the
+    order.
     """
     order = terms["order"].values
     kappa = np.array(terms["kappa"].values, dtype=float)
@@ -63,7 +64,7 @@ def _use_categories(plot: Plot, labels: list[str]) -> None:
 
 
 def _draw_remaining(plot: Plot, order: Any, values: Any, names: tuple[str, str]) -> Renderer:
-    """Draw the terms of one composition that do not vanish; return the renderer that a hover looks at."""
+    """Draw the nonzero terms of one composition; return the renderer for the hover."""
     method, name = names
     shown = np.where(values >= SATISFIED_BELOW, values, np.nan)
     source = panels.source_of(order=order, shown=shown)
@@ -74,7 +75,7 @@ def _draw_remaining(plot: Plot, order: Any, values: Any, names: tuple[str, str])
 
 
 def _draw_vanishing(plot: Plot, order: Any, values: Any, names: tuple[str, str, str]) -> Renderer:
-    """Mark the terms of one composition that vanish; return the renderer that a hover looks at."""
+    """Mark the vanishing terms of one composition; return the renderer for the hover."""
     method, label, composition = names
     gone = values < SATISFIED_BELOW
     source = panels.source_of(order=order[gone], row=np.full(gone.sum(), label), shown=values[gone])
@@ -86,7 +87,7 @@ def _draw_vanishing(plot: Plot, order: Any, values: Any, names: tuple[str, str, 
 
 
 def _circle(plot: Plot, source: Source, y: str, method: str, name: str) -> Renderer:
-    """Circles around the method's own marker, which tells them apart without colour."""
+    """Draw circles around the marker of the method, which identifies it without colour."""
     panels.add_markers(plot, source, ("order", y), method, size=5, line_width=1)
     circle = {"marker": "circle", "angle": 0.0, "size": 12, "fill_alpha": 0.0, "line_width": 1.1}
     return panels.add_markers(plot, source, ("order", y), method, name, **circle)

@@ -14,12 +14,12 @@ from nearharmonic.reproduction.report.shown.wording import moment, told
 
 #: Status of a run -> colour of its bar.
 COLOURS = {"ok": "#2f6db5", "failed": "#c0392b", "killed": "#8a6d00"}
-#: The bars on the chart; older runs stand in the table alone.
+#: Maximum number of bars on the chart; older runs are only in the table.
 _MOST = 60
 
 
 def durations(runs: Sequence[Mapping[str, Any]]) -> list[Panel]:
-    """Draw the durations of ``runs``, lines of a history from the oldest; those that have none are left out."""
+    """Draw the durations of ``runs``, lines of a history from the oldest; runs without a duration are omitted."""
     chosen = [(i, run) for i, run in enumerate(runs, start=1) if run.get("duration") is not None][-_MOST:]
     number, seconds = [i for i, _ in chosen], [run["duration"] for _, run in chosen]
     along = panels.span([[i - 0.6 for i in number], [i + 0.6 for i in number]], logarithmic=False)

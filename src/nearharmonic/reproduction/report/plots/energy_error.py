@@ -16,21 +16,20 @@ from nearharmonic.reproduction.report.plots.panels import Panel
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Variable -> what the panel shows, and the beginning of the label of its y axis.
+#: Variable -> title of the panel, and beginning of the label of its y axis.
 PANELS = {
     "max_energy_error": ("A. Maximum over all steps", "max"),
     "mean_energy_error": ("B. Mean over all steps", "mean"),
 }
-#: The crosses stand at this share of the upper end of the axis.
+#: Height of the crosses, relative to the upper end of the axis.
 _EDGE = 0.8
 
 
 def energy_error(cube: xr.Dataset) -> list[Panel]:
-    """Draw the energy errors of every method of ``cube``, as the static figure does.
+    """Draw the energy errors of every method of ``cube``, like the static figure.
 
-    ``cube`` has dimensions (integrator, tau_per_stage), optionally led by precision. Runs that left their energy
-    surface stand on the upper edge, the first of a method as a cross, the others for the hover alone. The panels share
-    both axes.
+    ``cube`` has dimensions (integrator, tau_per_stage), optionally led by precision. Diverged runs are on the upper
+    edge: the first one of a method as a cross, the others only for the hover. The panels share both axes.
     """
     profile = _Profile(cube)
     for precision in cube["precision"].values.tolist() if "precision" in cube.dims else [""]:
@@ -41,7 +40,7 @@ def energy_error(cube: xr.Dataset) -> list[Panel]:
 
 
 class _Profile:
-    """The panels while they are drawn, and the renderers that their hovers look at."""
+    """The panels during drawing, and the renderers for their hovers."""
 
     def __init__(self, cube: xr.Dataset) -> None:
         unit = cube["tau_per_stage"].attrs.get("units", "1")
@@ -83,7 +82,7 @@ class _Profile:
                 self._crosses[name].append(panels.add_markers(plot, lost, ("x", "edge"), method, label, **cross))
 
     def _lost(self, runs: xr.Dataset) -> Any:
-        """Return the crosses of runs that left their energy surface; None if there are none."""
+        """Return the crosses of diverged runs; None if there are none."""
         gone = np.flatnonzero(runs["status"].values == "diverged")
         if not gone.size:
             return None
@@ -105,7 +104,7 @@ class _Profile:
 
 
 def _add_slopes(plot: Plot) -> None:
-    """Two short lines of slope 4 and 6 in the empty lower right corner: the order that a curve's slope reads."""
+    """Draw two short lines of slope 4 and 6 in the empty lower right corner, to read the order of a curve."""
     x, y = plot.x_range.end / 12, plot.y_range.start * 30
     ends = [(4 * x, y * 4.0**order) for order in (4, 6)]
     lines = panels.source_as_is({"x": [np.array([x, a]) for a, _ in ends], "y": [np.array([y, b]) for _, b in ends]})
@@ -117,7 +116,7 @@ def _add_slopes(plot: Plot) -> None:
 
 
 def _columns(runs: xr.Dataset) -> dict[str, Any]:
-    """The runs of one method from the first to the last that has an error to draw."""
+    """Return the runs of one method from the first to the last with a drawable error."""
     columns = {name: panels.drawable(runs[name].values) for name in PANELS}
     there = np.flatnonzero(np.any([np.isfinite(values) for values in columns.values()], axis=0))
     kept = slice(there[0], there[-1] + 1) if there.size else slice(0)

@@ -1,4 +1,4 @@
-"""Markers of the methods: the bokeh marker for each of matplotlib's that the house style uses, and its SVG outline."""
+"""Markers of the methods: bokeh markers and SVG outlines for the matplotlib markers of the house style."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class Marker(NamedTuple):
     shape : str
         Name of bokeh's marker.
     angle : float
-        By which it is turned, in radians.
+        Rotation in radians.
     outline : str
         SVG path within [-1, 1] x [-1, 1], for the legend.
     """
@@ -30,7 +30,8 @@ _STAR = "M0-1L.25-.3H.95L.38.14.59.8 0 .4-.59.8-.38.14-.95-.3H-.25z"
 _PLUS = "M-.35-1h.7v.65h.65v.7h-.65v.65h-.7v-.65h-.65v-.7h.65z"
 _CROSS = "M-.95-.45L-.45-.95 0-.5 .45-.95 .95-.45 .5 0 .95 .45 .45 .95 0 .5-.45 .95-.95 .45-.5 0z"
 
-#: By the names of matplotlib. Bokeh has no pentagon and no octagon: a hexagon, and a circle with a dot.
+#: Markers by their matplotlib names. Bokeh has no pentagon and no octagon; they become a hexagon, and a circle with a
+#: dot.
 MARKERS = {
     "o": Marker("circle", 0.0, _CIRCLE),
     "s": Marker("square", 0.0, "M-.85-.85h1.7v1.7h-1.7z"),

@@ -14,16 +14,16 @@ from bokeh.models import Plot
 
 
 def script() -> str:
-    """Return bokeh's script, the core without its extensions, as it is installed."""
+    """Return the installed script of bokeh: the core without extensions."""
     return Path(bokeh.__file__).parent.joinpath("server/static/js/bokeh.min.js").read_text(encoding="utf-8")
 
 
 def document(roots: Sequence[Plot]) -> tuple[str, list[str]]:
     """Return a document with the plots ``roots`` as JSON, and the ids of the roots in it.
 
-    Models are numbered in the order in which they are written, so that the same plots give the same text.
+    Models are numbered in the order of writing, so that equal plots give equal texts.
     """
-    # Document.add_root would look through all plots again at each of them, which takes as long as all else.
+    # Document.add_root searches all plots again at each call, which would double the total time.
     told = Document(title="nearharmonic").to_json(deferred=False)
     told["roots"] = Serializer(deferred=False).serialize(list(roots)).content
     text = json.dumps(told, separators=(",", ":"), allow_nan=False)

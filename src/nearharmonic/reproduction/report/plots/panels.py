@@ -1,6 +1,6 @@
-"""Panels of the interactive figures: axes, zoom and hover, and the methods' lines and markers as in the static ones.
+"""Panels of the interactive figures: axes, zoom, hover, and the lines and markers of the static figures.
 
-Every renderer of a method carries the method's name among its tags, which the legend of the page toggles it by.
+Every renderer has the name of its method as a tag; the legend of the page uses it to show and hide the method.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from nearharmonic.plotting.palette import style_of
 from nearharmonic.reproduction.report.plots.markers import MARKERS
 
 Array = np.ndarray[Any, np.dtype[Any]]
-#: In pixels: a hover finds the curve that passes within half of it.
+#: Width in pixels: a hover finds curves within half of it.
 _REACH = 12
-#: Markers on a curve of a method, taking turns with those of the others.
+#: Number of markers on a curve, interleaved with those of other methods.
 _MARKS = 14
 #: In pixels.
 _MARKER_SIZE = 7
-#: Column of 1 where a point carries its marker and 0 where not.
+#: Column of 1 for points with a marker and 0 for others.
 MARKED = "marked"
 FONT = "system-ui, sans-serif"
 _LOGARITHMIC = "log"
@@ -49,11 +49,11 @@ class Panel:
     Attributes
     ----------
     title : str
-        Its letter, if it has one, and what it shows.
+        Letter, if there is one, and content of the panel.
     plot : Plot
-        The plot; its title stands in HTML, where a long one is wrapped.
+        The plot; its title is in HTML, which wraps long titles.
     note : str
-        What the panel states below the plot.
+        Text below the plot.
     """
 
     title: str
@@ -62,16 +62,16 @@ class Panel:
 
 
 def span(values: Iterable[Any], logarithmic: bool, highest: float = np.inf) -> bokeh.Range1d:
-    """Return a range of an axis, for one or more panels, that holds all numbers and a margin.
+    """Return a range of an axis, for one or more panels, with all numbers and a margin.
 
     Parameters
     ----------
     values : iterable of array
-        What is drawn; NaN and infinities count for nothing, on a logarithmic axis neither do zeros and negatives.
+        Drawn numbers; NaN and infinities are ignored, and on a logarithmic axis also zeros and negative numbers.
     logarithmic : bool
-        Whether the axis is.
+        True for a logarithmic axis.
     highest : float
-        Where the range ends at the latest.
+        Maximum of the upper end of the range.
     """
     numbers = np.concatenate([np.ravel(np.asarray(value, dtype=float)) for value in values] or [np.empty(0)])
     numbers = numbers[np.isfinite(numbers) & ((numbers > 0) | (not logarithmic))]
@@ -91,7 +91,7 @@ def exactly(low: float, high: float, logarithmic: bool = False) -> bokeh.Range1d
 
 
 def new_plot(ranges: tuple[bokeh.Range1d, bokeh.Range1d], labels: tuple[str, str], height: int = 460) -> Plot:
-    """Return an empty plot whose axes are logarithmic where their ranges, x and y, are, named by ``labels``."""
+    """Return an empty plot with these ranges (linear or logarithmic) and labels of x and y."""
     tools = [bokeh.BoxZoomTool(), bokeh.PanTool(), bokeh.WheelZoomTool(), bokeh.SaveTool(), bokeh.ResetTool()]
     axes = [_axis(one, label) for one, label in zip(ranges, labels, strict=True)]
     scales = [bokeh.LogScale() if _is_logarithmic(one) else bokeh.LinearScale() for one in ranges]
@@ -126,12 +126,12 @@ def _axis(one: bokeh.Range1d, label: str) -> bokeh.LinearAxis | bokeh.LogAxis:
 
 
 def category_axis(labels: Sequence[str]) -> tuple[bokeh.FactorRange, bokeh.CategoricalScale, bokeh.CategoricalAxis]:
-    """Return range, scale and axis of categories, from the top down."""
+    """Return range, scale and axis of categories, from top to bottom."""
     return bokeh.FactorRange(factors=list(reversed(labels))), bokeh.CategoricalScale(), bokeh.CategoricalAxis(**_AXIS)
 
 
 def source_of(**columns: Any) -> Source:
-    """Return a source of equally long columns; numbers are doubles with every bit, or small integers."""
+    """Return a source of columns of equal length; numbers are exact doubles, or small integers."""
     arrays = {name: np.asarray(values) for name, values in columns.items()}
     kept = {name: array if array.dtype.kind in "UO" or array.dtype == np.uint8 else array.astype(np.float64)
             for name, array in arrays.items()}  # fmt: skip
@@ -144,16 +144,16 @@ def source_as_is(columns: Mapping[str, Any]) -> Source:
 
 
 def drawable(values: Any) -> Array:
-    """Return ``values`` with NaN where a logarithmic axis has no place for them."""
+    """Return ``values`` with NaN for values that a logarithmic axis cannot show."""
     numbers = np.array(values, dtype=float)
     numbers[~(np.isfinite(numbers) & (numbers > 0))] = np.nan
     return numbers
 
 
 def marked(columns: Mapping[str, Any], at: tuple[str, str], turn: tuple[int, int]) -> dict[str, Any]:
-    """Return ``columns`` and which of the points ``at``, x and y, carry a marker: every few of them.
+    """Return ``columns`` with a mask of the points ``at`` (x and y) with a marker: one of every few points.
 
-    ``turn`` is the number of the method among how many.
+    ``turn`` is the index of the method and the number of methods.
     """
     there = np.flatnonzero(np.isfinite(columns[at[0]]) & np.isfinite(columns[at[1]]))
     step = max(1, there.size // _MARKS)
@@ -163,7 +163,7 @@ def marked(columns: Mapping[str, Any], at: tuple[str, str], turn: tuple[int, int
 
 
 def add(plot: Plot, source: Source, glyph: bokeh.Glyph, method: str = "", name: str = "") -> Renderer:
-    """Draw a glyph; return the renderer, tagged with its ``method``, which a hover calls ``name``."""
+    """Draw a glyph; return the renderer, with ``method`` as its tag and ``name`` as its name in a hover."""
     tags = [method] if method else []
     return plot.add_glyph(source, glyph, tags=tags, name=name or None)
 
@@ -177,7 +177,7 @@ def add_line(plot: Plot, source: Source, at: tuple[str, str], method: str, **cha
 def add_markers(
     plot: Plot, source: Source, at: tuple[str, str], method: str, name: str = "", **changes: Any
 ) -> Renderer:
-    """Draw the marker of ``method`` at the columns ``at``, x and y, at points marked if the source says which."""
+    """Draw the marker of ``method`` at the columns ``at``, x and y; only at marked points if the source has a mask."""
     style = style_of(method)
     marker = MARKERS[style.marker]
     seen = {f"{part}_alpha": MARKED for part in ("line", "fill") if MARKED in source.data}
@@ -201,10 +201,10 @@ def add_level(plot: Plot, level: float, text: str) -> None:
 
 
 def add_hits(plot: Plot, source: Source, at: tuple[str, str], method: str, name: str) -> list[Renderer]:
-    """Draw what a hover finds the points ``at``, x and y, by; return the renderers.
+    """Draw invisible glyphs at the points ``at``, x and y, for a hover; return the renderers.
 
-    That is an unseen broad line, which gives the nearest of its points, where markers give the first within reach; and
-    markers, unseen as well, where a point stands between gaps.
+    A broad invisible line gives the nearest point, while markers would give the first point within reach. Isolated
+    points between gaps get invisible markers.
     """
     columns = source.data
     x, y = (np.asarray(columns[one], dtype=float) for one in at)
@@ -220,7 +220,7 @@ def add_hits(plot: Plot, source: Source, at: tuple[str, str], method: str, name:
 
 
 def add_hover(plot: Plot, renderers: Sequence[Renderer], rows: Sequence[tuple[str, str]]) -> None:
-    """Show ``rows`` of (text, field) at points of ``renderers``; fields in bokeh's notation, formats of printf."""
+    """Show ``rows`` of (text, field) at points of ``renderers``; fields have bokeh's notation, with printf formats."""
     formatters = {f"@{name}": "printf" for _, field in rows for name in re.findall(r"@(\w+)\{%", field)}
     plot.add_tools(
         bokeh.HoverTool(

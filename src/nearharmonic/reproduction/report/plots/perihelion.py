@@ -1,4 +1,4 @@
-"""Advance of the perihelion that a method causes, against force evaluations per orbit, as Figure 4 has it."""
+"""Spurious advance of the perihelion against force evaluations per orbit, as in Figure 4."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _TEXT = "|perihelion advance| (rad per orbit)"
 def perihelion(cube: xr.Dataset) -> list[Panel]:
     """Draw |perihelion_advance| of ``cube``, over (precision, integrator, tau_per_stage), with its 95 % interval.
 
-    Runs whose interval includes zero are crosses without a line. The dashed line is what general relativity explains.
+    Runs whose interval includes zero are crosses without a line. The dashed line is the advance of general relativity.
     """
     century = arcseconds_per_century(float(cube.attrs["orbital_period"]))
     unit = cube["tau_per_stage"].attrs.get("units", "1")
@@ -54,7 +54,7 @@ def perihelion(cube: xr.Dataset) -> list[Panel]:
 
 
 def _draw(plot: Plot, runs: xr.Dataset, turn: tuple[int, int], century: float) -> list[Renderer]:
-    """Draw the runs of one method; return the renderers that a hover looks at."""
+    """Draw the runs of one method; return the renderers for the hover."""
     method, label = str(runs["integrator"].item()), str(runs["label"].item())
     advance = panels.drawable(abs(runs["perihelion_advance"].values))
     interval = np.array(runs["perihelion_advance_interval"].values, dtype=float)

@@ -1,4 +1,4 @@
-"""Substeps in phase space and the Hamiltonian around them, as Figure 6 has them."""
+"""Substeps in phase space and the Hamiltonian around them, as in Figure 6."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _SHADES = (
 _BLUE, _RED, _GREEN = "#0b5fb5", "#d7301f", "#1a9850"
 #: A bar across a dot, white.
 _BAR = {"marker": "dash", "size": 7, "line_color": "#ffffff", "line_width": 2}
-#: (next drift negative, next kick negative) -> what it means, and the markers drawn over each other.
+#: (next drift negative, next kick negative) -> meaning, and markers drawn over each other.
 _DOTS: dict[tuple[bool, bool], tuple[str, tuple[dict[str, Any], ...]]] = {
     (False, False): ("no negative coefficient follows", ({"size": 7, "fill_color": _BLUE},)),
     (True, False): ("a negative drift follows", ({"size": 11, "fill_color": _RED}, _BAR)),
@@ -65,7 +65,7 @@ def phase_space(paths: dict[str, xr.Dataset]) -> list[Panel]:
 
 
 def _hamiltonian(path: xr.Dataset) -> tuple[Any, Any]:
-    """Sources of the picture of the Hamiltonian: which of its bands each point is in, and their edges."""
+    """Return sources of the picture of the Hamiltonian: the band of each point, and the edges of the bands."""
     q, p, H = (path[name].values for name in ("q_grid", "p_grid", "hamiltonian"))
     levels = np.linspace(H.min(), H.max(), len(_SHADES) + 1)[1:-1]
     bands = np.searchsorted(levels, H).astype(np.uint8)
@@ -74,7 +74,7 @@ def _hamiltonian(path: xr.Dataset) -> tuple[Any, Any]:
 
 
 def _lines(path: xr.Dataset, levels: Any) -> Any:
-    """Source of the contours of the Hamiltonian at ``levels``."""
+    """Return the source of the contours of the Hamiltonian at ``levels``."""
     generator = contour_generator(*(path[name].values for name in ("q_grid", "p_grid", "hamiltonian")))
     lines: list[Any] = [
         np.round(np.asarray(line, dtype=float), 4) for level in levels for line in generator.lines(level)
@@ -94,7 +94,8 @@ def _contours(colour: str, **look: Any) -> bokeh.MultiLine:
 
 
 def _add_path(plot: Plot, path: xr.Dataset) -> None:
-    """The path, its dots and ends, and the energy surface through its start: all shown and hidden with the method."""
+    """Draw the path, its dots and ends, and the energy surface through its start; the legend shows and hides all of
+    them."""
     method, label = path.attrs["integrator"], path.attrs["label"]
     surface = _lines(path, path["H"].values[:1, 0])
     panels.add(plot, surface, _contours("#1f2d3d", line_width=1.3, line_dash=[5, 3]), method)
@@ -121,7 +122,7 @@ def _add_path(plot: Plot, path: xr.Dataset) -> None:
 
 
 def _legs(q: Any, p: Any, *, drift_first: bool) -> tuple[Any, Any]:
-    """The path with its corners: drifts run along q, kicks along p."""
+    """Return the path with its corners: drifts move along q, kicks along p."""
     corners = (q[1:], p[:-1]) if drift_first else (q[:-1], p[1:])
     along_q, along_p = (
         np.concatenate([points[:1], np.column_stack([corner, points[1:]]).ravel()])

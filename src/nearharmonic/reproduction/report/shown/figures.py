@@ -1,4 +1,4 @@
-"""The figures of the page: which are interactive, and what stands beside each."""
+"""Figures of the page, interactive and static, with their texts."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from nearharmonic.reproduction.tasks.experiment import experiments
 if TYPE_CHECKING:
     import xarray as xr
 
-#: The package of the figures that are interactive; those of other packages are shown as pictures.
+#: Package of the interactive figures; figures of other packages are shown as pictures.
 _INTERACTIVE = "reproduction.experiments.paper."
 _HINT = "A cross on the upper edge is the smallest step size at which a method leaves its energy surface."
 
@@ -33,19 +33,19 @@ class ShownFigure:
     anchor : str
         Id of its element.
     title : str
-        Its heading.
+        Heading.
     caption : str
         Text below the static picture.
     hint : str
-        One sentence on what the interactive panels add.
+        One sentence on the additional content of the interactive panels.
     cube : str or None
-        Name of the cube that it shows.
+        Name of the cube of the figure.
     picture : str
-        Data URI of the static picture, "" if it is left out; ``file`` is where it is.
+        Data URI of the static picture, "" if it is omitted; ``file`` is its path.
     panels : list of Panel
-        Interactive panels, none for a static figure.
+        Interactive panels; empty for a static figure.
     methods : dict of str to str
-        Labels of the methods that the panels draw, by name.
+        Labels of the methods in the panels, by name.
     """
 
     anchor: str
@@ -60,12 +60,12 @@ class ShownFigure:
 
     @property
     def plots(self) -> dict[str, Any]:
-        """The plots by the ids of the elements that they go to."""
+        """The plots by the ids of their elements."""
         return {f"{self.anchor}-panel-{i}": panel.plot for i, panel in enumerate(self.panels, start=1)}
 
 
 def interactive(results: ShownResults) -> Iterator[ShownFigure]:
-    """Yield the figures of the paper, and the energy-error figure of every other system, that have been drawn."""
+    """Yield the existing figures of the paper, and the existing energy-error figures of other systems."""
     cubes = cache(lambda name: read(results.cube(name)))
     for one in results.figures:
         if one.function.startswith(_INTERACTIVE):
@@ -75,9 +75,9 @@ def interactive(results: ShownResults) -> Iterator[ShownFigure]:
 
 
 def static(results: ShownResults, titles: Mapping[str, str]) -> Iterator[ShownFigure]:
-    """Yield the other figures whose file names match one of the patterns that ``titles`` has titles for.
+    """Yield the other figures whose file names match one of the patterns in ``titles``.
 
-    The part of the name that a pattern leaves open ends the title: the name of a system.
+    The part of the name that matches the wildcard, the name of a system, is added to the title.
     """
     declared, labels = {one.stem: one for one in results.figures}, results.labels
     for stem in results.stems("figures", ".svg", list(titles)):
@@ -96,7 +96,7 @@ def static(results: ShownResults, titles: Mapping[str, str]) -> Iterator[ShownFi
 
 
 def _caption(caption: str, cube: xr.Dataset) -> str:
-    """``caption``, with what the energy errors of ``cube`` are, unless they are relative to |H0|."""
+    """Return ``caption``, with the definition of the energy errors of ``cube`` unless they are relative to |H0|."""
     relative = "|ΔH/H₀|"
     label = energy_error_label(cube["max_energy_error"].attrs, "|ΔH|", relative)
     if label == relative:
@@ -118,7 +118,7 @@ def _figure(one: Declaration, results: ShownResults, title: str, **more: Any) ->
 
 
 def _drawn(one: Declaration, cubes: Callable[[str], xr.Dataset]) -> tuple[list[Panel], dict[str, str], str, str]:
-    """Panels, methods, title and hint of one figure; no panels if nothing here draws it."""
+    """Return panels, methods, title and hint of one figure; no panels if it has no interactive version."""
     if one.profile and one.cube:
         from nearharmonic.reproduction.report.plots.energy_error import energy_error
 
@@ -153,7 +153,7 @@ def _substeps(_: Any) -> tuple[list[Panel], dict[str, str], str]:
     return phase_space(paths), methods, ""
 
 
-#: Figures that are no energy errors, by their file names.
+#: Figures of other quantities than energy errors, by their file names.
 _OTHERS = {"fig2_decomposition": _decomposition, "fig4_perihelion": _perihelion, "fig6_substeps": _substeps}
 
 

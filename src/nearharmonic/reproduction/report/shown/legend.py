@@ -1,4 +1,4 @@
-"""The legend of the page: one entry for each method, in the colour and with the marker of the static figures."""
+"""The legend of the page: one entry for each method, with the colour and the marker of the static figures."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from nearharmonic.reproduction.report.shown.figures import ShownFigure
 
 
 class Entry(NamedTuple):
-    """A method in the legend: its name and label, and its marker as an SVG path with colours."""
+    """A method in the legend: name, label, and marker as an SVG path with colours."""
 
     method: str
     label: str

@@ -1,4 +1,4 @@
-"""Links from the claims to the figures and tables of the page that show their numbers."""
+"""Links from the claims to the figures and tables with their numbers."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Any
 from nearharmonic.reproduction.report.shown.figures import ShownFigure
 from nearharmonic.reproduction.report.shown.tables import ShownTable
 
-#: A piece of text, and the anchor that it links to, "" if it is no link.
+#: A piece of text, and the anchor of its link, "" without a link.
 Piece = tuple[str, str]
 
-#: Figures and tables that the text of a claim names.
+#: Pattern of figures and tables in the text of a claim.
 _NAMED = re.compile(r"\b(Figures?|Figs?\.|Tables?)\s+(\d+(?:(?:,\s*|\s*(?:and|to|-|–)\s*)\d+)*)")
 _NUMBERED = re.compile(r"(figure|table)-(\d+)")
 
@@ -23,7 +23,7 @@ class Places:
     Parameters
     ----------
     figures, tables : iterable
-        All that the page shows.
+        All figures and tables of the page.
     """
 
     def __init__(self, figures: Iterable[ShownFigure], tables: Iterable[ShownTable]) -> None:
@@ -43,9 +43,9 @@ class Places:
         )
 
     def pieces(self, claim: Mapping[str, Any]) -> list[Piece]:
-        """Return the place of ``claim`` in the paper, with links to the figures and tables that it names.
+        """Return the position of ``claim`` in the paper, with links to the figures and tables that it names.
 
-        If it names none of the page, those follow that show the files which the claim needs.
+        If it names none on the page, links to the figures and tables of the files of the claim follow.
         """
         pieces = self._named(str(claim["paper"]["section"]))
         if any(anchor for _, anchor in pieces):

@@ -1,32 +1,32 @@
-"""Static pictures inside the page: SVG files made small, as data that an img element shows by itself."""
+"""Static pictures of the page: reduced SVG files as data URIs for img elements."""
 
 from __future__ import annotations
 
 import re
 
-#: What repeats or says nothing in the SVG files of matplotlib, and what stands for it. A hundredth of a point is kept.
+#: Redundant parts of the SVG files of matplotlib, and their replacements. Coordinates keep a hundredth of a point.
 _SHORTER = (
     (re.compile(r"<\?xml.*?\?>|<!DOCTYPE.*?>|<metadata>.*?</metadata>|<!--.*?-->", re.DOTALL), ""),
     (re.compile(r'<g id="[^"]*"'), "<g"),
     (re.compile(r'xlink:href="#'), 'href="#'),
-    # The outline that a <use> repeats has the style of its stroke itself.
+    # The outline referenced by a <use> has its own stroke style.
     (re.compile(r'(<use [^>]*?) style="fill: (#\w+); stroke: [^"]*"/>'), r'\1 fill="\2"/>'),
     (re.compile(r'(<use [^>]*?) style="stroke: [^"]*"/>'), r"\1/>"),
     (re.compile(r'(scale\([^)]*\))|(?<=[ \n"])(-?\d+\.\d\d)\d+'), r"\1\2"),
     (re.compile(r"\s*\n\s*"), " "),
     (re.compile(r"> <"), "><"),
 )
-#: A path from its start along straight lines: the letter of each may be left out.
+#: A path of straight lines: the letter of each line may be omitted.
 _STRAIGHT = re.compile(r"M [^A-Za-z\"]+(?:L [^A-Za-z\"]+)+")
-#: Lines that follow each other and look the same, such as bars of errors: one path serves all.
+#: Successive lines of one style, such as error bars, become one path.
 _ALIKE = re.compile(r'<path d="[^"]*"( clip-path="[^"]*" style="fill: none; [^"]*")/>(?:<path d="[^"]*"\1/>)+')
 _OUTLINE = re.compile(r'd="([^"]*)"')
-#: Characters that end a data URI or an attribute in single quotes, or mean something in them.
+#: Characters that end a data URI or an attribute in single quotes, or have a special meaning there.
 _ESCAPED = str.maketrans({"%": "%25", "#": "%23", "&": "%26", "'": "%27"})
 
 
 def shorter(svg: str) -> str:
-    """Return the text of an SVG file of matplotlib without what does not show."""
+    """Return the text of an SVG file of matplotlib without invisible parts."""
     for pattern, replacement in _SHORTER:
         svg = pattern.sub(replacement, svg)
     svg = _STRAIGHT.sub(lambda path: path[0].replace("L ", ""), svg)

@@ -1,4 +1,4 @@
-"""Content of the page for a folder of results: its claims, tables, figures and runs, read as plain files."""
+"""Content of the page for a folder of results: claims, tables, figures and runs, read from files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from nearharmonic.reproduction.record.files.texts import Texts
 from nearharmonic.reproduction.report.shown.tables import ShownTable, tables_of
 from nearharmonic.reproduction.tasks.declarations import Declaration, figures_of
 
-#: Verdicts in the order of the page, each with the name of its look.
+#: Verdicts in the order of the page, each with the name of its style.
 VERDICTS = {
     "holds": "holds",
     "holds but for edges": "edges",
@@ -51,7 +51,7 @@ class ShownResults:
         Raises
         ------
         ResultFileError
-            The file is missing or holds something else; the message names the command that makes it again.
+            The file is missing or damaged; the message names the command that makes it again.
         """
         name = "tables/claims.json"
         text = self._texts.read(name)
@@ -66,14 +66,14 @@ class ShownResults:
 
     @cached_property
     def figures(self) -> list[Declaration]:
-        """The declared figures that have been drawn: those with a number first, if the paper's systems are here."""
+        """The existing declared figures: numbered figures first, if the systems of the paper are present."""
         cubes = [path.stem for path in sorted((self.folder / "cubes").glob("*.h5"))]
         drawn = [
             one
             for one in figures_of("reproduction.experiments", cubes, cubes)
             if (self.folder / self.drawing(one.stem)).is_file()
         ]
-        numbered = {one.cube for one in drawn if one.profile and number_of(one)}  # the same drawing under two names
+        numbered = {one.cube for one in drawn if one.profile and number_of(one)}  # one drawing with two names
         distinct = {
             one.stem: one for one in drawn if number_of(one) or not (one.profile and one.cube in numbered)
         }.values()
@@ -82,12 +82,12 @@ class ShownResults:
 
     @property
     def has_systems_of_the_paper(self) -> bool:
-        """True if a figure of one of the paper's systems has been drawn."""
+        """True if a figure of a system of the paper exists."""
         return any(one.profile and number_of(one) for one in self.figures)
 
     @staticmethod
     def drawing(stem: str) -> str:
-        """The name of the SVG file of a figure."""
+        """Return the name of the SVG file of a figure."""
         return f"figures/{stem}.svg"
 
     def svg(self, stem: str) -> str:
@@ -96,12 +96,12 @@ class ShownResults:
         Raises
         ------
         ResultFileError
-            It is missing or damaged; the message names the command that makes it again.
+            The file is missing or damaged; the message names the command that makes it again.
         """
         return self._texts.read(self.drawing(stem))
 
     def cube(self, name: str) -> Path:
-        """The place of a cube."""
+        """Return the path of a cube."""
         return self.folder / "cubes" / f"{name}.h5"
 
     @cached_property
@@ -111,14 +111,14 @@ class ShownResults:
         return {stem: told["system_label"] for stem, told in attributes.items() if "system_label" in told}
 
     def stems(self, folder: str, suffix: str, patterns: Sequence[str]) -> list[str]:
-        """Names of the files below ``folder`` that match one of ``patterns``, sorted by pattern and name."""
+        """Return the names of the files below ``folder`` that match one of ``patterns``, sorted by pattern and name."""
         found = sorted(path.stem for path in (self.folder / folder).glob(f"*{suffix}"))
         return list(dict.fromkeys(stem for pattern in patterns for stem in found if fnmatch(stem, pattern)))
 
     def tables(self, patterns: Sequence[str], without: Sequence[str] = ()) -> list[ShownTable]:
         """Read the tables whose file names match one of ``patterns`` and none of ``without``.
 
-        Two never have the same anchor.
+        All anchors are different.
         """
         stems = [stem for stem in self.stems("tables", ".csv", patterns) if not any(fnmatch(stem, o) for o in without)]
         found = [one for stem in stems for one in self._tables_of(stem)]
@@ -144,7 +144,7 @@ class ShownResults:
 
     @cached_property
     def changed(self) -> list[str]:
-        """Files that differ from what their jobs wrote, as the manifest of the last finished run has it."""
+        """Files that changed after their jobs wrote them, from the manifest of the last finished run."""
         try:
             return [str(name) for name in manifest.read(self.folder).get("changed", [])]
         except ResultFileError:
@@ -152,16 +152,16 @@ class ShownResults:
 
     @cached_property
     def finished(self) -> list[dict[str, Any]]:
-        """The lines of the history, oldest first."""
+        """Lines of the history, oldest first."""
         return history.runs_of(self.folder)
 
     def run(self, identity: str | None) -> dict[str, Any] | None:
-        """The run with this id, going on or finished; None if nothing is recorded of it."""
+        """Return the unfinished or finished run with this id; None if it is not recorded."""
         runs = [*history.running_in(self.folder), *reversed(self.finished)]
         return next((run for run in runs if run["id"] == identity), None)
 
 
 def number_of(figure: Declaration) -> int | None:
-    """Its number in the paper, None if it has none."""
+    """Return the number of a figure in the paper, None if it has none."""
     digits = figure.target.removeprefix("fig")
     return int(digits) if digits.isdigit() else None

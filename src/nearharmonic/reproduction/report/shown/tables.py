@@ -1,4 +1,4 @@
-"""Tables of the page, from the CSV files of the results, or from their Markdown where that is a document of its own."""
+"""Tables of the page, from CSV files of the results, or from Markdown files with headings."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from nearharmonic.reproduction.report.shown import wording
 
 @dataclass(frozen=True, kw_only=True)
 class ShownTable(Table):
-    """A table of the page; its cells are as readers see them.
+    """A table of the page, with formatted cells.
 
     Attributes
     ----------
     anchor : str
         Id of its element: "table-4" for the paper's Table 4.
     file : str
-        The file that holds every digit, relative to the folder of results.
+        File with all digits, relative to the folder of results.
     """
 
     anchor: str
@@ -29,7 +29,7 @@ class ShownTable(Table):
 def tables_of(texts: Texts, stem: str, *, has_markdown: bool) -> list[ShownTable]:
     """Read the table ``tables/<stem>.csv``, with the caption above its Markdown.
 
-    Where the Markdown has headings, it is a digest of a long table, and its own tables are returned.
+    Markdown with headings is a summary of a long table; its tables are then returned.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def tables_of(texts: Texts, stem: str, *, has_markdown: bool) -> list[ShownTable
 
 
 def _digests(lines: Iterable[str]) -> Iterator[tuple[str, list[str], list[list[str]]]]:
-    """The tables of a Markdown text, each with the heading that it stands under."""
+    """Yield the tables of a Markdown text, each with its heading."""
     heading, rows = "", []
     for line in [*lines, ""]:
         if line.startswith("|"):

@@ -1,4 +1,4 @@
-"""Numbers, times and verdicts in the words of the page."""
+"""Formats of numbers, times and verdicts on the page."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from typing import Any
 
 from nearharmonic.reproduction.claims.pages.summary import VERDICTS
 
-#: A number as Python writes a float; one of more digits is a decimal that is exact on purpose.
+#: Pattern of a Python float; a number with more digits is an exact decimal.
 _FLOAT = re.compile(r"-?\d+(\.\d+)?(e[+-]?\d+)?")
 _MOST_DIGITS_OF_A_FLOAT = 17
-#: Digits that a reader sees of a float.
+#: Displayed digits of a float.
 _SHOWN = 4
 
 
 def cell(text: str) -> str:
-    """Return a cell of a CSV file as readers see it: a float to four digits, anything else as it is."""
+    """Return the displayed text of a cell of a CSV file: a float with four digits, other cells unchanged."""
     if not _FLOAT.fullmatch(text) or ("." not in text and "e" not in text):
         return text
     digits = re.sub(r"e.*|\D", "", text).lstrip("0")
@@ -24,12 +24,12 @@ def cell(text: str) -> str:
 
 
 def is_number(text: str) -> bool:
-    """Return True if a cell holds a number, nan or an infinity."""
+    """Return True if a cell is a number, nan or an infinity."""
     return bool(_FLOAT.fullmatch(text)) or text in {"nan", "inf", "-inf"}
 
 
 def seconds(number: float | None) -> str:
-    """Return a duration in seconds in the units that people use, "not known" for None."""
+    """Return the text of a duration in seconds in suitable units, "not known" for None."""
     if number is None:
         return "not known"
     if number < 60:
@@ -40,7 +40,7 @@ def seconds(number: float | None) -> str:
 
 
 def moment(stamp: str | None) -> str:
-    """Return a time stamp in UTC to the second, "not known" if it is none."""
+    """Return a timestamp in UTC to the second, "not known" if it is invalid."""
     try:
         return f"{datetime.fromisoformat(stamp or ''):%Y-%m-%d %H:%M:%S} UTC"
     except ValueError:
@@ -48,7 +48,7 @@ def moment(stamp: str | None) -> str:
 
 
 def percent(share: float) -> str:
-    """Return a share as a percentage of two digits, "below 0.01 %" if it is that small."""
+    """Return a fraction as a percentage with two digits, or "below 0.01 %"."""
     return f"{100 * share:.2g} %" if share >= 1e-4 or share == 0 else "below 0.01 %"
 
 
@@ -63,7 +63,7 @@ def counted(number: int, one: str, more: str = "") -> str:
 
 
 def told(value: Any) -> str:
-    """Return a value of a run's record as text: "not known" for None."""
+    """Return a value in the record of a run as text: "not known" for None."""
     if value is None or value == "":
         return "not known"
     return " ".join(map(str, value)) if isinstance(value, list) else str(value)

@@ -1,1 +1,1 @@
-"""Starts that a method is tailored on."""
+"""Starts on which a method is tailored."""

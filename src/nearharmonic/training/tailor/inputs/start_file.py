@@ -1,4 +1,4 @@
-"""Files of starts: a line for each, the positions and then the momenta."""
+"""Files of starts: one line per start, with the positions and then the momenta."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.numerics.types import Floats
 
-#: Starts that are needed: four to choose coefficients by, and four to test them.
+#: Minimum number of starts: four for the search, and four for the test.
 FEWEST = 8
 
 
@@ -21,7 +21,8 @@ def read_starts(place: str | os.PathLike[str], dimension: int) -> Floats:
     Parameters
     ----------
     place : path
-        The file: 2 d numbers a line, d positions and d momenta. Its first line may be a header; ``#`` begins a comment.
+        The file, with 2 d numbers per line: d positions and d momenta. Its first line may be a header; ``#`` begins a
+        comment.
     dimension : int
         Coordinates d.
 
@@ -55,7 +56,7 @@ def read_starts(place: str | os.PathLike[str], dimension: int) -> Floats:
 
 
 def least_starts(key: str, given: object, rows: Floats, dimension: int) -> None:
-    """Refuse starts that are too few, of another number of coordinates, or not finite."""
+    """Raise an error for too few starts, another number of coordinates, or numbers that are not finite."""
     wanted = f"{2 * dimension} finite numbers a start, {dimension} positions and {dimension} momenta"
     if rows.ndim != 2 or rows.shape[1] != 2 * dimension or not np.isfinite(rows).all():
         raise bad_setting(key, given, wanted)
@@ -76,7 +77,7 @@ def _row(cells: list[str], dimension: int) -> list[float]:
 
 
 def _is_header(cells: list[str]) -> bool:
-    """Return True if no cell is a number; an invalid first line with a number contains a mistake."""
+    """Return True if no cell is a number; an invalid first line with a number is an error."""
     for cell in cells:
         try:
             float(cell)

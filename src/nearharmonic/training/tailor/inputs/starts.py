@@ -1,4 +1,4 @@
-"""Starts near the given one, half of them for the test: in a box around its orbit, on an energy surface, or given."""
+"""Starts in a box around the orbit of the given one, on an energy surface, or from the user; half are for the test."""
 
 from __future__ import annotations
 
@@ -18,36 +18,37 @@ from nearharmonic.training.tailor.inputs.start_file import FEWEST
 from nearharmonic.training.tailor.orbit import METHOD, Orbit
 from nearharmonic.training.tailor.question import Question
 
-#: Half of the edge of the box around a state of the orbit, in amplitudes of each coordinate.
+#: Half of the edge length of the box around a state of the orbit, in amplitudes of each coordinate.
 HALF_EDGE = 0.1
-#: Starts that are drawn: as many as a force is cheap, within these bounds.
+#: Bounds of the number of starts: the cheaper the force, the more starts are drawn.
 COST, MOST, LEAST = 512, 64, 16
-#: Draws in which as many starts have to be found, each of twice as many candidates.
+#: Maximum number of draws, each with twice as many candidates as starts are needed.
 DRAWS = 20
-#: Energy error of a run with small steps beyond which a start is left out: it meets a collision or leaves.
+#: Largest energy error of a run with small steps; starts with larger errors (collision or escape) are omitted.
 LARGEST_ERROR = 1e-2
-#: Largest part of the way from the lowest potential that is seen to a state of the orbit, if all states are too high.
+#: Largest fraction of the way from the position of the lowest potential on the orbit to a state, if V is too high at
+#: all states.
 SHRINKING = np.linspace(1.0, 0.0, 41)[:-1]
 
 
 def starts_of(asked: Question, orbit: Orbit, t_end: float, tau: float) -> tuple[Floats, Floats]:
-    """Return starts (M, 4 D) to choose coefficients by, and others to test them.
+    """Return starts (M, 4 D) for the search, and others for the test.
 
     Parameters
     ----------
     asked : Question
         System, energy, seed, and starts if they are given.
     orbit : Orbit
-        States of the orbit of the system's own start.
+        States of the orbit from the initial values of the system.
     t_end : float
-        Interval over which all have to stay on their energy surface.
+        Length of the runs in which all starts have to stay on their energy surface.
     tau : float
-        Step size per stage of the runs that show it, in the system's unit of time.
+        Step size per stage of these runs, in the unit of time of the system.
 
     Raises
     ------
     SettingError
-        Too few starts stay on their surface, or none has the energy that is asked for.
+        Too few starts stay on their energy surface, or none has the requested energy.
     """
     random = np.random.default_rng([asked.seed, 1])
     if asked.starts is not None:
@@ -92,12 +93,12 @@ def _box(orbit: Orbit, count: int, random: np.random.Generator) -> tuple[Floats,
 
 
 def _on_surface(asked: Question, orbit: Orbit, q: Floats, p: Floats) -> tuple[Floats, Floats]:
-    """States of the energy asked for: momenta are scaled, positions drawn towards the lowest where that is too little.
+    """Return states of the requested energy: momenta are scaled, and positions moved to lower V if this is necessary.
 
     Raises
     ------
     SettingError
-        The potential is above that energy wherever the orbit goes.
+        The potential is above the requested energy on the whole orbit.
     """
     energy, system = asked.energy, asked.system
     assert energy is not None
@@ -120,7 +121,7 @@ def _on_surface(asked: Question, orbit: Orbit, q: Floats, p: Floats) -> tuple[Fl
 
 
 def _factors(system: System, q: Floats, p: Floats, energy: float) -> Floats:
-    """By what each momentum is multiplied (M,), found by bisection as T need not be quadratic."""
+    """Return the factor (M,) of each momentum, found by bisection because T need not be quadratic."""
     low, high = np.zeros(len(p)), np.ones(len(p))
     for _ in range(60):
         high = np.where(_energies(system, q, high[:, None] * p) < energy, 2 * high, high)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -17,11 +18,9 @@ from nearharmonic.plotting.style import (
     method_handles,
     new_figure,
     style_of,
+    write_beside,
 )
 from nearharmonic.reproduction.tasks.declarations import figure
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 @figure(
@@ -93,15 +92,7 @@ def _add_century_axis(axes: Axes, arcseconds: float) -> None:
     axes.tick_params(axis="y", which="both", right=False)
     level = MERCURY_RELATIVISTIC_ADVANCE / arcseconds
     axes.axhline(level, color="#404040", linestyle=(0, (6, 3)), linewidth=0.9, zorder=1.5)
-    axes.annotate(
-        f"general relativity: {MERCURY_RELATIVISTIC_ADVANCE}″ per century",
-        (0.988, level),
-        xycoords=("axes fraction", "data"),
-        xytext=(0, 4),
-        textcoords="offset points",
-        ha="right",
-        fontsize=8,
-        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1},
-        zorder=5,
-        color="#404040",
-    )
+    text = f"general relativity: {MERCURY_RELATIVISTIC_ADVANCE}″ per century"
+    box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1}
+    among = {"xycoords": ("axes fraction", "data"), "ha": "right", "zorder": 5}
+    write_beside(axes, text, (0.988, level), (0, 4), bbox=box, **among)

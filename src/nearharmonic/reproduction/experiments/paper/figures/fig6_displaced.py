@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from nearharmonic.plotting.style import log_scale, new_figure, panel_letter
+from nearharmonic.plotting.style import log_scale, new_figure, panel_letter, write_beside
 from nearharmonic.reproduction.tasks.declarations import figure
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Black for the plane itself, then from near to far: at least 3:1 contrast with white, and 13 CIELAB units between any
 #: two, with deuteranopia, protanopia and tritanopia as well.
@@ -54,16 +52,8 @@ def fig6_displaced(cube: xr.Dataset) -> Figure:
 def _draw(axes: Axes, runs: xr.Dataset, limit: float) -> None:
     iteration = runs["iteration"].values
     axes.axhline(limit, color="#404040", linestyle=(0, (6, 3)), linewidth=0.9, zorder=1.5)
-    axes.annotate(
-        rf"surface left beyond $|\Delta H/H_0|$ = {limit:g}",
-        (0.012, limit),
-        xycoords=("axes fraction", "data"),
-        xytext=(0, -4),
-        textcoords="offset points",
-        va="top",
-        fontsize=8,
-        color="#404040",
-    )
+    text = rf"surface left beyond $|\Delta H/H_0|$ = {limit:g}"
+    write_beside(axes, text, (0.012, limit), (0, -4), xycoords=("axes fraction", "data"), va="top")
     for i, colour in enumerate(_COLOURS[: runs.sizes["displacement"]]):
         run = runs.isel(displacement=i)
         error, left_at = run["block_max_energy_error"].values, int(run["left_at"])

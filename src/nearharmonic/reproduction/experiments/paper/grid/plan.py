@@ -16,12 +16,11 @@ from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, Ha
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.reproduction.entries import MOST_EVALUATIONS
 from nearharmonic.reproduction.experiments.paper.settings import StepSizes
 from nearharmonic.systems import System, systems
 from nearharmonic.systems.formulas.oscillator import check_oscillator
 
-#: Force evaluations of all the runs of one system: some twenty minutes.
-MOST_EVALUATIONS = 10**12
 #: Bytes of trajectories in one job, which needs about twice that.
 MOST_BYTES = 4 * 10**8
 #: Step sizes of one system's grid.

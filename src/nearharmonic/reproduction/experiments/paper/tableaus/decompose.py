@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, get_args
+from typing import get_args
 
 import numpy as np
+import xarray as xr
 
 from nearharmonic.exact.decimals import BigFloat
 from nearharmonic.integrators import integrators as registry
 from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.output.dataset import assembled, coordinate, method_coordinates, variable
 from nearharmonic.theory.oscillator import kappa, lambda_max
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 def decompose(integrators: Sequence[str]) -> dict[str, xr.Dataset]:

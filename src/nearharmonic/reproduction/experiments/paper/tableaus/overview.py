@@ -28,41 +28,14 @@ from nearharmonic.theory.order import (
 )
 
 Header = tuple[str, ...]
-Cells = tuple[str | int | float, ...]
+Cell = str | int | float
+Cells = tuple[Cell, ...]
 Columns = tuple[Header, list[Cells]]
 
 #: Rows on disk, half a kilobyte each. Beyond this number they are made afresh.
 MOST_KEPT = 1000
-
-OVERVIEW = (
-    "integrator",
-    "label",
-    "composition",
-    "symmetric",
-    "stages",
-    "order",
-    "Nystrom order",
-    "generalised order",
-    "Nystrom generalised order",
-    "harmonic order of position",
-    "harmonic order of momentum",
-    "harmonic order of energy",
-    "sum of absolute values",
-    "negative coefficients",
-    "leading error",
-    "leading error norm",
-    "effective error",
-    "Nystrom leading error",
-    "Nystrom leading error norm",
-    "Nystrom effective error",
-    "harmonic leading error",
-    "harmonic leading error norm",
-    "stability limit",
-    "stability limit per stage",
-    "first gap closes",
-    "unstable for good from",
-    "guaranteed digits",
-)
+#: Quantities whose harmonic order is a column.
+HARMONIC = ("position", "momentum", "energy")
 
 
 def overview(*names: str) -> Columns:
@@ -79,7 +52,7 @@ def overview(*names: str) -> Columns:
     Returns
     -------
     Columns
-        :data:`OVERVIEW` and the rows, in the order of the names.
+        Names of the columns, those of :func:`columns_of`, and the rows, in the order of the names.
 
     Raises
     ------
@@ -89,10 +62,11 @@ def overview(*names: str) -> Columns:
     tableaus = [methods_by_name[name] for name in names or plain_integrators]
     keys = [coefficients_digest([tableau]) for tableau in tableaus]
     kept = KeptRows()
-    missing = {key: row_of(tableau) for key, tableau in zip(keys, tableaus, strict=True) if key not in kept.rows}
+    missing = {key: columns_of(tableau) for key, tableau in zip(keys, tableaus, strict=True) if key not in kept.rows}
     if missing:
         kept.add(missing)
-    return OVERVIEW, [tuple(kept.rows[key]) for key in keys]
+    rows = [kept.rows[key] for key in keys]
+    return tuple(rows[0]), [tuple(row.values()) for row in rows]
 
 
 class KeptRows:
@@ -107,7 +81,7 @@ class KeptRows:
         kept = disk.read(self._place) if self._place else None
         self.rows: dict[str, Any] = json.loads(kept[1]) if kept else {}
 
-    def add(self, rows: dict[str, Cells]) -> None:
+    def add(self, rows: dict[str, dict[str, Cell]]) -> None:
         """Add rows, and write the file: with all rows, or with the new ones alone beyond :data:`MOST_KEPT`."""
         self.rows.update(rows)
         if self._place:
@@ -115,30 +89,40 @@ class KeptRows:
             disk.write(self._place, "overview", json.dumps(written).encode())
 
 
-def row_of(tableau: Tableau) -> Cells:
-    """Return the row of a method; what holds for any T is left empty if kicks are of a modified potential."""
+def columns_of(tableau: Tableau) -> dict[str, Cell]:
+    """Return the row of a method by column; what holds for any T is left empty if kicks are of a modified potential."""
     harmonic, errors = harmonic_orders_of(tableau), leading_errors(tableau)
     gaps, is_general = stability_gaps(tableau), not tableau.modified
     coefficients = [Fraction(c) for c in (*tableau.kick, *tableau.drift)]
-    return (
-        tableau.name,
-        tableau.label,
-        "ABA" if tableau.first == "drift" else "BAB",
-        "yes" if tableau.symmetric else "no",
-        tableau.stages,
-        order_of(tableau),
-        nystrom_order_of(tableau),
-        *(_generalised(tableau, quadratic=q) if q or is_general else "" for q in (False, True)),
-        *harmonic[:3],
-        float(sum(map(abs, coefficients))),
-        sum(c < 0 for c in coefficients),
-        *((*errors.general, _effective(errors.general, tableau)) if is_general else ("", "", "")),
-        *errors.nystrom,
-        _effective(errors.nystrom, tableau),
-        *errors.harmonic,
-        *(fixed_point(edge, 12) for edge in (gaps[0][0], gaps[0][0] / tableau.stages, gaps[0][1], gaps[-1][0])),
-        tableau.digits,
-    )
+    return {
+        "integrator": tableau.name,
+        "label": tableau.label,
+        "composition": "ABA" if tableau.first == "drift" else "BAB",
+        "symmetric": "yes" if tableau.symmetric else "no",
+        "stages": tableau.stages,
+        "order": order_of(tableau),
+        "Nystrom order": nystrom_order_of(tableau),
+        "generalised order": _generalised(tableau, quadratic=False) if is_general else "",
+        "Nystrom generalised order": _generalised(tableau, quadratic=True),
+        **{f"harmonic order of {what}": order for what, order in zip(HARMONIC, harmonic, strict=False)},
+        "sum of absolute values": float(sum(map(abs, coefficients))),
+        "negative coefficients": sum(c < 0 for c in coefficients),
+        **_leading("", errors.general if is_general else None, tableau),
+        **_leading("Nystrom ", errors.nystrom, tableau),
+        **dict(zip(("harmonic leading error", "harmonic leading error norm"), errors.harmonic, strict=True)),
+        "stability limit": fixed_point(gaps[0][0], 12),
+        "stability limit per stage": fixed_point(gaps[0][0] / tableau.stages, 12),
+        "first gap closes": fixed_point(gaps[0][1], 12),
+        "unstable for good from": fixed_point(gaps[-1][0], 12),
+        "guaranteed digits": tableau.digits,
+    }
+
+
+def _leading(kind: str, error: ErrorTerm | None, tableau: Tableau) -> dict[str, Cell]:
+    """The leading error of a kind with its norm, and the effective error."""
+    cells = ("", "", "") if error is None else (*error, _effective(error, tableau))
+    names = (f"{kind}leading error", f"{kind}leading error norm", f"{kind}effective error")
+    return dict(zip(names, cells, strict=True))
 
 
 def _generalised(tableau: Tableau, *, quadratic: bool) -> str:

@@ -8,7 +8,7 @@ root mean square over time of the tangent map's norm. No integration depends on 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -16,10 +16,13 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from nearharmonic.integrators import integrators
+from nearharmonic.integrators import integrators as registry
+from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.portable import norms
 from nearharmonic.numerics.statistics import line_fit
-from nearharmonic.output.dataset import described
+from nearharmonic.output.dataset import coordinate, described, method_coordinates
+from nearharmonic.output.store import read
+from nearharmonic.output.table import Table
 from nearharmonic.reproduction.tasks.reduction import Reductions
 
 reduction = Reductions()
@@ -44,7 +47,7 @@ def growth(runs: xr.Dataset) -> xr.DataArray:
 @reduction("neighbour", "state", "state_low", "rate")
 def return_errors(runs: xr.Dataset) -> xr.Dataset:
     """Distance from the start after the run and the run back, in both summations, beside what rounding gives."""
-    symmetric = [integrators[name].symmetric for name in runs.integrator.values]
+    symmetric = [registry[name].symmetric for name in runs.integrator.values]
     found, carried = xr.Dataset(), UNIT_ROUNDOFF * growth(runs)
     for prefix, summation in (("", "compensated"), ("plain_", "plain")):
         one, (total, squares) = runs.sel(summation=summation, drop=True), _roundings(runs, summation)
@@ -99,7 +102,7 @@ def energy_walk(runs: xr.Dataset) -> xr.DataArray:
 
     For q and p alike, that is u c tau |dT/dp dV/dq|.
     """
-    tableaus = [integrators[name] for name in runs.integrator.values]
+    tableaus = [registry[name] for name in runs.integrator.values]
     rows = [[float(Fraction(c)) for c in (*tableau.drift, *tableau.kick)] for tableau in tableaus]
     norm = runs.integrator.copy(data=[float(np.sqrt(np.sum(np.square(row)))) for row in rows])
     each = runs.tau * runs.power * norm
@@ -143,7 +146,7 @@ def _roundings(runs: xr.Dataset, summation: str) -> Any:
     sizes = [_of_each(_rms, values.isel(component=half)) for half in (slice(d), slice(d, None))]
 
     def sums(name: str, steps: float, tau: float, drifted: float, kicked: float) -> tuple[float, float]:
-        rows = (integrators[str(name)].drift, drifted), (integrators[str(name)].kick, kicked)
+        rows = (registry[str(name)].drift, drifted), (registry[str(name)].kick, kicked)
         each = np.array(
             [(abs(float(Fraction(c))) * tau if compensated else 1) * size for row, size in rows for c in row]
         )
@@ -184,3 +187,53 @@ def _sampled(array: Any, dims: list[str]) -> Any:
     axis = dims.index("sample")
     others = tuple(i for i in range(array.ndim) if i != axis)
     return np.compress(~np.isnan(array).all(axis=others), array, axis=axis)
+
+
+CAPTION = "Reversibility, symplecticity and mean energy, relative, each beside what rounding alone would give."
+
+
+def structure_table(cube: xr.Dataset) -> Table:
+    """Return a row for each system and each method that was measured on it, with every variable of ``cube``."""
+    keys = [str(key) for key in cube.data_vars]
+    rows: list[tuple[Any, ...]] = []
+    for system in map(str, cube.system.values):
+        for name in map(str, cube.integrator.values):
+            one = cube.sel(system=system, integrator=name)
+            if np.isfinite(one.steps):
+                rows.append((system, name, *(int(one[k]) if k == "steps" else float(one[k]) for k in keys)))
+    return Table(header=("system", "integrator", *(key.replace("_", " ") for key in keys)), rows=rows, caption=CAPTION)
+
+
+def reduce(integrators: Sequence[str], t_end: Mapping[str, str], runs: Sequence[str]) -> dict[str, Any]:
+    """Return the ``cube`` and its ``table``.
+
+    Parameters
+    ----------
+    integrators : sequence of str
+        Names of the methods.
+    t_end : mapping
+        Length of the interval of each system by its name.
+    runs : sequence of str
+        Path of the run file of each system.
+    """
+    cube = structure_cube([registry[name] for name in integrators], dict(zip(t_end, map(read, runs), strict=True)))
+    return {"cube": cube, "table": structure_table(cube)}
+
+
+def structure_cube(methods: Sequence[Tableau], runs: Mapping[str, xr.Dataset]) -> xr.Dataset:
+    """Return the reductions over (system, integrator), NaN where a method does not fit a system.
+
+    Parameters
+    ----------
+    methods : sequence of Tableau
+        The methods in the order of the cube.
+    runs : mapping
+        The runs on each system by its name.
+    """
+    axes = {**coordinate("system", list(runs), "system"), **method_coordinates(methods)}
+    parts = [
+        one[["tau_per_stage", "steps"]].assign(reduction.of(one)).reindex(integrator=axes["integrator"][1])
+        for one in runs.values()
+    ]
+    joined = xr.concat(parts, "system", combine_attrs="override")
+    return xr.Dataset({name: joined[name].variable for name in joined.data_vars}, axes)

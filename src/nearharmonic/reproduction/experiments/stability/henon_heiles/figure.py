@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
@@ -16,9 +17,6 @@ from matplotlib.patches import Patch
 from nearharmonic.plotting.style import new_figure
 from nearharmonic.reproduction.experiments.stability.henon_heiles.reductions import TOLERATED
 from nearharmonic.reproduction.tasks.declarations import figure
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Energy errors that the colours span: what is smaller is as good, what is larger is lost.
 SMALLEST, LARGEST = 1e-8, 1.0

@@ -7,10 +7,19 @@ method. No integration depends on this module.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from itertools import product
+from typing import Any
+
+import numpy as np
 import xarray as xr
 
 from nearharmonic.integrators import integrators
+from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.dataset import described
+from nearharmonic.output.table import Table
+from nearharmonic.reproduction.experiments.stability.ensembles import cube_and_table, stacked
+from nearharmonic.reproduction.experiments.stability.settings import EnsembleSettings
 from nearharmonic.reproduction.tasks.reduction import Reductions
 from nearharmonic.theory.linear_stability import stability_limit
 
@@ -36,3 +45,34 @@ def linear_limit(cube: xr.Dataset) -> xr.DataArray:
     text = "step size per stage at which the harmonic oscillator is first unstable"
     found: xr.DataArray = cube.integrator.copy(data=limits)
     return found.assign_attrs(described(text))
+
+
+CAPTION = f"Henon-Heiles ensembles: largest tau/s up to which at most {TOLERATED:.0%} of the trajectories escape."
+
+
+def henon_heiles_table(cube: xr.Dataset) -> Table:
+    """Return a row for each method and energy surface: the largest trusted step size and the errors there."""
+    header = [
+        "integrator", "energy", "linear_limit_tau_per_stage", f"tau_per_stage_escaped_up_to_{TOLERATED:g}",
+        "median_energy_error_there", "worst_energy_error_there", "share_of_linear_limit",
+    ]  # fmt: skip
+    rows: list[list[Any]] = []
+    for name, energy in product(cube.integrator.values, cube.energy.values):
+        one = cube.sel(integrator=name, energy=energy)
+        limit, trusted = one.linear_limit.item(), one.trusted_up_to.item()
+        errors = [np.nan, np.nan]
+        if np.isfinite(trusted):
+            errors = [one.energy_error.sel(tau_per_stage=trusted, quantile=q).item() for q in (0.5, 1.0)]
+        rows.append([str(name), float(energy), limit, trusted, *errors, trusted / limit])
+    return Table(header=header, rows=rows, caption=CAPTION)
+
+
+def reduce(integrators: Sequence[str], settings: EnsembleSettings, **runs: str) -> dict[str, Any]:
+    """Return what :func:`cube_and_table` does; ``settings`` go into the files beside the numbers."""
+    return cube_and_table(henon_heiles_cube, henon_heiles_table, integrators, runs)
+
+
+def henon_heiles_cube(methods: Sequence[Tableau], runs: Mapping[str, xr.Dataset]) -> xr.Dataset:
+    """Return maps over (integrator, energy, tau_per_stage), and their reductions; parameters as for :func:`stacked`."""
+    cube = stacked(methods, runs)
+    return cube.assign(reduction.of(cube, over="tau_per_stage"))

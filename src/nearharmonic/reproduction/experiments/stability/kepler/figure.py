@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
@@ -13,9 +14,6 @@ from matplotlib.patches import Patch
 
 from nearharmonic.plotting.style import log_scale, method_handles, new_figure, panel_letter, style_of
 from nearharmonic.reproduction.tasks.declarations import figure
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 COLUMNS = 5
 LOST_COLOUR = "#000000"

@@ -7,6 +7,7 @@ curves of the cube instead. No integration depends on this module.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,10 +15,14 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from nearharmonic.integrators import integrators
+from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import exp, log
 from nearharmonic.numerics.portable import dot
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import described
+from nearharmonic.output.table import Table
+from nearharmonic.reproduction.experiments.stability.ensembles import cube_and_table, stacked
+from nearharmonic.reproduction.experiments.stability.settings import MapSettings
 from nearharmonic.reproduction.tasks.reduction import Reductions
 from nearharmonic.systems.kepler import perihelion_angle
 
@@ -104,3 +109,34 @@ def evaluations_below(evaluations: NDArray[Any], error: Floats, level: float) ->
     (x0, x1), (y0, y1) = log(evaluations[last : last + 2].astype(float)), log(error[last : last + 2])
     inside = np.isfinite([y0, y1]).all()
     return float(exp(x0 + (x1 - x0) * (y0 - log(level)) / (y0 - y1)) if inside else exp(x1))
+
+
+CAPTION = f"Kepler: force evaluations per orbit from which on the largest energy error stays below {CONTOUR:g}."
+#: Eccentricities that are shown: the nearest of the grid to each.
+TABULATED = (0.0, 0.2, 0.5, 0.8, 0.9, 0.95, 0.99)
+
+
+def kepler_table(cube: xr.Dataset) -> Table:
+    """Return a row for each method: force evaluations per orbit for the contour's error at some eccentricities."""
+    nearest = cube.get_index("eccentricity").get_indexer(TABULATED, method="nearest")
+    shown = cube.evaluations_for_contour.isel(eccentricity=np.unique(nearest))  # a coarse grid has one for several
+    return Table(
+        header=["integrator", *(f"e_{e:.3f}" for e in shown.eccentricity.values)],
+        rows=[[str(name), *map(float, shown.sel(integrator=name).values)] for name in cube.integrator.values],
+        caption=CAPTION,
+    )
+
+
+def reduce(integrators: Sequence[str], settings: MapSettings, **runs: str) -> dict[str, Any]:
+    """Return what :func:`cube_and_table` does; ``settings`` go into the files beside the numbers."""
+    return cube_and_table(kepler_cube, kepler_table, integrators, runs)
+
+
+def kepler_cube(methods: Sequence[Tableau], runs: Mapping[str, xr.Dataset]) -> xr.Dataset:
+    """Return maps over (integrator, tau_per_stage, eccentricity) without the states, and their reductions.
+
+    Parameters are those of :func:`stacked`.
+    """
+    states = stacked(methods, runs)
+    cube = states.drop_dims(["sample", "component"]).assign(reduction.of(states))
+    return cube.assign(reduction.of(cube, over="tau_per_stage"))

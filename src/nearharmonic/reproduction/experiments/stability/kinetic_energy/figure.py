@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -17,9 +16,6 @@ from nearharmonic.plotting.style import (
     style_of,
 )
 from nearharmonic.reproduction.tasks.declarations import figure
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Amplitudes of the panels A and B.
 SMALL, RELATIVISTIC = 0.03, 1.0

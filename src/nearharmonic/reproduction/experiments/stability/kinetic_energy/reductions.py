@@ -5,10 +5,16 @@ No integration depends on this module.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import xarray as xr
 
 from nearharmonic.output.dataset import described
+from nearharmonic.output.store import read
+from nearharmonic.output.table import Table
 from nearharmonic.reproduction.tasks.reduction import Reductions
+from nearharmonic.systems.relativistic_oscillator import SYSTEM
 
 reduction = Reductions()
 
@@ -26,3 +32,39 @@ def relative_error(runs: xr.Dataset) -> xr.DataArray:
     text = f"max_energy_error at tau/s = {COMPARED_AT:g} over that of {YARDSTICK} in its own roles"
     ratio: xr.DataArray = errors / yardstick.reset_coords(drop=True)
     return ratio.assign_attrs(described(text))
+
+
+CAPTION = "Relativistic oscillator: largest energy error at tau/s = 0.05 over that of Ruth's method, by amplitude A."
+
+
+def kinetic_energy_table(cube: xr.Dataset) -> Table:
+    """Return a row for each method and roles: its error over Ruth's at each amplitude, and the decline.
+
+    The decline is the ratio at amplitude 1, where speeds reach 0.75 of light's, over that at the least amplitude: by
+    what factor the method's lead over Ruth's shrinks.
+    """
+    ratio = cube.relative_error
+    amplitudes = [float(a) for a in ratio.amplitude.values]
+    rows: list[tuple[Any, ...]] = []
+    for name in map(str, ratio.integrator.values):
+        for roles in map(str, ratio.roles.values):
+            values = [float(x) for x in ratio.sel(integrator=name, roles=roles).values]
+            rows.append((name, roles, *values, values[amplitudes.index(1.0)] / values[0]))
+    return Table(
+        header=("integrator", "roles", *(f"error / Ruth's at A = {a:g}" for a in amplitudes), "decline to A = 1"),
+        rows=rows,
+        caption=CAPTION,
+    )
+
+
+def reduce(integrators: Sequence[str], run: str) -> dict[str, Any]:
+    """Return the ``cube`` and its ``table``; the names ``integrators`` go into the files beside the numbers."""
+    cube = kinetic_energy_cube(read(run))
+    return {"cube": cube, "table": kinetic_energy_table(cube)}
+
+
+def kinetic_energy_cube(runs: xr.Dataset) -> xr.Dataset:
+    """Return energy errors over (roles, amplitude, integrator, tau_per_stage), and their reductions."""
+    cube = runs.assign(reduction.of(runs, over="tau_per_stage"))
+    cube.attrs = {"system": SYSTEM.name, "system_label": SYSTEM.label, "compared_at": COMPARED_AT}
+    return cube

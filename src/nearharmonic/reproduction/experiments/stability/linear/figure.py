@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from math import ceil
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
 from nearharmonic.plotting.style import Style, new_figure, style_of
 from nearharmonic.reproduction.tasks.declarations import figure
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 COLUMNS = 2
 #: The trace grows without bound; only its passing of +-1 matters.

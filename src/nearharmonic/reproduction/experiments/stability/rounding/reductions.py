@@ -6,14 +6,22 @@ It has ``energy_error`` and ``lag`` over (integrator, source, orbit, sample), an
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from itertools import product
+from typing import Any
+
 import numpy as np
 import xarray as xr
 
+from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import log
 from nearharmonic.numerics.portable import dot
 from nearharmonic.numerics.statistics import jackknife_interval, mean
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import described
+from nearharmonic.output.table import Table
+from nearharmonic.reproduction.experiments.stability.ensembles import cube_and_table, stacked
+from nearharmonic.reproduction.experiments.stability.settings import RoundingSettings
 from nearharmonic.reproduction.tasks.reduction import Reductions
 
 reduction = Reductions()
@@ -84,3 +92,34 @@ def growth(errors: Floats, time: Floats) -> tuple[float, float]:
     total = squares.sum(axis=0)
     exponent = float(slope(np.sqrt(total / n)[None])[0])
     return exponent, jackknife_interval(slope(np.sqrt((total - squares) / (n - 1))))
+
+
+CAPTION = "Growth of round-off along Kepler orbits, against time: energy over |H0|, and lag in mean anomaly (rad)."
+#: Exponents of independent errors, by quantity (Brouwer 1937, doi:10.1086/105423).
+BROUWER = {"energy_error": 0.5, "lag": 1.5}
+
+
+def rounding_table(cube: xr.Dataset) -> Table:
+    """Return a row for each method, arithmetic and quantity: the power law beside Brouwer's, and bias against rms."""
+    header = ["integrator", "source", "quantity", "exponent", "interval_95", "brouwer", "rms_at_end", "bias_over_rms"]
+    rows: list[list[Any]] = []
+    for name, source, quantity in product(cube.integrator.values, cube.source.values, BROUWER):
+        one = cube.sel(integrator=name, source=source)
+        rms = one[f"{quantity}_rms"].values[-1]
+        law = [one[f"{quantity}_{key}"].item() for key in ("exponent", "interval")]
+        # Rounded coefficients are no random walk.
+        brouwer = "" if source == "coefficients" else BROUWER[quantity]
+        bias = one[f"{quantity}_bias"].item() / rms
+        rows.append([str(name), str(source), quantity, *law, brouwer, float(rms), bias])
+    return Table(header=header, rows=rows, caption=CAPTION)
+
+
+def reduce(integrators: Sequence[str], settings: RoundingSettings, **runs: str) -> dict[str, Any]:
+    """Return what :func:`cube_and_table` does; ``settings`` go into the files beside the numbers."""
+    return cube_and_table(rounding_cube, rounding_table, integrators, runs)
+
+
+def rounding_cube(methods: Sequence[Tableau], runs: Mapping[str, xr.Dataset]) -> xr.Dataset:
+    """Return errors over (integrator, source, orbit, sample), and their reductions; parameters: see :func:`stacked`."""
+    cube = stacked(methods, runs)
+    return cube.assign(reduction.of(cube, over="orbit"))

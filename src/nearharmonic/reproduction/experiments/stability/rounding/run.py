@@ -31,8 +31,7 @@ from nearharmonic.numerics.geometric import geometric
 from nearharmonic.numerics.quasi_random import quasi_random
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Contents, coordinate, variable
-from nearharmonic.reproduction.experiments.stability.kepler.initial_conditions import kepler_apoapsis
-from nearharmonic.reproduction.experiments.stability.kepler.run import PERIOD, SYSTEM
+from nearharmonic.reproduction.experiments.stability.kepler.run import PERIOD, SYSTEM, kepler_apoapsis
 from nearharmonic.reproduction.experiments.stability.settings import RoundingSettings
 
 #: Lanes of the kernels: two AVX-512 registers, which hide each other's latency.

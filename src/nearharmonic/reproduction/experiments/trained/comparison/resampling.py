@@ -1,4 +1,4 @@
-"""Means over resampled problems, and the intervals that hold most of them."""
+"""Statistics over problems: quantiles, means over resamples, and the intervals that hold most of these."""
 
 from __future__ import annotations
 
@@ -8,10 +8,19 @@ import numpy as np
 import xarray as xr
 
 from nearharmonic.numerics.types import Floats
-from nearharmonic.output.dataset import bounds_coordinate
+from nearharmonic.output.dataset import bounds_coordinate, coordinate
 
 #: Resamples of the problems, and the part of them that an interval holds.
 RESAMPLES, CONFIDENCE = 1000, 0.95
+#: Of the anharmonicities of the problems.
+QUANTILES = (0.05, 0.5, 0.95)
+
+
+def anharmonicity_quantiles(runs: xr.Dataset, problems: str) -> xr.DataArray:
+    """Return the quantiles over ``problem`` of the anharmonicity; ``problems`` names these in words."""
+    fractions = coordinate("quantile", list(QUANTILES), f"fraction of the {problems} that are less anharmonic")
+    found: xr.DataArray = runs.anharmonicity.quantile(QUANTILES, "problem", skipna=False).transpose(..., "quantile")
+    return found.assign_coords(fractions).assign_attrs(runs.anharmonicity.attrs)
 
 
 def resampled_means(values: xr.DataArray, seed: int, resamples: int = RESAMPLES) -> xr.DataArray:

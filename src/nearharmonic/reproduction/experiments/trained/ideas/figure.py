@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from string import ascii_uppercase
-from typing import TYPE_CHECKING
-
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
@@ -13,9 +11,6 @@ from matplotlib.lines import Line2D
 
 from nearharmonic.plotting.style import log_scale, new_figure, panel_letter
 from nearharmonic.reproduction.tasks.declarations import figure
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Of each idea, what it is called, and its colour and marker.
 LOOKS = {
@@ -54,7 +49,7 @@ def trained_ideas(cube: xr.Dataset) -> Figure:
     for k, (axes, place) in enumerate(zip(top, shown[::-1], strict=True)):
         one = cube.isel(tau_per_stage=place)
         _gains(axes, one)
-        panel_letter(axes, ascii_uppercase[k], rf"$\tau/s = {float(one['tau_per_stage']):g}$ rad")
+        panel_letter(axes, k, rf"$\tau/s = {float(one['tau_per_stage']):g}$ rad")
     low, high = (f([axes.get_ylim()[k] for axes in top]) for k, f in ((0, min), (1, max)))
     for k, axes in enumerate(top):
         axes.set_ylim(low, high)
@@ -64,7 +59,7 @@ def trained_ideas(cube: xr.Dataset) -> Figure:
     for k, (suffix, text) in enumerate(says):
         below = drawn.add_axes((0.065, 0.365 - 0.31 * k, 0.905, 0.265))
         _map(below, cube, suffix)
-        panel_letter(below, ascii_uppercase[len(shown) + k], text)
+        panel_letter(below, len(shown) + k, text)
     below.set_xlabel(r"anharmonicity: median variation $\delta$ of the Hessian along the orbits", labelpad=2)
     handles = [
         Line2D([], [], color=colour, marker=marker, markersize=4, label=label)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -43,11 +43,13 @@ MEANINGS = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class Run:
-    """Runs of one method on some problems, with one step size.
+def run(
+    ensemble: Ensemble, method: Tableau, tau_per_stage: float, steps: int, start: Floats | None = None, *,
+    samples: int, back: bool = False, **how: Any,
+) -> Trajectories:  # fmt: skip
+    """Return runs of one method on some problems.
 
-    Attributes
+    Parameters
     ----------
     ensemble : Ensemble
         The problems.
@@ -55,23 +57,21 @@ class Run:
         The method.
     tau_per_stage : float
         Step size per stage, in the unit of the ensemble.
-    steps : int
-        Steps of each run.
+    steps, samples : int
+        Steps and states of each run.
+    start : array, optional
+        Initial conditions; those of the problems by default.
+    back : bool
+        Run backwards in time.
+    **how
+        Members of :class:`Numerics`.
     """
-
-    ensemble: Ensemble
-    method: Tableau
-    tau_per_stage: float
-    steps: int
-
-    def paths(self, start: Floats | None = None, *, samples: int, back: bool = False, **how: Any) -> Trajectories:
-        """Return the runs, with ``samples`` states; ``how`` are members of :class:`Numerics`."""
-        tau = Fraction(self.tau_per_stage * self.ensemble.unit * self.method.stages)
-        return integrate_batch(
-            self.ensemble.system, self.method, t_end=(-tau if back else tau) * self.steps,
-            steps=np.full(self.ensemble.size, self.steps), samples=samples, numerics=Numerics(width=LANES, **how),
-            start=self.ensemble.start if start is None else start, parameters=self.ensemble.parameters,
-        )  # fmt: skip
+    tau = Fraction(tau_per_stage * ensemble.unit * method.stages)
+    return integrate_batch(
+        ensemble.system, method, t_end=(-tau if back else tau) * steps, steps=np.full(ensemble.size, steps),
+        samples=samples, numerics=Numerics(width=LANES, **how), start=ensemble.start if start is None else start,
+        parameters=ensemble.parameters,
+    )  # fmt: skip
 
 
 def measure(methods: Sequence[str], beside: str, settings: ProofSettings) -> dict[str, Contents]:
@@ -138,22 +138,15 @@ def long_runs(ensembles: Mapping[str, Ensemble], methods: Sequence[Tableau], ste
 
 def _computed(ensemble: Ensemble, method: Tableau, steps: int) -> dict[str, Floats]:
     """Return the variables of one method on one system."""
-
-    def run(tau_per_stage: float, count: Fraction | int) -> Run:
-        return Run(ensemble=ensemble, method=method, tau_per_stage=tau_per_stage, steps=max(1, round(count)))
-
-    long = run(TAU_PER_STAGE, steps).paths(samples=SAMPLES)
-    short, fine = run(TAU_PER_STAGE, int(steps * BACK)), run(FINE, steps * ROUNDED / method.stages)
-    there = [short.paths(samples=2, summation=sums) for sums in SUMS]
-    again = [
-        short.paths(
-            np.concatenate([x[:, -1] for x in (path.q, path.q_low, path.p, path.p_low)], axis=1),
-            samples=2, summation=sums, back=True,
-        )
-        for sums, path in zip(SUMS, there, strict=True)
-    ]  # fmt: skip
-    rounded = [fine.paths(samples=SAMPLES_ROUNDED, summation=sums) for sums in SUMS]
-    exact = fine.paths(samples=SAMPLES_ROUNDED, precision="extended", double_coefficients=True)
+    long = run(ensemble, method, TAU_PER_STAGE, steps, samples=SAMPLES)
+    short = partial(run, ensemble, method, TAU_PER_STAGE, max(1, int(steps * BACK)), samples=2)
+    evaluated = max(1, round(steps * ROUNDED / method.stages))
+    fine = partial(run, ensemble, method, FINE, evaluated, samples=SAMPLES_ROUNDED)
+    there = [short(summation=sums) for sums in SUMS]
+    ends = [np.concatenate([x[:, -1] for x in (one.q, one.q_low, one.p, one.p_low)], axis=1) for one in there]
+    again = [short(end, summation=sums, back=True) for sums, end in zip(SUMS, ends, strict=True)]
+    rounded = [fine(summation=sums) for sums in SUMS]
+    exact = fine(precision="extended", double_coefficients=True)
     found = {
         "energy_error": long.energy_error,
         "max_energy_error": long.max_energy_error,

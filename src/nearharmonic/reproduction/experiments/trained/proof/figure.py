@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from string import ascii_uppercase
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -13,9 +13,6 @@ from matplotlib.ticker import LogLocator
 
 from nearharmonic.plotting.style import log_scale, new_figure, panel_letter, style_of
 from nearharmonic.reproduction.tasks.declarations import figure
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Every published method, and the best of them.
 FAINT, BEST = "#cfcfcf", "#0b3c8c"
@@ -50,7 +47,7 @@ def trained_error(cube: xr.Dataset) -> Figure:
     drawn.subplots_adjust(left=0.07, right=0.99, top=1 - 0.3 / height, bottom=0.5 / height, wspace=0.22, hspace=0.28)
     for i, axes in enumerate(grid[:count]):
         _errors(axes, cube.isel(ensemble=i))
-        panel_letter(axes, _letter(i), str(cube["ensemble"].values[i]))
+        panel_letter(axes, i, str(cube["ensemble"].values[i]))
         if i % COLUMNS == 0:
             axes.set_ylabel(r"$\max\,|\Delta H/H_0|$", labelpad=2)
         if i + COLUMNS >= count:
@@ -122,7 +119,7 @@ def trained_gain(cube: xr.Dataset) -> Figure:
     for i, (axes, panel) in enumerate(zip(grid, panels, strict=True)):
         inside = cube.isel(ensemble=np.flatnonzero(cube["panel"].values == panel))
         handles = _gains(axes, inside)
-        panel_letter(axes, _letter(i), panel)
+        panel_letter(axes, i, panel)
         axes.legend(
             handles=handles, title="strength" if panel.startswith("random") else None, loc="upper center",
             bbox_to_anchor=(0.5, -0.17), fontsize=8, title_fontsize=8, labelspacing=0.3,
@@ -153,7 +150,3 @@ def _gains(axes: Axes, inside: xr.Dataset) -> list[Any]:
 def _band(name: str) -> str:
     """Return the label of a curve in a panel that names the number of coordinates."""
     return name.partition(", ")[2] if name.startswith("d = ") else name
-
-
-def _letter(panel: int) -> str:
-    return ascii_uppercase[panel % len(ascii_uppercase)]

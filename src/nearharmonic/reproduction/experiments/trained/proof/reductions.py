@@ -7,21 +7,27 @@ depends on this module.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
 import xarray as xr
 
-from nearharmonic.output.dataset import coordinate, described
+from nearharmonic.numerics.types import Floats
+from nearharmonic.output.dataset import described
+from nearharmonic.output.store import read
+from nearharmonic.output.table import Table
 from nearharmonic.reproduction.experiments.trained.comparison.resampling import (
     CONFIDENCE,
     RESAMPLES,
+    anharmonicity_quantiles,
     interval,
     resampled_means,
 )
+from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.reproduction.tasks.reduction import Reductions
 
 reduction = Reductions()
-
-#: Of the anharmonicities of the problems of an ensemble.
-QUANTILES = (0.05, 0.5, 0.95)
 
 
 @reduction("log_error", over="problem")
@@ -35,11 +41,7 @@ def mean_log_error(runs: xr.Dataset) -> xr.DataArray:
 @reduction("anharmonicity", over="problem")
 def anharmonicity(runs: xr.Dataset) -> xr.DataArray:
     """Quantiles over the problems of their anharmonicity."""
-    fractions = coordinate("quantile", list(QUANTILES), "fraction of the problems that are less anharmonic")
-    found: xr.DataArray = runs.anharmonicity.quantile(QUANTILES, "problem", skipna=False).transpose(
-        "ensemble", "quantile"
-    )
-    return found.assign_coords(fractions).assign_attrs(runs.anharmonicity.attrs)
+    return anharmonicity_quantiles(runs, "problems")
 
 
 @reduction("log_error", "kind", over="problem")
@@ -80,3 +82,113 @@ def _of(means: xr.DataArray, kind: str) -> xr.DataArray:
 
 def _gain(means: xr.DataArray) -> xr.DataArray:
     return _of(means, "published").min("integrator") - _of(means, "trained").min("integrator")
+
+
+GAINS = (
+    "Best published and best trained method on each ensemble at each cost of a step, by the mean of log10 max "
+    "|dH/H0|; the gain in decades with its 95 % interval over the problems. Ahead and behind: the interval is above or "
+    "below 0. Nothing was trained on these problems."
+)
+METHODS = (
+    "Each trained method on each ensemble: the widest stretch of neighbouring step sizes at which it errs less than "
+    "every published method, its largest gain and its largest loss in decades, and where."
+)
+
+
+def gain_table(cube: xr.Dataset) -> Table:
+    """Return a row for each ensemble and step size."""
+    values = {name: entry.values for name, entry in cube.variables.items()}
+    header = ["ensemble", "tau_per_stage", "best published", "log10_error", "best trained", "log10_error_trained"]
+    header += ["gain", "gain_low", "gain_high", "verdict"]
+    rows: list[list[Any]] = []
+    for e, t in _points(values):
+        names = [str(values[key][e, t]) for key in ("best_published", "best_trained")]
+        errors = [_error(values, e, t, name) for name in names]
+        numbers = [float(values["gain"][e, t]), *map(float, values["gain_interval"][e, t])]
+        rows.append([
+            str(values["ensemble"][e]), float(values["tau_per_stage"][e, t]), names[0] or "none", errors[0],
+            names[1] or "none", errors[1], *numbers, verdict(*numbers[1:]),
+        ])  # fmt: skip
+    return Table(header=header, rows=rows, caption=GAINS)
+
+
+def verdict(low: float, high: float) -> str:
+    """Return what an interval of a gain says."""
+    if np.isnan(low):
+        return "none trained"
+    return "ahead" if low > 0 else "behind" if high < 0 else "even"
+
+
+def method_table(cube: xr.Dataset) -> Table:
+    """Return a row for each trained method and ensemble."""
+    values = {name: entry.values for name, entry in cube.variables.items()}
+    header = ["method", "ensemble", "ahead_from", "ahead_to", "ratio"]
+    header += ["largest_gain", "gain_at", "largest_loss", "loss_at"]
+    rows = []
+    for m in np.flatnonzero(values["kind"] == "trained").tolist():
+        for e, ensemble in enumerate(values["ensemble"].tolist()):
+            taus = values["tau_per_stage"][e]
+            there = np.flatnonzero(np.isfinite(taus))
+            gain = gains_of(values, e, m)[there]
+            low, high = stretch(taus[there], gain)
+            most, least = there[gain.argmax()], there[gain.argmin()]
+            ends = [float(gain.max()), float(taus[most]), float(-gain.min()), float(taus[least])]
+            rows.append([str(values["integrator"][m]), ensemble, low, high, high / low, *ends])
+    return Table(header=header, rows=rows or [["none", *[""] * (len(header) - 1)]], caption=METHODS)
+
+
+def gains_of(values: Any, ensemble: int, method: int) -> Floats:
+    """Return the gains (T,) of one method over the best published one at each step size, from arrays of the cube."""
+    errors = values["mean_log_error"][ensemble]
+    best = errors[values["kind"] == "published"].min(axis=0)
+    found: Floats = best - errors[method]
+    return found
+
+
+def stretch(taus: Floats, gain: Floats) -> tuple[float, float]:
+    """Return the ends of the widest stretch of neighbouring step sizes at which a gain is above 0; NaN for none.
+
+    Parameters
+    ----------
+    taus, gain : (T,) array of float
+        Step sizes in any order that is monotonic, and gains.
+    """
+    best, start = (np.nan, np.nan), None
+    for i, ahead in enumerate([*(gain > 0), False]):
+        if ahead and start is None:
+            start = i
+        if not ahead and start is not None:
+            low, high = sorted((float(taus[start]), float(taus[i - 1])))
+            if not high / low <= best[1] / best[0]:
+                best = low, high
+            start = None
+    return best
+
+
+def _points(values: Any) -> Iterator[tuple[int, int]]:
+    for e, t in np.argwhere(np.isfinite(values["tau_per_stage"])):
+        yield int(e), int(t)
+
+
+def _error(values: Any, ensemble: int, point: int, name: str) -> float:
+    """The mean logarithm of the error of a method; NaN for none."""
+    which = values["integrator"] == name
+    return float(values["mean_log_error"][ensemble, which, point][0]) if which.any() else float("nan")
+
+
+def reduce(methods: Sequence[str], settings: ProofSettings, run: str) -> dict[str, Any]:
+    """Return the ``cube`` of mean errors and gains, the table of ``gains``, and that of trained ``methods``.
+
+    Parameters
+    ----------
+    methods : sequence of str
+        Names of all methods that are compared, which go into the files beside the numbers.
+    settings : ProofSettings
+        The seed of the resamples.
+    run : str
+        Path of the run file.
+    """
+    runs = read(run).assign_attrs(seed=settings.seed)
+    cube = runs.drop_dims("problem").assign(reduction.of(runs, over="problem"))
+    cube.attrs = {}
+    return {"cube": cube, "gains": gain_table(cube), "methods": method_table(cube)}

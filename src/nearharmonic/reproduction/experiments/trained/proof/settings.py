@@ -6,18 +6,17 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from nearharmonic.engine.settings import MOST_STEPS
-from nearharmonic.errors import bad_setting
 from nearharmonic.reproduction.entries import (
+    POSITIVE,
     STRICT,
     PositiveDecimal,
     Reading,
+    check_affordable,
     setting,
     whole_between,
     whole_from,
 )
 
-#: Force evaluations of the proof, all methods and ensembles together: some minutes.
-MOST_EVALUATIONS = 10**12
 #: Methods and ensembles that a proof has at most, for the estimate of its evaluations.
 METHODS, ENSEMBLES = 100, 17
 #: Periods of a Kepler orbit.
@@ -25,7 +24,6 @@ ORBITS = 10
 #: Evaluations of a step of the long runs, all methods and starts together.
 LONG = 10**4
 
-POSITIVE = "a finite number above 0"
 EvaluationsPerOrbit = Annotated[int, Reading(*whole_between(10, 10**6))]
 
 
@@ -69,10 +67,6 @@ class ProofSettings:
             The first fault found.
         """
         each = sum(float(self.t_end) / float(tau) for tau in self.tau_per_stage)
-        for key, value, per_member in (
-            ("systems", self.systems, METHODS * (ENSEMBLES * each + ORBITS * sum(self.evaluations_per_orbit))),
-            ("steps", self.steps, LONG),
-        ):
-            if value * per_member > MOST_EVALUATIONS:
-                what = f"it would take {value * per_member:.2g} force evaluations"
-                raise bad_setting(f"trained.proof.{key}", value, f"{what}, and may take {MOST_EVALUATIONS:.0e}")
+        problem = METHODS * (ENSEMBLES * each + ORBITS * sum(self.evaluations_per_orbit))
+        check_affordable("trained.proof.systems", self.systems, problem)
+        check_affordable("trained.proof.steps", self.steps, LONG)

@@ -22,8 +22,7 @@ from nearharmonic.numerics.types import Floats
 from nearharmonic.output.store import read
 from nearharmonic.output.table import Table
 from nearharmonic.reproduction.experiments.trained.comparison.contestants import kind_of
-from nearharmonic.reproduction.experiments.trained.proof.ensembles import Trial, proof_ensembles
-from nearharmonic.reproduction.experiments.trained.proof.run import log_errors
+from nearharmonic.reproduction.experiments.trained.proof.run import Trial, log_errors, proof_ensembles
 from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.reproduction.tasks.receipts import measures_time
 from nearharmonic.training.population import LANES, Ensemble

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import ceil
-from string import ascii_uppercase
-from textwrap import fill
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -16,8 +14,9 @@ from nearharmonic.recommendation.curve import Curve
 from nearharmonic.reproduction.experiments.work_precision.comparison import ERRORS, STANDARD, Pair, pairs
 from nearharmonic.reproduction.experiments.work_precision.figures.times import (
     YLABELS,
+    draw_facts,
+    draw_legend,
     line_of,
-    machine_text,
     points_of,
     scale_axes,
 )
@@ -33,20 +32,7 @@ _XLABELS = {
 
 @measures_time
 def comparison_figures(names: Sequence[str], cube: str) -> dict[str, Figure]:
-    """Draw error against the time of whole calls, beside other libraries.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Systems.
-    cube : str
-        Path of the cube that :func:`nearharmonic.reproduction.experiments.work_precision.run.measure` makes.
-
-    Returns
-    -------
-    dict
-        ``trajectory`` and ``lanes``.
-    """
+    """Draw what :func:`pairs` reads: error against the time of whole calls, for ``trajectory`` and ``lanes``."""
     found, facts = pairs(cube, names)
     return {mode: comparison_figure(found, mode, facts) for mode in _XLABELS}
 
@@ -77,12 +63,11 @@ def comparison_figure(found: Sequence[Pair], mode: str, facts: Mapping[str, obje
     grid = figure.subplots(down, across, squeeze=False)
     for i, (axes, pair, curves) in enumerate(zip(grid.flat, found, members, strict=False)):
         _draw(axes, curves, mode)
-        panel_letter(axes, ascii_uppercase[i], f"{pair.label}, t = {pair.t_end}")
+        panel_letter(axes, i, f"{pair.label}, t = {pair.t_end}")
         axes.set_xlabel(_XLABELS[mode])
     for axes in grid.flat[len(found) :]:
         axes.remove()
-    said = f"{machine_text(facts)} Versions: {facts['libraries']}."
-    figure.text(_LEFT / figure.get_figwidth(), 0.08 / height, fill(said, int(17.5 * _WIDTH * across)), fontsize=7.5)
+    draw_facts(figure, facts, _LEFT, int(17.5 * _WIDTH * across))
     return figure
 
 
@@ -105,7 +90,4 @@ def _draw(axes: Axes, curves: Sequence[Curve], mode: str) -> None:
         axes.plot(x, y, markevery=mark_every(position, len(curves), len(x), marks=7), zorder=3, **look)
         handles.append(Line2D([], [], label=curve.label, **look))
     scale_axes(axes, YLABELS["max"])
-    axes.legend(
-        handles=handles, loc="lower left", bbox_to_anchor=(0, 1.07), ncols=2, borderaxespad=0, fontsize=6.5,
-        columnspacing=1.0, handlelength=2.4, labelspacing=0.25, frameon=False,
-    )  # fmt: skip
+    draw_legend(axes, handles, handlelength=2.4)

@@ -7,23 +7,22 @@ where the figures beside other libraries compare programs on one form.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from string import ascii_uppercase
-from textwrap import fill
 from typing import Any
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from nearharmonic.plotting.style import house_style, mark_every, new_figure, panel_letter
-from nearharmonic.recommendation.curve import Curve, for_good
+from nearharmonic.recommendation.curve import Curve
 from nearharmonic.reproduction.experiments.work_precision.comparison import COMPARED_MEASURES, STANDARD, Pair, pairs
 from nearharmonic.reproduction.experiments.work_precision.figures.comparison import leaders
 from nearharmonic.reproduction.experiments.work_precision.figures.times import (
     YLABELS,
+    draw_envelope,
+    draw_facts,
+    draw_legend,
     line_of,
-    machine_text,
     points_of,
     scale_axes,
 )
@@ -46,19 +45,9 @@ _ORIGINAL: dict[str, Any] = {"color": "#f2d8a7", "linewidth": 5.0, "solid_capsty
 
 @measures_time
 def regularised_figures(names: Sequence[str], cube: str) -> dict[str, Figure]:
-    """Draw error against the time of one trajectory, on regularised and on original equations.
+    """Draw error against the time of one trajectory, on regularised and on original equations, as ``figure``.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Systems; shown are the regularised ones whose original equations are among them too.
-    cube : str
-        Path of the cube that :func:`nearharmonic.reproduction.experiments.work_precision.run.measure` makes.
-
-    Returns
-    -------
-    dict
-        ``figure``.
+    Of what :func:`pairs` reads, it shows the regularised systems whose original equations are among them too.
     """
     rows, facts = [], dict[str, object]()
     for measure in COMPARED_MEASURES:
@@ -92,26 +81,17 @@ def regularised_figure(rows: Sequence[Sequence[Pair]], facts: Mapping[str, objec
             axes = grid[j, i]
             _draw(axes, pair, chosen[i])
             scale_axes(axes, "" if i else YLABELS[pair.measure])
-            panel_letter(axes, ascii_uppercase[across * j + i], f"{pair.label}, t = {pair.t_end}")
+            panel_letter(axes, across * j + i, f"{pair.label}, t = {pair.t_end}")
     for i, pair in enumerate(rows[0]):
         grid[-1, i].set_xlabel("whole call for one trajectory  (ms)")
         _legend(grid[0, i], pair, chosen[i])
-    said = f"{machine_text(facts)} Versions: {facts['libraries']}."
-    figure.text(_LEFT / width, 0.08 / height, fill(said, int(17.5 * _WIDTH * across)), fontsize=7.5)
+    draw_facts(figure, facts, _LEFT, int(17.5 * _WIDTH * across))
     return figure
 
 
 def _draw(axes: Axes, pair: Pair, chosen: Sequence[str]) -> None:
     """The best on the original equations, all methods on the regularised ones, those chosen among them, and heyoka."""
-    settled = [
-        point
-        for curve in pair.own_original
-        for x, y in [points_of(curve, pair.measure)]
-        for point in zip(x, for_good(y), strict=False)
-    ]
-    if settled:
-        x, y = np.array(sorted(settled)).T
-        axes.plot(x, np.minimum.accumulate(y), zorder=1.5, **_ORIGINAL)
+    draw_envelope(axes, pair.own_original, pair.measure, "trajectory", _ORIGINAL)
     for curve in pair.own:
         axes.plot(*points_of(curve, pair.measure), zorder=2, **_EVERY)
     shown = _shown(pair, chosen)
@@ -130,7 +110,4 @@ def _legend(axes: Axes, pair: Pair, chosen: Sequence[str]) -> None:
     handles = [Line2D([], [], label=curve.label, **look) for curve, look in _shown(pair, chosen)]
     handles.append(Line2D([], [], label="every other method here, regularised", **_EVERY))
     handles.append(Line2D([], [], label="best method here, original equations", **_ORIGINAL))
-    axes.legend(
-        handles=handles, loc="lower left", bbox_to_anchor=(0, 1.07), ncols=2, borderaxespad=0, fontsize=6.5,
-        columnspacing=1.0, handlelength=2.8, labelspacing=0.25, frameon=False,
-    )  # fmt: skip
+    draw_legend(axes, handles, handlelength=2.8)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import ceil, isfinite
-from string import ascii_uppercase
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -85,7 +85,7 @@ def work_precision_figure(label: str, parts: Sequence[Part], facts: Mapping[str,
         for i, (says, _) in enumerate(_COLUMNS):
             _envelopes(grid[row, i], _column(curves, 0), measure)
             _draw(grid[row, i], _column(curves, i), measure)
-            panel_letter(grid[row, i], ascii_uppercase[len(_COLUMNS) * row + i], f"{says}, t = {t_end}")
+            panel_letter(grid[row, i], len(_COLUMNS) * row + i, f"{says}, t = {t_end}")
         scale_axes(grid[row, 0], YLABELS[measure])
     for i, (_, per_row) in enumerate(_COLUMNS):
         grid[-1, i].set_xlabel("wall time of one trajectory  (ms)")
@@ -131,15 +131,27 @@ def _envelopes(axes: Axes, curves: Sequence[Curve], measure: str) -> None:
         ("trajectory", {"color": _BEST, "linewidth": 5, "solid_capstyle": "round"}),
         ("lanes", {"color": _LANES, "linewidth": 1.1, "linestyle": ":"}),
     ):
-        points = sorted(pair for curve in curves for pair in _settled(*points_of(curve, measure, mode)))
-        if points:
-            x, y = np.array(points).T
-            axes.plot(x, np.minimum.accumulate(y), zorder=1.5, **look)  # type: ignore[arg-type]
+        draw_envelope(axes, curves, measure, mode, look)
 
 
-def _settled(times: Sequence[float], errors: Sequence[float]) -> list[tuple[float, float]]:
-    """The points of one curve without lucky ones: a coarser step that no finer one bears out is worth nothing."""
-    return list(zip(times, for_good(errors), strict=False))
+def draw_envelope(axes: Axes, curves: Sequence[Curve], measure: str, mode: str, look: Mapping[str, Any]) -> None:
+    """Draw the least error that any of ``curves`` has reached by each time, without lucky points.
+
+    A coarser step that no finer one bears out is worth nothing.
+    """
+    timed = [points_of(curve, measure, mode) for curve in curves]
+    points = sorted(point for times, errors in timed for point in zip(times, for_good(errors), strict=False))
+    if points:
+        x, y = np.array(points).T
+        axes.plot(x, np.minimum.accumulate(y), zorder=1.5, **look)
+
+
+def draw_legend(axes: Axes, handles: Sequence[Line2D], handlelength: float) -> None:
+    """Draw a legend of two columns above ``axes``, of lines as long as given."""
+    axes.legend(
+        handles=handles, loc="lower left", bbox_to_anchor=(0, 1.07), ncols=2, borderaxespad=0, fontsize=6.5,
+        columnspacing=1.0, handlelength=handlelength, labelspacing=0.25, frameon=False,
+    )  # fmt: skip
 
 
 def scale_axes(axes: Axes, ylabel: str) -> None:
@@ -179,6 +191,13 @@ def _legend(figure: Figure, axes: Axes, curves: Sequence[Curve], per_row: int, *
         labelspacing=0.25,
         fontsize=7,
     )
+
+
+def draw_facts(figure: Figure, facts: Mapping[str, object], left: float, characters: int) -> None:
+    """Write machine and libraries below the panels, ``left`` inches from the edge, in lines of so many characters."""
+    said = f"{machine_text(facts)} Versions: {facts['libraries']}."
+    width, height = figure.get_size_inches()
+    figure.text(left / width, 0.08 / height, fill(said, characters), fontsize=7.5)
 
 
 def machine_text(facts: Mapping[str, object]) -> str:

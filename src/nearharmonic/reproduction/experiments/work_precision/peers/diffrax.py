@@ -76,11 +76,7 @@ STAGES = 13
 
 PEERS = (
     Peer(
-        name="diffrax_dopri8",
-        label="diffrax Dopri8 (JAX, compiled)",
-        module="diffrax",
-        knob="tolerance",
+        name="diffrax_dopri8", label="diffrax Dopri8 (JAX, compiled)", module="diffrax", attempt=diffrax_dopri8,
         settings=(1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13),
-        attempt=diffrax_dopri8,
     ),
-)
+)  # fmt: skip

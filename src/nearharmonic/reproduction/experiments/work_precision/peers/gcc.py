@@ -139,11 +139,7 @@ def c_loop(system: System, t_end: float, step: float) -> Attempt:
 
 PEERS = (
     Peer(
-        name=f"c_{METHOD.name}",
-        label=f"{METHOD.label}, a plain loop in C",
-        module="gcc",
-        knob="step",
-        stages=METHOD.stages,
+        name=f"c_{METHOD.name}", label=f"{METHOD.label}, a plain loop in C", module="gcc", stages=METHOD.stages,
         attempt=c_loop,
     ),
-)
+)  # fmt: skip

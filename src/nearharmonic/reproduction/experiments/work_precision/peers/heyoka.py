@@ -3,19 +3,29 @@
 The equations are the system's own formulas. For V = -GM/|q| there are also those that suit heyoka best, with
 ``GM * (x*x + y*y)**-1.5`` written as a power; its own ``model.fixed_centres`` is 4 to 9 % slower than the formulas, and
 ``hamiltonian()`` of the system's potential a quarter slower. ``high_accuracy`` stays off, which is the default.
+
+Where a regularisation is known, the regularised equations are the best that users of heyoka can do. With the fictitious
+time s as the variable: u' = v, v' = -dV/du with V of
+:class:`nearharmonic.systems.formulas.regularisation.RegularisedFormulas`, and t' = |u|^2. heyoka's tolerance is
+relative to the largest component of the state, so that t is scaled by ``t_end``; w = -H is a constant, and no
+component. What favours heyoka: the fictitious time at which t = ``t_end`` is found beforehand, by dense output and
+Newton's method, and the final state that is timed is (u, v, t), not mapped back to q and p. Errors are those of q and
+p.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from functools import partial
+from math import isfinite, nan
 from typing import Any
 
 import numpy as np
 
+from nearharmonic.engine.batch.regularised import unperturbed
 from nearharmonic.reproduction.experiments.work_precision.peers.peer import MOST_STEPS, Attempt, Peer, States, start_of
 from nearharmonic.systems.definition.system import System
+from nearharmonic.systems.formulas.regularisation import RegularisedFormulas
 from nearharmonic.systems.formulas.source import velocity
 
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15)
@@ -85,7 +95,7 @@ def taylor_attempt(equations: Sequence[Any], start: States, end: float, toleranc
         while solver.time < end and len(states) < MOST_STEPS and np.isfinite(states[-1]).all():
             solver.step(end - solver.time)
             states.append(solver.state.copy())
-        return np.array(states), math.nan
+        return np.array(states), nan
 
     def lanes() -> Any:
         batch.set_time(0.0)
@@ -116,39 +126,90 @@ def functions_of(hy: Any) -> dict[str, Any]:
     return {name: getattr(hy, name) for name in own} | derived
 
 
-PEERS = (
+#: Repeats of Newton's method for the fictitious time of the end, which converges in four.
+REPEATS = 8
+
+
+def heyoka_regularised(system: System, t_end: float, tolerance: float, *, fast_math: bool = False) -> Attempt:
+    """Prepare ``heyoka.taylor_adaptive`` and ``taylor_adaptive_batch`` on the equations of a regularised system.
+
+    Parameters are those of :func:`heyoka_taylor`.
+
+    Raises
+    ------
+    TimeoutError
+        The end is not reached within :data:`nearharmonic.reproduction.experiments.work_precision.peers.peer.MOST_STEPS`
+        steps.
+    """
+    import heyoka as hy
+
+    maps = system.formulas().regularised
+    assert maps is not None
+    (*u, w), (*v, _) = maps.from_physical(*system.start(float), *system.constants(float))
+    start = np.array([*u, *v, 0.0], dtype=float)
+    equations = _equations(hy, system, maps.coordinates, float(w), t_end)
+    end = _fictitious_end(hy.taylor_adaptive(equations, list(start), tol=tolerance, fast_math=fast_math))
+    attempt = taylor_attempt(equations, start, end, tolerance, fast_math)
+
+    def path() -> tuple[States, float]:
+        states, evaluations = attempt.path()
+        return _physical(maps, states, float(w)), evaluations
+
+    return Attempt(run=attempt.run, path=path, lanes=attempt.lanes, members=attempt.members)
+
+
+def _equations(hy: Any, system: System, coordinates: int, w: float, t_end: float) -> list[tuple[Any, Any]]:
+    """Derivatives of (u, v, t/t_end) by s as this package integrates them; no perturbation if its strength is 0."""
+    d = coordinates - 1
+    given = system.regularisation
+    assert given is not None
+    if given.strength is not None and float(system.parameters[given.strength].value) == 0:
+        system = unperturbed(system)
+    names = [*(f"u{i}" for i in range(d)), *(f"v{i}" for i in range(d)), "t"]
+    variables = hy.make_vars(*names)
+    u, v = variables[:d], variables[d:-1]
+    # The momentum of w is -t/4.
+    *rates, clock = velocity(system, functions_of(hy))(*u, hy.expression(w), *v, hy.expression(0.0))
+    return list(zip(variables, [*rates[:d], *rates[d + 1 :], -4 / t_end * clock], strict=True))
+
+
+def _fictitious_end(solver: Any) -> float:
+    """The s at which the last component of the state, which grows, is 1."""
+    for _ in range(MOST_STEPS):
+        before = solver.time
+        solver.step(write_tc=True)
+        if not isfinite(solver.state[-1]):
+            raise ArithmeticError("the run has left its orbit")
+        if solver.state[-1] >= 1:
+            break
+    else:
+        raise TimeoutError
+    series = solver.tc[-1]
+    h = solver.time - before
+    for _ in range(REPEATS):
+        h -= (np.polyval(series[::-1], h) - 1) / np.polyval(np.polyder(series[::-1]), h)
+    return float(before + h)
+
+
+def _physical(maps: RegularisedFormulas, states: States, w: float) -> States:
+    """(n, 2 d) physical states of (n, 2 c + 1) states (u, v, t)."""
+    c = maps.coordinates - 1
+    x, y = (*states[:, :c].T, w), (*states[:, c : 2 * c].T, 0.0)
+    q, p = maps.to_physical(x, y)
+    return np.array([*q, *p]).T
+
+
+PEERS = tuple(
     Peer(
-        name="heyoka",
-        label="heyoka (adaptive Taylor)",
-        module="heyoka",
-        knob="tolerance",
-        settings=TOLERANCES,
-        attempt=heyoka_taylor,
-    ),
-    Peer(
-        name="heyoka_fast_math",
-        label="heyoka, fast_math",
-        module="heyoka",
-        knob="tolerance",
-        settings=TOLERANCES,
-        attempt=partial(heyoka_taylor, fast_math=True),
-    ),
-    Peer(
-        name="heyoka_power",
-        label="heyoka, force as a power",
-        module="heyoka",
-        knob="tolerance",
-        settings=TOLERANCES,
-        attempt=partial(heyoka_taylor, power=True),
-        gravity_only=True,
-    ),
-    Peer(
-        name="heyoka_power_fast_math",
-        label="heyoka, power, fast_math",
-        module="heyoka",
-        knob="tolerance",
-        settings=TOLERANCES,
-        attempt=partial(heyoka_taylor, power=True, fast_math=True),
-        gravity_only=True,
-    ),
-)
+        name=name, label=label, module="heyoka", settings=TOLERANCES, attempt=partial(attempt, fast_math=fast_math),
+        gravity_only=name.startswith("heyoka_power"), regularised=name.startswith("heyoka_regularised"),
+    )
+    for name, label, attempt, fast_math in (
+        ("heyoka", "heyoka (adaptive Taylor)", heyoka_taylor, False),
+        ("heyoka_fast_math", "heyoka, fast_math", heyoka_taylor, True),
+        ("heyoka_power", "heyoka, force as a power", partial(heyoka_taylor, power=True), False),
+        ("heyoka_power_fast_math", "heyoka, power, fast_math", partial(heyoka_taylor, power=True), True),
+        ("heyoka_regularised", "heyoka, regularised equations", heyoka_regularised, False),
+        ("heyoka_regularised_fast_math", "heyoka, regularised, fast_math", heyoka_regularised, True),
+    )
+)  # fmt: skip

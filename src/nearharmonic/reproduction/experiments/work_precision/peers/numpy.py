@@ -61,13 +61,9 @@ METHODS = ("aba864", "babps9o7h")
 
 PEERS = tuple(
     Peer(
-        name=f"numpy_{tableau.name}",
-        label=f"{tableau.label} in plain numpy",
-        module="numpy",
-        knob="step",
-        stages=tableau.stages,
+        name=f"numpy_{tableau.name}", label=f"{tableau.label} in plain numpy", module="numpy", stages=tableau.stages,
         attempt=numpy_splitting(tableau),
     )
     for tableau in (*blanes_2013.TABLEAUS, *nielsen_2015.TABLEAUS)
     if tableau.name in METHODS
-)
+)  # fmt: skip

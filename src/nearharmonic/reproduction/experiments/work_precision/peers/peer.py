@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,8 +52,6 @@ class Peer:
         Name in files and name in legends.
     module
         The library, as it is imported, or the name of a compiler.
-    knob
-        What a setting is: the tolerance of an adaptive solver, or a step size.
     attempt
         ``attempt(system, t_end, setting)`` prepares a run. Building a solver, compiling included, is part of this and
         not timed.
@@ -73,13 +71,17 @@ class Peer:
     name: str
     label: str
     module: str
-    knob: Literal["tolerance", "step"]
     attempt: Callable[[System, float, float], Attempt]
     settings: tuple[float, ...] = ()
     stages: int = 1
     quadratic_only: bool = False
     gravity_only: bool = False
     regularised: bool = False
+
+    @property
+    def adaptive(self) -> bool:
+        """True if a setting is a tolerance, False if it is a step size."""
+        return bool(self.settings)
 
 
 def start_of(system: System) -> States:

@@ -47,13 +47,4 @@ def pyhamsys_bm6(system: System, t_end: float, step: float) -> Attempt:
     return Attempt(run=lambda: flows.integrate(start, ends, settings), path=path)
 
 
-PEERS = (
-    Peer(
-        name="pyhamsys_bm6",
-        label="pyhamsys BM6",
-        module="pyhamsys",
-        knob="step",
-        stages=20,
-        attempt=pyhamsys_bm6,
-    ),
-)
+PEERS = (Peer(name="pyhamsys_bm6", label="pyhamsys BM6", module="pyhamsys", stages=20, attempt=pyhamsys_bm6),)

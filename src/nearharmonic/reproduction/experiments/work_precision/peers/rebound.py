@@ -147,21 +147,11 @@ def compiled_force(system: System | None) -> Any:
 
 PEERS = (
     Peer(
-        name="rebound_ias15",
-        label="rebound IAS15",
-        module="rebound",
-        knob="tolerance",
+        name="rebound_ias15", label="rebound IAS15", module="rebound", attempt=rebound_ias15, quadratic_only=True,
         settings=(1e-2, 1e-4, 1e-6, 1e-9),  # the last is its default
-        attempt=rebound_ias15,
-        quadratic_only=True,
     ),
     Peer(
-        name="rebound_leapfrog8",
-        label="rebound leapfrog, order 8",
-        module="rebound",
-        knob="step",
-        stages=17,
-        attempt=rebound_leapfrog8,
-        quadratic_only=True,
+        name="rebound_leapfrog8", label="rebound leapfrog, order 8", module="rebound", attempt=rebound_leapfrog8,
+        quadratic_only=True, stages=17,
     ),
-)
+)  # fmt: skip

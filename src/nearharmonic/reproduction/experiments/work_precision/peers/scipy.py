@@ -69,21 +69,10 @@ def _compiled_rhs(system: System, arguments: str) -> Callable[..., States]:
     return rhs
 
 
-PEERS = (
-    Peer(
-        name="scipy_dop853",
-        label="scipy solve_ivp (DOP853, numba)",
-        module="scipy",
-        knob="tolerance",
-        settings=TOLERANCES,
-        attempt=scipy_dop853,
-    ),
-    Peer(
-        name="scipy_odeint",
-        label="scipy odeint (LSODA, numba)",
-        module="scipy",
-        knob="tolerance",
-        settings=TOLERANCES,
-        attempt=scipy_odeint,
-    ),
+PEERS = tuple(
+    Peer(name=name, label=label, module="scipy", settings=TOLERANCES, attempt=attempt)
+    for name, label, attempt in (
+        ("scipy_dop853", "scipy solve_ivp (DOP853, numba)", scipy_dop853),
+        ("scipy_odeint", "scipy odeint (LSODA, numba)", scipy_odeint),
+    )
 )
