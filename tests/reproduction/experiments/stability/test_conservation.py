@@ -16,9 +16,11 @@ from nearharmonic.integrators import BENCHMARKED, integrators
 from nearharmonic.output.dataset import assembled
 from nearharmonic.reproduction.experiments.stability.conservation import run as conservation
 from nearharmonic.reproduction.experiments.stability.conservation.reductions import defect, tangent_map
-from nearharmonic.reproduction.experiments.stability.kinetic_energy.reduce import kinetic_energy_cube
+from nearharmonic.reproduction.experiments.stability.kinetic_energy.reductions import (
+    kinetic_energy_cube,
+    kinetic_energy_table,
+)
 from nearharmonic.reproduction.experiments.stability.kinetic_energy.run import energy_errors
-from nearharmonic.reproduction.experiments.stability.kinetic_energy.tables import kinetic_energy_table
 from nearharmonic.systems import systems
 from support.oracles.structures import runs_of, structure
 

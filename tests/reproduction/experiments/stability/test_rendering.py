@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import xarray as xr
-from nearharmonic.reproduction.experiments.stability.henon_heiles.reduce import henon_heiles_cube
-from nearharmonic.reproduction.experiments.stability.kepler.reduce import kepler_cube
-from nearharmonic.reproduction.experiments.stability.rounding.reduce import rounding_cube
 
 from nearharmonic.integrators import integrators
 from nearharmonic.output.dataset import assembled
+from nearharmonic.reproduction.experiments.stability.henon_heiles.reductions import henon_heiles_cube
+from nearharmonic.reproduction.experiments.stability.kepler.reductions import kepler_cube
+from nearharmonic.reproduction.experiments.stability.rounding.reductions import rounding_cube
 from nearharmonic.reproduction.experiments.stability.rounding.run import SOURCES
 from nearharmonic.reproduction.experiments.stability.settings import (
     EnsembleSettings,

@@ -119,7 +119,7 @@ def test_a_formula_that_branches_is_refused():
         velocity_text(forked)
 
 
-def fake(path, knob="tolerance", settings=(1e-2, 1e-4, 1e-6), **more):
+def fake(path, settings=(1e-2, 1e-4, 1e-6), **more):
     """A peer of numpy, which is always there, whose path is ``path(setting)``."""
     return Peer(
         name="fake", label="Fake", module="numpy", settings=settings,
