@@ -121,6 +121,11 @@ MOVED = {
     "experiments.derivation.kernels": "reproduction.experiments.derivation.search.kernels",
     "experiments.derivation.simplex": "reproduction.experiments.derivation.search.simplex",
     "experiments.derivation.starts": "reproduction.experiments.derivation.search.starts",
+    "experiments.exact_oscillator.surfaces": "reproduction.experiments.exact_oscillator.run",
+    "experiments.sixth_order.tables": "reproduction.experiments.sixth_order.run",
+    "experiments.stability.linear.tables": "reproduction.experiments.stability.linear.run",
+    "experiments.trained.proof.ensembles": "reproduction.experiments.trained.proof.run",
+    "experiments.work_precision.peers.heyoka_regularised": "reproduction.experiments.work_precision.peers.heyoka",
     "experiments.paper.chaos": "reproduction.experiments.paper.orbits.chaos",
     "experiments.paper.decompose": "reproduction.experiments.paper.tableaus.decompose",
     "experiments.paper.definitions": "reproduction.config.definitions",
@@ -192,6 +197,14 @@ MOVED = {
     "training.tailor.starts": "training.tailor.inputs.starts",
     "user_module": "registry.user_module",
 }
+MOVED |= {
+    f"experiments.{place}.{old}": f"reproduction.experiments.{place}.reductions"
+    for place in (
+        "exact_oscillator", "stability.conservation", "stability.henon_heiles", "stability.kepler",
+        "stability.kinetic_energy", "stability.rounding", "trained.ideas", "trained.long_runs", "trained.proof",
+    )
+    for old in ("reduce", "tables")
+}  # fmt: skip
 
 PACKAGE = "nearharmonic"
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -24,21 +24,21 @@ SMALL = ProofSettings(
 )  # fmt: skip
 
 
-def problems():
+def henon_heiles_starts():
     (one,) = (one for one in NAMED if one.name == "henon_heiles")
     return named_ensemble(one, STARTS, 3, 100.0)
 
 
 def reduced(*methods, steps=2000):
     """Reductions of long runs on the Hénon-Heiles system, by method."""
-    variables = long_runs({"henon_heiles": problems()}, [nh.integrators[name] for name in methods], steps)
+    variables = long_runs({"henon_heiles": henon_heiles_starts()}, [nh.integrators[name] for name in methods], steps)
     return reduction.of(assembled(variables, ("label", "step"), {}), over="problem").isel(system=0)
 
 
 def test_a_run_is_that_of_integrate(tmp_path):
-    start = problems().start[2].reshape(4, 2)
+    start = henon_heiles_starts().start[2].reshape(4, 2)
     alone = nh.integrate("henon_heiles", "babps8o7h", 0.8, t_end=40, q0=start[0], p0=start[2], samples=2)
-    paths = run(problems(), nh.integrators["babps8o7h"], 0.1, 50, samples=2)
+    paths = run(henon_heiles_starts(), nh.integrators["babps8o7h"], 0.1, 50, samples=2)
     assert paths.max_energy_error[2] == pytest.approx(float(alone.max_energy_error), rel=1e-9)
 
 
@@ -107,7 +107,7 @@ def test_gains_at_equal_time_use_measured_charge(monkeypatch, tmp_path):
 
 
 def test_costs_are_positive_numbers():
-    ensemble = run().ensemble
+    ensemble = henon_heiles_starts()
     for width in (1, 16):
         nanoseconds, charge = times.costs(ensemble, width)
         assert 0 < nanoseconds < np.inf
@@ -118,7 +118,7 @@ def test_costs_are_positive_numbers():
 def test_costs_add_up_to_least_time_of_step_in_nanoseconds(monkeypatch, width, problems):
     clock = ([2e-3, 1e-3], [3.5e-3, 4e-3])  # seconds of all steps of all problems
     monkeypatch.setattr(times, "interleaved", lambda calls, patience: clock)
-    nanoseconds, charge = times.costs(run().ensemble, width)
+    nanoseconds, charge = times.costs(henon_heiles_starts(), width)
     plain, modified = times.integrators[times.PLAIN], times.integrators[times.MODIFIED]
     steps = times.STEPS * problems
     assert plain.stages * nanoseconds == pytest.approx(1e6 / steps)
@@ -132,9 +132,9 @@ def test_without_trained_methods_there_is_no_gain_at_equal_time():
 
 
 def test_run_back_has_same_steps_with_other_sign():
-    one = replace(run(steps=10), tau_per_stage=0.2)
-    there, back = one.paths(samples=2), one.paths(samples=2, back=True)
-    mirrored = one.ensemble.start.copy()
+    one = partial(run, henon_heiles_starts(), nh.integrators["babps8o7h"], 0.2, 10, samples=2)
+    there, back = one(), one(back=True)
+    mirrored = henon_heiles_starts().start.copy()
     mirrored.reshape(-1, 4, 2)[:, 2] *= -1
-    assert one.paths(mirrored, samples=2).q[:, -1] == pytest.approx(back.q[:, -1], abs=1e-14)
+    assert one(mirrored).q[:, -1] == pytest.approx(back.q[:, -1], abs=1e-14)
     assert not np.allclose(there.q[:, -1], back.q[:, -1])

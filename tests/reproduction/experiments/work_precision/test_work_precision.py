@@ -13,6 +13,7 @@ from nearharmonic.engine.reference import position_t_end, reference
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.integrators import integrators
 from nearharmonic.output import store
+from nearharmonic.output.table import save
 from nearharmonic.recommendation.curve import (
     Curve,
     Point,
@@ -31,6 +32,7 @@ from nearharmonic.recommendation.own import (
 from nearharmonic.recommendation.timings import curves_of, variables
 from nearharmonic.reproduction.experiments.work_precision.run import clock, curves_on, problems
 from nearharmonic.reproduction.experiments.work_precision.settings import WorkPrecisionSettings
+from nearharmonic.reproduction.experiments.work_precision.tables import markdown, rows, table
 from nearharmonic.systems import systems
 from support.oracles.reference_solutions import oscillator_state
 
@@ -219,6 +221,27 @@ def test_the_file_gives_back_what_was_measured(tmp_path):
     assert group.repeats_trajectory.sel(solver="first").values.tolist() == [3, 3, 3]
     assert group.time_trajectory.sel(solver="first", quartile="median").values.tolist() == [2e-5, 2e-4, 2e-3]
     assert crossing(back, "max", 1e-7).time == crossing(first, "max", 1e-7).time
+
+
+def test_table_states_winner_missing_libraries_and_origin_of_times(tmp_path):
+    curves = [
+        made("ours", [1e-2, 1e-7], [1e-5, 1e-4]),
+        made("theirs", [1e-4, 1e-13], [5e-5, 6e-5], kind="peer"),
+        Curve(method="absent", label="Absent", kind="peer", status="not installed"),
+    ]
+    facts = {"measured": "today", "cpu": "Fast 9", "pinned_core": "1", "load_average": "0", "clock": "c"}
+    page = markdown("toy", [("20", ("max",), curves)], facts)
+    assert "1e-12: **a peer wins**: THEIRS" in page
+    assert "- Absent: not installed" in page
+    assert "Fast 9" in page
+    lines = list(rows("toy", "20", ("max",), curves))
+    assert [(row["method"], row["rank"]) for row in lines if row["target"] == 1e-12] == [
+        ("theirs", 1),
+        ("ours", 0),
+        ("absent", 0),
+    ]
+    save(table("toy", lines), [tmp_path / "table.csv"])
+    assert len((tmp_path / "table.csv").read_text().splitlines()) == 1 + 4 * 3
 
 
 def test_a_small_measurement_has_every_method_and_every_mode():

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import factorial
+from typing import Any
 
 from mpmath import mp
 
@@ -76,6 +77,11 @@ class Equations(SymmetricSteps):
     def tableau_unknowns(self, tableau: Tableau) -> Numbers:
         """The unknowns of ``tableau`` in its own role, exact."""
         return self.halved(*tableau.rows_exact())
+
+    def tableau(self, outer: Sequence[str], inner: Sequence[str], **about: Any) -> Tableau:
+        """The integrator of order 4 with these rows; ``about`` are other members of :class:`Tableau`."""
+        kick, drift = (outer, inner) if self.first == "kick" else (inner, outer)
+        return Tableau(order=4, first=self.first, kick=tuple(kick), drift=tuple(drift), **about)
 
     def residuals(self, x: Sequence[BigFloat]) -> Numbers:
         """Signed kappa_3, ..., kappa_lambda: q^(l)(0) - l! zeta_l."""

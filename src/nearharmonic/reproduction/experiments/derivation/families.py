@@ -221,16 +221,10 @@ def derived_tableaus(
     for point in printed:
         if point.continued.converged:
             known = integrators[point.name]
-            tableaus[point.name] = Tableau(
-                name=point.name,
-                label=known.label,
-                order=4,
-                first="kick",
-                kick=point.continued.outer,
-                drift=point.continued.inner,
+            tableaus[point.name] = point.equations.tableau(
+                point.continued.outer, point.continued.inner, name=point.name, label=known.label, digits=digits - 3,
                 source="derived: the printed set, continued along the directions that its conditions fix",
-                digits=digits - 3,
-            ).role(known.first)
+            )  # fmt: skip
     return tableaus
 
 

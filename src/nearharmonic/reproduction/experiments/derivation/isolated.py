@@ -57,19 +57,10 @@ class Root:
 
     def tableau(self, equations: Equations, name: str, digits: int) -> Tableau:
         """This solution as an integrator of order 4, rounded to ``digits`` decimals."""
-        outer, inner = (tuple(fixed_point(c, digits) for c in row) for row in (self.outer, self.inner))
-        kick, drift = (outer, inner) if equations.first == "kick" else (inner, outer)
-        return Tableau(
-            name=name,
-            label=name,
-            order=4,
-            first=equations.first,
-            kick=kick,
-            drift=drift,
-            source=f"derived: {equations.stages} stages, harmonic order {equations.harmonic_order}",
-            digits=digits - 1,
-            harmonic_order=equations.harmonic_order,
-        )
+        rows = ([fixed_point(c, digits) for c in row] for row in (self.outer, self.inner))
+        source = f"derived: {equations.stages} stages, harmonic order {equations.harmonic_order}"
+        order = equations.harmonic_order
+        return equations.tableau(*rows, name=name, label=name, source=source, digits=digits - 1, harmonic_order=order)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 The dataset has ``energy_error`` over (tau_per_stage, integrator, energy, trajectory), ``exact_energy_error`` over
 (tau_per_stage, charge, exact_integrator, energy, trajectory), and the attribute ``seed``, which chooses the resamples.
-No integration depends on this module.
+The cube and its table are made here as well. No integration depends on this module.
 """
 
 from __future__ import annotations
@@ -156,16 +156,9 @@ def crossing_table(cube: xr.Dataset) -> Table:
 
 
 def reduce(split: Sequence[str], exact: Sequence[str], settings: ExactOscillatorSettings, run: str) -> dict[str, Any]:
-    """Return the ``cube`` of quantiles and crossings, and its ``table``.
+    """Return the ``cube`` of quantiles and crossings, and its ``table``, from the path of the file ``run``.
 
-    Parameters
-    ----------
-    split, exact : sequence of str
-        Names of the methods, which go into the files beside the numbers.
-    settings : ExactOscillatorSettings
-        The seed of the resamples.
-    run : str
-        Path of the run file.
+    ``settings`` have the seed of the resamples; names of methods go into the files beside the numbers.
     """
     runs = read(run)
     runs.attrs = {"seed": settings.seed}

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-import xarray as xr
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING
 
 from nearharmonic.plotting.energy_error import draw_profile
 from nearharmonic.reproduction.tasks.declarations import figure
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
 
 
 @figure(

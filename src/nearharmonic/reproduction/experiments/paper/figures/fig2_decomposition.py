@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from math import log10
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -21,6 +20,9 @@ from nearharmonic.plotting.style import (
     style_of,
 )
 from nearharmonic.reproduction.tasks.declarations import figure
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 @figure(

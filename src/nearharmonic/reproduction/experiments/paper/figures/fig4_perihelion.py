@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -21,6 +20,9 @@ from nearharmonic.plotting.style import (
     write_beside,
 )
 from nearharmonic.reproduction.tasks.declarations import figure
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 @figure(

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from nearharmonic.plotting.style import log_scale, new_figure, panel_letter, write_beside
 from nearharmonic.reproduction.tasks.declarations import figure
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 #: Black for the plane itself, then from near to far: at least 3:1 contrast with white, and 13 CIELAB units between any
 #: two, with deuteranopia, protanopia and tritanopia as well.

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import isfinite
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
@@ -15,6 +14,9 @@ from matplotlib.lines import Line2D
 from nearharmonic.plotting.style import house_style, new_figure, panel_letter
 from nearharmonic.reproduction.experiments.paper.orbits.substeps import paper_panels
 from nearharmonic.reproduction.tasks.declarations import figure
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _BLUE, _RED, _GREEN = "#0b5fb5", "#d7301f", "#1a9850"
 _PALE = LinearSegmentedColormap.from_list("pale", ["#ffffff", "#b9c3cf"])

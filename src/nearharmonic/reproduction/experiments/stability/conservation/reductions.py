@@ -3,7 +3,8 @@
 A step makes 2 s + 1 updates y += c tau dy/dt, each rounded by up to u = 2^-53 of y (plain summation) or of the
 increment (compensated), of either sign: N of them add up to sqrt(N) u times their root mean square as a random walk,
 and to N u times it at the worst, if all push one way. The flow carries each error on: the sums are multiplied by the
-root mean square over time of the tangent map's norm. No integration depends on this module.
+root mean square over time of the tangent map's norm. The cube and its table are made here as well. No integration
+depends on this module.
 """
 
 from __future__ import annotations
@@ -205,17 +206,7 @@ def structure_table(cube: xr.Dataset) -> Table:
 
 
 def reduce(integrators: Sequence[str], t_end: Mapping[str, str], runs: Sequence[str]) -> dict[str, Any]:
-    """Return the ``cube`` and its ``table``.
-
-    Parameters
-    ----------
-    integrators : sequence of str
-        Names of the methods.
-    t_end : mapping
-        Length of the interval of each system by its name.
-    runs : sequence of str
-        Path of the run file of each system.
-    """
+    """Return the ``cube`` and its ``table``, from the path of the run file of each system in the order of ``t_end``."""
     cube = structure_cube([registry[name] for name in integrators], dict(zip(t_end, map(read, runs), strict=True)))
     return {"cube": cube, "table": structure_table(cube)}
 

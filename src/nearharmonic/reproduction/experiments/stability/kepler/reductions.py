@@ -2,7 +2,7 @@
 
 It has ``q`` and ``p``, once a period, over (integrator, tau_per_stage, eccentricity, sample, component), and what the
 cube takes over, over (integrator, tau_per_stage, eccentricity). With ``over="tau_per_stage"`` a reduction takes whole
-curves of the cube instead. No integration depends on this module.
+curves of the cube instead. The cube and its table are made here as well. No integration depends on this module.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Reduction of the errors by amplitude: ``max_energy_error`` over (roles, amplitude, integrator, tau_per_stage).
 
-No integration depends on this module.
+The cube and its table are made here as well. No integration depends on this module.
 """
 
 from __future__ import annotations

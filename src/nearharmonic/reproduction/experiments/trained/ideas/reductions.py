@@ -3,7 +3,7 @@
 The dataset has ``log_error`` over (integrator, tau_per_stage, strength, problem) with the coordinate ``idea`` of each
 integrator, ``exact_log_error`` over (exact_integrator, ...), ``anharmonicity`` over (strength, problem), and the
 attribute ``seed``, which chooses the resamples. With ``over="resample"`` a reduction takes the errors of the best in
-place of those of all. No integration depends on this module.
+place of those of all. The cube and its table are made here as well. No integration depends on this module.
 """
 
 from __future__ import annotations
@@ -132,16 +132,9 @@ def ideas_table(cube: xr.Dataset) -> Table:
 
 
 def reduce(methods: Sequence[str], exact: Sequence[str], settings: ProofSettings, run: str) -> dict[str, Any]:
-    """Return the ``cube`` of ideas over step size and strength, and the ``table`` of which is ahead.
+    """Return the ``cube`` of ideas over step size and strength, and the ``table`` of which is ahead, from ``run``.
 
-    Parameters
-    ----------
-    methods, exact : sequence of str
-        Names of the methods, which go into the files beside the numbers.
-    settings : ProofSettings
-        The seed of the resamples.
-    run : str
-        Path of the run file.
+    ``settings`` have the seed of the resamples; names of methods go into the files beside the numbers.
     """
     best = reduction.of(read(run).assign_attrs(seed=settings.seed), over="problem")
     cube = best.drop_dims("resample").assign(reduction.of(best, over="resample"))

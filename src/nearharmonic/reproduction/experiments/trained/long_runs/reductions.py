@@ -1,7 +1,7 @@
 """Reductions of the long runs over the problems of each system.
 
 The dataset has what :mod:`nearharmonic.reproduction.experiments.trained.long_runs.run` computes, over (system,
-integrator). No integration depends on this module.
+integrator). The table is made here as well. No integration depends on this module.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Reductions over the problems of each ensemble: mean errors, and the gains of trained methods over published ones.
 
 The dataset has ``log_error`` over (ensemble, integrator, point, problem), ``anharmonicity`` over (ensemble, problem),
-the coordinate ``kind`` of each integrator, and the attribute ``seed``, which chooses the resamples. No integration
-depends on this module.
+the coordinate ``kind`` of each integrator, and the attribute ``seed``, which chooses the resamples. The cube and its
+tables are made here as well. No integration depends on this module.
 """
 
 from __future__ import annotations
@@ -177,16 +177,9 @@ def _error(values: Any, ensemble: int, point: int, name: str) -> float:
 
 
 def reduce(methods: Sequence[str], settings: ProofSettings, run: str) -> dict[str, Any]:
-    """Return the ``cube`` of mean errors and gains, the table of ``gains``, and that of trained ``methods``.
+    """Return the ``cube`` of mean errors and gains, the tables of ``gains`` and of trained ``methods``, from ``run``.
 
-    Parameters
-    ----------
-    methods : sequence of str
-        Names of all methods that are compared, which go into the files beside the numbers.
-    settings : ProofSettings
-        The seed of the resamples.
-    run : str
-        Path of the run file.
+    ``settings`` have the seed of the resamples; names of methods go into the files beside the numbers.
     """
     runs = read(run).assign_attrs(seed=settings.seed)
     cube = runs.drop_dims("problem").assign(reduction.of(runs, over="problem"))

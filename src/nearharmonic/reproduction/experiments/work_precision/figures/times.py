@@ -43,20 +43,7 @@ _PEER_MARKERS = ("x", "+", "*", "1", "2", "3", "4", "|", "_", "v", "<", ">", "d"
 
 @measures_time
 def work_precision(system: str, cube: str) -> dict[str, Figure]:
-    """Draw what was measured on one system.
-
-    Parameters
-    ----------
-    system : str
-        Name of the system.
-    cube : str
-        Path of the cube that :func:`nearharmonic.reproduction.experiments.work_precision.run.measure` makes.
-
-    Returns
-    -------
-    dict
-        ``figure``.
-    """
+    """Draw what was measured on the system of this name, as ``figure``, from the path of the ``cube`` of times."""
     return {"figure": work_precision_figure(systems[system].label, *read_parts(cube, system))}
 
 
