@@ -24,28 +24,6 @@ ROOT = Path(__file__).parents[1]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
 
 
-def test_recommend_prints_a_ranking_and_its_basis(capsys, tmp_path):
-    assert main(["recommend", "sho", "--error", "1e-6", "--results", str(tmp_path)]) == 0
-    out = capsys.readouterr().out
-    assert out.startswith("simple harmonic oscillator, t = 500: maximum of |H - H0|/|H0| <= 1e-06\n")
-    assert "\n     1  " in out
-    assert "Based on: measured on the spot" in out
-
-
-def test_unreached_error_gives_status_1_and_best_methods(capsys, tmp_path):
-    assert main(["recommend", "sho", "--error", "1e-20", "--results", str(tmp_path)]) == 1
-    out, err = capsys.readouterr()
-    assert "no method reaches this error within 200000 evaluations" in out
-    assert err == ""
-
-
-def test_timings_that_cannot_be_read_are_bad_input(capsys, tmp_path):
-    (tmp_path / "cubes").mkdir()
-    (tmp_path / "cubes/work_precision.h5").write_bytes(b"not HDF5")
-    assert main(["recommend", "sho", "--error", "1e-6", "--results", str(tmp_path)]) == 2
-    assert "is truncated or no result file" in capsys.readouterr().err
-
-
 def rows_of(capsys, *arguments):
     """CSV output of a command, as a mapping for each row."""
     assert main([*arguments, "--format", "csv"]) == 0
@@ -95,8 +73,6 @@ def test_an_answer_with_a_short_row_is_refused():
     [
         (["recommend", "keplr", "--error", "1e-9"], "unknown system 'keplr'. Did you mean 'kepler'?"),
         (["recommend", "kepler", "--error", "small"], "error = 'small' is not allowed: a finite number above 0"),
-        (["recommend", "kepler", "--error", "1e-9", "--measure", "men"], "Did you mean 'mean'?"),
-        (["recommend", "nowhere/mine.py", "--error", "1e-9"], "nowhere/mine.py: no such file"),
         (["recommend", "kepler"], "the following arguments are required: --error"),
         (["recomend"], "unknown command 'recomend'. Did you mean 'recommend'?"),
         (
@@ -105,7 +81,6 @@ def test_an_answer_with_a_short_row_is_refused():
             "Did you mean 'systems'?",
         ),
         (["list", "--formt", "json"], "unrecognized arguments: --formt. Did you mean '--format'?"),
-        (["list", "--format", "jsn"], "Did you mean 'json'?"),
         (["list", "systems", "planets"], "unrecognized arguments: planets"),
         (["--frob"], "unrecognized arguments: --frob"),
         ([], "a command is missing: one of "),

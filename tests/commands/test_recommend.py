@@ -30,18 +30,6 @@ def test_interval_methods_and_budget_are_those_of_the_options(capsys):
         assert run.evaluations.item() == choice["evaluations"] <= 5000
 
 
-def test_json_holds_the_columns_of_the_dataset(capsys):
-    document, _ = told(capsys, "kepler", "--error", "1e-4", "--methods", METHODS, "--t-end", "8766")
-    found = nh.recommend("kepler", "1e-4", t_end="8766", methods=["ruth", "aba864", "babps9o7h"])
-    by_name = {choice["method"]: choice for choice in document["choices"]}
-    for i, name in enumerate(found.integrator.values):
-        for column in ("tau", "summation", "steps", "evaluations", "max_energy_error", "mean_energy_error"):
-            assert by_name[name][column] == found[column][i].item(), column
-    times = [choice["time"] for choice in document["choices"]]
-    assert times == sorted(times)
-    assert [choice["rank"] for choice in document["choices"]] == [1, 2, 3]
-
-
 def test_missed_error_gives_no_rank_and_status_1_for_all(capsys):
     words = ["sho", "--error", "1e-6", "--methods", "leapfrog,babps9o7h"]
     document, status = told(capsys, *words, "--budget", "20000")
@@ -50,16 +38,6 @@ def test_missed_error_gives_no_rank_and_status_1_for_all(capsys):
     document, status = told(capsys, *words, "--budget", "100")
     assert status == 1
     assert {choice["rank"] for choice in document["choices"]} == {None}
-
-
-def test_a_method_of_a_file_is_ranked_by_its_path(capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert main(["new", "integrator", "mine"]) == 0
-    capsys.readouterr()
-    document, status = told(capsys, "sho", "--error", "1e-3", "--methods", "mine.py,ruth")
-    assert status == 0
-    (mine,) = [choice for choice in document["choices"] if choice["method"] == "mine.py"]
-    assert nh.integrate("sho", "mine.py", mine["tau"]).max_energy_error <= 1e-3
 
 
 def test_interval_of_option_takes_place_of_that_of_config(capsys, tmp_path, monkeypatch):

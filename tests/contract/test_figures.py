@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from functools import cache
+from itertools import combinations
 from pathlib import Path
 from runpy import run_path
 
 import numpy as np
 import pytest
+from matplotlib.collections import Collection
+from matplotlib.colors import to_hex
+from matplotlib.legend import Legend
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.text import Text
 
 from nearharmonic.recommendation.curve import Curve
 from nearharmonic.reproduction.experiments.paper.figures.fig6_substeps import draw_panels
@@ -15,6 +23,7 @@ from nearharmonic.reproduction.tasks.declarations import figures_of
 from nearharmonic.reproduction.tasks.experiment import experiments
 from nearharmonic.reproduction.tasks.provenance import function_of
 from support.cubes import figure_cubes as made
+from support.cubes.artists import entries, look, look_of, luminance
 
 #: Figure -> what it draws for some methods, and the variables that a cube has even without a number: EXAMPLES in
 #: example_cubes.py, in the folder of the tests of each experiment.
@@ -34,6 +43,26 @@ OWN = {stem: DECLARED.pop(stem) for stem in ("sho_energy_error", "henon_heiles_e
 def drawing(name):
     """The function that draws the figure ``name``."""
     return function_of({"function": DECLARED[name].function})
+
+
+@cache
+def figure_of(name):
+    """The figure ``name`` of three methods, laid out."""
+    figure = draw_panels(made.toy_panels()) if name == "fig6_substeps" else drawing(name)(CUBES[name][0](made.METHODS))
+    figure.draw_without_rendering()
+    return figure
+
+
+def legend_of(name):
+    """Text -> the artists beside it, of all legends of a figure."""
+    return {text: artists for one in figure_of(name).findobj(Legend) for text, artists in entries(one).items()}
+
+
+def colours_of(artist):
+    """Colours of an artist that draws lines, faces or both."""
+    if isinstance(artist, Line2D):
+        return {to_hex(artist.get_color()), to_hex(artist.get_markerfacecolor())}
+    return {to_hex(one) for one in (*np.atleast_2d(artist.get_facecolor()), *np.atleast_2d(artist.get_edgecolor()))}
 
 
 def is_drawn(figure):
@@ -89,6 +118,64 @@ def test_work_precision_figure_draws_single_method_and_empty_curves():
     is_drawn(work_precision_figure("toy", [("20", ("max",), [made.timed("ruth", [1e-3], [1e-4])])], made.FACTS))
     absent = [Curve(method=name, label=name, kind="splitting", status="no") for name in made.METHODS]
     is_drawn(work_precision_figure("toy", [("20", ("max", "mean"), absent), ("5", ("position",), absent)], made.FACTS))
+
+
+@pytest.mark.parametrize("name", DECLARED)
+def test_each_entry_of_legend_has_look_of_what_is_drawn(name):
+    """A method has its own; what stands for all methods is of the grey of no method, and of a form that is drawn."""
+    artists = [one for axes in figure_of(name).axes for one in axes.findobj() if one.axes is axes]
+    lines = [one for one in artists if isinstance(one, Line2D)]
+    colours = set().union(*(colours_of(one) for one in artists if isinstance(one, (Line2D, Patch, Collection))))
+    pictures = any(axes.images or axes.collections for axes in figure_of(name).axes)
+    for text, (one, *_) in legend_of(name).items():
+        for method in made.METHODS:
+            assert text != made.label(method) or look(one) == look_of(method)
+        if isinstance(one, Patch):
+            assert pictures or colours_of(one) & colours, text
+        elif to_hex(one.get_color()) == "#404040":
+            assert look(one)[1] in {look(line)[1] for line in lines}, text
+            assert look(one)[3] in {look(line)[3] for line in lines}, text
+        else:
+            assert to_hex(one.get_color()) in colours, text
+
+
+@pytest.mark.parametrize("name", DECLARED)
+def test_a_figure_names_each_method_or_curve(name):
+    said = " ".join(text.get_text() for text in figure_of(name).findobj(Text))
+    of_one = ("fig6_displaced", "fig6_substeps", "trained_gain", "trained_ideas")  # names of orbits, ensembles, ideas
+    assert name in of_one or all(made.label(m) in said or m in said for m in made.METHODS)
+    assert name not in of_one or len(legend_of(name)) > 2
+
+
+@pytest.mark.parametrize("name", [name for name in DECLARED if name.startswith("fig")])
+def test_lines_of_a_legend_stand_out_from_white_paper(name):
+    """WCAG 2.1, 1.4.11: a contrast of 3 to 1."""
+    for text, (one, *_) in legend_of(name).items():
+        assert not isinstance(one, Line2D) or 1.05 / (luminance(one.get_color()) + 0.05) >= 3, text
+
+
+@pytest.mark.parametrize("name", DECLARED)
+def test_panels_are_lettered_in_order_and_both_axes_are_labelled(name):
+    figure = figure_of(name)
+    titles = [text.get_text() for text in figure.findobj(Text)]
+    letters = [title[len(r"$\mathbf{")] for title in titles if title.startswith(r"$\mathbf{")]
+    assert letters == [*"ABCDEFGHI"[: len(letters)]]
+    parts = figure.subfigs or [figure]
+    for part in parts:
+        for get, over in (("get_xlabel", "get_supxlabel"), ("get_ylabel", "get_supylabel")):
+            assert getattr(part, over)() or any(getattr(axes, get)() for axes in part.axes)
+
+
+@pytest.mark.parametrize("name", DECLARED)
+def test_titles_labels_and_notes_do_not_overlap(name):
+    figure = figure_of(name)
+    boxes = {}
+    for axes in figure.axes:
+        for text in (axes._left_title, axes.title, axes.xaxis.label, axes.yaxis.label, *axes.texts):
+            if text.get_text().strip() and axes.get_visible():
+                boxes[text] = text.get_window_extent()
+    for (one, a), (other, b) in combinations(boxes.items(), 2):
+        assert min(a.x1, b.x1) - max(a.x0, b.x0) < 2 or min(a.y1, b.y1) - max(a.y0, b.y0) < 2, (one, other)
 
 
 @pytest.mark.parametrize("name", DECLARED)

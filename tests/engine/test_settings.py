@@ -10,10 +10,7 @@ import pytest
 
 from nearharmonic.engine.grid import steps_of
 from nearharmonic.engine.settings import (
-    checked_first,
-    checked_precision,
     checked_samples,
-    checked_summation,
     checked_t_end,
     checked_tau,
 )
@@ -50,27 +47,6 @@ def test_samples_is_a_whole_number_within_memory(value):
         checked_samples(value)
 
 
-def test_samples_may_be_a_numpy_integer():
-    assert checked_samples(np.int64(7)) == 7
-
-
-@pytest.mark.parametrize(
-    ("check", "value", "nearest"),
-    [
-        (checked_precision, "doubel", "double"),
-        (checked_summation, "compensate", "compensated"),
-        (checked_first, "kik", "kick"),
-    ],
-)
-def test_a_misspelt_choice_names_its_nearest_match(check, value, nearest):
-    with pytest.raises(SettingError, match=f"{value}.*Did you mean '{nearest}'"):
-        check(value)
-
-
-def test_first_may_be_left_to_the_tableau():
-    assert checked_first(None) is None
-
-
 @pytest.mark.parametrize(
     ("t_end", "tau", "steps"),
     [("500", 0.25, 2000), ("500", 0.3, 1667), ("1", 3.0, 1), ("500", 400.0, 1), ("500", 300.0, 2)],
@@ -82,9 +58,3 @@ def test_steps_are_rounded_to_nearest_integer_of_at_least_one(t_end, tau, steps)
 def test_the_division_into_steps_is_exact():
     tau = 1e-6
     assert steps_of("1000", tau) == round(Fraction(1000) / Fraction(tau))
-
-
-@pytest.mark.parametrize(("tau", "number"), [(1e-9, "500000000000"), (5e-324, r"1\.012e\+326")])
-def test_too_many_steps_are_refused_with_their_number(tau, number):
-    with pytest.raises(SettingError, match=f"tau = {tau}.* {number} steps, and one run takes at most 1000000000"):
-        steps_of("500", tau)

@@ -8,7 +8,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 import pytest
 import xarray as xr
@@ -96,13 +95,6 @@ def test_a_notebook_shows_the_figure_without_pyplot():
         [sys.executable, "-c", "import nearharmonic as nh, sys; nh.plot; print(*sys.modules)"],
         capture_output=True, text=True, check=True,
     ).stdout.split()  # fmt: skip
-
-
-def test_settings_of_matplotlib_are_left_as_they_were():
-    before = dict(mpl.rcParams)
-    nh.plot(nh.sweep("sho", "ruth", TAUS, t_end=20))
-    nh.plot(nh.integrate("sho", "ruth", 0.5, t_end=20))
-    assert dict(mpl.rcParams) == before
 
 
 @pytest.mark.parametrize(

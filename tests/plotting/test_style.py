@@ -145,10 +145,6 @@ def test_panel_letter_is_bold_above_left_corner_before_title():
     assert [axes.get_title(loc="left") for axes in (left, right)] == [r"$\mathbf{C}$  the third", r"$\mathbf{D}$"]
 
 
-def test_a_new_figure_has_the_size_asked_for():
-    assert tuple(new_figure(7, 8).get_size_inches()) == (7, 8)
-
-
 def places(stem):
     return [stem.parent / f"{stem.name}.{suffix}" for suffix in ("pdf", "svg", "png")]
 

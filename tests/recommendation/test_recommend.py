@@ -8,7 +8,7 @@ import re
 import pytest
 
 from nearharmonic.commands.recommend import ranking
-from nearharmonic.errors import NearharmonicError, ResultFileError, SystemDefinitionError
+from nearharmonic.errors import ResultFileError, SystemDefinitionError
 from nearharmonic.integrators import integrators
 from nearharmonic.output import store
 from nearharmonic.output.answers import printed
@@ -205,12 +205,6 @@ def test_bound_is_said_in_words_of_energy_errors_of_system(tmp_path, change, say
     assert text_of(found).splitlines()[0].endswith(says)
 
 
-def test_method_that_does_not_fit_system_is_named_with_reason(tmp_path):
-    found = recommend("relativistic_oscillator", 1e-3, results=tmp_path)
-    assert choice_of(found, "srkn_a14").status == "not run"
-    assert "not run: SRKN 14a (does not fit: it requires a quadratic kinetic energy)" in text_of(found)
-
-
 @pytest.mark.parametrize(
     ("content", "says"),
     [
@@ -231,22 +225,6 @@ def test_a_file_that_is_no_system_is_refused(tmp_path, content, says):
         (tmp_path / "mine.py").write_text(content)
     with pytest.raises(SystemDefinitionError, match=re.escape(says)):
         load_system(tmp_path / "mine.py")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        ({"system": "keplr"}, "unknown system 'keplr'. Did you mean 'kepler'?"),
-        ({"error": "tiny"}, "error = 'tiny' is not allowed: a finite number above 0"),
-        ({"error": "-1"}, "error = '-1' is not allowed"),
-        ({"measure": "maximum"}, "measure = 'maximum' is not allowed: one of max, mean, position. Did you mean 'max'?"),
-    ],
-)
-def test_a_bad_question_is_refused_before_anything_is_measured(arguments, says, tmp_path):
-    asked = {"system": "sho", "error": "1e-9", "measure": "max"} | arguments
-    system, error = asked.pop("system"), asked.pop("error")
-    with pytest.raises(NearharmonicError, match=re.escape(says)):
-        recommend(system, error, results=tmp_path, **asked)
 
 
 def test_broken_timings_are_named_and_not_measured_around(tmp_path):

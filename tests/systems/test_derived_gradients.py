@@ -31,22 +31,6 @@ def constant(value):
     return Parameter(value=value, unit="1", meaning="a constant")
 
 
-@pytest.mark.parametrize("precision", ["double", "extended"])
-@pytest.mark.parametrize("name", PAPER)
-def test_the_papers_systems_have_the_same_curves_from_V_alone(name, precision):
-    """To rounding: 1000 steps of 7 stages, each of some 10 roundings u; Kepler's amplify them by t."""
-    given = nh.systems[name]
-    derived = replace(given, grad_V=None)
-    unit = 2.0**-53 if precision == "double" else 2.0**-104
-    a, b = (
-        nh.integrate(s, "aba864", PAPER[name], t_end=1000 * PAPER[name], precision=precision) for s in (given, derived)
-    )
-    size = abs(a.q.values).max()
-    assert abs(a.q.values - b.q.values).max() <= 7e4 * 20 * max(unit, 2.0**-53) * size
-    assert a.max_energy_error.item() == pytest.approx(b.max_energy_error.item(), rel=1e-3, abs=1e5 * unit)
-    assert b.energy_error.values[1:5] == pytest.approx(a.energy_error.values[1:5], rel=1e-6, abs=100 * unit)
-
-
 @pytest.mark.parametrize("name", [*PAPER, "relativistic_oscillator"])
 def test_derived_gradients_are_those_given_in_every_number_type(name):
     given = nh.systems[name]
@@ -71,24 +55,6 @@ def test_derivative_that_is_constant_has_shape_of_others():
     assert made.grad_V((Fraction(1), Fraction(1))) == (2, 3)
     assert made.grad_V((1.0, 1.0)) == (2.0, 3.0)
     assert isinstance(made.grad_V((1, 2))[0], float)
-
-
-def test_all_functions_have_derivatives_in_floats_arrays_and_kernels():
-    def V(q):
-        x, y = q
-        a = math.sin(x) * math.cos(y) + math.tan(x / 3) + math.exp(-y) * math.log(2 + x * x) + math.erf(x)
-        b = math.cbrt(3 + x) + math.pow(2 + y, x) + math.atan2(y, 2 + x) + math.tanh(y) * math.sinh(x)
-        return a + b + math.cosh(y) + math.hypot(x + 3, y) + abs(x - 7) + math.sqrt(5 + y) + math.pow(2, y)
-
-    made = spring(V=V, grad_V=None, q0=("0.1", "0.2"), p0=("0", "0"))
-    at = (0.3, -0.4)
-    with mpmath.workdps(40):
-        exact = [mpmath.diff(lambda *z: V(z), tuple(map(mpf, at)), n) for n in ((1, 0), (0, 1))]
-        for a, b in zip(made.grad_V(tuple(map(mpf, at))), exact, strict=True):
-            assert abs(a - b) < mpf(10) ** -19
-    assert made.grad_V(at) == pytest.approx([float(x) for x in exact], rel=1e-14)
-    columns = made.grad_V(tuple(np.array([x, x]) for x in at))
-    assert np.array(columns)[:, 1] == pytest.approx([float(x) for x in exact], rel=1e-14)
 
 
 def test_the_hessian_times_a_vector_is_known_in_closed_form():
@@ -276,35 +242,6 @@ def test_threads_that_derive_at_once_get_the_same():
 
 
 # --- sizes ------------------------------------------------------------------------------------------------------------
-
-
-def test_bodies_integrate_from_their_potential_alone():
-    """Energy and total momentum are conserved: to the method's error, and to rounding (action is reaction)."""
-    n = 4
-
-    def V(q, G):
-        points = [q[3 * i : 3 * i + 3] for i in range(n)]
-        pairs = combinations(points, 2)
-        return -G * sum(1 / math.sqrt(sum((a - b) ** 2 for a, b in zip(x, y, strict=True))) for x, y in pairs)
-
-    random = np.random.default_rng(1)
-    q0 = tuple(f"{x:.3f}" for x in 10 * random.random(3 * n))
-    made = spring(V=V, grad_V=None, q0=q0, p0=("0",) * 3 * n, parameters={"G": constant("0.1")})
-    run = nh.integrate(made, "aba864", 0.05, t_end=2)
-    assert run.max_energy_error.item() < 1e-9
-    total = run.p.values.reshape(-1, n, 3).sum(axis=1)
-    assert abs(total).max() < 1e-13
-
-
-def test_a_long_chain_is_checked_and_integrated_in_little_time():
-    def V(q):
-        return sum((b - a) ** 2 / 2 + (b - a) ** 3 / 12 for a, b in pairwise((0, *q, 0)))
-
-    made = spring(V=V, grad_V=None, q0=("0.1", "-0.1") * 32, p0=("0",) * 64)
-    q = np.random.default_rng(2).random(64)
-    stretch = np.diff([0, *q, 0])
-    force = stretch + stretch**2 / 4
-    assert made.grad_V(tuple(q)) == pytest.approx(force[:-1] - force[1:], rel=1e-13, abs=1e-14)
 
 
 # --- shown, pickled ---------------------------------------------------------------------------------------------------

@@ -94,12 +94,6 @@ def test_the_energy_error_falls_with_the_order_of_the_method(name, order):
     assert log2(coarse / fine) == pytest.approx(order, abs=0.15)
 
 
-def test_the_kernels_energy_error_falls_with_order_four():
-    made = spring(V=anharmonic, grad_V=None, time_dependent=True)
-    errors = nh.sweep(made, "ruth", [0.04, 0.02, 0.01], t_end=2, precision="extended").max_energy_error.values
-    assert np.log2(errors[:-1] / errors[1:]) == pytest.approx([4, 4], abs=0.2)
-
-
 def test_a_gradient_that_is_given_is_used_and_compared():
     sound = driven(grad_V=lambda q, t, F, w: (q[0] - F * math.cos(w * t),))
     check_gradients(sound)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from mpmath import mp, mpf, nstr
 
-from nearharmonic.errors import SettingError, UnknownNameError
+from nearharmonic.errors import SettingError
 from nearharmonic.exact import lie
 from nearharmonic.exact.words import logarithm, words
 from nearharmonic.integrators import integrators
@@ -216,9 +216,3 @@ def test_degree_and_highest_order_must_be_positive_integers(number):
         order_of("ruth", highest=number)
     with pytest.raises(SettingError, match=r"degree = .* is not allowed: an integer >= 1"):
         error_norm("ruth", number)
-
-
-@pytest.mark.parametrize("function", [order_of, nystrom_order_of, generalised_order_of, leading_errors])
-def test_an_unknown_integrator_is_refused(function):
-    with pytest.raises(UnknownNameError, match="unknown integrator 'rut'"):
-        function("rut")

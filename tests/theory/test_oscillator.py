@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mpmath import cos, mp, mpf, sin, taylor
 
-from nearharmonic.errors import SettingError, UnknownNameError
+from nearharmonic.errors import SettingError
 from nearharmonic.integrators import BENCHMARKED, integrators
 from nearharmonic.theory.oscillator import (
     harmonic_energy_error,
@@ -145,11 +145,6 @@ def test_kappa_keeps_ten_guard_digits_in_any_working_precision():
 def test_a_highest_order_below_one_or_no_integer_is_refused(highest):
     with pytest.raises(SettingError, match=r"highest = .* is not allowed: an integer >= 1"):
         kappa("ruth", highest)
-
-
-def test_an_unknown_integrator_is_refused_with_its_nearest_match():
-    with pytest.raises(UnknownNameError, match=r"unknown integrator 'aba846'\. Did you mean 'aba864'\?"):
-        kappa("aba846", 3)
 
 
 # --- closed forms ----------------------------------------------------------------------------------------------------

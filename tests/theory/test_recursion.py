@@ -206,18 +206,6 @@ def test_last_drift_of_zero_is_refused_by_recursion_for_momentum():
         momentum_row("ruth_s3o3", first="drift")
 
 
-def test_table_2_reads_as_printed_for_three_stages():
-    _, rows = recursion_symbols("ruth", first="kick")
-    assert rows[2][1:6] == (
-        "Q[1,0] Cbar_2 - C_2 Q[0,0]",
-        "Q[1,1] Cbar_2",
-        "Q[1,2] Cbar_2 + D_2 Qbar[1,0]",
-        "D_2 Qbar[1,1]",
-        "D_2 Qbar[1,2]",
-    )
-    assert rows[3][3:5] == ("Q[2,2] Cbar_3 - C_3 Q[1,2] + D_3 Qbar[2,0]", "Q[2,3] Cbar_3 + D_3 Qbar[2,1]")
-
-
 @EVERY_METHOD
 @ROLES
 def test_table_3_agrees_with_table_2(name, first):

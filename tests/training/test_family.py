@@ -89,12 +89,6 @@ def test_a_grown_family_takes_the_same_step(shape):
             assert max(abs(a - b) for a, b in zip(one, other, strict=True)) < mpf(10) ** -50
 
 
-def test_a_grown_member_is_a_member():
-    for family in FAMILIES:
-        more, y = family.grown(members(family, 1)[0])
-        assert np.abs(more.residuals(y)).max() < 1e-10
-
-
 @pytest.mark.parametrize("family", FAMILIES, ids=str)
 def test_slopes_in_sixty_digits_are_those_of_differences(family):
     random = np.random.default_rng(family.stages)
@@ -142,12 +136,6 @@ def test_published_methods_meet_the_equations(name, conditions):
     assert drifts == pytest.approx([float(c) for c in tableau.drift], abs=1e-14)
     assert squares == pytest.approx([float(m) for m in tableau.square or ["0"] * len(kicks)], abs=1e-14)
     assert np.abs(family.residuals(x)).max() < 1e-11
-
-
-def test_order_four_method_is_not_in_order_six_family():
-    tableau = nh.integrators["aba864"]
-    family = Family(stages=tableau.stages, first=tableau.first, order=6)
-    assert np.abs(family.residuals(family.unknowns_of(tableau))).max() > 1e-4
 
 
 @pytest.mark.parametrize("family", FAMILIES, ids=str)
@@ -198,12 +186,6 @@ def test_projection_of_point_is_bitwise_independent_of_others(family):
         alone, one = family.project(points[i : i + 1])
         assert alone[0].tobytes() == together[i].tobytes()
         assert one[0] == inside[i]
-
-
-def test_points_are_not_changed_in_place():
-    points = np.full((2, 4), 0.2)
-    Family(stages=5, first="kick").project(points)
-    assert (points == 0.2).all()
 
 
 @pytest.mark.parametrize(

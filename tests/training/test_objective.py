@@ -100,24 +100,6 @@ def test_members_with_large_coefficients_are_outside():
     assert (sums < LARGEST_SUM).all()
 
 
-@pytest.mark.parametrize(
-    "family",
-    [Family(stages=7, first="drift", order=6, squares=(0, 1, 2)), Family(stages=8, first="kick", harmonic_order=6)],
-    ids=str,
-)
-def test_value_of_point_is_bitwise_independent_of_others(family):
-    points = members(family, 5) + np.random.default_rng(4).normal(size=(5, family.unknowns)) * 0.01
-    points = np.concatenate([points, np.full((2, family.unknowns), np.nan)])
-    objective = objective_of(family)
-    together = objective(points)
-    order = np.random.default_rng(2).permutation(len(points))
-    assert objective(points[order]).tobytes() == together[order].tobytes()
-    for i, point in enumerate(points):
-        assert objective(point[None])[0].tobytes() == together[i].tobytes()
-    small = objective_of(family, size=2)
-    assert small(points).tobytes() == together.tobytes()
-
-
 def test_every_point_is_a_trial():
     family = Family(stages=6, first="kick")
     objective = objective_of(family, size=2)

@@ -160,18 +160,6 @@ def test_table_has_equal_rows_in_csv_markdown_and_latex(after, stem):
         assert set(METHODS) <= {row[header.index("integrator")] for row in rows}
 
 
-def test_tables_2_and_3_are_ruths_method_with_kick_first(finished):
-    """w = 1/(2 - 2^(1/3)): the first drift is w, the first kick w/2; without a kick there is no tau^2."""
-    w = 1 / (2 - 2 ** (1 / 3))
-    _, _, symbols = csv.reader(text_of(finished, "tables/table2_recursion.csv").splitlines()[:3])
-    assert symbols[:4] == ["1", "Q[0,0]", "c_1 p_a / m", "D_1 Qbar[0,0]"]
-    _, start, first = csv.reader(text_of(finished, "tables/table2_values.csv").splitlines()[:3])
-    assert start[:2] == ["0", "1.0"]
-    assert list(map(float, first[1:4])) == pytest.approx([1, w, -w * w / 2], rel=1e-14)
-    _, _, first = csv.reader(text_of(finished, "tables/table3_even_orders.csv").splitlines()[:3])
-    assert float(first[2]) == pytest.approx(-w * w / 2, rel=1e-14)
-
-
 @pytest.mark.slow
 def test_tables_of_timings_have_rows_of_every_method_and_peer(everything):
     for system in SYSTEMS:

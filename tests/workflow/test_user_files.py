@@ -114,23 +114,6 @@ def test_runs_and_cube_of_potential_of_numba_name_its_floor(made):
     assert 1e-17 < floors.pop() < 1e-14
 
 
-def test_a_second_run_has_nothing_to_do(made):
-    assert made.jobs("all", *OPTION) == {}
-
-
-def test_edit_of_system_reruns_only_its_dependents(made):
-    jobs = edited(made, "quartic_well.py", "b * square**2 / 4", "b * square**2 / 8 * 2")
-    assert jobs == {
-        "compile": 2, "integrate": 4, "reduce": 2, "draw_well": 1, "draw_wide": 1, "skipped": 1, "decide_claims": 1,
-        "page": 1, "all": 1,
-    }  # fmt: skip
-
-
-def test_a_comment_in_a_users_file_runs_nothing(made):
-    assert edited(made, "quartic_well.py", "\nfrom near", "\n# a comment\nfrom near") == {}
-    assert edited(made, "fourth_order.py", "\nfrom near", "\n# a comment\nfrom near") == {}
-
-
 def test_edit_of_integrator_reruns_only_its_dependents(made):
     jobs = edited(made, "fourth_order.py", "five leapfrogs", "leapfrogs, five of them")
     drawn = {f"draw_{name}": 1 for name in ("well", "wide", "venus", "gap", "sho_terms")}

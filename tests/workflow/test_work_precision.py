@@ -91,14 +91,3 @@ def test_a_bad_section_is_refused_with_what_is_allowed(change, says):
     config = yaml.safe_load((ROOT / "config/smoke.yaml").read_text(encoding="utf-8"))
     with pytest.raises(NearharmonicError, match=re.escape(says)):
         load(config | {"work_precision": change})
-
-
-@pytest.mark.parametrize(("change", "says"), [BAD[0], *(pytest.param(*row, marks=pytest.mark.slow) for row in BAD[1:])])
-def test_a_bad_section_ends_with_status_1_and_one_message(project, change, says):
-    config = yaml.safe_load((project.folder / "config/smoke.yaml").read_text())
-    config["work_precision"] = change
-    (project.folder / "bad.yaml").write_text(yaml.safe_dump(config))
-    done = project.snakemake("-j1", "--configfile", "bad.yaml")
-    assert done.returncode == 1
-    assert done.stdout.count(says) == 1
-    assert "Traceback" not in done.stdout

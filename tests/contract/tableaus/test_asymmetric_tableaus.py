@@ -10,7 +10,6 @@ import pytest
 from mpmath import eye, inf, matrix, mp, mpf
 
 import nearharmonic as nh
-from nearharmonic.cli import main
 from nearharmonic.errors import TableauError
 from nearharmonic.exchange.coefficient_file import read
 from nearharmonic.exchange.export import export
@@ -108,12 +107,6 @@ def test_exported_file_claims_asymmetry_and_every_claim_holds(tmp_path, name, to
     assert not Verdict(replace(file, symmetric=True)).holds
 
 
-def test_programs_say_that_a_step_is_not_symmetric():
-    assert "Not symmetric: a step of -tau does not undo" in export(integrators["ruth_s3o3"], "c")
-    assert "Not symmetric" not in export(integrators["ruth"], "c")
-    assert "only order 1 is certain" in " ".join(export(integrators["mclachlan_atela_5"], "julia").split())
-
-
 OWN = """
 import nearharmonic as nh
 TABLEAU = nh.Tableau(
@@ -134,12 +127,3 @@ def test_users_file_may_hold_one_and_its_order_is_proved(tmp_path):
     place.write_text(OWN.format(order=4, **DECIMALS))
     with pytest.raises(TableauError, match="declares order 4, and its coefficients, of 20 digits, have order 3"):
         load_tableaus(place)
-
-
-def test_a_command_shows_in_which_direction_a_method_is_registered(tmp_path, capsys):
-    file = tmp_path / "back.toml"
-    ruth = integrators["ruth_s3o3"]
-    rows = {key: ", ".join(f'"{c}"' for c in reversed(getattr(ruth, key))) for key in ("kick", "drift")}
-    file.write_text(f'first = "kick"\norder = 3\nkick = [{rows["kick"]}]\ndrift = [{rows["drift"]}]\n')
-    assert main(["verify-tableau", str(file)]) == 0
-    assert "Ruth s3 o3 (ruth_s3o3), backwards: the same to all digits" in capsys.readouterr().out

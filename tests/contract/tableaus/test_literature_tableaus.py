@@ -13,13 +13,11 @@ from nearharmonic.engine.grid import check_fit
 from nearharmonic.errors import SettingError
 from nearharmonic.integrators import integrators, plain_integrators
 from nearharmonic.systems import systems
-from nearharmonic.theory.order import harmonic_orders_of
 from support.methods.tableau_files import names, verdict
 from support.oracles.multiprecision import energy_errors, trajectory
 
 from .printed import PRINTED, PRINTED_LAMBDA, ROUNDING, WEIGHTS
 
-LITERATURE = ["leapfrog", *PRINTED, *WEIGHTS]
 #: States on which no error term vanishes by chance.
 STATE = {
     "henon_heiles": ([mpf("0.3"), mpf("0.1")], [mpf("0.2"), mpf("0.4")]),
@@ -168,15 +166,6 @@ def test_composition_of_leapfrogs_has_half_sums_of_its_weights_outside(name):
     assert (max(off) <= Fraction(4, 10**tableau.digits)) is (name != "teloy_8a17c")
 
 
-def test_energy_order_of_predescus_method_on_oscillator_is_six():
-    assert harmonic_orders_of("predescu_s3").energy == 6
-
-
-def test_none_is_among_the_papers_ten():
-    assert not any(integrators[name].benchmarked for name in LITERATURE)
-    assert len(set(LITERATURE)) == 17
-
-
 # --- what their authors chose the free parameters by ------------------------------------------------------------------
 
 
@@ -272,13 +261,6 @@ def test_plan_refuses_nystrom_method_where_kinetic_energy_is_not_quadratic(name)
     check_fit(systems["kepler"], integrators[name])
     with pytest.raises(SettingError, match=f"{name}.*quadratic kinetic energy"):
         check_fit(systems["relativistic_oscillator"], integrators[name])
-
-
-@pytest.mark.parametrize("system", ["henon_heiles", "relativistic_oscillator"])
-@pytest.mark.parametrize("first", ["drift", "kick"])
-def test_srkn_b6_keeps_order_four_in_either_role(system, first):
-    with mp.workdps(60):
-        assert slope(integrators["srkn_b6"].role(first), system) == pytest.approx(4, abs=0.05)
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,6 @@ DRIVEN = nh.System(
     t_end="10",
     parameters={"F": "0.5", "w": "0.7"},
 )
-BITS = ("q", "p", "q_low", "p_low", "energy_error", "max_energy_error", "initial_energy", "diverged_at")
 
 
 @pytest.fixture(autouse=True)
@@ -52,20 +51,6 @@ def members(count):
     return {"q0": q0, "p0": p0, "parameters": {"F": rng.uniform(0, 2, count), "w": rng.uniform(0.1, 0.8, count)}}
 
 
-def one(given, i):
-    return {
-        "q0": given["q0"][i],
-        "p0": given["p0"][i],
-        "parameters": {name: float(values[i]) for name, values in given["parameters"].items()},
-    }
-
-
-def assert_same_bits(many, i, single):
-    for name in BITS:
-        member, alone = many[name][i].values, single[name].values
-        assert np.asarray(member).tobytes() == np.asarray(alone, member.dtype).tobytes(), name
-
-
 @pytest.mark.parametrize("t", [None, [0.3, 2.5, 9.99]], ids=["samples", "output times"])
 def test_driven_oscillators_follow_closed_forms_for_all_frequencies_and_amplitudes(t):
     """Members have frequencies, amplitudes and starts of their own; the method's error at this step is 1e-12."""
@@ -79,72 +64,6 @@ def test_driven_oscillators_follow_closed_forms_for_all_frequencies_and_amplitud
             assert abs(many.p.values[i, k, 0] - p) < 1e-11
     assert np.array_equal(many.parameter_F, F)
     assert np.array_equal(many.parameter_w, w)
-
-
-@pytest.mark.parametrize("energy", ["every", pytest.param("samples", marks=pytest.mark.slow)])
-@pytest.mark.parametrize("t", [None, [0.3, 2.5, 9.99]], ids=["samples", "output times"])
-def test_members_with_functions_have_the_bits_of_single_runs(t, energy):
-    given = members(19)
-    settings = {"t": t, "samples": 4, "energy": energy, "energy_scale": 1}
-    many = nh.ensemble(DRIVEN, "blanes_moan_s6o4", 0.1, **settings, **given)
-    for i in (0, 7, 18):
-        assert_same_bits(many, i, nh.integrate(DRIVEN, "blanes_moan_s6o4", 0.1, **settings, **one(given, i)))
-
-
-WIDTHS = [16, *(pytest.param(width, marks=pytest.mark.slow) for width in (1, 2, 3, 8, 32, 64))]
-
-
-@pytest.mark.parametrize("width", WIDTHS)
-@pytest.mark.parametrize("summation", ["compensated", pytest.param("plain", marks=pytest.mark.slow)])
-@pytest.mark.parametrize("precision", ["double", pytest.param("extended", marks=pytest.mark.slow)])
-def test_every_width_and_number_of_threads_has_the_same_bits(width, summation, precision, monkeypatch):
-    """More members than two blocks, of sizes that fill no lanes evenly; enough work for threads to take part."""
-    monkeypatch.setattr(ensembles, "most_lanes_of", lambda system, numerics: width)
-    monkeypatch.setattr(ensembles, "BLOCK", 29)
-    given = members(101)
-    how = {"energy_scale": 1, "t_end": 100, "summation": summation, "precision": precision}
-    few = nh.ensemble(DRIVEN, "blanes_moan_s6o4", 0.01, **how, **given)
-    for threads in (2, 7):
-        assert few.identical(nh.ensemble(DRIVEN, "blanes_moan_s6o4", 0.01, threads=threads, **how, **given))
-    for i in (0, 28, 29, 100):
-        single = nh.integrate(DRIVEN, "blanes_moan_s6o4", 0.01, samples=2, **how, **one(given, i))
-        if summation == "plain":
-            single = single.assign(q_low=few.q_low[i], p_low=few.p_low[i]) if "q_low" in few else single
-        names = [name for name in BITS if name in few]
-        for name in names:
-            assert few[name][i].values.tobytes() == np.asarray(single[name].values, few[name].dtype).tobytes(), name
-
-
-@pytest.mark.parametrize("first", [None, "drift", "kick"])
-def test_driven_run_in_two_parts_has_bits_of_one(first):
-    """The time goes on: a run that began anew at t = 0 would be driven by another phase."""
-    given = {"parameters": {"F": 1.25, "w": "0.3"}}
-    whole = nh.integrate(DRIVEN, "s9odr6a", "0.125", t_end=12, first=first, samples=97, **given)
-    half = nh.integrate(DRIVEN, "s9odr6a", "0.125", t_end=5, first=first, samples=41, **given)
-    rest = nh.integrate(DRIVEN, "s9odr6a", "0.125", t_end=7, first=first, samples=57, start=half)
-    for name in ("q", "p", "q_low", "p_low", "energy_error", "clock", "clock_momentum", "t"):
-        assert np.array_equal(rest[name].values, whole[name].values[40:]), name
-    assert max(half.max_energy_error, rest.max_energy_error) == whole.max_energy_error
-
-
-def test_backward_driven_run_follows_closed_form_at_output_times():
-    times = [0, -0.01, -0.125, -0.13, -4, -4, -7.99, -8]
-    run = nh.integrate(DRIVEN, "srkn_a14", "0.05", t_end=-8, t=times, energy_scale=1)
-    assert run.t.values.tolist() == times
-    for k, time in enumerate(times):
-        q, p = driven_state(time, 1, mpf("0.5"), mpf("0.5"), mpf("0.7"))
-        assert abs(run.q.values[k, 0] - q) < 1e-11
-        assert abs(run.p.values[k, 0] - p) < 1e-11
-
-
-def test_a_driven_run_returns_from_its_end():
-    """Symmetric methods: a run on to t = 6 and one of the same steps back ends where the first began."""
-    out = nh.integrate(DRIVEN, "s9odr6a", 0.1, t_end=6)
-    back = nh.integrate(DRIVEN, "s9odr6a", 0.1, t_end=-6, start=out)
-    assert abs(back.t.values[-1]) < 1e-14
-    assert abs(back.clock.values[-1]) < 1e-14
-    assert abs(back.q.values[-1, 0] - 1) < 1e-13
-    assert abs(back.p.values[-1, 0] - 0.5) < 1e-13
 
 
 def test_problems_with_parameters_and_time_pickle_with_results():

@@ -75,15 +75,6 @@ def test_written_text_computes_the_velocity(system):
         assert rate == pytest.approx(float(-system.grad_V((mpf("0.75"),))[0]), rel=1e-14)
 
 
-def test_written_text_calls_functions_by_their_names():
-    made = one_dimensional("text", lambda q: 0, lambda q: pow(2, atan2(q[0], 1)) + cbrt(q[0]) ** 0.3)
-    assert velocity_text(made) == (
-        "def velocity(q0, p0):\n    v0 = atan2(q0, 1.0)\n    v1 = pow(2.0, v0)\n    v2 = cbrt(q0)\n"
-        "    v3 = pow(v2, 0.3)\n"
-        "    v4 = v1 + v3\n    return p0, -v4,\n"
-    )
-
-
 def test_numba_and_heyoka_understand_every_function():
     """One system whose force is the sum of all of them."""
     whole = one_dimensional("sum", lambda q: 0, lambda q: sum(system.grad_V(q)[0] + system.V(q) for system in SYSTEMS))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -187,17 +186,8 @@ def test_roles_of_a_modified_method_cannot_be_swapped():
 
 
 def test_a_modified_method_beside_exact_oscillators_is_refused():
-    with pytest.raises(
-        SettingError, match=r"integrator = 'chin_4a' is not allowed: .* modified potential.* has its oscillators solved"
-    ):
+    with pytest.raises(SettingError, match=r"chin_4a.*oscillators solved exactly"):
         nh.integrate("sho", "chin_4a", 0.1, split="exact_oscillator")
-
-
-def test_an_unknown_name_is_matched_with_those_of_both_registries():
-    with pytest.raises(UnknownNameError, match="Did you mean 'chin_4a'"):
-        nh.integrate("sho", "chin_4b", 0.1)
-    with pytest.raises(UnknownNameError, match="Did you mean 'ruth'"):
-        nh.integrate("sho", "rutth", 0.1)
 
 
 def test_the_registry_has_all_methods_and_two_views_share_them():
@@ -253,23 +243,3 @@ def test_users_file_has_modified_tableau_whose_order_is_proved(tmp_path, kind):
 def test_coefficients_of_the_square_that_cannot_be_are_refused(change, words):
     with pytest.raises(TableauError, match=words):
         replace(nh.modified_integrators["chin_4a"], **change)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("system", "factor"), [("henon_heiles", 2.1), ("kepler", 1.3)])
-def test_modified_force_costs_about_what_page_on_methods_says(system, factor):
-    tableau = nh.modified_integrators["chin_4a"]
-    every = replace(tableau, name="every", square=("0.001", "0.01", "0.001"))
-    plain = nh.Tableau(
-        name="plain", order=2, first="kick", kick=tableau.kick, drift=tableau.drift, source="here", digits=80
-    )
-    problems = [nh.problem(system, one, energy="none", summation="plain") for one in (plain, every)]
-    tau = float(problems[0].t_end) / 20000
-    times = [[], []]
-    for _ in range(60):
-        for problem, found in zip(problems, times, strict=True):
-            begin = time.perf_counter()
-            problem(tau)
-            found.append(time.perf_counter() - begin)
-    # Processors differ in the ratio of what bounds the two chains of operations.
-    assert 0.6 * factor < min(times[1]) / min(times[0]) < 1.6 * factor

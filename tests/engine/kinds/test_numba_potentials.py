@@ -64,14 +64,6 @@ def test_threads_find_the_bits_of_single_runs():
     assert float(alone.max_energy_error) == float(few.max_energy_error[7])
 
 
-def test_a_sweep_finds_what_single_runs_find():
-    taus = [0.05, 0.1, 0.2]
-    curve = nh.sweep(SPRING, "ruth", taus)
-    assert [
-        float(nh.integrate(SPRING, "ruth", tau).max_energy_error) for tau in taus
-    ] == curve.max_energy_error.values.tolist()
-
-
 @numba.njit
 def ring(q):
     energy = 0.0
@@ -88,13 +80,6 @@ def ring_force(q):
     return force
 
 
-@numba.njit
-def wrong_ring_force(q):
-    force = ring_force(q)
-    force[17] += 1e-6
-    return force
-
-
 def wave(sites):
     """The longest wave but one of a ring, and its frequency."""
     k = 2 * np.pi / sites
@@ -106,12 +91,6 @@ def test_many_coordinates_come_as_an_array():
     system = nh.System(name="ring", V=ring, grad_V=ring_force, q0=q0, p0=np.zeros(20), t_end=20)
     end = nh.integrate(system, "s15odr8", 0.05, samples=2)
     np.testing.assert_allclose(end.q[-1], q0 * np.cos(frequency * 20), atol=1e-11)
-
-
-def test_a_wrong_component_among_many_is_named():
-    system = nh.System(name="ring", V=ring, grad_V=wrong_ring_force, q0=wave(20)[0] + 1, p0=np.zeros(20), t_end=20)
-    with pytest.raises(SystemDefinitionError, match=r"^ring: grad_V\[17\] contradicts V: at q = \("):
-        nh.integrate(system, "ruth", 0.1)
 
 
 def test_a_gradient_of_another_length_is_refused():
@@ -176,13 +155,6 @@ def test_hessians_are_differences_of_gradients():
     x = np.array([-1.2, 0.2, 0.4, 1.0])
     (ours,), (exact,) = (one.hessian_V_times((x,), (np.ones(4),)) for one in (WALLED, SMOOTH))
     np.testing.assert_allclose(ours, exact, rtol=1e-9)  # truncation is (2^-17)^2, rounding 2^-53 over 2^-17
-
-
-@pytest.mark.slow
-def test_a_method_is_tailored_to_a_function_of_numba():
-    found = nh.tailor(WALLED, trials=40, stages=6, window=(0.05, 0.1))
-    run = nh.integrate(WALLED, found, 0.06 * 6)
-    assert 0 < float(run.max_energy_error) < 1e-2
 
 
 DEFINITIONS = {

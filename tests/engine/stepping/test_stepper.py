@@ -14,7 +14,7 @@ from nearharmonic.core.layout import COLUMNS
 from nearharmonic.core.machine.native import NativeFunction
 from nearharmonic.core.stepper.products import fill
 from nearharmonic.engine.stepper import step_of
-from nearharmonic.errors import SettingError, UnknownNameError
+from nearharmonic.errors import SettingError
 from support.methods.numba_potentials import springs
 
 RNG = np.random.default_rng(1)
@@ -208,12 +208,3 @@ def test_numba_does_not_keep_addresses_on_disk(step, tmp_path):
 def test_what_a_step_is_not_is_refused(given, settings, message):
     with pytest.raises(SettingError, match=message):
         nh.stepper(*given, **settings)
-
-
-def test_an_unknown_name_is_refused_with_the_nearest_match():
-    with pytest.raises(UnknownNameError, match="Did you mean 'kepler'"):
-        nh.stepper("keppler", "ruth")
-    with pytest.raises(UnknownNameError, match="Did you mean 'leapfrog'"):
-        nh.stepper("kepler", "leapfrogg")
-    with pytest.raises(UnknownNameError, match="Did you mean 'GM'"):
-        nh.stepper("kepler", "ruth", parameters={"GN": 1})

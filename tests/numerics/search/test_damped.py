@@ -46,7 +46,7 @@ def slopes(radius, x, twice):
 
 
 def ended(damping, start, bound=np.inf, step_of=levenberg_step, radius=3.0):
-    """Convergence of the iteration, and the point at which it ends."""
+    """End of the iteration: True at a solution, and its place."""
     x = np.array(start, dtype=float)
     return iteration(residuals, slopes, step_of)(radius, x, bound, damping), x
 

@@ -6,17 +6,13 @@ import csv
 import json
 import math
 import shutil
-from pathlib import Path
 
 import h5py
 import pytest
-import yaml
 
 from nearharmonic.cli import main
 from nearharmonic.engine.runs.description import STATUSES
 from nearharmonic.output import store
-from nearharmonic.reproduction.config.reading import load
-from support.results import result_folder
 from support.results.result_folder import (
     CLAIMS,
     VERSIONS,
@@ -27,8 +23,6 @@ from support.results.result_folder import (
     write_history,
     write_manifest,
 )
-
-ROOT = Path(__file__).parents[3]
 
 
 def compared(capsys, a="paper", b="copy", *more):
@@ -254,16 +248,6 @@ def test_results_of_other_configs_compare_on_common_parts(other, capsys):
     back = differences(capsys, "other", "paper")
     assert len(back) == len(found)
     assert {d["where"]: d["relative"] for d in back} == {name: d["relative"] for name, d in where.items()}
-
-
-@pytest.mark.parametrize("path", ["config/smoke.yaml", pytest.param("config/config.yaml", marks=pytest.mark.slow)])
-def test_results_of_a_config_of_the_project_compare_with_others(project, path, capsys):
-    config = load(yaml.safe_load((ROOT / path).read_text(encoding="utf-8")))
-    result_folder.build(project.with_name("config"), sweeps=config.sweeps, methods=config.integrators)
-    found = differences(capsys, "paper", "config")
-    assert {d["where"] for d in found} >= {"cubes/kepler.h5: integrator", "cubes/kepler.h5: tau_per_stage"}
-    assert len(differences(capsys, "config", "paper")) == len(found)
-    assert compared(capsys, "config", "config", "--figure", "both.png")[0] == 0
 
 
 @pytest.mark.parametrize(

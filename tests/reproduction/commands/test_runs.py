@@ -14,7 +14,6 @@ import xarray as xr
 
 from nearharmonic.cli import main
 from nearharmonic.output import store
-from support.projects.call_counts import calls_of
 from support.results.result_folder import edited
 
 COLUMNS = [
@@ -150,43 +149,3 @@ def test_a_bad_question_is_refused(project, arguments, says, capsys):
     out, err = capsys.readouterr()
     assert out == ""
     assert says in err
-
-
-def test_damaged_cube_is_named_with_command_that_makes_it_again(project, capsys):
-    (project / "cubes/sho.h5").write_bytes(b"no HDF5")
-    assert main(["runs", "paper"]) == 2
-    assert "cubes/sho.h5 is truncated or no result file. Make it again: snakemake" in capsys.readouterr().err
-
-
-def write_runs(project, tau_per_stage):
-    """A cube of ten methods with made up errors, which are returned."""
-    shape, seed = (10, tau_per_stage), np.random.default_rng(1)
-    error = 10 ** seed.uniform(-16, 0, shape)
-    words = {"units": "1", "long_name": "made up"}
-    over = {
-        "tau": error * 5, "steps": np.full(shape, 10), "evaluations": np.full(shape, 50), "max_energy_error": error,
-        "mean_energy_error": error / 2, "status": np.where(error > 0.5, "diverged", "ok"),
-        "diverged_at": np.zeros(shape, int),
-    }  # fmt: skip
-    names = [f"method{i}" for i in range(shape[0])]
-    coordinates = dict.fromkeys(("integrator", "label"), (("integrator",), names, words))
-    coordinates["tau_per_stage"] = (("tau_per_stage",), np.geomspace(1e-4, 1, shape[1]), words)
-    coordinates["precision"] = (("precision",), ["double"], words)
-    over_runs = ("precision", "integrator", "tau_per_stage")
-    variables = coordinates | {name: (over_runs, v[None], words) for name, v in over.items()}
-    shutil.rmtree(project / "cubes")
-    store.write(project / "cubes/sho.h5", variables, {"system": "sho"})
-    return error
-
-
-def test_filtering_100_000_runs_takes_two_calls_each(project, capsys):
-    calls = []
-    for tau_per_stage in (10, 10**4):
-        error, rows = write_runs(project, tau_per_stage), []
-        condition = "max_energy_error < 1e-4 and status == 'ok'"
-        words = ("paper", "--where", condition, "--sort", "-max_energy_error", "--limit", "3")
-        told(capsys, *words)  # imports are done
-        calls.append(calls_of(lambda words=words, rows=rows: rows.extend(told(capsys, *words))))
-        assert [float(row["max_energy_error"]) for row in rows] == sorted(error[error < 1e-4])[:-4:-1]
-    # What goes through rows in Python takes ten calls and more for each.
-    assert calls[1] - calls[0] < 2 * 10**5

@@ -72,11 +72,6 @@ def test_bad_numbers_and_options_are_bad_input(results, words, capsys):
     assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_an_unknown_result_gets_its_nearest_match(results, capsys):
-    assert main(["verify", "papr"]) == 2
-    assert "Did you mean 'paper'?" in capsys.readouterr().err
-
-
 def test_a_result_outside_of_its_project_is_not_adopted(results, capsys):
     assert main(["adopt", "paper"]) == 1
     assert "copy it there, and adopt it from there" in capsys.readouterr().err

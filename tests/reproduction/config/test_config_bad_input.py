@@ -50,36 +50,9 @@ def test_a_key_that_is_no_text_is_refused(key):
     assert f"a key of systems = {key}" in refused({key: {"file": "quartic_well.py", "tau_per_stage": GRID}})
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("", "does not define SYSTEM"),
-        ("SYSTEM = 3", "does not define SYSTEM"),
-        ("def (", "cannot be run: SyntaxError"),
-        ("import sys; sys.exit(3)", "cannot be run: SystemExit"),
-        (WELL.replace("SYSTEM = ", "OTHER = "), "does not define SYSTEM"),
-    ],
-)
-def test_a_file_without_a_system_is_refused(folder, text, words):
-    (folder / "other.py").write_text(text)
-    assert words in refused({"mine": {"file": "other.py", "tau_per_stage": GRID}})
-
-
 def test_misspelt_key_is_told_before_one_that_is_missing():
     said = refused({"mine": {"file": "quartic_well.py", "tau_per_stag": GRID}})
     assert "unknown key of systems.mine 'tau_per_stag'. Did you mean 'tau_per_stage'?" in said
-
-
-@pytest.mark.parametrize("value", [True, None, 3])
-def test_an_unknown_key_is_refused_whatever_its_value(value):
-    said = refused({"mine": {"file": "quartic_well.py", "tau_per_stage": GRID, "labels": value}})
-    assert "unknown key of systems.mine 'labels'. Did you mean 'label'?" in said
-
-
-def test_file_under_registered_name_is_told_to_take_another_name():
-    said = refused({"kepler": {"file": "quartic_well.py", "tau_per_stage": GRID}})
-    assert said.endswith("choose another name for the system of the file")
-    assert refused({"kepler": {"q0": [1, 2], "tau_per_stage": GRID}}).endswith("with system: kepler")
 
 
 @pytest.mark.parametrize("name", ["TABLEAUX", "tableau"])

@@ -92,19 +92,6 @@ def test_file_that_changed_without_job_is_reported_and_not_blessed(results, rece
         assert found["files"]["cubes/a.h5"]["sha256"] == sha256(b"numbers").hexdigest()
 
 
-def test_file_with_another_time_and_same_bytes_has_not_changed(results):
-    make(results, "cubes/a.h5", b"numbers")
-    os.utime(results / "cubes/a.h5", (1, 1))
-    assert manifest.write(results) == []
-
-
-def test_a_file_that_no_job_made_is_not_listed(results):
-    make(results, "cubes/a.h5", b"numbers")
-    (results / "cubes/mine.h5").write_bytes(b"?")
-    manifest.write(results)
-    assert list(manifest.read(results)["files"]) == ["cubes/a.h5"]
-
-
 def test_deleted_file_stays_listed_while_job_makes_it(results):
     make(results, "cubes/a.h5", b"numbers")
     manifest.write(results)
@@ -168,11 +155,6 @@ def test_a_manifest_names_no_file_outside_of_its_folder(results, name):
     document["files"][name] = document["files"].pop("cubes/a.h5")
     (results / "manifest.json").write_text(manifest.sealed(document))
     with pytest.raises(ResultFileError, match="is damaged"):
-        manifest.read(results)
-
-
-def test_a_missing_manifest_is_named(results):
-    with pytest.raises(ResultFileError, match=r"manifest\.json does not exist\. Make it again"):
         manifest.read(results)
 
 

@@ -212,14 +212,6 @@ def test_a_file_that_was_made_from_another_is_found(results):
     assert found.mend.startswith("Bring it up to date: snakemake -j2 --configfile config/smoke.yaml ")
 
 
-def test_a_fault_reads_as_a_sentence(results):
-    (results / "cubes/sho.h5").unlink()
-    assert str(faults(results)[0]) == (
-        "cubes/sho.h5 is missing. Make it again: snakemake -j2 --configfile config/smoke.yaml --force "
-        f"{results / 'cubes/sho.h5'}"
-    )
-
-
 def test_files_and_bytes_are_counted(results):
     assert verify.extent(results) == (len(FILES), sum(map(len, FILES.values())))
 

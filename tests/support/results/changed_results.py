@@ -6,13 +6,11 @@ from dataclasses import replace
 from fractions import Fraction
 from types import SimpleNamespace
 
-import numpy as np
 from mpmath import mp, mpf
 
 from nearharmonic.exact.decimals import fixed_point
 from nearharmonic.integrators.tableau import Tableau, palindrome
 from nearharmonic.reproduction.claims.statements.equations import identities
-from nearharmonic.reproduction.claims.statements.figures import kepler
 
 
 def scaled(system, factor, *names, variable="max_energy_error"):
@@ -155,12 +153,6 @@ def quiet_substeps(results):
     results.figure_6["B"]["energy_error"] = results.figure_6["B"]["energy_error"] * 0 + 1e-8
 
 
-def equal_errors(results):
-    swap = results.cubes["kepler"]["max_energy_error"]
-    for name in kepler.COINCIDING[1:]:
-        swap.loc[{"integrator": name}] = swap.sel(integrator=kepler.COINCIDING[0])
-
-
 def reversed_order(*steps):
     """At some step sizes the methods of larger sums of coefficients err less, on all ensembles."""
 
@@ -179,21 +171,6 @@ def advance_follows_maximum(results):
     cube["perihelion_advance_interval"] = cube["max_energy_error"] * 0.001
 
 
-def one_stage_optimised(results):
-    """Yosh s7o6 A is the only one of its kind, and its terms do not diverge."""
-    for name in ("s9odr6a", "s15odr8"):
-        del results.methods[name]
-    kappa = results.cubes["sho_terms"]["kappa"]
-    kappa.loc[{"integrator": "yoshida_s7o6a"}] = kappa.sel(integrator="yoshida_s7o6a").clip(max=1)
-
-
-def fewer_odd_terms(results):
-    kappa = results.cubes["sho_terms"]["kappa"]
-    kappa.loc[{"first": "drift", "integrator": "babs7o7h"}] = kappa.sel(first="drift", integrator="babs7o7h").where(
-        kappa["order"] % 2 == 0, 0.0
-    )
-
-
 def another_start(module, momentum):
     """The system of a module starts with another momentum."""
     return patched(module, "SYSTEM", replace(module.SYSTEM, p0=("0", momentum)))
@@ -208,10 +185,3 @@ def another_potential(module):
 def kicks_of(name):
     """The method of this name with its roles exchanged, so that the first row printed is that of the kicks."""
     return lambda known: known[name].role("kick")
-
-
-def pure_fourth(results):
-    cube = results.cubes["henon_heiles"]
-    for name in ("babps8o7h", "babps9o7h"):
-        x = cube["tau_per_stage"]
-        cube["max_energy_error"].loc[{"integrator": name}] = np.maximum(0.011 * x**4, 1e-16)

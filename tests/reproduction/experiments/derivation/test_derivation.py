@@ -137,15 +137,11 @@ def test_three_stages_give_ruth_and_nothing_else():
         assert max(abs(a - b) for a, b in zip(expected, derived, strict=True)) < mpf(10) ** -128
 
 
-def test_five_stages_have_four_real_solutions_of_ten_complex_ones(five):
+def test_five_and_six_stages_have_four_and_three_real_solutions(five, six):
     assert (five.complex_solutions, five.real_solutions, len(five.roots), five.complete) == (10, 4, 4, True)
-    assert all(root.proved and root.eliminated and root.hits > 0 for root in five.roots)
-    assert not five.unfinished
-
-
-def test_six_stages_have_three_real_solutions_of_fifteen_complex_ones(six):
     assert (six.complex_solutions, six.real_solutions, len(six.roots), six.complete) == (15, 3, 3, True)
-    assert all(root.proved and root.eliminated and root.hits > 0 for root in six.roots)
+    assert all(root.proved and root.eliminated and root.hits > 0 for root in (*five.roots, *six.roots))
+    assert not five.unfinished
 
 
 def test_seven_stages_have_nine_real_of_thirty_five_solutions():

@@ -78,18 +78,6 @@ def test_legend_shows_methods_and_explains_circles_and_lines(cube):
     assert circle.get_markersize() == lines_of(upper, ORDERS, remaining(cube, "ruth", "drift"))[0].get_markersize()
 
 
-def test_titles_explain_panels_and_vanishing_threshold(cube):
-    upper, lower = fig2_decomposition.fig2_decomposition(cube).axes
-    assert upper.get_title(loc="left") == r"$\mathbf{A}$  error terms that remain"
-    assert lower.get_title(loc="left") == r"$\mathbf{B}$  error terms that vanish ($\kappa_\lambda < 10^{-30}$)"
-    assert lower.get_xlabel() == r"order, $\lambda$"
-    assert upper.get_position().y0 > lower.get_position().y1
-
-
-def test_orders_are_whole_numbers_on_the_axis(cube):
-    np.testing.assert_array_equal(np.diff(fig2_decomposition.fig2_decomposition(cube).axes[1].get_xticks()), 1)
-
-
 def test_terms_that_all_vanish_leave_empty_panel_and_full_rows(cube):
     cube["kappa"][:] = 0.0
     upper, lower = fig2_decomposition.fig2_decomposition(cube).axes

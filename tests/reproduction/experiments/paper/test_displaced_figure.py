@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_hex
 
 from nearharmonic.reproduction.experiments.paper.figures import fig6_displaced
-from support.cubes.artists import NO_LINE, entries, line_of, lines_of, look, luminance
+from support.cubes.artists import NO_LINE, entries, line_of, lines_of, look
 from support.cubes.figure_cubes import displaced
 
 NAMES = ("$q_x$ = 0 at the start", "$q_x$ = $10^{-9}$ at the start", "$q_x$ = $10^{-2}$ at the start")
@@ -62,25 +61,3 @@ def test_the_legend_names_each_start_by_its_colour(cube, figure):
         assert found[name][0].get_color() == line.get_color()
         assert found[name][0].get_linewidth() == line.get_linewidth()
     assert look(found["leaves its energy surface"][0])[1::2] == ("X", NO_LINE)
-
-
-def test_the_path_inside_the_plane_is_the_broad_black_one(cube, figure):
-    lines = [line_of(figure.axes[0], *curve(cube, 0, run)) for run in range(3)]
-    assert to_hex(lines[0].get_color()) == "#000000"
-    assert lines[0].get_linewidth() > max(line.get_linewidth() for line in lines[1:])
-
-
-def test_every_colour_stands_out_from_white_paper():
-    """WCAG 2.1, 1.4.11: a contrast of 3 to 1."""
-    assert len(set(fig6_displaced._COLOURS)) == 5
-    assert all(1.05 / (luminance(colour) + 0.05) >= 3 for colour in fig6_displaced._COLOURS)
-
-
-def test_axes_are_logarithmic_and_say_what_they_show(figure):
-    for axes in figure.axes:
-        assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
-        assert axes.get_ylabel() == r"$|\Delta H/H_0|$"
-    assert figure.axes[1].get_xlabel() == "iteration"
-    says = [axes.get_title(loc="left") for axes in figure.axes]
-    what = "label of ruth, system of the tests"
-    assert says == [rf"$\mathbf{{{x}}}$  {what}, {s} sums" for x, s in (("A", "compensated"), ("B", "plain"))]

@@ -10,10 +10,7 @@ import nearharmonic as nh
 from nearharmonic.errors import SettingError
 from nearharmonic.output.store import write
 from nearharmonic.reproduction.config.reading import load
-from nearharmonic.reproduction.experiments.paper.figures.energy_error import energy_error
-from nearharmonic.reproduction.experiments.paper.figures.fig1_sho import fig1_sho
 from nearharmonic.reproduction.experiments.paper.figures.fig2_decomposition import fig2_decomposition
-from nearharmonic.reproduction.experiments.paper.figures.fig3_henon_heiles import fig3_henon_heiles
 from nearharmonic.reproduction.experiments.paper.grid.plan import plan, shards_of
 from nearharmonic.reproduction.experiments.paper.reduce import reduce
 from nearharmonic.reproduction.experiments.paper.run import integrate
@@ -67,20 +64,6 @@ def test_a_plan_counts_a_modified_force_as_a_force():
     assert {run.precision for run in runs} == {"double", "extended"}
     for run in runs:
         assert run.steps == tuple(max(1, round(20 / (2 * tau))) for tau in run.tau_per_stage)
-
-
-@pytest.mark.parametrize("draw", [fig1_sho, energy_error])
-def test_figures_of_the_oscillator_name_the_methods(cubes, draw):
-    names = {text.get_text() for legend in draw(cubes["sho"]).legends for text in legend.get_texts()}
-    plt.close("all")
-    assert {"Ruth", "Rowlands", "Chin 4A", "trained modified"} <= names
-
-
-def test_the_figure_of_henon_heiles_draws_every_method(cubes):
-    axes = fig3_henon_heiles(cubes["henon_heiles"]).axes
-    curves = [[line for line in one.lines if len(line.get_xdata()) == 4] for one in axes]
-    plt.close("all")
-    assert all(len(one) >= len(METHODS) for one in curves)
 
 
 def test_role_that_modified_kick_does_not_have_has_no_terms():

@@ -7,8 +7,8 @@ import pytest
 from matplotlib.colors import to_hex
 
 from nearharmonic.reproduction.experiments.paper.figures import fig4_perihelion
-from support.cubes.artists import NO_LINE, SOLID, drawn, entries, line_of, lines_of, look, look_of, looks
-from support.cubes.figure_cubes import METHODS, advances, label
+from support.cubes.artists import NO_LINE, SOLID, drawn, line_of, lines_of, look, look_of
+from support.cubes.figure_cubes import METHODS, advances
 
 #: Indices of the step sizes whose advance the cube tells from zero, and of those it does not.
 TOLD = [0, 1, 2, *range(6, 12)]
@@ -67,34 +67,6 @@ def test_error_bars_are_intervals_of_nonzero_advances(cube):
             np.testing.assert_allclose(segment[:, 1], [size[i] - interval[i], size[i] + interval[i]], rtol=1e-14)
         (colour,) = bars.get_color()
         assert to_hex(colour) == look_of(name)[0]
-
-
-def test_legend_has_look_of_each_method_and_cross(cube):
-    (legend,) = fig4_perihelion.fig4_perihelion(cube).legends
-    found = looks(legend)
-    assert list(entries(legend)) == [*map(label, METHODS), "includes zero"]
-    for name in METHODS:
-        assert found[label(name)] == look_of(name)
-    assert (found["includes zero"][1], found["includes zero"][3]) == ("x", NO_LINE)
-
-
-def test_nothing_else_is_drawn_than_runs_and_relativistic_line(cube):
-    assert len(fig4_perihelion.fig4_perihelion(cube).axes[0].get_lines()) == 3 * len(METHODS) + 1
-
-
-def test_markers_of_the_methods_take_turns_and_do_not_crowd(cube):
-    axes = fig4_perihelion.fig4_perihelion(cube).axes[0]
-    marks = [lines_of(axes, *curves(cube, name)[:2])[1].get_markevery() for name in METHODS]
-    assert all(step == len(TOLD) // 8 for _, step in marks)
-
-
-def test_logarithmic_axes_name_their_quantities_and_units(cube):
-    axes = fig4_perihelion.fig4_perihelion(cube).axes[0]
-    (century,) = axes.child_axes
-    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
-    assert axes.get_xlabel() == "force evaluations per orbit"
-    assert axes.get_ylabel() == "|perihelion advance|  (rad per orbit)"
-    assert century.get_ylabel() == "|perihelion advance|  (arcseconds per century)"
 
 
 def test_the_second_axis_reads_arcseconds_per_century(cube):

@@ -8,8 +8,6 @@ import mpmath
 import numpy as np
 import pytest
 import xarray as xr
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
 
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.integrators import integrators
@@ -84,25 +82,6 @@ def assert_same_bits(one, other):
     assert one.attrs == other.attrs
 
 
-@settings(max_examples=15, deadline=None)
-@given(
-    samples=st.integers(2, 60),
-    shards=st.integers(2, 7),
-    lowest=st.floats(0.01, 0.3),
-    decades=st.floats(0.1, 1.5),
-    precision=st.sampled_from([("double",), ("double", "extended")]),
-)
-@example(samples=20, shards=3, lowest=0.03, decades=1.5, precision=("double", "extended"))
-@example(samples=20, shards=5, lowest=0.03, decades=1.5, precision=("double",))
-def test_a_cube_does_not_depend_on_the_number_of_shards(samples, shards, lowest, decades, precision):
-    asked = {"samples": samples, "lowest": lowest, "highest": lowest * 10**decades, "precision": precision}
-    whole, parted = (
-        cube_of("sho", runs_in_memory(sweep("sho", shards=count, **asked), ("ruth", "babps9o7h")))
-        for count in (1, shards)
-    )
-    assert_same_bits(whole, parted)
-
-
 def test_shards_read_from_files_make_one_cube_with_its_perihelion(tmp_path):
     """About a tenth to three times as many steps as samples, 8 to 380, the coarsest ending early."""
     asked = {"t_end": "8766", "lowest": 7.6, "highest": 380.0, "points_per_decade": 5, "samples": 100}
@@ -110,13 +89,6 @@ def test_shards_read_from_files_make_one_cube_with_its_perihelion(tmp_path):
     assert {"ok", "diverged"} == set(cubes[0].status.values.ravel())
     for parted in cubes[1:]:
         assert_same_bits(cubes[0], parted)
-
-
-def test_method_far_from_floor_has_cube_in_extended_precision_only():
-    made = cube_of("sho", runs_in_memory(sweep("sho", lowest=0.1, precision=("extended",)), ("ruth",)))
-    assert made.sizes == {"precision": 1, "integrator": 1, "tau_per_stage": 5}
-    assert made.precision.values.tolist() == ["extended"]
-    assert (made.max_energy_error > 0).all()
 
 
 def test_the_coordinate_tau_is_the_step_as_used():
@@ -195,14 +167,6 @@ def test_a_cube_says_how_linear_the_perihelion_advance_is():
 def test_evaluations_per_orbit_are_those_of_the_step_as_used():
     made = reduced(turning(0.0))
     np.testing.assert_allclose(made.evaluations_per_orbit, [3 * PERIOD / 24.5, 3 * PERIOD / 50.0], rtol=1e-13)
-
-
-def test_reduced_numbers_have_no_samples_and_say_their_units():
-    made = reduced(turning(1e-4))
-    assert set(made.sizes) == {"tau_per_stage"}
-    numbers = set(made.data_vars) - {"tau", "steps", "evaluations", "status", "diverged_at"}
-    assert len(numbers) == 7
-    assert all({"units", "long_name"} <= set(made[name].attrs) for name in numbers)
 
 
 def part(tau_per_stage, errors, *, steps=7):

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from math import pi
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_hex, to_rgb
+from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 
-from nearharmonic.integrators import integrators
 from nearharmonic.reproduction.experiments.paper.figures import fig6_substeps
 from nearharmonic.reproduction.experiments.paper.orbits.substeps import paper_panels
 from support.cubes.artists import NO_LINE, entries, look
@@ -110,28 +108,6 @@ def paper():
     return panels, fig6_substeps.draw_panels(panels)
 
 
-@pytest.mark.parametrize(
-    ("index", "method", "tau", "force", "start"),
-    [
-        (0, "yoshida_s7o6a", pi / 4, lambda q: -q, (0.0, 1.0)),
-        (1, "babs7o7h", pi / 4, lambda q: -q, (0.0, 1.0)),
-        # In the plane q_x = p_x = 0, V = y^2/2 - y^3/3.
-        (3, "babs7o7h", 2.0, lambda q: -q + q * q, (0.4, 0.4)),
-    ],
-)
-def test_dots_of_paper_carry_signs_of_its_coefficients(paper, index, method, tau, force, start):
-    _, figure = paper
-    tableau = integrators[method]
-    pairs = coefficient_pairs(tableau.drift, tableau.kick)
-    path = walk([(float(c), float(d)) for c, d in pairs], tableau.first, tau, 2, force, start)
-    drawn = marks(grid(figure)[index], figure.legends[0])
-    for points in path:
-        for (c, d), (q, p) in zip(pairs[1:], points[1:-1], strict=True):
-            place = min(drawn, key=lambda at, q=q, p=p: abs(at[0] - q) + abs(at[1] - p))
-            assert place == pytest.approx((q, p), abs=1e-10)
-            assert drawn[place] == SAYS[c < 0, d < 0]
-
-
 def test_titles_name_method_and_system_of_each_panel_of_paper(paper):
     _, figure = paper
     titles = [axes.get_title(loc="left") for axes in grid(figure)]
@@ -139,27 +115,6 @@ def test_titles_name_method_and_system_of_each_panel_of_paper(paper):
     for title, method in zip(titles, ("Yosh s7o6 A", "BABs7o7H") * 2, strict=True):
         assert title.split("  ")[1].startswith(f"{method}, ")
     assert ["Hénon" in title for title in titles] == [False, False, True, True]
-
-
-def test_colours_and_bars_of_legend_are_those_that_caption_names(figure):
-    found = entries(figure.legends[0])
-    assert list(found) == ["initial position", "final position", "energy surface of the start", *SAYS.values()]
-    colours = [np.argmax(to_rgb(found[text][0].get_color())) for text in SAYS.values()]
-    assert colours == [2, 0, 1, 0]  # blue, red, green, red with ...
-    assert np.argmax(to_rgb(found[SAYS[True, True]][1].get_color())) == 1  # ... green within
-    assert found[SAYS[True, True]][1].get_markersize() < found[SAYS[True, True]][0].get_markersize()
-    assert "".join(found[text][-1].get_marker() for text in SAYS.values()) == "o_|o"
-    assert look(found["initial position"][0])[1:3] == ("o", "none")
-    assert look(found["final position"][0])[1] == "x"
-
-
-def test_each_iteration_begins_at_circle_and_ends_at_cross(figure, panels):
-    for axes, panel in zip(grid(figure), panels.values(), strict=True):
-        for text, index in (("initial position", 0), ("final position", -1)):
-            (style,) = stack(entries(figure.legends[0])[text])
-            found = [line for line in axes.get_lines() if len(line.get_xdata()) == 1 and stack([line]) == [style]]
-            places = {(line.get_xdata()[0], line.get_ydata()[0]) for line in found}
-            assert places == {(q[index], p[index]) for q, p in zip(panel.q.values, panel.p.values, strict=True)}
 
 
 @pytest.mark.parametrize(("index", "legs"), [(0, "steps-post"), (1, "steps-pre")])
@@ -237,10 +192,3 @@ def test_shades_are_hamiltonian_with_p_upwards_on_colour_scale(figure, panels):
         # Within the innermost shade, H is below its upper level.
         inner = shades.get_paths()[0].vertices
         assert (np.hypot(*inner.T) ** 2 / 2).max() <= shades.levels[1] + 1e-3
-
-
-def test_a_panel_that_is_left_over_is_empty():
-    one = dict(list(toy_panels().items())[:1])
-    figure = fig6_substeps.draw_panels(one)
-    assert len(grid(figure)) == 1
-    assert [axes.axison for axes in figure.axes[:2]] == [True, False]

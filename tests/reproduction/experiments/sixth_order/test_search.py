@@ -14,9 +14,9 @@ from nearharmonic.integrators import integrators
 from nearharmonic.integrators.nearharmonic_2026 import TABLEAUS
 from nearharmonic.reproduction.experiments.sixth_order import run
 from nearharmonic.reproduction.experiments.sixth_order.cascade import candidates_of, find_solutions, winners
-from nearharmonic.reproduction.experiments.sixth_order.conditions import NystromEquations, WordTable
+from nearharmonic.reproduction.experiments.sixth_order.conditions import NystromEquations
 from nearharmonic.reproduction.experiments.sixth_order.criterion import criterion_of, system_of
-from nearharmonic.reproduction.experiments.sixth_order.kernels import coefficients, descend, solve, word_sums
+from nearharmonic.reproduction.experiments.sixth_order.kernels import coefficients, descend, solve
 from nearharmonic.reproduction.experiments.sixth_order.kernels import jacobian as derivatives
 from nearharmonic.reproduction.experiments.sixth_order.registration import (
     registered,
@@ -25,30 +25,13 @@ from nearharmonic.reproduction.experiments.sixth_order.settings import SixthOrde
 from nearharmonic.reproduction.tasks.job import covered
 from nearharmonic.reproduction.tasks.provenance import task
 from nearharmonic.systems import sho
-from support.oracles.nystrom_steps import equations_of, unknowns_of, word_sum
+from support.oracles.nystrom_steps import equations_of, unknowns_of
 
 NAMES = [tableau.name for tableau in TABLEAUS]
 FEW = SixthOrderSettings(seed=2, starts=800, walks=4, walk_steps=60)
 
 
 # --- equations and kernels --------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("first", ["kick", "drift"])
-def test_word_sums_in_doubles_are_corners_of_products_of_matrices(first):
-    equations, random = NystromEquations(9, first, 8), np.random.default_rng(5)
-    c = np.array([number for _, number in equations.step(list(random.uniform(-0.5, 0.5, 8)))], dtype=float)
-    table = equations.table
-    sums = word_sums(table.parent, table.letter, equations.letters, c)
-    operators = [("AB"[letter], mpf(float(value))) for letter, value in zip(equations.letters, c, strict=True)]
-    for word, value in zip(table.words, sums, strict=True):
-        assert value == pytest.approx(float(word_sum(word, operators)), abs=1e-12)
-
-
-def test_word_table_holds_beginnings_and_parent_of_each_word():
-    table = WordTable.of(["AB", "BBA"])
-    assert table.words == ("", "A", "B", "AB", "BB", "BBA")
-    assert [table.words[parent] for parent in table.parent[1:]] == ["", "", "A", "B", "BB"]
 
 
 @pytest.mark.parametrize("first", ["kick", "drift"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from support.cubes import figure_cubes as made
+from support.cubes import stability_cubes as made
 
 EXAMPLES = {
     "linear_stability": (made.traces, ()),

@@ -7,7 +7,6 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-import xarray as xr
 
 import nearharmonic as nh
 from nearharmonic.core.arithmetic import sqrt
@@ -17,13 +16,11 @@ from nearharmonic.integrators import BENCHMARKED, integrators
 from nearharmonic.output.dataset import assembled
 from nearharmonic.reproduction.experiments.stability.conservation import run as conservation
 from nearharmonic.reproduction.experiments.stability.conservation.reductions import defect, tangent_map
-from nearharmonic.reproduction.experiments.stability.kinetic_energy.figure import kinetic_energy
 from nearharmonic.reproduction.experiments.stability.kinetic_energy.reductions import (
     kinetic_energy_cube,
     kinetic_energy_table,
 )
-from nearharmonic.reproduction.experiments.stability.kinetic_energy.run import AMPLITUDES, energy_errors
-from nearharmonic.reproduction.experiments.stability.linear.figure import linear_stability
+from nearharmonic.reproduction.experiments.stability.kinetic_energy.run import energy_errors
 from nearharmonic.systems import systems
 from support.oracles.structures import runs_of, structure
 
@@ -222,28 +219,3 @@ def test_lead_of_harmonic_methods_declines_where_T_departs_from_quadratic(cube):
         for amplitude in ("0.1", "0.3"):
             key = f"error / Ruth's at A = {amplitude}"
             assert own[key] > 10 * exchanged[key]
-
-
-def test_figure_draws_curve_for_every_method_in_every_panel(cube):
-    figure = kinetic_energy(cube)
-    assert [len(axes.get_lines()) for axes in figure.axes] == [3] * 4
-    drawn = figure.axes[3].get_lines()[1].get_ydata()
-    np.testing.assert_array_equal(drawn, cube.relative_error.sel(roles="exchanged", integrator="babs7o7h"))
-    assert len(drawn) == len(AMPLITUDES)
-
-
-def test_gaps_of_linear_stability_figure_stand_where_cube_has_them():
-    tau = np.linspace(0, 2, 11)
-    data = xr.Dataset(
-        {
-            "half_trace": (("integrator", "tau_per_stage"), np.cos(3 * tau)[None]),
-            **{k: (("integrator", "gap"), [v]) for k, v in {"start": [3.0, 4.5], "end": [3.3, np.inf]}.items()},
-            "growth_per_step": (("integrator", "gap"), [[0.1, np.inf]]),
-        },
-        coords={"integrator": ["ruth"], "label": ("integrator", ["Ruth"]), "stages": ("integrator", [3]),
-                "tau_per_stage": tau},
-    )  # fmt: skip
-    (axes,) = linear_stability(data).axes
-    ticks = [line.get_xdata()[0] for line in axes.get_lines() if line.get_marker() == "v"]
-    assert ticks == [1.0, 1.5]
-    assert "3.000000, growth 1.0e-01" in axes.get_title(loc="left")

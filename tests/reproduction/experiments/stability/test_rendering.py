@@ -8,12 +8,8 @@ import xarray as xr
 
 from nearharmonic.integrators import integrators
 from nearharmonic.output.dataset import assembled
-from nearharmonic.plotting.style import save
-from nearharmonic.reproduction.experiments.stability.henon_heiles.figure import henon_heiles_stability
 from nearharmonic.reproduction.experiments.stability.henon_heiles.reductions import henon_heiles_cube
-from nearharmonic.reproduction.experiments.stability.kepler.figure import kepler_stability
 from nearharmonic.reproduction.experiments.stability.kepler.reductions import kepler_cube
-from nearharmonic.reproduction.experiments.stability.rounding.figure import rounding_growth
 from nearharmonic.reproduction.experiments.stability.rounding.reductions import rounding_cube
 from nearharmonic.reproduction.experiments.stability.rounding.run import SOURCES
 from nearharmonic.reproduction.experiments.stability.settings import (
@@ -25,7 +21,7 @@ from nearharmonic.reproduction.experiments.stability.settings import (
 )
 from nearharmonic.reproduction.tasks.job import covered, write
 from nearharmonic.reproduction.tasks.provenance import function_of, provenance, task
-from support.cubes.figure_cubes import amplitudes, ensembles, orbits, rounding, traces
+from support.cubes.stability_cubes import amplitudes, ensembles, orbits, rounding, traces
 
 METHODS = ("ruth", "babps9o7h")
 SMALL = {
@@ -44,7 +40,6 @@ SMALL = {
     "rounding": RoundingSettings(ensemble=3, steps=8000, evaluations_per_orbit=400, seed=1),
 }
 REDUCTIONS = {"henon_heiles": henon_heiles_cube, "kepler": kepler_cube, "rounding": rounding_cube}
-FIGURES = {"henon_heiles": henon_heiles_stability, "kepler": kepler_stability, "rounding": rounding_growth}
 #: Items whose run files have all methods: the settings of each file, and those of the cube, besides the methods.
 TOGETHER = {
     "kinetic_energy": ([{}], {}),
@@ -111,12 +106,6 @@ def test_cube_holds_runs_in_order_of_methods(cubes, name):
     assert cubes[name].attrs == {}
 
 
-@pytest.mark.parametrize("name", [*SMALL, *TOGETHER, "linear"])
-def test_every_variable_has_units_and_a_meaning(cubes, name):
-    for variable in cubes[name].variables.values():
-        assert {"units", "long_name"} <= set(variable.attrs)
-
-
 @pytest.mark.parametrize("name", SMALL)
 def test_a_table_has_one_full_row_for_each_combination(made, name):
     header, rows = made[name]["table"].header, made[name]["table"].rows
@@ -132,17 +121,6 @@ def test_a_table_has_one_full_row_for_each_combination(made, name):
         # What is not a number says so: no trusted step, no step size that is fine enough, no law to compare with.
         missing = {key for key, value in numbers.items() if str(value) in {"", "nan"}}
         assert missing <= set(header[3:] if name == "henon_heiles" else header[1:] if name == "kepler" else ["brouwer"])
-
-
-@pytest.mark.parametrize(
-    "name", ["henon_heiles", *(pytest.param(name, marks=pytest.mark.slow) for name in ("kepler", "rounding"))]
-)
-def test_a_figure_is_written_and_the_same_each_time(cubes, name, tmp_path):
-    first, again = (
-        save(FIGURES[name](cubes[name]), [tmp_path / f"{time}.{suffix}" for suffix in ("pdf", "svg", "png")])
-        for time in ("first", "again")
-    )
-    assert [path.read_bytes() for path in first] == [path.read_bytes() for path in again]
 
 
 @pytest.mark.parametrize(

@@ -57,9 +57,7 @@ def test_energies_may_be_quotients_or_decimals():
             {"energies": ["1/5"]},
             "stability.henon_heiles.energies[0] = '1/5' is not allowed: a quotient",
         ),
-        ("henon_heiles", {"energies": ["high"]}, "stability.henon_heiles.energies[0] = 'high' is not allowed"),
         ("henon_heiles", {"energies": ["1/0"]}, "stability.henon_heiles.energies[0] = '1/0' is not allowed"),
-        ("henon_heiles", {"t_end": -1}, "stability.henon_heiles.t_end = -1 is not allowed: a finite number above 0"),
         (
             "henon_heiles",
             {"tau_per_stage": {"lowest": 2}},
@@ -75,13 +73,7 @@ def test_energies_may_be_quotients_or_decimals():
             {"trajectories": 1_000_000, "t_end": 100_000},
             "stability.henon_heiles.trajectories = 1000000 is not allowed: it would take",
         ),
-        ("henon_heiles", {"trajectory": 3}, "'trajectory'. Did you mean 'trajectories'?"),
         ("kepler", {"highest_eccentricity": 1.0}, "stability.kepler.highest_eccentricity = 1.0 is not allowed"),
-        (
-            "kepler",
-            {"evaluations_per_orbit": {"lowest": 100, "highest": 10}},
-            "stability.kepler.evaluations_per_orbit.highest = 10 is not allowed: a finite number, at least lowest",
-        ),
         ("kepler", {"orbits": 100_000}, "stability.kepler.orbits = 100000 is not allowed: one run may take 1e+09"),
         (
             "kepler",
@@ -95,14 +87,8 @@ def test_energies_may_be_quotients_or_decimals():
         ),
         ("rounding", {"steps": 5000}, "stability.rounding.steps = 5000 is not allowed: at least 20 times"),
         ("rounding", {"ensemble": 100_000}, "stability.rounding.ensemble = 100000 is not allowed: it would take"),
-        ("rounding", {"seed": -1}, "stability.rounding.seed = -1 is not allowed: an integer of 0 or more"),
     ],
 )
 def test_bad_value_error_names_key_value_and_allowed_values(part, asked, says):
     with pytest.raises(NearharmonicError, match=re.escape(says)):
         load(with_section(**{part: asked}))
-
-
-def test_faults_elsewhere_in_the_config_are_told_too():
-    with pytest.raises(NearharmonicError, match="unknown integrator 'rut'"):
-        load(SMALL | {"integrators": ["rut"]})

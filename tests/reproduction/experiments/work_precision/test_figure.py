@@ -11,7 +11,7 @@ import pytest
 from nearharmonic.recommendation.curve import Curve
 from nearharmonic.reproduction.experiments.work_precision.figures.times import work_precision_figure
 from nearharmonic.reproduction.experiments.work_precision.peers import PEERS
-from support.cubes.artists import NO_LINE, SOLID, drawn, entries, line_of, look, look_of, looks
+from support.cubes.artists import NO_LINE, SOLID, drawn, entries, line_of, look, looks
 from support.cubes.figure_cubes import FACTS, label, timed
 
 #: Best times in s and errors: the first of the paper's methods leads at first, the second in the end.
@@ -61,16 +61,6 @@ def test_rows_show_errors_over_milliseconds_and_columns_their_methods(figure):
             assert len(axes[column].get_lines()) == len(members) + 2
 
 
-def test_own_methods_have_styles_and_peers_have_dashes(figure):
-    paper, beyond, others = (looks(legend) for legend in figure.legends)
-    assert {text: paper[text] for text in map(label, ("ruth", "babs7o7h"))} == {
-        label(name): look_of(name) for name in ("ruth", "babs7o7h")
-    }
-    assert beyond == {label("leapfrog"): look_of("leapfrog")}
-    assert {found[3] for found in others.values()} == {(4, 2)}
-    assert len({found[:2] for found in others.values()}) == 2
-
-
 def test_no_two_peers_look_alike():
     peers = [timed(name, [1e-3], [1e-3], kind="peer") for name in PEERS]
     found = looks(work_precision_figure("toy", [("20", ("max",), peers)], FACTS).legends[2])
@@ -78,18 +68,6 @@ def test_no_two_peers_look_alike():
     for one, other in combinations(found.values(), 2):
         assert one[0] != other[0]
         assert one[1] != other[1]
-
-
-def test_titles_and_axes_name_column_time_and_error(figure):
-    said = ("methods of the paper", "beyond the paper", "other libraries")
-    letters = iter("ABCDEFGHI")
-    for axes, (t_end, ylabel, _) in zip(rows_of(figure), ROWS, strict=True):
-        for panel, text in zip(axes, said, strict=True):
-            assert panel.get_title(loc="left") == rf"$\mathbf{{{next(letters)}}}$  {text}, t = {t_end}"
-            assert (panel.get_xscale(), panel.get_yscale()) == ("log", "log")
-            assert panel.get_ylim() == axes[0].get_ylim()
-        assert [panel.get_ylabel() for panel in axes] == [ylabel, "", ""]
-    assert {panel.get_xlabel() for panel in rows_of(figure)[2]} == {"wall time of one trajectory  (ms)"}
 
 
 def test_pale_line_is_best_paper_method_and_dotted_one_lanes(figure):
@@ -138,18 +116,3 @@ def test_a_curve_without_points_bears_the_mark_of_its_reason():
         ["Ruth ‡", "‡ no run: see the table", BEST, LANES],
         ["heyoka ‡", "IAS15 †", label("scipy_dop853"), "† not installed", "‡ no run: see the table"],
     ]
-
-
-def test_the_figure_says_that_it_shows_timings_of_which_machine(figure):
-    (note,) = figure.texts
-    assert note.get_text() == (
-        "toy. Drawn from timings, not reproducible bit for bit: measured today on Fast 9,\n"
-        "core 1, one thread, least of interleaved repeats; load average 0.5."
-    )
-
-
-def test_errors_beyond_all_sense_do_not_stretch_the_axis():
-    curve = timed("ruth", [9.9, 1.1e-17], [1e-5, 1e-4])
-    bottom, top = work_precision_figure("toy", [("20", ("max",), [curve])], FACTS).axes[0].get_ylim()
-    assert bottom == 1e-17
-    assert top == 10

@@ -14,7 +14,6 @@ from mpmath import mpf
 from nearharmonic.engine.reference import reference
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.integrators import integrators
-from nearharmonic.recommendation.curve import Curve
 from nearharmonic.reproduction.experiments.work_precision.measure import (
     energy_errors,
     is_installed,
@@ -118,14 +117,6 @@ def test_a_formula_that_branches_is_refused():
     )
     with pytest.raises(SystemDefinitionError, match="fast: grad_V uses a value as a condition"):
         velocity_text(forked)
-
-
-def test_no_two_peers_look_alike():
-    from nearharmonic.reproduction.experiments.work_precision.figures.times import line_of
-
-    looks = [line_of(Curve(method=name, label=name, kind="peer")) for name in PEERS]
-    for key in ("color", "marker"):
-        assert len({look[key] for look in looks}) == len(PEERS)
 
 
 def fake(path, settings=(1e-2, 1e-4, 1e-6), **more):

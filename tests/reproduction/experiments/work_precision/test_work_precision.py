@@ -12,7 +12,6 @@ from mpmath import cos, mpf
 from nearharmonic.engine.reference import position_t_end, reference
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.integrators import integrators
-from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY
 from nearharmonic.output import store
 from nearharmonic.output.table import save
 from nearharmonic.recommendation.curve import (
@@ -35,7 +34,6 @@ from nearharmonic.reproduction.experiments.work_precision.run import clock, curv
 from nearharmonic.reproduction.experiments.work_precision.settings import WorkPrecisionSettings
 from nearharmonic.reproduction.experiments.work_precision.tables import markdown, rows, table
 from nearharmonic.systems import systems
-from support.methods.own_systems import spring
 from support.oracles.reference_solutions import oscillator_state
 
 
@@ -197,13 +195,6 @@ def test_sums_are_plain_if_harmless_and_compensated_otherwise():
     plain = splitting_curve(systems["sho"], integrators["aba864"], "20", [(3e-4, 10_000)], None, "plain").points[0]
     assert plain.compensated == 0.0
     assert plain.max_energy_error > 1.05 * fine.max_energy_error
-
-
-def test_nystrom_method_is_refused_where_kinetic_energy_is_not_quadratic():
-    nystrom = next(t for t in integrators.values() if t.requires == QUADRATIC_KINETIC_ENERGY)
-    light = spring(T=lambda p: p[0] ** 4 / 4, grad_T=lambda p: (p[0] ** 3,))
-    curve = splitting_curve(light, nystrom, "20", [(0.1, 10)], None)
-    assert (curve.points, curve.status) == ([], "does not fit: it requires a quadratic kinetic energy")
 
 
 def test_times_are_per_trajectory(monkeypatch):
