@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from itertools import pairwise
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +39,23 @@ def table(name):
     for above, row in pairwise(rows):
         row[0] = row[0] or above[0]
     return rows
+
+
+def number(cell):
+    return float(cell.replace("\N{MINUS SIGN}", "-")) if cell else np.nan
+
+
+def gains(kind, cost):
+    """Gains of the page at a cost by (orbit, amplitude or empty, delta): of the families and the other examples."""
+    column = 3 + (25, 50, 100).index(cost) + 3 * (kind == "all")
+    found = {(row[0], row[1], number(row[2])): number(row[column]) for row in table("families")}
+    names, deltas = [row[0] for row in table("examples")], [row[2] for row in table("examples")]
+    twice = ("pendulum", "morse", "quartic_well", "toda_chain", "fput_recurrence")
+    for i, row in enumerate(table("examples")):
+        delta = next(number(deltas[j]) for j in range(i, -1, -1) if names[j] == row[0] and deltas[j])
+        if int(row[1]) == cost and not any(f"/{name}.py" in row[0] for name in twice):
+            found[row[0], "", delta] = number(row[8 if kind == "all" else 7])
+    return found
 
 
 def test_the_hessian_of_a_harmonic_system_does_not_vary():

@@ -140,6 +140,21 @@ def test_readme_and_page_compare_with_heyoka_like_tables():
             assert ("**" in cell) == (float(cell.strip(" *")) > 1)
 
 
+def test_heyoka_wins_for_one_trajectory_where_readme_says():
+    sentence = "**heyoka wins** for one trajectory on Kepler at 10⁻¹², and with `fast_math=True` from 10⁻⁹ on"
+    assert sentence in " ".join(README.split())
+    others = {peer.label for peer in PEERS.values()}
+    for (system, mode), table in tables_of_times().items():
+        best = [
+            min(row[i][0] for label, row in table.items() if label not in others and isfinite(row[i][0]))
+            for i in range(4)
+        ]
+        for label, first in (("heyoka (adaptive Taylor)", 3), ("heyoka, fast_math", 2)):
+            wins = [theirs[0] < ours for theirs, ours in zip(table[label], best, strict=True)]
+            if mode == "one trajectory" and system == "Sun-Mercury system":
+                assert wins == [i >= first for i in range(4)]
+
+
 def tables_of_regularised_times():
     """The tables in docs/regularised.md by (orbit, kind of error): rows of (ms, ratio), NaN if not reached."""
     tables = {}
@@ -159,3 +174,30 @@ def test_regularised_ratios_refer_to_default_heyoka():
             for (time, ratio), theirs in zip(row, standard, strict=True):
                 # All three have two digits.
                 assert not isfinite(time / theirs) or time / theirs == pytest.approx(ratio, rel=0.11)
+
+
+def test_the_page_of_regularised_times_says_where_heyoka_is_ahead():
+    """Ratios are, for each table, our fastest time over heyoka's on the regularised equations."""
+    page = " ".join((ROOT / "docs/regularised.md").read_text(encoding="utf-8").split())
+    plain, fast, energy = (
+        float(x)
+        for x in re.search(
+            r"by a factor of (\S+) as a user gets it and of up to (\S+) with .* by (\S+) with", page
+        ).groups()
+    )
+    found = {}
+    for (orbit, kind), table in tables_of_regularised_times().items():
+        ours = [time for time, _ in table["fastest method here, regularised"]]
+        for label in ("heyoka, regularised equations", "heyoka, regularised, fast_math"):
+            for i, (time, _) in enumerate(table[label]):
+                found[orbit, kind, "fast_math" in label, i] = ours[i] / time
+    assert max(r for (_, kind, fast_math, i), r in found.items() if kind == "position" and not fast_math) == (
+        pytest.approx(plain, abs=0.06)
+    )
+    assert max(r for (_, kind, fast_math, i), r in found.items() if kind == "position") == pytest.approx(fast, abs=0.06)
+    assert found["e = 0.9", "energy", True, 2] == pytest.approx(energy, abs=0.06)
+    for (orbit, kind, fast_math, i), ratio in found.items():
+        ahead = i == 2 and (kind == "position" or (orbit == "e = 0.9" and fast_math))
+        assert (ratio > 1.1) == ahead, (orbit, kind, fast_math, i)
+    first = tables_of_regularised_times()["e = 0.206", "energy"]["fastest method here, regularised"][1]
+    assert f"in {first[1]} of heyoka's time on the original equations" in " ".join(README.split())

@@ -100,3 +100,18 @@ def test_leading_errors_of_family_members_match_page():
 
     norms = [float(f"{leading_errors(name).nystrom.norm:.2e}") for name in ("abag5o6", "omelyan_g5o6")]
     assert states(PAGE, norms, "for the published member")
+
+
+@pytest.mark.parametrize(
+    "page", ["docs/results.md", "CHANGELOG.md", "src/nearharmonic/integrators/nearharmonic_2026.py"]
+)
+def test_who_praises_our_method_of_order_six_names_published_one(page):
+    assert "6A8" in (ROOT / page).read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    "work", ["McLachlan & Gray (1997)", "Blanes, Casas & Murua (2008)", "Blanes, Casas & Sanz-Serna (2014)",
+             "Blanes, Casas & Murua (2015)", "Blanes, Casas & Murua (2024)"],
+)  # fmt: skip
+def test_prior_art_is_named(work):
+    assert work in FLAT

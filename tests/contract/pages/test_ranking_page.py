@@ -30,6 +30,11 @@ def rows():
     return found
 
 
+def leaders(system, error, of=1):
+    """Leaders of the published methods, or of all methods with ``of=0``."""
+    return [name for name, _ in rows()[system, error][of]]
+
+
 def by_label(label):
     return next(name for name, one in plain_integrators.items() if one.label == label)
 
@@ -61,3 +66,26 @@ def test_every_system_has_every_error_with_three_ordered_methods():
         names = {name for name, _ in cheap + published}
         assert names | set(fast) <= {one.label for one in plain_integrators.values()}
         assert not any(name.startswith("trained ") for name, _ in published)
+
+
+def test_what_page_says_of_leaders_is_what_its_tables_say():
+    paper = {one.label for one in plain_integrators.values() if one.source.startswith("Nielsen")}
+    for system, errors in (("Hénon-Heiles", ERRORS[:2]), ("quartic pair", ERRORS[:2]), ("FPUT-8", ERRORS[1:2])):
+        assert all(leaders(system, error)[0] in paper for error in errors), system
+    nystrom = {one.label for one in plain_integrators.values() if one.requires}
+    for system in ("Hénon-Heiles", "Kepler", "pendulum", "quartic pair", "FPUT-8"):
+        for error in ERRORS[2:]:
+            composition = leaders(system, error)[0].startswith("s35o10")
+            assert leaders(system, error)[0] in nystrom or composition, (system, error)
+            assert composition is ((system, error) == ("Kepler", "1e-12"))
+    ahead = {(system, error) for system, error in rows() if leaders(system, error, 0)[0].startswith("trained ")}
+    assert {system for system, error in ahead if error == "1e-06"} == {system for system, _ in rows()}
+    assert {system for system, _ in rows()} - {system for system, error in ahead if error == "1e-09"} == {"pendulum"}
+    assert {system for system, error in ahead if error == "1e-12"} == {"Kepler", "quartic pair", "FPUT-8"}
+    for error in ERRORS[2:]:
+        trained, published, _ = rows()["Kepler", error]
+        assert trained[0][0] == "trained orbits"
+        assert f"{trained[0][1] / published[0][1]:.2f}" in re.search(r"`trained_orbits` takes (.*?)\n- ", PAGE, re.S)[1]
+    assert {"6A8"} <= set(leaders("Hénon-Heiles", "1e-06")) & set(leaders("quartic pair", "1e-06"))
+    assert not paper & {name for error in ERRORS[1:] for name in leaders("Kepler", error)}
+    assert leaders("pendulum", "1e-06")[0] == leaders("pendulum", "1e-09")[0] == "SRKN 11b"

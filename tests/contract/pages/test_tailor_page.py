@@ -64,6 +64,33 @@ def test_every_published_method_of_the_page_is_registered():
         assert 6 <= int(stages) <= 12
 
 
+def test_over_fitting_differences_follow_from_columns_and_words():
+    found = rows("over-fitting")
+    assert len(found) == len(made.OVER) * len(made.STARTS)
+    by_count = {}
+    for _, count, own, others, difference in found:
+        assert float(difference) == pytest.approx(float(own) - float(others), abs=0.011)  # three roundings
+        by_count.setdefault(int(count), []).append(float(difference))
+    (one, many) = re.search(r"too large by up to (\S+)\. With .* at most (\d\.\d\d)\.", " ".join(PAGE.split())).groups()
+    assert sum(x > 0 for x in by_count[1]) == 2
+    assert f"{max(by_count[1]):.2f}" == one
+    assert max(abs(x) for n in (8, 16, 32) for x in by_count[n]) <= float(many)
+
+
+def test_the_method_loses_where_the_page_says_so():
+    (steps, at_steps), (energies, at_energies) = (
+        [[float(cell) for cell in line.strip("|").split("|")[1:]] for line in (head, row)]
+        for head, row in re.findall(r"^(\| (?:tau/s|H) \|.*)\n.*\n(.*)$", part("elsewhere"), flags=re.MULTILINE)
+    )
+    gains = dict(zip(steps, at_steps, strict=True))
+    assert gains[0.15] < 0 < gains[0.065]
+    assert gains[0.05] < 0
+    assert all(gains[tau] > 0.3 for tau in (0.08, 0.1, 0.12))
+    there = dict(zip(energies, at_energies, strict=True))
+    assert there[0.001] < 0
+    assert all(there[energy] > 0.3 for energy in (0.04, 0.08, 0.125, 0.15))
+
+
 @pytest.mark.slow
 def test_example_is_what_command_prints_but_for_time(capsys):
     """Searches of 6000 trials on other processors end nearby: gains to a tenth."""
