@@ -14,11 +14,6 @@ _METHODS = {"integrators": integrators}
 _EVERY = _METHODS | {"systems": systems}
 
 
-def on(page, registries):
-    """Settings of a page: its text as it is, and the names of all that its function looks up."""
-    return {"page": f"docs/{page}.md", **{name: one.registered for name, one in registries.items()}}
-
-
 # What each page is made of, its pictures by the names of the results, and the function that fills it.
 _PAGES = {
     "examples": (
