@@ -118,7 +118,7 @@ def checked_summation(summation: object, key: str = "summation") -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class HandedOn:
+class SharedSettings:
     """Settings that a config hands on to the kernels unchanged; all carriers between the two inherit them.
 
     Parameters
@@ -134,20 +134,20 @@ class HandedOn:
     split: str = KINETIC_POTENTIAL
 
     @property
-    def handed_on(self) -> dict[str, Any]:
+    def shared_settings(self) -> dict[str, Any]:
         """These settings by name."""
-        return handed_on_from(self)
+        return shared_settings_from(self)
 
 
-def handed_on_from(*sources: object) -> dict[str, Any]:
-    """Return the fields of :class:`HandedOn` by name, each from the first source that gives it; None gives nothing."""
-    found = {field.name: [getattr(source, field.name, None) for source in sources] for field in fields(HandedOn)}
+def shared_settings_from(*sources: object) -> dict[str, Any]:
+    """Return the fields of :class:`SharedSettings` by name, each from the first source that gives it, if one does."""
+    found = {field.name: [getattr(source, field.name, None) for source in sources] for field in fields(SharedSettings)}
     given = {name: next((x for x in values if x is not None), None) for name, values in found.items()}
     return {name: value for name, value in given.items() if value is not None}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Numerics(HandedOn):
+class Numerics(SharedSettings):
     """Arithmetic of runs, and how often their energy is evaluated.
 
     Parameters
@@ -168,7 +168,7 @@ class Numerics(HandedOn):
 
     See Also
     --------
-    HandedOn : the other parameters.
+    SharedSettings : the other parameters.
 
     Raises
     ------
@@ -228,8 +228,8 @@ def exact_decimal(text: str) -> Fraction:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sweep(HandedOn):
-    """The runs of every method on one system; :class:`HandedOn` has the other attributes.
+class Sweep(SharedSettings):
+    """The runs of every method on one system; :class:`SharedSettings` has the other attributes.
 
     Attributes
     ----------

@@ -69,7 +69,6 @@ MOVED = {
     "core.levenberg_marquardt": "numerics.search.damped",
     "engine.config_entries": "reproduction.entries",
     "engine.earlier_result": "engine.runs.continuation",
-    "engine.handed_on": "engine.settings",
     "engine.modified_moves": "engine.numbers.coefficients",
     "engine.batch.parameters": "engine.numbers.initial_values",
     "engine.numbers.earlier_result": "engine.runs.continuation",

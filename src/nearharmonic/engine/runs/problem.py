@@ -56,7 +56,7 @@ class Problem(Setup):
     def __reduce__(self) -> tuple[Any, ...]:
         settings = partial(
             Problem, precision=self.numerics.precision, energy=self.numerics.energy, t_end=self.t_end,
-            energy_scale=self.scale or None, samples=self.samples, **self.numerics.handed_on,
+            energy_scale=self.scale or None, samples=self.samples, **self.numerics.shared_settings,
         )  # fmt: skip
         return settings, (self.system, self.tableau)
 

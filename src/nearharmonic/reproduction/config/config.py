@@ -7,7 +7,7 @@ from dataclasses import dataclass, make_dataclass
 from functools import cache
 from typing import Annotated, Any
 
-from nearharmonic.engine.settings import Sweep, handed_on_from
+from nearharmonic.engine.settings import Sweep, shared_settings_from
 from nearharmonic.integrators import integrators, plain_integrators
 from nearharmonic.integrators.user_file import expanded
 from nearharmonic.reproduction.entries import STRICT, Reading, setting, whole_from
@@ -109,7 +109,7 @@ class Config:
                 points_per_decade=asked.tau_per_stage.points_per_decade,
                 precision=asked.precision,
                 samples=self.samples,
-                **handed_on_from(asked, self),
+                **shared_settings_from(asked, self),
                 shards=self.shards or fewest_shards(systems[name], asked.tau_per_stage, self.samples),
             )
             for name, asked in self.systems.items()

@@ -79,7 +79,7 @@ def integrate_run(run: Run) -> Variables:
 def _problem(run: Run) -> Problem:
     return Problem(
         systems[run.system], run.integrator, t_end=run.t_end, precision=run.precision, first=run.first,
-        **run.handed_on,
+        **run.shared_settings,
     )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.engine.settings import HandedOn, checked_tau, one_of
+from nearharmonic.engine.settings import SharedSettings, checked_tau, one_of
 from nearharmonic.errors import NearharmonicError, bad_setting, unknown_name
 from nearharmonic.output import store
 from nearharmonic.reproduction.record.query.run_table import SKIPPED, runs_of_cube, settings_of, system_cubes
@@ -164,7 +164,9 @@ def python_lines(run: SingleRun) -> list[str]:
     integrator = f'"{cells["integrator"]}"' if own is None else f'"{own.file}:{cells["integrator"]}"'
     given: dict[str, Any] = {name: settings[name] for name in ("t_end", "summation", "samples") if name in settings}
     given |= {
-        name: settings[name] for name, usual in HandedOn().handed_on.items() if settings.get(name, usual) != usual
+        name: settings[name]
+        for name, usual in SharedSettings().shared_settings.items()
+        if settings.get(name, usual) != usual
     }
     more = ", ".join(f"{name}={json.dumps(value)}" for name, value in given.items())
     return [

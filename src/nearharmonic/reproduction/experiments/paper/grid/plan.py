@@ -12,7 +12,7 @@ from typing import Any
 
 from nearharmonic.engine.batch.numba_runs import check_precision
 from nearharmonic.engine.grid import check_fit, shard, steps_of, tau_grid
-from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, HandedOn, Sweep, exact_decimal
+from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, SharedSettings, Sweep, exact_decimal
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
@@ -33,7 +33,7 @@ NEAR_FLOOR = 100
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run(HandedOn):
+class Run(SharedSettings):
     """One method on one system with some step sizes: the work of one call of the integration.
 
     ``steps[i]`` belongs to ``tau_per_stage[i]``. Step sizes that round to the same number of steps are neighbours and
@@ -154,7 +154,7 @@ def runs_of(sweep: Sweep, integrator: str, index: int) -> list[Run]:
                     tau_per_stage=taus,
                     steps=steps,
                     samples=sweep.samples,
-                    **sweep.handed_on,
+                    **sweep.shared_settings,
                 )
             )
     return runs
