@@ -152,7 +152,7 @@ def test_a_file_that_is_there_stays_as_it_is(capsys):
         ),
         ("system ../well", "a letter, then letters, digits and '_'"),
         ("system class", "no keyword of Python"),
-        ("integrator substeps", "the workflow has another use of this name"),
+        ("integrator substeps", "the workflow uses this name itself"),
         ("system random", "scripts beside random.py would import it in place of the module random: choose another"),
         ("system time", "in place of the module time"),
         ("integrator numpy", "in place of the module numpy"),

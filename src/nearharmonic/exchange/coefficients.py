@@ -41,7 +41,7 @@ class Coefficients:
 
     def __post_init__(self) -> None:
         if self.tableau.modified:
-            allowed = "its kicks are of a modified potential, for which there is no file and no other program"
+            allowed = "its kicks are of a modified potential, which no other program and no file format has"
             raise bad_setting("integrator", self.tableau.name, allowed)
 
     @property

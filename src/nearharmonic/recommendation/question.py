@@ -142,7 +142,7 @@ def _methods(asked: object) -> dict[str, Tableau]:
     """Return the methods by name, methods of users' files by path."""
     if asked is None:
         return dict(integrators)
-    key, allowed = "methods", "a list of names, paths of files or Tableaus, one at least"
+    key, allowed = "methods", "a list of at least one name, file path or Tableau"
     if isinstance(asked, str | Tableau) or not isinstance(asked, Iterable):
         raise bad_setting(key, asked, allowed)
     found: dict[str, Tableau] = {}

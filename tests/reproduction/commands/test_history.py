@@ -78,7 +78,7 @@ def test_full_shows_every_field_of_newest_or_named_run(project, capsys):
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["paper", "--full", "20261122T0"], "2 runs begin so, 20261122T090253Z-3f9a1c2e, 20261122T070253Z"),
+        (["paper", "--full", "20261122T0"], "2 runs begin with it, 20261122T090253Z-3f9a1c2e, 20261122T070253Z"),
         (["paper", "--full", "20261122T070253Z-3f9a1c2f"], "Did you mean '20261122T070253Z-3f9a1c2e'?"),
         (["papr"], "unknown result 'papr'. Did you mean 'paper'?"),
     ],

@@ -97,7 +97,7 @@ FOLDERS = ("exact_oscillator", "stability", "trained")
 
 @pytest.mark.parametrize("key", [*CUBES, *FOLDERS, "substeps", "sweeps", "items", "sort"])
 def test_name_that_workflow_has_another_use_for_is_refused(key):
-    with refused(f"systems.{key} = {key!r} is not allowed: the workflow has another use of this name"):
+    with refused(f"systems.{key} = {key!r} is not allowed: the workflow uses this name itself"):
         load(under(key, file="quartic_well.py"))
 
 

@@ -45,7 +45,7 @@ def checked_times(t: object, end: Fraction, t_end: str) -> list[Fraction]:
         if not 0 <= sign * time <= sign * end:
             raise bad_setting(f"t[{i}]", given[i], f"a time from 0 to t_end = {t_end}")
         if sign * time < sign * last:
-            raise bad_setting(f"t[{i}]", given[i], "a time not before that in front of it")
+            raise bad_setting(f"t[{i}]", given[i], "a time not earlier than the time before it")
         last = time
     return times
 

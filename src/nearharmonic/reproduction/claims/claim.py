@@ -102,7 +102,7 @@ class Claim:
         except (ArithmeticError, LookupError, TypeError, ValueError) as error:
             if isinstance(error, NearharmonicError) or not self.needs:
                 raise
-            message = f"{' or '.join(self.needs)} lacks what {self.id!r} is decided on, or holds no numbers"
+            message = f"{' or '.join(self.needs)} lacks the data that decide {self.id!r}, or contains no numbers"
             again = f"{workflow_command(results.folder / self.needs[0])} --force {self.target}"
             raise ResultFileError(f"{message}. Make it again: {again}") from error
 

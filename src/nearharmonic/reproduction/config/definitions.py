@@ -100,7 +100,7 @@ def _definition(name: str, asked: SystemSettings, folders: Sequence[Path]) -> Sy
     here = f"systems.{name}"
     check_name(here, name)
     if asked.file is not None and asked.system is not None:
-        raise bad_setting(f"{here}.system", asked.system, "file is given as well, and a system has one of the two")
+        raise bad_setting(f"{here}.system", asked.system, "file is also given: give one of the two")
     if asked.file is None and asked.system is None:
         raise SettingError(f"{here} lacks file, the Python file that defines it, or system, a registered system")
     base = asked.system
@@ -128,7 +128,7 @@ def check_name(key: str, name: str) -> None:
     if not _NAME.fullmatch(name) or keyword.iskeyword(name):
         allowed = f"a letter, then letters, digits and '_', at most {LONGEST} characters, no keyword of Python"
     elif name in TAKEN | RESERVED | _names_of_files():
-        allowed = "the workflow has another use of this name"
+        allowed = "the workflow uses this name itself"
     else:
         return
     raise bad_setting(key, name, allowed)

@@ -84,7 +84,7 @@ def run_named(prefix: str, runs: Sequence[Run]) -> Run:
     if not found:
         raise unknown_name("run", prefix, [str(run.get("id")) for run in runs])
     if prefix and len(found) > 1:
-        raise SettingError(f"id = {prefix!r} is not allowed: {len(found)} runs begin so, {_listed(found)}")
+        raise SettingError(f"id = {prefix!r} is not allowed: {len(found)} runs begin with it, {_listed(found)}")
     return found[0]
 
 

@@ -103,7 +103,9 @@ def of_masses(
     if masses is None:
         return T if made is None else quadratic_T
     if (made is None and T is not quadratic_T) or not alone:
-        raise SystemDefinitionError("masses and T are given, and either makes the other")
+        raise SystemDefinitionError(
+            "masses and T are both given, and each defines the kinetic energy: give one of them"
+        )
     if made is not None and made.given == (masses, parameters):
         return made
     return MassKineticEnergy(masses, dimension, parameters)

@@ -182,13 +182,15 @@ def potential_of(system: Members) -> NumbaPotential | None:
     if not is_numba_function(V):
         if is_numba_function(grad_V):
             raise SystemDefinitionError(
-                f"{system.name}: grad_V is a function of numba and V is none: both are, or none"
+                f"{system.name}: grad_V is a function of numba and V is not: both must be, or neither"
             )
         return None
     if grad_V is None:
         raise SystemDefinitionError(f"{system.name}: {_HOW}")
     if not is_numba_function(grad_V):
-        raise SystemDefinitionError(f"{system.name}: V is a function of numba and grad_V is none: both are, or none")
+        raise SystemDefinitionError(
+            f"{system.name}: V is a function of numba and grad_V is not: both must be, or neither"
+        )
     for key in ("time_dependent", "regularisation", "harmonic", "gravity"):
         if getattr(system, key):
             raise SystemDefinitionError(

@@ -93,9 +93,9 @@ def question(
         An unknown name, an invalid setting, or a system for which no method can be made.
     """
     if window is not None and error is not None:
-        raise bad_setting("error", error, "a window is given, which it would choose")
+        raise bad_setting("error", error, "a window is given, and an error selects the window: give one of the two")
     if starts is not None and energy is not None:
-        raise bad_setting("energy", energy, "starts are given, which have energies of their own")
+        raise bad_setting("energy", energy, "starts are given, and they determine the energies")
     place = os.fspath(system) if isinstance(system, os.PathLike) else system
     problem = Setup(place, ANY)
     subject = problem.system
@@ -188,7 +188,9 @@ def _seed(given: object) -> int:
 
 def _surface(given: object, system: System, H0: float) -> float:
     if system.time_dependent:
-        raise bad_setting("energy", given, f"the energy of {system.name} depends on time: its starts are of a box")
+        raise bad_setting(
+            "energy", given, f"the energy of {system.name} depends on time, so its starts are drawn from a box"
+        )
     if given == SAME:
         return H0
     try:
