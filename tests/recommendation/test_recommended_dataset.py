@@ -226,7 +226,7 @@ def test_unmet_error_gives_no_row_and_names_missing_methods():
         ({"q0": [[1], [2]]}, "q0 and p0 = '2 rows' is not allowed: those of one trajectory"),
         ({"q0": [1e200]}, "is not allowed: the energy of sho there is"),
         ({"methods": ["rut"]}, "unknown integrator 'rut'. Did you mean 'ruth'?"),
-        ({"methods": "ruth"}, "methods = 'ruth' is not allowed: a list of names, paths of files or Tableaus"),
+        ({"methods": "ruth"}, "methods = 'ruth' is not allowed: a list of at least one name, file path or Tableau"),
         ({"methods": []}, "methods = [] is not allowed: a list of at least one name, file path or Tableau"),
         ({"methods": ["nowhere.py"]}, "nowhere.py: no such file"),
         (

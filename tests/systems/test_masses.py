@@ -163,7 +163,7 @@ def test_masses_that_make_no_kinetic_energy_are_refused(given, words):
 
 def test_masses_beside_a_kinetic_energy_are_refused():
     for other in ({"T": lambda p: p[0] ** 2}, {"grad_T": lambda p: p}):
-        with pytest.raises(SystemDefinitionError, match="spring: masses and T are given"):
+        with pytest.raises(SystemDefinitionError, match="spring: masses and T are both given"):
             masses(("1", "1", "1"), **other)
 
 

@@ -159,8 +159,8 @@ def test_hessians_are_differences_of_gradients():
 
 DEFINITIONS = {
     "no gradient": ({"grad_V": None}, r"V is a .* not derived: give grad_V, which returns one number per coordinate"),
-    "plain gradient": ({"grad_V": lambda q, k: q}, "V is a function of numba and grad_V is none"),
-    "plain potential": ({"V": lambda q, k: q[0]}, "grad_V is a function of numba and V is none"),
+    "plain gradient": ({"grad_V": lambda q, k: q}, "V is a function of numba and grad_V is not"),
+    "plain potential": ({"V": lambda q, k: q[0]}, "grad_V is a function of numba and V is not"),
     "kinetic energy": ({"T": spring}, "T is a function of numba, which V and grad_V alone may be"),
     "time": ({"time_dependent": True}, "time_dependent = True is not allowed for a V of numba"),
     "harmonic": ({"harmonic": True, "parameters": {"k": 1}}, "harmonic = True is not allowed for a V of numba"),

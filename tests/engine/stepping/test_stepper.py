@@ -15,13 +15,14 @@ from nearharmonic.core.machine.native import NativeFunction
 from nearharmonic.core.stepper.products import fill
 from nearharmonic.engine.stepper import step_of
 from nearharmonic.errors import SettingError
+from nearharmonic.integrators import plain_integrators
 from support.methods.numba_potentials import springs
 
 RNG = np.random.default_rng(1)
-ALL = list(nh.integrators)
+ALL = list(plain_integrators)
 #: Few, of every kind: kicks first and drifts first, with and without negative coefficients, a "0" at one end.
 FEW = ["leapfrog", "ruth", "ruth_s3o3", "babs7o7h", "mclachlan_atela_4", "rnia12", "s15odr8", "sofspa_s35o10"]
-PLAIN = [name for name, tableau in nh.integrators.items() if tableau.requires is None]
+PLAIN = [name for name, tableau in plain_integrators.items() if tableau.requires is None]
 MODIFIED = [name for name, tableau in nh.modified_integrators.items() if not tableau.processed]
 #: A chain whose formulas are compiled as loops.
 CHAIN = nh.System(

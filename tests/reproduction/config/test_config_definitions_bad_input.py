@@ -24,7 +24,7 @@ def folder(tmp_path, monkeypatch):
             {"file": None, "q0": [1]},
             "systems.mine lacks file, the Python file that defines it, or system, a registered",
         ),
-        ({"system": "kepler"}, "systems.mine.system = 'kepler' is not allowed: file is given as well"),
+        ({"system": "kepler"}, "systems.mine.system = 'kepler' is not allowed: file is also given"),
         ({"file": None, "system": "keplr"}, "systems.mine.system: unknown system 'keplr'. Did you mean 'kepler'?"),
         ({"file": 3}, "systems.mine.file = 3 is not allowed: the path of a Python file"),
         ({"q0": [1]}, "systems.mine: q0 has 1 components, and quartic well has 2"),

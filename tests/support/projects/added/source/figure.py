@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from nearharmonic.plotting.style import new_figure, style_of
+from nearharmonic.plotting.style import method_handles, new_figure, style_of
 from nearharmonic.reproduction.tasks.declarations import figure
 
 
@@ -15,4 +15,7 @@ def one_step(cube: Any) -> Any:
     axes = drawn.subplots()
     for name, errors in zip(cube.integrator.values, cube.energy_error, strict=True):
         axes.plot(cube.tau, errors, color=style_of(str(name)).colour)
+    axes.set_xlabel(r"step size, $\tau$")
+    axes.set_ylabel("energy error after one step")
+    axes.legend(handles=method_handles(map(str, cube.integrator.values), map(str, cube.label.values)))
     return drawn
