@@ -229,7 +229,7 @@ def test_what_system_conserves_is_in_output_with_its_drift():
         ({"parameters": {"GM": 1}}, "unknown parameter of henon_heiles 'GM'"),
         ({"t": []}, "t = '0 times'"),
         ({"t": "1"}, "t = '1'"),
-        ({"t": [1, 0.5]}, "t[1] = 0.5 is not allowed: a time not before"),
+        ({"t": [1, 0.5]}, "t[1] = 0.5 is not allowed: a time not earlier"),
         ({"t": [501]}, "t[0] = 501 is not allowed: a time from 0 to t_end = 500"),
         ({"t": [-1]}, "t[0] = -1"),
         ({"energy": "sample"}, "Did you mean 'samples'?"),
